@@ -1,0 +1,33 @@
+# make run    set everything up and run the double pendulum: make run ARGS="mechanism:=rod_pendulum rerun:=spawn"
+# make test   set everything up and run every test, ruff and mypy
+# make setup  only set up: .venv with all that is needed, with the ROS 2 wheels unless a ROS 2 environment is sourced
+# make bench  measure speed and start-up
+# make clean  remove .venv and what was built
+
+VENV := .venv
+BIN := $(VENV)/bin
+ARGS ?=
+
+.PHONY: setup run test lint bench clean
+
+setup: $(VENV)/ready
+
+$(VENV)/ready: setup.py scripts/setup_venv
+	scripts/setup_venv $(VENV)
+
+run: setup
+	@$(BIN)/sim_node $(ARGS)
+
+test: setup lint
+	$(BIN)/python -m pytest
+
+lint: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: setup
+	$(BIN)/python benchmarks/speed.py
+
+clean:
+	rm -rf $(VENV) build install log dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

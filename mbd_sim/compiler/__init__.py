@@ -1,0 +1,1 @@
+"""From instruction lists to machine code; nothing here knows mechanics."""

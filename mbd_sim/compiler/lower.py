@@ -1,0 +1,111 @@
+"""CasADi's instruction lists to LLVM IR: one scalar instruction each, in IEEE 754 order.
+
+No flag allows LLVM to reassociate or contract, so that the same list gives the same bits on every machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import casadi as ca
+import llvmlite.ir as ir
+
+from mbd_sim.compiler.trigonometry import sine_cosine
+from mbd_sim.compiler.types import DOUBLE, POINTER, element, number
+
+Build = Callable[["_Lowering", ir.Value], ir.Value]
+Build2 = Callable[["_Lowering", ir.Value, ir.Value], ir.Value]
+
+_UNARY: dict[int, Build] = {
+    ca.OP_ASSIGN: lambda low, x: x,
+    ca.OP_NEG: lambda low, x: low.builder.fneg(x),
+    ca.OP_SQ: lambda low, x: low.builder.fmul(x, x),
+    ca.OP_TWICE: lambda low, x: low.builder.fadd(x, x),
+    ca.OP_INV: lambda low, x: low.builder.fdiv(number(1.0), x),
+    ca.OP_SQRT: lambda low, x: low.intrinsic("llvm.sqrt", x),
+    ca.OP_FABS: lambda low, x: low.intrinsic("llvm.fabs", x),
+    ca.OP_SIN: lambda low, x: low.sine_cosine(x)[0],
+    ca.OP_COS: lambda low, x: low.sine_cosine(x)[1],
+    ca.OP_NOT: lambda low, x: low.truth(low.builder.fcmp_ordered("==", x, number(0.0))),
+}
+_BINARY: dict[int, Build2] = {
+    ca.OP_ADD: lambda low, x, y: low.builder.fadd(x, y),
+    ca.OP_SUB: lambda low, x, y: low.builder.fsub(x, y),
+    ca.OP_MUL: lambda low, x, y: low.builder.fmul(x, y),
+    ca.OP_DIV: lambda low, x, y: low.builder.fdiv(x, y),
+    ca.OP_FMIN: lambda low, x, y: low.select("<", x, y),
+    ca.OP_FMAX: lambda low, x, y: low.select(">", x, y),
+    ca.OP_LT: lambda low, x, y: low.truth(low.builder.fcmp_ordered("<", x, y)),
+    ca.OP_LE: lambda low, x, y: low.truth(low.builder.fcmp_ordered("<=", x, y)),
+    ca.OP_EQ: lambda low, x, y: low.truth(low.builder.fcmp_ordered("==", x, y)),
+    ca.OP_NE: lambda low, x, y: low.truth(low.builder.fcmp_unordered("!=", x, y)),
+    ca.OP_IF_ELSE_ZERO: lambda low, x, y: low.if_else_zero(x, y),
+}
+
+
+def lower(module: ir.Module, function: ca.Function, inline: bool) -> ir.Function:
+    """Emit `function` as `void name(double* in0, …, double* out0, …)`, the arguments not overlapping.
+
+    :raises NotImplementedError: the function holds an operation that has no place in a kernel.
+    """
+    inputs, outputs = function.n_in(), function.n_out()
+    emitted = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER] * (inputs + outputs)), function.name())
+    emitted.linkage = "internal"
+    emitted.attributes.add("alwaysinline" if inline else "noinline")
+    emitted.attributes.add("nounwind")
+    for argument in emitted.args:
+        argument.add_attribute("noalias")
+    lowering = _Lowering(module, ir.IRBuilder(emitted.append_basic_block("entry")))
+    lowering.run(function, emitted.args[:inputs], emitted.args[inputs:])
+    lowering.builder.ret_void()
+    return emitted
+
+
+class _Lowering:
+    def __init__(self, module: ir.Module, builder: ir.IRBuilder) -> None:
+        self.module, self.builder = module, builder
+        self.pairs: dict[int, tuple[ir.Value, ir.Value]] = {}
+        self.kept: list[ir.Value] = []
+
+    def run(self, function: ca.Function, inputs: Sequence[ir.Value], outputs: Sequence[ir.Value]) -> None:
+        work: list[ir.Value | None] = [None] * function.sz_w()
+        for index in range(function.n_instructions()):
+            operation = function.instruction_id(index)
+            target, source = function.instruction_output(index), function.instruction_input(index)
+            if operation == ca.OP_INPUT:
+                work[target[0]] = self.builder.load(element(self.builder, inputs[source[0]], source[1]), typ=DOUBLE)
+            elif operation == ca.OP_OUTPUT:
+                self.builder.store(work[source[0]], element(self.builder, outputs[target[0]], target[1]))
+            elif operation == ca.OP_CONST:
+                work[target[0]] = number(function.instruction_constant(index))
+            elif operation in _UNARY:
+                work[target[0]] = _UNARY[operation](self, work[source[0]])
+            elif operation in _BINARY:
+                work[target[0]] = _BINARY[operation](self, work[source[0]], work[source[1]])
+            else:
+                raise NotImplementedError(f"no kernel instruction for CasADi operation {operation}")
+
+    def intrinsic(self, name: str, *arguments: ir.Value) -> ir.Value:
+        return self.builder.call(self.module.declare_intrinsic(name, [DOUBLE]), arguments)
+
+    def sine_cosine(self, angle: ir.Value) -> tuple[ir.Value, ir.Value]:
+        """Both at once, and once only for each angle."""
+        if id(angle) not in self.pairs:
+            self.pairs[id(angle)] = sine_cosine(self.module, self.builder, angle)
+            self.kept.append(angle)
+        return self.pairs[id(angle)]
+
+    def select(self, order: str, x: ir.Value, y: ir.Value) -> ir.Value:
+        return self.builder.select(self.builder.fcmp_ordered(order, x, y), x, y)
+
+    def truth(self, condition: ir.Value) -> ir.Value:
+        return self.builder.select(condition, number(1.0), number(0.0))
+
+    def if_else_zero(self, condition: ir.Value, value: ir.Value) -> ir.Value:
+        return self.builder.select(self.builder.fcmp_unordered("!=", condition, number(0.0)), value, number(0.0))
+
+
+def instruction_count(function: ca.Function) -> int:
+    """Scalar instructions of a function, without loads and stores."""
+    skipped = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
+    return sum(function.instruction_id(index) not in skipped for index in range(function.n_instructions()))

@@ -1,0 +1,1 @@
+"""What the textbook derives: kinematics, forces, and the equations of motion."""

@@ -1,0 +1,86 @@
+"""Accelerations of an open chain by the articulated-body recursion, O(n) (Featherstone, sec. 7.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from mbd_sim.dynamics.kinematics import LinkMotion
+from mbd_sim.dynamics.links import Link
+from mbd_sim.dynamics.spatial import constant, motion_cross, solve_spd, symmetric
+from mbd_sim.mechanism.model import Array
+
+
+def accelerations(
+    links: Sequence[Link], motions: Sequence[LinkMotion], forces: ca.SX, gravity: Array
+) -> tuple[ca.SX, ca.SX]:
+    """U' (nv,) and the pivots (nv,) of the factorization, which are positive where the mass matrix is definite.
+
+    :param forces: (nv,) generalized forces.
+    :param gravity: (3,) m/s², in ground's frame.
+    """
+    inertias = [constant(link.inertia) for link in links]
+    biases = [
+        -motion_cross(motion.velocity).T @ (inertia @ motion.velocity)
+        for inertia, motion in zip(inertias, motions, strict=True)
+    ]
+    coriolis = [ca.sparsify(motion_cross(m.velocity) @ m.joint.velocity + m.joint.bias) for m in motions]
+    solvers = [_Elimination.empty()] * len(links)
+    for index in reversed(range(len(links))):
+        link, motion = links[index], motions[index]
+        solver = _Elimination(motion, inertias[index], ca.sparsify(biases[index]), forces[link.u])
+        solvers[index] = solver
+        if link.parent >= 0:
+            inertia, bias = solver.outlook(coriolis[index])
+            inertias[link.parent] += symmetric(motion.transform.T @ inertia @ motion.transform)
+            biases[link.parent] += motion.transform.T @ bias
+
+    base = constant(np.concatenate([np.zeros(3), -gravity]))
+    linear: list[ca.SX] = []
+    result, pivots = ca.SX(forces.shape[0], 1), ca.SX(forces.shape[0], 1)
+    for index, link in enumerate(links):
+        inboard = linear[link.parent] if link.parent >= 0 else base
+        carried = motions[index].transform @ inboard + coriolis[index]
+        speeds = solvers[index].speed_rates(carried)
+        linear.append(ca.sparsify(carried + motions[index].joint.partial_velocities @ speeds))
+        result[link.u], pivots[link.u] = speeds, solvers[index].pivots
+    return result, pivots
+
+
+class _Elimination:
+    """One link's joint eliminated: the articulated inertia and bias that its inboard link feels."""
+
+    def __init__(self, motion: LinkMotion, inertia: ca.SX, bias: ca.SX, forces: ca.SX) -> None:
+        self.joint, self.inertia, self.bias, self.forces = motion.joint, inertia, bias, forces
+        if self.joint.inverse is not None:
+            wrench = ca.sparsify(self.joint.inverse.T @ forces)
+            self.acceleration, self.pivots = solve_spd(inertia, wrench - bias)
+            self.wrench = wrench
+            return
+        s = self.joint.partial_velocities
+        self.u = ca.sparsify(inertia @ s)
+        self.excess = forces - s.T @ bias
+        if s.shape[1]:
+            self.shares, self.pivots = solve_spd(symmetric(s.T @ self.u), ca.horzcat(self.u.T, self.excess))
+        else:
+            self.shares, self.pivots = ca.SX(0, 7), ca.SX(0, 1)
+
+    @staticmethod
+    def empty() -> _Elimination:
+        """A place holder."""
+        return object.__new__(_Elimination)
+
+    def outlook(self, coriolis: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Articulated inertia (6, 6) and bias force (6,) across the joint."""
+        if self.joint.inverse is not None:
+            return ca.SX(6, 6), self.wrench
+        inertia = ca.sparsify(symmetric(self.inertia - self.u @ self.shares[:, :6]))
+        return inertia, ca.sparsify(self.bias + inertia @ coriolis + self.u @ self.shares[:, 6])
+
+    def speed_rates(self, carried: ca.SX) -> ca.SX:
+        """U' of this joint for the acceleration (6,) that the link has at u' = 0."""
+        if self.joint.inverse is not None:
+            return self.joint.inverse @ (self.acceleration - carried)
+        return self.shares[:, 6] - self.shares[:, :6] @ carried

@@ -1,0 +1,65 @@
+"""What went wrong, said so that the reader can mend it."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing wrong with a mechanism: where it stands, what stands there, and the remedy."""
+
+    message: str
+    remedy: str = ""
+    key: str = ""
+    value: str = ""
+    file: str = ""
+    line: int = 0
+
+    def __str__(self) -> str:
+        place = ":".join(str(part) for part in (self.file, self.line) if part)
+        head = " ".join(part for part in (place and f"{place}:", self.key and f"{self.key}:") if part)
+        text = f"{head} {self.message}".strip()
+        if self.value:
+            text += f" (got {self.value})"
+        return f"{text}. {self.remedy}" if self.remedy else f"{text}."
+
+
+class MbdSimError(Exception):
+    """Base of every error that this package raises on purpose."""
+
+
+class MechanismError(MbdSimError):
+    """A mechanism file that cannot be used; `problems` holds all that is wrong with it."""
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        self.problems = list(problems)
+        super().__init__("\n".join(str(problem) for problem in self.problems))
+
+
+class DivergedError(MbdSimError):
+    """The state became infinite or undefined; the simulation stands at the last finite state."""
+
+
+class CommandError(MbdSimError, ValueError):
+    """A command that cannot be applied; it is rejected whole."""
+
+
+def nearest(name: str, valid: Iterable[str]) -> str:
+    """A remedy that names the valid names, the nearest one to `name` first."""
+    names = sorted(set(valid))
+    if not names:
+        return ""
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    if close:
+        rest = [other for other in names if other != close[0]]
+        return f"Did you mean '{close[0]}'?" + (f" Others: {listed(rest)}." if rest else "")
+    return f"Valid: {listed(names)}."
+
+
+def listed(names: Sequence[str], most: int = 12) -> str:
+    """The names separated by commas, cut after `most`."""
+    shown = ", ".join(names[:most])
+    return shown if len(names) <= most else f"{shown}, … ({len(names) - most} more)"

@@ -1,0 +1,1 @@
+"""What the user describes: files, their validation, and the records made of them."""

@@ -1,0 +1,101 @@
+"""Arithmetic over named values: parsed, checked and walked, never evaluated as code."""
+
+from __future__ import annotations
+
+import ast
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from mbd_sim.errors import nearest
+
+MAX_LENGTH = 500
+
+CONSTANTS: dict[str, float] = {"pi": math.pi, "e": math.e}
+FUNCTIONS: dict[str, tuple[int, Callable[..., float]]] = {
+    "sqrt": (1, math.sqrt), "exp": (1, math.exp), "log": (1, math.log), "abs": (1, abs),
+    "sin": (1, math.sin), "cos": (1, math.cos), "tan": (1, math.tan),
+    "asin": (1, math.asin), "acos": (1, math.acos), "atan": (1, math.atan), "atan2": (2, math.atan2),
+    "min": (2, min), "max": (2, max), "hypot": (2, math.hypot),
+}  # fmt: skip
+_BINARY: dict[type[ast.operator], Callable[[float, float], float]] = {
+    ast.Add: lambda a, b: a + b,
+    ast.Sub: lambda a, b: a - b,
+    ast.Mult: lambda a, b: a * b,
+    ast.Div: lambda a, b: a / b,
+    ast.Pow: math.pow,
+}
+
+
+class ExpressionError(ValueError):
+    """An expression that cannot be read or has no value; `remedy` says what would help."""
+
+    def __init__(self, message: str, remedy: str = "") -> None:
+        super().__init__(message)
+        self.remedy = remedy
+
+
+def names_in(text: str) -> set[str]:
+    """The names that an expression refers to, without constants and functions.
+
+    :raises ExpressionError: not an arithmetic expression.
+    """
+    tree = _parse(text)
+    called = {node.func.id for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
+    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} - called - set(CONSTANTS)
+
+
+def evaluate(text: str, names: Mapping[str, float]) -> float:
+    """The value of an arithmetic expression such as `m*l**2/12` (`^` may stand for `**`).
+
+    :raises ExpressionError: not arithmetic, an unknown name, or no finite value.
+    """
+    try:
+        value = float(_value(_parse(text).body, names))
+    except ZeroDivisionError as error:
+        raise ExpressionError("division by zero") from error
+    except (ValueError, OverflowError, TypeError) as error:
+        if isinstance(error, ExpressionError):
+            raise
+        raise ExpressionError(f"has no finite value ({error})") from error
+    if not math.isfinite(value):
+        raise ExpressionError("has no finite value")
+    return value
+
+
+def _parse(text: str) -> ast.Expression:
+    if len(text) > MAX_LENGTH:
+        raise ExpressionError(f"an expression longer than {MAX_LENGTH} characters")
+    try:
+        return ast.parse(text.strip().replace("^", "**"), mode="eval")
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        raise ExpressionError("not a number, a value with a unit, or an expression", _EXAMPLES) from error
+
+
+_EXAMPLES = "Write for example 0.5, 30 deg, or l/2."
+
+
+def _value(node: ast.expr, names: Mapping[str, float]) -> Any:
+    match node:
+        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+            return float(number)
+        case ast.Name(id=name):
+            if name in names:
+                return names[name]
+            if name in CONSTANTS:
+                return CONSTANTS[name]
+            raise ExpressionError(f"unknown name '{name}'", nearest(name, [*names, *CONSTANTS]))
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return -_value(operand, names)
+        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+            return _value(operand, names)
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
+            return _BINARY[type(op)](_value(left, names), _value(right, names))
+        case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
+            if name not in FUNCTIONS:
+                raise ExpressionError(f"unknown function '{name}'", nearest(name, FUNCTIONS))
+            count, function = FUNCTIONS[name]
+            if len(args) != count:
+                raise ExpressionError(f"{name}() takes {count} value{'s' if count > 1 else ''}, not {len(args)}")
+            return function(*(_value(arg, names) for arg in args))
+    raise ExpressionError("only numbers, names, + - * / ** ( ) and functions may stand here", _EXAMPLES)

@@ -1,0 +1,161 @@
+"""A mechanism as plain records: what the dynamics, the viewer and the exporters read.
+
+Frames: every part has a frame of its own, in which its points, mass centre and inertia are given. A `Pose`
+places one frame in another: `x_outer = position + rotation @ x_inner`. SI units throughout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbd_sim.mechanism.source import Source
+
+Array = NDArray[np.float64]
+
+GROUND = "ground"
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """A frame placed in another: `position` (3,) in metres, `rotation` (3, 3) orthonormal."""
+
+    position: Array
+    rotation: Array
+
+    def __matmul__(self, inner: Pose) -> Pose:
+        return Pose(self.position + self.rotation @ inner.position, self.rotation @ inner.rotation)
+
+    def inverse(self) -> Pose:
+        """The outer frame placed in the inner one."""
+        return Pose(-self.rotation.T @ self.position, self.rotation.T)
+
+
+def identity_pose() -> Pose:
+    """A frame that coincides with its outer frame."""
+    return Pose(np.zeros(3), np.eye(3))
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A shape to draw: `kind` and `size` as in the file, centred on `pose`, rods and axial shapes along z.
+
+    `size` is (length, radius) for rods, (radius,) for discs, rings, spheres and particles, (x, y) for plates,
+    (x, y, z) for blocks and (length, radius) for cylinders.
+    """
+
+    kind: str
+    size: tuple[float, ...]
+    pose: Pose
+    color: str | None = None
+    hole: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A rigid body: `mass` in kg, `center` (3,) of mass and `inertia` (3, 3) about it, in the part's frame."""
+
+    name: str
+    mass: float
+    center: Array
+    inertia: Array
+    points: Mapping[str, Pose] = field(default_factory=dict)
+    shapes: tuple[Shape, ...] = ()
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The range of a joint coordinate; `stiffness` is None where the limits are only described."""
+
+    lower: float
+    upper: float
+    stiffness: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint: the motion of `child` seen from `parent`, between the frames `parent_pose` and `child_pose`.
+
+    `axis` (3,) is a unit vector in the parent-side frame (zero for fixed and free joints). `position` and
+    `velocity` are start values: scalars of the coordinate for one-degree joints; for a free joint the position
+    (3,) followed by the quaternion (w, x, y, z), and the velocity (3,) in the parent-side frame followed by the
+    angular velocity (3,) in the child's. `reversed` joints are walked from child to parent in the spanning tree.
+    """
+
+    name: str
+    type: str
+    parent: str
+    child: str
+    parent_pose: Pose
+    child_pose: Pose
+    axis: Array
+    position: Array
+    velocity: Array
+    stiffness: float = 0.0
+    rest: float = 0.0
+    damping: float = 0.0
+    limits: Limits | None = None
+    effort_limit: float | None = None
+    reversed: bool = False
+
+    @property
+    def outboard(self) -> str:
+        """The part that this joint adds to the spanning tree."""
+        return self.parent if self.reversed else self.child
+
+    @property
+    def inboard(self) -> str:
+        """The part of the spanning tree that this joint starts from."""
+        return self.child if self.reversed else self.parent
+
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """A name for each degree of freedom, in the order of the generalized speeds u."""
+        if self.type in ("revolute", "prismatic"):
+            return (self.name,)
+        if self.type == "free":
+            return tuple(f"{self.name}.{axis}" for axis in ("x", "y", "z", "rx", "ry", "rz"))
+        return ()
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """A whole mechanism. `joints` stand in declared order, which is the order of q, u and the efforts."""
+
+    name: str
+    description: str
+    parts: Mapping[str, Part]
+    joints: Mapping[str, Joint]
+    tree: tuple[str, ...]
+    ground_points: Mapping[str, Pose]
+    gravity: Array
+    method: str
+    step: float
+    parameters: Mapping[str, float]
+    source: Source
+
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """A name for each generalized speed u, in order."""
+        return tuple(name for joint in self.joints.values() for name in joint.coordinate_names)
+
+    @property
+    def mass(self) -> float:
+        """The mass of all parts, kg."""
+        return float(sum(part.mass for part in self.parts.values()))
+
+    def tree_joints(self) -> Iterator[Joint]:
+        """The joints from ground outwards: each one's inboard part comes before it."""
+        return (self.joints[name] for name in self.tree)
+
+    def effort_limits(self) -> Array:
+        """The largest effort of each degree of freedom, (nv,), infinite where none is given."""
+        limits = [
+            np.inf if joint.effort_limit is None else joint.effort_limit
+            for joint in self.joints.values()
+            for _ in joint.coordinate_names
+        ]
+        return np.array(limits, dtype=float)

@@ -1,0 +1,90 @@
+"""Rotations as numbers: matrices and quaternions (w, x, y, z), right-handed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mbd_sim.mechanism import schema
+from mbd_sim.mechanism.model import Array
+
+
+def skew(v: Array) -> Array:
+    """The matrix (3, 3) with skew(v) @ w = v × w."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def unit(v: tuple[float, ...]) -> Array:
+    """The vector scaled to length 1, without overflow for very large or small ones."""
+    array = np.array(v, dtype=float)
+    array /= np.max(np.abs(array))
+    return array / np.linalg.norm(array)
+
+
+def about(axis: Array, angle: float) -> Array:
+    """The rotation matrix (3, 3) about a unit `axis` by `angle` in rad (Rodrigues' formula)."""
+    k = skew(axis)
+    return np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k)
+
+
+def from_quaternion(quaternion: Array) -> Array:
+    """The rotation matrix (3, 3) of a unit quaternion (w, x, y, z)."""
+    w, v = quaternion[0], quaternion[1:]
+    k = skew(v)
+    return np.eye(3) + 2.0 * (w * k + k @ k)
+
+
+def to_quaternion(rotation: Array) -> Array:
+    """The unit quaternion (w, x, y, z) with w ≥ 0 of a rotation matrix (3, 3) (Shepperd's method)."""
+    r = rotation
+    squares = np.array([1.0 + np.trace(r), *(1.0 + 2.0 * r[i, i] - np.trace(r) for i in range(3))])
+    largest = int(np.argmax(squares))
+    if largest == 0:
+        q = np.array([squares[0], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
+    else:
+        i, j, k = largest - 1, largest % 3, (largest + 1) % 3
+        q = np.empty(4)
+        q[0] = r[k, j] - r[j, k]
+        q[1 + i], q[1 + j], q[1 + k] = squares[largest], r[j, i] + r[i, j], r[k, i] + r[i, k]
+    q /= np.linalg.norm(q)
+    return q if q[0] >= 0.0 else -q
+
+
+def aligning_z(axis: Array) -> Array:
+    """A rotation matrix that takes z to the unit `axis`, exactly so along the coordinate axes."""
+    if np.count_nonzero(axis) == 1:
+        index, sign = int(np.flatnonzero(axis)[0]), float(np.sign(axis[np.flatnonzero(axis)[0]]))
+        columns = np.zeros((3, 3))
+        columns[index, 2] = sign
+        columns[(index + 1) % 3, 0] = 1.0
+        columns[(index + 2) % 3, 1] = sign
+        return columns
+    x = np.cross(np.eye(3)[int(np.argmin(np.abs(axis)))], axis)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(axis, x), axis])
+
+
+def from_rpy(roll: float, pitch: float, yaw: float) -> Array:
+    """Turn about fixed x by roll, then fixed y by pitch, then fixed z by yaw (as URDF does)."""
+    x, y, z = np.eye(3)
+    return about(z, yaw) @ about(y, pitch) @ about(x, roll)
+
+
+def to_rpy(rotation: Array) -> tuple[float, float, float]:
+    """Roll, pitch and yaw of a rotation matrix; inverse of `from_rpy`."""
+    r = rotation
+    pitch = float(np.arctan2(-r[2, 0], np.hypot(r[0, 0], r[1, 0])))
+    if np.hypot(r[0, 0], r[1, 0]) < 1e-12:
+        return float(np.arctan2(-r[1, 2], r[1, 1])), pitch, 0.0
+    return float(np.arctan2(r[2, 1], r[2, 2])), pitch, float(np.arctan2(r[1, 0], r[0, 0]))
+
+
+def of_record(rotation: schema.Rotation | None) -> Array:
+    """The matrix of a rotation as written in a file."""
+    if rotation is None:
+        return np.eye(3)
+    if rotation.rpy is not None:
+        return from_rpy(*rotation.rpy)
+    if rotation.quaternion is not None:
+        return from_quaternion(unit(rotation.quaternion))
+    assert rotation.axis is not None and rotation.angle is not None
+    return about(unit(rotation.axis), rotation.angle)

@@ -1,0 +1,255 @@
+"""YAML text to plain data, with the line on which every value stands.
+
+The YAML 1.2 core schema is followed (`1e3` is a number, `no` is a word), aliases and merge keys are
+allowed, and the size, depth and number of values are bounded, so that no file can exhaust the machine.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from mbd_sim.errors import MechanismError, Problem
+
+MAX_BYTES = 1_000_000
+MAX_DEPTH = 40
+MAX_VALUES = 100_000
+
+Location = tuple[str | int, ...]
+
+_INTEGER = re.compile(r"[-+]?[0-9]+")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_WORDS: dict[str, Any] = {
+    "": None, "~": None, "null": None, "Null": None, "NULL": None,
+    "true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False,
+    ".nan": math.nan, ".NaN": math.nan, ".NAN": math.nan,
+}  # fmt: skip
+_INFINITY = re.compile(r"([-+]?)\.(inf|Inf|INF)")
+
+_Loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
+
+
+@dataclass
+class Source:
+    """A parsed file: its data, and the line of each value by its location (a tuple of keys and indices)."""
+
+    data: Any
+    lines: dict[Location, int] = field(default_factory=dict)
+    file: str = ""
+    text: str = ""
+
+    def line(self, location: Location) -> int:
+        """The line of the value at `location`, or of the nearest thing that encloses it."""
+        for length in range(len(location), -1, -1):
+            if location[:length] in self.lines:
+                return self.lines[location[:length]]
+        return 1
+
+    def problem(self, location: Location, message: str, remedy: str = "", value: Any = None) -> Problem:
+        """A `Problem` at a location of this file."""
+        return Problem(
+            message=message,
+            remedy=remedy,
+            key=dotted(location),
+            value="" if value is None else shown(value),
+            file=self.file,
+            line=self.line(location),
+        )
+
+
+def dotted(location: Location) -> str:
+    """`('parts', 'rod', 'center', 2)` as `parts.rod.center[2]`."""
+    text = ""
+    for step in location:
+        text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else str(step)
+    return text
+
+
+def shown(value: Any, most: int = 60) -> str:
+    """A value as the user would recognise it, cut to `most` characters."""
+    text = str(value) if isinstance(value, int | float) else repr(value)
+    return text if len(text) <= most else text[: most - 1] + "…"
+
+
+def read_source(path: Path) -> Source:
+    """Read a YAML file.
+
+    :raises MechanismError: the file cannot be read, is too large, or is not YAML.
+    """
+    try:
+        with path.open("rb") as stream:
+            raw = stream.read(MAX_BYTES + 1)
+        if len(raw) > MAX_BYTES:
+            raise _refused(str(path), 1, f"the file is larger than {MAX_BYTES} bytes", "A mechanism file is a few kB.")
+        text = raw.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise _refused(str(path), 1, f"not UTF-8 text: {error.reason} at byte {error.start}", "") from error
+    except OSError as error:
+        raise _refused(str(path), 0, f"cannot read the file: {error.strerror}", "") from error
+    return parse_source(text, file=str(path))
+
+
+def parse_source(text: str, file: str = "<text>") -> Source:
+    """Parse YAML text; see `read_source`."""
+    source = Source(data=None, file=file, text=text)
+    if len(text) > MAX_BYTES:
+        raise _refused(file, 1, f"the text is longer than {MAX_BYTES} characters", "A mechanism file is a few kB.")
+    try:
+        root = _Composer(text, file).compose()
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = mark.line + 1 if mark else 1
+        cause = " ".join(part for part in (error.context, error.problem) if part)
+        raise _refused(file, line, f"not valid YAML: {cause}", _yaml_remedy(text, line)) from error
+    except yaml.YAMLError as error:
+        raise _refused(file, 1, f"not valid YAML: {error}", "") from error
+    source.data = _Constructor(source).construct(root, ())
+    return source
+
+
+def _yaml_remedy(text: str, line: int) -> str:
+    lines = text.splitlines()
+    if 0 < line <= len(lines) and "${" in lines[line - 1] and re.search(r"[\[{,]\s*[^'\"]*\$\{", lines[line - 1]):
+        return 'Inside [ ] and { } write the expression bare (l/2) or quoted ("${l/2}").'
+    return "Check indentation and punctuation near this line."
+
+
+def _refused(file: str, line: int, message: str, remedy: str) -> MechanismError:
+    return MechanismError([Problem(message=message, remedy=remedy, file=file, line=line)])
+
+
+@dataclass(eq=False)
+class _Node:
+    kind: str
+    line: int
+    text: str = ""
+    plain: bool = False
+    items: list[_Node] = field(default_factory=list)
+
+
+class _Composer:
+    """Events to nodes with a stack of its own, so that deep nesting cannot overflow the interpreter's."""
+
+    def __init__(self, text: str, file: str) -> None:
+        self.text = text
+        self.file = file
+        self.anchors: dict[str, _Node] = {}
+
+    def compose(self) -> _Node:
+        root = _Node("list", 1)
+        stack = [root]
+        documents = values = 0
+        for event in yaml.parse(self.text, Loader=_Loader):
+            line = event.start_mark.line + 1
+            if isinstance(event, yaml.DocumentStartEvent):
+                documents += 1
+                if documents > 1:
+                    raise _refused(self.file, line, "a second YAML document starts here", "Keep one mechanism a file.")
+            if isinstance(event, yaml.SequenceEndEvent | yaml.MappingEndEvent):
+                stack.pop()
+            if not isinstance(event, yaml.NodeEvent):
+                continue
+            values += 1
+            if values > MAX_VALUES:
+                raise _refused(self.file, line, f"more than {MAX_VALUES} values", "")
+            node = self._node(event, line)
+            stack[-1].items.append(node)
+            if isinstance(event, yaml.CollectionStartEvent):
+                stack.append(node)
+                if len(stack) > MAX_DEPTH:
+                    raise _refused(self.file, line, f"nested deeper than {MAX_DEPTH} levels", "Flatten the file.")
+        return root.items[0] if root.items else _Node("scalar", 1, plain=True)
+
+    def _node(self, event: yaml.NodeEvent, line: int) -> _Node:
+        if isinstance(event, yaml.AliasEvent):
+            if event.anchor not in self.anchors:
+                raise _refused(self.file, line, f"unknown alias *{event.anchor}", nearest_anchor(self.anchors))
+            return self.anchors[event.anchor]
+        tag = event.tag
+        if tag and tag != "!":
+            raise _refused(self.file, line, f"the tag {tag} is not allowed", "Write plain values.")
+        if isinstance(event, yaml.ScalarEvent):
+            node = _Node("scalar", line, text=event.value, plain=bool(event.implicit[0]))
+        else:
+            node = _Node("list" if isinstance(event, yaml.SequenceStartEvent) else "map", line)
+        if event.anchor:
+            self.anchors[event.anchor] = node
+        return node
+
+
+def nearest_anchor(anchors: dict[str, _Node]) -> str:
+    """Which aliases there are."""
+    return "Anchors before it: " + (", ".join(anchors) or "none") + "."
+
+
+class _Constructor:
+    """Nodes to data; counts what aliases expand to, so that a YAML bomb is refused early."""
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.count = 0
+        self.open: set[int] = set()
+
+    def construct(self, node: _Node, location: Location) -> Any:
+        self.count += 1
+        if self.count > MAX_VALUES:
+            raise _refused(self.source.file, node.line, f"aliases expand to more than {MAX_VALUES} values", "")
+        if len(location) > MAX_DEPTH or id(node) in self.open:
+            raise _refused(self.source.file, node.line, f"nested deeper than {MAX_DEPTH} levels", "Flatten the file.")
+        self.source.lines.setdefault(location, node.line)
+        if node.kind == "scalar":
+            return _scalar(node)
+        self.open.add(id(node))
+        try:
+            if node.kind == "list":
+                return [self.construct(item, (*location, index)) for index, item in enumerate(node.items)]
+            return self._mapping(node, location)
+        finally:
+            self.open.discard(id(node))
+
+    def _mapping(self, node: _Node, location: Location) -> dict[str, Any]:
+        mapping: dict[str, Any] = {}
+        merged: list[tuple[_Node, Any]] = []
+        for key_node, value_node in zip(node.items[::2], node.items[1::2], strict=True):
+            if key_node.kind != "scalar":
+                raise _refused(self.source.file, key_node.line, "a key must be a word", "")
+            key = key_node.text
+            if key == "<<" and key_node.plain:
+                merged.append((value_node, self.construct(value_node, (*location, "<<"))))
+                continue
+            if key in mapping:
+                raise _refused(
+                    self.source.file, key_node.line, f"the key '{key}' is given twice", "Remove one of them."
+                )
+            self.source.lines[(*location, key)] = key_node.line
+            mapping[key] = self.construct(value_node, (*location, key))
+        for value_node, value in merged:
+            for source in value if isinstance(value, list) else [value]:
+                if not isinstance(source, dict):
+                    raise _refused(self.source.file, value_node.line, "'<<' must merge a mapping", "")
+                for key, inherited in source.items():
+                    if key not in mapping:
+                        self.source.lines[(*location, key)] = value_node.line
+                        mapping[key] = inherited
+        return mapping
+
+
+def _scalar(node: _Node) -> Any:
+    text = node.text
+    if not node.plain:
+        return text
+    if text in _WORDS:
+        return _WORDS[text]
+    if len(text) <= 30 and _INTEGER.fullmatch(text):
+        return int(text)
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    infinity = _INFINITY.fullmatch(text)
+    if infinity:
+        return -math.inf if infinity[1] == "-" else math.inf
+    return text

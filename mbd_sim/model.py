@@ -1,0 +1,109 @@
+"""A mechanism compiled: everything that can be computed from a state. It has no state of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from mbd_sim.compiler.kernel import compile_kernel
+from mbd_sim.dynamics.equations import AUDIT, derive
+from mbd_sim.dynamics.joints import JOINT_TYPES
+from mbd_sim.errors import MechanismError, nearest
+from mbd_sim.integrators.tableau import METHODS, Tableau
+from mbd_sim.mechanism.model import Array, Mechanism, Pose
+
+
+class Energies(NamedTuple):
+    """The energy audit, all in J.
+
+    `residual = total - total at the start - work_applied - work_drives + dissipated` is the error of the
+    integration: it is zero for an exact solution.
+    """
+
+    kinetic: float
+    potential: float
+    dissipated: float
+    work_applied: float
+    work_drives: float
+    total: float
+    residual: float
+
+
+class Model:
+    """The compiled equations of a mechanism, for one method. Safe to use from several threads.
+
+    The integrated state y is q (nq,), u (nv,) and the audit's three energies.
+    """
+
+    def __init__(self, mechanism: Mechanism, method: Tableau) -> None:
+        self.mechanism, self.method = mechanism, method
+        equations = derive(mechanism)
+        readers = {"energies": equations.energies, "poses": equations.poses}
+        self.kernel = compile_kernel(equations.rates, equations.settle, readers, method)
+        self.layout, self.start, self.part_names = equations.layout, equations.start, equations.part_names
+        self.coordinate_names = mechanism.coordinate_names
+        self.q_range = slice(0, self.layout.nq)
+        self.u_range = slice(self.layout.nq, self.layout.nq + self.layout.nv)
+        self.quaternions = {
+            name: self.layout.q[name].start + offset
+            for name, joint in mechanism.joints.items()
+            if (offset := JOINT_TYPES[joint.type].quaternion) is not None
+        }
+
+    def energies(self, time: float, y: Array, start_total: float = 0.0) -> Energies:
+        """The audit at a state; `start_total` is T + V at the start."""
+        moment, out = np.array([time]), np.empty(2)
+        self.kernel.readers["energies"](moment.ctypes.data, y.ctypes.data, out.ctypes.data)
+        kinetic, potential = out.tolist()
+        work_applied, work_drives, dissipated = y[-len(AUDIT) :].tolist()
+        total = kinetic + potential
+        residual = total - start_total - work_applied - work_drives + dissipated
+        return Energies(kinetic, potential, dissipated, work_applied, work_drives, total, residual)
+
+    def pose_array(self, y: Array) -> Array:
+        """(parts, 12): position and rotation, column by column, of each of `part_names` in ground's frame."""
+        out = np.empty((len(self.part_names), 12))
+        self.kernel.readers["poses"](y.ctypes.data, out.ctypes.data)
+        return out
+
+    def poses(self, y: Array) -> Mapping[str, Pose]:
+        """The pose of each part in ground's frame."""
+        return {
+            name: Pose(row[:3].copy(), row[3:].reshape(3, 3).T.copy())
+            for name, row in zip(self.part_names, self.pose_array(y), strict=True)
+        }
+
+    def coordinates(self, y: Array) -> Array:
+        """(nv,): a position for each of `coordinate_names`; free joints give x, y, z and the rotation vector in rad."""
+        if not self.quaternions:
+            return y[self.q_range]
+        values = np.empty(self.layout.nv)
+        for name, into in self.layout.u.items():
+            source = y[self.layout.q[name]]
+            if name in self.quaternions:
+                offset = self.quaternions[name] - self.layout.q[name].start
+                source = np.concatenate([source[:offset], rotation_vector(source[offset:])])
+            values[into] = source
+        return values
+
+
+def rotation_vector(quaternion: Array) -> Array:
+    """Axis times angle (3,), at most π long, of a unit quaternion (w, x, y, z)."""
+    w, v = (quaternion[0], quaternion[1:]) if quaternion[0] >= 0.0 else (-quaternion[0], -quaternion[1:])
+    sine = float(np.linalg.norm(v))
+    return v * (2.0 * np.arctan2(sine, w) / sine if sine > 1e-9 else 2.0)
+
+
+def build_model(mechanism: Mechanism, method: str | None = None) -> Model:
+    """Compile a mechanism, with its own method or the one named.
+
+    :raises MechanismError: the method is unknown, or the equations are singular at the start.
+    """
+    name = method or mechanism.method
+    if name not in METHODS:
+        location = () if method else ("integrator", "method")
+        source = mechanism.source
+        raise MechanismError([source.problem(location, f"there is no method '{name}'", nearest(name, METHODS))])
+    return Model(mechanism, METHODS[name])

@@ -1,0 +1,80 @@
+"""Build of the ament_python package `mbd_sim`, by colcon or by pip."""
+
+import sys
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = "mbd_sim"
+NODES = ["sim_node"]
+
+
+def tree(folder: str) -> list[tuple[str, list[str]]]:
+    """The files below a folder, for the package's share directory."""
+    folders = [path for path in [Path(folder), *sorted(Path(folder).rglob("*"))] if path.is_dir()]
+    listed = [
+        (f"share/{NAME}/{path}", [str(file) for file in sorted(path.iterdir()) if file.is_file()]) for path in folders
+    ]
+    return [(target, files) for target, files in listed if files]
+
+
+data_files = [
+    ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+    (f"share/{NAME}", ["package.xml"]),
+    *tree("config"),
+    *tree("launch"),
+]
+if "bdist_wheel" in sys.argv:
+    # A wheel has no install_scripts: `ros2 run` finds the nodes through these.
+    data_files.append((f"lib/{NAME}", [f"scripts/{node}" for node in NODES]))
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="Multibody mechanisms from a plain file, in real time on ROS 2",
+    long_description=Path("README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
+    license="Apache-2.0",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={NAME: ["py.typed"]},
+    data_files=data_files,
+    zip_safe=True,
+    python_requires=">=3.11",
+    install_requires=[
+        "casadi>=3.6",
+        "llvmlite>=0.45",
+        "mcap>=1.2",
+        "numpy>=1.26",
+        "pint>=0.24",
+        "pydantic>=2.7",
+        "pyyaml>=6.0",
+        "rerun-sdk>=0.29",
+        "rich>=13.0",
+    ],
+    extras_require={
+        # Beside a ROS 2 installation these come from the system instead.
+        "ros": [
+            "ros-jazzy-rclpy>=7.1,<8",
+            "ros-jazzy-common-interfaces>=5.3,<6",
+            "ros-jazzy-rmw-fastrtps-cpp>=8.4,<9",
+        ],
+        "test": [
+            "hypothesis>=6.100",
+            "mcap-ros2-support>=0.5",
+            "mypy>=1.10",
+            "psutil>=5.9",
+            "pytest>=7.4",
+            "pytest-timeout>=2.2",
+            "rosbags>=0.10",
+            "ruff>=0.5",
+            "scipy>=1.11",
+            "types-PyYAML",
+        ],
+    },
+    entry_points={
+        "console_scripts": [
+            "mbd_sim = mbd_sim.cli:main",
+            "sim_node = mbd_sim.ros.sim_node:main",
+        ],
+    },
+)
