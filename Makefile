@@ -1,4 +1,4 @@
-# make run    set everything up and run the double pendulum: make run ARGS="mechanism:=rod_pendulum rerun:=spawn"
+# make run    set everything up and run the double pendulum: make run ARGS="-p mechanism:=rod_pendulum -p rerun:=spawn"
 # make test   set everything up and run every test, ruff and mypy
 # make setup  only set up: .venv with all that is needed, with the ROS 2 wheels unless a ROS 2 environment is sourced
 # make bench  measure speed and start-up
@@ -16,7 +16,7 @@ $(VENV)/ready: setup.py scripts/setup_venv
 	scripts/setup_venv $(VENV)
 
 run: setup
-	@$(BIN)/sim_node $(ARGS)
+	@$(BIN)/sim_node --ros-args $(ARGS)
 
 test: setup lint
 	$(BIN)/python -m pytest

@@ -6,6 +6,9 @@ import difflib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+MOST_SHOWN = 50  # problems in the text of one error
+MOST_COMPARED = 500  # names among which the nearest is looked for
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -36,7 +39,10 @@ class MechanismError(MbdSimError):
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = list(problems)
-        super().__init__("\n".join(str(problem) for problem in self.problems))
+        lines = [str(problem) for problem in self.problems[:MOST_SHOWN]]
+        if len(self.problems) > MOST_SHOWN:
+            lines.append(f"… and {len(self.problems) - MOST_SHOWN} more problems.")
+        super().__init__("\n".join(lines))
 
 
 class DivergedError(MbdSimError):
@@ -52,11 +58,17 @@ def nearest(name: str, valid: Iterable[str]) -> str:
     names = sorted(set(valid))
     if not names:
         return ""
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    close = difflib.get_close_matches(name[:100], names[:MOST_COMPARED], n=1, cutoff=0.5)
     if close:
         rest = [other for other in names if other != close[0]]
         return f"Did you mean '{close[0]}'?" + (f" Others: {listed(rest)}." if rest else "")
     return f"Valid: {listed(names)}."
+
+
+def quoted(value: object, most: int = 60) -> str:
+    """A value as the user would recognise it: on one line, printable, cut to `most` characters."""
+    text = str(value) if isinstance(value, int | float) else repr(value)
+    return text if len(text) <= most else text[: most - 1] + "…"
 
 
 def listed(names: Sequence[str], most: int = 12) -> str:

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mbd_sim.errors import CommandError, DivergedError, listed, nearest
+from mbd_sim.efforts import EffortMap
+from mbd_sim.errors import DivergedError
 from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.model import Array, Mechanism, Pose
 from mbd_sim.model import Energies, Model, build_model
@@ -40,8 +41,7 @@ class Simulation:
         self.model: Model = build_model(mechanism, method)
         self._y = self.model.start.copy()
         self._efforts = np.zeros(self.model.layout.nv)
-        self._limits = mechanism.effort_limits()
-        self._index = {name: index for index, name in enumerate(self.model.coordinate_names)}
+        self.effort_map = EffortMap(self.model.coordinate_names, mechanism.effort_limits())
         self._advance = self.model.kernel.advance
         self._y_address, self._efforts_address = self._y.ctypes.data, self._efforts.ctypes.data
         self.q = _read_only(self._y[self.model.q_range])
@@ -138,25 +138,7 @@ class Simulation:
 
         :raises CommandError: wrong length, an unknown name, or a value that is not finite; nothing is changed then.
         """
-        self._efforts[:] = self.checked_efforts(efforts)
-
-    def checked_efforts(self, efforts: Mapping[str, float] | Sequence[float] | Array) -> Array:
-        """The efforts (nv,) that `set_efforts` would apply; see there."""
-        wanted = self._efforts.copy()
-        if isinstance(efforts, Mapping):
-            for name, value in efforts.items():
-                if name not in self._index:
-                    raise CommandError(f"there is no joint '{name}'. {nearest(name, self._index)}")
-                wanted[self._index[name]] = value
-        else:
-            if len(efforts) != len(wanted):
-                names = listed(self.coordinate_names)
-                raise CommandError(f"{len(efforts)} efforts for {len(wanted)} joints. Send one for each of: {names}.")
-            wanted[:] = efforts
-        if not np.all(np.isfinite(wanted)):
-            bad = [name for name, value in zip(self.coordinate_names, wanted, strict=True) if not math.isfinite(value)]
-            raise CommandError(f"the effort of {listed(bad)} is not a finite number.")
-        return np.clip(wanted, -self._limits, self._limits)
+        self._efforts[:] = self.effort_map.clamped(self.effort_map.merged(self._efforts, efforts))
 
 
 def _read_only(view: Array) -> Array:

@@ -62,6 +62,8 @@ def lower(module: ir.Module, function: ca.Function, inline: bool) -> ir.Function
 
 
 class _Lowering:
+    builder: ir.IRBuilder
+
     def __init__(self, module: ir.Module, builder: ir.IRBuilder) -> None:
         self.module, self.builder = module, builder
         self.pairs: dict[int, tuple[ir.Value, ir.Value]] = {}

@@ -1,8 +1,8 @@
 """Sine and cosine together, as inlined IR.
 
-The polynomials and the reduction are those of FDLIBM (Sun Microsystems, k_sin.c, k_cos.c, e_rem_pio2.c), exact to
-less than one unit in the last place for |x| < 1.6e6 rad; beyond, the C library is called. One reduction serves
-both values, and every machine gets the same bits, which its C library would not promise.
+The polynomials and the reduction are those of FDLIBM (Sun Microsystems, k_sin.c, k_cos.c, e_rem_pio2.c), exact for
+|x| < 1.6e6 rad to 0.8 units in the last place, and to 1.1 next to multiples of pi/2; beyond, the C library is called.
+One reduction serves both values, and every machine gets the same bits, which its C library would not promise.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ _LARGEST = 2.0**20 * 1.5707963267948966
 _TWO_OVER_PI = 6.36619772367581382433e-01
 _ROUNDER = 6755399441055744.0  # 1.5 * 2**52: adding it rounds to the nearest integer, which its low bits then hold
 _HALF_PI = 1.57079632673412561417e00  # the first 33 bits of pi/2
-_HALF_PI_TAIL = 6.07710050650619224932e-11
+_HALF_PI_NEXT = 6.07710050630396597660e-11  # the next 33 bits
+_HALF_PI_TAIL = 2.02226624879595063154e-21  # the next 53 bits
 _SINE = (
     -1.66666666666666324348e-01,
     8.33333333332248946124e-03,
@@ -65,9 +66,10 @@ def _function(module: ir.Module) -> ir.Function:
     quarters = b.fsub(shifted, number(_ROUNDER))
     quadrant = b.bitcast(shifted, INT)
     head = b.fsub(x, b.fmul(quarters, number(_HALF_PI)))
-    tail = b.fmul(quarters, number(_HALF_PI_TAIL))
+    second, third = b.fmul(quarters, number(_HALF_PI_NEXT)), b.fmul(quarters, number(_HALF_PI_TAIL))
+    tail = b.fadd(second, third)
     r = b.fsub(head, tail)
-    rest = b.fsub(b.fsub(head, r), tail)
+    rest = b.fsub(b.fsub(b.fsub(head, r), tail), b.fadd(b.fsub(second, tail), third))
     sine, cosine = _kernel_sine(b, r, rest), _kernel_cosine(b, r, rest)
     swap = b.trunc(quadrant, ir.IntType(1))
     sine, cosine = b.select(swap, cosine, sine), b.select(swap, sine, cosine)

@@ -18,6 +18,8 @@ def accelerations(
 ) -> tuple[ca.SX, ca.SX]:
     """U' (nv,) and the pivots (nv,) of the factorization, which are positive where the mass matrix is definite.
 
+    The pivots of a joint stand in the order of its type's `turns`.
+
     :param forces: (nv,) generalized forces.
     :param gravity: (3,) m/s², in ground's frame.
     """
@@ -30,7 +32,8 @@ def accelerations(
     solvers = [_Elimination.empty()] * len(links)
     for index in reversed(range(len(links))):
         link, motion = links[index], motions[index]
-        solver = _Elimination(motion, inertias[index], ca.sparsify(biases[index]), forces[link.u])
+        along = forces[link.u, :]  # with one index, nothing out of a single force would be a row
+        solver = _Elimination(motion, inertias[index], ca.sparsify(biases[index]), along)
         solvers[index] = solver
         if link.parent >= 0:
             inertia, bias = solver.outlook(coriolis[index])

@@ -21,11 +21,14 @@ from mbd_sim.errors import MechanismError, Problem
 from mbd_sim.mechanism.model import Array, Mechanism
 
 AUDIT = ("work_applied", "work_drives", "dissipated")
+ROUND_OFF = 1e-13  # of an inertia, what its computation may leave of a zero
 
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """`rates(t, y, efforts)` gives y'; `settle(y)`, where there are quaternions, gives y with unit ones;
+    """What the compiler turns into machine code.
+
+    `rates(t, y, efforts)` gives y'; `settle(y)`, where there are quaternions, gives y with unit ones;
     `energies(t, y)` gives T and V; `poses(y)` gives (12,) a part: position and rotation, column by column.
     """
 
@@ -41,8 +44,10 @@ class Equations:
 def derive(mechanism: Mechanism) -> Equations:
     """Trace the equations of a mechanism.
 
-    :raises MechanismError: the mass matrix is singular at the start; the joints that move no inertia are named.
+    :raises MechanismError: the mass matrix is singular at the start; the joints that move no inertia are named. Or
+        a free joint names the part nearer to ground second.
     """
+    _require_forward(mechanism)
     places, chain = layout(mechanism), links(mechanism)
     t, efforts = ca.SX.sym("t"), ca.SX.sym("e", places.nv)
     y = ca.SX.sym("y", places.nq + places.nv + len(AUDIT))
@@ -57,15 +62,16 @@ def derive(mechanism: Mechanism) -> Equations:
     poses = part_poses(chain, q)
     kinetic = _kinetic_energy(chain, motions)
     potential = loads.potential + _weight_potential(mechanism, chain, q)
-    flat = [ca.vertcat(pose.position, ca.vec(pose.rotation)) for pose in poses]
+    flat = ca.densify(ca.vertcat(*(ca.vertcat(pose.position, ca.vec(pose.rotation)) for pose in poses)))
 
     start = start_state(mechanism, places)
-    _require_definite(mechanism, places, ca.Function("pivots", [y], [pivots]), start)
+    pivots_at, poses_at = ca.Function("at", [y], [pivots, flat])(start)
+    _require_definite(mechanism, chain, np.array(pivots_at).ravel(), np.array(poses_at).reshape(-1, 4, 3))
     return Equations(
         layout=places,
         rates=_function("rates", [t, y, efforts], [ca.densify(y_rates)]),
         energies=_function("energies", [t, y], [ca.densify(ca.vertcat(kinetic, potential))]),
-        poses=_function("poses", [y], [ca.densify(ca.vertcat(*flat))]),
+        poses=_function("poses", [y], [flat]),
         settle=_settle(chain, y),
         start=start,
         part_names=tuple(link.joint.outboard for link in chain),
@@ -118,14 +124,73 @@ def _settle(chain: Sequence[Link], y: ca.SX) -> ca.Function | None:
     return _function("settle", [y], [settled]) if quaternions else None
 
 
-def _require_definite(mechanism: Mechanism, places: Layout, pivots: ca.Function, start: Array) -> None:
-    values = np.array(pivots(start)).ravel()
-    largest = float(np.max(values, initial=0.0))
-    problems: list[Problem] = []
-    for name, where in places.u.items():
-        if np.any(~(values[where] > 1e-13 * largest)):
-            message = "this joint moves no inertia: its coordinate has no equation of motion"
-            remedy = "Give what it moves a mass away from the axis, or an inertia about it (a thin rod has none about itself)."
-            problems.append(mechanism.source.problem(("joints", name), message, remedy))
+def _require_forward(mechanism: Mechanism) -> None:
+    """Refuse free joints walked from child to parent: their coordinates place the child, seen from the parent."""
+    problems = [
+        mechanism.source.problem(
+            ("joints", name, "between"),
+            f"a free joint names the part nearer to ground first, which is '{joint.child}'",
+            "Swap the two; position, orientation and velocities are then those of the other part seen from it.",
+        )
+        for name, joint in mechanism.joints.items()
+        if joint.type == "free" and joint.reversed
+    ]
     if problems:
         raise MechanismError(problems)
+
+
+def _require_definite(mechanism: Mechanism, chain: Sequence[Link], pivots: Array, poses: Array) -> None:
+    """Refuse a singular mass matrix, and name the joints to blame.
+
+    A pivot is what a joint moves when all joints beyond it move freely. It counts as zero where it is no more than
+    round-off of what the joint carries, so that neither units nor the size of other parts matter.
+
+    :param pivots: (nv,), each joint's in the order of its type's `turns`.
+    :param poses: (links, 4, 3) position and axes of each link's part in ground's frame.
+    """
+    carried = [_Load(0.0, np.zeros(3), 0.0)] * len(chain)
+    spoiled = [False] * len(chain)
+    problems: list[Problem] = []
+    for index in reversed(range(len(chain))):
+        link, position, rotation = chain[index], poses[index, 0], poses[index, 1:].T
+        part = mechanism.parts[link.joint.outboard]
+        carried[index] += _Load(part.mass, position + rotation @ part.center, float(np.trace(part.inertia)))
+        if not spoiled[index]:
+            origin = position - rotation @ link.part.rotation.T @ link.part.position
+            scale = np.where(link.type.turns, carried[index].moment_about(origin), carried[index].mass)
+            spoiled[index] = bool(np.any(~(pivots[link.u] > ROUND_OFF * scale)))
+            if spoiled[index]:
+                message = "this joint moves no inertia of its own: its coordinate has no equation of motion"
+                remedy = (
+                    "Give what it moves a mass away from the axis, or an inertia about it (a thin rod has none about "
+                    "itself); between two joints that move alike there must be a mass as well."
+                )
+                problems.append(mechanism.source.problem(("joints", link.joint.name), message, remedy))
+        if link.parent >= 0:
+            carried[link.parent] += carried[index]
+            spoiled[link.parent] |= spoiled[index]
+    if problems:
+        raise MechanismError(sorted(problems, key=lambda problem: problem.line))
+
+
+@dataclass(frozen=True, eq=False)
+class _Load:
+    """Parts that move together: `mass` in kg, `center` (3,) of mass, and the trace of the inertia about it in kg·m²."""
+
+    mass: float
+    center: Array
+    trace: float
+
+    def __add__(self, other: _Load) -> _Load:
+        mass = self.mass + other.mass
+        if mass == 0.0:
+            return self
+        arm = other.center - self.center
+        share = other.mass / mass
+        trace = self.trace + other.trace + 2.0 * self.mass * share * float(arm @ arm)
+        return _Load(mass, self.center + share * arm, trace)
+
+    def moment_about(self, point: Array) -> float:
+        """The trace of the inertia about a point: no moment of inertia about an axis through it is larger."""
+        arm = self.center - point
+        return self.trace + 2.0 * self.mass * float(arm @ arm)

@@ -87,17 +87,22 @@ def quaternion_rates(p: ca.SX, omega: ca.SX) -> ca.SX:
 
 @dataclass(frozen=True)
 class JointType:
-    """The sizes of a joint type and its motion; `quaternion` is where in q a unit quaternion starts."""
+    """The sizes of a joint type and its motion.
+
+    `quaternion` is where in q a unit quaternion starts; `turns` tells for each pivot of the joint's elimination
+    whether it is a moment of inertia or a mass.
+    """
 
     nq: int
     nv: int
     motion: Callable[[Array, ca.SX, ca.SX], Motion]
+    turns: tuple[bool, ...]
     quaternion: int | None = None
 
 
 JOINT_TYPES: dict[str, JointType] = {
-    "revolute": JointType(1, 1, revolute),
-    "prismatic": JointType(1, 1, prismatic),
-    "fixed": JointType(0, 0, fixed),
-    "free": JointType(7, 6, free, quaternion=3),
+    "revolute": JointType(1, 1, revolute, turns=(True,)),
+    "prismatic": JointType(1, 1, prismatic, turns=(False,)),
+    "fixed": JointType(0, 0, fixed, turns=()),
+    "free": JointType(7, 6, free, turns=(True, True, True, False, False, False), quaternion=3),
 }

@@ -29,7 +29,7 @@ class LagrangeEquations:
     def accelerations(self, q: Array, u: Array, efforts: Array) -> Array:
         """U' (nv,) at one state."""
         mass, inertial, forces = (np.array(value) for value in self.terms(q, u, efforts))
-        return np.linalg.solve(mass, forces - inertial).ravel()
+        return np.asarray(np.linalg.solve(mass, forces - inertial).ravel(), dtype=np.float64)
 
 
 def lagrange_equations(mechanism: Mechanism) -> LagrangeEquations:

@@ -65,7 +65,9 @@ def links(mechanism: Mechanism) -> list[Link]:
         axis = joint.axis
         if joint.reversed:
             inboard_pose, outboard_pose, axis = outboard_pose, inboard_pose, -axis
-        turn = Pose(np.zeros(3), np.eye(3) if np.count_nonzero(axis) <= 1 else aligning_z(axis))
+        turn = identity_pose()
+        if np.count_nonzero(axis) > 1:
+            turn, axis = Pose(np.zeros(3), aligning_z(axis)), np.array([0.0, 0.0, 1.0])
         part = mechanism.parts[joint.outboard]
         placed = (outboard_pose @ turn).inverse()
         center = placed.position + placed.rotation @ part.center
@@ -75,7 +77,7 @@ def links(mechanism: Mechanism) -> list[Link]:
                 type=JOINT_TYPES[joint.type],
                 parent=index[joint.inboard],
                 base=part_in_link[joint.inboard] @ inboard_pose @ turn,
-                axis=turn.rotation.T @ axis,
+                axis=axis,
                 part=placed,
                 inertia=inertia_matrix(part.mass, center, placed.rotation @ part.inertia @ placed.rotation.T),
                 q=places.q[joint.name],

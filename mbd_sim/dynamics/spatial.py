@@ -24,7 +24,7 @@ def zeros(rows: int, columns: int = 1) -> ca.SX:
 
 
 def skew(v: ca.SX) -> ca.SX:
-    """The matrix (3, 3) with skew(v) @ w = v × w."""
+    """S (3, 3) with S @ w = v × w."""
     return ca.sparsify(
         ca.vertcat(
             ca.horzcat(ca.SX(1, 1), -v[2], v[1]),
@@ -50,7 +50,7 @@ def motion_transform(rotation: ca.SX, position: ca.SX) -> ca.SX:
 
 
 def motion_cross(v: ca.SX) -> ca.SX:
-    """The matrix (6, 6) with motion_cross(v) @ m = v × m for motion vectors (Featherstone 2.31)."""
+    """C (6, 6) with C @ m = v × m for motion vectors (Featherstone 2.31)."""
     angular, linear = skew(v[:3]), skew(v[3:])
     return ca.sparsify(ca.vertcat(ca.horzcat(angular, zeros(3, 3)), ca.horzcat(linear, angular)))
 
@@ -72,13 +72,34 @@ def symmetric(matrix: ca.SX) -> ca.SX:
 
 
 def solve_spd(matrix: ca.SX, right: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Solve a symmetric positive definite system by L D Lᵀ without pivoting, and return its pivots as well."""
-    size = matrix.shape[0]
-    if size == 1:
+    """Solve a symmetric positive definite system by L D Lᵀ without pivoting, and return its pivots as well.
+
+    Each row has its pivot, in the row's own unit. Where the matrix is not definite, a pivot is not positive.
+    """
+    if matrix.shape[0] == 1:
         return right / matrix, matrix
     if matrix.is_constant():
-        dense = np.array(ca.DM(matrix))
-        pivots = np.diag(np.linalg.cholesky(dense)) ** 2 if np.all(np.linalg.eigvalsh(dense) > 0) else np.zeros(size)
-        return constant(np.linalg.pinv(dense)) @ right, ca.SX(ca.DM(pivots))
-    pivots, transposed, order = ca.ldl(matrix)
-    return ca.ldl_solve(right, pivots, transposed, order), pivots
+        inverse, numbers = inverse_spd(np.array(ca.DM(matrix)))
+        return constant(inverse) @ right, ca.SX(ca.DM(numbers))
+    factors, transposed, order = ca.ldl(matrix)
+    pivots = ca.SX(matrix.shape[0], 1)
+    pivots[order] = factors
+    return ca.ldl_solve(right, factors, transposed, order), pivots
+
+
+def inverse_spd(matrix: Array) -> tuple[Array, Array]:
+    """The inverse (n, n) of a symmetric positive definite matrix by L D Lᵀ, and its pivots (n,).
+
+    Zeros stay zeros, and the units of the rows may differ by any factor. Of a matrix that is not definite the first
+    pivot that is not positive and all after it are given as zero, and the inverse is of what comes before.
+    """
+    size = len(matrix)
+    rest, lower, pivots = matrix.copy(), np.eye(size), np.zeros(size)
+    for k in range(size):
+        if not rest[k, k] > 0.0:
+            break
+        pivots[k] = rest[k, k]
+        lower[k + 1 :, k] = rest[k + 1 :, k] / pivots[k]
+        rest[k + 1 :, k + 1 :] -= np.outer(lower[k + 1 :, k], rest[k, k + 1 :])
+    unit = np.linalg.inv(lower)
+    return unit.T @ (np.divide(1.0, pivots, where=pivots > 0.0, out=np.zeros(size))[:, None] * unit), pivots

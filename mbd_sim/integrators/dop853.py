@@ -1,4 +1,4 @@
-"""Coefficients of the explicit Runge–Kutta method of order 8 by Dormand and Prince (Hairer, Nørsett & Wanner, code DOP853)."""
+"""Coefficients of Dormand and Prince's explicit Runge–Kutta method of order 8 (Hairer, Nørsett & Wanner, DOP853)."""
 
 A: tuple[tuple[float, ...], ...] = (
     (),

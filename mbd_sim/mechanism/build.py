@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from mbd_sim.errors import MechanismError, Problem, listed, nearest
+from mbd_sim.errors import MechanismError, Problem, listed, nearest, quoted
 from mbd_sim.mechanism import inertia, schema
 from mbd_sim.mechanism import rotation as rot
 from mbd_sim.mechanism.model import GROUND, Joint, Limits, Mechanism, Part, Pose, identity_pose
@@ -21,26 +21,16 @@ def build(file: schema.MechanismFile, parameters: Mapping[str, float], source: S
 
     :raises MechanismError: with every reference, mass and connection that is wrong.
     """
-    problems: list[Problem] = []
-    if GROUND in file.parts:
-        problems.append(source.problem(("parts", GROUND), "'ground' is always there", "Choose another name."))
-    parts = {name: _part(name, record, source, problems) for name, record in file.parts.items()}
-    ground_points = _poses(file.ground.points)
-    places = {name: part.points for name, part in parts.items()} | {GROUND: ground_points}
-    joints = {
-        name: joint
-        for name, record in file.joints.items()
-        if (joint := _joint(name, record, places, source, problems)) is not None
-    }
+    parts, joints, ground_points, problems = assemble(file.parts, file.joints, file.ground, source)
     if problems:
-        raise MechanismError(problems)
+        raise MechanismError(in_order(problems))
     tree = spanning_tree(parts, joints.values())
     problems += [_loop(source, name) for name in tree.closing]
-    problems += [_unconnected(source, name, joints.values()) for name in tree.unreached]
+    problems += _unconnected(source, tree.unreached, joints.values())
     if not problems:
         problems += [_massless(source, joints[name]) for name in tree.massless(parts)]
     if problems:
-        raise MechanismError(sorted(problems, key=lambda problem: problem.line))
+        raise MechanismError(in_order(problems))
     joints = {name: dataclasses.replace(joint, reversed=name in tree.reversed_joints) for name, joint in joints.items()}
     return Mechanism(
         name=file.mechanism,
@@ -55,6 +45,33 @@ def build(file: schema.MechanismFile, parameters: Mapping[str, float], source: S
         parameters=dict(parameters),
         source=source,
     )
+
+
+def in_order(problems: Iterable[Problem]) -> list[Problem]:
+    """Each problem once, from the top of the file to its bottom."""
+    return sorted(dict.fromkeys(problems), key=lambda problem: problem.line)
+
+
+def assemble(
+    parts: Mapping[str, schema.Part],
+    joints: Mapping[str, schema.AnyJoint],
+    ground: schema.Ground,
+    source: Source,
+    unreadable: Collection[str] = (),
+) -> tuple[dict[str, Part], dict[str, Joint], dict[str, Pose], list[Problem]]:
+    """Parts with their masses, joints with their ends, the points of ground, and what is wrong with them.
+
+    :param unreadable: parts that the file has but that cannot be read: joints may name them and any point of theirs.
+    """
+    problems: list[Problem] = []
+    if GROUND in parts:
+        problems.append(source.problem(("parts", GROUND), "'ground' is always there", "Choose another name."))
+    built = {name: _part(name, record, source, problems) for name, record in parts.items()}
+    ground_points = _poses(ground.points)
+    places: dict[str, Mapping[str, Pose] | None] = dict.fromkeys(unreadable)
+    places |= {name: part.points for name, part in built.items()} | {GROUND: ground_points}
+    joined = {name: _joint(name, record, places, source, problems) for name, record in joints.items()}
+    return built, {name: joint for name, joint in joined.items() if joint}, ground_points, problems
 
 
 def _poses(points: Mapping[str, Any]) -> dict[str, Pose]:
@@ -74,9 +91,8 @@ def _part(name: str, record: schema.Part, source: Source, problems: list[Problem
         center = np.array(record.center or (0.0, 0.0, 0.0))
         tensor = _tensor(record.inertia)
         if mass is None:
-            problems.append(
-                source.problem(location, "'mass' is missing", "Add 'mass', or a shape with mass or density.")
-            )
+            remedy = "Add 'mass', or a shape with mass or density."
+            problems.append(source.problem(location, "'mass' is missing", remedy))
         for index, shape in enumerate(shapes):
             if shape.mass is not None or getattr(shape, "density", None) is not None:
                 where = (*location, "shape") if record.shape else (*location, "shapes", index)
@@ -90,11 +106,14 @@ def _part(name: str, record: schema.Part, source: Source, problems: list[Problem
             computed = inertia.of_shapes(shapes, mass)
             mass, center, tensor = computed.mass, computed.center, computed.inertia
         except ValueError as error:
-            problems.append(source.problem(location, str(error)))
+            message, _, remedy = str(error).partition(": ")
+            problems.append(source.problem(location, message, f"{remedy[:1].upper()}{remedy[1:]}." if remedy else ""))
     if (why := inertia.defect(tensor)) is not None:
-        where = (*location, "inertia") if record.inertia is not None else location
-        problems.append(source.problem(where, f"the inertia {why}", "No rigid body has such an inertia."))
-    if not mass and np.any(tensor):
+        given = record.inertia is not None
+        remedy = "No rigid body has such an inertia: check its numbers." if given else "Keep the holes in the material."
+        where = (*location, "inertia") if given else location
+        problems.append(source.problem(where, f"the inertia {why}", remedy))
+    if mass == 0.0 and np.any(tensor):
         problems.append(source.problem(location, "has an inertia without mass", "Give the part a mass."))
     return Part(
         name=name,
@@ -123,7 +142,7 @@ def _tensor(record: schema.Inertia | tuple[float, float, float] | None) -> Any:
 def _joint(
     name: str,
     record: schema.AnyJoint,
-    places: Mapping[str, Mapping[str, Pose]],
+    places: Mapping[str, Mapping[str, Pose] | None],
     source: Source,
     problems: list[Problem],
 ) -> Joint | None:
@@ -139,7 +158,8 @@ def _joint(
         return None
     (parent, parent_pose), (child, child_pose) = ends
     if parent == child:
-        problems.append(source.problem((*location, "between"), f"connects '{parent}' with itself", "Name two parts."))
+        remedy = "Name two different parts."
+        problems.append(source.problem((*location, "between"), f"connects '{parent}' with itself", remedy))
         return None
     fields: dict[str, Any] = {"axis": np.zeros(3), "position": np.zeros(0), "velocity": np.zeros(0)}
     match record:
@@ -170,16 +190,21 @@ def _joint(
     )
 
 
-def _end(text: str, places: Mapping[str, Mapping[str, Pose]]) -> tuple[str, Pose]:
-    part, dot, point = text.partition(".")
+def _end(text: str, places: Mapping[str, Mapping[str, Pose] | None]) -> tuple[str, Pose]:
+    part, dot, point = (word.strip() for word in text.partition("."))
     if part not in places:
-        raise LookupError(f"there is no part '{part}'", nearest(part, places))
-    if not dot:
+        owners = [f"{name}.{part}" for name, points in places.items() if not dot and part in (points or {})]
+        remedy = f"Did you mean its point '{owners[0]}'?" if owners else nearest(part, places)
+        raise LookupError(f"there is no part {quoted(part)}", remedy)
+    points = places[part]
+    if not dot or points is None:
         return part, identity_pose()
-    if point not in places[part]:
-        known = nearest(point, places[part]) or f"'{part}' has no points: add one under its 'points'."
-        raise LookupError(f"'{part}' has no point '{point}'", known)
-    return part, places[part][point]
+    if point not in points:
+        known = nearest(point, points) or f"'{part}' has no points: add one under its 'points'."
+        raise LookupError(
+            f"'{part}' has no point {quoted(point)}" if point else f"no point is named after '{text}'", known
+        )
+    return part, points[point]
 
 
 def _loop(source: Source, name: str) -> Problem:
@@ -190,15 +215,20 @@ def _loop(source: Source, name: str) -> Problem:
     )
 
 
-def _unconnected(source: Source, name: str, joints: Any) -> Problem:
-    used = [joint.name for joint in joints if name in (joint.parent, joint.child)]
-    where = f"is connected only by {listed(used)}, which does not lead to ground" if used else "is in no joint"
-    return source.problem(("parts", name), where, "Connect it; a part that flies freely has a joint of type free.")
+def _unconnected(source: Source, names: Iterable[str], joints: Iterable[Joint]) -> Iterator[Problem]:
+    used: dict[str, list[str]] = {}
+    for joint in joints:
+        for part in (joint.parent, joint.child):
+            used.setdefault(part, []).append(joint.name)
+    remedy = "Connect it with a joint; one that flies freely has a joint of type free, between ground and it."
+    for name in names:
+        by = f"is connected only by {listed(used[name])}, which does not lead to ground" if name in used else ""
+        yield source.problem(("parts", name), by or "is in no joint", remedy)
 
 
 def _massless(source: Source, joint: Joint) -> Problem:
     return source.problem(
         ("joints", joint.name),
         f"nothing that this joint moves has mass: '{joint.outboard}' is a massless chain end",
-        "Give the part a mass or fix it to one that has.",
+        "Give the part a mass, or fix it to a part that has one.",
     )

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from mbd_sim.errors import nearest
+from mbd_sim.errors import nearest, quoted
 
 MAX_LENGTH = 500
 
@@ -25,6 +26,8 @@ _BINARY: dict[type[ast.operator], Callable[[float, float], float]] = {
     ast.Div: lambda a, b: a / b,
     ast.Pow: math.pow,
 }
+# Numbers, names and operators: nothing else reaches Python's parser.
+_TOKENS = re.compile(r"(?>\s+|(?>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])|[^\W\d]\w*|[-+*/(),^])*+")
 
 
 class ExpressionError(ValueError):
@@ -54,10 +57,12 @@ def evaluate(text: str, names: Mapping[str, float]) -> float:
         value = float(_value(_parse(text).body, names))
     except ZeroDivisionError as error:
         raise ExpressionError("division by zero") from error
-    except (ValueError, OverflowError, TypeError) as error:
-        if isinstance(error, ExpressionError):
-            raise
-        raise ExpressionError(f"has no finite value ({error})") from error
+    except ExpressionError:
+        raise
+    except (ValueError, OverflowError) as error:
+        raise ExpressionError("has no finite value") from error
+    except RecursionError as error:
+        raise ExpressionError("is nested too deeply", "Split it into parameters.") from error
     if not math.isfinite(value):
         raise ExpressionError("has no finite value")
     return value
@@ -65,14 +70,17 @@ def evaluate(text: str, names: Mapping[str, float]) -> float:
 
 def _parse(text: str) -> ast.Expression:
     if len(text) > MAX_LENGTH:
-        raise ExpressionError(f"an expression longer than {MAX_LENGTH} characters")
+        raise ExpressionError(f"is longer than {MAX_LENGTH} characters", "Split it into parameters.")
+    if not _TOKENS.fullmatch(text):
+        raise ExpressionError(_NO_VALUE, _EXAMPLES)
     try:
         return ast.parse(text.strip().replace("^", "**"), mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise ExpressionError("not a number, a value with a unit, or an expression", _EXAMPLES) from error
+        raise ExpressionError(_NO_VALUE, _EXAMPLES) from error
 
 
-_EXAMPLES = "Write for example 0.5, 30 deg, or l/2."
+_NO_VALUE = "not a number, a value with a unit, or an expression"
+_EXAMPLES = "Write for example 0.5, 30 deg, l/2, or ${l/2} mm."
 
 
 def _value(node: ast.expr, names: Mapping[str, float]) -> Any:
@@ -84,7 +92,7 @@ def _value(node: ast.expr, names: Mapping[str, float]) -> Any:
                 return names[name]
             if name in CONSTANTS:
                 return CONSTANTS[name]
-            raise ExpressionError(f"unknown name '{name}'", nearest(name, [*names, *CONSTANTS]))
+            raise ExpressionError(f"unknown name {quoted(name)}", nearest(name, [*names, *CONSTANTS]))
         case ast.UnaryOp(op=ast.USub(), operand=operand):
             return -_value(operand, names)
         case ast.UnaryOp(op=ast.UAdd(), operand=operand):
@@ -93,7 +101,7 @@ def _value(node: ast.expr, names: Mapping[str, float]) -> Any:
             return _BINARY[type(op)](_value(left, names), _value(right, names))
         case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
             if name not in FUNCTIONS:
-                raise ExpressionError(f"unknown function '{name}'", nearest(name, FUNCTIONS))
+                raise ExpressionError(f"unknown function {quoted(name)}", nearest(name, FUNCTIONS))
             count, function = FUNCTIONS[name]
             if len(args) != count:
                 raise ExpressionError(f"{name}() takes {count} value{'s' if count > 1 else ''}, not {len(args)}")

@@ -43,11 +43,13 @@ class MassProperties:
 def composite(bodies: Sequence[MassProperties]) -> MassProperties:
     """Several bodies as one; holes have negative mass.
 
-    :raises ValueError: the total mass is not positive.
+    :raises ValueError: the holes take away all mass.
     """
+    if not any(body.mass for body in bodies):
+        return MassProperties(0.0, np.zeros(3), np.zeros((3, 3)))
     mass = math.fsum(body.mass for body in bodies)
-    if mass <= 0.0:
-        raise ValueError(f"the total mass is {mass:g} kg")
+    if mass <= 1e-12 * math.fsum(abs(body.mass) for body in bodies):
+        raise ValueError(f"the total mass is {mass:g} kg: the holes take away all that there is")
     center = sum((body.mass * body.center for body in bodies), np.zeros(3)) / mass
     inertia = sum((body.about(center) for body in bodies), np.zeros((3, 3)))
     return MassProperties(mass, center, inertia)
@@ -138,14 +140,16 @@ def of_shapes(shapes: Sequence[schema.Shape], mass: float | None) -> MassPropert
     if mass is not None and not bare:
         raise ValueError("gives the mass twice: on the part and on its shapes")
     share = 0.0
-    if mass is not None:
+    if mass or (mass is not None and any(own)):
         if len({solid.dimension for solid in bare}) > 1:
-            raise ValueError("shares its mass among shapes of different kinds: give each its own mass")
+            raise ValueError("cannot share its mass among points, lines, surfaces and solids: give each shape its own")
         signed = [(-1 if s.hole else 1) * b.measure for s, b, v in zip(shapes, solids, own, strict=True) if v is None]
         rest = mass - math.fsum((-v if s.hole else v) for s, v in zip(shapes, own, strict=True) if v is not None)
         total = math.fsum(signed)
-        if rest <= 0.0 or total <= 0.0:
-            raise ValueError("leaves no mass for its shapes")
+        if rest <= 0.0:
+            raise ValueError(f"leaves {rest:g} kg for its shapes without mass: 'mass' is that of the whole part")
+        if total <= 0.0:
+            raise ValueError("has holes as large as its material: make them smaller")
         share = rest / total
     bodies = []
     for shape, solid, value in zip(shapes, solids, own, strict=True):
@@ -162,11 +166,14 @@ def _own_mass(shape: schema.Shape, solid: _Solid) -> float | None:
 
 def defect(inertia: Array) -> str | None:
     """What makes a matrix no inertia of any body, or None: it needs moments ≥ 0 that meet the triangle inequality."""
+    if not np.all(np.isfinite(inertia)):
+        return None  # of parameters that are reported themselves
     moments = np.linalg.eigvalsh(inertia)
     slack = 1e-9 * max(float(np.max(np.abs(moments))), 1e-300)
     text = ", ".join(f"{moment:.6g}" for moment in moments)
     if moments[0] < -slack:
         return f"has a negative principal moment (principal moments {text} kg·m²)"
     if moments[0] + moments[1] < moments[2] - slack:
-        return f"violates the triangle inequality: the largest principal moment exceeds the sum of the others ({text} kg·m²)"
+        excess = "the largest principal moment exceeds the sum of the others"
+        return f"violates the triangle inequality: {excess} (principal moments {text} kg·m²)"
     return None

@@ -1,6 +1,6 @@
 """The numeric fields of a mechanism file: a number, a value with a unit, or an expression.
 
-A field of type `Length` takes `0.5`, `12 in`, `l/2`, `${l/2}` and `${l/2} mm`, and holds metres.
+A field of type `Length` takes `0.5`, `12 in`, `l/2`, `${l/2}`, `-${l}/2` and `${l/2} mm`, and holds metres.
 """
 
 from __future__ import annotations
@@ -14,22 +14,35 @@ from typing import Annotated, Any
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from mbd_sim.mechanism.expression import ExpressionError, evaluate
+from mbd_sim.errors import quoted
+from mbd_sim.mechanism.expression import MAX_LENGTH, ExpressionError, evaluate, names_in
 from mbd_sim.mechanism.units import factor, si_factor
 
-_NUMBER_WITH_UNIT = re.compile(
-    r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ°%][\w°%·*/^ ().-]*)\s*", re.ASCII
+# Beyond these, products such as density · r³ · r² would overflow or vanish.
+LARGEST, SMALLEST = 1e40, 1e-60
+
+_UNIT = r"([A-Za-zµμ°%][\w°%·*/^ ().-]*)"
+_NUMBER_WITH_UNIT = re.compile(rf"([-+]?(?>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?))\s*{_UNIT}", re.ASCII)
+_TEMPLATE_WITH_UNIT = re.compile(rf"(.*\}})\s*{_UNIT}", re.ASCII)
+_BRACED = re.compile(r"\$\{([^{}]*)\}")
+_ARITHMETIC_WITH_UNIT = re.compile(rf"(.*[\w)])\s+{_UNIT}", re.ASCII)
+# What texts copied from books and web pages hold in place of plain characters.
+_PLAIN = str.maketrans(
+    {"\u00a0": " ", "\u2009": " ", "\u202f": " ", "−": "-", "×": "*", "·": "*", "²": "**2", "³": "**3"}
 )
-_TEMPLATE = re.compile(r"\s*\$\{([^{}]*)\}\s*(.*?)\s*")
 
 
 def split_unit(text: str) -> tuple[str, str]:
-    """An expression and its unit (`""` where none is given): `"30 deg"` is `("30", "deg")`."""
-    template = _TEMPLATE.fullmatch(text)
-    if template:
-        return template[1], template[2]
-    number = _NUMBER_WITH_UNIT.fullmatch(text)
-    return (number[1], number[2].strip()) if number else (text, "")
+    """An expression and its unit (`""` where none is given): `"30 deg"` is `("30", "deg")`.
+
+    :raises ExpressionError: the text is too long to be a value.
+    """
+    if len(text) > MAX_LENGTH:
+        raise ExpressionError(f"is longer than {MAX_LENGTH} characters", "Split it into parameters.")
+    text = text.translate(_PLAIN).strip()
+    form = _TEMPLATE_WITH_UNIT if "${" in text else _NUMBER_WITH_UNIT
+    expression, unit = found.groups() if (found := form.fullmatch(text)) else (text, "")
+    return _BRACED.sub(r"(\1)", expression), unit.strip()
 
 
 def parse_value(value: object, names: Mapping[str, float], si_unit: str | None) -> float:
@@ -41,14 +54,40 @@ def parse_value(value: object, names: Mapping[str, float], si_unit: str | None) 
         raise ExpressionError("must be a number", "Write for example 0.5, 30 deg, or l/2.")
     if isinstance(value, str):
         expression, unit = split_unit(value)
-        number = evaluate(expression, names)
+        number = _evaluated(expression, names)
         if unit:
-            number *= si_factor(unit) if si_unit is None else factor(unit, si_unit)
+            number *= _factor(expression, unit, names, si_unit)
     else:
         number = float(value)
     if not math.isfinite(number):
-        raise ExpressionError("must be finite")
+        raise ExpressionError("must be finite", "Write a number such as 0.5 or 1e6.")
     return number
+
+
+def _evaluated(expression: str, names: Mapping[str, float]) -> float:
+    try:
+        return evaluate(expression, names)
+    except ExpressionError as error:
+        form = _ARITHMETIC_WITH_UNIT.fullmatch(expression)
+        if form is None:
+            raise
+        try:
+            evaluate(form[1], names)
+            si_factor(form[2])
+        except ExpressionError:
+            raise error from None
+        braced = quoted(f"${{{form[1]}}} {form[2]}")
+        raise ExpressionError(str(error), f"Put the arithmetic before a unit in braces: {braced}.") from error
+
+
+def _factor(expression: str, unit: str, names: Mapping[str, float], si_unit: str | None) -> float:
+    try:
+        return si_factor(unit) if si_unit is None else factor(unit, si_unit)
+    except ExpressionError as error:
+        if unit in names:
+            remedy = f"To multiply by the parameter, write {expression}*{unit}."
+            raise ExpressionError(str(error), remedy) from error
+        raise
 
 
 @dataclass(frozen=True)
@@ -77,37 +116,44 @@ class Quantity:
         }
 
     def _validate(self, value: Any, info: ValidationInfo) -> float:
-        names = (info.context or {}).get("parameters", {})
+        context = info.context or {}
+        names, unresolved = context.get("parameters", {}), context.get("unresolved", frozenset())
         try:
-            number = parse_value(value, names, self.unit or "radian")
+            if isinstance(value, str) and unresolved and names_in(split_unit(value)[0]) & unresolved:
+                return math.nan  # the parameter is reported; what uses it is not
+            number = parse_value(value, names, self.unit)
+            if abs(number) > LARGEST or 0.0 < abs(number) < SMALLEST:
+                raise ExpressionError(
+                    f"is {number:.3g}, too {'small' if abs(number) < 1.0 else 'large'} to compute with"
+                )
         except ExpressionError as error:
             raise PydanticCustomError("quantity", "{why}", {"why": str(error), "remedy": error.remedy}) from error
         if self.above is not None and not number > self.above:
-            raise _out_of_bounds(f"must be greater than {self.above:g}", number)
+            raise _out_of_bounds(f"must be greater than {self.above:g}", number, "Write a positive number.")
         if self.at_least is not None and not number >= self.at_least:
-            raise _out_of_bounds(f"must be at least {self.at_least:g}", number)
+            raise _out_of_bounds(f"must be at least {self.at_least:g}", number, "Write 0 or a positive number.")
         return number
 
 
-def _out_of_bounds(why: str, number: float) -> PydanticCustomError:
-    return PydanticCustomError("quantity", "{why}", {"why": f"{why}, and is {number:g}", "remedy": ""})
+def _out_of_bounds(why: str, number: float, remedy: str) -> PydanticCustomError:
+    return PydanticCustomError("quantity", "{why}", {"why": f"{why}, and is {number:g}", "remedy": remedy})
 
 
 Number = Annotated[float, Quantity("")]
-Angle = Annotated[float, Quantity("radian")]
-AngularVelocity = Annotated[float, Quantity("radian/second")]
-Length = Annotated[float, Quantity("meter")]
-PositiveLength = Annotated[float, Quantity("meter", above=0)]
-Velocity = Annotated[float, Quantity("meter/second")]
-Acceleration = Annotated[float, Quantity("meter/second**2")]
-PositiveMass = Annotated[float, Quantity("kilogram", above=0)]
-Mass = Annotated[float, Quantity("kilogram", at_least=0)]
-PositiveDensity = Annotated[float, Quantity("kilogram/meter**3", above=0)]
-MomentOfInertia = Annotated[float, Quantity("kilogram*meter**2")]
-PositiveTime = Annotated[float, Quantity("second", above=0)]
-PositiveForce = Annotated[float, Quantity("newton", above=0)]
-PositiveTorque = Annotated[float, Quantity("newton*meter", above=0)]
-LinearStiffness = Annotated[float, Quantity("newton/meter", at_least=0)]
-LinearDamping = Annotated[float, Quantity("newton*second/meter", at_least=0)]
-TorsionStiffness = Annotated[float, Quantity("newton*meter/radian", at_least=0)]
-TorsionDamping = Annotated[float, Quantity("newton*meter*second/radian", at_least=0)]
+Angle = Annotated[float, Quantity("rad")]
+AngularVelocity = Annotated[float, Quantity("rad/s")]
+Length = Annotated[float, Quantity("m")]
+PositiveLength = Annotated[float, Quantity("m", above=0)]
+Velocity = Annotated[float, Quantity("m/s")]
+Acceleration = Annotated[float, Quantity("m/s**2")]
+PositiveMass = Annotated[float, Quantity("kg", above=0)]
+Mass = Annotated[float, Quantity("kg", at_least=0)]
+PositiveDensity = Annotated[float, Quantity("kg/m**3", above=0)]
+MomentOfInertia = Annotated[float, Quantity("kg*m**2")]
+PositiveTime = Annotated[float, Quantity("s", above=0)]
+PositiveForce = Annotated[float, Quantity("N", above=0)]
+PositiveTorque = Annotated[float, Quantity("N*m", above=0)]
+LinearStiffness = Annotated[float, Quantity("N/m", at_least=0)]
+LinearDamping = Annotated[float, Quantity("N*s/m", at_least=0)]
+TorsionStiffness = Annotated[float, Quantity("N*m/rad", at_least=0)]
+TorsionDamping = Annotated[float, Quantity("N*m*s/rad", at_least=0)]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from mbd_sim.mechanism import schema
@@ -9,7 +11,7 @@ from mbd_sim.mechanism.model import Array
 
 
 def skew(v: Array) -> Array:
-    """The matrix (3, 3) with skew(v) @ w = v × w."""
+    """The matrix (3, 3) of the cross product: `skew(v) @ w` is v × w."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
@@ -17,20 +19,22 @@ def unit(v: tuple[float, ...]) -> Array:
     """The vector scaled to length 1, without overflow for very large or small ones."""
     array = np.array(v, dtype=float)
     array /= np.max(np.abs(array))
-    return array / np.linalg.norm(array)
+    return array / math.sqrt(float(array @ array))
 
 
 def about(axis: Array, angle: float) -> Array:
     """The rotation matrix (3, 3) about a unit `axis` by `angle` in rad (Rodrigues' formula)."""
     k = skew(axis)
-    return np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k)
+    rotation: Array = np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k)
+    return rotation
 
 
 def from_quaternion(quaternion: Array) -> Array:
     """The rotation matrix (3, 3) of a unit quaternion (w, x, y, z)."""
     w, v = quaternion[0], quaternion[1:]
     k = skew(v)
-    return np.eye(3) + 2.0 * (w * k + k @ k)
+    rotation: Array = np.eye(3) + 2.0 * (w * k + k @ k)
+    return rotation
 
 
 def to_quaternion(rotation: Array) -> Array:

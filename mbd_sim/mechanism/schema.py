@@ -7,7 +7,17 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, StringConstraints, Tag, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    StringConstraints,
+    Tag,
+    WithJsonSchema,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from mbd_sim.mechanism.quantity import (
@@ -23,7 +33,6 @@ from mbd_sim.mechanism.quantity import (
     PositiveDensity,
     PositiveForce,
     PositiveLength,
-    PositiveMass,
     PositiveTime,
     PositiveTorque,
     TorsionDamping,
@@ -33,18 +42,33 @@ from mbd_sim.mechanism.quantity import (
 
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"
 Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN, max_length=60)]
-Vector = tuple[Length, Length, Length]
-Direction = tuple[Number, Number, Number]
-
-
-class Record(BaseModel):
-    """A mapping in the file: unknown keys are errors."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=False)
 
 
 def _need(message: str, remedy: str) -> PydanticCustomError:
     return PydanticCustomError("record", "{why}", {"why": message, "remedy": remedy})
+
+
+def _not_zero(numbers: tuple[float, ...]) -> tuple[float, ...]:
+    if not any(numbers):
+        raise _need("must not be zero", f"Give for example [{', '.join(['0'] * (len(numbers) - 1))}, 1].")
+    return numbers
+
+
+Vector = tuple[Length, Length, Length]
+Direction = Annotated[tuple[Number, Number, Number], AfterValidator(_not_zero)]
+Quaternion = Annotated[tuple[Number, Number, Number, Number], AfterValidator(_not_zero)]
+Value = Annotated[Any, WithJsonSchema({"type": ["number", "string"]})]
+
+
+class Record(BaseModel):
+    """A mapping in the file: unknown keys are errors, and a key without value counts as not given."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _given(cls, data: Any) -> Any:
+        return {key: value for key, value in data.items() if value is not None} if isinstance(data, dict) else data
 
 
 def _exactly_one(record: Record, *keys: str) -> None:
@@ -59,17 +83,13 @@ class Rotation(Record):
     axis: Direction | None = None
     angle: Angle | None = None
     rpy: tuple[Angle, Angle, Angle] | None = None
-    quaternion: tuple[Number, Number, Number, Number] | None = None
+    quaternion: Quaternion | None = None
 
     @model_validator(mode="after")
     def _one_form(self) -> Rotation:
         _exactly_one(self, "axis", "rpy", "quaternion")
         if (self.axis is None) != (self.angle is None):
             raise _need("axis and angle belong together", "Give both.")
-        for key in ("axis", "quaternion"):
-            value = getattr(self, key)
-            if value is not None and not any(value):
-                raise _need(f"{key} must not be zero", "")
         return self
 
 
@@ -99,7 +119,7 @@ class Ground(Record):
 class Shape(Record):
     """What all shapes share. Without `mass` or `density` a shape takes its share of the part's mass by size."""
 
-    mass: PositiveMass | None = Field(None, description="the shape's own mass")
+    mass: Mass | None = Field(None, description="the shape's own mass; 0 where it is only drawn")
     hole: bool = Field(False, description="takes material away")
     color: Annotated[str, StringConstraints(pattern=r"^#[0-9a-fA-F]{6}$")] | None = None
 
@@ -121,12 +141,6 @@ class AxialShape(Placed):
     """A shape about `axis` (default z)."""
 
     axis: Direction = (0.0, 0.0, 1.0)
-
-    @model_validator(mode="after")
-    def _axis(self) -> AxialShape:
-        if not any(self.axis):
-            raise _need("axis must not be zero", "Default: [0, 0, 1].")
-        return self
 
 
 class Rod(Shape):
@@ -238,7 +252,18 @@ class Part(Record):
         return self
 
 
-class AngleLimits(Record):
+class Limits(Record):
+    """What both kinds of limits share."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Limits:
+        lower, upper = getattr(self, "lower"), getattr(self, "upper")  # noqa: B009  (of the subclasses)
+        if lower >= upper:
+            raise _need(f"lower {lower:g} is not below upper {upper:g}", "Swap them.")
+        return self
+
+
+class AngleLimits(Limits):
     """The range of a revolute joint; with `stiffness` its ends are elastic stops."""
 
     lower: Angle
@@ -246,7 +271,7 @@ class AngleLimits(Record):
     stiffness: TorsionStiffness | None = None
 
 
-class LengthLimits(Record):
+class LengthLimits(Limits):
     """The range of a prismatic joint; with `stiffness` its ends are elastic stops."""
 
     lower: Length
@@ -264,15 +289,6 @@ class AxisJoint(Joint):
     """A joint along or about `axis`, given in the first part's point frame."""
 
     axis: Direction
-
-    @model_validator(mode="after")
-    def _checked(self) -> AxisJoint:
-        if not any(self.axis):
-            raise _need("axis must not be zero", "Give a direction such as [0, 1, 0].")
-        limits = getattr(self, "limits", None)
-        if limits is not None and limits.lower >= limits.upper:
-            raise _need(f"limits: lower {limits.lower:g} is not below upper {limits.upper:g}", "Swap them.")
-        return self
 
 
 class RevoluteJoint(AxisJoint):
@@ -334,7 +350,7 @@ class MechanismFile(Record):
 
     mechanism: Name = Field(description="the mechanism's name")
     description: str = ""
-    parameters: dict[Name, Any] = Field({}, description="named numbers, which expressions may use")
+    parameters: dict[Name, Value] = Field({}, description="named numbers, which expressions may use")
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, -9.81)
     integrator: Integration = Integration()
     ground: Ground = Ground()

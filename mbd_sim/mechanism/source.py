@@ -14,7 +14,7 @@ from typing import Any
 
 import yaml
 
-from mbd_sim.errors import MechanismError, Problem
+from mbd_sim.errors import MechanismError, Problem, nearest, quoted
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 40
@@ -31,17 +31,25 @@ _WORDS: dict[str, Any] = {
 }  # fmt: skip
 _INFINITY = re.compile(r"([-+]?)\.(inf|Inf|INF)")
 
+# What YAML does not allow in a text, and what half of a split character leaves behind.
+_UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_PLAIN_KEY = re.compile(r"[\w<-]{1,60}")
+
 _Loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 
 
 @dataclass
 class Source:
-    """A parsed file: its data, and the line of each value by its location (a tuple of keys and indices)."""
+    """A parsed file: its data, and the line of each value by its location (a tuple of keys and indices).
+
+    `problems` are those that did not keep the file from being read, such as a key given twice.
+    """
 
     data: Any
     lines: dict[Location, int] = field(default_factory=dict)
     file: str = ""
     text: str = ""
+    problems: list[Problem] = field(default_factory=list)
 
     def line(self, location: Location) -> int:
         """The line of the value at `location`, or of the nearest thing that encloses it."""
@@ -56,7 +64,7 @@ class Source:
             message=message,
             remedy=remedy,
             key=dotted(location),
-            value="" if value is None else shown(value),
+            value="" if value is None else quoted(value),
             file=self.file,
             line=self.line(location),
         )
@@ -66,14 +74,11 @@ def dotted(location: Location) -> str:
     """`('parts', 'rod', 'center', 2)` as `parts.rod.center[2]`."""
     text = ""
     for step in location:
-        text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else str(step)
+        if isinstance(step, int):
+            text += f"[{step}]"
+        else:
+            text += ("." if text else "") + (step if _PLAIN_KEY.fullmatch(step) else quoted(step))
     return text
-
-
-def shown(value: Any, most: int = 60) -> str:
-    """A value as the user would recognise it, cut to `most` characters."""
-    text = str(value) if isinstance(value, int | float) else repr(value)
-    return text if len(text) <= most else text[: most - 1] + "…"
 
 
 def read_source(path: Path) -> Source:
@@ -88,9 +93,10 @@ def read_source(path: Path) -> Source:
             raise _refused(str(path), 1, f"the file is larger than {MAX_BYTES} bytes", "A mechanism file is a few kB.")
         text = raw.decode("utf-8")
     except UnicodeDecodeError as error:
-        raise _refused(str(path), 1, f"not UTF-8 text: {error.reason} at byte {error.start}", "") from error
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise _refused(str(path), line, f"not UTF-8 text: {error.reason}", "Save the file as UTF-8.") from error
     except OSError as error:
-        raise _refused(str(path), 0, f"cannot read the file: {error.strerror}", "") from error
+        raise _refused(str(path), 0, f"cannot read the file: {error.strerror}", "Check its permissions.") from error
     return parse_source(text, file=str(path))
 
 
@@ -99,6 +105,9 @@ def parse_source(text: str, file: str = "<text>") -> Source:
     source = Source(data=None, file=file, text=text)
     if len(text) > MAX_BYTES:
         raise _refused(file, 1, f"the text is longer than {MAX_BYTES} characters", "A mechanism file is a few kB.")
+    if unprintable := _UNPRINTABLE.search(text):
+        line = text.count("\n", 0, unprintable.start()) + 1
+        raise _refused(file, line, f"the character U+{ord(unprintable[0]):04X} is not allowed", "Remove it.")
     try:
         root = _Composer(text, file).compose()
     except yaml.MarkedYAMLError as error:
@@ -116,7 +125,9 @@ def _yaml_remedy(text: str, line: int) -> str:
     lines = text.splitlines()
     if 0 < line <= len(lines) and "${" in lines[line - 1] and re.search(r"[\[{,]\s*[^'\"]*\$\{", lines[line - 1]):
         return 'Inside [ ] and { } write the expression bare (l/2) or quoted ("${l/2}").'
-    return "Check indentation and punctuation near this line."
+    if 0 < line <= len(lines) and re.match(r"\s*\t", lines[line - 1]):
+        return "Indent with spaces, not with tabs."
+    return "Check indentation and punctuation near this line; a value that holds ': ' or ' #' needs quotes."
 
 
 def _refused(file: str, line: int, message: str, remedy: str) -> MechanismError:
@@ -145,7 +156,7 @@ class _Composer:
         stack = [root]
         documents = values = 0
         for event in yaml.parse(self.text, Loader=_Loader):
-            line = event.start_mark.line + 1
+            line = event.start_mark.line + 1 if event.start_mark else 1
             if isinstance(event, yaml.DocumentStartEvent):
                 documents += 1
                 if documents > 1:
@@ -156,7 +167,7 @@ class _Composer:
                 continue
             values += 1
             if values > MAX_VALUES:
-                raise _refused(self.file, line, f"more than {MAX_VALUES} values", "")
+                raise _refused(self.file, line, f"more than {MAX_VALUES} values", "A mechanism file has hundreds.")
             node = self._node(event, line)
             stack[-1].items.append(node)
             if isinstance(event, yaml.CollectionStartEvent):
@@ -168,11 +179,13 @@ class _Composer:
     def _node(self, event: yaml.NodeEvent, line: int) -> _Node:
         if isinstance(event, yaml.AliasEvent):
             if event.anchor not in self.anchors:
-                raise _refused(self.file, line, f"unknown alias *{event.anchor}", nearest_anchor(self.anchors))
+                known = nearest(event.anchor, self.anchors) or f"Mark a value before it with &{event.anchor[:60]}."
+                raise _refused(self.file, line, f"unknown alias {quoted('*' + event.anchor)}", known)
             return self.anchors[event.anchor]
-        tag = event.tag
+        tag: str | None = getattr(event, "tag", None)
         if tag and tag != "!":
-            raise _refused(self.file, line, f"the tag {tag} is not allowed", "Write plain values.")
+            tag = quoted(tag.replace("tag:yaml.org,2002:", "!!"))
+            raise _refused(self.file, line, f"the tag {tag} is not allowed", "Write plain values, without it.")
         if isinstance(event, yaml.ScalarEvent):
             node = _Node("scalar", line, text=event.value, plain=bool(event.implicit[0]))
         else:
@@ -180,11 +193,6 @@ class _Composer:
         if event.anchor:
             self.anchors[event.anchor] = node
         return node
-
-
-def nearest_anchor(anchors: dict[str, _Node]) -> str:
-    """Which aliases there are."""
-    return "Anchors before it: " + (", ".join(anchors) or "none") + "."
 
 
 class _Constructor:
@@ -198,8 +206,11 @@ class _Constructor:
     def construct(self, node: _Node, location: Location) -> Any:
         self.count += 1
         if self.count > MAX_VALUES:
-            raise _refused(self.source.file, node.line, f"aliases expand to more than {MAX_VALUES} values", "")
-        if len(location) > MAX_DEPTH or id(node) in self.open:
+            remedy = "Use fewer aliases."
+            raise _refused(self.source.file, node.line, f"aliases expand to more than {MAX_VALUES} values", remedy)
+        if id(node) in self.open:
+            raise _refused(self.source.file, node.line, "an alias stands inside what it repeats", "Remove it.")
+        if len(location) > MAX_DEPTH:
             raise _refused(self.source.file, node.line, f"nested deeper than {MAX_DEPTH} levels", "Flatten the file.")
         self.source.lines.setdefault(location, node.line)
         if node.kind == "scalar":
@@ -217,26 +228,35 @@ class _Constructor:
         merged: list[tuple[_Node, Any]] = []
         for key_node, value_node in zip(node.items[::2], node.items[1::2], strict=True):
             if key_node.kind != "scalar":
-                raise _refused(self.source.file, key_node.line, "a key must be a word", "")
+                remedy = "In [ ] and { } and at the start of a line, quote texts that hold ? or { or [."
+                raise _refused(self.source.file, key_node.line, "a key must be a word", remedy)
             key = key_node.text
             if key == "<<" and key_node.plain:
                 merged.append((value_node, self.construct(value_node, (*location, "<<"))))
                 continue
             if key in mapping:
-                raise _refused(
-                    self.source.file, key_node.line, f"the key '{key}' is given twice", "Remove one of them."
+                first = self.source.lines[(*location, key)]
+                self._complain(
+                    (*location, key), key_node.line, f"is given twice, first on line {first}", "Remove one of them."
                 )
+                continue
             self.source.lines[(*location, key)] = key_node.line
             mapping[key] = self.construct(value_node, (*location, key))
         for value_node, value in merged:
             for source in value if isinstance(value, list) else [value]:
                 if not isinstance(source, dict):
-                    raise _refused(self.source.file, value_node.line, "'<<' must merge a mapping", "")
+                    message = "must merge a mapping, or a list of mappings"
+                    self._complain((*location, "<<"), value_node.line, message, "Write <<: *name, with &name at one.")
+                    continue
                 for key, inherited in source.items():
                     if key not in mapping:
                         self.source.lines[(*location, key)] = value_node.line
                         mapping[key] = inherited
         return mapping
+
+    def _complain(self, location: Location, line: int, message: str, remedy: str) -> None:
+        problem = Problem(message, remedy, key=dotted(location), file=self.source.file, line=line)
+        self.source.problems.append(problem)
 
 
 def _scalar(node: _Node) -> Any:

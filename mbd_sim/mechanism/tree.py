@@ -35,6 +35,10 @@ class SpanningTree:
 def spanning_tree(parts: Mapping[str, Part], joints: Iterable[Joint]) -> SpanningTree:
     """Breadth first from ground, in declared order, so that loops are cut as far from ground as possible."""
     joints = list(joints)
+    at: dict[str, list[Joint]] = {}
+    for joint in joints:
+        at.setdefault(joint.parent, []).append(joint)
+        at.setdefault(joint.child, []).append(joint)
     outboard: dict[str, str] = {}
     inboard: dict[str, str] = {}
     reached, front = {GROUND}, [GROUND]
@@ -42,9 +46,7 @@ def spanning_tree(parts: Mapping[str, Part], joints: Iterable[Joint]) -> Spannin
     while front:
         grown = []
         for part in front:
-            for joint in joints:
-                if joint.name in outboard or part not in (joint.parent, joint.child):
-                    continue
+            for joint in at.get(part, []):
                 other = joint.child if part == joint.parent else joint.parent
                 if other in reached:
                     continue

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import ast
+import difflib
 import functools
-from typing import TYPE_CHECKING
+import re
+from collections.abc import Callable
+from typing import Any
 
+from mbd_sim.errors import quoted
 from mbd_sim.mechanism.expression import ExpressionError
-
-if TYPE_CHECKING:
-    import pint
 
 # The units of mechanics only: building pint's full registry costs 0.13 s at every start, this one 2 ms.
 _DEFINITIONS = """
@@ -19,6 +21,7 @@ centi- = 1e-2 = c-
 deci- = 1e-1 = d-
 milli- = 1e-3 = m-
 micro- = 1e-6 = µ- = μ- = u-
+nano- = 1e-9 = n-
 meter = [length] = m = metre
 second = [time] = s = sec
 gram = [mass] = g
@@ -37,8 +40,8 @@ watt = joule / second = W
 pascal = newton / meter ** 2 = Pa
 liter = 1e-3 * meter ** 3 = L = litre
 tonne = 1000 * kilogram = t
-inch = 0.0254 * meter = in
-foot = 12 * inch = ft
+inch = 0.0254 * meter = in = inches
+foot = 12 * inch = ft = feet
 yard = 3 * foot = yd
 mile = 5280 * foot = mi
 pound = 0.45359237 * kilogram = lb
@@ -49,47 +52,110 @@ slug = pound_force * second ** 2 / foot
 """
 
 UNIT_WORDS = "m, mm, in, ft, kg, g, lb, slug, s, ms, rad, deg, rpm, N, lbf, J, W and products such as N*m/rad"
+MAX_LENGTH = 60
+MAX_EXPONENT = 9
+
+_SPELLINGS = {
+    r"°": "degree",
+    r"%": "percent",
+    r"·": "*",
+    r"\^": "**",
+    r"\bin\b": "inch",
+    r"(?<=\w)\s+(?=\w)": "*",
+}
+_NAMES = sorted(set(re.findall(r"\b[A-Za-z]\w*(?=\s*=|\s*$)", _DEFINITIONS, re.MULTILINE)) - {"pi", "gram"})
 
 
 @functools.cache
-def _registry() -> pint.UnitRegistry:
+def _registry() -> Any:
     import pint
 
-    registry = pint.UnitRegistry(None)
+    registry: Any = pint.UnitRegistry(None)
     registry.load_definitions(_DEFINITIONS.strip().splitlines())
     return registry
 
 
-@functools.cache
+@functools.lru_cache(maxsize=1024)
 def factor(unit: str, si_unit: str) -> float:
-    """What a value in `unit` is multiplied by to be in `si_unit`.
+    """What a value in `unit` is multiplied by to be in `si_unit` (`""` for a plain number).
 
     :raises ExpressionError: an unknown unit, or one of another dimension.
     """
-    import pint
-
-    registry = _registry()
-    try:
-        given = registry.parse_units(unit.replace("·", "*"))
-    except (pint.errors.PintError, ValueError, TypeError, AttributeError, KeyError) as error:
-        raise ExpressionError(f"unknown unit '{unit}'", f"Known: {UNIT_WORDS}.") from error
-    wanted = registry.parse_units(si_unit)
+    given, wanted = _unit(unit), _unit(si_unit) if si_unit else _registry().parse_units("")
     if given.dimensionality != wanted.dimensionality:
-        raise ExpressionError(f"'{unit}' is not a unit of the quantity that stands here", f"Give it in {si_unit}.")
-    return float(registry.Quantity(1.0, given).to(wanted).magnitude)
+        here = f"a value in {si_unit}" if si_unit else "a plain number"
+        remedy = f"Write for example {f'0.5 {si_unit}'.strip()}."
+        raise ExpressionError(f"the unit {quoted(unit)} does not fit, as {here} stands here", remedy)
+    return _finite(lambda: float(_registry().Quantity(1.0, given).to(wanted).magnitude), unit)
 
 
-@functools.cache
+@functools.lru_cache(maxsize=1024)
 def si_factor(unit: str) -> float:
     """What a value in `unit` is multiplied by to be in kg, m, s, rad.
 
     :raises ExpressionError: an unknown unit.
     """
+    given = _unit(unit)
+    grams = given.dimensionality.get("[mass]", 0)  # pint's base unit of mass is the gram
+    base = _registry().Quantity
+    return _finite(lambda: float(base(1.0, given).to_base_units().magnitude) * 1e-3 ** float(grams), unit)
+
+
+def _finite(value: Callable[[], float], unit: str) -> float:
+    try:
+        return value()
+    except ArithmeticError as error:
+        raise ExpressionError(f"the unit {quoted(unit)} is too large or too small to compute with") from error
+
+
+def _unit(text: str) -> Any:
+    """The pint unit of a product of named units; pint itself is given names only, as its parser takes far more."""
+    unknown = ExpressionError(f"unknown unit {quoted(text)}", f"Known: {UNIT_WORDS}.")
+    if len(text) > MAX_LENGTH:
+        raise unknown
+    spelled = text
+    for pattern, replacement in _SPELLINGS.items():
+        spelled = re.sub(pattern, replacement, spelled)
+    try:
+        return _product(ast.parse(spelled.strip(), mode="eval").body)
+    except ExpressionError:
+        raise
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        raise unknown from error
+
+
+def _product(node: ast.expr) -> Any:
+    match node:
+        case ast.Name(id=name):
+            return _named(name)
+        case ast.Constant(value=1):
+            return _registry().parse_units("")
+        case ast.BinOp(left=left, op=ast.Mult(), right=right):
+            return _product(left) * _product(right)
+        case ast.BinOp(left=left, op=ast.Div(), right=right):
+            return _product(left) / _product(right)
+        case ast.BinOp(left=left, op=ast.Pow(), right=right):
+            return _product(left) ** _exponent(right)
+    raise ValueError("not a product of units")
+
+
+def _exponent(node: ast.expr) -> int:
+    sign, number = (-1, node.operand) if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) else (1, node)
+    match number:
+        case ast.Constant(value=int() as value) if value <= MAX_EXPONENT:
+            return sign * value
+    raise ExpressionError(f"the power of a unit must be a whole number up to {MAX_EXPONENT}", "Write for example m**2.")
+
+
+def _named(name: str) -> Any:
     import pint
 
     try:
-        quantity = _registry().Quantity(1.0, unit.replace("·", "*")).to_base_units()
-    except (pint.errors.PintError, ValueError, TypeError, AttributeError, KeyError) as error:
-        raise ExpressionError(f"unknown unit '{unit}'", f"Known: {UNIT_WORDS}.") from error
-    grams = quantity.dimensionality.get("[mass]", 0)  # pint's base unit of mass is the gram
-    return float(quantity.magnitude) * 1e-3 ** float(grams)
+        return _registry().parse_units(name)
+    except (pint.errors.PintError, ValueError, TypeError, AttributeError, KeyError, AssertionError) as error:
+        same = [other for other in _NAMES if other.casefold() == name.casefold()]
+        halves = [(name[:cut], name[cut:]) for cut in range(1, len(name))]
+        products = [f"{first}*{second}" for first, second in halves if first in _NAMES and second in _NAMES]
+        close = same or products or difflib.get_close_matches(name, _NAMES, n=1, cutoff=0.6)
+        remedy = (f"Did you mean '{close[0]}'? " if close else "") + f"Known: {UNIT_WORDS}."
+        raise ExpressionError(f"unknown unit {quoted(name)}", remedy) from error

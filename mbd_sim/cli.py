@@ -1,0 +1,127 @@
+"""The command `mbd_sim`: mechanisms checked and run without ROS."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from mbd_sim import __version__
+from mbd_sim.errors import MbdSimError
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code: 0, 1 for a problem that was reported, 2 for a wrong call."""
+    options = _parser().parse_args(arguments)
+    try:
+        return int(options.command(options))
+    except MbdSimError as error:
+        print(error, file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="mbd_sim", description="Multibody mechanisms from a plain file.")
+    parser.add_argument("--version", action="version", version=f"mbd_sim {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    check = commands.add_parser("check", help="say what was understood of a mechanism file")
+    _add_mechanism(check)
+    check.add_argument("--json", action="store_true", help="as JSON")
+    check.set_defaults(command=_check)
+
+    run = commands.add_parser("run", help="run a mechanism as fast as possible, without ROS")
+    _add_mechanism(run)
+    run.add_argument("--time", type=_positive, default=10.0, metavar="S", help="seconds to simulate (default 10)")
+    run.add_argument("--method", help="integration method, instead of the file's")
+    run.add_argument("--step", type=_positive, metavar="S", help="step in seconds, instead of the file's")
+    run.add_argument(
+        "--effort", action="append", default=[], metavar="JOINT=VALUE", help="constant effort on a joint, N or N·m"
+    )
+    run.add_argument("--rerun", metavar="SINK", help="show in Rerun: spawn, serve, connect, or a file.rrd")
+    run.add_argument("--quiet", action="store_true", help="no progress bar")
+    run.set_defaults(command=_run)
+
+    urdf = commands.add_parser("urdf", help="print the mechanism's spanning tree as URDF")
+    _add_mechanism(urdf)
+    urdf.set_defaults(command=_urdf)
+
+    shipped = commands.add_parser("list", help="list the mechanisms that ship")
+    shipped.set_defaults(command=_list)
+
+    schema = commands.add_parser("schema", help="print the JSON Schema of mechanism files, for editors")
+    schema.set_defaults(command=_schema)
+    return parser
+
+
+def _add_mechanism(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("mechanism", metavar="FILE", help="a mechanism file, or the name of one that ships")
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
+    return value
+
+
+def _check(options: argparse.Namespace) -> int:
+    from mbd_sim.report import report, report_text
+    from mbd_sim.simulation import Simulation
+
+    found = report(Simulation.from_file(options.mechanism))
+    print(json.dumps(found, indent=2) if options.json else report_text(found))
+    return 0
+
+
+def _run(options: argparse.Namespace) -> int:
+    from mbd_sim.run import run
+    from mbd_sim.simulation import Simulation
+
+    simulation = Simulation.from_file(options.mechanism, method=options.method, step=options.step)
+    simulation.set_efforts(dict(_assignment(text) for text in options.effort))
+    print(run(simulation, options.time, rerun=options.rerun, quiet=options.quiet))
+    return 0
+
+
+def _assignment(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise MbdSimError(f"--effort {text}: write JOINT=VALUE, for example elbow=2.5") from None
+
+
+def _urdf(options: argparse.Namespace) -> int:
+    from mbd_sim.mechanism.load import load_mechanism
+    from mbd_sim.mechanism.urdf import to_urdf
+
+    print(to_urdf(load_mechanism(options.mechanism)))
+    return 0
+
+
+def _list(options: argparse.Namespace) -> int:
+    from mbd_sim.mechanism.library import shipped
+    from mbd_sim.mechanism.load import load_mechanism
+
+    for name, path in shipped().items():
+        print(f"{name:24s} {load_mechanism(Path(path)).description.splitlines()[0]}")
+    return 0
+
+
+def _schema(options: argparse.Namespace) -> int:
+    from mbd_sim.mechanism.validate import json_schema
+
+    print(json.dumps(json_schema(), indent=2))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,49 @@
+"""Efforts as commanded: checked as a whole, then clamped to what the joints can take."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mbd_sim.errors import CommandError, listed, nearest
+from mbd_sim.mechanism.model import Array
+
+
+class EffortMap:
+    """Commands by order or by name to one effort for each degree of freedom, in N or N·m."""
+
+    def __init__(self, names: Sequence[str], limits: Array) -> None:
+        self.names, self.limits = tuple(names), limits
+        self._index = {name: index for index, name in enumerate(self.names)}
+
+    def merged(self, current: Array, efforts: Mapping[str, float] | Sequence[float] | Array) -> Array:
+        """The efforts (nv,) after a command; those that it does not name stay as in `current`.
+
+        :raises CommandError: wrong length, an unknown name, or a value that is not a finite number.
+        """
+        merged = current.copy()
+        try:
+            if isinstance(efforts, Mapping):
+                for name, value in efforts.items():
+                    if name not in self._index:
+                        raise CommandError(f"there is no joint '{name}'. {nearest(name, self._index)}")
+                    merged[self._index[name]] = value
+            elif len(efforts) != len(self.names):
+                wanted = f"Send one for each of: {listed(self.names)}."
+                raise CommandError(f"{len(efforts)} efforts for {len(self.names)} joints. {wanted}")
+            else:
+                merged[:] = efforts
+        except (TypeError, ValueError) as error:
+            if isinstance(error, CommandError):
+                raise
+            raise CommandError(f"an effort is not a number ({error}).") from error
+        if not np.all(np.isfinite(merged)):
+            bad = [name for name, value in zip(self.names, merged, strict=True) if not math.isfinite(value)]
+            raise CommandError(f"the effort of {listed(bad)} is not finite.")
+        return merged
+
+    def clamped(self, efforts: Array) -> Array:
+        """The efforts within the joints' effort limits."""
+        return np.clip(efforts, -self.limits, self.limits)

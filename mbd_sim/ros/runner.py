@@ -1,0 +1,220 @@
+"""The simulation in its own thread, in real time: steps, and hands out snapshots. Knows no ROS."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from queue import SimpleQueue
+
+from mbd_sim.errors import DivergedError
+from mbd_sim.mechanism.model import Array
+from mbd_sim.ros.commands import CommandBuffer
+from mbd_sim.ros.pacing import Pacer
+from mbd_sim.simulation import Simulation
+
+WAKE_UP = 1e-3  # seconds of real time between wake-ups, where the step is shorter
+FAST_BATCH = 1000  # steps a wake-up when running as fast as possible
+REPEAT = 0.5  # seconds of real time between repeated states while paused, for those who come to listen later
+BACKLOG = 200  # snapshots that may wait when running as fast as possible
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """The state at a tick. `clock_ns` is the node's simulated clock, `time` that of the mechanism in s.
+
+    `ticks` counts the steps since the node started, over all resets. `state` and `clock` say what is due, and
+    `repeated` that nothing has changed since the last snapshot.
+    """
+
+    ticks: int
+    clock_ns: int
+    time: float
+    y: Array
+    efforts: Array
+    start_energy: float
+    state: bool
+    clock: bool
+    repeated: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened between two steps; `efforts` where new ones took effect."""
+
+    ticks: int
+    clock_ns: int
+    time: float
+    text: str
+    efforts: Array | None = None
+
+
+@dataclass
+class Rates:
+    """What may change while it runs: `real_time_factor` 0 is as fast as possible; rates in Hz of simulated time."""
+
+    real_time_factor: float = 1.0
+    publish: float = 100.0
+    clock: float = 200.0
+
+
+class Runner:
+    """Steps a simulation until it is stopped; commands and requests take effect between two steps."""
+
+    def __init__(self, simulation: Simulation, commands: CommandBuffer, rates: Rates, *, paused: bool = False) -> None:
+        self.simulation, self.commands, self.rates = simulation, commands, rates
+        self.output: SimpleQueue[Snapshot | Event | None] = SimpleQueue()
+        self.pacer = Pacer()
+        self.paused = paused
+        self.ticks = 0
+        self._clock_offset = 0
+        self._step_ns = round(simulation.step_size * 1e9)
+        self._requests: SimpleQueue[tuple[Callable[[], None], threading.Event]] = SimpleQueue()
+        self._wake = threading.Event()
+        self._stopping = False
+        self._thread = threading.Thread(target=self._run, name="stepper", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread and the output; returns when it has ended."""
+        self._stopping = True
+        self._wake.set()
+        self._thread.join()
+        self.output.put(None)
+
+    @property
+    def clock_ns(self) -> int:
+        """The node's simulated clock in ns; it never goes back unless a reset asks for it."""
+        return (self.ticks - self._clock_offset) * self._step_ns
+
+    def pause(self, paused: bool) -> None:
+        """Pause or go on; returns when it is so."""
+        self._ask(lambda: self._set_paused(paused))
+
+    def reset(self, rewind_clock: bool = False) -> None:
+        """Back to the start state; the clock goes on, or starts at zero again."""
+        self._ask(lambda: self._reset(rewind_clock))
+
+    def step(self, steps: int) -> str:
+        """Take some steps while paused; returns what went wrong, or ""."""
+        outcome: list[str] = []
+        self._ask(lambda: outcome.append(self._step_paused(steps)))
+        return outcome[0] if outcome else "the simulation has stopped"
+
+    def _ask(self, action: Callable[[], None]) -> None:
+        done = threading.Event()
+        self._requests.put((action, done))
+        self._wake.set()
+        while not done.wait(0.1):
+            if not self._thread.is_alive():
+                return
+
+    def _run(self) -> None:
+        self._emit(state=True, clock=True)
+        self.pacer.anchor()
+        while not self._stopping:
+            self._serve_requests()
+            if self.paused:
+                if not self._wake.wait(REPEAT):
+                    self._emit(state=True, clock=True, repeated=True)
+                self._wake.clear()
+                self.pacer.anchor()
+                continue
+            steps = self._steps_until_due()
+            self._advance(steps)
+            factor = self.rates.real_time_factor
+            if factor > 0.0:
+                self.pacer.wait(steps * self.simulation.step_size / factor)
+            else:
+                self.pacer.anchor()
+                while self.output.qsize() > BACKLOG and not self._stopping:
+                    time.sleep(1e-3)
+
+    def _serve_requests(self) -> None:
+        while not self._requests.empty():
+            action, done = self._requests.get()
+            action()
+            done.set()
+
+    def _every(self, rate: float) -> int:
+        """Ticks between two publications at `rate`; 0 where it is never due."""
+        return max(1, round(1.0 / (rate * self.simulation.step_size))) if rate > 0.0 else 0
+
+    def _steps_until_due(self) -> int:
+        """Steps to take at once: at most a wake-up's worth, and none beyond the next publication."""
+        factor = self.rates.real_time_factor
+        batch = max(1, round(WAKE_UP * factor / self.simulation.step_size)) if factor > 0.0 else FAST_BATCH
+        for rate in (self.rates.publish, self.rates.clock):
+            every = self._every(rate)
+            if every:
+                batch = min(batch, every - self.ticks % every)
+        return batch
+
+    def _advance(self, steps: int) -> str:
+        """Apply what was commanded, take the steps, hand out what is due; returns what went wrong, or ""."""
+        due = self.commands.due(self.ticks * self.simulation.step_size)
+        if due is not None:
+            self.simulation.set_efforts(due.efforts)
+            self._tell(due.reason, due.efforts)
+        try:
+            self.simulation.step(steps)
+        except DivergedError as error:
+            self._set_paused(True)
+            self._tell(f"diverged: {error}")
+            return str(error)
+        self.ticks += steps
+        publish, clock = self._every(self.rates.publish), self._every(self.rates.clock)
+        state_due = bool(publish) and self.ticks % publish == 0
+        clock_due = bool(clock) and self.ticks % clock == 0
+        if state_due or clock_due:
+            self._emit(state_due, clock_due)
+        return ""
+
+    def _emit(self, state: bool, clock: bool, repeated: bool = False) -> None:
+        simulation = self.simulation
+        self.output.put(
+            Snapshot(
+                ticks=self.ticks,
+                clock_ns=self.clock_ns,
+                time=simulation.time,
+                y=simulation.state,
+                efforts=simulation.efforts.copy(),
+                start_energy=simulation.start_energy,
+                state=state,
+                clock=clock,
+                repeated=repeated,
+            )
+        )
+
+    def _tell(self, text: str, efforts: Array | None = None) -> None:
+        self.output.put(Event(self.ticks, self.clock_ns, self.simulation.time, text, efforts))
+
+    def _set_paused(self, paused: bool) -> None:
+        if paused != self.paused:
+            self.paused = paused
+            self._tell("paused" if paused else "running")
+            self._emit(state=True, clock=True)
+
+    def _reset(self, rewind_clock: bool) -> None:
+        self.simulation.reset()
+        self.commands.clear()
+        if rewind_clock:
+            self._clock_offset = self.ticks
+        self._tell("reset")
+        self._emit(state=True, clock=True)
+
+    def _step_paused(self, steps: int) -> str:
+        if not self.paused:
+            return "running: pause before stepping"
+        left = steps
+        while left > 0:
+            batch = min(left, self._steps_until_due())
+            if problem := self._advance(batch):
+                return problem
+            left -= batch
+        self._emit(state=True, clock=True)
+        return ""

@@ -1,0 +1,71 @@
+"""`mbd_sim run`: a simulation as fast as possible, with a progress bar and a summary."""
+
+from __future__ import annotations
+
+import time
+
+from mbd_sim.simulation import Simulation
+from mbd_sim.viewer import Viewer
+
+SHOWN_RATE = 60.0  # states per simulated second that a viewer gets
+WAITING = 10_000  # states after which the viewer may catch up, so that it drops none
+
+
+def run(simulation: Simulation, duration: float, *, rerun: str | None = None, quiet: bool = False) -> str:
+    """Run for `duration` s and return a summary; `rerun` names a sink of the viewer.
+
+    :raises DivergedError: the motion became infinite.
+    """
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.1f} s"),
+        TimeRemainingColumn(),
+    )
+    viewer = Viewer(simulation.model, rerun, rate=SHOWN_RATE) if rerun else None
+    chunk = max(1, round(1.0 / (SHOWN_RATE * simulation.step_size))) if viewer else 20_000
+    last = round(duration / simulation.step_size)
+    stepping, shown = 0.0, 0
+    try:
+        with Progress(*columns, disable=quiet, transient=True) as progress:
+            task = progress.add_task(simulation.mechanism.name, total=duration)
+            if viewer is not None:
+                viewer.offer(simulation.time, simulation.state, simulation.efforts.copy(), simulation.energies)
+            while simulation.steps < last:
+                began = time.perf_counter()
+                simulation.step(min(chunk, last - simulation.steps))
+                stepping += time.perf_counter() - began
+                progress.update(task, completed=simulation.time)
+                if viewer is not None:
+                    viewer.offer(simulation.time, simulation.state, simulation.efforts.copy(), simulation.energies)
+                    shown += 1
+                    if shown % WAITING == 0:
+                        viewer.flush()
+    finally:
+        if viewer is not None:
+            viewer.close()
+    return _summary(simulation, stepping)
+
+
+def _summary(simulation: Simulation, seconds: float) -> str:
+    energies, steps = simulation.energies, max(simulation.steps, 1)
+    values = [
+        f"  {name:16s} {position: .9g}  {speed: .9g}"
+        for name, position, speed in zip(
+            simulation.coordinate_names, simulation.model.coordinates(simulation.state), simulation.u, strict=True
+        )
+    ]
+    return "\n".join(
+        [
+            f"{simulation.mechanism.name}: {simulation.time:g} s in {simulation.steps} steps "
+            f"of {simulation.step_size:g} s ({simulation.model.method.name})",
+            f"  took             {seconds:.3g} s: {simulation.time / max(seconds, 1e-9):,.0f} × real time, "
+            f"{1e6 * seconds / steps:.3g} µs a step",
+            f"  energy residual  {energies.residual:.3g} J of {energies.total:.6g} J total "
+            f"(applied {energies.work_applied:.6g}, dissipated {energies.dissipated:.6g})",
+            f"  {'coordinate':16s}  position and velocity",
+            *values,
+        ]
+    )

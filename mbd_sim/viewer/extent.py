@@ -1,0 +1,112 @@
+"""Where a mechanism is and where it goes: what the camera, the grid and the sizes of markers are made from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbd_sim.mechanism.model import GROUND, Array, Mechanism, Part, Pose, Shape
+from mbd_sim.model import Model
+
+PREVIEW_TIME = 5.0  # s
+PREVIEW_STEPS = 5_000
+PREVIEW_FRAMES = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Extent:
+    """The box `lower` to `upper` (3,) in ground's frame that the motion fills, in m.
+
+    `size` is the length in m of the mechanism as it starts; markers are sized by it. `normal` (3,) is the unit
+    normal of the plane of motion, None for spatial mechanisms.
+    """
+
+    lower: Array
+    upper: Array
+    size: float
+    normal: Array | None
+
+    @property
+    def center(self) -> Array:
+        """The middle of the box, (3,)."""
+        return (self.lower + self.upper) / 2.0
+
+
+def extent_of(model: Model) -> Extent:
+    """Look at the start and at the first seconds of free motion, which cost milliseconds to compute.
+
+    The motion counts as far as three times the start's own box: what flies away does not take the camera along.
+    """
+    corners = {name: _corners(part) for name, part in model.mechanism.parts.items()}
+    fixed = [pose.position for pose in model.mechanism.ground_points.values()]
+    fixed += [joint.parent_pose.position for joint in model.mechanism.joints.values() if joint.parent == GROUND]
+    frames = _preview(model)
+    points = [_placed(frame, model.part_names, corners) for frame in frames]
+    start = np.vstack([points[0], *fixed]) if fixed else points[0]
+    lower, upper = start.min(axis=0), start.max(axis=0)
+    size = max(float(np.max(upper - lower)), 1e-6)
+    reach = (lower + upper) / 2.0 - 1.5 * size, (lower + upper) / 2.0 + 1.5 * size
+    moved = np.clip(np.vstack(points), *reach)
+    return Extent(
+        np.minimum(lower, moved.min(axis=0)), np.maximum(upper, moved.max(axis=0)), size, _plane(model.mechanism, model)
+    )
+
+
+def _preview(model: Model) -> list[Array]:
+    """Poses (parts, 12) at the start and, without efforts, in the seconds after it."""
+    y, efforts, step = model.start.copy(), np.zeros(model.layout.nv), model.mechanism.step
+    frames = [model.pose_array(y)]
+    last = min(round(PREVIEW_TIME / step), PREVIEW_STEPS)
+    stride = max(last // PREVIEW_FRAMES, 1)
+    for first in range(0, last, stride):
+        if not model.kernel.advance(y.ctypes.data, efforts.ctypes.data, first, step, stride):
+            break
+        frames.append(model.pose_array(y))
+    return frames
+
+
+def _placed(frame: Array, names: tuple[str, ...], corners: dict[str, Array]) -> Array:
+    return np.vstack(
+        [row[:3] + corners[name] @ row[3:].reshape(3, 3) for name, row in zip(names, frame, strict=True)]
+        or [np.zeros((1, 3))]
+    )
+
+
+def _corners(part: Part) -> Array:
+    """Points (n, 3) in the part's frame that bound it."""
+    points = [part.center, *(pose.position for pose in part.points.values())]
+    for shape in part.shapes:
+        half = half_sizes(shape)
+        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+        points += list(shape.pose.position + (signs * half) @ shape.pose.rotation.T)
+    return np.array(points)
+
+
+def half_sizes(shape: Shape) -> Array:
+    """Half the size (3,) of the box around a shape, in m along the shape's own axes."""
+    match shape.kind, shape.size:
+        case (("rod" | "cylinder"), (length, radius)):
+            return np.array([radius, radius, length / 2.0])
+        case (("disc" | "ring"), (radius,)):
+            return np.array([radius, radius, 0.0])
+        case "plate", (x, y):
+            return np.array([x, y, 0.0]) / 2.0
+        case "block", (x, y, z):
+            return np.array([x, y, z]) / 2.0
+    return np.full(3, shape.size[0])
+
+
+def _plane(mechanism: Mechanism, model: Model) -> Array | None:
+    """The normal of the plane in which all joints move, at the start; None when there is no such plane."""
+    poses = {GROUND: Pose(np.zeros(3), np.eye(3)), **model.poses(model.start)}
+    axes: dict[str, list[Array]] = {"revolute": [], "prismatic": []}
+    for joint in mechanism.joints.values():
+        if joint.type in axes:
+            axes[joint.type].append((poses[joint.parent] @ joint.parent_pose).rotation @ joint.axis)
+        elif joint.type != "fixed":
+            return None
+    normal = axes["revolute"][0] if axes["revolute"] else np.array([0.0, 1.0, 0.0])
+    turned = all(abs(float(axis @ normal)) > 1.0 - 1e-6 for axis in axes["revolute"])
+    slid = all(abs(float(axis @ normal)) < 1e-6 for axis in axes["prismatic"])
+    return normal if turned and slid and (axes["revolute"] or axes["prismatic"]) else None

@@ -1,0 +1,117 @@
+"""Rerun's own program, started so that it listens on this machine only."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+LOOPBACK = "127.0.0.1"
+START_TIMEOUT = 20.0  # s
+
+
+def executable() -> str:
+    """The path of Rerun's program: the one that came with the Python package, or one on the PATH.
+
+    :raises OSError: there is none.
+    """
+    package = importlib.util.find_spec("rerun_cli")
+    bundled = [Path(place) / "rerun" for place in (package.submodule_search_locations or [])] if package else []
+    candidates = [os.environ.get("RERUN_CLI_PATH"), *bundled, shutil.which("rerun")]
+    for candidate in candidates:
+        if candidate and Path(candidate).is_file():
+            return str(candidate)
+    raise OSError("the program 'rerun' is not installed. Install it with: pip install rerun-sdk")
+
+
+def start_server(port: int, web_port: int) -> subprocess.Popen[bytes]:
+    """A server for data on `port` and for browsers on `web_port`; it lives until it is told to stop.
+
+    :raises OSError: it does not come up.
+    """
+    arguments = ["--serve-web", "--bind", LOOPBACK, "--port", str(port), "--web-viewer-port", str(web_port)]
+    with tempfile.TemporaryFile() as log:
+        server = subprocess.Popen([executable(), *arguments], stdin=subprocess.DEVNULL, stdout=log, stderr=log)  # noqa: S603  (own arguments)
+        deadline = time.monotonic() + START_TIMEOUT
+        while not (listens(LOOPBACK, port) and listens(LOOPBACK, web_port)):
+            if server.poll() is not None or time.monotonic() > deadline:
+                server.kill()
+                server.wait()
+                log.seek(0)
+                raise OSError(f"Rerun's server does not come up: {_last_line(log.read())}")
+            time.sleep(0.02)
+    return server
+
+
+def spawn_window(port: int) -> None:
+    """A window that takes data on `port` and stays open when this process ends.
+
+    :raises OSError: it does not come up, or there is no display to open it on.
+    """
+    if sys.platform == "linux" and not any(os.environ.get(key) for key in ("DISPLAY", "WAYLAND_DISPLAY")):
+        raise OSError("there is no display to open a window on. Use 'serve' for a browser, or a path ending in '.rrd'")
+    arguments = ["--bind", LOOPBACK, "--port", str(port), "--expect-data-soon", "--detach-process"]
+    done = subprocess.run(  # noqa: S603  (own arguments)
+        [executable(), *arguments], stdin=subprocess.DEVNULL, capture_output=True, check=False, timeout=START_TIMEOUT
+    )
+    if done.returncode != 0:
+        raise OSError(f"Rerun's window does not open: {_last_line(done.stderr)}")
+    deadline = time.monotonic() + START_TIMEOUT
+    while not listens(LOOPBACK, port):
+        if time.monotonic() > deadline:
+            raise OSError(f"Rerun's window does not take data on port {port}")
+        time.sleep(0.02)
+
+
+def stop(server: subprocess.Popen[bytes]) -> None:
+    """End a server."""
+    server.terminate()
+    try:
+        server.wait(5.0)
+    except subprocess.TimeoutExpired:
+        server.kill()
+        server.wait()
+
+
+def listens(host: str, port: int, timeout: float = 2.0) -> bool:
+    """Whether something takes connections there."""
+    try:
+        socket.create_connection((host, port), timeout).close()
+    except OSError:
+        return False
+    return True
+
+
+def answers(host: str, port: int, timeout: float = 3.0) -> bool:
+    """Whether what listens there speaks HTTP, as viewers do; Rerun would wait for anything else without end."""
+    try:
+        with socket.create_connection((host, port), timeout) as connection:
+            connection.settimeout(timeout)
+            connection.sendall(f"GET / HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n".encode())
+            return connection.recv(5) == b"HTTP/"
+    except OSError:
+        return False
+
+
+def free_port(preferred: int) -> int:
+    """The preferred port on loopback if it is free, otherwise another."""
+    for port in (preferred, 0):
+        with socket.socket() as trial:
+            trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                trial.bind((LOOPBACK, port))
+            except OSError:
+                continue
+            return int(trial.getsockname()[1])
+    raise OSError(f"no port is free on {LOOPBACK}")
+
+
+def _last_line(output: bytes) -> str:
+    lines = output.decode(errors="replace").strip().splitlines()
+    return lines[-1] if lines else "it says nothing"

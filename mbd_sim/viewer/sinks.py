@@ -1,0 +1,110 @@
+"""Where a recording goes: a viewer's window, a browser, a viewer that runs already, or a file."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import quote, urlsplit
+
+from mbd_sim.errors import MbdSimError
+from mbd_sim.viewer import process
+
+if TYPE_CHECKING:
+    from rerun import RecordingStream
+    from rerun.blueprint import Blueprint
+
+DATA_PORT, WEB_PORT = 9876, 9090  # Rerun's own defaults
+VALID = (
+    "'spawn' (opens a window), 'serve' (for a browser on this machine), 'connect' or 'connect:<url>' "
+    "(a viewer that runs already), or a path ending in '.rrd' (a file)"
+)
+
+
+class ViewerError(MbdSimError):
+    """The viewer cannot be started, reached or written to."""
+
+
+class UnknownSinkError(ViewerError, ValueError):
+    """A sink that is none of those there are."""
+
+
+def checked_sink(sink: str) -> str:
+    """The sink, if it is one.
+
+    :raises UnknownSinkError: it is not; says which there are.
+    """
+    if sink in ("spawn", "serve", "connect") or sink.endswith(".rrd") or sink.partition("connect:")[2]:
+        return sink
+    remedy = f" To write a file, say '{sink}.rrd'." if sink and ":" not in sink else ""
+    raise UnknownSinkError(f"there is no viewer sink '{sink}'. Use {VALID}.{remedy}")
+
+
+def is_live(sink: str) -> bool:
+    """Whether somebody watches while the data come in."""
+    return not sink.endswith(".rrd")
+
+
+class Outlet:
+    """The way out of a recording. `address` says where to look: a URL, or the path of the file.
+
+    :raises ViewerError: the way cannot be opened.
+    """
+
+    def __init__(self, recording: RecordingStream, sink: str, blueprint: Blueprint) -> None:
+        self._server: subprocess.Popen[bytes] | None = None
+        try:
+            self.address = self._open(recording, sink, blueprint)
+        except (OSError, RuntimeError, subprocess.SubprocessError) as error:
+            self.close()
+            raise ViewerError(f"the viewer sink '{sink}' cannot be opened: {error}") from error
+
+    def _open(self, recording: RecordingStream, sink: str, blueprint: Blueprint) -> str:
+        if not is_live(sink):
+            recording.save(sink, default_blueprint=blueprint)
+            return str(Path(sink).resolve())
+        address = url = _data_url(DATA_PORT)
+        if sink == "serve":
+            # RecordingStream.serve_grpc would listen on every network (rerun 0.41): a server of our own does not
+            port, web_port = process.free_port(DATA_PORT), process.free_port(WEB_PORT)
+            self._server = process.start_server(port, web_port)
+            url = _data_url(port)
+            address = f"http://{process.LOOPBACK}:{web_port}/?url={quote(url, safe='')}"
+        elif sink == "spawn":
+            if not process.listens(process.LOOPBACK, DATA_PORT):
+                process.spawn_window(DATA_PORT)
+            _full_url(url)
+        else:
+            address = url = _full_url(sink.partition(":")[2])
+        recording.connect_grpc(url, default_blueprint=blueprint)
+        return address
+
+    def close(self) -> None:
+        """Stop the server that was started for this recording; a window stays open."""
+        if self._server is not None:
+            process.stop(self._server)
+            self._server = None
+
+
+def _data_url(port: int) -> str:
+    return f"rerun+http://{process.LOOPBACK}:{port}/proxy"
+
+
+def _full_url(url: str) -> str:
+    """The URL of a viewer that listens; `host:port` is enough.
+
+    :raises OSError: nothing listens there.
+    """
+    if not url:
+        url = _data_url(DATA_PORT)
+    elif "://" not in url:
+        url = f"rerun+http://{url.rstrip('/')}/proxy"
+    place = urlsplit(url)
+    try:
+        host, port = place.hostname or "", place.port or DATA_PORT
+    except ValueError as error:
+        raise OSError(f"{error} in '{url}'") from error
+    plain = place.scheme == "rerun+http"
+    if not (process.answers(host, port) if plain else process.listens(host, port)):
+        raise OSError(f"no viewer listens at {host}:{port}. Start one with 'rerun', or use 'spawn'")
+    return url

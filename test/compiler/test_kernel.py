@@ -1,0 +1,171 @@
+"""The stepping loop: the method's formula bit for bit, whatever way it was compiled, and what it does when it fails."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from mechanisms import AUDITED, FLOATING
+
+from mbd_sim.compiler import kernel as kernel_module
+from mbd_sim.compiler import runge_kutta
+from mbd_sim.compiler.kernel import compile_kernel
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.integrators.tableau import METHODS
+from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
+from mbd_sim.model import build_model
+
+MECHANISMS = {
+    "double_rod": lambda: load_mechanism("double_rod"),
+    "audited": lambda: parse_mechanism(AUDITED.replace("STOP", "limits: {lower: -0.6, upper: 2, stiffness: 90}")),
+    "floating": lambda: parse_mechanism(FLOATING),
+}
+
+
+def compile_model(name, method="rk4"):
+    equations = derive(MECHANISMS[name]())
+    return compile_kernel(equations.rates, equations.settle, {}, METHODS[method]), equations
+
+
+def advance(kernel, y, efforts, first, h, steps):
+    return kernel.advance(y.ctypes.data, efforts.ctypes.data, first, h, steps)
+
+
+def run(kernel, equations, steps, h=1e-3, first=0):
+    y = equations.start.copy()
+    efforts = np.linspace(-0.4, 0.5, equations.layout.nv)
+    assert advance(kernel, y, efforts, first, h, steps) == 1
+    return y
+
+
+def bits(values):
+    return values.view(np.uint64).tolist()
+
+
+def test_two_compilations_give_the_same_bits():
+    first, second = (run(*compile_model("double_rod", "dop853"), 10_000) for _ in range(2))
+    assert bits(first) == bits(second)
+    assert np.all(np.abs(first[2:4]) > 1e-3)
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_many_steps_in_one_call_are_as_many_calls_of_one_step(name):
+    kernel, equations = compile_model(name)
+    at_once = run(kernel, equations, 500)
+    y, efforts = equations.start.copy(), np.linspace(-0.4, 0.5, equations.layout.nv)
+    for step in range(500):
+        assert advance(kernel, y, efforts, step, 1e-3, 1) == 1
+    assert bits(y) == bits(at_once)
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+@pytest.mark.parametrize("method", ["rk4", "dop853"])
+def test_how_it_is_compiled_does_not_show(monkeypatch, name, method):
+    """Rates inlined or called, state vectors in registers or in loops: the same bits."""
+    found = []
+    for inlined, unrolled in ((10**9, 10**9), (0, 10**9), (0, 0), (2500, 40)):
+        if inlined > 0 and unrolled > 40 and (name, method) != ("double_rod", "rk4"):
+            continue  # large inlined loops only take long to compile
+        monkeypatch.setattr(kernel_module, "INLINED", inlined)
+        monkeypatch.setattr(runge_kutta, "UNROLLED", unrolled)
+        found.append(bits(run(*compile_model(name, method), 300)))
+    assert len(found) >= 3
+    assert all(other == found[0] for other in found)
+
+
+def textbook_step(rates, settle, method, y, inputs, step, h):
+    """y + h Σ b k, term by term in the order of the stages."""
+    k = []
+    t = np.float64(step) * h
+
+    def combined(weights):
+        total = None
+        for weight, slope in zip(weights, k, strict=False):
+            if weight:
+                term = slope if weight == 1.0 else weight * slope
+                total = term if total is None else total + term
+        return y if total is None else y + h * total
+
+    for a, c in zip(method.a, method.c, strict=True):
+        k.append(np.array(rates(t if c == 0.0 else t + c * h, combined(a), inputs)).ravel())
+    new = combined(method.b)
+    return new if settle is None else np.array(settle(new)).ravel()
+
+
+@pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
+def test_a_step_is_the_formula_of_the_method(method):
+    """A system without sine and cosine, so that CasADi's own evaluation has the same bits; it depends on time."""
+    t, y, inputs = ca.SX.sym("t"), ca.SX.sym("y", 3), ca.SX.sym("e", 2)
+    rates = ca.Function(
+        "rates",
+        [t, y, inputs],
+        [ca.vertcat(y[1] * t - inputs[0], -y[0] / ca.sqrt(1.0 + y[2] ** 2), y[0] * y[1] - 0.1 * t * t + inputs[1])],
+    )
+    settle = ca.Function("settle", [y], [y / ca.sqrt(1.0 + 1e-3 * ca.dot(y, y))])
+    start, forces = np.array([0.3, -0.2, 0.7]), np.array([0.11, -0.7])
+    for scale in (None, settle):
+        kernel = compile_kernel(rates, scale, {}, method)
+        found, expected = start.copy(), start.copy()
+        for step in range(3, 40):
+            assert advance(kernel, found, forces, step, 0.037, 1) == 1
+            expected = textbook_step(rates, scale, method, expected, forces, step, 0.037)
+            assert bits(found) == bits(expected)
+
+
+@pytest.mark.parametrize("unrolled", [0, 100])
+@pytest.mark.parametrize("bad", [0, 1, 2])
+def test_divergence_leaves_the_state_as_it_was(monkeypatch, unrolled, bad):
+    """y' = y² is infinite at t = 1 from y = 1; whichever component it is, none is written."""
+    monkeypatch.setattr(runge_kutta, "UNROLLED", unrolled)
+    t, y, inputs = ca.SX.sym("t"), ca.SX.sym("y", 3), ca.SX.sym("e", 1)
+    slopes = [ca.SX(1.0)] * 3
+    slopes[bad] = y[bad] * y[bad]
+    rates = ca.Function("rates", [t, y, inputs], [ca.vertcat(*slopes)])
+    kernel = compile_kernel(rates, None, {}, METHODS["rk4"])
+    state, nothing = np.ones(3), np.zeros(1)
+    before = state.copy()
+    assert advance(kernel, state, nothing, 0, 0.01, 500) == 0
+    assert bits(state) == bits(before)
+    assert advance(kernel, state, nothing, 0, 0.01, 90) == 1
+    assert state[bad] == pytest.approx(10.0, rel=1e-4)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_an_input_that_is_not_finite_is_noticed(value):
+    kernel, equations = compile_model("double_rod")
+    y, efforts = equations.start.copy(), np.array([0.0, value])
+    assert advance(kernel, y, efforts, 0, 1e-3, 1) == 0
+    assert bits(y) == bits(equations.start)
+
+
+def test_no_steps_change_nothing():
+    kernel, equations = compile_model("double_rod")
+    assert bits(run(kernel, equations, 0)) == bits(equations.start)
+
+
+def test_time_is_the_step_index_times_the_step():
+    """y' = t in one Euler step of length h from step k adds h (k h), rounded as written."""
+    t, y, inputs = ca.SX.sym("t"), ca.SX.sym("y"), ca.SX.sym("e")
+    kernel = compile_kernel(ca.Function("rates", [t, y, inputs], [t]), None, {}, METHODS["euler"])
+    for first in (0, 1, 3, 10**9 + 7, 2**52 + 1):
+        state = np.zeros(1)
+        assert advance(kernel, state, np.zeros(1), first, 0.1, 1) == 1
+        assert state[0] == 0.1 * (first * 0.1)
+
+
+def test_kernels_count_their_instructions():
+    x, y, t = ca.SX.sym("x"), ca.SX.sym("y"), ca.SX.sym("t")
+    kernel = compile_kernel(ca.Function("rates", [t, y, x], [y * x + 2.5]), None, {}, METHODS["euler"])
+    assert kernel.instructions == 2
+
+
+def test_a_model_is_usable_after_its_equations_are_gone():
+    """The code stays alive as long as the kernel does."""
+    import gc
+
+    model = build_model(load_mechanism("rod_pendulum"), "rk4")
+    kernel, y, start = model.kernel, model.start.copy(), model.start.copy()
+    del model
+    gc.collect()
+    assert advance(kernel, y, np.zeros(1), 0, 1e-3, 10) == 1
+    assert y[0] < start[0]

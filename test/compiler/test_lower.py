@@ -1,0 +1,254 @@
+"""Every operation of an instruction list becomes the IEEE 754 operation of the same name, and no other comes out."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+
+import casadi as ca
+import kane
+import llvmlite.ir as ir
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from mechanisms import AUDITED, SHIPPED, random_state, random_trees
+
+from mbd_sim.compiler import lower
+from mbd_sim.compiler.jit import new_module
+from mbd_sim.compiler.kernel import compile_kernel
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.integrators.tableau import METHODS
+from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
+
+SPECIAL = [
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    0.1,
+    -2.5,
+    3.0,
+    1e-320,
+    1e-200,
+    1e200,
+    1.7976931348623157e308,
+    math.inf,
+    -math.inf,
+    math.nan,
+]
+
+
+def compiled(*functions):
+    """Functions of casadi as functions of numpy arrays, by their machine code."""
+    t, y, inputs = ca.SX.sym("t"), ca.SX.sym("y"), ca.SX.sym("e")
+    kernel = compile_kernel(
+        ca.Function("rates", [t, y, inputs], [y]), None, {f.name(): f for f in functions}, METHODS["euler"]
+    )
+
+    def wrap(function):
+        reader = kernel.readers[function.name()]
+
+        def call(*arguments):
+            arrays = [np.atleast_1d(np.array(argument, dtype=float)) for argument in arguments]
+            out = np.full(function.nnz_out(0), 77.0)
+            assert [a.size for a in arrays] == [function.nnz_in(i) for i in range(function.n_in())]
+            reader(*[a.ctypes.data for a in arrays], out.ctypes.data)
+            return out
+
+        call.kernel = kernel  # the code lives as long as this
+        return call
+
+    return [wrap(function) for function in functions]
+
+
+def bits(values):
+    return np.asarray(values, dtype=float).view(np.uint64).tolist()
+
+
+def same(found, expected):
+    """The same bits, or both NaN."""
+    return bits([found]) == bits([expected]) or (math.isnan(found) and math.isnan(expected))
+
+
+UNARY = {
+    ca.OP_ASSIGN: lambda x: x,
+    ca.OP_NEG: lambda x: -x,
+    ca.OP_SQ: lambda x: x * x,
+    ca.OP_TWICE: lambda x: x + x,
+    ca.OP_INV: lambda x: np.float64(1.0) / x,
+    ca.OP_SQRT: np.sqrt,
+    ca.OP_FABS: np.fabs,
+    ca.OP_NOT: lambda x: np.float64(x == 0.0),
+}
+BINARY = {
+    ca.OP_ADD: lambda x, y: x + y,
+    ca.OP_SUB: lambda x, y: x - y,
+    ca.OP_MUL: lambda x, y: x * y,
+    ca.OP_DIV: lambda x, y: x / y,
+    ca.OP_FMIN: lambda x, y: x if x < y else y,
+    ca.OP_FMAX: lambda x, y: x if x > y else y,
+    ca.OP_LT: lambda x, y: np.float64(x < y),
+    ca.OP_LE: lambda x, y: np.float64(x <= y),
+    ca.OP_EQ: lambda x, y: np.float64(x == y),
+    ca.OP_NE: lambda x, y: np.float64(x != y),
+    ca.OP_IF_ELSE_ZERO: lambda x, y: y if x != 0.0 else np.float64(0.0),
+}
+
+
+def operations(function):
+    return [function.instruction_id(index) for index in range(function.n_instructions())]
+
+
+def test_the_tables_below_name_every_operation_that_is_lowered():
+    assert set(UNARY) | {ca.OP_SIN, ca.OP_COS} == set(lower._UNARY)
+    assert set(BINARY) == set(lower._BINARY)
+
+
+def test_unary_operations():
+    x = ca.SX.sym("x")
+    functions = [ca.Function(f"f{op}", [x], [ca.SX.unary(op, x)]) for op in UNARY if op != ca.OP_ASSIGN]
+    with np.errstate(all="ignore"):
+        for function, call in zip(functions, compiled(*functions), strict=True):
+            operation = int(function.name()[1:])
+            assert operation in operations(function)
+            for value in map(np.float64, SPECIAL):
+                assert same(call(value)[0], UNARY[operation](value)), (operation, value)
+
+
+def test_binary_operations():
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    functions = [ca.Function(f"f{op}", [x, y], [ca.SX.binary(op, x, y)]) for op in BINARY]
+    with np.errstate(all="ignore"):
+        for (operation, expected), function, call in zip(BINARY.items(), functions, compiled(*functions), strict=True):
+            assert operation in operations(function)
+            for a, b in product(map(np.float64, SPECIAL), repeat=2):
+                found = call(a, b)[0]
+                assert same(found, expected(a, b)) or found == expected(a, b) == 0.0, (operation, a, b)
+
+
+def test_zeros_of_sums_and_products_keep_their_sign():
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    functions = [ca.Function(name, [x, y], [value]) for name, value in (("sum", x + y), ("less", x - y), ("of", x * y))]
+    calls = compiled(*functions)
+    for a, b in product([0.0, -0.0], repeat=2):
+        for call, expected in zip(calls, (a + b, a - b, a * b), strict=True):
+            assert bits(call(a, b)) == bits([expected])
+
+
+def test_constants():
+    x = ca.SX.sym("x")
+    values = [0.1, -1.0 / 3.0, 1e-310, 1.7976931348623157e308, math.inf, -math.inf]
+    (call,) = compiled(ca.Function("f", [x], [ca.vertcat(*[ca.SX(value) for value in values], x)]))
+    assert bits(call(2.0)) == bits([*values, 2.0])
+
+
+def test_inputs_and_outputs_stand_in_their_places():
+    a, b = ca.SX.sym("a", 3), ca.SX.sym("b", 2)
+    (call,) = compiled(ca.Function("f", [a, b], [ca.vertcat(b[1], a[2], a[0] * 0, b[0] - a[1])]))
+    assert call([1.0, 2.0, 4.0], [8.0, 16.0]).tolist() == [16.0, 4.0, 0.0, 6.0]
+
+
+@pytest.mark.parametrize("function", [ca.exp, ca.log, ca.tan, ca.floor, ca.sign, ca.tanh], ids=lambda f: f.__name__)
+def test_an_operation_without_a_place_in_a_kernel_is_refused(function):
+    x = ca.SX.sym("x")
+    with pytest.raises(NotImplementedError, match="no kernel instruction for CasADi operation [0-9]+"):
+        lower.lower(new_module(), ca.Function("f", [x], [function(x)]), inline=True)
+
+
+def test_binary_operations_without_a_place_in_a_kernel_are_refused():
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    for value in (x**y, ca.atan2(x, y), ca.fmod(x, y)):
+        with pytest.raises(NotImplementedError):
+            lower.lower(new_module(), ca.Function("f", [x, y], [value]), inline=True)
+
+
+def test_nothing_is_contracted_or_reassociated():
+    """x y + z with one rounding, or (x + y) + z as x + (y + z), would give other bits for these."""
+    x, y, z = (ca.SX.sym(name) for name in "xyz")
+    functions = [ca.Function("fused", [x, y, z], [x * y + z]), ca.Function("sum", [x, y, z], [(x + y) + z])]
+    fused, added = compiled(*functions)
+    a = 1.0 + 2.0**-30
+    assert fused(a, a, -(a * a)).tolist() == [0.0]
+    assert added(1.0, 1e16, -1e16).tolist() == [0.0]
+    assert added(1e16, -1e16, 1.0).tolist() == [1.0]
+    module = new_module()
+    lower.lower(module, functions[0], inline=False)
+    assert not any(flag in str(module) for flag in ("fast", "contract", "reassoc", "nsz", "arcp", "fma"))
+    assert isinstance(module, ir.Module)
+
+
+def interpret(function, sine_cosine, arguments):
+    """An instruction list by numpy's scalars, one operation at a time."""
+    work, out = [np.float64(0.0)] * function.sz_w(), np.zeros(function.nnz_out(0))
+    for index in range(function.n_instructions()):
+        operation = function.instruction_id(index)
+        target, source = function.instruction_output(index), function.instruction_input(index)
+        if operation == ca.OP_INPUT:
+            work[target[0]] = np.float64(arguments[source[0]][source[1]])
+        elif operation == ca.OP_OUTPUT:
+            out[target[1]] = work[source[0]]
+        elif operation == ca.OP_CONST:
+            work[target[0]] = np.float64(function.instruction_constant(index))
+        elif operation in (ca.OP_SIN, ca.OP_COS):
+            work[target[0]] = sine_cosine(work[source[0]])[int(operation == ca.OP_COS)]
+        elif operation in UNARY:
+            work[target[0]] = UNARY[operation](work[source[0]])
+        else:
+            work[target[0]] = BINARY[operation](work[source[0]], work[source[1]])
+    return out
+
+
+def check_machine_code(mechanism, rng, states=2):
+    """Bit for bit with our sine and cosine; to round-off with those of CasADi."""
+    equations = derive(mechanism)
+    x = ca.SX.sym("x")
+    pair = ca.Function("pair", [x], [ca.vertcat(ca.sin(x), ca.cos(x))])
+    readers = {"pair": pair, "energies": equations.energies, "poses": equations.poses}
+    rates = equations.rates
+    kernel = compile_kernel(rates, equations.settle, readers, METHODS["euler"])
+    sine_cosine = _reader(kernel, "pair", 2)
+    for _ in range(states):
+        q, u, efforts = random_state(mechanism, rng)
+        state = np.concatenate([q, u, rng.normal(size=3)])
+        expected = interpret(rates, sine_cosine, [[0.0], state, efforts])
+        stepped = state.copy()
+        assert kernel.advance(stepped.ctypes.data, efforts.ctypes.data, 0, 1.0, 1) == 1
+        moved = state + expected  # Euler's step of length one
+        if equations.settle is not None:
+            moved = interpret(equations.settle, sine_cosine, [moved])
+        assert bits(stepped) == bits(moved)
+        for name, function in (("energies", equations.energies), ("poses", equations.poses)):
+            arguments = [[0.0], state] if name == "energies" else [state]
+            found = _reader(kernel, name, function.nnz_out(0))(*arguments)
+            assert bits(found) == bits(interpret(function, sine_cosine, arguments))
+        by_casadi = np.array(rates(0.0, state, efforts)).ravel()
+        if len(u):
+            condition = kane.equations(mechanism, q, u, efforts).condition
+            assert expected == pytest.approx(by_casadi, rel=1e-11, abs=1e-13 * condition * np.max(np.abs(by_casadi)))
+
+
+def _reader(kernel, name, size):
+    def call(*arguments):
+        arrays = [np.atleast_1d(np.array(argument, dtype=float)) for argument in arguments]
+        out = np.empty(size)
+        kernel.readers[name](*[a.ctypes.data for a in arrays], out.ctypes.data)
+        return out
+
+    return call
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_machine_code_of_shipped_mechanisms(name):
+    check_machine_code(load_mechanism(name), np.random.default_rng(40))
+
+
+def test_machine_code_with_stops():
+    mechanism = parse_mechanism(AUDITED.replace("STOP", "limits: {lower: -0.6, upper: 0.5, stiffness: 90}"))
+    check_machine_code(mechanism, np.random.default_rng(41), states=5)
+
+
+@settings(max_examples=8)
+@given(random_trees())
+def test_machine_code_of_random_trees(drawn):
+    text, rng = drawn
+    check_machine_code(parse_mechanism(text), rng, states=1)

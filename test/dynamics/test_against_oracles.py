@@ -1,0 +1,135 @@
+"""The recursion against Lagrange's equations by differentiation, and both against Kane's equations in numpy.
+
+Errors are measured with coordinates scaled to a unit diagonal of the mass matrix, where units do not matter;
+they may grow with the condition of that matrix.
+"""
+
+from __future__ import annotations
+
+import kane
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from mechanisms import (
+    AUDITED,
+    CART_PENDULUM,
+    COLLARS,
+    DISK,
+    FLOATING,
+    PROJECTILE,
+    SHIPPED,
+    TRIPLE_ROD,
+    accelerations,
+    random_state,
+    random_trees,
+)
+
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.dynamics.lagrange import lagrange_equations
+from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
+
+ROUND_OFF = 1e-13
+
+
+def check(mechanism, rng, states=1):
+    derived, lagrange = derive(mechanism), lagrange_equations(mechanism)
+    for _ in range(states):
+        q, u, efforts = random_state(mechanism, rng)
+        oracle = kane.equations(mechanism, q, u, efforts)
+        found = [value.item() for value in map(np.array, derived.energies(0.0, np.concatenate([q, u, np.zeros(3)])).nz)]
+        assert found == pytest.approx([oracle.kinetic, oracle.potential], rel=1e-12, abs=1e-11)
+        plain = [float(value) for value in lagrange.energies(q, u)]
+        assert plain == pytest.approx(found, rel=1e-12, abs=1e-11)
+        if len(u) == 0:
+            continue
+        exact = oracle.accelerations
+        largest = np.linalg.norm(oracle.scale * exact)
+        allowed = min(1e-10, ROUND_OFF * oracle.condition) * largest
+        assert np.linalg.norm(oracle.scale * (accelerations(derived, q, u, efforts) - exact)) <= allowed
+        assert np.linalg.norm(oracle.scale * (lagrange.accelerations(q, u, efforts) - exact)) <= allowed
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_mechanisms(name):
+    check(load_mechanism(name), np.random.default_rng(1), states=10)
+
+
+@pytest.mark.parametrize(
+    "text", [CART_PENDULUM, TRIPLE_ROD, COLLARS, DISK, PROJECTILE, FLOATING, AUDITED.replace(", STOP", "")]
+)
+def test_textbook_mechanisms(text):
+    check(parse_mechanism(text), np.random.default_rng(2), states=5)
+
+
+@settings(max_examples=80)
+@given(random_trees())
+def test_random_trees(drawn):
+    text, rng = drawn
+    check(parse_mechanism(text), rng)
+
+
+def long_chain(number):
+    parts = {f"p{i}": "{mass: 0.5, shape: {type: rod, to: [0.1, 0.05, -0.3]}}" for i in range(number)}
+    axes = ([0, 1, 0], [1, 2, 3], [1, 0, 0])
+    lines = ["mechanism: long_chain", "parts:"]
+    lines += [f"  {name}: {body[:-1]}, points: {{tip: [0.1, 0.05, -0.3]}}}}" for name, body in parts.items()]
+    lines.append("joints:")
+    for i in range(number):
+        inboard = f"p{i - 1}.tip" if i else "ground"
+        ends = f"[{inboard}, p{i}]" if i % 2 else f"[p{i}, {inboard}]"
+        lines.append(f"  j{i}: {{type: revolute, between: {ends}, axis: {axes[i % 3]}, stiffness: 1}}")
+    return "\n".join(lines)
+
+
+def test_long_chain():
+    mechanism, rng = parse_mechanism(long_chain(15)), np.random.default_rng(3)
+    derived = derive(mechanism)
+    for _ in range(3):
+        q, u, efforts = random_state(mechanism, rng)
+        oracle = kane.equations(mechanism, q, u, efforts)
+        error = oracle.scale * (accelerations(derived, q, u, efforts) - oracle.accelerations)
+        largest = np.linalg.norm(oracle.scale * oracle.accelerations)
+        assert np.linalg.norm(error) <= min(1e-10, ROUND_OFF * oracle.condition) * largest
+
+
+def test_order_of_parts_and_declaration_do_not_matter():
+    """The same mechanism with its joints declared in another order has the same motion, in another order."""
+    text = FLOATING.replace("  a: {type: revolute", "  z: {type: revolute")
+    lines = text.strip().splitlines()
+    moved = next(line for line in lines if line.strip().startswith("z:"))
+    other = "\n".join([*(line for line in lines if line is not moved), moved])
+    first, second = parse_mechanism(text), parse_mechanism(other)
+    q, u, efforts = random_state(first, np.random.default_rng(4))
+    swap_q, swap_u = [*range(7), 8, 9, 7], [*range(6), 7, 8, 6]
+    a = accelerations(derive(first), q, u, efforts)
+    b = accelerations(derive(second), q[swap_q], u[swap_u], efforts[swap_u])
+    assert second.coordinate_names == tuple(first.coordinate_names[i] for i in swap_u)
+    assert b == pytest.approx(a[swap_u], rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_a_joint_written_the_other_way_round_has_the_opposite_coordinate(kind):
+    """[ground, body] with axis a and [body, ground] with axis -a are one joint: same coordinate, effort and motion."""
+    text = f"""
+mechanism: one
+parts: {{body: {{mass: 2, center: [0.3, 0.1, 0], inertia: [1, 2, 2.5], points: {{p: [0.1, 0.2, 0.3]}}}}}}
+joints: {{j: {{type: {kind}, between: [ENDS], axis: AXIS, stiffness: 3, rest: 0.2, damping: 0.5}}}}
+"""
+    forward = derive(parse_mechanism(text.replace("ENDS", "ground, body.p").replace("AXIS", "[1, 2, 3]")))
+    backward = derive(parse_mechanism(text.replace("ENDS", "body.p, ground").replace("AXIS", "[-1, -2, -3]")))
+    q, u, effort = np.array([0.7]), np.array([-1.2]), np.array([4.0])
+    assert accelerations(backward, q, u, effort) == pytest.approx(accelerations(forward, q, u, effort), rel=1e-13)
+    y = np.concatenate([q, u, np.zeros(3)])
+    assert np.array(backward.poses(y)) == pytest.approx(np.array(forward.poses(y)), abs=1e-14)
+
+
+def test_a_positive_effort_speeds_its_coordinate_up_whichever_way_the_joint_is_written():
+    text = """
+mechanism: one
+gravity: [0, 0, 0]
+parts: {body: {mass: 2, inertia: [1, 1, 1]}}
+joints: {j: {type: revolute, between: [ENDS], axis: [0, 0, 1]}}
+"""
+    for ends in ("ground, body", "body, ground"):
+        found = accelerations(derive(parse_mechanism(text.replace("ENDS", ends))), np.zeros(1), np.zeros(1), [3.0])
+        assert found == pytest.approx([3.0], rel=1e-15)

@@ -1,0 +1,211 @@
+"""Kane's equations in plain numpy, straight from a mechanism's records: an oracle that shares nothing with the engine.
+
+Every quantity is a jet: its value and its first and second time derivatives, by the rules of differentiation.
+Partial velocities are the velocities at unit speeds (Huston & Liu, sec. 11.4), and the equations are
+Σ m a·v_r + (I α + ω × I ω)·ω_r = Q_r.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+GROUND = "ground"
+
+
+def cross_matrix(v):
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+class Jet:
+    """A value with its first and second derivatives by time."""
+
+    def __init__(self, value, first=None, second=None):
+        self.d = [np.asarray(value, dtype=float)]
+        for derivative in (first, second):
+            self.d.append(np.zeros_like(self.d[0]) if derivative is None else np.asarray(derivative, dtype=float))
+
+    def __add__(self, other):
+        return Jet(*(a + b for a, b in zip(self.d, other.d, strict=True)))
+
+    def __neg__(self):
+        return Jet(*(-a for a in self.d))
+
+    def __matmul__(self, other):
+        return self.product(other, np.matmul)
+
+    def __mul__(self, other):
+        return self.product(other, np.multiply)
+
+    def product(self, other, by):
+        (a, a1, a2), (b, b1, b2) = self.d, other.d
+        return Jet(by(a, b), by(a1, b) + by(a, b1), by(a2, b) + 2.0 * by(a1, b1) + by(a, b2))
+
+    def linear(self, function):
+        return Jet(*(function(a) for a in self.d))
+
+    @property
+    def T(self):
+        return self.linear(np.transpose)
+
+
+@dataclass
+class Motion:
+    """A part's mass centre and rotation in ground's frame, as jets."""
+
+    center: Jet
+    rotation: Jet
+
+    @property
+    def omega(self):
+        """Angular velocity in the part's axes: Rᵀ R' = ω×."""
+        spin = self.rotation.d[0].T @ self.rotation.d[1]
+        return 0.5 * np.array([spin[2, 1] - spin[1, 2], spin[0, 2] - spin[2, 0], spin[1, 0] - spin[0, 1]])
+
+    @property
+    def alpha(self):
+        """Angular acceleration in the part's axes: Rᵀ R'' = ω× ω× + α×."""
+        spin = self.rotation.d[0].T @ self.rotation.d[2]
+        return 0.5 * np.array([spin[2, 1] - spin[1, 2], spin[0, 2] - spin[2, 0], spin[1, 0] - spin[0, 1]])
+
+
+SIZES = {"revolute": (1, 1), "prismatic": (1, 1), "fixed": (0, 0), "free": (7, 6)}
+
+
+def places(mechanism):
+    """Where each joint's coordinates and speeds stand, in declared order, and how many there are."""
+    found, nq, nv = {}, 0, 0
+    for name, joint in mechanism.joints.items():
+        more_q, more_v = SIZES[joint.type]
+        found[name] = (slice(nq, nq + more_q), slice(nv, nv + more_v))
+        nq, nv = nq + more_q, nv + more_v
+    return found, nq, nv
+
+
+def _joint_jets(joint, q, u, u_rate):
+    """The child-side frame seen from the parent-side frame: position and rotation."""
+    if joint.type == "fixed":
+        return Jet(np.zeros(3)), Jet(np.eye(3))
+    if joint.type == "prismatic":
+        return Jet(joint.axis * q[0], joint.axis * u[0], joint.axis * u_rate[0]), Jet(np.eye(3))
+    if joint.type == "revolute":
+        k = cross_matrix(joint.axis)
+        turned = np.eye(3) + np.sin(q[0]) * k + (1.0 - np.cos(q[0])) * k @ k
+        return Jet(np.zeros(3)), Jet(turned, turned @ k * u[0], turned @ (k @ k * u[0] ** 2 + k * u_rate[0]))
+
+    def rates(p, omega):
+        return 0.5 * np.concatenate([[-p[1:] @ omega], p[0] * omega + np.cross(p[1:], omega)])
+
+    p = q[3:]
+    p1 = rates(p, u[3:])
+    jet = Jet(p, p1, rates(p1, u[3:]) + rates(p, u_rate[3:]))
+    k, w = jet.linear(lambda v: cross_matrix(v[1:])), jet.linear(lambda v: v[0])
+    rotation = Jet(np.eye(3)) + (w * k + k @ k).linear(lambda m: 2.0 * m)
+    return Jet(q[:3], u[:3], u_rate[:3]), rotation
+
+
+def motions(mechanism, q, u, u_rate=None):
+    """The motion of every part, by name."""
+    where, _, nv = places(mechanism)
+    u_rate = np.zeros(nv) if u_rate is None else u_rate
+    frames = {GROUND: (Jet(np.zeros(3)), Jet(np.eye(3)))}
+    waiting = dict(mechanism.joints)
+    while waiting:
+        for name, joint in list(waiting.items()):
+            if (joint.parent in frames) == (joint.child in frames):
+                continue
+            in_q, in_u = where[name]
+            position, rotation = _joint_jets(joint, q[in_q], u[in_u], u_rate[in_u])
+            a, b = joint.parent_pose, joint.child_pose
+            # child part seen from the parent part: (a) (joint) (b)⁻¹
+            rotation = Jet(a.rotation) @ rotation @ Jet(b.rotation.T)
+            position = Jet(a.position) + Jet(a.rotation) @ position + -(rotation @ Jet(b.position))
+            inner, outer = joint.parent, joint.child
+            if joint.child in frames:
+                position, rotation = -(rotation.T @ position), rotation.T
+                inner, outer = outer, inner
+            origin, axes = frames[inner]
+            frames[outer] = (origin + axes @ position, axes @ rotation)
+            del waiting[name]
+    return {
+        name: Motion(frames[name][0] + frames[name][1] @ Jet(part.center), frames[name][1])
+        for name, part in mechanism.parts.items()
+    }
+
+
+def joint_forces(mechanism, q, u, efforts):
+    """Generalized forces (nv,) of efforts, springs, dampers and stops, and the potential energy of the springs."""
+    where, _, _ = places(mechanism)
+    forces, potential = np.array(efforts, dtype=float), 0.0
+    for name, joint in mechanism.joints.items():
+        if joint.type not in ("revolute", "prismatic"):
+            continue
+        x, row = q[where[name][0]][0], where[name][1].start
+        forces[row] += joint.stiffness * (joint.rest - x) - joint.damping * u[row]
+        potential += 0.5 * joint.stiffness * (x - joint.rest) ** 2
+        if joint.limits is not None and joint.limits.stiffness:
+            excess = x - min(max(x, joint.limits.lower), joint.limits.upper)
+            forces[row] -= joint.limits.stiffness * excess
+            potential += 0.5 * joint.limits.stiffness * excess**2
+    return forces, potential
+
+
+@dataclass
+class Equations:
+    """M u' = f, with u', the energies, and the condition of M scaled to a unit diagonal."""
+
+    mass: np.ndarray
+    forces: np.ndarray
+    kinetic: float
+    potential: float
+
+    @property
+    def accelerations(self):
+        return np.linalg.solve(self.mass, self.forces)
+
+    @property
+    def condition(self):
+        return np.linalg.cond(self.scaled)
+
+    @property
+    def scale(self):
+        return np.sqrt(np.diag(self.mass))
+
+    @property
+    def scaled(self):
+        return self.mass / np.outer(self.scale, self.scale)
+
+
+def equations(mechanism, q, u, efforts):
+    """Kane's equations at one state."""
+    _, _, nv = places(mechanism)
+    at_rest = motions(mechanism, q, u)
+    unit = [motions(mechanism, q, direction) for direction in np.eye(nv)]
+    mass, forces = np.zeros((nv, nv)), np.zeros(nv)
+    kinetic = 0.0
+    spring_forces, potential = joint_forces(mechanism, q, u, efforts)
+    forces += spring_forces
+    for name, part in mechanism.parts.items():
+        motion = at_rest[name]
+        partial_v = np.array([m[name].center.d[1] for m in unit]).reshape(nv, 3)
+        partial_w = np.array([m[name].omega for m in unit]).reshape(nv, 3)
+        w = motion.omega
+        mass += part.mass * partial_v @ partial_v.T + partial_w @ part.inertia @ partial_w.T
+        forces += partial_v @ (part.mass * (mechanism.gravity - motion.center.d[2]))
+        forces -= partial_w @ (part.inertia @ motion.alpha + np.cross(w, part.inertia @ w))
+        velocity = motion.center.d[1]
+        kinetic += 0.5 * part.mass * velocity @ velocity + 0.5 * w @ part.inertia @ w
+        potential -= part.mass * mechanism.gravity @ motion.center.d[0]
+    return Equations(mass, forces, kinetic, potential)
+
+
+def momentum(mechanism, q, u):
+    """Linear momentum (3,), and angular momentum (3,) about ground's origin."""
+    linear, angular = np.zeros(3), np.zeros(3)
+    for name, motion in motions(mechanism, q, u).items():
+        part = mechanism.parts[name]
+        linear += part.mass * motion.center.d[1]
+        angular += part.mass * np.cross(motion.center.d[0], motion.center.d[1])
+        angular += motion.rotation.d[0] @ part.inertia @ motion.omega
+    return linear, angular

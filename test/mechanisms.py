@@ -1,0 +1,198 @@
+"""Mechanisms that tests share: texts of textbook systems, random trees, and accelerations at a state."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+from hypothesis import strategies as st
+
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.mechanism.load import parse_mechanism
+
+SHIPPED = ("rod_pendulum", "double_rod", "tumbling")
+
+CART_PENDULUM = """
+mechanism: cart_pendulum
+parameters: {mc: 1, m: 1, l: 1, k: 20}
+parts:
+  cart: {mass: mc}
+  bob: {mass: m, center: [0, 0, -l]}
+joints:
+  rail: {type: prismatic, between: [ground, cart], axis: [1, 0, 0], stiffness: k}
+  pin: {type: revolute, between: [cart, bob], axis: [0, -1, 0], position: 60 deg}
+"""
+
+TRIPLE_ROD = """
+mechanism: triple_rod
+parameters: {m: 1, l: 0.5, tip: 0.5}
+parts:
+  first: {mass: m, shape: {type: rod, to: [0, 0, -l]}, points: {tip: [0, 0, -l]}}
+  second: {mass: m, shape: {type: rod, to: [0, 0, -l]}, points: {tip: [0, 0, -l]}}
+  third: {mass: m, shape: {type: rod, to: [0, 0, -l]}, points: {tip: [0, 0, -l]}}
+  particle: {mass: tip}
+joints:
+  a: {type: revolute, between: [ground, first], axis: [0, -1, 0], stiffness: 8, position: 0.8}
+  b: {type: revolute, between: [first.tip, second], axis: [0, -1, 0], stiffness: 6, position: -0.4}
+  c: {type: revolute, between: [second.tip, third], axis: [0, -1, 0], stiffness: 4, position: -0.4}
+  weld: {type: fixed, between: [third.tip, particle]}
+"""
+
+COLLARS = """
+mechanism: collars
+parameters: {l: 2}
+gravity: [0, 0, 0]
+parts:
+  arm: {mass: 3, shape: {type: rod, to: [l, 0, 0]}}
+  inner: {mass: 0.7}
+  outer: {mass: 0.4}
+joints:
+  hub: {type: revolute, between: [ground, arm], axis: [0, 0, 1]}
+  first: {type: prismatic, between: [arm, inner], axis: [1, 0, 0], position: 0.3}
+  second: {type: prismatic, between: [inner, outer], axis: [1, 0, 0], position: 0.5}
+"""
+
+DISK = """
+mechanism: disk
+parameters: {r: 0.3}
+parts:
+  disk: {mass: 4, shape: {type: disc, radius: r, axis: [0, 1, 0]}}
+joints:
+  bearing: {type: revolute, between: [ground, disk], axis: [0, 1, 0]}
+"""
+
+PROJECTILE = """
+mechanism: projectile
+parts:
+  body: {mass: 2, inertia: [0.1, 0.25, 0.3]}
+joints:
+  flight: {type: free, between: [ground, body], velocity: [12, 0, 9], angular_velocity: [0.5, 4, -1]}
+"""
+
+# Spring, damper, stop and efforts at once, with one joint written the other way round.
+AUDITED = """
+mechanism: audited
+parts:
+  cart: {mass: 2}
+  arm: {mass: 1, shape: {type: rod, to: [0, 0, -0.7]}, points: {tip: [0, 0, -0.7]}}
+  hand: {mass: 0.5, center: [0.1, 0.02, -0.2], inertia: [0.02, 0.03, 0.015]}
+joints:
+  rail: {type: prismatic, between: [ground, cart], axis: [1, 0, 0], stiffness: 40, rest: 0.1, damping: 3}
+  shoulder: {type: revolute, between: [arm, cart], axis: [0, 1, 0], position: 0.9, damping: 0.2, STOP}
+  wrist: {type: revolute, between: [arm.tip, hand], axis: [1, 2, 2], stiffness: 5, rest: 0.3, damping: 0.1}
+"""
+
+
+def audited(stops: bool):
+    """The mechanism above, with or without elastic stops at the shoulder."""
+    limits = "limits: {lower: -0.6, upper: 2.0, stiffness: 200}"
+    return AUDITED.replace(", STOP", f", {limits}" if stops else "")
+
+
+FLOATING = """
+mechanism: floating
+gravity: [0, 0, 0]
+parts:
+  base: {mass: 3, center: [0.05, -0.02, 0.01], inertia: [0.2, 0.3, 0.25]}
+  left: {mass: 1, shape: {type: rod, to: [0, 0.6, 0.1]}, points: {tip: [0, 0.6, 0.1]}}
+  right: {mass: 0.8, center: [0.1, -0.3, 0], inertia: [0.05, 0.02, 0.06]}
+  hand: {mass: 0.4, center: [0, 0, 0.1], inertia: [0.01, 0.01, 0.015]}
+joints:
+  flight:
+    {type: free, between: [ground, base], position: [1, 2, 3], velocity: [0.3, -0.2, 0.5],
+     angular_velocity: [0.4, 0.8, -0.6]}
+  a: {type: revolute, between: [left, base], axis: [1, 0, 1], velocity: 1.5, stiffness: 3, damping: 0.1}
+  b: {type: revolute, between: [base, right], axis: [0, 0, 1], velocity: -2, stiffness: 5}
+  c: {type: revolute, between: [left.tip, hand], axis: [0, 1, 0], velocity: 2}
+"""
+
+
+def accelerations(equations, q, u, efforts=None):
+    """U' (nv,) of derived equations, evaluated by CasADi."""
+    places = equations.layout
+    y = np.concatenate([q, u, np.zeros(3)])
+    rates = equations.rates(0.0, y, np.zeros(places.nv) if efforts is None else efforts)
+    return np.array(rates).ravel()[places.nq : places.nq + places.nv]
+
+
+def derived(text):
+    """The equations of a mechanism's text."""
+    return derive(parse_mechanism(text))
+
+
+def random_state(mechanism, rng, reach=2.0):
+    """Coordinates with unit quaternions, speeds and efforts."""
+    q = []
+    for joint in mechanism.joints.values():
+        if joint.type == "free":
+            quaternion = rng.normal(size=4)
+            q += [*rng.uniform(-reach, reach, 3), *(quaternion / np.linalg.norm(quaternion))]
+        elif joint.type != "fixed":
+            q.append(rng.uniform(-reach, reach))
+    nv = len(mechanism.coordinate_names)
+    return np.array(q), rng.uniform(-2.0, 2.0, nv), rng.uniform(-5.0, 5.0, nv)
+
+
+def _random_inertia(rng, size):
+    """Second moments are positive, so the moments meet the triangle inequality."""
+    second = rng.uniform(0.05, 1.0, 3) * size
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    tensor = turn @ np.diag(second.sum() - second) @ turn.T
+    names = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
+    return {name: float(tensor[place]) for name, place in names.items()}
+
+
+def _random_point(rng):
+    return {
+        "at": rng.uniform(-0.6, 0.6, 3).tolist(),
+        "rotate": {"axis": rng.normal(size=3).tolist(), "angle": float(rng.uniform(-3.0, 3.0))},
+    }
+
+
+@st.composite
+def random_trees(draw, most=5):
+    """The text of a random open chain, and a random generator for its state."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    parts, joints = {}, {}
+    ground_points = {}
+    names = ["ground"]
+    for number in range(draw(st.integers(1, most))):
+        name, inboard = f"p{number}", draw(st.sampled_from(names))
+        mass = float(10.0 ** rng.uniform(-1.0, 1.0))
+        points = {f"to{number}": _random_point(rng)}
+        parts[name] = {
+            "mass": mass,
+            "center": rng.uniform(-0.5, 0.5, 3).tolist(),
+            "inertia": _random_inertia(rng, 0.2 * mass),
+            "points": points,
+        }
+        kind = draw(st.sampled_from(["revolute", "revolute", "prismatic", "fixed", "free"]))
+        ends = [inboard, name]
+        if draw(st.booleans()):
+            target = ground_points if inboard == "ground" else parts[inboard]["points"]
+            target[f"from{number}"] = _random_point(rng)
+            ends = [f"{inboard}.from{number}", f"{name}.to{number}"]
+        if kind != "free" and draw(st.booleans()):
+            ends.reverse()
+        joint = {"type": kind, "between": ends}
+        if kind in ("revolute", "prismatic"):
+            coordinate_axis = [0.0, 0.0, 0.0]
+            coordinate_axis[int(rng.integers(3))] = float(rng.choice([-1.0, 1.0]))
+            joint["axis"] = rng.normal(size=3).tolist() if draw(st.booleans()) else coordinate_axis
+            if draw(st.booleans()):
+                joint |= {"stiffness": float(rng.uniform(1.0, 20.0)), "rest": float(rng.uniform(-1.0, 1.0))}
+            if draw(st.booleans()):
+                joint["damping"] = float(rng.uniform(0.1, 2.0))
+            if draw(st.booleans()):
+                joint["limits"] = {"lower": -0.8, "upper": 0.9, "stiffness": 30.0}
+        joints[f"j{number}"] = joint
+        names.append(name)
+    order = draw(st.permutations(list(joints)))
+    tree = {
+        "mechanism": "random",
+        "gravity": rng.uniform(-10.0, 10.0, 3).tolist(),
+        "ground": {"points": ground_points},
+        "parts": parts,
+        "joints": {name: joints[name] for name in order},
+    }
+    return json.dumps(tree), rng

@@ -1,0 +1,160 @@
+"""The power theorem d(T + V)/dt = power of the efforts - dissipated power, and what is conserved without them."""
+
+from __future__ import annotations
+
+import kane
+import numpy as np
+import pytest
+from mechanisms import FLOATING, PROJECTILE, audited
+
+from mbd_sim import Simulation
+
+
+def commanded(sim, seconds, record=None):
+    """Run with efforts that change every 0.1 s, and show every state to `record`."""
+    rng = np.random.default_rng(20)
+    per_command = round(0.1 / sim.step_size)
+    for _ in range(round(seconds / 0.1)):
+        sim.set_efforts(rng.uniform(-4.0, 4.0, len(sim.u)))
+        if record is None:
+            sim.step(per_command)
+            continue
+        states = [(sim.q.copy(), sim.u.copy())]
+        for _ in range(per_command):
+            sim.step()
+            states.append((sim.q.copy(), sim.u.copy()))
+        record(sim.efforts.copy(), states)
+
+
+def boole(values, h):
+    """∫ of equally spaced values, their number one more than a multiple of four: error O(h⁶)."""
+    values = np.asarray(values)
+    weights = np.zeros(len(values))
+    for k in range(0, len(values) - 1, 4):
+        weights[k : k + 5] += np.array([7.0, 32.0, 12.0, 32.0, 7.0]) * 2.0 / 45.0
+    return h * weights @ values
+
+
+def test_work_and_dissipation_are_the_integrals_of_the_powers():
+    sim = Simulation.from_text(audited(stops=False))
+    damping = np.array([3.0, 0.2, 0.1])
+    work, dissipated = [], []
+
+    def record(efforts, states):
+        speeds = np.array([u for _, u in states])
+        work.append(boole(speeds @ efforts, sim.step_size))
+        dissipated.append(boole(speeds**2 @ damping, sim.step_size))
+
+    commanded(sim, 2.0, record)
+    audit = sim.energies
+    assert audit.dissipated > 0.5 and abs(audit.work_applied) > 0.5
+    assert audit.work_applied == pytest.approx(np.sum(work), rel=1e-11)
+    assert audit.dissipated == pytest.approx(np.sum(dissipated), rel=1e-11)
+    assert audit.work_drives == 0.0
+    assert audit.total == audit.kinetic + audit.potential
+    assert abs(audit.residual) < 1e-12
+
+
+def test_the_energies_are_those_of_the_state():
+    sim = Simulation.from_text(audited(stops=True))
+    start = kane.equations(sim.mechanism, sim.q, sim.u, np.zeros(3))
+    commanded(sim, 1.0)
+    end = kane.equations(sim.mechanism, sim.q, sim.u, np.zeros(3))
+    audit = sim.energies
+    assert audit.kinetic == pytest.approx(end.kinetic, rel=1e-13)
+    assert audit.potential == pytest.approx(end.potential, rel=1e-12)
+    expected = audit.total - (start.kinetic + start.potential) - audit.work_applied + audit.dissipated
+    assert audit.residual == pytest.approx(expected, abs=1e-12)
+
+
+def residual(method, step, stops, seconds=1.0):
+    sim = Simulation.from_text(audited(stops), method=method, step=step)
+    commanded(sim, seconds)
+    return abs(sim.energies.residual)
+
+
+@pytest.mark.parametrize(("method", "order", "steps"), [("midpoint", 2, 500), ("rk4", 4, 100), ("dop853", 8, 40)])
+def test_the_residual_is_the_error_of_the_method(method, order, steps):
+    """It falls as h to the order: the error of the integration, and nothing else, is in it."""
+    coarse, fine = (residual(method, 1.0 / n, stops=False) for n in (steps, 4 * steps))
+    assert 4.0 ** (order - 1) < coarse / fine < 4.0 ** (order + 1)
+
+
+def test_the_residual_with_elastic_stops():
+    """A stop is a kink in the force: each touch leaves a small part of k v² h², whatever the method."""
+    sim = Simulation.from_text(audited(stops=True))
+    touched = []
+    commanded(sim, 3.0, lambda efforts, states: touched.extend(q[1] < -0.6 or q[1] > 2.0 for q, _ in states))
+    assert 50 < sum(touched) < len(touched) - 50
+    assert abs(sim.energies.residual) < 1e-5
+    coarse, fine = (residual("dop853", step, stops=True, seconds=3.0) for step in (1e-2, 2.5e-4))
+    assert fine < coarse / 400.0
+
+
+def test_energy_of_a_conservative_chain_is_kept():
+    sim = Simulation.from_file("double_rod")
+    sim.run(until=20.0)
+    audit = sim.energies
+    assert audit.dissipated == audit.work_applied == 0.0
+    assert abs(audit.residual) < 1e-11
+    assert audit.kinetic > 0.1
+
+
+def test_momentum_of_a_free_body_is_kept():
+    sim = Simulation.from_file("tumbling")
+    sim.reset(u=[0.3, -0.2, 0.5, 0.7, 2.0, -1.1])
+    linear, angular = kane.momentum(sim.mechanism, sim.q, sim.u)
+    energy = sim.energies.kinetic
+    sim.run(until=10.0)
+    after, spun = kane.momentum(sim.mechanism, sim.q, sim.u)
+    assert after == pytest.approx(linear, abs=1e-14)
+    assert spun == pytest.approx(angular, abs=1e-12)
+    assert sim.energies.kinetic == pytest.approx(energy, rel=1e-13)
+    assert np.linalg.norm(sim.q[3:]) == pytest.approx(1.0, abs=1e-15)
+
+
+def test_spin_of_a_projectile_is_kept_about_its_mass_centre():
+    sim = Simulation.from_text(PROJECTILE)
+    tensor = np.array([0.1, 0.25, 0.3])
+    rotation = kane.motions(sim.mechanism, sim.q, sim.u)["body"].rotation.d[0]
+    start = rotation @ (tensor * sim.u[3:])
+    sim.run(until=3.0)
+    rotation = kane.motions(sim.mechanism, sim.q, sim.u)["body"].rotation.d[0]
+    assert rotation @ (tensor * sim.u[3:]) == pytest.approx(start, abs=1e-12)
+    assert abs(sim.energies.residual) < 1e-10
+
+
+def test_momentum_of_a_floating_chain_is_kept_whatever_its_joints_do():
+    """Springs, dampers and efforts between the parts are internal: linear and angular momentum stay."""
+    sim = Simulation.from_text(FLOATING)
+    linear, angular = kane.momentum(sim.mechanism, sim.q, sim.u)
+    assert np.linalg.norm(angular) > 1.0
+    mass = sim.mechanism.mass
+    centre = sum(
+        part.mass * kane.motions(sim.mechanism, sim.q, sim.u)[name].center.d[0] / mass
+        for name, part in sim.mechanism.parts.items()
+    )
+    for number in range(20):
+        sim.set_efforts({"a": 0.4 * (-1) ** number, "b": 0.3, "c": -0.05 * number})
+        sim.step(100)
+    after, spun = kane.momentum(sim.mechanism, sim.q, sim.u)
+    assert sim.energies.work_applied != 0.0 and sim.energies.dissipated > 0.01
+    assert after == pytest.approx(linear, abs=1e-12)
+    assert spun == pytest.approx(angular, abs=1e-11)
+    moved = sum(
+        part.mass * kane.motions(sim.mechanism, sim.q, sim.u)[name].center.d[0] / mass
+        for name, part in sim.mechanism.parts.items()
+    )
+    assert moved == pytest.approx(centre + linear / mass * sim.time, abs=1e-12)
+    assert abs(sim.energies.residual) < 1e-11
+
+
+def test_an_effort_on_a_free_joint_is_a_force_and_a_couple():
+    """Force in ground's axes, couple in the body's; the momenta grow by their impulses."""
+    sim = Simulation.from_text(PROJECTILE.replace("mechanism: projectile", "mechanism: pushed\ngravity: [0, 0, 0]"))
+    sim.set_efforts({"flight.x": 3.0, "flight.z": -1.0})
+    before, _ = kane.momentum(sim.mechanism, sim.q, sim.u)
+    sim.run(until=1.0)
+    after, _ = kane.momentum(sim.mechanism, sim.q, sim.u)
+    assert after - before == pytest.approx([3.0, 0.0, -1.0], abs=1e-11)
+    assert sim.energies.work_applied == pytest.approx(3.0 * sim.q[0] - 1.0 * sim.q[2], rel=1e-13)

@@ -1,0 +1,162 @@
+"""Real nodes as processes, and a listener in the test's own process, on a ROS domain of their own."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rcl_interfaces.msg import Parameter
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import SetBool, Trigger
+
+_counter = itertools.count()
+PATIENCE = 20.0  # seconds after which something that should come at once counts as missing
+
+
+def new_domain() -> int:
+    """A domain id that no other test of this or of a concurrent run is likely to use."""
+    return 1 + (os.getpid() * 13 + next(_counter)) % 100
+
+
+class SimNodeProcess:
+    """`sim_node` in a process of its own, with its output."""
+
+    def __init__(self, domain: int, folder: Path, parameters: dict[str, Any], remaps: Sequence[str] = ()) -> None:
+        environment = os.environ | {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+        command = [sys.executable, "-m", "mbd_sim.ros.sim_node", "--ros-args"]
+        for name, value in ({"record": False} | parameters).items():
+            text = str(value).lower() if isinstance(value, bool) else str(value)
+            command += ["-p", f"{name}:={text}"]
+        for remap in remaps:
+            command += ["-r", remap]
+        self.log = folder / f"node_{next(_counter)}.log"
+        with self.log.open("wb") as stream:
+            self.process = subprocess.Popen(
+                command, cwd=folder, env=environment, stdout=stream, stderr=subprocess.STDOUT, start_new_session=True
+            )
+
+    @property
+    def text(self) -> str:
+        return self.log.read_text(encoding="utf-8")
+
+    def end(self, *signals: signal.Signals) -> int:
+        """Send signals and wait for the exit code."""
+        for number in signals or (signal.SIGINT,):
+            self.process.send_signal(number)
+        return self.process.wait(PATIENCE)
+
+    def kill(self) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+
+
+class Listener:
+    """Hears everything that a `sim_node` says, and talks to it."""
+
+    def __init__(self, domain: int, namespace: str = "") -> None:
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.node = Node("listener", context=self.context, namespace=namespace or None)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.states: list[JointState] = []
+        self.energies: list[Float64MultiArray] = []
+        self.clocks: list[int] = []
+        self.events: list[str] = []
+        self.descriptions: list[str] = []
+        self.applied: list[list[float]] = []
+        latched = rclpy.qos.QoSProfile(depth=1, durability=rclpy.qos.QoSDurabilityPolicy.TRANSIENT_LOCAL)
+        subscribe = self.node.create_subscription
+        subscribe(JointState, "joint_states", self.states.append, 1000)
+        subscribe(Float64MultiArray, "energies", self.energies.append, 1000)
+        subscribe(Clock, "/clock", lambda message: self.clocks.append(nanoseconds(message.clock)), 1000)
+        subscribe(String, "sim_node/events", lambda message: self.events.append(message.data), latched)
+        subscribe(String, "robot_description", lambda message: self.descriptions.append(message.data), latched)
+        subscribe(Float64MultiArray, "sim_node/applied_efforts", lambda m: self.applied.append(list(m.data)), 1000)
+        self.by_order = self.node.create_publisher(Float64MultiArray, "sim_node/commands", 10)
+        self.by_name = self.node.create_publisher(JointState, "joint_commands", 10)
+
+    def until(self, condition: Callable[[], Any], what: str) -> None:
+        """Spin until a condition holds; fail where it does not within `PATIENCE`."""
+        end = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < end, f"waited in vain for {what}"
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def spin(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def call(self, kind: type, name: str, **fields: Any) -> Any:
+        client = self.node.create_client(kind, f"sim_node/{name}")
+        self.until(client.service_is_ready, f"service {name}")
+        future = client.call_async(kind.Request(**fields))
+        self.until(future.done, f"answer of {name}")
+        self.node.destroy_client(client)
+        return future.result()
+
+    def reset(self) -> Any:
+        return self.call(Trigger, "reset")
+
+    def pause(self, paused: bool) -> Any:
+        return self.call(SetBool, "pause", data=paused)
+
+    def step(self) -> Any:
+        return self.call(Trigger, "step")
+
+    def set_parameter(self, name: str, value: Any) -> Any:
+        message = Parameter(name=name, value=rclpy.parameter.get_parameter_value(str(value).lower()))
+        return self.call(SetParameters, "set_parameters", parameters=[message]).results[0]
+
+    def parameter(self, name: str) -> Any:
+        return parameter_value_to_python(self.call(GetParameters, "get_parameters", names=[name]).values[0])
+
+    def descriptor(self, name: str) -> Any:
+        return self.call(DescribeParameters, "describe_parameters", names=[name]).descriptors[0]
+
+    def ready_to_command(self) -> None:
+        """Wait until both command topics and the answer topics are matched."""
+        self.until(lambda: self.by_order.get_subscription_count() and self.by_name.get_subscription_count(), "matching")
+        self.until(lambda: self.states, "joint states")
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
+def nanoseconds(stamp: Any) -> int:
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+@contextlib.contextmanager
+def running(folder: Path, remaps: Sequence[str] = (), **parameters: Any) -> Iterator[tuple[SimNodeProcess, Listener]]:
+    """A node and a listener that hears it."""
+    domain = new_domain()
+    process = SimNodeProcess(domain, folder, parameters, remaps)
+    listener = Listener(domain)
+    try:
+        listener.until(lambda: listener.states or process.process.poll() is not None, "the first joint state")
+        assert process.process.poll() is None, process.text
+        yield process, listener
+    finally:
+        listener.close()
+        process.kill()

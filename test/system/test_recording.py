@@ -1,0 +1,181 @@
+"""Recordings of real runs, read by readers that share no code with the writer."""
+
+from __future__ import annotations
+
+import math
+import signal
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from mcap.reader import NonSeekingReader, make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+from std_msgs.msg import Float64MultiArray
+
+from mbd_sim import Simulation, parse_mechanism
+from test.system.nodes import nanoseconds, running
+
+pytestmark = pytest.mark.timeout(90)
+
+TOPICS = {
+    "/joint_states": "sensor_msgs/msg/JointState",
+    "/energies": "std_msgs/msg/Float64MultiArray",
+    "/sim_node/applied_efforts": "std_msgs/msg/Float64MultiArray",
+    "/sim_node/events": "std_msgs/msg/String",
+    "/robot_description": "std_msgs/msg/String",
+}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Any]]:
+    """A recording of a run with commands, a pause and a reset, and the joint states that were heard meanwhile."""
+    folder = tmp_path_factory.mktemp("run")
+    with running(folder, record=True, record_dir="logs", command_timeout=0.2) as (process, listener):
+        listener.ready_to_command()
+        listener.by_order.publish(Float64MultiArray(data=[1.5, -0.5]))
+        listener.until(lambda: any("expired" in event for event in listener.events), "the expiry")
+        listener.pause(True)
+        listener.reset()
+        listener.pause(False)
+        seen = len(listener.states)
+        listener.until(lambda: len(listener.states) > seen + 50, "states")
+        assert process.end(signal.SIGINT) == 0
+        assert "recorded" in process.text
+        heard = list(listener.states)
+    (path,) = (folder / "logs").glob("double_rod_*.mcap")
+    return path, heard
+
+
+def decoded(path: Path) -> list[tuple[Any, Any, Any]]:
+    with path.open("rb") as stream:
+        messages = make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+        return [(channel, message, content) for _, channel, message, content in messages]
+
+
+def test_two_independent_readers_find_the_same_messages(run: tuple[Path, list[Any]]) -> None:
+    path, heard = run
+    by_mcap = Counter(channel.topic for channel, _, _ in decoded(path))
+    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        by_rosbags = Counter(connection.topic for connection, _, _ in reader.messages())
+        types = {connection.topic: connection.msgtype for connection in reader.connections}
+        first = next(reader.messages([c for c in reader.connections if c.topic == "/joint_states"]))
+        state = reader.deserialize(first[2], first[0].msgtype)
+    assert by_mcap == by_rosbags
+    assert types == TOPICS
+    assert by_mcap["/joint_states"] == by_mcap["/energies"] >= len({nanoseconds(m.header.stamp) for m in heard}) - 1
+    assert list(state.position) == [math.pi / 2, 0.0]
+
+
+def test_every_state_that_was_heard_is_recorded_bit_for_bit(run: tuple[Path, list[Any]]) -> None:
+    path, heard = run
+    recorded = {
+        (nanoseconds(content.header.stamp), tuple(content.position), tuple(content.velocity), tuple(content.effort))
+        for channel, _, content in decoded(path)
+        if channel.topic == "/joint_states"
+    }
+    published = {(nanoseconds(m.header.stamp), tuple(m.position), tuple(m.velocity), tuple(m.effort)) for m in heard}
+    assert len(published) > 50
+    assert published <= recorded
+
+
+def test_the_run_can_be_computed_again_from_the_recording_alone(run: tuple[Path, list[Any]]) -> None:
+    path, _ = run
+    with path.open("rb") as stream:
+        reader = make_reader(stream)
+        (attachment,) = reader.iter_attachments()
+        about = {record.name: record.metadata for record in reader.iter_metadata()}["mbd_sim"]
+    simulation = Simulation(
+        parse_mechanism(attachment.data.decode()), method=about["method"], step=float.fromhex(about["step"])
+    )
+    ticks = states = 0
+    for channel, message, content in decoded(path):
+        if channel.topic == "/sim_node/events" and content.data == "reset":
+            simulation.step(message.sequence - ticks)
+            ticks = message.sequence
+            simulation.reset()
+        if channel.topic in ("/sim_node/applied_efforts", "/joint_states"):
+            simulation.step(message.sequence - ticks)
+            ticks = message.sequence
+        if channel.topic == "/sim_node/applied_efforts":
+            simulation.set_efforts(content.data)
+        if channel.topic == "/joint_states":
+            states += 1
+            assert list(content.position) == simulation.q.tolist()
+            assert list(content.velocity) == simulation.u.tolist()
+    assert states > 50
+
+
+def test_channels_schemas_and_the_first_records_are_as_ros_tools_expect(run: tuple[Path, list[Any]]) -> None:
+    path, _ = run
+    with path.open("rb") as stream:
+        reader = make_reader(stream)
+        assert reader.get_header().profile == "ros2"
+        summary = reader.get_summary()
+        assert summary is not None and summary.statistics is not None
+        assert summary.statistics.message_count == sum(summary.statistics.channel_message_counts.values())
+        for channel in summary.channels.values():
+            assert channel.message_encoding == "cdr"
+            assert summary.schemas[channel.schema_id].encoding == "ros2msg"
+            (profile,) = yaml.safe_load(channel.metadata["offered_qos_profiles"])
+            assert profile["reliability"] == "reliable" and profile["history"] == "keep_last"
+            latched = channel.topic in ("/robot_description", "/sim_node/events")
+            assert profile["durability"] == ("transient_local" if latched else "volatile")
+            assert profile["lifespan"] == {"sec": 9223372036, "nsec": 854775807}
+            assert channel.metadata["topic_type_hash"].startswith("RIHS01_")
+        first_chunk = min(chunk.chunk_start_offset for chunk in summary.chunk_indexes)
+        assert all(index.offset < first_chunk for index in summary.attachment_indexes)
+
+
+def test_sequence_numbers_are_steps_and_log_times_never_go_back(run: tuple[Path, list[Any]]) -> None:
+    path, _ = run
+    messages = [(channel.topic, message, content) for channel, message, content in decoded(path)]
+    for topic, message, content in messages:
+        if topic == "/joint_states":
+            assert nanoseconds(content.header.stamp) == message.log_time == message.sequence * 1_000_000
+    times = [message.log_time for _, message, _ in messages]
+    assert all(np.diff(times) >= 0)
+
+
+def test_reruns_own_converter_reads_the_recording(run: tuple[Path, list[Any]], tmp_path: Path) -> None:
+    path, _ = run
+    out = tmp_path / "run.rrd"
+    rerun = [str(Path(sys.executable).with_name("rerun"))]
+    subprocess.run([*rerun, "mcap", "convert", str(path), "-o", str(out)], check=True, capture_output=True)
+    printed = subprocess.run([*rerun, "rrd", "print", str(out)], check=True, capture_output=True, text=True).stdout
+    assert "/joint_states" in printed
+    assert "/energies" in printed
+
+
+def test_a_killed_run_leaves_a_recording_that_lacks_at_most_half_a_second(tmp_path: Path) -> None:
+    with running(tmp_path, record=True, record_dir="logs", publish_rate=100) as (process, listener):
+        listener.until(lambda: len(listener.states) >= 200, "states")
+        last = nanoseconds(listener.states[-1].header.stamp)
+        process.process.kill()
+        process.process.wait()
+    (path,) = (tmp_path / "logs").glob("*.mcap")
+    with path.open("rb") as stream:
+        reader = NonSeekingReader(stream)
+        times = []
+        try:
+            for _, channel, message in reader.iter_messages(log_time_order=False):
+                if channel.topic == "/joint_states":
+                    times.append(message.log_time)
+        except Exception as end:  # the file ends in the middle of a record
+            assert times, end
+    assert last - times[-1] <= 500_000_000
+    assert b"mechanism: double_rod" in path.read_bytes()[:4000]
+
+
+def test_a_folder_that_cannot_be_written_is_reported_and_the_simulation_runs(tmp_path: Path) -> None:
+    (tmp_path / "occupied").write_text("a file where the folder should be")
+    with running(tmp_path, record=True, record_dir="occupied/logs") as (process, listener):
+        listener.until(lambda: len(listener.states) > 20, "states")
+        assert "cannot record to" in process.text
+        assert "record_dir" in process.text

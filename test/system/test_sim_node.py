@@ -1,0 +1,279 @@
+"""`sim_node` as its users meet it: over real DDS, from another process."""
+
+from __future__ import annotations
+
+import math
+import signal
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from mbd_sim import Simulation
+from test.system.nodes import Listener, SimNodeProcess, nanoseconds, new_domain, running
+
+pytestmark = pytest.mark.timeout(90)
+
+STEP_NS = 1_000_000
+
+
+def free_run(ticks: int, efforts: dict[int, list[float]] | None = None) -> Simulation:
+    """The double rod computed here, with efforts that take effect at given ticks."""
+    simulation = Simulation.from_file("double_rod")
+    for tick in range(ticks):
+        if efforts and tick in efforts:
+            simulation.set_efforts(efforts[tick])
+        simulation.step()
+    return simulation
+
+
+def tick(message: JointState) -> int:
+    return nanoseconds(message.header.stamp) // STEP_NS
+
+
+def assert_is_state_of(message: JointState, simulation: Simulation) -> None:
+    assert list(message.position) == simulation.q.tolist()
+    assert list(message.velocity) == simulation.u.tolist()
+
+
+def test_states_and_energies_come_at_the_set_rate_with_a_residual_at_round_off(tmp_path: Path) -> None:
+    with running(tmp_path, publish_rate=50) as (_, listener):
+        listener.until(lambda: len(listener.states) >= 50 and len(listener.energies) >= 50, "a second of states")
+        stamps = [nanoseconds(message.header.stamp) for message in listener.states]
+        assert set(np.diff(stamps)) == {20 * STEP_NS}
+        for message in listener.states:
+            assert list(message.name) == ["shoulder", "elbow"]
+            assert len(message.position) == len(message.velocity) == len(message.effort) == 2
+        labels = [dimension.label for dimension in listener.energies[-1].layout.dim]
+        assert labels[:2] == ["kinetic", "potential"] and labels[-1] == "residual"
+        assert all(abs(message.data[-1]) < 1e-9 for message in listener.energies)
+        assert max(message.data[0] for message in listener.energies) > 1.0
+
+
+def test_published_states_equal_those_of_the_same_run_without_ros_bit_for_bit(tmp_path: Path) -> None:
+    with running(tmp_path) as (_, listener):
+        listener.until(lambda: len(listener.states) >= 80, "states")
+        message = listener.states[-1]
+        assert_is_state_of(message, free_run(tick(message)))
+
+
+def test_the_clock_runs_in_steps_of_its_rate_and_in_real_time(tmp_path: Path) -> None:
+    with running(tmp_path, clock_rate=100) as (_, listener):
+        listener.until(lambda: len(listener.clocks) > 20, "clock")
+        began = listener.clocks[-1]
+        listener.spin(2.0)
+        assert set(np.diff(listener.clocks)) == {10 * STEP_NS}
+        assert 1.0e9 < listener.clocks[-1] - began < 3.0e9
+
+
+def test_a_late_subscriber_gets_the_robot_description(tmp_path: Path) -> None:
+    with running(tmp_path) as (_, listener):
+        listener.until(lambda: listener.descriptions, "robot_description")
+        robot = ElementTree.fromstring(listener.descriptions[0])
+        assert [joint.get("name") for joint in robot.iter("joint")] == ["shoulder", "elbow"]
+        assert {link.get("name") for link in robot.iter("link")} == {"ground", "upper", "lower"}
+
+
+def test_efforts_by_order_and_by_name_change_the_motion(tmp_path: Path) -> None:
+    with running(tmp_path, command_timeout=0) as (_, listener):
+        listener.ready_to_command()
+        listener.by_order.publish(Float64MultiArray(data=[3.0, -1.0]))
+        listener.until(lambda: list(listener.states[-1].effort) == [3.0, -1.0], "the effort in joint_states")
+        listener.by_name.publish(JointState(name=["elbow"], effort=[2.5]))
+        listener.until(lambda: list(listener.states[-1].effort) == [3.0, 2.5], "the effort by name")
+        seen = len(listener.energies)
+        listener.until(lambda: len(listener.energies) > seen + 20, "energies")
+        work = listener.energies[-1].data[3]
+        assert abs(work) > 1e-3
+        assert abs(listener.energies[-1].data[-1]) < 1e-9
+        last = listener.states[-1]
+        unforced = free_run(tick(last))
+        assert max(abs(np.array(last.position) - unforced.q)) > 1e-3
+
+
+def test_bad_commands_are_rejected_whole_counted_and_leave_the_motion_untouched(tmp_path: Path) -> None:
+    with running(tmp_path, command_timeout=0) as (process, listener):
+        listener.ready_to_command()
+        bad_orders = [[1.0], [1.0, 2.0, 3.0], [math.nan, 1.0], [1.0, math.inf], []]
+        for data in bad_orders:
+            listener.by_order.publish(Float64MultiArray(data=data))
+        for name, effort in [
+            (["elbw"], [1.0]),
+            (["elbow", "knee"], [1.0, 1.0]),
+            (["elbow"], [math.nan]),
+            (["elbow"], []),
+            (["elbow", "elbow"], [1.0, 2.0]),
+            (["shoulder", "elbow"], [1.0]),
+        ]:
+            listener.by_name.publish(JointState(name=name, effort=effort))
+        listener.until(lambda: "rejected" in process.text, "a warning")
+        listener.spin(1.2)
+        listener.by_name.publish(JointState(name=["elbw"], effort=[1.0]))
+        listener.until(lambda: "(12 so far)" in process.text, "the count of rejections")
+        assert "Did you mean 'elbow'?" in process.text
+        assert process.text.count("rejected") <= 6
+        last = listener.states[-1]
+        assert_is_state_of(last, free_run(tick(last)))
+        assert not listener.applied
+
+
+def test_efforts_beyond_a_joints_limit_are_clamped_visibly(tmp_path: Path) -> None:
+    text = Path(Simulation.from_file("double_rod").mechanism.source.file).read_text(encoding="utf-8")
+    file = tmp_path / "weak.yaml"
+    file.write_text(text.replace("position: 90 deg", "position: 90 deg\n    effort_limit: 2 N*m"), encoding="utf-8")
+    with running(tmp_path, mechanism=file, command_timeout=0) as (_, listener):
+        listener.ready_to_command()
+        listener.by_order.publish(Float64MultiArray(data=[-50.0, 50.0]))
+        listener.until(lambda: list(listener.states[-1].effort) == [-2.0, 50.0], "the clamped effort")
+
+
+def test_without_commands_efforts_expire_and_the_next_command_recovers(tmp_path: Path) -> None:
+    with running(tmp_path, command_timeout=0.1) as (_, listener):
+        listener.ready_to_command()
+        listener.by_order.publish(Float64MultiArray(data=[1.0, 0.0]))
+        listener.until(lambda: list(listener.states[-1].effort) == [1.0, 0.0], "the effort")
+        listener.until(lambda: list(listener.states[-1].effort) == [0.0, 0.0], "the expiry")
+        listener.until(lambda: any("expired" in event for event in listener.events), "the event")
+        assert listener.applied == [[1.0, 0.0], [0.0, 0.0]]
+        listener.by_order.publish(Float64MultiArray(data=[0.0, 2.0]))
+        listener.until(lambda: list(listener.states[-1].effort) == [0.0, 2.0], "the recovery")
+
+
+def test_pause_stops_time_and_step_takes_exactly_the_steps_that_were_set(tmp_path: Path) -> None:
+    with running(tmp_path) as (_, listener):
+        assert not listener.step().success
+        assert listener.pause(True).success
+        listener.until(lambda: "paused" in listener.events, "the event")
+        listener.spin(0.3)
+        ticks = tick(listener.states[-1])
+        listener.spin(0.8)
+        assert tick(listener.states[-1]) == ticks
+        assert listener.set_parameter("step_count", 7).successful
+        for taken in (7, 14):
+            assert listener.step().success
+            listener.until(lambda taken=taken: tick(listener.states[-1]) == ticks + taken, f"{taken} steps")
+        assert_is_state_of(listener.states[-1], free_run(ticks + 14))
+        assert listener.pause(False).success
+        listener.until(lambda: tick(listener.states[-1]) > ticks + 60, "time going on")
+
+
+def test_reset_returns_to_the_start_while_the_clock_goes_on(tmp_path: Path) -> None:
+    with running(tmp_path) as (_, listener):
+        listener.until(lambda: len(listener.states) > 30, "states")
+        listener.pause(True)
+        assert listener.reset().success
+        listener.until(lambda: list(listener.states[-1].velocity) == [0.0, 0.0], "the start state")
+        assert list(listener.states[-1].position) == [math.pi / 2, 0.0]
+        assert nanoseconds(listener.states[-1].header.stamp) > 29 * 10 * STEP_NS
+        listener.pause(False)
+        listener.spin(0.3)
+        assert all(np.diff(listener.clocks) >= 0)
+        assert abs(listener.energies[-1].data[-1]) < 1e-9
+
+
+def test_reset_rewinds_the_clock_where_asked_to(tmp_path: Path) -> None:
+    with running(tmp_path, reset_rewinds_clock=True) as (_, listener):
+        listener.until(lambda: len(listener.states) > 30, "states")
+        listener.pause(True)
+        listener.reset()
+        listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) == 0, "a clock at zero")
+
+
+def test_start_paused_waits_and_then_starts_at_the_first_step(tmp_path: Path) -> None:
+    with running(tmp_path, start_paused=True) as (_, listener):
+        listener.spin(0.5)
+        assert {nanoseconds(message.header.stamp) for message in listener.states} == {0}
+        listener.pause(False)
+        listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) > 100 * STEP_NS, "time going on")
+
+
+def test_as_fast_as_possible_outruns_real_time(tmp_path: Path) -> None:
+    with running(tmp_path, real_time_factor=0) as (_, listener):
+        listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) > 60e9, "a minute of simulated time")
+
+
+def test_parameters_are_described_and_bad_values_refused(tmp_path: Path) -> None:
+    with running(tmp_path) as (_, listener):
+        rate = listener.descriptor("real_time_factor")
+        assert rate.description.startswith("1: real time")
+        assert (rate.floating_point_range[0].from_value, rate.floating_point_range[0].to_value) == (0.0, 1000.0)
+        assert not rate.read_only
+        assert listener.descriptor("mechanism").read_only
+        assert not listener.set_parameter("mechanism", "rod_pendulum").successful
+        assert not listener.set_parameter("publish_rate", -5.0).successful
+        assert not listener.set_parameter("publish_rate", "fast").successful
+        assert listener.set_parameter("publish_rate", 20).successful
+        assert listener.parameter("publish_rate") == 20
+        listener.spin(0.3)
+        del listener.states[:]
+        listener.until(lambda: len(listener.states) > 5, "states")
+        assert set(np.diff([nanoseconds(state.header.stamp) for state in listener.states])) == {50 * STEP_NS}
+
+
+@pytest.mark.parametrize(
+    "signals",
+    [(signal.SIGINT,), (signal.SIGTERM,), (signal.SIGINT, signal.SIGINT), (signal.SIGINT, signal.SIGTERM)],
+    ids=lambda signals: "+".join(number.name for number in signals),
+)
+def test_ends_cleanly_on_signals_even_when_they_come_twice(tmp_path: Path, signals: tuple[signal.Signals, ...]) -> None:
+    with running(tmp_path) as (process, _):
+        assert process.end(*signals) == 0
+        assert "stopped after" in process.text
+        assert "Traceback" not in process.text
+
+
+def test_two_instances_run_in_two_namespaces(tmp_path: Path) -> None:
+    domain = new_domain()
+    nodes = [
+        SimNodeProcess(domain, tmp_path, {"mechanism": name, "clock_rate": 0}, [f"__ns:=/{name}"])
+        for name in ("double_rod", "rod_pendulum")
+    ]
+    listeners = [Listener(domain, name) for name in ("double_rod", "rod_pendulum")]
+    try:
+        for listener, names in zip(listeners, (["shoulder", "elbow"], ["pin"]), strict=True):
+            listener.until(lambda listener=listener: len(listener.states) > 20, "states")
+            assert all(list(message.name) == names for message in listener.states)
+    finally:
+        for listener in listeners:
+            listener.close()
+        for node in nodes:
+            node.kill()
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"mechanism": "dubble_rod"}, ["no mechanism of this name ships", "Did you mean 'double_rod'?"]),
+        ({"mechanism": "nowhere/to.yaml"}, ["there is no such file", "nowhere/to.yaml"]),
+        ({"method": "rk5"}, ["no method 'rk5'", "rk4"]),
+        ({"publish_rate": -1}, ["publish_rate"]),
+        ({"publish_rate": "often"}, ["publish_rate"]),
+    ],
+)
+def test_a_wrong_start_says_what_is_wrong_and_ends(
+    tmp_path: Path, parameters: dict[str, object], words: list[str]
+) -> None:
+    process = SimNodeProcess(new_domain(), tmp_path, parameters)
+    try:
+        assert process.process.wait(20) == 1
+        for word in words:
+            assert word in process.text
+        assert "Traceback" not in process.text
+    finally:
+        process.kill()
+
+
+def test_an_effort_that_makes_the_motion_infinite_pauses_and_reset_recovers(tmp_path: Path) -> None:
+    with running(tmp_path, command_timeout=0) as (process, listener):
+        listener.ready_to_command()
+        listener.by_order.publish(Float64MultiArray(data=[1e306, 0.0]))
+        listener.until(lambda: any("diverged" in event for event in listener.events), "the event")
+        assert all(np.all(np.isfinite(message.position)) for message in listener.states)
+        listener.reset()
+        listener.pause(False)
+        seen = len(listener.states)
+        listener.until(lambda: len(listener.states) > seen + 20, "states after the reset")
+        assert "Traceback" not in process.text

@@ -1,0 +1,106 @@
+"""Where recordings go, and what is said when they cannot go there."""
+
+import socket
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+from mbd_sim import Simulation
+from mbd_sim.viewer import Viewer, ViewerError, process
+
+
+@pytest.fixture(scope="module")
+def model():
+    return Simulation.from_file("rod_pendulum").model
+
+
+@pytest.fixture
+def closed_port():
+    with socket.socket() as taken:
+        taken.bind((process.LOOPBACK, 0))
+        yield taken.getsockname()[1]
+
+
+def listeners(port):
+    """The local addresses, as the kernel writes them, on which somebody listens to a port."""
+    found = set()
+    for table in ("/proc/net/tcp", "/proc/net/tcp6"):
+        for line in Path(table).read_text().splitlines()[1:]:
+            _, local, _, state, *_ = line.split()
+            address, at = local.split(":")
+            if state == "0A" and int(at, 16) == port:
+                found.add(address)
+    return found
+
+
+@pytest.mark.parametrize("sink", ["", "window", "connect:", "run", "out/run.mcap"])
+def test_an_unknown_sink_is_answered_with_those_there_are(model, sink):
+    with pytest.raises(ValueError, match="no viewer sink") as caught:
+        Viewer(model, sink)
+    assert all(word in str(caught.value) for word in ("'spawn'", "'serve'", "'connect'", "'connect:<url>'", "'.rrd'"))
+
+
+def test_a_plain_name_gets_the_remedy(model):
+    with pytest.raises(ValueError, match=r"To write a file, say 'run\.rrd'"):
+        Viewer(model, "run")
+
+
+def test_a_file_in_a_missing_folder(model, tmp_path):
+    with pytest.raises(ViewerError, match="No such file or directory"):
+        Viewer(model, str(tmp_path / "missing" / "run.rrd"))
+
+
+def test_connecting_to_nobody(model, closed_port):
+    with pytest.raises(ViewerError, match=f"no viewer listens at 127.0.0.1:{closed_port}"):
+        Viewer(model, f"connect:rerun+http://127.0.0.1:{closed_port}/proxy")
+
+
+def test_connecting_to_something_else(model, monkeypatch):
+    monkeypatch.setattr(process.answers, "__defaults__", (0.1,))
+    with socket.create_server((process.LOOPBACK, 0)) as mute:
+        port = mute.getsockname()[1]
+        with pytest.raises(ViewerError, match="no viewer listens"):
+            Viewer(model, f"connect:127.0.0.1:{port}")
+
+
+@pytest.mark.parametrize("url", ["http://127.0.0.1:1", "rerun+http://127.0.0.1:port/proxy", "nonsense://"])
+def test_connecting_to_no_url(model, url):
+    with pytest.raises(ViewerError, match="cannot be opened"):
+        Viewer(model, f"connect:{url}")
+
+
+def test_no_window_without_a_display(model, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr(process, "listens", lambda host, port: False)
+    with pytest.raises(ViewerError, match="no display"):
+        Viewer(model, "spawn")
+
+
+def test_no_program_to_start(model, monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.delenv("RERUN_CLI_PATH", raising=False)
+    monkeypatch.setattr(process.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(ViewerError, match="pip install rerun-sdk"):
+        Viewer(model, "serve")
+
+
+def test_serving_on_this_machine_only_and_taking_what_another_viewer_sends():
+    sim = Simulation.from_file("rod_pendulum")
+    viewer = Viewer(sim.model, "serve")
+    web = urllib.parse.urlsplit(viewer.address)
+    data = urllib.parse.urlsplit(urllib.parse.parse_qs(web.query)["url"][0])
+    try:
+        assert listeners(web.port) == {"0100007F"}
+        assert listeners(data.port) == {"0100007F"}
+        with urllib.request.urlopen(viewer.address, timeout=10) as page:
+            assert b"rerun" in page.read().lower()
+        with Viewer(sim.model, f"connect:{data.hostname}:{data.port}") as second:
+            second.offer(sim.time, sim.state, sim.efforts.copy(), sim.energies)
+        assert second.failure is None
+    finally:
+        viewer.close()
+    assert viewer.failure is None
+    assert not listeners(web.port)
+    assert not listeners(data.port)
