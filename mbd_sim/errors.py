@@ -55,7 +55,7 @@ class CommandError(MbdSimError, ValueError):
 
 def nearest(name: str, valid: Iterable[str]) -> str:
     """A remedy that names the valid names, the nearest one to `name` first."""
-    names = sorted(set(valid))
+    names = sorted({other for other in valid if other})
     if not names:
         return ""
     close = difflib.get_close_matches(name[:100], names[:MOST_COMPARED], n=1, cutoff=0.5)

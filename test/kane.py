@@ -46,7 +46,7 @@ class Jet:
         return Jet(*(function(a) for a in self.d))
 
     @property
-    def T(self):
+    def transposed(self):
         return self.linear(np.transpose)
 
 
@@ -123,7 +123,7 @@ def motions(mechanism, q, u, u_rate=None):
             position = Jet(a.position) + Jet(a.rotation) @ position + -(rotation @ Jet(b.position))
             inner, outer = joint.parent, joint.child
             if joint.child in frames:
-                position, rotation = -(rotation.T @ position), rotation.T
+                position, rotation = -(rotation.transposed @ position), rotation.transposed
                 inner, outer = outer, inner
             origin, axes = frames[inner]
             frames[outer] = (origin + axes @ position, axes @ rotation)

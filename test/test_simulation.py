@@ -103,7 +103,7 @@ def test_step_and_method_can_be_replaced():
 
 
 def test_an_unknown_method_names_the_nearest():
-    with pytest.raises(MechanismError, match="no method 'rk5'.*Did you mean 'rk4'"):
+    with pytest.raises(MechanismError, match=r"no method 'rk5'.*Did you mean 'rk4'"):
         Simulation.from_file("rod_pendulum", method="rk5")
 
 
@@ -247,7 +247,7 @@ def test_divergence_keeps_the_last_state(sim):
     sim.step(50)
     sim.set_efforts({"elbow": 1e300})
     before = snapshot(sim)
-    with pytest.raises(DivergedError, match="limited: the motion became infinite between t = 0.05 s and 0.06 s"):
+    with pytest.raises(DivergedError, match=r"limited: the motion .* between t = 0\.05 s and 0\.06 s"):
         sim.step(10)
     assert snapshot(sim) == before
     sim.set_efforts([0.0, 0.0])

@@ -192,6 +192,8 @@ def _joint(
 
 def _end(text: str, places: Mapping[str, Mapping[str, Pose] | None]) -> tuple[str, Pose]:
     part, dot, point = (word.strip() for word in text.partition("."))
+    if not part:
+        raise LookupError(f"no part is named before the '.' of {quoted(text)}", "Write part.point.")
     if part not in places:
         owners = [f"{name}.{part}" for name, points in places.items() if not dot and part in (points or {})]
         remedy = f"Did you mean its point '{owners[0]}'?" if owners else nearest(part, places)
@@ -201,9 +203,10 @@ def _end(text: str, places: Mapping[str, Mapping[str, Pose] | None]) -> tuple[st
         return part, identity_pose()
     if point not in points:
         known = nearest(point, points) or f"'{part}' has no points: add one under its 'points'."
-        raise LookupError(
-            f"'{part}' has no point {quoted(point)}" if point else f"no point is named after '{text}'", known
+        missing = (
+            f"'{part}' has no point {quoted(point)}" if point else f"no point is named after the '.' of {quoted(text)}"
         )
+        raise LookupError(missing, known)
     return part, points[point]
 
 

@@ -56,29 +56,30 @@ def evaluate(text: str, names: Mapping[str, float]) -> float:
     try:
         value = float(_value(_parse(text).body, names))
     except ZeroDivisionError as error:
-        raise ExpressionError("division by zero") from error
+        raise ExpressionError("division by zero", "Check what it divides by.") from error
     except ExpressionError:
         raise
     except (ValueError, OverflowError) as error:
-        raise ExpressionError("has no finite value") from error
+        raise ExpressionError("has no finite value", _OUT_OF_RANGE) from error
     except RecursionError as error:
         raise ExpressionError("is nested too deeply", "Split it into parameters.") from error
     if not math.isfinite(value):
-        raise ExpressionError("has no finite value")
+        raise ExpressionError("has no finite value", _OUT_OF_RANGE)
     return value
 
 
 def _parse(text: str) -> ast.Expression:
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"is longer than {MAX_LENGTH} characters", "Split it into parameters.")
-    if not _TOKENS.fullmatch(text):
-        raise ExpressionError(_NO_VALUE, _EXAMPLES)
+    if not _TOKENS.fullmatch(text) or re.fullmatch(r"\d+,\d+", text.strip()):
+        raise ExpressionError(_NO_VALUE, "Write decimals with a point." if re.search(r"\d,\d", text) else _EXAMPLES)
     try:
         return ast.parse(text.strip().replace("^", "**"), mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         raise ExpressionError(_NO_VALUE, _EXAMPLES) from error
 
 
+_OUT_OF_RANGE = "Check the numbers that it is made of."
 _NO_VALUE = "not a number, a value with a unit, or an expression"
 _EXAMPLES = "Write for example 0.5, 30 deg, l/2, or ${l/2} mm."
 
@@ -100,10 +101,15 @@ def _value(node: ast.expr, names: Mapping[str, float]) -> Any:
         case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
             return _BINARY[type(op)](_value(left, names), _value(right, names))
         case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
+            if name in names:
+                raise ExpressionError(f"'{name}' is no function", f"To multiply, write {name}*(...).")
             if name not in FUNCTIONS:
                 raise ExpressionError(f"unknown function {quoted(name)}", nearest(name, FUNCTIONS))
             count, function = FUNCTIONS[name]
             if len(args) != count:
-                raise ExpressionError(f"{name}() takes {count} value{'s' if count > 1 else ''}, not {len(args)}")
+                values = f"{count} value{'s' if count > 1 else ''}"
+                raise ExpressionError(
+                    f"{name}() takes {values}, not {len(args)}", f"Write {name}({'a, b'[: 3 * count - 2]})."
+                )
             return function(*(_value(arg, names) for arg in args))
     raise ExpressionError("only numbers, names, + - * / ** ( ) and functions may stand here", _EXAMPLES)

@@ -49,7 +49,7 @@ def composite(bodies: Sequence[MassProperties]) -> MassProperties:
         return MassProperties(0.0, np.zeros(3), np.zeros((3, 3)))
     mass = math.fsum(body.mass for body in bodies)
     if mass <= 1e-12 * math.fsum(abs(body.mass) for body in bodies):
-        raise ValueError(f"the total mass is {mass:g} kg: the holes take away all that there is")
+        raise ValueError(f"the holes take away all mass, {mass:g} kg are left: make them smaller or lighter")
     center = sum((body.mass * body.center for body in bodies), np.zeros(3)) / mass
     inertia = sum((body.about(center) for body in bodies), np.zeros((3, 3)))
     return MassProperties(mass, center, inertia)
@@ -138,7 +138,7 @@ def of_shapes(shapes: Sequence[schema.Shape], mass: float | None) -> MassPropert
     if mass is None and bare:
         raise ValueError("has shapes without mass: give 'mass' on the part, or mass or density on each shape")
     if mass is not None and not bare:
-        raise ValueError("gives the mass twice: on the part and on its shapes")
+        raise ValueError("gives the mass twice, on the part and on its shapes: remove one of the two")
     share = 0.0
     if mass or (mass is not None and any(own)):
         if len({solid.dimension for solid in bare}) > 1:

@@ -6,7 +6,7 @@ import functools
 import sys
 from pathlib import Path
 
-from mbd_sim.errors import MechanismError, Problem, nearest
+from mbd_sim.errors import MechanismError, Problem, nearest, quoted
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 
@@ -32,19 +32,33 @@ def find(mechanism: str | Path) -> Path:
 
     :raises MechanismError: neither; the remedy lists what ships, the nearest name first.
     """
-    path = Path(mechanism).expanduser()
+    try:
+        path = Path(mechanism).expanduser()
+        return _found(path)
+    except (OSError, ValueError, RuntimeError) as error:  # a name too long, a NUL in it, no such home directory
+        why = getattr(error, "strerror", None) or str(error)
+        raise MechanismError(
+            [Problem(f"cannot look for it: {why}", "Check the path.", key="mechanism", value=quoted(str(mechanism)))]
+        ) from error
+
+
+def _found(path: Path) -> Path:
     if path.suffix in (".yaml", ".yml") or path.parent != Path():
         if path.is_file():
             return path
+        if path.is_dir():
+            raise MechanismError(
+                [Problem("is a folder", "Give a .yaml file in it.", key="mechanism", value=quoted(str(path)))]
+            )
         names = [str(near) for near in path.parent.glob("*.y*ml")] if path.parent.is_dir() else []
         remedy = nearest(str(path), names) or "Check the path."
         raise MechanismError(
-            [Problem(message="there is no such file", remedy=remedy, key="mechanism", value=str(path))]
+            [Problem(message="there is no such file", remedy=remedy, key="mechanism", value=quoted(str(path)))]
         )
     ships = shipped()
     if path.name in ships:
         return ships[path.name]
     remedy = nearest(path.name, ships) + " Or give the path of a .yaml file."
     raise MechanismError(
-        [Problem(message="no mechanism of this name ships", remedy=remedy, key="mechanism", value=repr(str(mechanism)))]
+        [Problem(message="no mechanism of this name ships", remedy=remedy, key="mechanism", value=quoted(path.name))]
     )

@@ -50,6 +50,8 @@ def parse_value(value: object, names: Mapping[str, float], si_unit: str | None) 
 
     :raises ExpressionError: not a finite number, an unknown name, or a unit that does not fit.
     """
+    if value is None:
+        raise ExpressionError("has no value", "Give it one.")
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ExpressionError("must be a number", "Write for example 0.5, 30 deg, or l/2.")
     if isinstance(value, str):
@@ -123,9 +125,9 @@ class Quantity:
                 return math.nan  # the parameter is reported; what uses it is not
             number = parse_value(value, names, self.unit)
             if abs(number) > LARGEST or 0.0 < abs(number) < SMALLEST:
-                raise ExpressionError(
-                    f"is {number:.3g}, too {'small' if abs(number) < 1.0 else 'large'} to compute with"
-                )
+                size = "small" if abs(number) < 1.0 else "large"
+                remedy = "Check its unit and its power of ten."
+                raise ExpressionError(f"is {number:.3g}, too {size} to compute with", remedy)
         except ExpressionError as error:
             raise PydanticCustomError("quantity", "{why}", {"why": str(error), "remedy": error.remedy}) from error
         if self.above is not None and not number > self.above:

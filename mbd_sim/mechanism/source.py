@@ -178,10 +178,11 @@ class _Composer:
 
     def _node(self, event: yaml.NodeEvent, line: int) -> _Node:
         if isinstance(event, yaml.AliasEvent):
-            if event.anchor not in self.anchors:
-                known = nearest(event.anchor, self.anchors) or f"Mark a value before it with &{event.anchor[:60]}."
-                raise _refused(self.file, line, f"unknown alias {quoted('*' + event.anchor)}", known)
-            return self.anchors[event.anchor]
+            name = str(event.anchor)
+            if name not in self.anchors:
+                known = nearest(name, self.anchors) or f"Mark a value before it with &{name[:60]}."
+                raise _refused(self.file, line, f"unknown alias {quoted('*' + name)}", known)
+            return self.anchors[name]
         tag: str | None = getattr(event, "tag", None)
         if tag and tag != "!":
             tag = quoted(tag.replace("tag:yaml.org,2002:", "!!"))

@@ -63,7 +63,10 @@ _SPELLINGS = {
     r"\bin\b": "inch",
     r"(?<=\w)\s+(?=\w)": "*",
 }
-_NAMES = sorted(set(re.findall(r"\b[A-Za-z]\w*(?=\s*=|\s*$)", _DEFINITIONS, re.MULTILINE)) - {"pi", "gram"})
+_NAMES = sorted(
+    set(re.findall(r"\b[A-Za-z]\w*(?=\s*=|\s*$)", _DEFINITIONS, re.MULTILINE)) - {"pi"}
+    | {"kg", "mm", "cm", "km", "ms", "kN"}
+)
 
 
 @functools.cache
@@ -154,6 +157,7 @@ def _named(name: str) -> Any:
         return _registry().parse_units(name)
     except (pint.errors.PintError, ValueError, TypeError, AttributeError, KeyError, AssertionError) as error:
         same = [other for other in _NAMES if other.casefold() == name.casefold()]
+        same += [name[:-1]] if name.endswith("s") and name[:-1] in _NAMES else []
         halves = [(name[:cut], name[cut:]) for cut in range(1, len(name))]
         products = [f"{first}*{second}" for first, second in halves if first in _NAMES and second in _NAMES]
         close = same or products or difflib.get_close_matches(name, _NAMES, n=1, cutoff=0.6)

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import gc
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import casadi as ca
+import mechanisms
 import numpy as np
 import pytest
 from mechanisms import AUDITED, FLOATING
 
+import mbd_sim
+from mbd_sim import Simulation
 from mbd_sim.compiler import kernel as kernel_module
 from mbd_sim.compiler import runge_kutta
 from mbd_sim.compiler.kernel import compile_kernel
@@ -46,6 +55,21 @@ def test_two_compilations_give_the_same_bits():
     first, second = (run(*compile_model("double_rod", "dop853"), 10_000) for _ in range(2))
     assert bits(first) == bits(second)
     assert np.all(np.abs(first[2:4]) > 1e-3)
+
+
+def test_another_process_gets_the_same_bits():
+    """Whatever the seed of hashes and wherever things stand in memory."""
+    code = (
+        "from mbd_sim import Simulation; import mechanisms; "
+        "sim = Simulation.from_text(mechanisms.FLOATING); sim.step(1000); print(sim.state.tobytes().hex())"
+    )
+    here = Simulation.from_text(FLOATING)
+    here.step(1000)
+    paths = os.pathsep.join(map(str, (Path(mechanisms.__file__).parent, Path(mbd_sim.__file__).parents[1])))
+    for seed in ("1", "2"):
+        environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": paths}
+        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+        assert done.stdout.strip() == here.state.tobytes().hex()
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
@@ -161,8 +185,6 @@ def test_kernels_count_their_instructions():
 
 def test_a_model_is_usable_after_its_equations_are_gone():
     """The code stays alive as long as the kernel does."""
-    import gc
-
     model = build_model(load_mechanism("rod_pendulum"), "rk4")
     kernel, y, start = model.kernel, model.start.copy(), model.start.copy()
     del model

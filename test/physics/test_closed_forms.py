@@ -10,7 +10,7 @@ from mbd_sim.dynamics.equations import derive
 from mbd_sim.mechanism.load import load_mechanism
 
 G = 9.81
-TOLERANCE = 1e-12
+TOLERANCE = 1e-13
 
 
 def draw(rng, *sizes):

@@ -1,0 +1,123 @@
+"""The stepping thread: in real time, without ROS."""
+
+import time
+
+import pytest
+
+from mbd_sim import Simulation
+from mbd_sim.ros.commands import CommandBuffer
+from mbd_sim.ros.pacing import RE_ANCHOR, Pacer
+from mbd_sim.ros.runner import Event, Rates, Runner, Snapshot
+
+
+@pytest.fixture
+def make():
+    runners = []
+
+    def build(**rates):
+        paused = rates.pop("paused", False)
+        simulation = Simulation.from_file("rod_pendulum", method="rk4")
+        runner = Runner(simulation, CommandBuffer(simulation.effort_map, 0.0), Rates(**rates), paused=paused)
+        runners.append(runner)
+        return runner
+
+    yield build
+    for runner in runners:
+        if runner._thread.is_alive():
+            runner.stop()
+
+
+def collected(runner):
+    items = []
+    while (item := runner.output.get(timeout=10)) is not None:
+        items.append(item)
+    return items
+
+
+def wait_for(condition):
+    end = time.monotonic() + 10
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.001)
+
+
+@pytest.mark.parametrize("factor", [0.0, 1.0, 20.0])
+def test_every_publication_is_handed_out_at_its_very_step(make, factor):
+    runner = make(real_time_factor=factor, publish=125.0, clock=50.0)
+    runner.start()
+    wait_for(lambda: runner.ticks > 200)
+    runner.stop()
+    snapshots = [item for item in collected(runner) if isinstance(item, Snapshot)]
+    last = snapshots[-1].ticks
+    assert [s.ticks for s in snapshots if s.state] == list(range(0, last + 1, 8))[: sum(s.state for s in snapshots)]
+    assert all(s.ticks % 20 == 0 for s in snapshots if s.clock)
+    assert all(s.clock_ns == s.ticks * 1_000_000 for s in snapshots)
+
+
+def test_a_command_takes_effect_between_two_steps_and_tells_which(make):
+    runner = make(real_time_factor=0.0)
+    runner.commands.by_order([2.0])
+    runner.start()
+    wait_for(lambda: runner.ticks > 100)
+    runner.stop()
+    (event,) = [item for item in collected(runner) if isinstance(item, Event)]
+    assert (event.ticks, event.text, event.efforts.tolist()) == (0, "command", [2.0])
+
+
+def test_requests_are_served_while_paused_and_while_running(make):
+    runner = make(paused=True)
+    runner.start()
+    assert runner.step(25) == ""
+    assert runner.ticks == 25
+    runner.pause(False)
+    assert "running" in runner.step(1)
+    wait_for(lambda: runner.ticks > 50)
+    runner.pause(True)
+    ticks = runner.ticks
+    runner.reset()
+    assert (runner.simulation.time, runner.clock_ns) == (0.0, ticks * 1_000_000)
+    runner.reset(rewind_clock=True)
+    assert runner.clock_ns == 0
+    runner.stop()
+    texts = [item.text for item in collected(runner) if isinstance(item, Event)]
+    assert texts == ["running", "paused", "reset", "reset"]
+
+
+def test_a_request_to_a_runner_that_has_stopped_returns(make):
+    runner = make()
+    runner.start()
+    runner.stop()
+    assert runner.step(1) == "the simulation has stopped"
+
+
+def test_a_step_that_diverges_pauses_and_keeps_the_last_state(make):
+    runner = make(paused=True)
+    runner.start()
+    runner.commands.by_order([1e308])
+    assert "became infinite" in runner.step(100)
+    assert runner.paused
+    assert runner.simulation.q[0] == pytest.approx(1.5707963, abs=1e-6)
+    runner.reset()
+    assert runner.step(100) == ""
+
+
+def test_the_pacer_keeps_absolute_deadlines():
+    pacer = Pacer()
+    pacer.anchor()
+    began = time.perf_counter()
+    for _ in range(100):
+        pacer.wait(0.002)
+    assert time.perf_counter() - began >= 0.2
+    late = pacer.lateness()
+    assert 0.0 <= late.median <= late.p99 <= late.maximum
+
+
+def test_a_long_stall_starts_the_schedule_anew_instead_of_a_burst():
+    pacer = Pacer()
+    pacer.anchor()
+    time.sleep(RE_ANCHOR + 0.15)
+    pacer.wait(0.05)
+    assert pacer.overruns == 1
+    began = time.perf_counter()
+    pacer.wait(0.05)
+    assert time.perf_counter() - began >= 0.049

@@ -1,0 +1,79 @@
+"""The package as it is installed."""
+
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import mbd_sim
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wheel")
+    copy = folder / "source"
+    tracked = subprocess.run(
+        ["git", "-C", str(ROOT), "ls-files", "-co", "--exclude-standard"], check=True, capture_output=True, text=True
+    ).stdout.splitlines()
+    for name in tracked:
+        if (ROOT / name).is_file():
+            (copy / name).parent.mkdir(parents=True, exist_ok=True)
+            (copy / name).write_bytes((ROOT / name).read_bytes())
+            (copy / name).chmod((ROOT / name).stat().st_mode)
+    command = [sys.executable, "-m", "pip", "wheel", "-qq", "--no-deps", "-w", str(folder), str(copy)]
+    subprocess.run(command, check=True, capture_output=True)
+    (path,) = folder.glob("mbd_sim-*.whl")
+    return zipfile.ZipFile(path)
+
+
+def test_a_wheel_holds_what_ros2_run_and_ros2_launch_look_for(wheel):
+    data = {name.split(".data/data/")[1] for name in wheel.namelist() if ".data/data/" in name}
+    assert "share/ament_index/resource_index/packages/mbd_sim" in data
+    assert "share/mbd_sim/package.xml" in data
+    assert "share/mbd_sim/launch/sim.launch.py" in data
+    assert "share/mbd_sim/config/open_chains/double_rod.yaml" in data
+    assert "lib/mbd_sim/sim_node" in data
+    (node,) = [info for info in wheel.infolist() if info.filename.endswith("lib/mbd_sim/sim_node")]
+    assert (node.external_attr >> 16) & 0o111
+
+
+def test_every_shipped_mechanism_is_in_the_wheel(wheel):
+    packed = {name.rsplit("/", 1)[1] for name in wheel.namelist() if "/config/" in name}
+    assert packed == {path.name for path in (ROOT / "config").rglob("*.yaml")}
+
+
+def test_the_version_is_the_same_everywhere():
+    described = ElementTree.parse(ROOT / "package.xml").getroot()
+    setup = re.search(r'version="([^"]+)"', (ROOT / "setup.py").read_text(encoding="utf-8"))[1]
+    assert mbd_sim.__version__ == described.findtext("version") == setup
+    assert f"\n{mbd_sim.__version__} (" in (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8")
+
+
+def test_every_ros_package_that_is_imported_is_declared():
+    described = ElementTree.parse(ROOT / "package.xml").getroot()
+    declared = {element.text for element in described.iter("exec_depend")}
+    sources = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "mbd_sim" / "ros").glob("*.py"))
+    used = set(re.findall(r"^from ([a-z_]+_(?:msgs|srvs|interfaces))\.", sources, re.MULTILINE)) | {"rclpy"}
+    assert used <= declared
+
+
+def test_importing_the_package_loads_nothing_heavy():
+    heavy = ["rclpy", "rerun", "scipy", "casadi", "llvmlite", "numpy", "pydantic"]
+    code = f"import sys, mbd_sim; print([name for name in {heavy!r} if name in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_a_simulation_needs_neither_ros_nor_rerun_nor_scipy():
+    code = (
+        "import sys\n"
+        "for name in ('rclpy', 'rerun', 'scipy', 'mcap'): sys.modules[name] = None\n"
+        "from mbd_sim import Simulation\n"
+        "sim = Simulation.from_file('double_rod'); sim.step(); print(sim.steps)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "1\n"
