@@ -17,7 +17,7 @@ ARGUMENTS = [
     ("start_paused", "false", "wait for ~/pause or ~/step"),
     ("record", "true", "record the run to an MCAP file"),
     ("record_dir", "recordings", "folder of the recordings"),
-    ("rerun", "''", "spawn, serve, connect, or a file.rrd"),
+    ("rerun", "", "spawn, serve, connect, or a file.rrd"),
 ]
 RVIZ = ("rviz", "false", "robot_state_publisher and RViz beside it, where they are installed")
 KINDS = {"publish_rate": float, "real_time_factor": float, "start_paused": bool, "record": bool}
@@ -44,7 +44,7 @@ def rviz(context):
     """RViz and robot_state_publisher on simulated time; a note where they are not installed."""
     missing = [package for package in ("robot_state_publisher", "rviz2") if not installed(package)]
     if missing:
-        return [LogInfo(msg=f"rviz:=true needs {' and '.join(missing)}, which is not installed")]
+        return [LogInfo(msg=f"rviz:=true: not installed: {', '.join(missing)}")]
     config = PathJoinSubstitution([FindPackageShare("mbd_sim"), "launch", "mechanism.rviz"])
     simulated = {"use_sim_time": True}
     return [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from operator import index
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,10 @@ from mbd_sim.efforts import EffortMap
 from mbd_sim.errors import DivergedError
 from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.model import Array, Mechanism, Pose
+from mbd_sim.mechanism.rotation import unit
 from mbd_sim.model import Energies, Model, build_model
+
+MOST_STEPS = 2**53  # beyond, time in steps is no longer exact
 
 
 class Simulation:
@@ -92,8 +96,10 @@ class Simulation:
         """Advance by n steps.
 
         :raises DivergedError: the state would not stay finite; it stays as it was before this call.
+        :raises TypeError, ValueError: n is not a whole number from 0 on.
         """
-        if n < 0:
+        n = index(n)
+        if not 0 <= n <= MOST_STEPS:
             raise ValueError(f"cannot take {n} steps")
         if not self._advance(self._y_address, self._efforts_address, self.steps, self.step_size, n):
             raise DivergedError(
@@ -108,6 +114,8 @@ class Simulation:
 
         :raises DivergedError: see `step`.
         """
+        if not math.isfinite(until):
+            raise ValueError(f"cannot run until t = {until} s")
         last = round(until / self.step_size)
         while self.steps < last:
             self.step(min(last - self.steps, 20_000))
@@ -124,10 +132,9 @@ class Simulation:
             if values is not None:
                 y[where] = _checked(values, where.stop - where.start, symbol)
         for joint, start in self.model.quaternions.items():
-            norm = float(np.linalg.norm(y[start : start + 4]))
-            if norm == 0.0:
+            if not np.any(y[start : start + 4]):
                 raise ValueError(f"the quaternion of joint '{joint}' is zero")
-            y[start : start + 4] /= norm
+            y[start : start + 4] = unit(y[start : start + 4])
         self._y[:], self._efforts[:], self.steps = y, 0.0, 0
         self.start_energy = self.model.energies(0.0, self._y).total
 
@@ -150,7 +157,7 @@ def _read_only(view: Array) -> Array:
 def _checked(values: Sequence[float] | Array, size: int, symbol: str) -> Array:
     array = np.array(values, dtype=float)
     if array.shape != (size,):
-        raise ValueError(f"{symbol} has {size} values, not {array.size}")
+        raise ValueError(f"{symbol} is a list of {size} values, not of shape {array.shape}")
     if not np.all(np.isfinite(array)):
         raise ValueError(f"{symbol} holds a value that is not finite")
     return array

@@ -159,8 +159,8 @@ class TestReset:
     @pytest.mark.parametrize(
         ("change", "message"),
         [
-            ({"q": [1.0]}, "q has 2 values, not 1"),
-            ({"u": [1.0, 2.0, 3.0]}, "u has 2 values, not 3"),
+            ({"q": [1.0]}, "q is a list of 2 values, not of shape \\(1,\\)"),
+            ({"u": [1.0, 2.0, 3.0]}, "u is a list of 2 values, not of shape \\(3,\\)"),
             ({"q": [[1.0, 2.0]]}, "q has 2 values"),
             ({"q": [1.0, math.nan]}, "q holds a value that is not finite"),
             ({"q": [0.5, 0.5], "u": [math.inf, 0.0]}, "u holds a value that is not finite"),
@@ -330,3 +330,37 @@ def test_all_public_names_exist():
         assert getattr(mbd_sim, name) is not None
     with pytest.raises(AttributeError, match="no attribute 'Simulaton'"):
         _ = mbd_sim.Simulaton
+
+
+class TestWholeSteps:
+    @pytest.fixture
+    def sim(self):
+        return Simulation.from_file("rod_pendulum", method="rk4")
+
+    @pytest.mark.parametrize("count", [-1, 10**20, 2**53 + 1])
+    def test_a_count_out_of_range_is_refused(self, sim, count):
+        with pytest.raises(ValueError, match=f"cannot take {count} steps"):
+            sim.step(count)
+        assert sim.steps == 0
+
+    @pytest.mark.parametrize("count", [2.5, "3", None])
+    def test_what_is_not_a_whole_number_is_refused(self, sim, count):
+        with pytest.raises(TypeError):
+            sim.step(count)
+
+    def test_a_numpy_integer_counts_as_a_plain_one(self, sim):
+        sim.step(np.int64(3))
+        assert type(sim.steps) is int
+        assert sim.steps == 3
+
+    @pytest.mark.parametrize("until", [math.nan, math.inf])
+    def test_running_until_no_finite_time_is_refused(self, sim, until):
+        with pytest.raises(ValueError, match="cannot run until"):
+            sim.run(until=until)
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1.0, 1e200])
+def test_reset_takes_a_quaternion_of_any_length(scale):
+    sim = Simulation.from_file("tumbling")
+    sim.reset(q=[0.0, 0.0, 0.0, 3.0 * scale, 0.0, -4.0 * scale, 0.0])
+    assert sim.q[3:] == pytest.approx([0.6, 0.0, -0.8, 0.0], rel=1e-15)

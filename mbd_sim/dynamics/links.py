@@ -11,6 +11,8 @@ from mbd_sim.dynamics.spatial import inertia_matrix
 from mbd_sim.mechanism.model import GROUND, Array, Joint, Mechanism, Pose, identity_pose
 from mbd_sim.mechanism.rotation import aligning_z
 
+ROUND_OFF = 1e-15  # relative to a component, or to the largest one where it stands for zero
+
 
 @dataclass(frozen=True, eq=False)
 class Link:
@@ -70,16 +72,18 @@ def links(mechanism: Mechanism) -> list[Link]:
             turn, axis = Pose(np.zeros(3), aligning_z(axis)), np.array([0.0, 0.0, 1.0])
         part = mechanism.parts[joint.outboard]
         placed = (outboard_pose @ turn).inverse()
-        center = placed.position + placed.rotation @ part.center
+        center = _cleaned(placed.position + placed.rotation @ part.center)
+        inertia = _cleaned(placed.rotation @ part.inertia @ placed.rotation.T)
+        base = part_in_link[joint.inboard] @ inboard_pose @ turn
         result.append(
             Link(
                 joint=joint,
                 type=JOINT_TYPES[joint.type],
                 parent=index[joint.inboard],
-                base=part_in_link[joint.inboard] @ inboard_pose @ turn,
+                base=Pose(_cleaned(base.position), _cleaned(base.rotation)),
                 axis=axis,
                 part=placed,
-                inertia=inertia_matrix(part.mass, center, placed.rotation @ part.inertia @ placed.rotation.T),
+                inertia=inertia_matrix(part.mass, center, inertia),
                 q=places.q[joint.name],
                 u=places.u[joint.name],
             )
@@ -87,3 +91,13 @@ def links(mechanism: Mechanism) -> list[Link]:
         index[part.name] = len(result) - 1
         part_in_link[part.name] = placed
     return result
+
+
+def _cleaned(array: Array) -> Array:
+    """The array with what is only round-off of zeros and ones removed: structural zeros are what saves instructions.
+
+    A planar chain then costs the same in a plane of any direction.
+    """
+    size, whole = np.abs(array), np.round(array)
+    array = np.where(np.abs(array - whole) <= ROUND_OFF * size, whole, array)
+    return np.where(size <= ROUND_OFF * np.max(size), 0.0, array)

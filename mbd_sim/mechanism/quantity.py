@@ -18,7 +18,7 @@ from mbd_sim.errors import quoted
 from mbd_sim.mechanism.expression import MAX_LENGTH, ExpressionError, evaluate, names_in
 from mbd_sim.mechanism.units import factor, si_factor
 
-# Beyond these, products such as density · r³ · r² would overflow or vanish.
+# Beyond these, products such as density · r³ · r² would overflow or vanish. What may be 0 is 0 below the smallest.
 LARGEST, SMALLEST = 1e40, 1e-60
 
 _UNIT = r"([A-Za-zµμ°%][\w°%·*/^ ().-]*)"
@@ -124,6 +124,8 @@ class Quantity:
             if isinstance(value, str) and unresolved and names_in(split_unit(value)[0]) & unresolved:
                 return math.nan  # the parameter is reported; what uses it is not
             number = parse_value(value, names, self.unit)
+            if abs(number) < SMALLEST and not (self.above is not None and number > 0.0):
+                number = 0.0
             if abs(number) > LARGEST or 0.0 < abs(number) < SMALLEST:
                 size = "small" if abs(number) < 1.0 else "large"
                 remedy = "Check its unit and its power of ten."

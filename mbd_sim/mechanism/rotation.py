@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -15,7 +16,7 @@ def skew(v: Array) -> Array:
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
-def unit(v: tuple[float, ...]) -> Array:
+def unit(v: Sequence[float] | Array) -> Array:
     """The vector scaled to length 1, without overflow for very large or small ones."""
     array = np.array(v, dtype=float)
     array /= np.max(np.abs(array))

@@ -155,8 +155,9 @@ class _Composer:
         root = _Node("list", 1)
         stack = [root]
         documents = values = 0
+        last = max(1, len(self.text.splitlines()))
         for event in yaml.parse(self.text, Loader=_Loader):
-            line = event.start_mark.line + 1 if event.start_mark else 1
+            line = min(event.start_mark.line + 1, last) if event.start_mark else 1
             if isinstance(event, yaml.DocumentStartEvent):
                 documents += 1
                 if documents > 1:
@@ -244,14 +245,16 @@ class _Constructor:
             self.source.lines[(*location, key)] = key_node.line
             mapping[key] = self.construct(value_node, (*location, key))
         for value_node, value in merged:
-            for source in value if isinstance(value, list) else [value]:
+            several = isinstance(value, list)
+            for index, source in enumerate(value if several else [value]):
                 if not isinstance(source, dict):
                     message = "must merge a mapping, or a list of mappings"
                     self._complain((*location, "<<"), value_node.line, message, "Write <<: *name, with &name at one.")
                     continue
                 for key, inherited in source.items():
                     if key not in mapping:
-                        self.source.lines[(*location, key)] = value_node.line
+                        place = (*location, "<<", *([index] if several else []), key)
+                        self.source.lines[(*location, key)] = self.source.lines[place]
                         mapping[key] = inherited
         return mapping
 

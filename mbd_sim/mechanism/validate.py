@@ -223,10 +223,10 @@ def _form(loc: tuple[int | str, ...]) -> str:
     """How a list of fixed length is written."""
     if loc[-1:] == ("between",):
         return "Write it as [ground, part] or [part.point, part.point]."
-    letters = "abcdef"[: _length(loc)]
-    if letters == "abc":
-        letters = "xyz"
-    return f"Write it as [{', '.join(letters)}]." if letters else "Begin each entry with '- '."
+    if "inertia" in loc[-2:]:
+        return "Write it as [I_xx, I_yy, I_zz] or {xx: …, yy: …, zz: …, xy: …}."
+    letters = {2: "x, y", 3: "x, y, z", 4: "w, x, y, z"}.get(_length(loc))
+    return f"Write it as [{letters}]." if letters else "Begin each entry with '- '."
 
 
 def _in_file(source: Source, loc: tuple[int | str, ...]) -> tuple[Location, Any]:
@@ -247,7 +247,16 @@ def _in_file(source: Source, loc: tuple[int | str, ...]) -> tuple[Location, Any]
 @functools.cache
 def _json_schema() -> dict[str, Any]:
     schema = MechanismFile.model_json_schema(by_alias=True)
+    _forbid_other_names(schema)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "mbd_sim mechanism"}
+
+
+def _forbid_other_names(node: object) -> None:
+    """Names that match no pattern are errors, which pydantic leaves out of its schema."""
+    for inner in node.values() if isinstance(node, dict) else node if isinstance(node, list) else []:
+        _forbid_other_names(inner)
+    if isinstance(node, dict) and isinstance(node.get("patternProperties"), dict):
+        node["additionalProperties"] = False
 
 
 def json_schema() -> dict[str, Any]:

@@ -62,11 +62,10 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self.outputs.start(self.runner.output)
         self.runner.start()
         simulation = self.simulation
-        name = simulation.mechanism.name
         pace = "paused" if self.runner.paused else "running"
         self.get_logger().info(
-            f"'{name}' is {pace}: {simulation.model.layout.nv} degrees of freedom, "
-            f"{simulation.model.method.name} at {simulation.step_size * 1e3:g} ms"
+            f"'{simulation.mechanism.name}' is {pace}: degrees of freedom {simulation.model.layout.nv}, "
+            f"method {simulation.model.method.name}, step {simulation.step_size * 1e3:g} ms"
         )
 
     def stop(self) -> None:

@@ -24,6 +24,7 @@ from mechanisms import (
     random_trees,
 )
 
+from mbd_sim.compiler.lower import instruction_count
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
 from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
@@ -133,3 +134,23 @@ joints: {j: {type: revolute, between: [ENDS], axis: [0, 0, 1]}}
     for ends in ("ground, body", "body, ground"):
         found = accelerations(derive(parse_mechanism(text.replace("ENDS", ends))), np.zeros(1), np.zeros(1), [3.0])
         assert found == pytest.approx([3.0], rel=1e-15)
+
+
+def test_an_oblique_axis_costs_no_more_than_a_turned_frame():
+    """A link's frame is turned so that its axis is exactly z; round-off in the axis would triple the instructions."""
+    text = """
+mechanism: one
+parts:
+  body: {mass: 1, inertia: {xx: 1, yy: 2, zz: 2.5, xy: 0.1, xz: 0.2, yz: 0.3}, center: [0.1, 0.2, 0.3]}
+  other: {mass: 1, inertia: {xx: 1, yy: 2, zz: 2.5, xy: 0.1, xz: 0.2, yz: 0.3}, center: [0.1, 0.2, 0.3]}
+ground: {points: {turned: {rotate: {axis: [1, -2, 1], angle: 0.7}}}}
+joints:
+  j: {type: revolute, between: [ground.turned, body], axis: AXIS}
+  k: {type: revolute, between: [body, other.turned], axis: AXIS}
+"""
+    text = text.replace("  other: {", "  other: {points: {turned: {rotate: {axis: [1, -2, 1], angle: 0.7}}}, ")
+    straight, *oblique = (
+        instruction_count(derive(parse_mechanism(text.replace("AXIS", axis))).rates)
+        for axis in ("[0, 0, 1]", "[1, 2, 3]", "[-1, 2, 0.5]", "[0.3, 0, -0.7]")
+    )
+    assert max(oblique) <= 1.1 * straight
