@@ -161,7 +161,7 @@ class TestReset:
         [
             ({"q": [1.0]}, "q is a list of 2 values, not of shape \\(1,\\)"),
             ({"u": [1.0, 2.0, 3.0]}, "u is a list of 2 values, not of shape \\(3,\\)"),
-            ({"q": [[1.0, 2.0]]}, "q has 2 values"),
+            ({"q": [[1.0, 2.0]]}, "q is a list of 2 values"),
             ({"q": [1.0, math.nan]}, "q holds a value that is not finite"),
             ({"q": [0.5, 0.5], "u": [math.inf, 0.0]}, "u holds a value that is not finite"),
         ],

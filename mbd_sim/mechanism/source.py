@@ -111,9 +111,11 @@ def parse_source(text: str, file: str = "<text>") -> Source:
     try:
         root = _Composer(text, file).compose()
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line = mark.line + 1 if mark else 1
-        cause = " ".join(part for part in (error.context, error.problem) if part)
+        last = max(1, len(text.splitlines()))
+        begun, found = (mark and min(mark.line + 1, last) for mark in (error.context_mark, error.problem_mark))
+        line = found or begun or 1
+        context = f"{error.context} begun on line {begun}" if begun and begun != line else error.context
+        cause = " ".join(part for part in (context, error.problem) if part)
         raise _refused(file, line, f"not valid YAML: {cause}", _yaml_remedy(text, line)) from error
     except yaml.YAMLError as error:
         raise _refused(file, 1, f"not valid YAML: {error}", "") from error

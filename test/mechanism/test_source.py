@@ -113,6 +113,7 @@ MERGE_BOMB = "a0: &a0 {k: 1}\n" + "".join(
     ("text", "line", "message", "remedy"),
     [
         ("a: 1\nb: [1, 2\nc: 3\n", 3, "not valid YAML", "Check indentation"),
+        ("a: 1\nb: 'x\nc: 3\n", 3, "not valid YAML: while scanning a quoted scalar begun on line 2", "Check"),
         ("a:\n\tb: 1\n", 2, "not valid YAML", "Indent with spaces"),
         ("a: b: c\n", 1, "not valid YAML", "a value that holds ': '"),
         ("a:\n  b: {x: ${l/2}}\n", 2, "not valid YAML", "write the expression bare (l/2) or quoted"),
@@ -141,7 +142,7 @@ MERGE_BOMB = "a0: &a0 {k: 1}\n" + "".join(
         ("a: [" + "1," * 150_000 + "]", 1, "more than 100000 values", "hundreds"),
         ("a" * 1_000_001, 1, "the text is longer than 1000000 characters", "a few kB"),
     ],
-    ids=range(23),
+    ids=range(24),
 )
 def test_what_cannot_be_read_is_refused_at_once_with_its_line(text, line, message, remedy):
     problem = refusal(text)

@@ -1,5 +1,7 @@
 """Every mistake in a file: its line, key and value, a helpful remedy, and all of them at once."""
 
+# ruff: noqa: E501  (a table of mistakes, one a line)
+
 import pytest
 from mechanism_texts import PENDULUM, changed, problem_of, problems_of
 
@@ -62,7 +64,7 @@ MISTAKES = {
     "a joint without axis": ((AXIS, ""), 11, "joints.pin", "'axis' is missing", "Add it."),
     "an axis of zeros": ((AXIS, "    axis: [0, 0, 0]\n"), 14, "joints.pin.axis", "must not be zero", "[0, 0, 1]"),
     "an axis by its letter": ((AXIS, "    axis: y\n"), 14, "joints.pin.axis", "must be a list", "[x, y, z]"),
-    "an axis on a weld": (("type: revolute", "type: fixed"), 14, "joints.pin.axis", "unknown key 'axis'", "Valid: between, type."),
+    "an axis on a weld": ((f"revolute\n    between: [ground, rod]\n{AXIS}{END}", f"fixed\n    between: [ground, rod]\n{AXIS}"), 14, "joints.pin.axis", "unknown key 'axis'", "Valid: between, type."),
     "an angle for a length": (("type: revolute", "type: prismatic"), 15, "joints.pin.position", "the unit 'deg' does not fit", "0.5 m"),
     "one end": (("[ground, rod]", "[rod]"), 13, "joints.pin.between", "has 1 value, not 2", "[ground, part]"),
     "three ends": (("[ground, rod]", "[rod, rod, rod]"), 13, "joints.pin.between", "has 3 values, not 2", "[ground, part]"),
@@ -245,8 +247,15 @@ def test_many_problems_are_all_kept_and_the_first_are_printed():
     text = changed(("joints:\n", "".join(f"  p{i}: {{mass: -1, mas: 1}}\n" for i in range(1000)) + "joints:\n"))
     with pytest.raises(MechanismError) as caught:
         parse_mechanism(text)
-    assert len(caught.value.problems) == 2000
-    assert str(caught.value).splitlines()[-1] == f"… and {2000 - MOST_SHOWN} more problems."
+    lines = str(caught.value).splitlines()
+    assert len(caught.value.problems) == 2000 and len(lines) == MOST_SHOWN + 1
+    assert lines[-1] == f"… and {2000 - MOST_SHOWN} more problems."
+
+
+def count_problems(text):
+    with pytest.raises(MechanismError) as caught:
+        parse_mechanism(text)
+    return len(caught.value.problems)
 
 
 def test_a_problem_prints_what_it_has():
@@ -263,6 +272,6 @@ def test_large_files_are_answered_in_time():
     assert parse_mechanism(changed(("  m: 2 kg\n", f"  m: 2 kg\n{chain}"))).parameters["a0"] == 5001.0
     parts = "".join(f"  p{i}: {{mass: 1}}\n" for i in names) + "joints:\n"
     joints = "".join(f"  j{i}: {{type: fixed, between: [q{i}, p{i}]}}\n" for i in range(500))
-    assert len(problems_of(changed(("joints:\n", parts)) + joints)) == 500
+    assert count_problems(changed(("joints:\n", parts)) + joints) == 500
     wrong_types = "".join(f"  j{i}: {{type: hing, between: [ground, rod]}}\n" for i in names)
-    assert len(problems_of(PENDULUM + wrong_types)) == 5000
+    assert count_problems(PENDULUM + wrong_types) == 5000
