@@ -60,6 +60,7 @@ setup(
         ],
         "test": [
             "hypothesis>=6.100",
+            "jsonschema>=4.20",
             "mcap-ros2-support>=0.5",
             "mypy>=1.10",
             "psutil>=5.9",

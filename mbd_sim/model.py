@@ -49,7 +49,7 @@ class Model:
         self.quaternions = {
             name: self.layout.q[name].start + offset
             for name, joint in mechanism.joints.items()
-            if (offset := JOINT_TYPES[joint.type].quaternion) is not None
+            if (offset := JOINT_TYPES[joint.type].quaternion) is not None and not joint.drive
         }
 
     def energies(self, time: float, y: Array, start_total: float = 0.0) -> Energies:
@@ -62,17 +62,17 @@ class Model:
         residual = total - start_total - work_applied - work_drives + dissipated
         return Energies(kinetic, potential, dissipated, work_applied, work_drives, total, residual)
 
-    def pose_array(self, y: Array) -> Array:
+    def pose_array(self, time: float, y: Array) -> Array:
         """(parts, 12): position and rotation, column by column, of each of `part_names` in ground's frame."""
-        out = np.empty((len(self.part_names), 12))
-        self.kernel.readers["poses"](y.ctypes.data, out.ctypes.data)
+        moment, out = np.array([time]), np.empty((len(self.part_names), 12))
+        self.kernel.readers["poses"](moment.ctypes.data, y.ctypes.data, out.ctypes.data)
         return out
 
-    def poses(self, y: Array) -> Mapping[str, Pose]:
+    def poses(self, time: float, y: Array) -> Mapping[str, Pose]:
         """The pose of each part in ground's frame."""
         return {
             name: Pose(row[:3].copy(), row[3:].reshape(3, 3).T.copy())
-            for name, row in zip(self.part_names, self.pose_array(y), strict=True)
+            for name, row in zip(self.part_names, self.pose_array(time, y), strict=True)
         }
 
     def coordinates(self, y: Array) -> Array:

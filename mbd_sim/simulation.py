@@ -90,7 +90,7 @@ class Simulation:
 
     def poses(self) -> Mapping[str, Pose]:
         """The pose of each part in ground's frame."""
-        return self.model.poses(self._y)
+        return self.model.poses(self.time, self._y)
 
     def step(self, n: int = 1) -> None:
         """Advance by n steps.

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mbd_sim.mechanism.expression import Arithmetic, walk
+
 GROUND = "ground"
 
 
@@ -27,6 +29,7 @@ class Jet:
             self.d.append(np.zeros_like(self.d[0]) if derivative is None else np.asarray(derivative, dtype=float))
 
     def __add__(self, other):
+        other = other if isinstance(other, Jet) else Jet(other)
         return Jet(*(a + b for a, b in zip(self.d, other.d, strict=True)))
 
     def __neg__(self):
@@ -38,7 +41,11 @@ class Jet:
     def __mul__(self, other):
         return self.product(other, np.multiply)
 
+    def __rmul__(self, other):
+        return self.linear(lambda a: a * other)
+
     def product(self, other, by):
+        other = other if isinstance(other, Jet) else Jet(other)
         (a, a1, a2), (b, b1, b2) = self.d, other.d
         return Jet(by(a, b), by(a1, b) + by(a, b1), by(a2, b) + 2.0 * by(a1, b1) + by(a, b2))
 
@@ -70,42 +77,98 @@ class Motion:
         return 0.5 * np.array([spin[2, 1] - spin[1, 2], spin[0, 2] - spin[2, 0], spin[1, 0] - spin[0, 1]])
 
 
-SIZES = {"revolute": (1, 1), "prismatic": (1, 1), "fixed": (0, 0), "free": (7, 6)}
+SIZES = {
+    "revolute": (1, 1),
+    "prismatic": (1, 1),
+    "screw": (1, 1),
+    "cylindrical": (2, 2),
+    "universal": (2, 2),
+    "planar": (3, 3),
+    "spherical": (4, 3),
+    "fixed": (0, 0),
+    "free": (7, 6),
+}
 
 
 def places(mechanism):
     """Where each joint's coordinates and speeds stand, in declared order, and how many there are."""
     found, nq, nv = {}, 0, 0
     for name, joint in mechanism.joints.items():
-        more_q, more_v = SIZES[joint.type]
+        more_q, more_v = (0, 0) if joint.drive else SIZES[joint.type]
         found[name] = (slice(nq, nq + more_q), slice(nv, nv + more_v))
         nq, nv = nq + more_q, nv + more_v
     return found, nq, nv
 
 
-def _joint_jets(joint, q, u, u_rate):
-    """The child-side frame seen from the parent-side frame: position and rotation."""
-    if joint.type == "fixed":
-        return Jet(np.zeros(3)), Jet(np.eye(3))
-    if joint.type == "prismatic":
-        return Jet(joint.axis * q[0], joint.axis * u[0], joint.axis * u_rate[0]), Jet(np.eye(3))
-    if joint.type == "revolute":
-        k = cross_matrix(joint.axis)
-        turned = np.eye(3) + np.sin(q[0]) * k + (1.0 - np.cos(q[0])) * k @ k
-        return Jet(np.zeros(3)), Jet(turned, turned @ k * u[0], turned @ (k @ k * u[0] ** 2 + k * u_rate[0]))
+def _sine(x):
+    s, c = np.sin(x.d[0]), np.cos(x.d[0])
+    return Jet(s, c * x.d[1], c * x.d[2] - s * x.d[1] ** 2)
 
+
+JETS = Arithmetic({"sin": (1, _sine)}, power=None)
+
+
+def _driven(expression, t):
+    """A drive's value and derivatives; its numbers become jets by being multiplied with one."""
+    names = {name: Jet(value) for name, value in expression.names.items()}
+    return walk(expression.text, {**names, "t": Jet(t, 1.0)}, JETS)
+
+
+def _turn(axis, x):
+    k = cross_matrix(axis)
+    turned = np.eye(3) + np.sin(x.d[0]) * k + (1.0 - np.cos(x.d[0])) * k @ k
+    return Jet(np.zeros(3)), Jet(turned, turned @ k * x.d[1], turned @ (k @ k * x.d[1] ** 2 + k * x.d[2]))
+
+
+def _slide(axis, x):
+    return x.linear(lambda value: axis * value), Jet(np.eye(3))
+
+
+def _then(first, second):
+    return first[0] + first[1] @ second[0], first[1] @ second[1]
+
+
+def _ball(p, omega, omega_rate):
     def rates(p, omega):
         return 0.5 * np.concatenate([[-p[1:] @ omega], p[0] * omega + np.cross(p[1:], omega)])
 
-    p = q[3:]
-    p1 = rates(p, u[3:])
-    jet = Jet(p, p1, rates(p1, u[3:]) + rates(p, u_rate[3:]))
+    p1 = rates(p, omega)
+    jet = Jet(p, p1, rates(p1, omega) + rates(p, omega_rate))
     k, w = jet.linear(lambda v: cross_matrix(v[1:])), jet.linear(lambda v: v[0])
-    rotation = Jet(np.eye(3)) + (w * k + k @ k).linear(lambda m: 2.0 * m)
-    return Jet(q[:3], u[:3], u_rate[:3]), rotation
+    return Jet(np.eye(3)) + (w * k + k @ k).linear(lambda m: 2.0 * m)
 
 
-def motions(mechanism, q, u, u_rate=None):
+def _joint_jets(joint, q, u, u_rate, t):
+    """The child-side frame seen from the parent-side frame: position and rotation."""
+    if joint.type == "fixed":
+        return Jet(np.zeros(3)), Jet(np.eye(3))
+    if joint.type == "spherical":
+        return Jet(np.zeros(3)), _ball(q, u, u_rate)
+    if joint.type == "free":
+        return Jet(q[:3], u[:3], u_rate[:3]), _ball(q[3:], u[3:], u_rate[3:])
+    if joint.drive:
+        x = [_driven(expression, t) for expression in joint.drive]
+    else:
+        x = [Jet(*values) for values in zip(q, u, u_rate, strict=True)]
+    axis, second = joint.axis, joint.second
+    match joint.type:
+        case "prismatic":
+            return _slide(axis, x[0])
+        case "revolute":
+            return _turn(axis, x[0])
+        case "screw":
+            return _then(_slide(axis, x[0].linear(lambda v: v * joint.lead / (2.0 * np.pi))), _turn(axis, x[0]))
+        case "cylindrical":
+            return _then(_slide(axis, x[0]), _turn(axis, x[1]))
+        case "universal":
+            return _then(_turn(axis, x[0]), _turn(second, x[1]))
+        case "planar":
+            along = _then(_slide(second, x[0]), _slide(np.cross(axis, second), x[1]))
+            return _then(along, _turn(axis, x[2]))
+    raise AssertionError(joint.type)
+
+
+def motions(mechanism, q, u, u_rate=None, t=0.0):
     """The motion of every part, by name."""
     where, _, nv = places(mechanism)
     u_rate = np.zeros(nv) if u_rate is None else u_rate
@@ -116,7 +179,7 @@ def motions(mechanism, q, u, u_rate=None):
             if (joint.parent in frames) == (joint.child in frames):
                 continue
             in_q, in_u = where[name]
-            position, rotation = _joint_jets(joint, q[in_q], u[in_u], u_rate[in_u])
+            position, rotation = _joint_jets(joint, q[in_q], u[in_u], u_rate[in_u], t)
             a, b = joint.parent_pose, joint.child_pose
             # child part seen from the parent part: (a) (joint) (b)⁻¹
             rotation = Jet(a.rotation) @ rotation @ Jet(b.rotation.T)
@@ -139,14 +202,17 @@ def joint_forces(mechanism, q, u, efforts):
     where, _, _ = places(mechanism)
     forces, potential = np.array(efforts, dtype=float), 0.0
     for name, joint in mechanism.joints.items():
-        if joint.type not in ("revolute", "prismatic"):
-            continue
-        x, row = q[where[name][0]][0], where[name][1].start
-        forces[row] += joint.stiffness * (joint.rest - x) - joint.damping * u[row]
-        potential += 0.5 * joint.stiffness * (x - joint.rest) ** 2
+        in_q, in_u = where[name]
+        for place, row in enumerate(range(in_u.start, in_u.stop)):
+            forces[row] -= joint.damping[place] * u[row]
+            if joint.type not in ("spherical", "free"):
+                stretch = q[in_q.start + place] - joint.rest[place]
+                forces[row] -= joint.stiffness[place] * stretch
+                potential += 0.5 * joint.stiffness[place] * stretch**2
         if joint.limits is not None and joint.limits.stiffness:
+            x = q[in_q.start]
             excess = x - min(max(x, joint.limits.lower), joint.limits.upper)
-            forces[row] -= joint.limits.stiffness * excess
+            forces[in_u.start] -= joint.limits.stiffness * excess
             potential += 0.5 * joint.limits.stiffness * excess**2
     return forces, potential
 
@@ -177,19 +243,20 @@ class Equations:
         return self.mass / np.outer(self.scale, self.scale)
 
 
-def equations(mechanism, q, u, efforts):
+def equations(mechanism, q, u, efforts, t=0.0):
     """Kane's equations at one state."""
     _, _, nv = places(mechanism)
-    at_rest = motions(mechanism, q, u)
-    unit = [motions(mechanism, q, direction) for direction in np.eye(nv)]
+    at_rest = motions(mechanism, q, u, t=t)
+    still = motions(mechanism, q, np.zeros(nv), t=t)
+    unit = [motions(mechanism, q, direction, t=t) for direction in np.eye(nv)]
     mass, forces = np.zeros((nv, nv)), np.zeros(nv)
     kinetic = 0.0
     spring_forces, potential = joint_forces(mechanism, q, u, efforts)
     forces += spring_forces
     for name, part in mechanism.parts.items():
         motion = at_rest[name]
-        partial_v = np.array([m[name].center.d[1] for m in unit]).reshape(nv, 3)
-        partial_w = np.array([m[name].omega for m in unit]).reshape(nv, 3)
+        partial_v = np.array([m[name].center.d[1] - still[name].center.d[1] for m in unit]).reshape(nv, 3)
+        partial_w = np.array([m[name].omega - still[name].omega for m in unit]).reshape(nv, 3)
         w = motion.omega
         mass += part.mass * partial_v @ partial_v.T + partial_w @ part.inertia @ partial_w.T
         forces += partial_v @ (part.mass * (mechanism.gravity - motion.center.d[2]))

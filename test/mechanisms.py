@@ -107,11 +107,11 @@ joints:
 """
 
 
-def accelerations(equations, q, u, efforts=None):
-    """U' (nv,) of derived equations, evaluated by CasADi."""
+def accelerations(equations, q, u, efforts=None, t=0.0):
+    """u' (nv,) of derived equations, evaluated by CasADi."""
     places = equations.layout
     y = np.concatenate([q, u, np.zeros(3)])
-    rates = equations.rates(0.0, y, np.zeros(places.nv) if efforts is None else efforts)
+    rates = equations.rates(t, y, np.zeros(places.nv) if efforts is None else efforts)
     return np.array(rates).ravel()[places.nq : places.nq + places.nv]
 
 
@@ -124,11 +124,14 @@ def random_state(mechanism, rng, reach=2.0):
     """Coordinates with unit quaternions, speeds and efforts."""
     q = []
     for joint in mechanism.joints.values():
+        quaternion = rng.normal(size=4)
+        quaternion /= np.linalg.norm(quaternion)
         if joint.type == "free":
-            quaternion = rng.normal(size=4)
-            q += [*rng.uniform(-reach, reach, 3), *(quaternion / np.linalg.norm(quaternion))]
-        elif joint.type != "fixed":
-            q.append(rng.uniform(-reach, reach))
+            q += [*rng.uniform(-reach, reach, 3), *quaternion]
+        elif joint.type == "spherical":
+            q += [*quaternion]
+        else:
+            q += [*rng.uniform(-reach, reach, len(joint.coordinate_names))]
     nv = len(mechanism.coordinate_names)
     return np.array(q), rng.uniform(-2.0, 2.0, nv), rng.uniform(-5.0, 5.0, nv)
 
@@ -149,6 +152,27 @@ def _random_point(rng):
     }
 
 
+def _random_axes(rng, kind, oblique):
+    """The axes that a joint type wants: along coordinate axes, or anywhere."""
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0] if oblique else np.eye(3)[rng.permutation(3)]
+    first, second = (turn[:2] * rng.choice([-1.0, 1.0], (2, 1))).tolist()
+    match kind:
+        case "revolute" | "prismatic" | "cylindrical":
+            return {"axis": first}
+        case "screw":
+            return {"axis": first, "lead": float(rng.uniform(-1.0, 1.0))}
+        case "universal":
+            skewed = (np.array(second) + (0.4 * np.array(first) if rng.random() < 0.3 else 0.0)).tolist()
+            return {"axes": [first, skewed]}
+        case "planar":
+            return {"axis": first, "x_axis": second} if rng.random() < 0.7 else {"axis": first}
+    return {}
+
+
+OTHERS = ("screw", "cylindrical", "universal", "planar", "spherical")
+SEVERAL = {"cylindrical": 2, "universal": 2, "planar": 3}
+
+
 @st.composite
 def random_trees(draw, most=5):
     """The text of a random open chain, and a random generator for its state."""
@@ -166,19 +190,24 @@ def random_trees(draw, most=5):
             "inertia": _random_inertia(rng, 0.2 * mass),
             "points": points,
         }
-        kind = draw(st.sampled_from(["revolute", "revolute", "prismatic", "fixed", "free"]))
+        kind = draw(st.sampled_from(["revolute", "revolute", "prismatic", "fixed", "free", *OTHERS]))
         ends = [inboard, name]
         if draw(st.booleans()):
             target = ground_points if inboard == "ground" else parts[inboard]["points"]
             target[f"from{number}"] = _random_point(rng)
             ends = [f"{inboard}.from{number}", f"{name}.to{number}"]
-        if kind != "free" and draw(st.booleans()):
+        if draw(st.booleans()):
             ends.reverse()
-        joint = {"type": kind, "between": ends}
-        if kind in ("revolute", "prismatic"):
-            coordinate_axis = [0.0, 0.0, 0.0]
-            coordinate_axis[int(rng.integers(3))] = float(rng.choice([-1.0, 1.0]))
-            joint["axis"] = rng.normal(size=3).tolist() if draw(st.booleans()) else coordinate_axis
+        joint = {"type": kind, "between": ends, **_random_axes(rng, kind, draw(st.booleans()))}
+        count = SEVERAL.get(kind, 1)
+        if kind in (*SEVERAL, "revolute", "prismatic", "screw") and draw(st.integers(0, 3)) == 0:
+            drives = [f"{rng.uniform(-1, 1)}*sin({rng.uniform(-3, 3)}*t) + {rng.uniform(-1, 1)}" for _ in range(count)]
+            joint["drive"] = drives if count > 1 else drives[0]
+        elif kind in SEVERAL:
+            joint |= {"stiffness": rng.uniform(1, 20, count).tolist(), "damping": rng.uniform(0, 2, count).tolist()}
+        elif kind == "spherical":
+            joint["damping"] = float(rng.uniform(0.1, 2.0))
+        elif kind in ("revolute", "prismatic", "screw"):
             if draw(st.booleans()):
                 joint |= {"stiffness": float(rng.uniform(1.0, 20.0)), "rest": float(rng.uniform(-1.0, 1.0))}
             if draw(st.booleans()):

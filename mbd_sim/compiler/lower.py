@@ -24,6 +24,7 @@ _UNARY: dict[int, Build] = {
     ca.OP_INV: lambda low, x: low.builder.fdiv(number(1.0), x),
     ca.OP_SQRT: lambda low, x: low.intrinsic("llvm.sqrt", x),
     ca.OP_FABS: lambda low, x: low.intrinsic("llvm.fabs", x),
+    ca.OP_SIGN: lambda low, x: low.sign(x),
     ca.OP_SIN: lambda low, x: low.sine_cosine(x)[0],
     ca.OP_COS: lambda low, x: low.sine_cosine(x)[1],
     ca.OP_NOT: lambda low, x: low.truth(low.builder.fcmp_ordered("==", x, number(0.0))),
@@ -40,6 +41,19 @@ _BINARY: dict[int, Build2] = {
     ca.OP_EQ: lambda low, x, y: low.truth(low.builder.fcmp_ordered("==", x, y)),
     ca.OP_NE: lambda low, x, y: low.truth(low.builder.fcmp_unordered("!=", x, y)),
     ca.OP_IF_ELSE_ZERO: lambda low, x, y: low.if_else_zero(x, y),
+}
+# These are the C library's own: only expressions of time need them, and their last bits depend on the library.
+_LIBRARY: dict[int, str] = {
+    ca.OP_EXP: "exp",
+    ca.OP_LOG: "log",
+    ca.OP_TAN: "tan",
+    ca.OP_ASIN: "asin",
+    ca.OP_ACOS: "acos",
+    ca.OP_ATAN: "atan",
+    ca.OP_TANH: "tanh",
+    ca.OP_POW: "pow",
+    ca.OP_CONSTPOW: "pow",
+    ca.OP_ATAN2: "atan2",
 }
 
 
@@ -84,11 +98,26 @@ class _Lowering:
                 work[target[0]] = _UNARY[operation](self, work[source[0]])
             elif operation in _BINARY:
                 work[target[0]] = _BINARY[operation](self, work[source[0]], work[source[1]])
+            elif operation in _LIBRARY:
+                work[target[0]] = self.library(_LIBRARY[operation], *(work[place] for place in source))
             else:
                 raise NotImplementedError(f"no kernel instruction for CasADi operation {operation}")
 
     def intrinsic(self, name: str, *arguments: ir.Value) -> ir.Value:
         return self.builder.call(self.module.declare_intrinsic(name, [DOUBLE]), arguments)
+
+    def library(self, name: str, *arguments: ir.Value) -> ir.Value:
+        function = self.module.globals.get(name)
+        if function is None:
+            function = ir.Function(self.module, ir.FunctionType(DOUBLE, [DOUBLE] * len(arguments)), name)
+        return self.builder.call(function, arguments)
+
+    def sign(self, x: ir.Value) -> ir.Value:
+        """-1, 0 or 1, as CasADi has it, and nan for nan."""
+        above = self.truth(self.builder.fcmp_ordered(">", x, number(0.0)))
+        below = self.truth(self.builder.fcmp_ordered("<", x, number(0.0)))
+        value = self.builder.fsub(above, below)
+        return self.builder.select(self.builder.fcmp_unordered("uno", x, x), x, value)
 
     def sine_cosine(self, angle: ir.Value) -> tuple[ir.Value, ir.Value]:
         """Both at once, and once only for each angle."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -13,12 +14,20 @@ from mbd_sim.dynamics.spatial import constant, motion_cross, solve_spd, symmetri
 from mbd_sim.mechanism.model import Array
 
 
-def accelerations(
-    links: Sequence[Link], motions: Sequence[LinkMotion], forces: ca.SX, gravity: Array
-) -> tuple[ca.SX, ca.SX]:
-    """U' (nv,) and the pivots (nv,) of the factorization, which are positive where the mass matrix is definite.
+@dataclass(frozen=True, eq=False)
+class Accelerations:
+    """`u_rates` (nv,), the `pivots` (nv,) of the factorization, and the power of the drives in W.
 
-    The pivots of a joint stand in the order of its type's `turns`.
+    The pivots are positive where the mass matrix is definite; a joint's stand in the order of its type's `turns`.
+    """
+
+    u_rates: ca.SX
+    pivots: ca.SX
+    drive_power: ca.SX
+
+
+def accelerations(links: Sequence[Link], motions: Sequence[LinkMotion], forces: ca.SX, gravity: Array) -> Accelerations:
+    """u' for generalized forces and gravity.
 
     :param forces: (nv,) generalized forces.
     :param gravity: (3,) m/s², in ground's frame.
@@ -29,7 +38,7 @@ def accelerations(
         for inertia, motion in zip(inertias, motions, strict=True)
     ]
     coriolis = [ca.sparsify(motion_cross(m.velocity) @ m.joint.velocity + m.joint.bias) for m in motions]
-    solvers = [_Elimination.empty()] * len(links)
+    solvers: dict[int, _Elimination] = {}
     for index in reversed(range(len(links))):
         link, motion = links[index], motions[index]
         along = forces[link.u, :]  # with one index, nothing out of a single force would be a row
@@ -42,14 +51,17 @@ def accelerations(
 
     base = constant(np.concatenate([np.zeros(3), -gravity]))
     linear: list[ca.SX] = []
-    result, pivots = ca.SX(forces.shape[0], 1), ca.SX(forces.shape[0], 1)
+    result, pivots, power = ca.SX(forces.shape[0], 1), ca.SX(forces.shape[0], 1), ca.SX(1, 1)
     for index, link in enumerate(links):
         inboard = linear[link.parent] if link.parent >= 0 else base
         carried = motions[index].transform @ inboard + coriolis[index]
         speeds = solvers[index].speed_rates(carried)
         linear.append(ca.sparsify(carried + motions[index].joint.partial_velocities @ speeds))
         result[link.u], pivots[link.u] = speeds, solvers[index].pivots
-    return result, pivots
+        if (drive := motions[index].joint.drive) is not None:
+            wrench = inertias[index] @ linear[index] + biases[index]
+            power += ca.dot(drive.partial_velocities.T @ wrench, drive.speeds)
+    return Accelerations(result, pivots, power)
 
 
 class _Elimination:
@@ -70,11 +82,6 @@ class _Elimination:
         else:
             self.shares, self.pivots = ca.SX(0, 7), ca.SX(0, 1)
 
-    @staticmethod
-    def empty() -> _Elimination:
-        """A place holder."""
-        return object.__new__(_Elimination)
-
     def outlook(self, coriolis: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Articulated inertia (6, 6) and bias force (6,) across the joint."""
         if self.joint.inverse is not None:
@@ -83,7 +90,7 @@ class _Elimination:
         return inertia, ca.sparsify(self.bias + inertia @ coriolis + self.u @ self.shares[:, 6])
 
     def speed_rates(self, carried: ca.SX) -> ca.SX:
-        """U' of this joint for the acceleration (6,) that the link has at u' = 0."""
+        """u' of this joint for the acceleration (6,) that the link has at u' = 0."""
         if self.joint.inverse is not None:
             return self.joint.inverse @ (self.acceleration - carried)
         return self.shares[:, 6] - self.shares[:, :6] @ carried

@@ -30,21 +30,19 @@ def joint_loads(links: Sequence[Link], q: ca.SX, u: ca.SX, efforts: ca.SX) -> Lo
     potential = dissipated = ca.SX(1, 1)
     for link in links:
         joint = link.joint
-        if link.type.nq != 1:
-            continue
-        coordinate, speed, row = q[link.q], u[link.u], link.u.start
-        force = ca.SX(1, 1)
-        if joint.stiffness:
-            stretch = coordinate - joint.rest
-            force -= joint.stiffness * stretch
-            potential += 0.5 * joint.stiffness * stretch**2
-        if joint.damping:
-            force -= joint.damping * speed
-            dissipated += joint.damping * speed**2
-        if joint.limits is not None and joint.limits.stiffness:
-            over = ca.fmax(coordinate - joint.limits.upper, 0.0)
-            under = ca.fmax(joint.limits.lower - coordinate, 0.0)
-            force += joint.limits.stiffness * (under - over)
-            potential += 0.5 * joint.limits.stiffness * (over**2 + under**2)
-        generalized[row] += force
+        for place, row in enumerate(range(link.u.start, link.u.stop)):
+            speed, force = u[row], ca.SX(1, 1)
+            if joint.damping[place]:
+                force -= joint.damping[place] * speed
+                dissipated += joint.damping[place] * speed**2
+            if joint.stiffness[place]:
+                stretch = q[link.q.start + place] - joint.rest[place]
+                force -= joint.stiffness[place] * stretch
+                potential += 0.5 * joint.stiffness[place] * stretch**2
+            if joint.limits is not None and joint.limits.stiffness:
+                over = ca.fmax(q[link.q] - joint.limits.upper, 0.0)
+                under = ca.fmax(joint.limits.lower - q[link.q], 0.0)
+                force += joint.limits.stiffness * (under - over)
+                potential += 0.5 * joint.limits.stiffness * (over**2 + under**2)
+            generalized[row] += force
     return Loads(generalized, potential, ca.dot(efforts, u), dissipated)

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from mbd_sim.dynamics.joints import Motion
 from mbd_sim.dynamics.links import Link
+from mbd_sim.dynamics.motion import Motion, prescribed, turned_round
 from mbd_sim.dynamics.spatial import constant, motion_transform
+from mbd_sim.dynamics.time import time_functions
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,11 +22,23 @@ class LinkMotion:
     velocity: ca.SX
 
 
-def link_motions(links: Sequence[Link], q: ca.SX, u: ca.SX) -> list[LinkMotion]:
+def joint_motion(link: Link, t: ca.SX, q: ca.SX, u: ca.SX) -> Motion:
+    """The motion of a link's joint, from its coordinates and speeds or from its drive."""
+    if link.joint.drive:
+        position, speeds, speed_rates = time_functions(link.joint.drive, t)
+        motion = link.type.motion(link.axes, position, speeds)
+        if link.joint.reversed and not link.type.axial:
+            motion = turned_round(motion)
+        return prescribed(motion, speeds, speed_rates)
+    motion = link.type.motion(link.axes, q[link.q, :], u[link.u, :])
+    return turned_round(motion) if link.joint.reversed and not link.type.axial else motion
+
+
+def link_motions(links: Sequence[Link], t: ca.SX, q: ca.SX, u: ca.SX) -> list[LinkMotion]:
     """The motion of every link, from ground outwards (Featherstone, table 5.1)."""
     motions: list[LinkMotion] = []
     for link in links:
-        joint = link.type.motion(link.axis, q[link.q], u[link.u])
+        joint = joint_motion(link, t, q, u)
         rotation = constant(link.base.rotation) @ joint.rotation
         position = constant(link.base.position) + constant(link.base.rotation) @ joint.position
         transform = motion_transform(rotation, position)
@@ -42,12 +55,13 @@ class WorldPose:
     rotation: ca.SX
 
 
-def part_poses(links: Sequence[Link], q: ca.SX) -> list[WorldPose]:
+def part_poses(links: Sequence[Link], t: ca.SX, q: ca.SX) -> list[WorldPose]:
     """The pose of every link's part in ground's frame."""
+    still = ca.SX(max((link.u.stop for link in links), default=0), 1)
     frames: list[WorldPose] = []
     parts: list[WorldPose] = []
     for link in links:
-        joint = link.type.motion(link.axis, q[link.q], ca.SX(link.type.nv, 1))
+        joint = joint_motion(link, t, q, still)
         base_position, base_rotation = constant(link.base.position), constant(link.base.rotation)
         if link.parent >= 0:
             outer = frames[link.parent]

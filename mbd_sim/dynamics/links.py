@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbd_sim.dynamics.joints import JOINT_TYPES, JointType
+from mbd_sim.dynamics.joints import JOINT_TYPES, Axes, JointType
 from mbd_sim.dynamics.spatial import inertia_matrix
 from mbd_sim.mechanism.model import GROUND, Array, Joint, Mechanism, Pose, identity_pose
 from mbd_sim.mechanism.rotation import aligning_z
@@ -19,15 +19,15 @@ class Link:
     """A part and its inboard joint.
 
     `parent` is the index of the inboard link (-1 for ground); `base` places the joint's inboard frame in that
-    link's frame; `axis` is in the joint's frame; `part` places the part's frame in the link's; `inertia` (6, 6)
-    is about the link's origin. `q` and `u` are where the joint's coordinates and speeds stand.
+    link's frame; `axes` are in the joint's frame; `part` places the part's frame in the link's; `inertia` (6, 6)
+    is about the link's origin. `q` and `u` are where the joint's coordinates and speeds stand, if it has any.
     """
 
     joint: Joint
     type: JointType
     parent: int
     base: Pose
-    axis: Array
+    axes: Axes
     part: Pose
     inertia: Array
     q: slice
@@ -51,8 +51,9 @@ def layout(mechanism: Mechanism) -> Layout:
     nq = nv = 0
     for joint in mechanism.joints.values():
         type_ = JOINT_TYPES[joint.type]
-        q[joint.name], u[joint.name] = slice(nq, nq + type_.nq), slice(nv, nv + type_.nv)
-        nq, nv = nq + type_.nq, nv + type_.nv
+        more_q, more_v = (0, 0) if joint.drive else (type_.nq, type_.nv)
+        q[joint.name], u[joint.name] = slice(nq, nq + more_q), slice(nv, nv + more_v)
+        nq, nv = nq + more_q, nv + more_v
     return Layout(q, u, nq, nv)
 
 
@@ -64,13 +65,10 @@ def links(mechanism: Mechanism) -> list[Link]:
     part_in_link = {GROUND: identity_pose()}
     for joint in mechanism.tree_joints():
         inboard_pose, outboard_pose = joint.parent_pose, joint.child_pose
-        axis = joint.axis
         if joint.reversed:
-            inboard_pose, outboard_pose, axis = outboard_pose, inboard_pose, -axis
-        turn = identity_pose()
-        if np.count_nonzero(axis) > 1:
-            turn, axis = Pose(np.zeros(3), aligning_z(axis)), np.array([0.0, 0.0, 1.0])
-        part = mechanism.parts[joint.outboard]
+            inboard_pose, outboard_pose = outboard_pose, inboard_pose
+        turn, axes = _aligned(joint)
+        type_, part = JOINT_TYPES[joint.type], mechanism.parts[joint.outboard]
         placed = (outboard_pose @ turn).inverse()
         center = _cleaned(placed.position + placed.rotation @ part.center)
         inertia = _cleaned(placed.rotation @ part.inertia @ placed.rotation.T)
@@ -78,10 +76,10 @@ def links(mechanism: Mechanism) -> list[Link]:
         result.append(
             Link(
                 joint=joint,
-                type=JOINT_TYPES[joint.type],
+                type=type_,
                 parent=index[joint.inboard],
                 base=Pose(_cleaned(base.position), _cleaned(base.rotation)),
-                axis=axis,
+                axes=axes,
                 part=placed,
                 inertia=inertia_matrix(part.mass, center, inertia),
                 q=places.q[joint.name],
@@ -91,6 +89,18 @@ def links(mechanism: Mechanism) -> list[Link]:
         index[part.name] = len(result) - 1
         part_in_link[part.name] = placed
     return result
+
+
+def _aligned(joint: Joint) -> tuple[Pose, Axes]:
+    """A turn of the joint's frames after which its axes are coordinate axes, and the axes then."""
+    axis = -joint.axis if joint.reversed and JOINT_TYPES[joint.type].axial else joint.axis
+    third = np.cross(axis, joint.second)
+    if max(np.count_nonzero(axis), np.count_nonzero(joint.second)) <= 1:
+        return identity_pose(), Axes(axis, joint.second, third, joint.lead)
+    perpendicular = np.any(joint.second) and abs(float(axis @ joint.second)) < ROUND_OFF * 10
+    rotation = np.column_stack([joint.second, third, axis]) if perpendicular else aligning_z(axis)
+    second, third = (_cleaned(rotation.T @ vector) for vector in (joint.second, third))
+    return Pose(np.zeros(3), rotation), Axes(np.array([0.0, 0.0, 1.0]), second, third, joint.lead)
 
 
 def _cleaned(array: Array) -> Array:

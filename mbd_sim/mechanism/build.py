@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 
 from mbd_sim.errors import MechanismError, Problem, listed, nearest, quoted
-from mbd_sim.mechanism import inertia, schema
+from mbd_sim.mechanism import inertia, schema, schema_base
 from mbd_sim.mechanism import rotation as rot
-from mbd_sim.mechanism.model import GROUND, Joint, Limits, Mechanism, Part, Pose, identity_pose
+from mbd_sim.mechanism.joint_records import joint_of, parallel
+from mbd_sim.mechanism.model import GROUND, Joint, Mechanism, Part, Pose, identity_pose
+from mbd_sim.mechanism.schema_joints import AnyJoint
 from mbd_sim.mechanism.source import Location, Source
 from mbd_sim.mechanism.tree import spanning_tree
 
@@ -54,22 +56,22 @@ def in_order(problems: Iterable[Problem]) -> list[Problem]:
 
 def assemble(
     parts: Mapping[str, schema.Part],
-    joints: Mapping[str, schema.AnyJoint],
+    joints: Mapping[str, AnyJoint],
     ground: schema.Ground,
     source: Source,
     unreadable: Collection[str] = (),
 ) -> tuple[dict[str, Part], dict[str, Joint], dict[str, Pose], list[Problem]]:
     """Parts with their masses, joints with their ends, the points of ground, and what is wrong with them.
 
-    :param unreadable: parts that the file has but that cannot be read: joints may name them and any point of theirs.
+    :param unreadable: parts, or ground, that the file has but that cannot be read: joints may name any point of them.
     """
     problems: list[Problem] = []
     if GROUND in parts:
         problems.append(source.problem(("parts", GROUND), "'ground' is always there", "Choose another name."))
     built = {name: _part(name, record, source, problems) for name, record in parts.items()}
     ground_points = _poses(ground.points)
-    places: dict[str, Mapping[str, Pose] | None] = dict.fromkeys(unreadable)
-    places |= {name: part.points for name, part in built.items()} | {GROUND: ground_points}
+    places: dict[str, Mapping[str, Pose] | None] = {name: part.points for name, part in built.items()}
+    places |= {GROUND: ground_points} | dict.fromkeys(unreadable)
     joined = {name: _joint(name, record, places, source, problems) for name, record in joints.items()}
     return built, {name: joint for name, joint in joined.items() if joint}, ground_points, problems
 
@@ -77,7 +79,7 @@ def assemble(
 def _poses(points: Mapping[str, Any]) -> dict[str, Pose]:
     return {
         name: Pose(np.array(point.at), rot.of_record(point.rotate))
-        if isinstance(point, schema.Point)
+        if isinstance(point, schema_base.Point)
         else Pose(np.array(point), np.eye(3))
         for name, point in points.items()
     }
@@ -141,7 +143,7 @@ def _tensor(record: schema.Inertia | tuple[float, float, float] | None) -> Any:
 
 def _joint(
     name: str,
-    record: schema.AnyJoint,
+    record: AnyJoint,
     places: Mapping[str, Mapping[str, Pose] | None],
     source: Source,
     problems: list[Problem],
@@ -161,33 +163,13 @@ def _joint(
         remedy = "Name two different parts."
         problems.append(source.problem((*location, "between"), f"connects '{parent}' with itself", remedy))
         return None
-    fields: dict[str, Any] = {"axis": np.zeros(3), "position": np.zeros(0), "velocity": np.zeros(0)}
-    match record:
-        case schema.RevoluteJoint() | schema.PrismaticJoint():
-            limits = record.limits
-            fields |= {
-                "axis": rot.unit(record.axis),
-                "position": np.array([record.position]),
-                "velocity": np.array([record.velocity]),
-                "stiffness": record.stiffness,
-                "rest": record.rest,
-                "damping": record.damping,
-                "limits": Limits(limits.lower, limits.upper, limits.stiffness) if limits else None,
-                "effort_limit": record.effort_limit,
-            }
-        case schema.FreeJoint():
-            quaternion = rot.to_quaternion(rot.of_record(record.orientation))
-            fields["position"] = np.concatenate([np.array(record.position), quaternion])
-            fields["velocity"] = np.array([*record.velocity, *record.angular_velocity])
-    return Joint(
-        name=name,
-        type=record.type,
-        parent=parent,
-        child=child,
-        parent_pose=parent_pose,
-        child_pose=child_pose,
-        **fields,
-    )
+    if record.type == "universal" and (why := parallel(*record.axes)):
+        problems.append(source.problem((*location, "axes"), why, "Give two axes across each other."))
+        return None
+    if record.type == "planar" and record.x_axis and (why := parallel(record.axis, record.x_axis)):
+        problems.append(source.problem((*location, "x_axis"), why, "Give a direction across the axis."))
+        return None
+    return joint_of(name, record, parent, parent_pose, child, child_pose)
 
 
 def _end(text: str, places: Mapping[str, Mapping[str, Pose] | None]) -> tuple[str, Pose]:

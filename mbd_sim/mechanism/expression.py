@@ -6,11 +6,13 @@ import ast
 import math
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from mbd_sim.errors import nearest, quoted
 
 MAX_LENGTH = 500
+TIME = "t"
 
 CONSTANTS: dict[str, float] = {"pi": math.pi, "e": math.e}
 FUNCTIONS: dict[str, tuple[int, Callable[..., float]]] = {
@@ -19,12 +21,11 @@ FUNCTIONS: dict[str, tuple[int, Callable[..., float]]] = {
     "asin": (1, math.asin), "acos": (1, math.acos), "atan": (1, math.atan), "atan2": (2, math.atan2),
     "min": (2, min), "max": (2, max), "hypot": (2, math.hypot),
 }  # fmt: skip
-_BINARY: dict[type[ast.operator], Callable[[float, float], float]] = {
+_BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: lambda a, b: a + b,
     ast.Sub: lambda a, b: a - b,
     ast.Mult: lambda a, b: a * b,
     ast.Div: lambda a, b: a / b,
-    ast.Pow: math.pow,
 }
 # Numbers, names and operators: nothing else reaches Python's parser.
 _TOKENS = re.compile(r"(?>\s+|(?>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])|[^\W\d]\w*|[-+*/(),^])*+")
@@ -36,6 +37,32 @@ class ExpressionError(ValueError):
     def __init__(self, message: str, remedy: str = "") -> None:
         super().__init__(message)
         self.remedy = remedy
+
+
+@dataclass(frozen=True)
+class Arithmetic:
+    """What functions and powers mean: for numbers, or for the symbols of another library."""
+
+    functions: Mapping[str, tuple[int, Callable[..., Any]]]
+    power: Callable[[Any, Any], Any]
+
+
+NUMBERS = Arithmetic(FUNCTIONS, math.pow)
+
+
+@dataclass(frozen=True)
+class TimeExpression:
+    """An expression of the time `t` in s, with the values of the other names in it."""
+
+    text: str
+    names: Mapping[str, float]
+
+    def at(self, time: float) -> float:
+        """Its value.
+
+        :raises ExpressionError: it has none that is finite.
+        """
+        return evaluate(self.text, {**self.names, TIME: time})
 
 
 def names_in(text: str) -> set[str]:
@@ -54,7 +81,7 @@ def evaluate(text: str, names: Mapping[str, float]) -> float:
     :raises ExpressionError: not arithmetic, an unknown name, or no finite value.
     """
     try:
-        value = float(_value(_parse(text).body, names))
+        value = float(walk(text, names, NUMBERS))
     except ZeroDivisionError as error:
         raise ExpressionError("division by zero", "Check what it divides by.") from error
     except ExpressionError:
@@ -66,6 +93,14 @@ def evaluate(text: str, names: Mapping[str, float]) -> float:
     if not math.isfinite(value):
         raise ExpressionError("has no finite value", _OUT_OF_RANGE)
     return value
+
+
+def walk(text: str, names: Mapping[str, Any], arithmetic: Arithmetic) -> Any:
+    """The value of an expression in an arithmetic of one's own.
+
+    :raises ExpressionError: not arithmetic, or an unknown name.
+    """
+    return _value(_parse(text).body, names, arithmetic)
 
 
 def _parse(text: str) -> ast.Expression:
@@ -84,7 +119,7 @@ _NO_VALUE = "not a number, a value with a unit, or an expression"
 _EXAMPLES = "Write for example 0.5, 30 deg, l/2, or ${l/2} mm."
 
 
-def _value(node: ast.expr, names: Mapping[str, float]) -> Any:
+def _value(node: ast.expr, names: Mapping[str, Any], arithmetic: Arithmetic) -> Any:
     match node:
         case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
             return float(number)
@@ -95,21 +130,23 @@ def _value(node: ast.expr, names: Mapping[str, float]) -> Any:
                 return CONSTANTS[name]
             raise ExpressionError(f"unknown name {quoted(name)}", nearest(name, [*names, *CONSTANTS]))
         case ast.UnaryOp(op=ast.USub(), operand=operand):
-            return -_value(operand, names)
+            return -_value(operand, names, arithmetic)
         case ast.UnaryOp(op=ast.UAdd(), operand=operand):
-            return _value(operand, names)
+            return _value(operand, names, arithmetic)
         case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
-            return _BINARY[type(op)](_value(left, names), _value(right, names))
+            return _BINARY[type(op)](_value(left, names, arithmetic), _value(right, names, arithmetic))
+        case ast.BinOp(left=left, op=ast.Pow(), right=right):
+            return arithmetic.power(_value(left, names, arithmetic), _value(right, names, arithmetic))
         case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
             if name in names:
                 raise ExpressionError(f"'{name}' is no function", f"To multiply, write {name}*(...).")
-            if name not in FUNCTIONS:
-                raise ExpressionError(f"unknown function {quoted(name)}", nearest(name, FUNCTIONS))
-            count, function = FUNCTIONS[name]
+            if name not in arithmetic.functions:
+                raise ExpressionError(f"unknown function {quoted(name)}", nearest(name, arithmetic.functions))
+            count, function = arithmetic.functions[name]
             if len(args) != count:
                 values = f"{count} value{'s' if count > 1 else ''}"
                 raise ExpressionError(
                     f"{name}() takes {values}, not {len(args)}", f"Write {name}({'a, b'[: 3 * count - 2]})."
                 )
-            return function(*(_value(arg, names) for arg in args))
+            return function(*(_value(arg, names, arithmetic) for arg in args))
     raise ExpressionError("only numbers, names, + - * / ** ( ) and functions may stand here", _EXAMPLES)

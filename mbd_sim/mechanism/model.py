@@ -12,11 +12,24 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.source import Source
 
 Array = NDArray[np.float64]
 
 GROUND = "ground"
+
+LABELS: Mapping[str, tuple[str, ...]] = {
+    "revolute": ("",),
+    "prismatic": ("",),
+    "screw": ("",),
+    "cylindrical": (".displacement", ".angle"),
+    "universal": (".first", ".second"),
+    "planar": (".x", ".y", ".angle"),
+    "spherical": (".rx", ".ry", ".rz"),
+    "free": (".x", ".y", ".z", ".rx", ".ry", ".rz"),
+    "fixed": (),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +92,12 @@ class Limits:
 class Joint:
     """A joint: the motion of `child` seen from `parent`, between the frames `parent_pose` and `child_pose`.
 
-    `axis` (3,) is a unit vector in the parent-side frame (zero for fixed and free joints). `position` and
-    `velocity` are start values: scalars of the coordinate for one-degree joints; for a free joint the position
-    (3,) followed by the quaternion (w, x, y, z), and the velocity (3,) in the parent-side frame followed by the
-    angular velocity (3,) in the child's. `reversed` joints are walked from child to parent in the spanning tree.
+    `axis` and `second` (3,) are unit vectors in the parent-side frame, or zero: the axis, a universal joint's
+    second axis, a planar joint's x direction. `position` and `velocity` are start values of the joint's q and u; a
+    spherical or free joint has its unit quaternion (w, x, y, z) and its angular velocity (3,) in the child's axes
+    there, a free one after its position and velocity (3,) in the parent-side frame. `stiffness`, `rest` and
+    `damping` have a value for each degree of freedom. A joint with a `drive` has none: its coordinates are these
+    expressions of time. `reversed` joints are walked from child to parent in the spanning tree.
     """
 
     name: str
@@ -92,11 +107,14 @@ class Joint:
     parent_pose: Pose
     child_pose: Pose
     axis: Array
+    second: Array
     position: Array
     velocity: Array
-    stiffness: float = 0.0
-    rest: float = 0.0
-    damping: float = 0.0
+    stiffness: Array
+    rest: Array
+    damping: Array
+    lead: float = 0.0
+    drive: tuple[TimeExpression, ...] = ()
     limits: Limits | None = None
     effort_limit: float | None = None
     reversed: bool = False
@@ -114,11 +132,12 @@ class Joint:
     @property
     def coordinate_names(self) -> tuple[str, ...]:
         """A name for each degree of freedom, in the order of the generalized speeds u."""
-        if self.type in ("revolute", "prismatic"):
-            return (self.name,)
-        if self.type == "free":
-            return tuple(f"{self.name}.{axis}" for axis in ("x", "y", "z", "rx", "ry", "rz"))
-        return ()
+        return () if self.drive else self.motion_names
+
+    @property
+    def motion_names(self) -> tuple[str, ...]:
+        """A name for each way in which the joint moves, freely or driven."""
+        return tuple(f"{self.name}{label}" for label in LABELS[self.type])
 
 
 @dataclass(frozen=True, eq=False)

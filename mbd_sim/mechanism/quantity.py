@@ -14,8 +14,8 @@ from typing import Annotated, Any
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from mbd_sim.errors import quoted
-from mbd_sim.mechanism.expression import MAX_LENGTH, ExpressionError, evaluate, names_in
+from mbd_sim.errors import nearest, quoted
+from mbd_sim.mechanism.expression import MAX_LENGTH, TIME, ExpressionError, TimeExpression, evaluate, names_in
 from mbd_sim.mechanism.units import factor, si_factor
 
 # Beyond these, products such as density · r³ · r² would overflow or vanish. What may be 0 is 0 below the smallest.
@@ -137,6 +137,41 @@ class Quantity:
         if self.at_least is not None and not number >= self.at_least:
             raise _out_of_bounds(f"must be at least {self.at_least:g}", number, "Write 0 or a positive number.")
         return number
+
+
+@dataclass(frozen=True)
+class TimeFunction:
+    """Marks a field as an expression of time in `unit`; the field holds a `TimeExpression` in SI units."""
+
+    unit: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.with_info_plain_validator_function(self._validate)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"type": ["number", "string"], "description": f"in {self.unit}, an expression of the time t in s"}
+
+    def _validate(self, value: Any, info: ValidationInfo) -> TimeExpression:
+        context = info.context or {}
+        names, unresolved = dict(context.get("parameters", {})), context.get("unresolved", frozenset())
+        try:
+            if TIME in names:
+                raise ExpressionError(f"the parameter '{TIME}' hides the time", "Rename the parameter.")
+            if isinstance(value, bool) or not isinstance(value, int | float | str):
+                raise ExpressionError("must be an expression of time", "Write for example 0.1*sin(5*t).")
+            expression, unit = split_unit(str(value))
+            used = names_in(expression)
+            if used & unresolved:
+                return TimeExpression("0", {})  # the parameter is reported; what uses it is not
+            if unknown := sorted(used - set(names) - {TIME}):
+                raise ExpressionError(f"unknown name {quoted(unknown[0])}", nearest(unknown[0], [*names, TIME]))
+            if unit:
+                expression = f"({expression})*{factor(unit, self.unit)!r}"
+            drive = TimeExpression(expression, {name: names[name] for name in used & set(names)})
+            drive.at(0.0)
+        except ExpressionError as error:
+            raise PydanticCustomError("quantity", "{why}", {"why": str(error), "remedy": error.remedy}) from error
+        return drive
 
 
 def _out_of_bounds(why: str, number: float, remedy: str) -> PydanticCustomError:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mbd_sim.mechanism import schema
 from mbd_sim.mechanism.model import Array
+from mbd_sim.mechanism.schema_base import Rotation
 
 
 def skew(v: Array) -> Array:
@@ -83,7 +83,7 @@ def to_rpy(rotation: Array) -> tuple[float, float, float]:
     return float(np.arctan2(r[2, 1], r[2, 2])), pitch, float(np.arctan2(r[1, 0], r[0, 0]))
 
 
-def of_record(rotation: schema.Rotation | None) -> Array:
+def of_record(rotation: Rotation | None) -> Array:
     """The matrix of a rotation as written in a file."""
     if rotation is None:
         return np.eye(3)

@@ -21,7 +21,7 @@ THICKNESS = 0.01  # of flat shapes, as a share of their size
 
 
 def to_urdf(mechanism: Mechanism) -> str:
-    """The URDF of a mechanism; joints of type free become `floating`."""
+    """The URDF of a mechanism; joints for which URDF has no word become `floating`."""
     robot = Element("robot", name=mechanism.name)
     ElementTree.SubElement(robot, "link", name=GROUND)
     for joint in mechanism.tree_joints():
@@ -35,9 +35,9 @@ def _add_joint(robot: Element, joint: Joint) -> None:
     inboard, outboard, axis = joint.parent_pose, joint.child_pose, joint.axis
     if joint.reversed:
         inboard, outboard, axis = outboard, inboard, -axis
-    kind = {"free": "floating", "fixed": "fixed", "prismatic": "prismatic"}.get(joint.type, "continuous")
-    if joint.type == "revolute" and joint.limits:
-        kind = "revolute"
+    kind = {"fixed": "fixed", "prismatic": "prismatic", "planar": "planar"}.get(joint.type, "floating")
+    if joint.type == "revolute":
+        kind = "revolute" if joint.limits else "continuous"
     element = ElementTree.SubElement(robot, "joint", name=joint.name, type=kind)
     _add_origin(element, inboard)
     ElementTree.SubElement(element, "parent", link=joint.inboard)
@@ -46,8 +46,8 @@ def _add_joint(robot: Element, joint: Joint) -> None:
     if joint.type in ("revolute", "prismatic"):
         ElementTree.SubElement(element, "axis", xyz=_text(axis))
         _add_limit(element, joint)
-        if joint.damping:
-            ElementTree.SubElement(element, "dynamics", damping=_number(joint.damping))
+        if joint.damping[0]:
+            ElementTree.SubElement(element, "dynamics", damping=_number(joint.damping[0]))
     if moved:
         ElementTree.SubElement(robot, "link", name=f"{joint.name}_frame")
         weld = ElementTree.SubElement(robot, "joint", name=f"{joint.name}_frame_to_{joint.outboard}", type="fixed")

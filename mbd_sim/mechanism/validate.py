@@ -17,7 +17,9 @@ from mbd_sim.errors import MechanismError, Problem, listed, nearest, quoted
 from mbd_sim.mechanism.build import assemble, in_order
 from mbd_sim.mechanism.expression import CONSTANTS, FUNCTIONS, ExpressionError, names_in
 from mbd_sim.mechanism.quantity import parse_value, split_unit
-from mbd_sim.mechanism.schema import NAME_PATTERN, AnyJoint, Ground, MechanismFile, Part
+from mbd_sim.mechanism.schema import Ground, MechanismFile, Part
+from mbd_sim.mechanism.schema_base import NAME_PATTERN
+from mbd_sim.mechanism.schema_joints import AnyJoint
 from mbd_sim.mechanism.source import Location, Source
 
 # What a user may call the types that a file knows by another name.
@@ -130,14 +132,19 @@ def _reversed(uses: Mapping[str, set[str]]) -> dict[str, set[str]]:
 
 def _beyond_the_schema(source: Source, context: dict[str, Any]) -> list[Problem]:
     """What is wrong with the parts and joints that the schema accepts, in a file that it refuses."""
-    parts = _accepted(source.data.get("parts"), TypeAdapter(Part), context)
-    joints = _accepted(source.data.get("joints"), TypeAdapter(AnyJoint), context)
-    ground = _accepted({"ground": source.data.get("ground", {})}, TypeAdapter(Ground), context).get("ground")
-    written = source.data.get("parts")
-    unreadable = [*written, *([] if ground else ["ground"])] if isinstance(written, dict) else None
-    if unreadable is None:
-        joints = {}
-    return assemble(parts, joints, ground or Ground(), source, unreadable or [])[-1]
+    written_parts, written_joints, ground = (source.data.get(key) for key in ("parts", "joints", "ground"))
+    records = {"ground": {} if ground is None else ground}
+    accepted_ground = _accepted(records, TypeAdapter(Ground), context).get("ground")
+    parts = _accepted(written_parts, TypeAdapter(Part), context)
+    joints: dict[str, Any] = {}
+    unreadable = [] if accepted_ground else ["ground"]
+    if isinstance(written_parts, dict) and isinstance(written_joints, dict):
+        unreadable += [name for name in written_parts if name not in parts]
+        ends = {name: joint.get("between") for name, joint in written_joints.items() if isinstance(joint, dict)}
+        welds = {name: {"type": "fixed", "between": between} for name, between in ends.items()}
+        for records in (welds, written_joints):  # of joints that are refused, the ends can still be checked
+            joints |= _accepted(records, TypeAdapter(AnyJoint), context)
+    return assemble(parts, joints, accepted_ground or Ground(), source, unreadable)[-1]
 
 
 def _accepted(records: object, adapter: TypeAdapter[Any], context: dict[str, Any]) -> dict[str, Any]:

@@ -112,7 +112,7 @@ class Outputs:
         self._send("energies", self._audit, snapshot.clock_ns, snapshot.ticks)
         self.energies = energies
         if self.viewer is not None:
-            self.viewer.offer(snapshot.clock_ns * 1e-9, y, snapshot.efforts, energies)
+            self.viewer.offer(snapshot.clock_ns * 1e-9, y, snapshot.efforts, energies, snapshot.time)
 
     def _event(self, event: Event) -> None:
         if event.efforts is not None:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 PAUSE = 5e-5  # s between two columns: a thread that waits for the interpreter gets it, which a pause of 0 would not do
 
-Sample = tuple[float, Array, Array, Energies]
+Sample = tuple[float, Array, Array, Energies, float]
 Event = tuple[float, str]
 
 
@@ -36,7 +36,7 @@ class Columns:
         """Send at least one sample, in the order of their times (s)."""
         model = self._model
         times = np.array([sample[0] for sample in samples])
-        poses = np.array([model.pose_array(sample[1]) for sample in samples])
+        poses = np.array([model.pose_array(sample[4], sample[1]) for sample in samples])
         for index, name in enumerate(model.part_names):
             position, matrix = poses[:, index, :3], poses[:, index, 3:].reshape(-1, 3, 3).transpose(0, 2, 1)
             placed = rr.Transform3D.columns(translation=position, quaternion=quaternions(matrix))

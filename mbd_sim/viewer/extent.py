@@ -56,13 +56,13 @@ def extent_of(model: Model) -> Extent:
 def _preview(model: Model) -> list[Array]:
     """Poses (parts, 12) at the start and, without efforts, in the seconds after it."""
     y, efforts, step = model.start.copy(), np.zeros(model.layout.nv), model.mechanism.step
-    frames = [model.pose_array(y)]
+    frames = [model.pose_array(0.0, y)]
     last = min(round(PREVIEW_TIME / step), PREVIEW_STEPS)
     stride = max(last // PREVIEW_FRAMES, 1)
     for first in range(0, last, stride):
         if not model.kernel.advance(y.ctypes.data, efforts.ctypes.data, first, step, stride):
             break
-        frames.append(model.pose_array(y))
+        frames.append(model.pose_array((first + stride) * step, y))
     return frames
 
 
@@ -99,7 +99,7 @@ def half_sizes(shape: Shape) -> Array:
 
 def _plane(mechanism: Mechanism, model: Model) -> Array | None:
     """The normal of the plane in which all joints move, at the start; None when there is no such plane."""
-    poses = {GROUND: Pose(np.zeros(3), np.eye(3)), **model.poses(model.start)}
+    poses = {GROUND: Pose(np.zeros(3), np.eye(3)), **model.poses(0.0, model.start)}
     axes: dict[str, list[Array]] = {"revolute": [], "prismatic": []}
     for joint in mechanism.joints.values():
         if joint.type in axes:

@@ -89,15 +89,18 @@ class Viewer:
         """The number of samples that were pushed out before they were sent."""
         return self._samples.dropped
 
-    def offer(self, time: float, y: Array, efforts: Array, energies: Energies) -> None:
+    def offer(
+        self, time: float, y: Array, efforts: Array, energies: Energies, motion_time: float | None = None
+    ) -> None:
         """Show a state y and its efforts and energies; both arrays are kept, so hand over copies.
 
+        `motion_time` is the mechanism's own time in s, where it is not that of the timeline.
         Returns at once. Samples closer together than the rate asks for are passed over.
         """
         frame = int(time * self._rate + 1e-6)
         if frame != self._frame:
             self._frame = frame
-            self._samples.put((time, y, efforts, energies))
+            self._samples.put((time, y, efforts, energies, time if motion_time is None else motion_time))
 
     def event(self, time: float, text: str) -> None:
         """Write a line to the log."""

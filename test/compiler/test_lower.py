@@ -78,6 +78,7 @@ UNARY = {
     ca.OP_INV: lambda x: np.float64(1.0) / x,
     ca.OP_SQRT: np.sqrt,
     ca.OP_FABS: np.fabs,
+    ca.OP_SIGN: np.sign,
     ca.OP_NOT: lambda x: np.float64(x == 0.0),
 }
 BINARY = {
@@ -126,6 +127,28 @@ def test_binary_operations():
                 assert same(found, expected(a, b)) or found == expected(a, b) == 0.0, (operation, a, b)
 
 
+@pytest.mark.parametrize("name", ["exp", "log", "tan", "asin", "acos", "atan", "tanh"])
+def test_functions_of_the_c_library(name):
+    x = ca.SX.sym("x")
+    (call,) = compiled(ca.Function("f", [x], [getattr(ca, name)(x)]))
+    for value in (-3.5, -0.7, 0.0, 0.3, 0.9, 12.0, math.inf, math.nan):
+        with np.errstate(all="ignore"):
+            expected = getattr(np, {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}.get(name, name))(value)
+        assert call(value)[0] == pytest.approx(expected, rel=1e-15, abs=0.0, nan_ok=True)
+
+
+def test_powers_and_the_angle_of_two_sides():
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    power, angle, cube_root = compiled(
+        ca.Function("power", [x, y], [x**y]),
+        ca.Function("angle", [x, y], [ca.atan2(x, y)]),
+        ca.Function("root", [x, y], [x ** (1.0 / 3.0) + y]),
+    )
+    assert power(2.5, -1.5)[0] == pytest.approx(2.5**-1.5, rel=1e-15)
+    assert angle(-1.0, -2.0)[0] == pytest.approx(math.atan2(-1.0, -2.0), rel=1e-15)
+    assert cube_root(27.0, 0.0)[0] == pytest.approx(3.0, rel=1e-15)
+
+
 def test_zeros_of_sums_and_products_keep_their_sign():
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     functions = [ca.Function(name, [x, y], [value]) for name, value in (("sum", x + y), ("less", x - y), ("of", x * y))]
@@ -148,7 +171,7 @@ def test_inputs_and_outputs_stand_in_their_places():
     assert call([1.0, 2.0, 4.0], [8.0, 16.0]).tolist() == [16.0, 4.0, 0.0, 6.0]
 
 
-@pytest.mark.parametrize("function", [ca.exp, ca.log, ca.tan, ca.floor, ca.sign, ca.tanh], ids=lambda f: f.__name__)
+@pytest.mark.parametrize("function", [ca.floor, ca.ceil, ca.erf, ca.sinh], ids=lambda f: f.__name__)
 def test_an_operation_without_a_place_in_a_kernel_is_refused(function):
     x = ca.SX.sym("x")
     with pytest.raises(NotImplementedError, match=r"no kernel instruction for CasADi operation \d+"):
@@ -157,7 +180,7 @@ def test_an_operation_without_a_place_in_a_kernel_is_refused(function):
 
 def test_binary_operations_without_a_place_in_a_kernel_are_refused():
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
-    for value in (x**y, ca.atan2(x, y), ca.fmod(x, y)):
+    for value in (ca.fmod(x, y), ca.copysign(x, y)):
         with pytest.raises(NotImplementedError):
             lower.lower(new_module(), ca.Function("f", [x, y], [value]), inline=True)
 
@@ -218,7 +241,7 @@ def check_machine_code(mechanism, rng, states=2):
             moved = interpret(equations.settle, sine_cosine, [moved])
         assert bits(stepped) == bits(moved)
         for name, function in (("energies", equations.energies), ("poses", equations.poses)):
-            arguments = [[0.0], state] if name == "energies" else [state]
+            arguments = [[0.4], state]
             found = _reader(kernel, name, function.nnz_out(0))(*arguments)
             assert bits(found) == bits(interpret(function, sine_cosine, arguments))
         by_casadi = np.array(rates(0.0, state, efforts)).ravel()

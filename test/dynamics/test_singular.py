@@ -179,11 +179,6 @@ def test_a_weld_beside_the_only_coordinate():
         assert found == pytest.approx([1.5], rel=1e-15)
 
 
-def test_free_joints_name_the_part_nearer_to_ground_first():
-    with pytest.raises(MechanismError, match="nearer to ground first"):
-        derived(chain(("flight", "free", "body", "ground", None), parts={"body": {"mass": 1, "inertia": [1, 1, 1]}}))
-
-
 def test_inverse_spd():
     rng = np.random.default_rng(10)
     root = rng.normal(size=(6, 6))

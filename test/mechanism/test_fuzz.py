@@ -1,7 +1,5 @@
 """Whatever a file holds: a mechanism, or an error that says what is wrong and on which line."""
 
-# ruff: noqa: E501  (lists of values)
-
 import json
 
 import numpy as np

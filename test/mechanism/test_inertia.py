@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from mechanism_texts import part_of
 
 from mbd_sim.mechanism.inertia import MassProperties, composite, defect
+from mbd_sim.mechanism.model import Pose
 from mbd_sim.mechanism.rotation import from_rpy
 
 FOOT, POUND = 0.3048, 0.45359237
@@ -178,6 +179,13 @@ def test_a_block_anywhere_is_eight_particles_at_its_gauss_points(rpy, at):
     second = sum(np.outer(point - at, point - at) for point in points)
     assert block.center == pytest.approx(np.array(at), abs=1e-12)
     assert block.inertia == pytest.approx(np.trace(second) * np.eye(3) - second, abs=1e-10)
+
+
+def test_a_body_is_seen_from_the_frame_that_it_is_placed_in():
+    body = MassProperties(2.0, np.array([1.0, 0.0, 0.0]), np.diag([1.0, 2.0, 3.0]))
+    placed = body.placed(Pose(np.array([0.0, 0.0, 5.0]), from_rpy(0.0, 0.0, math.pi / 2)))  # x to y, y to -x
+    assert placed.mass == 2.0 and placed.center == pytest.approx(np.array([0, 1, 5]))
+    assert placed.inertia == pytest.approx(np.diag([2.0, 1.0, 3.0]))
 
 
 def test_composing_in_steps_changes_nothing():

@@ -1,0 +1,25 @@
+"""Expressions of time as CasADi functions, with their derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import casadi as ca
+
+from mbd_sim.mechanism.expression import Arithmetic, TimeExpression, walk
+
+_FUNCTIONS: dict[str, tuple[int, Callable[..., Any]]] = {
+    "sqrt": (1, ca.sqrt), "exp": (1, ca.exp), "log": (1, ca.log), "abs": (1, ca.fabs),
+    "sin": (1, ca.sin), "cos": (1, ca.cos), "tan": (1, ca.tan),
+    "asin": (1, ca.asin), "acos": (1, ca.acos), "atan": (1, ca.atan), "atan2": (2, ca.atan2),
+    "min": (2, ca.fmin), "max": (2, ca.fmax), "hypot": (2, lambda a, b: ca.sqrt(a * a + b * b)),
+}  # fmt: skip
+
+
+def time_functions(expressions: Sequence[TimeExpression], t: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """The values (n,) of some expressions at time t in s, their first and their second derivatives."""
+    arithmetic = Arithmetic(_FUNCTIONS, power=lambda a, b: a**b)
+    values = ca.vertcat(*(ca.SX(walk(e.text, {**e.names, "t": t}, arithmetic)) for e in expressions))
+    rates = ca.jacobian(values, t)
+    return values, rates, ca.jacobian(rates, t)
