@@ -40,10 +40,10 @@ class Model:
     def __init__(self, mechanism: Mechanism, method: Tableau) -> None:
         self.mechanism, self.method = mechanism, method
         equations = derive(mechanism)
-        readers = {"energies": equations.energies, "poses": equations.poses}
+        readers = {"energies": equations.energies, "poses": equations.poses, "drives": equations.drives}
         self.kernel = compile_kernel(equations.rates, equations.settle, readers, method)
         self.layout, self.start, self.part_names = equations.layout, equations.start, equations.part_names
-        self.coordinate_names = mechanism.coordinate_names
+        self.coordinate_names, self.driven_names = mechanism.coordinate_names, mechanism.driven_names
         self.q_range = slice(0, self.layout.nq)
         self.u_range = slice(self.layout.nq, self.layout.nq + self.layout.nv)
         self.quaternions = {
@@ -74,6 +74,12 @@ class Model:
             name: Pose(row[:3].copy(), row[3:].reshape(3, 3).T.copy())
             for name, row in zip(self.part_names, self.pose_array(time, y), strict=True)
         }
+
+    def drives(self, time: float, y: Array, efforts: Array) -> Array:
+        """(3, n): the coordinates of `driven_names`, their speeds, and the forces that the drives exert, SI units."""
+        moment, out = np.array([time]), np.empty((3, len(self.driven_names)))
+        self.kernel.readers["drives"](moment.ctypes.data, y.ctypes.data, efforts.ctypes.data, out.ctypes.data)
+        return out
 
     def coordinates(self, y: Array) -> Array:
         """(nv,): a position for each of `coordinate_names`; free joints give x, y, z and the rotation vector in rad."""

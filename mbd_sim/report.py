@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from mbd_sim.dynamics.joints import JOINT_TYPES
 from mbd_sim.mechanism.model import Joint, Part
 from mbd_sim.simulation import Simulation
 
@@ -21,7 +20,8 @@ def report(simulation: Simulation) -> dict[str, Any]:
         "joints": [_joint(joint) for joint in mechanism.joints.values()],
         "spanning_tree": [f"{joint.inboard} -{joint.name}-> {joint.outboard}" for joint in mechanism.tree_joints()],
         "gross_degrees_of_freedom": 6 * len(mechanism.parts),
-        "joint_constraints": sum(6 - JOINT_TYPES[joint.type].nv for joint in mechanism.joints.values()),
+        "joint_constraints": sum(6 - len(joint.coordinate_names) for joint in mechanism.joints.values()),
+        "driven": list(mechanism.driven_names),
         "degrees_of_freedom": layout.nv,
         "coordinates": list(simulation.coordinate_names),
         "mass": mechanism.mass,
@@ -57,6 +57,8 @@ def _joint(joint: Joint) -> dict[str, Any]:
         "position": joint.position.tolist(),
         "velocity": joint.velocity.tolist(),
         "reversed": joint.reversed,
+        "coordinates": list(joint.motion_names),
+        "drive": [expression.text for expression in joint.drive],
     }
 
 
@@ -88,6 +90,11 @@ def report_text(found: dict[str, Any]) -> str:
         "",
         f"Degrees of freedom  6·{len(found['parts'])} - {found['joint_constraints']} = {found['degrees_of_freedom']}"
         f"  ({', '.join(found['coordinates']) or 'none'})",
+        *(
+            f"Driven              {name} = {text}"
+            for joint in found["joints"]
+            for name, text in zip(joint["coordinates"], joint["drive"], strict=False)
+        ),
         f"Total mass          {found['mass']:.6g} kg",
         f"Gravity             {_vector(found['gravity'])} m/s²",
         f"Start energies      kinetic {start['kinetic']:.6g} J, potential {start['potential']:.6g} J, "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -16,14 +16,14 @@ from mbd_sim.mechanism.model import Array
 
 @dataclass(frozen=True, eq=False)
 class Accelerations:
-    """`u_rates` (nv,), the `pivots` (nv,) of the factorization, and the power of the drives in W.
+    """`u_rates` (nv,), the `pivots` (nv,) of the factorization, and by joint what the drives exert, N or N·m.
 
     The pivots are positive where the mass matrix is definite; a joint's stand in the order of its type's `turns`.
     """
 
     u_rates: ca.SX
     pivots: ca.SX
-    drive_power: ca.SX
+    drive_forces: Mapping[str, ca.SX]
 
 
 def accelerations(links: Sequence[Link], motions: Sequence[LinkMotion], forces: ca.SX, gravity: Array) -> Accelerations:
@@ -51,7 +51,8 @@ def accelerations(links: Sequence[Link], motions: Sequence[LinkMotion], forces: 
 
     base = constant(np.concatenate([np.zeros(3), -gravity]))
     linear: list[ca.SX] = []
-    result, pivots, power = ca.SX(forces.shape[0], 1), ca.SX(forces.shape[0], 1), ca.SX(1, 1)
+    result, pivots = ca.SX(forces.shape[0], 1), ca.SX(forces.shape[0], 1)
+    drive_forces: dict[str, ca.SX] = {}
     for index, link in enumerate(links):
         inboard = linear[link.parent] if link.parent >= 0 else base
         carried = motions[index].transform @ inboard + coriolis[index]
@@ -60,8 +61,8 @@ def accelerations(links: Sequence[Link], motions: Sequence[LinkMotion], forces: 
         result[link.u], pivots[link.u] = speeds, solvers[index].pivots
         if (drive := motions[index].joint.drive) is not None:
             wrench = inertias[index] @ linear[index] + biases[index]
-            power += ca.dot(drive.partial_velocities.T @ wrench, drive.speeds)
-    return Accelerations(result, pivots, power)
+            drive_forces[link.joint.name] = drive.partial_velocities.T @ wrench
+    return Accelerations(result, pivots, drive_forces)
 
 
 class _Elimination:

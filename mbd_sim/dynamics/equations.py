@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.articulated import accelerations
+from mbd_sim.dynamics.articulated import Accelerations, accelerations
 from mbd_sim.dynamics.definite import require_definite
 from mbd_sim.dynamics.forces import joint_loads
 from mbd_sim.dynamics.kinematics import LinkMotion, WorldPose, link_motions, part_poses
 from mbd_sim.dynamics.links import Layout, Link, layout, links
 from mbd_sim.dynamics.spatial import constant
+from mbd_sim.dynamics.time import time_functions
 from mbd_sim.mechanism.model import Array, Mechanism
 
 AUDIT = ("work_applied", "work_drives", "dissipated")
@@ -28,13 +29,16 @@ class Equations:
     """What the compiler turns into machine code.
 
     `rates(t, y, efforts)` gives y'; `settle(y)`, where there are quaternions, gives y with unit ones;
-    `energies(t, y)` gives T and V; `poses(t, y)` gives (12,) a part: position and rotation, column by column.
+    `energies(t, y)` gives T and V; `poses(t, y)` gives (12,) a part: position and rotation, column by column;
+    `drives(t, y, efforts)` gives the coordinates (n,) of driven joints in declared order, their speeds, and the
+    forces that the drives exert.
     """
 
     layout: Layout
     rates: ca.Function
     energies: ca.Function
     poses: ca.Function
+    drives: ca.Function
     settle: ca.Function | None
     start: Array
     part_names: tuple[str, ...]
@@ -53,7 +57,8 @@ def derive(mechanism: Mechanism) -> Equations:
     motions = link_motions(chain, t, q, u)
     loads = joint_loads(chain, q, u, efforts)
     moving = accelerations(chain, motions, loads.generalized, mechanism.gravity)
-    audit_rates = ca.vertcat(loads.applied_power, moving.drive_power, loads.dissipated_power)
+    drives = _drives(mechanism, chain, motions, moving, t)
+    audit_rates = ca.vertcat(loads.applied_power, ca.dot(drives[:, 1], drives[:, 2]), loads.dissipated_power)
     y_rates = ca.vertcat(_q_rates(chain, motions, places.nq), moving.u_rates, audit_rates)
 
     poses = part_poses(chain, t, q)
@@ -69,6 +74,7 @@ def derive(mechanism: Mechanism) -> Equations:
         rates=_function("rates", [t, y, efforts], [ca.densify(y_rates)]),
         energies=_function("energies", [t, y], [ca.densify(ca.vertcat(kinetic, potential))]),
         poses=_function("poses", [t, y], [flat]),
+        drives=_function("drives", [t, y, efforts], [ca.densify(ca.vec(drives))]),
         settle=_settle(chain, y),
         start=start,
         part_names=tuple(link.joint.outboard for link in chain),
@@ -93,6 +99,20 @@ def _q_rates(chain: Sequence[Link], motions: Sequence[LinkMotion], nq: int) -> c
     for link, motion in zip(chain, motions, strict=True):
         rates[link.q] = motion.joint.q_rates
     return rates
+
+
+def _drives(
+    mechanism: Mechanism, chain: Sequence[Link], motions: Sequence[LinkMotion], moving: Accelerations, t: ca.SX
+) -> ca.SX:
+    """(n, 3): coordinates, speeds and forces of the drives, in declared order."""
+    driven = {
+        link.joint.name: ca.horzcat(
+            time_functions(link.joint.drive, t)[0], motion.joint.drive.speeds, moving.drive_forces[link.joint.name]
+        )
+        for link, motion in zip(chain, motions, strict=True)
+        if motion.joint.drive is not None
+    }
+    return ca.vertcat(ca.SX(0, 3), *(driven[name] for name in mechanism.joints if name in driven))
 
 
 def _kinetic_energy(chain: Sequence[Link], motions: Sequence[LinkMotion]) -> ca.SX:

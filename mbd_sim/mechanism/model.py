@@ -162,6 +162,11 @@ class Mechanism:
         return tuple(name for joint in self.joints.values() for name in joint.coordinate_names)
 
     @property
+    def driven_names(self) -> tuple[str, ...]:
+        """A name for each coordinate of the driven joints, in declared order."""
+        return tuple(name for joint in self.joints.values() if joint.drive for name in joint.motion_names)
+
+    @property
     def mass(self) -> float:
         """The mass of all parts, kg."""
         return float(sum(part.mass for part in self.parts.values()))

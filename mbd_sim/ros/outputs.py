@@ -11,6 +11,7 @@ from collections.abc import Callable
 from queue import SimpleQueue
 from typing import Any
 
+import numpy as np
 from builtin_interfaces.msg import Time
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -53,7 +54,7 @@ class Outputs:
             "robot_description": Output(node, String, "robot_description", qos.LATCHED, vital=True),
         }
         self._clock = node.create_publisher(Clock, "/clock", qos.CLOCK)
-        self._joints = JointState(name=list(model.coordinate_names))
+        self._joints = JointState(name=[*model.coordinate_names, *model.driven_names])
         self._audit = Float64MultiArray(layout=_layout(Energies._fields))
         self._efforts = Float64MultiArray(layout=_layout(model.coordinate_names))
         self._thread: threading.Thread | None = None
@@ -100,9 +101,11 @@ class Outputs:
         model, y = self.model, snapshot.y
         joints = self._joints
         joints.header.stamp = stamp
-        joints.position = _doubles(model.coordinates(y))
-        joints.velocity = _doubles(y[model.u_range])
-        joints.effort = _doubles(snapshot.efforts)
+        rows = [model.coordinates(y), y[model.u_range], snapshot.efforts]
+        if model.driven_names:
+            drives = model.drives(snapshot.time, y, snapshot.efforts)
+            rows = [np.concatenate([row, driven]) for row, driven in zip(rows, drives, strict=True)]
+        joints.position, joints.velocity, joints.effort = (_doubles(row) for row in rows)
         if snapshot.repeated:
             self._outputs["joint_states"].publisher.publish(joints)
             return
