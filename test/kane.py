@@ -63,6 +63,7 @@ class Motion:
 
     center: Jet
     rotation: Jet
+    origin: Jet
 
     @property
     def omega(self):
@@ -111,7 +112,8 @@ JETS = Arithmetic({"sin": (1, _sine)}, power=None)
 def _driven(expression, t):
     """A drive's value and derivatives; its numbers become jets by being multiplied with one."""
     names = {name: Jet(value) for name, value in expression.names.items()}
-    return walk(expression.text, {**names, "t": Jet(t, 1.0)}, JETS)
+    value = walk(expression.text, {**names, "t": Jet(t, 1.0)}, JETS)
+    return value if isinstance(value, Jet) else Jet(value)
 
 
 def _turn(axis, x):
@@ -192,7 +194,7 @@ def motions(mechanism, q, u, u_rate=None, t=0.0):
             frames[outer] = (origin + axes @ position, axes @ rotation)
             del waiting[name]
     return {
-        name: Motion(frames[name][0] + frames[name][1] @ Jet(part.center), frames[name][1])
+        name: Motion(frames[name][0] + frames[name][1] @ Jet(part.center), frames[name][1], frames[name][0])
         for name, part in mechanism.parts.items()
     }
 
@@ -215,6 +217,32 @@ def joint_forces(mechanism, q, u, efforts):
             forces[in_u.start] -= joint.limits.stiffness * excess
             potential += 0.5 * joint.limits.stiffness * excess**2
     return forces, potential
+
+
+def _velocity_of(moving, at):
+    """Of a point of a part: its position and velocity in ground's frame."""
+    if at.part == GROUND:
+        return at.point, np.zeros(3)
+    frame = moving[at.part]
+    return tuple(frame.origin.d[i] + frame.rotation.d[i] @ at.point for i in (0, 1))
+
+
+def element_forces(mechanism, moving, t):
+    """(part, point or None, force or moment (3,) in ground's axes) of every force element, and the springs' energy."""
+    found, energy = [], 0.0
+    for spring in mechanism.springs:
+        (a, a1), (b, b1) = (_velocity_of(moving, at) for at in (spring.first, spring.second))
+        line, length = b - a, np.linalg.norm(b - a)
+        along = line / length
+        tension = spring.stiffness * (length - spring.length) + spring.damping * along @ (b1 - a1)
+        found += [(spring.first, False, tension * along), (spring.second, False, -tension * along)]
+        energy += 0.5 * spring.stiffness * (length - spring.length) ** 2
+    for applied in mechanism.applied:
+        vector = np.array([float(_driven(expression, t).d[0]) for expression in applied.vector])
+        if applied.following:
+            vector = moving[applied.at.part].rotation.d[0] @ vector
+        found.append((applied.at, applied.couple, vector))
+    return found, energy
 
 
 @dataclass
@@ -253,6 +281,17 @@ def equations(mechanism, q, u, efforts, t=0.0):
     kinetic = 0.0
     spring_forces, potential = joint_forces(mechanism, q, u, efforts)
     forces += spring_forces
+    acting, energy = element_forces(mechanism, at_rest, t)
+    potential += energy
+    for at, couple, vector in acting:
+        for row, direction in enumerate(unit):
+            if at.part == GROUND:
+                continue
+            if couple:
+                partial = at_rest[at.part].rotation.d[0] @ (direction[at.part].omega - still[at.part].omega)
+            else:
+                partial = _velocity_of(direction, at)[1] - _velocity_of(still, at)[1]
+            forces[row] += partial @ vector
     for name, part in mechanism.parts.items():
         motion = at_rest[name]
         partial_v = np.array([m[name].center.d[1] - still[name].center.d[1] for m in unit]).reshape(nv, 3)

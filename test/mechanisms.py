@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 from hypothesis import strategies as st
 
 from mbd_sim.dynamics.equations import derive
+from mbd_sim.mechanism.library import shipped
 from mbd_sim.mechanism.load import parse_mechanism
 
-SHIPPED = ("rod_pendulum", "double_rod", "tumbling")
+SHIPPED = tuple(shipped())
 
 CART_PENDULUM = """
 mechanism: cart_pendulum
@@ -169,6 +171,25 @@ def _random_axes(rng, kind, oblique):
     return {}
 
 
+def _random_forces(rng, kinds, parts):
+    """Force elements at the points of the parts."""
+    points = [f"{name}.{point}" for name, part in parts.items() for point in part["points"]]
+    forces = {}
+    for number, kind in enumerate(kinds):
+        first, second = rng.choice(points), rng.choice([*points, "ground"])
+        vector = [f"{rng.uniform(-3, 3)}*sin({rng.uniform(-3, 3)}*t) + {rng.uniform(-3, 3)}" for _ in range(3)]
+        common = {"vector": vector, "axes": str(rng.choice(["ground", "part"]))}
+        joined = re.sub(r".*\D", "", first) == re.sub(r".*\D", "", second)  # maybe the two ends of one joint
+        if kind == "spring" and first.split(".")[0] != second.split(".")[0] and not joined:
+            amounts = {"stiffness": rng.uniform(1, 20), "length": rng.uniform(0.1, 1), "damping": rng.uniform(0, 2)}
+            forces[f"f{number}"] = {"type": "spring", "between": [str(first), str(second)], **amounts}
+        elif kind == "force":
+            forces[f"f{number}"] = {"type": "force", "at": str(first), **common}
+        elif kind == "couple":
+            forces[f"f{number}"] = {"type": "couple", "on": str(first.split(".")[0]), **common}
+    return forces
+
+
 OTHERS = ("screw", "cylindrical", "universal", "planar", "spherical")
 SEVERAL = {"cylindrical": 2, "universal": 2, "planar": 3}
 
@@ -216,6 +237,7 @@ def random_trees(draw, most=5):
                 joint["limits"] = {"lower": -0.8, "upper": 0.9, "stiffness": 30.0}
         joints[f"j{number}"] = joint
         names.append(name)
+    forces = _random_forces(rng, draw(st.lists(st.sampled_from(["spring", "force", "couple"]), max_size=3)), parts)
     order = draw(st.permutations(list(joints)))
     tree = {
         "mechanism": "random",
@@ -223,5 +245,6 @@ def random_trees(draw, most=5):
         "ground": {"points": ground_points},
         "parts": parts,
         "joints": {name: joints[name] for name in order},
+        "forces": forces,
     }
     return json.dumps(tree), rng

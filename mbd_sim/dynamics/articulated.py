@@ -26,16 +26,23 @@ class Accelerations:
     drive_forces: Mapping[str, ca.SX]
 
 
-def accelerations(links: Sequence[Link], motions: Sequence[LinkMotion], forces: ca.SX, gravity: Array) -> Accelerations:
+def accelerations(
+    links: Sequence[Link],
+    motions: Sequence[LinkMotion],
+    forces: ca.SX,
+    wrenches: Sequence[ca.SX],
+    gravity: Array,
+) -> Accelerations:
     """u' for generalized forces and gravity.
 
     :param forces: (nv,) generalized forces.
+    :param wrenches: (6,) [moment; force] on each link, in its frame at its origin.
     :param gravity: (3,) m/s², in ground's frame.
     """
     inertias = [constant(link.inertia) for link in links]
     biases = [
-        -motion_cross(motion.velocity).T @ (inertia @ motion.velocity)
-        for inertia, motion in zip(inertias, motions, strict=True)
+        -motion_cross(motion.velocity).T @ (inertia @ motion.velocity) - wrench
+        for inertia, motion, wrench in zip(inertias, motions, wrenches, strict=True)
     ]
     coriolis = [ca.sparsify(motion_cross(m.velocity) @ m.joint.velocity + m.joint.bias) for m in motions]
     solvers: dict[int, _Elimination] = {}

@@ -14,6 +14,7 @@ import numpy as np
 
 from mbd_sim.dynamics.articulated import Accelerations, accelerations
 from mbd_sim.dynamics.definite import require_definite
+from mbd_sim.dynamics.elements import element_loads, require_lines
 from mbd_sim.dynamics.forces import joint_loads
 from mbd_sim.dynamics.kinematics import LinkMotion, WorldPose, link_motions, part_poses
 from mbd_sim.dynamics.links import Layout, Link, layout, links
@@ -55,19 +56,25 @@ def derive(mechanism: Mechanism) -> Equations:
     q, u = y[: places.nq], y[places.nq : places.nq + places.nv]
 
     motions = link_motions(chain, t, q, u)
+    poses = part_poses(chain, t, q)
     loads = joint_loads(chain, q, u, efforts)
-    moving = accelerations(chain, motions, loads.generalized, mechanism.gravity)
+    elements = element_loads(mechanism, chain, motions, poses, t)
+    moving = accelerations(chain, motions, loads.generalized, elements.wrenches, mechanism.gravity)
     drives = _drives(mechanism, chain, motions, moving, t)
-    audit_rates = ca.vertcat(loads.applied_power, ca.dot(drives[:, 1], drives[:, 2]), loads.dissipated_power)
+    audit_rates = ca.vertcat(
+        loads.applied_power + elements.applied_power,
+        ca.dot(drives[:, 1], drives[:, 2]),
+        loads.dissipated_power + elements.dissipated_power,
+    )
     y_rates = ca.vertcat(_q_rates(chain, motions, places.nq), moving.u_rates, audit_rates)
 
-    poses = part_poses(chain, t, q)
     kinetic = _kinetic_energy(chain, motions)
-    potential = loads.potential + _weight_potential(mechanism, chain, poses)
+    potential = loads.potential + elements.potential + _weight_potential(mechanism, chain, poses)
     flat = ca.densify(ca.vertcat(*(ca.vertcat(pose.position, ca.vec(pose.rotation)) for pose in poses)))
 
     start = start_state(mechanism, places)
-    pivots, poses_at = ca.Function("at", [t, y], [moving.pivots, flat])(0.0, start)
+    pivots, poses_at, lengths = ca.Function("at", [t, y], [moving.pivots, flat, elements.lengths])(0.0, start)
+    require_lines(mechanism, np.array(lengths).ravel())
     require_definite(mechanism, chain, np.array(pivots).ravel(), np.array(poses_at).reshape(-1, 4, 3))
     return Equations(
         layout=places,

@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from mbd_sim.errors import MechanismError, Problem, listed, nearest, quoted
+from mbd_sim.errors import MechanismError, Problem, listed
 from mbd_sim.mechanism import inertia, schema, schema_base
 from mbd_sim.mechanism import rotation as rot
+from mbd_sim.mechanism.ends import end_of
+from mbd_sim.mechanism.force_records import force_elements
 from mbd_sim.mechanism.joint_records import joint_of, parallel
-from mbd_sim.mechanism.model import GROUND, Joint, Mechanism, Part, Pose, identity_pose
+from mbd_sim.mechanism.model import GROUND, Joint, Mechanism, Part, Pose
 from mbd_sim.mechanism.schema_joints import AnyJoint
 from mbd_sim.mechanism.source import Location, Source
 from mbd_sim.mechanism.tree import spanning_tree
@@ -24,6 +26,8 @@ def build(file: schema.MechanismFile, parameters: Mapping[str, float], source: S
     :raises MechanismError: with every reference, mass and connection that is wrong.
     """
     parts, joints, ground_points, problems = assemble(file.parts, file.joints, file.ground, source)
+    places = {name: part.points for name, part in parts.items()} | {GROUND: ground_points}
+    springs, applied = force_elements(file.forces, places, source, problems)
     if problems:
         raise MechanismError(in_order(problems))
     tree = spanning_tree(parts, joints.values())
@@ -46,6 +50,8 @@ def build(file: schema.MechanismFile, parameters: Mapping[str, float], source: S
         step=file.integrator.step,
         parameters=dict(parameters),
         source=source,
+        springs=springs,
+        applied=applied,
     )
 
 
@@ -152,7 +158,7 @@ def _joint(
     ends: list[tuple[str, Pose]] = []
     for index, text in enumerate(record.between):
         try:
-            ends.append(_end(text, places))
+            ends.append(end_of(text, places))
         except LookupError as error:
             message, remedy = error.args
             problems.append(source.problem((*location, "between", index), message, remedy))
@@ -170,26 +176,6 @@ def _joint(
         problems.append(source.problem((*location, "x_axis"), why, "Give a direction across the axis."))
         return None
     return joint_of(name, record, parent, parent_pose, child, child_pose)
-
-
-def _end(text: str, places: Mapping[str, Mapping[str, Pose] | None]) -> tuple[str, Pose]:
-    part, dot, point = (word.strip() for word in text.partition("."))
-    if not part:
-        raise LookupError(f"no part is named before the '.' of {quoted(text)}", "Write part.point.")
-    if part not in places:
-        owners = [f"{name}.{part}" for name, points in places.items() if not dot and part in (points or {})]
-        remedy = f"Did you mean its point '{owners[0]}'?" if owners else nearest(part, places)
-        raise LookupError(f"there is no part {quoted(part)}", remedy)
-    points = places[part]
-    if not dot or points is None:
-        return part, identity_pose()
-    if point not in points:
-        known = nearest(point, points) or f"'{part}' has no points: add one under its 'points'."
-        missing = (
-            f"'{part}' has no point {quoted(point)}" if point else f"no point is named after the '.' of {quoted(text)}"
-        )
-        raise LookupError(missing, known)
-    return part, points[point]
 
 
 def _loop(source: Source, name: str) -> Problem:

@@ -141,6 +141,40 @@ class Joint:
 
 
 @dataclass(frozen=True, eq=False)
+class Attachment:
+    """A point (3,) of a part, or of ground, in that part's frame."""
+
+    part: str
+    point: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Spring:
+    """A spring and damper in parallel between two points: the tension is k (l - `length`) + c l' along their line."""
+
+    name: str
+    first: Attachment
+    second: Attachment
+    stiffness: float
+    length: float
+    damping: float
+
+
+@dataclass(frozen=True, eq=False)
+class AppliedForce:
+    """A force in N at a point, or, with `couple`, a moment in N·m on a part, as expressions of time.
+
+    `vector` is in ground's axes, or in the part's where it is `following`.
+    """
+
+    name: str
+    at: Attachment
+    vector: tuple[TimeExpression, TimeExpression, TimeExpression]
+    couple: bool
+    following: bool
+
+
+@dataclass(frozen=True, eq=False)
 class Mechanism:
     """A whole mechanism. `joints` stand in declared order, which is the order of q, u and the efforts."""
 
@@ -155,6 +189,8 @@ class Mechanism:
     step: float
     parameters: Mapping[str, float]
     source: Source
+    springs: tuple[Spring, ...] = ()
+    applied: tuple[AppliedForce, ...] = ()
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:

@@ -1,0 +1,62 @@
+"""The textbook systems with force elements: closed forms and reference end states of other programs."""
+
+import numpy as np
+import pytest
+from mechanisms import accelerations
+
+from mbd_sim import Simulation, load_mechanism
+from mbd_sim.dynamics.equations import derive
+
+G = 9.81
+
+
+def test_tube_particles_has_the_accelerations_of_the_book():
+    """F* + F = 0 with the generalized forces of Huston & Liu 11.10.4 and 11.12.4."""
+    big, small, k, ell = 2.0, 0.2, 200.0, 0.25
+    length = 4 * ell
+    equations, rng = derive(load_mechanism("tube_particles")), np.random.default_rng(5)
+    for _ in range(50):
+        x, theta = rng.uniform(-0.1, 0.1, 3), rng.uniform(-3, 3)
+        rates, omega = rng.uniform(-2, 2, 3), rng.uniform(-4, 4)
+        place = np.arange(1, 4) * ell + x
+        springs = k * np.array([x[1] - 2 * x[0], x[0] + x[2] - 2 * x[1], x[1] - 2 * x[2]])
+        along = (small * G * np.cos(theta) + springs) / small + place * omega**2
+        torque = -0.5 * big * G * length * np.sin(theta) - small * G * np.sin(theta) * place.sum()
+        inertia = big * length**2 / 3 + small * (place**2).sum()
+        turning = (torque - 2 * small * (place * rates).sum() * omega) / inertia
+        found = accelerations(equations, np.array([theta, *place]), np.array([omega, *rates]))
+        assert found == pytest.approx([turning, *along], rel=1e-11, abs=1e-10)
+
+
+def test_tube_particles_reaches_the_reference_end_state():
+    sim = Simulation.from_file("tube_particles")
+    sim.run(until=3.0)
+    q = [-0.108190432234, 0.25 + 0.03124413058, 0.5 + 0.0449959728151, 0.75 + 0.0346053320407]
+    u = [3.64831851209, -0.0372952134696, -0.0263367449331, -0.0356940023729]
+    assert sim.q == pytest.approx(q, rel=1e-10)
+    assert sim.u == pytest.approx(u, rel=1e-9)
+
+
+def test_follower_force_gives_the_generalized_forces_of_the_book():
+    """Q1 = l1 f0 sin(θ1 - θ2) and Q2 = M0 (Lidström 9.6), against the double rod without them."""
+    loaded, plain = derive(load_mechanism("follower_force")), derive(load_mechanism("double_rod"))
+    rng = np.random.default_rng(6)
+    for _ in range(50):
+        q, u = rng.uniform(-3, 3, 2), rng.uniform(-3, 3, 2)
+        first = 3.0 * np.sin(-q[1])
+        relative = np.array([first + 0.5, 0.5])  # Q for the relative angles: θ2 = β1 + β2
+        assert accelerations(loaded, q, u) == pytest.approx(accelerations(plain, q, u, relative), rel=1e-11, abs=1e-11)
+
+
+def test_follower_force_reaches_the_reference_end_state():
+    sim = Simulation.from_file("follower_force")
+    sim.run(until=3.0)
+    assert np.cumsum(sim.q) == pytest.approx([-0.286428009089, -0.0571197594686], rel=1e-11)
+    assert np.cumsum(sim.u) == pytest.approx([0.330826508838, -3.89387287305], rel=1e-11)
+
+
+@pytest.mark.parametrize("name", ["tube_particles", "follower_force"])
+def test_the_energy_audit_closes_over_a_minute(name):
+    sim = Simulation.from_file(name)
+    sim.run(until=60.0)
+    assert abs(sim.energies.residual) < 1e-10

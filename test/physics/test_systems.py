@@ -1,0 +1,463 @@
+"""The shipped open chains and prescribed motions of SYSTEMS.md, each against its textbook.
+
+Accelerations at random states, times and efforts against the closed form; the reference end states; what is
+conserved; and the energy audit after a minute, with the work of the drives.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import casadi as ca
+import kane
+import numpy as np
+import pytest
+from mechanisms import SHIPPED, accelerations, random_state
+
+from mbd_sim import Simulation
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.dynamics.lagrange import lagrange_equations
+from mbd_sim.mechanism.load import load_mechanism
+from mbd_sim.mechanism.rotation import from_quaternion
+
+G = 9.81
+
+
+@functools.cache
+def equations(name):
+    return derive(load_mechanism(name))
+
+
+def parameters(name):
+    """The file's parameters, to be read as p["l"]."""
+    return load_mechanism(name).parameters
+
+
+def block(mass, size):
+    a, b, c = np.array(size) ** 2
+    return mass / 12.0 * np.array([b + c, c + a, a + b])
+
+
+def relative(found, expected):
+    """The largest error, relative to the largest component."""
+    expected = np.asarray(expected, dtype=float)
+    return np.max(np.abs(found - expected)) / np.max(np.abs(expected))
+
+
+# Closed forms: u' from the file's parameters p, the time, the state, and the efforts e.
+
+
+def simple_pendulum(p, t, q, u, e):
+    """Huston & Liu 8.4: θ'' + (g/l) sin θ = 0."""
+    return -G / p["l"] * np.sin(q) + e / (p["m"] * p["l"] ** 2)
+
+
+def particle_on_circle(p, t, q, u, e):
+    """Lidström p. 16: φ'' + (g/r) cos φ = 0, from the horizontal."""
+    return -G / p["r"] * np.cos(q) + e / (p["m"] * p["r"] ** 2)
+
+
+def triple_rod_torsion(p, t, q, u, e):
+    """Huston & Liu P11.5.5-8: Lagrange's equations in absolute angles, springs -k1 θ1 + k2 (θ2 - θ1), …"""
+    theta, rate, m, length = np.cumsum(q), np.cumsum(u), p["m"], p["l"]
+    beyond = m * np.array([2.0, 1.0, 0.0]) + p["tip"]  # masses that hang at the end of each rod
+    inertia = np.array([[m / 3 if i == j else m / 2 for j in range(3)] for i in range(3)])
+    inertia = (inertia + beyond[np.maximum.outer(range(3), range(3))]) * length**2
+    difference = theta[:, None] - theta[None, :]
+    gravity = (m / 2 + beyond) * G * length * np.sin(theta)
+    torques = e - np.array([8.0, 6.0, 4.0]) * q
+    right = torques - np.append(torques[1:], 0.0) - (inertia * np.sin(difference)) @ rate**2 - gravity
+    return np.diff(np.linalg.solve(inertia * np.cos(difference), right), prepend=0.0)
+
+
+def sliding_collars(p, t, q, u, e):
+    """Huston & Liu P11.4.2, with springs: the second displacement is measured from the first collar."""
+    m1, m2 = 0.7, 0.4
+    turning = p["l"] ** 2 + (m1 + m2) * (3 * 0.05**2 + 0.1**2) / 12.0  # rod of 3 kg: m l²/3
+    r1, r2, v1, v2, spin = q[1], q[1] + q[2], u[1], u[1] + u[2], u[0]
+    f1, f2 = e[1] - 30.0 * (q[1] - p["rest"]), e[2] - 20.0 * (q[2] - p["rest"])
+    angular = (e[0] - 2.0 * spin * (m1 * r1 * v1 + m2 * r2 * v2)) / (turning + m1 * r1**2 + m2 * r2**2)
+    first, second = r1 * spin**2 + (f1 - f2) / m1, r2 * spin**2 + f2 / m2
+    return [angular, first, second - first]
+
+
+def cart_pendulum_spring(p, t, q, u, e):
+    """Lidström ex. 4:14."""
+    (x, theta), rate, m, length = q, u[1], p["m"], p["l"]
+    c, s = m * length * np.cos(theta), m * length * np.sin(theta)
+    right = [e[0] + s * rate**2 - p["k"] * x, e[1] - G * s]
+    return np.linalg.solve([[p["mc"] + m, c], [c, m * length**2]], right)
+
+
+def projectile(p, t, q, u, e):
+    """Huston & Liu 8.7: I1 ω1' = (I2 - I3) ω2 ω3 and cyclic, and the mass centre falls."""
+    moments, w = block(2.0, (0.6, 0.3, 0.1)), u[3:]
+    return [*(e[:3] / 2.0 - [0.0, 0.0, G]), *((e[3:] - np.cross(w, moments * w)) / moments)]
+
+
+def disk_driven(p, t, q, u, e):
+    """Huston & Liu 8.8: a force W = e/r at the rim gives W r / I_O."""
+    return e / (0.5 * p["m"] * p["r"] ** 2)
+
+
+def bryan_rates(q):
+    """ω in the box's axes is this matrix times (α', β', γ') (Huston & Liu P11.4.3)."""
+    (cb, cc), (sb, sc) = np.cos(q[1:]), np.sin(q[1:])
+    return np.array([[cb * cc, sc, 0.0], [-cb * sc, cc, 0.0], [sb, 0.0, 1.0]])
+
+
+def box_bryan(p, t, q, u, e):
+    """Euler's equations with ω of Huston & Liu P11.4.3."""
+    (cb, cc), (sb, sc), (a1, b1, c1) = np.cos(q[1:]), np.sin(q[1:]), u
+    moments, rates = block(12.0, (0.2, 0.4, 0.3)), bryan_rates(q)
+    omega = rates @ u
+    left_over = [
+        -a1 * (sb * cc * b1 + cb * sc * c1) + b1 * cc * c1,
+        a1 * (sb * sc * b1 - cb * cc * c1) - b1 * sc * c1,
+        a1 * cb * b1,
+    ]
+    moment = np.linalg.solve(rates.T, e)
+    return np.linalg.solve(rates, (moment - np.cross(omega, moments * omega)) / moments - left_over)
+
+
+def universal_pendulum(p, t, q, u, e):
+    """From T = m l² (b'² + cos²b a'²)/2 and V = -m g l cos a cos b."""
+    (a, b), (a1, b1), inertia = q, u, p["m"] * p["l"] ** 2
+    first = 2.0 * np.tan(b) * a1 * b1 - G / p["l"] * np.sin(a) / np.cos(b) + e[0] / (inertia * np.cos(b) ** 2)
+    return [first, -np.sin(b) * np.cos(b) * a1**2 - G / p["l"] * np.cos(a) * np.sin(b) + e[1] / inertia]
+
+
+def top_moments(p):
+    """Principal moments of the top about its point."""
+    across = p["m"] * (p["r"] ** 2 / 4.0 + p["h"] ** 2)
+    return np.array([across, across, p["m"] * p["r"] ** 2 / 2.0])
+
+
+def spherical_top(p, t, q, u, e):
+    """Euler's equations about the point, with the moment of the weight."""
+    down = from_quaternion(q).T @ [0.0, 0.0, -G]
+    moment = e + np.cross([0.0, 0.0, p["h"]], p["m"] * down)
+    return (moment - np.cross(u, top_moments(p) * u)) / top_moments(p)
+
+
+def screw_press(p, t, q, u, e):
+    """(I + m h²) θ'' = -m g h - d θ' with h = lead/2π."""
+    rise = 0.02 / (2.0 * np.pi)
+    inertia = 4.0 * 0.02**2 / 2.0 + 8.0 * 0.25**2 / 2.0
+    return (e - 12.0 * G * rise - 0.1 * u) / (inertia + 12.0 * rise**2)
+
+
+def cylindrical_slider(p, t, q, u, e):
+    """A spring and a weight along the guide, a physical pendulum about it."""
+    slide = e[0] - 80.0 * q[0] - (p["m"] + 0.5) * G * np.sin(p["slope"])
+    turn = e[1] - p["m"] * p["d"] * G * np.cos(p["slope"]) * np.sin(q[1])
+    return [slide / (p["m"] + 0.5), turn / (p["m"] * p["d"] ** 2 + 0.5 * 0.04**2 / 2.0)]
+
+
+def planar_puck(p, t, q, u, e):
+    """Newton's equations of a body whose mass centre is off its point, and the moment about that point."""
+    c, s, off = np.cos(q[2]), np.sin(q[2]), 0.2 * p["d"]
+    mass = [[0.7, 0.0, -off * s], [0.0, 0.7, off * c], [-off * s, off * c, 0.5 * 0.08**2 / 2.0 + off * p["d"]]]
+    springs = [20.0 * q[0] - off * c * u[2] ** 2, 30.0 * q[1] - off * s * u[2] ** 2, 0.0]
+    return np.linalg.solve(mass, e - springs)
+
+
+def spun_tube_particle(p, t, q, u, e):
+    """Huston & Liu 8.5: θ'' - Ω² sin θ cos θ + (g/r) sin θ = 0, from the bottom."""
+    return p["omega"] ** 2 * np.sin(q) * np.cos(q) - G / p["r"] * np.sin(q) + e / (p["m"] * p["r"] ** 2)
+
+
+def support(p, t):
+    """The support's position, velocity and acceleration."""
+    a, w = p["amplitude"], p["frequency"]
+    return a * np.sin(w * t), a * w * np.cos(w * t), -a * w**2 * np.sin(w * t)
+
+
+def moving_support_pendulum(p, t, q, u, e):
+    """Lidström p. 48-53."""
+    m, length = p["m"], p["l"]
+    moment = -0.5 * m * length * (G * np.sin(q) + support(p, t)[2] * np.cos(q))
+    return (e + moment) / (m * length**2 / 3.0)
+
+
+def rotating_frame_mass(p, t, q, u, e):
+    """Géradin & Rixen p. 31-33."""
+    (x, y), (vx, vy), m, spin = q, u, p["m"], p["omega"]
+    return [
+        (e[0] + 2.0 * m * spin * vy - p["c1"] * vx - (p["k1"] - m * spin**2) * x) / m,
+        (e[1] - 2.0 * m * spin * vx - (p["k2"] - m * spin**2) * y) / m,
+    ]
+
+
+CLOSED_FORMS = {
+    form.__name__: form
+    for form in (
+        simple_pendulum,
+        particle_on_circle,
+        triple_rod_torsion,
+        sliding_collars,
+        cart_pendulum_spring,
+        projectile,
+        disk_driven,
+        box_bryan,
+        universal_pendulum,
+        spherical_top,
+        screw_press,
+        cylindrical_slider,
+        planar_puck,
+        spun_tube_particle,
+        moving_support_pendulum,
+        rotating_frame_mass,
+    )
+}
+
+
+@pytest.mark.parametrize("name", CLOSED_FORMS)
+def test_accelerations(name):
+    """Round-off only: where the closed form itself is near a singular position, that much more."""
+    mechanism, rng = load_mechanism(name), np.random.default_rng(60)
+    for _ in range(40):
+        q, u, efforts = random_state(mechanism, rng, reach=2.5)
+        t = rng.uniform(0.0, 20.0)
+        expected = CLOSED_FORMS[name](mechanism.parameters, t, q, u, efforts)
+        condition = kane.equations(mechanism, q, u, efforts, t).condition
+        found = accelerations(equations(name), q, u, efforts, t)
+        assert relative(found, expected) < 2e-14 * max(condition, 5.0)
+
+
+def end(name, until):
+    sim = Simulation.from_file(name)
+    assert (sim.model.method.name, sim.step_size) == ("dop853", 1e-3)
+    sim.run(until=until)
+    return sim
+
+
+# The table of SYSTEMS.md has twelve digits, in the coordinates of the files but for sums of relative angles.
+END_STATES = {
+    "triple_rod_torsion": (
+        3.0,
+        [-0.385154919753, -0.72399559665, -0.672059273919],
+        [-2.3644865325, -1.19142161632, 7.55496844154],
+    ),
+    "cart_pendulum_spring": (5.0, [-0.283637141367, 0.677410267706], [0.814511754124, 1.08138052821]),
+    "spun_tube_particle": (5.0, [0.875328655759], [2.63820434517]),
+    "moving_support_pendulum": (5.0, [0.0617838506579], [0.351556843441]),
+    "rotating_frame_mass": (5.0, [-0.0174256798774, 0.0153699605311], [-0.39383394792, 0.134818616313]),
+}
+
+
+@pytest.mark.parametrize("name", END_STATES)
+def test_reference_end_state(name):
+    until, q, u = END_STATES[name]
+    sim = end(name, until)
+    summed = np.cumsum if name == "triple_rod_torsion" else np.asarray
+    assert relative([*summed(sim.q), *summed(sim.u)], [*q, *u]) < 1e-11
+
+
+def polar(sim):
+    """The bob's θ from the downward vertical, its azimuth φ, and their rates."""
+    (a, b), (a1, b1) = sim.q, sim.u
+    x, y, z = np.sin(b), np.sin(a) * np.cos(b), -np.cos(a) * np.cos(b)
+    vx, vy = np.cos(b) * b1, np.cos(a) * np.cos(b) * a1 - np.sin(a) * np.sin(b) * b1
+    vz = np.sin(a) * np.cos(b) * a1 + np.cos(a) * np.sin(b) * b1
+    theta = np.arccos(-z)
+    return theta, np.arctan2(y, x), vz / np.sin(theta), (x * vy - y * vx) / (x * x + y * y)
+
+
+def test_universal_pendulum_is_the_spherical_pendulum():
+    """Lidström 9.1: its end state, and the angular momentum about the vertical."""
+    sim = end("universal_pendulum", 0.0)
+    theta, phi, theta_rate, phi_rate = polar(sim)
+    assert [theta, phi, theta_rate, phi_rate] == pytest.approx([0.8, 0.0, 0.0, 2.0], abs=1e-15)
+    spin = np.sin(theta) ** 2 * phi_rate
+    sim.run(until=5.0)
+    theta, phi, theta_rate, phi_rate = polar(sim)
+    expected = [0.645456578323, 17.315153994, 1.06530284771, 2.84404860686]
+    assert relative([theta, phi + 2.0 * np.pi * 3, theta_rate, phi_rate], expected) < 1e-11
+    assert np.sin(theta) ** 2 * phi_rate == pytest.approx(spin, rel=1e-13)
+
+
+def test_universal_pendulum_swings_through_the_bottom():
+    """Where polar angles are singular."""
+    sim = Simulation.from_file("universal_pendulum")
+    sim.reset(q=[0.0, 0.0], u=[0.6, 0.8])
+    lowest = []
+    for _ in range(3000):
+        sim.step()
+        lowest.append(np.hypot(*sim.q))
+    assert min(lowest) < 1e-3 and max(lowest) > 0.2
+    assert abs(sim.energies.residual) < 1e-13
+
+
+def test_projectile_follows_its_parabola():
+    """Huston & Liu 8.7: z = x tan θ0 - g x² / (2 V² cos²θ0)."""
+    p, sim = parameters("projectile"), Simulation.from_file("projectile")
+    for until in (0.5, 1.0, 3.0):
+        sim.run(until=until)
+        x, z = sim.q[0], sim.q[2]
+        expected = x * np.tan(p["elevation"]) - G * x**2 / (2.0 * (p["speed"] * np.cos(p["elevation"])) ** 2)
+        assert z == pytest.approx(expected, abs=1e-11)
+        assert x == pytest.approx(p["speed"] * np.cos(p["elevation"]) * until, rel=1e-13)
+
+
+def test_disk_driven_by_a_force_at_its_rim():
+    """θ = W r t² / (2 I_O)."""
+    p, sim, force = parameters("disk_driven"), Simulation.from_file("disk_driven"), 2.5
+    sim.set_efforts({"bearing": force * p["r"]})
+    sim.run(until=4.0)
+    assert sim.q[0] == pytest.approx(0.5 * force * p["r"] / (0.5 * p["m"] * p["r"] ** 2) * 16.0, rel=1e-13)
+    assert sim.energies.work_applied == pytest.approx(force * p["r"] * sim.q[0], rel=1e-13)
+
+
+def test_partial_velocities_of_a_vertex_of_the_box():
+    """Huston & Liu P11.4.4: the angular partial velocity crossed with the vertex."""
+    name, rng = "box_bryan", np.random.default_rng(61)
+    derived = equations(name)
+    t, y = ca.SX.sym("t"), ca.SX.sym("y", 9)
+    row = 12 * derived.part_names.index("box")
+    pose = derived.poses(t, y)[row : row + 12]
+    vertex = np.array([0.1, 0.2, 0.15])
+    place = pose[:3] + ca.reshape(pose[3:], 3, 3) @ vertex
+    partial = ca.Function("partial", [t, y], [ca.jacobian(place, y[:3]), ca.reshape(pose[3:], 3, 3)])
+    for _ in range(10):
+        q = rng.uniform(-2.5, 2.5, 3)
+        found, rotation = (np.array(value) for value in partial(0.0, [*q, *np.zeros(6)]))
+        expected = rotation @ np.cross(bryan_rates(q).T, vertex).T
+        assert found == pytest.approx(expected, abs=1e-15)
+
+
+def test_tube_has_an_equilibrium():
+    """cos θ = g/(r Ω²): no acceleration there, and the particle stays."""
+    name = "spun_tube_particle"
+    p = parameters(name)
+    theta = np.arccos(G / (p["r"] * p["omega"] ** 2))
+    for t in (0.0, 0.3, 7.0):
+        assert accelerations(equations(name), [theta], [0.0], t=t) == pytest.approx([0.0], abs=1e-14)
+    sim = Simulation.from_file(name)
+    sim.reset(q=[theta])
+    sim.run(until=10.0)
+    assert sim.q[0] == pytest.approx(theta, abs=1e-12)
+
+
+def test_parts_of_the_kinetic_energy():
+    """Lidström p. 53: T0 = m v²/2, T1 = m l v cos φ φ'/2, T2 = m l² φ'²/6, with v of the support."""
+    mechanism, rng = load_mechanism("moving_support_pendulum"), np.random.default_rng(62)
+    p, energies = mechanism.parameters, lagrange_equations(mechanism).energies
+    m, length = p["m"], p["l"]
+    for _ in range(20):
+        t, phi, rate = rng.uniform(-3.0, 3.0, 3)
+        v = support(p, t)[1]
+        found = [float(value) for value in energies(t, phi, rate)]
+        expected = [m * length**2 * rate**2 / 6.0, 0.5 * m * length * v * np.cos(phi) * rate, 0.5 * m * v**2]
+        assert found == pytest.approx([*expected, -0.5 * m * G * length * np.cos(phi)], rel=1e-13, abs=1e-15)
+
+
+@pytest.mark.parametrize("name", ["spun_tube_particle", "rotating_frame_mass"])
+def test_work_of_a_steady_spin(name):
+    """The drive's moment is the rate of the vertical angular momentum H: its work is Ω times the growth of H."""
+    p, sim = parameters(name), Simulation.from_file(name)
+    m, spin = p["m"], p["omega"]
+
+    def angular_momentum():
+        if name == "spun_tube_particle":
+            return m * spin * (p["r"] * np.sin(sim.q[0])) ** 2
+        (x, y), (vx, vy) = sim.q, sim.u
+        return m * (x * (vy + spin * x) - y * (vx - spin * y))
+
+    start = angular_momentum()
+    for _ in range(10):
+        sim.step(437)
+        work = spin * (angular_momentum() - start)
+        assert sim.energies.work_drives == pytest.approx(work, rel=1e-12, abs=1e-13)
+    assert abs(sim.energies.residual) < 1e-13
+
+
+def test_work_of_a_shaken_support():
+    """Its force is the rate of the momentum along x; the work is integrated by Boole's rule."""
+    p, sim = parameters("moving_support_pendulum"), Simulation.from_file("moving_support_pendulum")
+    powers = []
+    for _ in range(4001):
+        _, v, a = support(p, sim.time)
+        rate2 = moving_support_pendulum(p, sim.time, sim.q, sim.u, 0.0)
+        bob = np.cos(sim.q) * rate2 - np.sin(sim.q) * sim.u**2
+        powers.append((p["m"] * (a + 0.5 * p["l"] * bob) * v).item())
+        work = sim.energies.work_drives
+        sim.step()
+    weights = np.tile([14.0, 32.0, 12.0, 32.0], 1000)
+    weights[0] = 7.0
+    expected = 1e-3 * 2.0 / 45.0 * (weights @ powers[:-1] + 7.0 * powers[-1])
+    assert abs(work) > 0.1
+    assert work == pytest.approx(expected, rel=1e-11)
+
+
+def top(spin, tilt, precession):
+    """u of a top with this spin about its axis and this precession, leaned by `tilt` about y."""
+    return [-precession * np.sin(tilt), 0.0, spin]
+
+
+def test_top_keeps_its_spin_and_its_vertical_angular_momentum():
+    sim = Simulation.from_file("spherical_top")
+    moments = top_moments(parameters("spherical_top"))
+
+    def vertical():
+        return (from_quaternion(sim.q) @ (moments * sim.u))[2]
+
+    sim.reset(u=[3.0, -1.0, 150.0])
+    start = vertical()
+    for _ in range(20):
+        sim.step(500)
+        assert sim.u[2] == pytest.approx(150.0, rel=1e-14)
+        assert vertical() == pytest.approx(start, rel=1e-12)
+    assert abs(sim.energies.residual) < 1e-12
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.5, np.pi / 2, 2.5, np.pi])
+def test_top_precesses_steadily(tilt):
+    """At a rate Ω with I1 Ω² cos θ - I3 ω3 Ω + m g h = 0 the inclination θ stays, lying, hanging or upright."""
+    p, rate = parameters("spherical_top"), 4.0
+    across, _, along = top_moments(p)
+    spin = (across * rate**2 * np.cos(tilt) + p["m"] * G * p["h"]) / (along * rate)
+    sim = Simulation.from_file("spherical_top")
+    sim.reset(q=[np.cos(tilt / 2), 0.0, np.sin(tilt / 2), 0.0], u=top(spin, tilt, rate))
+    for _ in range(10):
+        sim.step(300)
+        axis = from_quaternion(sim.q)[:, 2]
+        phase = rate * sim.time
+        expected = [np.sin(tilt) * np.cos(phase), np.sin(tilt) * np.sin(phase), np.cos(tilt)]
+        assert axis == pytest.approx(expected, abs=1e-11)
+
+
+def largest_energy(sim, seconds):
+    """Run, and find the largest energy that appears in the audit."""
+    largest = 0.0
+    while sim.time < seconds:
+        sim.step(round(0.1 / sim.step_size))
+        largest = max(largest, *(abs(energy) for energy in sim.energies[:5]))
+    return largest
+
+
+@pytest.mark.parametrize("name", CLOSED_FORMS)
+def test_energy_audit_after_a_minute(name):
+    sim = Simulation.from_file(name)
+    if name == "disk_driven":
+        sim.set_efforts([0.5])
+    largest = largest_energy(sim, 60.0)
+    assert abs(sim.energies.residual) < 1e-11 * largest
+    assert (sim.energies.work_drives != 0.0) == any(joint.drive for joint in sim.mechanism.joints.values())
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_shipped_mechanism(name):
+    """It runs, its energy audit closes, and Kane's equations give its accelerations at any state and time."""
+    sim, rng = Simulation.from_file(name), np.random.default_rng(63)
+    largest = largest_energy(sim, 10.0)
+    assert abs(sim.energies.residual) <= 1e-7 * largest
+    assert np.all(np.isfinite(sim.state))
+    for _ in range(3):
+        t, state = rng.uniform(0.0, 10.0), random_state(sim.mechanism, rng)
+        oracle = kane.equations(sim.mechanism, *state, t)
+        allowed = 1e-13 * oracle.condition * max(np.linalg.norm(oracle.scale * oracle.accelerations), 1.0)
+        by_recursion = accelerations(equations(name), *state, t)
+        by_lagrange = lagrange_equations(sim.mechanism).accelerations(*state, t)
+        for found in (by_recursion, by_lagrange):
+            assert np.linalg.norm(oracle.scale * (found - oracle.accelerations)) <= allowed
