@@ -53,7 +53,8 @@ def _joint(joint: Joint) -> dict[str, Any]:
         "type": joint.type,
         "parent": joint.parent,
         "child": joint.child,
-        "axis": joint.axis.tolist(),
+        "axes": [axis.tolist() for axis in (joint.axis, joint.second) if axis.any()],
+        "lead": joint.lead,
         "position": joint.position.tolist(),
         "velocity": joint.velocity.tolist(),
         "reversed": joint.reversed,
@@ -81,10 +82,10 @@ def report_text(found: dict[str, Any]) -> str:
             for part in found["parts"]
         ),
         "",
-        f"{'joint':16s} {'type':10s} {'between':28s} {'axis':22s} start",
+        f"{'joint':16s} {'type':12s} {'between':28s} {'axis':22s} start",
         *(
-            f"{joint['name']:16s} {joint['type']:10s} {joint['parent'] + ' – ' + joint['child']:28s} "
-            f"{_vector(joint['axis']) if any(joint['axis']) else '':22s} {_vector(joint['position'])}".rstrip()
+            f"{joint['name']:16s} {joint['type']:12s} {joint['parent'] + ' – ' + joint['child']:28s} "
+            f"{_axes(joint):22s} {_vector(joint['position'])}".rstrip()
             for joint in found["joints"]
         ),
         "",
@@ -104,6 +105,11 @@ def report_text(found: dict[str, Any]) -> str:
         *(f"Remark              {remark}" for remark in found["remarks"]),
     ]
     return "\n".join(lines)
+
+
+def _axes(joint: dict[str, Any]) -> str:
+    lead = f", {joint['lead']:g} m a turn" if joint["lead"] else ""
+    return " ".join(_vector(axis) for axis in joint["axes"]) + lead
 
 
 def _vector(values: list[float]) -> str:

@@ -64,7 +64,8 @@ def _summary(simulation: Simulation, seconds: float) -> str:
             f"  took             {seconds:.3g} s: {simulation.time / max(seconds, 1e-9):,.0f} × real time, "
             f"{1e6 * seconds / steps:.3g} µs a step",
             f"  energy residual  {energies.residual:.3g} J of {energies.total:.6g} J total "
-            f"(applied {energies.work_applied:.6g}, dissipated {energies.dissipated:.6g})",
+            f"(applied {energies.work_applied:.6g}, drives {energies.work_drives:.6g}, "
+            f"dissipated {energies.dissipated:.6g})",
             f"  {'coordinate':16s}  position and velocity",
             *values,
         ]

@@ -105,7 +105,7 @@ class Simulation:
             raise DivergedError(
                 f"{self.mechanism.name}: the motion became infinite between t = {self.time:g} s and "
                 f"{(self.steps + n) * self.step_size:g} s. Use a smaller step than {self.step_size:g} s, or check the "
-                "efforts, stiffnesses and start values."
+                "efforts, stiffnesses, start values and drives."
             )
         self.steps += n
 

@@ -19,7 +19,7 @@ from mbd_sim.dynamics.forces import joint_loads
 from mbd_sim.dynamics.kinematics import LinkMotion, WorldPose, link_motions, part_poses
 from mbd_sim.dynamics.links import Layout, Link, layout, links
 from mbd_sim.dynamics.spatial import constant
-from mbd_sim.dynamics.time import time_functions
+from mbd_sim.dynamics.time import require_smooth, time_functions
 from mbd_sim.mechanism.model import Array, Mechanism
 
 AUDIT = ("work_applied", "work_drives", "dissipated")
@@ -48,8 +48,10 @@ class Equations:
 def derive(mechanism: Mechanism) -> Equations:
     """Trace the equations of a mechanism.
 
-    :raises MechanismError: the mass matrix is singular at the start; the joints that move no inertia are named.
+    :raises MechanismError: the mass matrix is singular at the start, a spring has no direction there, or a drive no
+        velocity or acceleration; the joints and springs are named.
     """
+    require_smooth(mechanism)
     places, chain = layout(mechanism), links(mechanism)
     t, efforts = ca.SX.sym("t"), ca.SX.sym("e", places.nv)
     y = ca.SX.sym("y", places.nq + places.nv + len(AUDIT))

@@ -6,8 +6,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
+from mbd_sim.errors import MechanismError
 from mbd_sim.mechanism.expression import Arithmetic, TimeExpression, walk
+from mbd_sim.mechanism.model import Mechanism
 
 _FUNCTIONS: dict[str, tuple[int, Callable[..., Any]]] = {
     "sqrt": (1, ca.sqrt), "exp": (1, ca.exp), "log": (1, ca.log), "abs": (1, ca.fabs),
@@ -15,6 +18,25 @@ _FUNCTIONS: dict[str, tuple[int, Callable[..., Any]]] = {
     "asin": (1, ca.asin), "acos": (1, ca.acos), "atan": (1, ca.atan), "atan2": (2, ca.atan2),
     "min": (2, ca.fmin), "max": (2, ca.fmax), "hypot": (2, lambda a, b: ca.sqrt(a * a + b * b)),
 }  # fmt: skip
+
+
+def require_smooth(mechanism: Mechanism) -> None:
+    """Refuse drives that have no finite position, velocity or acceleration at the start.
+
+    :raises MechanismError: the joints are named.
+    """
+    t = ca.SX.sym("t")
+    problems = []
+    for name, joint in mechanism.joints.items():
+        if not joint.drive:
+            continue
+        values = np.array(ca.Function("at", [t], [ca.vertcat(*time_functions(joint.drive, t))])(0.0))
+        if not np.all(np.isfinite(values)):
+            message = "the drive has no finite velocity or acceleration at t = 0"
+            remedy = "Write an expression that can be differentiated twice there."
+            problems.append(mechanism.source.problem(("joints", name, "drive"), message, remedy))
+    if problems:
+        raise MechanismError(problems)
 
 
 def time_functions(expressions: Sequence[TimeExpression], t: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:

@@ -27,6 +27,8 @@ from mbd_sim.ros import qos
 from mbd_sim.ros.runner import Event, Snapshot
 from mbd_sim.viewer import Viewer
 
+ERRORS = ("diverged", "failed")  # what events begin with that are errors
+
 
 class Output:
     """A topic: published, and recorded where `recorded`."""
@@ -123,7 +125,7 @@ class Outputs:
             self._send("applied_efforts", self._efforts, event.clock_ns, event.ticks)
         if event.text != "command":
             self._send("events", String(data=event.text), event.clock_ns, event.ticks)
-            level: Callable[[str], Any] = self._log.error if event.text.startswith("diverged") else self._log.info
+            level: Callable[[str], Any] = self._log.error if event.text.startswith(ERRORS) else self._log.info
             level(event.text)
             if self.viewer is not None:
                 self.viewer.event(event.clock_ns * 1e-9, event.text)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from dataclasses import dataclass
 
 import numpy as np
 
+LONG = 0.02  # seconds from which a sleep can be ended early; shorter ones are plain sleeps, which wake more punctually
 RE_ANCHOR = 0.1  # seconds of lateness after which the schedule starts anew instead of catching up in a burst
 
 
@@ -32,11 +34,16 @@ class Pacer:
         """Start the schedule now."""
         self._due = time.perf_counter()
 
-    def wait(self, duration: float) -> None:
-        """Sleep until `duration` seconds after the last deadline."""
+    def plan(self, duration: float) -> None:
+        """Set the next deadline, `duration` seconds after the last one."""
         self._due += duration
+
+    def wait(self, wake: threading.Event) -> bool:
+        """Sleep until the deadline; False where a long sleep was ended by `wake`, before the deadline."""
         rest = self._due - time.perf_counter()
-        if rest > 0.0:
+        if rest > LONG and wake.wait(rest):
+            return False
+        if 0.0 < rest <= LONG:
             time.sleep(rest)
         late = time.perf_counter() - self._due
         self._late[self._count % len(self._late)] = late
@@ -44,6 +51,7 @@ class Pacer:
         if late > RE_ANCHOR:
             self.overruns += 1
             self.anchor()
+        return True
 
     def lateness(self) -> Lateness:
         """The figures of the last few thousand deadlines."""

@@ -105,6 +105,10 @@ class Runner:
         self._ask(lambda: outcome.append(self._step_paused(steps)))
         return outcome[0] if outcome else "the simulation has stopped"
 
+    def repace(self) -> None:
+        """Start the schedule anew, as after a change of the real-time factor."""
+        self._ask(self.pacer.anchor)
+
     def _ask(self, action: Callable[[], None]) -> None:
         done = threading.Event()
         self._requests.put((action, done))
@@ -114,6 +118,13 @@ class Runner:
                 return
 
     def _run(self) -> None:
+        try:
+            self._step_on()
+        except Exception as error:
+            self._tell(f"failed: {error!r}")
+            raise
+
+    def _step_on(self) -> None:
         self._emit(state=True, clock=True)
         self.pacer.anchor()
         while not self._stopping:
@@ -128,7 +139,10 @@ class Runner:
             self._advance(steps)
             factor = self.rates.real_time_factor
             if factor > 0.0:
-                self.pacer.wait(steps * self.simulation.step_size / factor)
+                self.pacer.plan(steps * self.simulation.step_size / factor)
+                while not self.pacer.wait(self._wake) and not self._stopping:
+                    self._wake.clear()
+                    self._serve_requests()
             else:
                 self.pacer.anchor()
                 while self.output.qsize() > BACKLOG and not self._stopping:

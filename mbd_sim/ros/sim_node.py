@@ -153,6 +153,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         match name:
             case "real_time_factor":
                 self.rates.real_time_factor = value
+                self.runner.repace()
             case "publish_rate":
                 self.rates.publish = value
             case "clock_rate":

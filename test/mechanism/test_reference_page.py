@@ -8,6 +8,7 @@ import pytest
 from mbd_sim.errors import MechanismError
 from mbd_sim.integrators.tableau import METHODS
 from mbd_sim.mechanism.load import parse_mechanism
+from mbd_sim.mechanism.model import LABELS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "mechanism_file.md").read_text(encoding="utf-8")
 FILES = re.findall(r"```yaml\n(mechanism:.*?)```", PAGE, re.DOTALL)
@@ -28,3 +29,9 @@ def test_its_errors_are_those_of_its_broken_example():
 @pytest.mark.parametrize("name", METHODS)
 def test_it_names_every_integration_method(name):
     assert f"`{name}` (" in PAGE
+
+
+@pytest.mark.parametrize("kind", LABELS)
+def test_it_names_the_coordinates_of_every_joint_type(kind):
+    row = next(line for line in PAGE.splitlines() if line.startswith(f"| `{kind}` |"))
+    assert re.findall(r"`name([.\w]*)`", row) == list(LABELS[kind])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mbd_sim import Simulation
+from mbd_sim import MechanismError, Simulation
 
 LIFT = """
 mechanism: lift
@@ -68,3 +68,9 @@ def test_reset_starts_the_drives_anew():
     simulation.reset()
     simulation.run(until=1.0)
     assert simulation.state.tobytes() == first.tobytes()
+
+
+@pytest.mark.parametrize("drive", ["sqrt(t)", "t^1.5", "abs(t)^0.5"])
+def test_a_drive_that_starts_with_an_infinite_velocity_or_acceleration_is_refused(drive):
+    with pytest.raises(MechanismError, match=r"shaft.drive: the drive has no finite velocity or acceleration at t = 0"):
+        Simulation.from_text(LIFT.replace("0.2*t^2 + 0.1*sin(3*t)", drive))

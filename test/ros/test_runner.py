@@ -1,5 +1,6 @@
 """The stepping thread: in real time, without ROS."""
 
+import threading
 import time
 
 import pytest
@@ -101,12 +102,40 @@ def test_a_step_that_diverges_pauses_and_keeps_the_last_state(make):
     assert runner.step(100) == ""
 
 
+def test_a_very_slow_run_answers_requests_and_ends_at_once(make):
+    runner = make(real_time_factor=1e-6)
+    runner.start()
+    wait_for(lambda: runner.ticks == 1)
+    began = time.monotonic()
+    runner.reset()
+    assert runner.simulation.steps == 0
+    runner.rates.real_time_factor = 50.0
+    runner.repace()
+    wait_for(lambda: runner.ticks > 100)
+    runner.rates.real_time_factor = 1e-6
+    runner.stop()
+    assert time.monotonic() - began < 5.0
+
+
+def test_a_failure_of_the_stepping_thread_is_told(make, monkeypatch):
+    runner = make(real_time_factor=0.0)
+    monkeypatch.setattr(runner.simulation, "step", lambda n: 1 / 0)
+    monkeypatch.setattr(threading, "excepthook", lambda arguments: None)
+    runner.start()
+    runner._thread.join(10)
+    runner.stop()
+    assert [item.text for item in collected(runner) if isinstance(item, Event)] == [
+        "failed: ZeroDivisionError('division by zero')"
+    ]
+
+
 def test_the_pacer_keeps_absolute_deadlines():
     pacer = Pacer()
     pacer.anchor()
     began = time.perf_counter()
     for _ in range(100):
-        pacer.wait(0.002)
+        pacer.plan(0.002)
+        assert pacer.wait(threading.Event())
     assert time.perf_counter() - began >= 0.2
     late = pacer.lateness()
     assert 0.0 <= late.median <= late.p99 <= late.maximum
@@ -116,8 +145,10 @@ def test_a_long_stall_starts_the_schedule_anew_instead_of_a_burst():
     pacer = Pacer()
     pacer.anchor()
     time.sleep(RE_ANCHOR + 0.15)
-    pacer.wait(0.05)
+    pacer.plan(0.05)
+    assert pacer.wait(threading.Event())
     assert pacer.overruns == 1
     began = time.perf_counter()
-    pacer.wait(0.05)
+    pacer.plan(0.05)
+    assert pacer.wait(threading.Event())
     assert time.perf_counter() - began >= 0.049
