@@ -35,6 +35,11 @@ def _parser() -> argparse.ArgumentParser:
     check = commands.add_parser("check", help="say what was understood of a mechanism file")
     _add_mechanism(check)
     check.add_argument("--json", action="store_true", help="as JSON")
+    check.add_argument(
+        "--inertia",
+        action="store_true",
+        help="also mass centre, inertia and principal axes of each part and the whole",
+    )
     check.set_defaults(command=_check)
 
     run = commands.add_parser("run", help="run a mechanism as fast as possible, without ROS")
@@ -73,11 +78,20 @@ def _positive(text: str) -> float:
 
 
 def _check(options: argparse.Namespace) -> int:
+    from mbd_sim.inertia_report import inertia_report, inertia_text
     from mbd_sim.report import report, report_text
     from mbd_sim.simulation import Simulation
 
-    found = report(Simulation.from_file(options.mechanism))
-    print(json.dumps(found, indent=2) if options.json else report_text(found))
+    simulation = Simulation.from_file(options.mechanism)
+    found = report(simulation)
+    if options.inertia:
+        found["inertia"] = inertia_report(simulation.mechanism.parts, simulation.poses())
+    if options.json:
+        print(json.dumps(found, indent=2))
+        return 0
+    print(report_text(found))
+    if options.inertia:
+        print(f"\n{inertia_text(found['inertia'])}")
     return 0
 
 
