@@ -47,7 +47,7 @@ def force_elements(
         if at.part == GROUND:
             problems.append(source.problem((*location, key), "acts on ground, which does not move", "Name a part."))
             continue
-        applied.append(AppliedForce(name, at, record.vector, couple, record.axes == "part"))  # type: ignore[arg-type]
+        applied.append(AppliedForce(name, at, record.vector, couple, record.axes == "part"))
     return tuple(springs), tuple(applied)
 
 

@@ -6,12 +6,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.quantity import Length, LinearDamping, LinearStiffness, Quantity, TimeFunction
 from mbd_sim.mechanism.schema_base import Record
 
 NaturalLength = Annotated[Length, Quantity("m", at_least=0)]
-Force = Annotated[object, TimeFunction("N")]
-Torque = Annotated[object, TimeFunction("N*m")]
+Force = Annotated[TimeExpression, TimeFunction("N")]
+Torque = Annotated[TimeExpression, TimeFunction("N*m")]
 Axes = Literal["ground", "part"]
 
 

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.quantity import (
     Angle,
     AngularVelocity,
@@ -80,7 +81,7 @@ class RevoluteJoint(Driveable):
     damping: TorsionDamping = 0.0
     limits: AngleLimits | None = None
     effort_limit: PositiveTorque | None = None
-    drive: Annotated[object, TimeFunction("rad")] | None = None
+    drive: Annotated[TimeExpression, TimeFunction("rad")] | None = None
 
 
 class PrismaticJoint(Driveable):
@@ -95,7 +96,7 @@ class PrismaticJoint(Driveable):
     damping: LinearDamping = 0.0
     limits: LengthLimits | None = None
     effort_limit: PositiveForce | None = None
-    drive: Annotated[object, TimeFunction("m")] | None = None
+    drive: Annotated[TimeExpression, TimeFunction("m")] | None = None
 
 
 class ScrewJoint(Driveable):
@@ -111,7 +112,7 @@ class ScrewJoint(Driveable):
     damping: TorsionDamping = 0.0
     limits: AngleLimits | None = None
     effort_limit: PositiveTorque | None = None
-    drive: Annotated[object, TimeFunction("rad")] | None = None
+    drive: Annotated[TimeExpression, TimeFunction("rad")] | None = None
 
 
 class CylindricalJoint(Driveable):
@@ -124,7 +125,7 @@ class CylindricalJoint(Driveable):
     stiffness: tuple[LinearStiffness, TorsionStiffness] = (0.0, 0.0)
     rest: tuple[Length, Angle] = (0.0, 0.0)
     damping: tuple[LinearDamping, TorsionDamping] = (0.0, 0.0)
-    drive: tuple[Annotated[object, TimeFunction("m")], Annotated[object, TimeFunction("rad")]] | None = None
+    drive: tuple[Annotated[TimeExpression, TimeFunction("m")], Annotated[object, TimeFunction("rad")]] | None = None
 
 
 class UniversalJoint(Driveable):
@@ -137,7 +138,7 @@ class UniversalJoint(Driveable):
     stiffness: tuple[TorsionStiffness, TorsionStiffness] = (0.0, 0.0)
     rest: tuple[Angle, Angle] = (0.0, 0.0)
     damping: tuple[TorsionDamping, TorsionDamping] = (0.0, 0.0)
-    drive: tuple[Annotated[object, TimeFunction("rad")], Annotated[object, TimeFunction("rad")]] | None = None
+    drive: tuple[Annotated[TimeExpression, TimeFunction("rad")], Annotated[object, TimeFunction("rad")]] | None = None
 
 
 class PlanarJoint(Driveable):
@@ -156,9 +157,9 @@ class PlanarJoint(Driveable):
     damping: tuple[LinearDamping, LinearDamping, TorsionDamping] = (0.0, 0.0, 0.0)
     drive: (
         tuple[
-            Annotated[object, TimeFunction("m")],
-            Annotated[object, TimeFunction("m")],
-            Annotated[object, TimeFunction("rad")],
+            Annotated[TimeExpression, TimeFunction("m")],
+            Annotated[TimeExpression, TimeFunction("m")],
+            Annotated[TimeExpression, TimeFunction("rad")],
         ]
         | None
     ) = None
