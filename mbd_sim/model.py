@@ -10,7 +10,7 @@ import numpy as np
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.dynamics.equations import AUDIT, derive
 from mbd_sim.dynamics.joints import JOINT_TYPES
-from mbd_sim.errors import MechanismError, nearest
+from mbd_sim.errors import MechanismError, Problem, nearest
 from mbd_sim.integrators.tableau import METHODS, Tableau
 from mbd_sim.mechanism.model import Array, Mechanism, Pose
 
@@ -109,7 +109,8 @@ def build_model(mechanism: Mechanism, method: str | None = None) -> Model:
     """
     name = method or mechanism.method
     if name not in METHODS:
-        location = () if method else ("integrator", "method")
-        source = mechanism.source
-        raise MechanismError([source.problem(location, f"there is no method '{name}'", nearest(name, METHODS))])
+        message, remedy = f"there is no method '{name}'", nearest(name, METHODS)
+        if method:
+            raise MechanismError([Problem(message, remedy, key="method")])
+        raise MechanismError([mechanism.source.problem(("integrator", "method"), message, remedy)])
     return Model(mechanism, METHODS[name])

@@ -14,7 +14,8 @@ from mbd_sim.mechanism import rotation as rot
 from mbd_sim.mechanism.ends import end_of
 from mbd_sim.mechanism.force_records import force_elements
 from mbd_sim.mechanism.joint_records import joint_of, parallel
-from mbd_sim.mechanism.model import GROUND, Joint, Mechanism, Part, Pose
+from mbd_sim.mechanism.model import GROUND, AppliedForce, Joint, Mechanism, Part, Pose, Spring
+from mbd_sim.mechanism.schema_forces import AnyForce
 from mbd_sim.mechanism.schema_joints import AnyJoint
 from mbd_sim.mechanism.source import Location, Source
 from mbd_sim.mechanism.tree import spanning_tree
@@ -25,9 +26,8 @@ def build(file: schema.MechanismFile, parameters: Mapping[str, float], source: S
 
     :raises MechanismError: with every reference, mass and connection that is wrong.
     """
-    parts, joints, ground_points, problems = assemble(file.parts, file.joints, file.ground, source)
-    places = {name: part.points for name, part in parts.items()} | {GROUND: ground_points}
-    springs, applied = force_elements(file.forces, places, source, problems)
+    assembly = assemble(file.parts, file.joints, file.forces, file.ground, source)
+    parts, joints, problems = assembly.parts, assembly.joints, assembly.problems
     if problems:
         raise MechanismError(in_order(problems))
     tree = spanning_tree(parts, joints.values())
@@ -44,14 +44,14 @@ def build(file: schema.MechanismFile, parameters: Mapping[str, float], source: S
         parts=parts,
         joints=joints,
         tree=tree.joints,
-        ground_points=ground_points,
+        ground_points=assembly.ground_points,
         gravity=np.array(file.gravity),
         method=file.integrator.method,
         step=file.integrator.step,
         parameters=dict(parameters),
         source=source,
-        springs=springs,
-        applied=applied,
+        springs=assembly.springs,
+        applied=assembly.applied,
     )
 
 
@@ -60,16 +60,29 @@ def in_order(problems: Iterable[Problem]) -> list[Problem]:
     return sorted(dict.fromkeys(problems), key=lambda problem: problem.line)
 
 
+@dataclasses.dataclass(frozen=True)
+class Assembly:
+    """Parts with their masses, joints and forces with their ends, the points of ground, and what is wrong with them."""
+
+    parts: dict[str, Part]
+    joints: dict[str, Joint]
+    springs: tuple[Spring, ...]
+    applied: tuple[AppliedForce, ...]
+    ground_points: dict[str, Pose]
+    problems: list[Problem]
+
+
 def assemble(
     parts: Mapping[str, schema.Part],
     joints: Mapping[str, AnyJoint],
+    forces: Mapping[str, AnyForce],
     ground: schema.Ground,
     source: Source,
     unreadable: Collection[str] = (),
-) -> tuple[dict[str, Part], dict[str, Joint], dict[str, Pose], list[Problem]]:
-    """Parts with their masses, joints with their ends, the points of ground, and what is wrong with them.
+) -> Assembly:
+    """Resolve everything that the records of a file refer to.
 
-    :param unreadable: parts, or ground, that the file has but that cannot be read: joints may name any point of them.
+    :param unreadable: parts, or ground, that the file has but that cannot be read: any point of them may be named.
     """
     problems: list[Problem] = []
     if GROUND in parts:
@@ -79,7 +92,9 @@ def assemble(
     places: dict[str, Mapping[str, Pose] | None] = {name: part.points for name, part in built.items()}
     places |= {GROUND: ground_points} | dict.fromkeys(unreadable)
     joined = {name: _joint(name, record, places, source, problems) for name, record in joints.items()}
-    return built, {name: joint for name, joint in joined.items() if joint}, ground_points, problems
+    springs, applied = force_elements(forces, places, source, problems)
+    found = {name: joint for name, joint in joined.items() if joint}
+    return Assembly(built, found, springs, applied, ground_points, problems)
 
 
 def _poses(points: Mapping[str, Any]) -> dict[str, Pose]:

@@ -12,7 +12,7 @@ from mbd_sim.mechanism.ends import end_of
 from mbd_sim.mechanism.model import GROUND, AppliedForce, Attachment, Pose, Spring
 from mbd_sim.mechanism.source import Location, Source
 
-Places = Mapping[str, Mapping[str, Pose]]
+Places = Mapping[str, Mapping[str, Pose] | None]
 
 
 def force_elements(

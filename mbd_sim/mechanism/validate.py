@@ -19,6 +19,7 @@ from mbd_sim.mechanism.expression import CONSTANTS, FUNCTIONS, ExpressionError, 
 from mbd_sim.mechanism.quantity import parse_value, split_unit
 from mbd_sim.mechanism.schema import Ground, MechanismFile, Part
 from mbd_sim.mechanism.schema_base import NAME_PATTERN
+from mbd_sim.mechanism.schema_forces import AnyForce
 from mbd_sim.mechanism.schema_joints import AnyJoint
 from mbd_sim.mechanism.source import Location, Source
 
@@ -131,12 +132,14 @@ def _reversed(uses: Mapping[str, set[str]]) -> dict[str, set[str]]:
 
 
 def _beyond_the_schema(source: Source, context: dict[str, Any]) -> list[Problem]:
-    """What is wrong with the parts and joints that the schema accepts, in a file that it refuses."""
-    written_parts, written_joints, ground = (source.data.get(key) for key in ("parts", "joints", "ground"))
+    """What is wrong with the parts, joints and forces that the schema accepts, in a file that it refuses."""
+    keys = ("parts", "joints", "forces", "ground")
+    written_parts, written_joints, written_forces, ground = (source.data.get(key) for key in keys)
     records = {"ground": {} if ground is None else ground}
     accepted_ground = _accepted(records, TypeAdapter(Ground), context).get("ground")
     parts = _accepted(written_parts, TypeAdapter(Part), context)
     joints: dict[str, Any] = {}
+    forces: dict[str, Any] = {}
     unreadable = [] if accepted_ground else ["ground"]
     if isinstance(written_parts, dict) and isinstance(written_joints, dict):
         unreadable += [name for name in written_parts if name not in parts]
@@ -144,7 +147,19 @@ def _beyond_the_schema(source: Source, context: dict[str, Any]) -> list[Problem]
         welds = {name: {"type": "fixed", "between": between} for name, between in ends.items()}
         for records in (welds, written_joints):  # of joints that are refused, the ends can still be checked
             joints |= _accepted(records, TypeAdapter(AnyJoint), context)
-    return assemble(parts, joints, accepted_ground or Ground(), source, unreadable)[-1]
+    if isinstance(written_forces, dict):
+        plain = {name: _plain_force(force) for name, force in written_forces.items() if isinstance(force, dict)}
+        for records in (plain, written_forces):  # likewise
+            forces |= _accepted(records, TypeAdapter(AnyForce), context)
+    return assemble(parts, joints, forces, accepted_ground or Ground(), source, unreadable).problems
+
+
+def _plain_force(written: dict[str, Any]) -> dict[str, Any]:
+    """A force element with the ends of a written one and nothing else."""
+    if "between" in written:
+        return {"type": "spring", "between": written["between"], "stiffness": 1}
+    kind, key = ("couple", "on") if "on" in written else ("force", "at")
+    return {"type": kind, key: written.get(key), "vector": [0, 0, 0]}
 
 
 def _accepted(records: object, adapter: TypeAdapter[Any], context: dict[str, Any]) -> dict[str, Any]:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import array
 import threading
-from collections.abc import Callable
 from queue import SimpleQueue
 from typing import Any
 
@@ -125,8 +124,11 @@ class Outputs:
             self._send("applied_efforts", self._efforts, event.clock_ns, event.ticks)
         if event.text != "command":
             self._send("events", String(data=event.text), event.clock_ns, event.ticks)
-            level: Callable[[str], Any] = self._log.error if event.text.startswith(ERRORS) else self._log.info
-            level(event.text)
+            # Two calls, on two lines: rclpy allows a line of code one severity only.
+            if event.text.startswith(ERRORS):
+                self._log.error(event.text)
+            else:
+                self._log.info(event.text)
             if self.viewer is not None:
                 self.viewer.event(event.clock_ns * 1e-9, event.text)
 

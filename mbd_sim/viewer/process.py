@@ -11,6 +11,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import IO
 
 LOOPBACK = "127.0.0.1"
 START_TIMEOUT = 20.0  # s
@@ -30,6 +31,12 @@ def executable() -> str:
     raise OSError("the program 'rerun' is not installed. Install it with: pip install rerun-sdk")
 
 
+def _started(arguments: list[str], log: IO[bytes]) -> subprocess.Popen[bytes]:
+    """Rerun's program in a session of its own: a Ctrl-C in the terminal is for the node, which ends it in order."""
+    command = [executable(), *arguments]
+    return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True)  # noqa: S603
+
+
 def start_server(port: int, web_port: int) -> subprocess.Popen[bytes]:
     """A server for data on `port` and for browsers on `web_port`; it lives until it is told to stop.
 
@@ -37,7 +44,7 @@ def start_server(port: int, web_port: int) -> subprocess.Popen[bytes]:
     """
     arguments = ["--serve-web", "--bind", LOOPBACK, "--port", str(port), "--web-viewer-port", str(web_port)]
     with tempfile.TemporaryFile() as log:
-        server = subprocess.Popen([executable(), *arguments], stdin=subprocess.DEVNULL, stdout=log, stderr=log)  # noqa: S603  (own arguments)
+        server = _started(arguments, log)
         deadline = time.monotonic() + START_TIMEOUT
         while not (listens(LOOPBACK, port) and listens(LOOPBACK, web_port)):
             if server.poll() is not None or time.monotonic() > deadline:

@@ -269,8 +269,12 @@ def test_a_wrong_start_says_what_is_wrong_and_ends(
 def test_an_effort_that_makes_the_motion_infinite_pauses_and_reset_recovers(tmp_path: Path) -> None:
     with running(tmp_path, command_timeout=0) as (process, listener):
         listener.ready_to_command()
+        listener.pause(True)
+        listener.pause(False)
         listener.by_order.publish(Float64MultiArray(data=[1e306, 0.0]))
         listener.until(lambda: any("diverged" in event for event in listener.events), "the event")
+        listener.until(lambda: "became infinite" in process.text, "the reason on the console")
+        assert "output failed" not in process.text
         assert all(np.all(np.isfinite(message.position)) for message in listener.states)
         listener.reset()
         listener.pause(False)
