@@ -59,14 +59,14 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
 
     def start(self) -> None:
         """Begin to step and to publish."""
-        self.outputs.start(self.runner.output)
-        self.runner.start()
         simulation = self.simulation
         pace = "paused" if self.runner.paused else "running"
         self.get_logger().info(
             f"'{simulation.mechanism.name}' is {pace}: degrees of freedom {simulation.model.layout.nv}, "
             f"method {simulation.model.method.name}, step {simulation.step_size * 1e3:g} ms"
         )
+        self.outputs.start(self.runner.output)
+        self.runner.start()
 
     def stop(self) -> None:
         """End the stepping, then everything that it fed; the recording is finished when this returns."""

@@ -125,7 +125,7 @@ def test_force_elements_are_checked_beside_other_mistakes():
         parse_mechanism(text.replace("gravity", "gravty"))
     said = str(caught.value)
     for words in (
-        "'mas'",
+        "'gravty'",
         "'ground' has no point 'x'",
         "Did you mean 'rim'?",
         "'lenth'",
