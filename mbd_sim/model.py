@@ -42,7 +42,7 @@ class Model:
         equations = derive(mechanism)
         readers = {"energies": equations.energies, "poses": equations.poses, "drives": equations.drives}
         self.kernel = compile_kernel(equations.rates, equations.settle, readers, method)
-        self.layout, self.start, self.part_names = equations.layout, equations.start, equations.part_names
+        self.layout, self.start, self.part_names = equations.layout, equations.start_state, equations.part_names
         self.coordinate_names, self.driven_names = mechanism.coordinate_names, mechanism.driven_names
         self.q_range = slice(0, self.layout.nq)
         self.u_range = slice(self.layout.nq, self.layout.nq + self.layout.nv)

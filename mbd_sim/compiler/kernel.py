@@ -44,7 +44,7 @@ def compile_kernel(
     system = System(
         size=rates.nnz_out(0),
         rates=lower(module, rates, inline=instructions * method.stages <= INLINED),
-        settle=lower(module, settle, inline=True) if settle is not None else None,
+        settle=lower(module, settle, inline=instruction_count(settle) <= INLINED) if settle is not None else None,
     )
     emit_advance(module, system, method)
     for name, function in readers.items():

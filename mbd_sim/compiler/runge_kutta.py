@@ -15,7 +15,7 @@ UNROLLED = 40  # components up to which state vectors are unrolled into register
 
 @dataclass(frozen=True)
 class System:
-    """y' = rates(t, y, inputs), with `settle(y)` after each step where it is given; `size` components."""
+    """y' = rates(t, y, inputs), with `settle(t, y)` after each step where it is given; `size` components."""
 
     size: int
     rates: ir.Function
@@ -51,7 +51,8 @@ def emit_advance(module: ir.Module, system: System, method: Tableau) -> ir.Funct
             b.call(system.rates, [time, at, inputs, k[stage]])
         _combine(b, system.size, y, y, h, method.b, k)
         if system.settle is not None:
-            b.call(system.settle, [y, trial])
+            b.store(b.fmul(b.sitofp(b.add(b.add(first, index), integer(1)), DOUBLE), h), time)
+            b.call(system.settle, [time, y, trial])
             _each(b, system.size, lambda i: b.store(_load(b, trial, i), element(b, y, i)))
 
     _loop(b, steps, one_step)

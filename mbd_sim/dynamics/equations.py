@@ -6,19 +6,25 @@ the work of the drives, and the dissipated energy, in J.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.articulated import Accelerations, accelerations
+from mbd_sim.dynamics.articulated import Articulated
+from mbd_sim.dynamics.assembly import Conditions
+from mbd_sim.dynamics.constraints import State, constraints_of
 from mbd_sim.dynamics.definite import require_definite
 from mbd_sim.dynamics.elements import element_loads, require_lines
 from mbd_sim.dynamics.forces import joint_loads
 from mbd_sim.dynamics.kinematics import LinkMotion, WorldPose, link_motions, part_poses
 from mbd_sim.dynamics.links import Layout, Link, layout, links
+from mbd_sim.dynamics.multipliers import PROJECTION, ConstraintSolver, usual_sizes
+from mbd_sim.dynamics.reactions import joint_reactions, transmitted_wrenches
+from mbd_sim.dynamics.rows import Row
 from mbd_sim.dynamics.spatial import constant
+from mbd_sim.dynamics.start import Start, assembled_start, conditions_of
 from mbd_sim.dynamics.time import require_smooth, time_functions
 from mbd_sim.mechanism.model import Array, Mechanism
 
@@ -27,12 +33,14 @@ AUDIT = ("work_applied", "work_drives", "dissipated")
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """What the compiler turns into machine code.
+    """What the compiler turns into machine code, and what is computed on request.
 
-    `rates(t, y, efforts)` gives y'; `settle(y)`, where there are quaternions, gives y with unit ones;
+    `rates(t, y, efforts)` gives y'; `settle(t, y)`, where there are quaternions or constraints, leads y back to them;
     `energies(t, y)` gives T and V; `poses(t, y)` gives (12,) a part: position and rotation, column by column;
     `drives(t, y, efforts)` gives the coordinates (n,) of driven joints in declared order, their speeds, and the
-    forces that the drives exert.
+    forces that the drives exert. `multipliers(t, y, efforts)` (m,) has one of each of all constraint `rows`, zero for
+    the redundant ones; `violation(t, y)` (m, 2) is Φ and G u + b. `reactions(t, y, efforts)` (6, joints) is described
+    in `joint_reactions`.
     """
 
     layout: Layout
@@ -41,62 +49,92 @@ class Equations:
     poses: ca.Function
     drives: ca.Function
     settle: ca.Function | None
-    start: Array
+    multipliers: ca.Function
+    violation: ca.Function
+    reactions: Callable[[], ca.Function]
+    rows: tuple[Row, ...]
+    start: Start
+    conditions: Conditions
+    start_state: Array
     part_names: tuple[str, ...]
 
 
 def derive(mechanism: Mechanism) -> Equations:
     """Trace the equations of a mechanism.
 
-    :raises MechanismError: the mass matrix is singular at the start, a spring has no direction there, or a drive no
-        velocity or acceleration; the joints and springs are named.
+    :raises MechanismError: the mass matrix is singular at the start, a spring has no direction there, a drive no
+        velocity or acceleration, or the constraints cannot be met; joints, springs and constraints are named.
     """
     require_smooth(mechanism)
     places, chain = layout(mechanism), links(mechanism)
     t, efforts = ca.SX.sym("t"), ca.SX.sym("e", places.nv)
     y = ca.SX.sym("y", places.nq + places.nv + len(AUDIT))
-    q, u = y[: places.nq], y[places.nq : places.nq + places.nv]
+    q, u, audit = ca.vertsplit(y, [0, places.nq, places.nq + places.nv, y.shape[0]])
 
     motions = link_motions(chain, t, q, u)
     poses = part_poses(chain, t, q)
+    state = State(t, q, u, _q_rates(chain, motions, places.nq))
+    kinetic = _kinetic_energy(chain, motions)
+    everything = constraints_of(mechanism, chain, places, state, motions, poses)
+    conditions = conditions_of(everything, state, kinetic, lambda values: _settled(chain, values), _size(mechanism))
+    start = assembled_start(mechanism, places, conditions, everything.rows)
+    start_state = np.concatenate([start.q, start.u, np.zeros(len(AUDIT))])
+
     loads = joint_loads(chain, q, u, efforts)
     elements = element_loads(mechanism, chain, motions, poses, t)
-    moving = accelerations(chain, motions, loads.generalized, elements.wrenches, mechanism.gravity)
-    drives = _drives(mechanism, chain, motions, moving, t)
-    audit_rates = ca.vertcat(
-        loads.applied_power + elements.applied_power,
-        ca.dot(drives[:, 1], drives[:, 2]),
-        loads.dissipated_power + elements.dissipated_power,
-    )
-    y_rates = ca.vertcat(_q_rates(chain, motions, places.nq), moving.u_rates, audit_rates)
-
-    kinetic = _kinetic_energy(chain, motions)
-    potential = loads.potential + elements.potential + _weight_potential(mechanism, chain, poses)
+    matrix = Articulated(chain, motions, places.nv)
     flat = ca.densify(ca.vertcat(*(ca.vertcat(pose.position, ca.vec(pose.rotation)) for pose in poses)))
-
-    start = start_state(mechanism, places)
-    pivots, poses_at, lengths = ca.Function("at", [t, y], [moving.pivots, flat, elements.lengths])(0.0, start)
+    pivots, poses_at, lengths = ca.Function("at", [t, y], [matrix.pivots, flat, elements.lengths])(0.0, start_state)
     require_lines(mechanism, np.array(lengths).ravel())
     require_definite(mechanism, chain, np.array(pivots).ravel(), np.array(poses_at).reshape(-1, 4, 3))
+
+    kept = everything.only(start.keep)
+    scales = usual_sizes(conditions, start)
+    free = matrix.accelerations(loads.generalized, elements.wrenches, mechanism.gravity)
+    multipliers, moving, wrenches = ca.SX(0, 1), free, elements.wrenches
+    if kept.rows:
+        solver = ConstraintSolver(matrix, kept, scales)
+        multipliers = solver.multipliers(free.u_rates)
+        moving = free + solver.response(multipliers)
+        wrenches = [own + unit @ multipliers for own, unit in zip(elements.wrenches, kept.wrenches, strict=True)]
+    transmitted = transmitted_wrenches(chain, motions, moving.links, wrenches)
+    coupling = {name: ca.dot(factors, multipliers) for name, factors in kept.driven_factors.items()}
+    drives = _drives(mechanism, chain, motions, transmitted, coupling, t)
+    audit_rates = ca.vertcat(
+        loads.applied_power + elements.applied_power,
+        ca.dot(drives[:, 1], drives[:, 2]) - ca.dot(kept.own_rate, multipliers),
+        loads.dissipated_power + elements.dissipated_power,
+    )
+    y_rates = ca.vertcat(state.q_rates, moving.u_rates, audit_rates)
+    potential = loads.potential + elements.potential + _weight_potential(mechanism, chain, poses)
+    all_multipliers = ca.SX(len(everything.rows), 1)
+    all_multipliers[list(start.keep)] = multipliers
+    settled = ca.vertcat(_settled(chain, q), u, audit)
+    if kept.rows:
+        displacement, change = ConstraintSolver(matrix, kept, scales * PROJECTION).corrections()
+        back = q + ca.jacobian(state.q_rates, u) @ displacement
+        settled = ca.vertcat(_settled(chain, back), u + change, audit)
+
+    def reactions() -> ca.Function:
+        found = joint_reactions(mechanism, chain, motions, poses, transmitted, everything, all_multipliers)
+        return _function("reactions", [t, y, efforts], [ca.densify(found)])
+
     return Equations(
         layout=places,
         rates=_function("rates", [t, y, efforts], [ca.densify(y_rates)]),
         energies=_function("energies", [t, y], [ca.densify(ca.vertcat(kinetic, potential))]),
         poses=_function("poses", [t, y], [flat]),
         drives=_function("drives", [t, y, efforts], [ca.densify(ca.vec(drives))]),
-        settle=_settle(chain, y),
+        settle=None if ca.is_equal(settled, y) else _function("settle", [t, y], [ca.densify(settled)]),
+        multipliers=_function("multipliers", [t, y, efforts], [ca.densify(all_multipliers)]),
+        violation=_function("violation", [t, y], [ca.densify(ca.horzcat(everything.position, everything.velocity))]),
+        reactions=reactions,
+        rows=tuple(everything.rows),
         start=start,
+        conditions=conditions,
+        start_state=start_state,
         part_names=tuple(link.joint.outboard for link in chain),
     )
-
-
-def start_state(mechanism: Mechanism, places: Layout) -> Array:
-    """y at the start, from the joints' initial values."""
-    y = np.zeros(places.nq + places.nv + len(AUDIT))
-    for name, joint in mechanism.joints.items():
-        y[places.q[name]] = joint.position
-        y[places.nq :][places.u[name]] = joint.velocity
-    return y
 
 
 def _function(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
@@ -111,16 +149,24 @@ def _q_rates(chain: Sequence[Link], motions: Sequence[LinkMotion], nq: int) -> c
 
 
 def _drives(
-    mechanism: Mechanism, chain: Sequence[Link], motions: Sequence[LinkMotion], moving: Accelerations, t: ca.SX
+    mechanism: Mechanism,
+    chain: Sequence[Link],
+    motions: Sequence[LinkMotion],
+    wrenches: Sequence[ca.SX],
+    coupling: Mapping[str, ca.SX],
+    t: ca.SX,
 ) -> ca.SX:
-    """(n, 3): coordinates, speeds and forces of the drives, in declared order."""
-    driven = {
-        link.joint.name: ca.horzcat(
-            time_functions(link.joint.drive, t)[0], motion.joint.drive.speeds, moving.drive_forces[link.joint.name]
-        )
-        for link, motion in zip(chain, motions, strict=True)
-        if motion.joint.drive is not None
-    }
+    """(n, 3): coordinates, speeds and forces of the drives, in declared order.
+
+    :param wrenches: (6,) transmitted by each link's joint.
+    :param coupling: what constraints of the coordinates themselves already exert on some of them, by name.
+    """
+    driven = {}
+    for link, motion, wrench in zip(chain, motions, wrenches, strict=True):
+        if (drive := motion.joint.drive) is not None:
+            given = ca.vertcat(*(coupling.get(name, ca.SX(1, 1)) for name in link.joint.motion_names))
+            force = drive.partial_velocities.T @ wrench - given
+            driven[link.joint.name] = ca.horzcat(time_functions(link.joint.drive, t)[0], drive.speeds, force)
     return ca.vertcat(ca.SX(0, 3), *(driven[name] for name in mechanism.joints if name in driven))
 
 
@@ -141,10 +187,20 @@ def _weight_potential(mechanism: Mechanism, chain: Sequence[Link], poses: Sequen
     return potential
 
 
-def _settle(chain: Sequence[Link], y: ca.SX) -> ca.Function | None:
-    settled = ca.SX(y)
-    quaternions = [link.q.start + link.type.quaternion for link in chain if link.type.quaternion is not None]
-    for first in quaternions:
-        p = y[first : first + 4]
-        settled[first : first + 4] = p / ca.sqrt(ca.dot(p, p))
-    return _function("settle", [y], [settled]) if quaternions else None
+def _settled(chain: Sequence[Link], q: ca.SX) -> ca.SX:
+    """Coordinates with unit quaternions."""
+    settled = ca.SX(q)
+    for link in chain:
+        if link.type.quaternion is not None and not link.joint.drive:
+            first = link.q.start + link.type.quaternion
+            p = q[first : first + 4]
+            settled[first : first + 4] = p / ca.sqrt(ca.dot(p, p))
+    return settled
+
+
+def _size(mechanism: Mechanism) -> float:
+    """How far the points of the mechanism's parts lie from their origins at most, m."""
+    poses = [pose for joint in mechanism.all_joints.values() for pose in (joint.parent_pose, joint.child_pose)]
+    poses += [pose for part in mechanism.parts.values() for pose in part.points.values()]
+    points = [*(pose.position for pose in poses), *(part.center for part in mechanism.parts.values())]
+    return max((float(np.linalg.norm(point)) for point in points), default=0.0) or 1.0

@@ -71,20 +71,35 @@ def symmetric(matrix: ca.SX) -> ca.SX:
     return ca.triu2symm(upper)
 
 
-def solve_spd(matrix: ca.SX, right: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Solve a symmetric positive definite system by L D Lᵀ without pivoting, and return its pivots as well.
+class SpdFactors:
+    """A symmetric positive definite matrix (n, n) as L D Lᵀ, without pivoting.
 
-    Each row has its pivot, in the row's own unit. Where the matrix is not definite, a pivot is not positive.
+    `pivots` (n,) stand in the order of the rows, each in its row's own unit. Where the matrix is not definite, a
+    pivot is not positive.
     """
-    if matrix.shape[0] == 1:
-        return right / matrix, matrix
-    if matrix.is_constant():
-        inverse, numbers = inverse_spd(np.array(ca.DM(matrix)))
-        return constant(inverse) @ right, ca.SX(ca.DM(numbers))
-    factors, transposed, order = ca.ldl(matrix)
-    pivots = ca.SX(matrix.shape[0], 1)
-    pivots[order] = factors
-    return ca.ldl_solve(right, factors, transposed, order), pivots
+
+    def __init__(self, matrix: ca.SX) -> None:
+        self._matrix = matrix
+        if matrix.shape[0] <= 1:
+            self.pivots = matrix.reshape((-1, 1))
+        elif matrix.is_constant():
+            inverse, numbers = inverse_spd(np.array(ca.DM(matrix)))
+            self._inverse, self.pivots = constant(inverse), ca.SX(ca.DM(numbers))
+        else:
+            factors, transposed, order = ca.ldl(matrix)
+            self.pivots = ca.SX(matrix.shape[0], 1)
+            self.pivots[order] = factors
+            self._ldl = factors, transposed, order
+
+    def solve(self, right: ca.SX) -> ca.SX:
+        """The solution (n, k) for a right side (n, k)."""
+        if self._matrix.shape[0] == 0:
+            return ca.SX(*right.shape)
+        if self._matrix.shape[0] == 1:
+            return right / self._matrix
+        if self._matrix.is_constant():
+            return ca.sparsify(self._inverse @ right)
+        return ca.sparsify(ca.ldl_solve(right, *self._ldl))
 
 
 def inverse_spd(matrix: Array) -> tuple[Array, Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -18,6 +18,7 @@ _FUNCTIONS: dict[str, tuple[int, Callable[..., Any]]] = {
     "asin": (1, ca.asin), "acos": (1, ca.acos), "atan": (1, ca.atan), "atan2": (2, ca.atan2),
     "min": (2, ca.fmin), "max": (2, ca.fmax), "hypot": (2, lambda a, b: ca.sqrt(a * a + b * b)),
 }  # fmt: skip
+_ARITHMETIC = Arithmetic(_FUNCTIONS, power=lambda a, b: a**b)
 
 
 def require_smooth(mechanism: Mechanism) -> None:
@@ -41,7 +42,11 @@ def require_smooth(mechanism: Mechanism) -> None:
 
 def time_functions(expressions: Sequence[TimeExpression], t: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     """The values (n,) of some expressions at time t in s, their first and their second derivatives."""
-    arithmetic = Arithmetic(_FUNCTIONS, power=lambda a, b: a**b)
-    values = ca.vertcat(*(ca.SX(walk(e.text, {**e.names, "t": t}, arithmetic)) for e in expressions))
+    values = ca.vertcat(*(function_of(expression, {"t": t}) for expression in expressions))
     rates = ca.jacobian(values, t)
     return values, rates, ca.jacobian(rates, t)
+
+
+def function_of(expression: TimeExpression, names: Mapping[str, ca.SX]) -> ca.SX:
+    """The value of an expression of the symbols by these names."""
+    return ca.SX(walk(expression.text, {**expression.names, **names}, _ARITHMETIC))

@@ -11,10 +11,13 @@ import numpy as np
 from mbd_sim.errors import MechanismError, Problem, listed
 from mbd_sim.mechanism import inertia, schema, schema_base
 from mbd_sim.mechanism import rotation as rot
+from mbd_sim.mechanism.constraint_records import constraint_records, coupled_joints
+from mbd_sim.mechanism.constraints import Constraint
 from mbd_sim.mechanism.ends import end_of
-from mbd_sim.mechanism.force_records import force_elements
+from mbd_sim.mechanism.force_records import ForceElements, force_elements
 from mbd_sim.mechanism.joint_records import joint_of, parallel
-from mbd_sim.mechanism.model import GROUND, AppliedForce, Joint, Mechanism, Part, Pose, Spring
+from mbd_sim.mechanism.model import GROUND, Joint, Mechanism, Part, Pose
+from mbd_sim.mechanism.schema_constraints import AnyConstraint
 from mbd_sim.mechanism.schema_forces import AnyForce
 from mbd_sim.mechanism.schema_joints import AnyJoint
 from mbd_sim.mechanism.source import Location, Source
@@ -26,23 +29,29 @@ def build(file: schema.MechanismFile, parameters: Mapping[str, float], source: S
 
     :raises MechanismError: with every reference, mass and connection that is wrong.
     """
-    assembly = assemble(file.parts, file.joints, file.forces, file.ground, source)
+    assembly = assemble(file.parts, file.joints, file.forces, file.constraints, file.ground, source)
     parts, joints, problems = assembly.parts, assembly.joints, assembly.problems
     if problems:
         raise MechanismError(in_order(problems))
-    tree = spanning_tree(parts, joints.values())
-    problems += [_loop(source, name) for name in tree.closing]
+    coupled = set(coupled_joints(assembly.constraints, joints))
+    tree = spanning_tree(parts, joints.values(), *_preferences(joints.values(), coupled))
+    problems += [problem for name in tree.closing for problem in _uncuttable(source, joints[name], coupled)]
     problems += _unconnected(source, tree.unreached, joints.values())
     if not problems:
         problems += [_massless(source, joints[name]) for name in tree.massless(parts)]
     if problems:
         raise MechanismError(in_order(problems))
-    joints = {name: dataclasses.replace(joint, reversed=name in tree.reversed_joints) for name, joint in joints.items()}
+    in_tree = {
+        name: dataclasses.replace(joint, reversed=name in tree.reversed_joints)
+        for name, joint in joints.items()
+        if name in tree.outboard
+    }
     return Mechanism(
         name=file.mechanism,
         description=file.description.strip(),
         parts=parts,
-        joints=joints,
+        joints=in_tree,
+        closing={name: joints[name] for name in tree.closing},
         tree=tree.joints,
         ground_points=assembly.ground_points,
         gravity=np.array(file.gravity),
@@ -50,8 +59,10 @@ def build(file: schema.MechanismFile, parameters: Mapping[str, float], source: S
         step=file.integrator.step,
         parameters=dict(parameters),
         source=source,
-        springs=assembly.springs,
-        applied=assembly.applied,
+        springs=assembly.forces.springs,
+        dampers=assembly.forces.dampers,
+        applied=assembly.forces.applied,
+        constraints=assembly.constraints,
     )
 
 
@@ -62,12 +73,12 @@ def in_order(problems: Iterable[Problem]) -> list[Problem]:
 
 @dataclasses.dataclass(frozen=True)
 class Assembly:
-    """Parts with their masses, joints and forces with their ends, the points of ground, and what is wrong with them."""
+    """Parts with their masses, joints, forces and constraints with their ends, and what is wrong with them."""
 
     parts: dict[str, Part]
     joints: dict[str, Joint]
-    springs: tuple[Spring, ...]
-    applied: tuple[AppliedForce, ...]
+    forces: ForceElements
+    constraints: tuple[Constraint, ...]
     ground_points: dict[str, Pose]
     problems: list[Problem]
 
@@ -76,13 +87,16 @@ def assemble(
     parts: Mapping[str, schema.Part],
     joints: Mapping[str, AnyJoint],
     forces: Mapping[str, AnyForce],
+    constraints: Mapping[str, AnyConstraint],
     ground: schema.Ground,
     source: Source,
     unreadable: Collection[str] = (),
+    all_joints: bool = True,
 ) -> Assembly:
     """Resolve everything that the records of a file refer to.
 
     :param unreadable: parts, or ground, that the file has but that cannot be read: any point of them may be named.
+    :param all_joints: whether `joints` are all that the file has.
     """
     problems: list[Problem] = []
     if GROUND in parts:
@@ -92,9 +106,11 @@ def assemble(
     places: dict[str, Mapping[str, Pose] | None] = {name: part.points for name, part in built.items()}
     places |= {GROUND: ground_points} | dict.fromkeys(unreadable)
     joined = {name: _joint(name, record, places, source, problems) for name, record in joints.items()}
-    springs, applied = force_elements(forces, places, source, problems)
+    acting = force_elements(forces, places, source, problems)
+    known = joined if all_joints else {**joined, "": None}
+    restricting = constraint_records(constraints, places, known, source, problems)
     found = {name: joint for name, joint in joined.items() if joint}
-    return Assembly(built, found, springs, applied, ground_points, problems)
+    return Assembly(built, found, acting, restricting, ground_points, problems)
 
 
 def _poses(points: Mapping[str, Any]) -> dict[str, Pose]:
@@ -193,12 +209,40 @@ def _joint(
     return joint_of(name, record, parent, parent_pose, child, child_pose)
 
 
-def _loop(source: Source, name: str) -> Problem:
-    return source.problem(
-        ("joints", name),
-        "this joint closes a loop, and this version runs open chains only",
-        "Remove it, or one of the joints of its loop.",
-    )
+def _preferences(joints: Collection[Joint], coupled: Collection[str]) -> tuple[list[str], set[str]]:
+    """The joints that belong into the tree, those first that cannot do without a coordinate, and those to cut."""
+    wanted = [joint.name for joint in joints if _needs(joint, coupled)]
+    wanted += [joint.name for joint in joints if any(joint.held + joint.held_speeds)]
+    wanted += [joint.name for joint in joints if joint.position.any() and not joint.cut]
+    return wanted, {joint.name for joint in joints if joint.cut}
+
+
+def _needs(joint: Joint, coupled: Collection[str]) -> str:
+    """What a joint has that refers to its coordinate."""
+    has = {
+        "a drive": bool(joint.drive),
+        "stiffness": bool(joint.stiffness.any()),
+        "damping": bool(joint.damping.any()),
+        "a spring": joint.spring is not None,
+        "a damper": joint.damper is not None,
+        "friction": joint.friction is not None,
+        "limits": joint.limits is not None,
+        "an effort_limit": joint.effort_limit is not None,
+        "a coupling": joint.name in coupled,
+    }
+    return listed([what for what, true in has.items() if true])
+
+
+def _uncuttable(source: Source, joint: Joint, coupled: Collection[str]) -> Iterator[Problem]:
+    where: Location = ("joints", joint.name)
+    remedy = "Cut another joint of its loop, which needs no coordinate, with 'cut: true'."
+    if what := _needs(joint, coupled):
+        yield source.problem(where, f"closes a loop, and so has no coordinate, but has {what}", remedy)
+    elif any(joint.held + joint.held_speeds):
+        message = "closes a loop, and so has no coordinate whose start value could be given"
+        yield source.problem(where, message, "Give it for the other joints of the loop, or write 'guess: true'.")
+    elif joint.type == "free":
+        yield source.problem(where, "a free joint restricts nothing: it cannot close a loop", "Remove it.")
 
 
 def _unconnected(source: Source, names: Iterable[str], joints: Iterable[Joint]) -> Iterator[Problem]:

@@ -9,6 +9,7 @@ import numpy as np
 from mbd_sim.mechanism import rotation as rot
 from mbd_sim.mechanism import schema_joints as schema
 from mbd_sim.mechanism.expression import TimeExpression
+from mbd_sim.mechanism.law_records import damper_of, friction_of, law_of
 from mbd_sim.mechanism.model import LABELS, Array, Joint, Limits, Pose
 from mbd_sim.mechanism.schema_base import Rotation
 
@@ -37,8 +38,14 @@ def joint_of(name: str, record: schema.AnyJoint, parent: str, parent_pose: Pose,
         damping=_each(record, "damping", count),
         lead=getattr(record, "lead", 0.0),
         drive=_expressions(drive),
-        limits=Limits(limits.lower, limits.upper, limits.stiffness) if limits else None,
+        limits=Limits(limits.lower, limits.upper, limits.stiffness, limits.damping) if limits else None,
         effort_limit=getattr(record, "effort_limit", None),
+        spring=law_of(found) if (found := getattr(record, "spring", None)) else None,
+        damper=damper_of(found) if (found := getattr(record, "damper", None)) else None,
+        friction=friction_of(found) if (found := getattr(record, "friction", None)) else None,
+        held=() if drive else _given(record, count, "position", "orientation", not record.guess),
+        held_speeds=() if drive else _given(record, count, "velocity", "angular_velocity", True),
+        cut=record.cut,
     )
 
 
@@ -73,6 +80,14 @@ def _start(record: schema.AnyJoint) -> tuple[Array, Array]:
             position = np.concatenate([np.array(record.position), _quaternion(record.orientation)])
             return position, np.array([*record.velocity, *record.angular_velocity])
     return np.atleast_1d(np.array(record.position)), np.atleast_1d(np.array(record.velocity))
+
+
+def _given(record: schema.AnyJoint, count: int, linear: str, angular: str, held: bool) -> tuple[bool, ...]:
+    """For each degree of freedom, whether its start value is written and to be held."""
+    written = record.model_fields_set
+    if isinstance(record, schema.FreeJoint):
+        return (held and linear in written,) * 3 + (held and angular in written,) * 3
+    return (held and bool({linear, angular} & written),) * count
 
 
 def _quaternion(orientation: Rotation | None) -> Array:

@@ -8,12 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.mechanism.expression import TimeExpression
+from mbd_sim.mechanism.laws import ElasticLaw, Friction, GreenStrain, Linear, PowerLaw
 from mbd_sim.mechanism.source import Source
+
+if TYPE_CHECKING:
+    from mbd_sim.mechanism.constraints import Constraint
 
 Array = NDArray[np.float64]
 
@@ -81,11 +86,15 @@ class Part:
 
 @dataclass(frozen=True)
 class Limits:
-    """The range of a joint coordinate; `stiffness` is None where the limits are only described."""
+    """The range of a joint coordinate; `stiffness` k is None where the limits are only described.
+
+    A stop takes k δ (1 + c δ') for the depth δ beyond it, never less than 0, with `damping` c in s/rad or s/m.
+    """
 
     lower: float
     upper: float
     stiffness: float | None = None
+    damping: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +106,9 @@ class Joint:
     spherical or free joint has its unit quaternion (w, x, y, z) and its angular velocity (3,) in the child's axes
     there, a free one after its position and velocity (3,) in the parent-side frame. `stiffness`, `rest` and
     `damping` have a value for each degree of freedom. A joint with a `drive` has none: its coordinates are these
-    expressions of time. `reversed` joints are walked from child to parent in the spanning tree.
+    expressions of time. A `spring` law takes the elongation q - rest, the laws `damper` and `friction` the speed; only
+    revolute and prismatic joints have them. `reversed` joints are walked from child to parent in the spanning tree.
+    `held` and `held_speeds` (nv,) tell which start values loops must be assembled around; `cut` joints close loops.
     """
 
     name: str
@@ -117,6 +128,12 @@ class Joint:
     drive: tuple[TimeExpression, ...] = ()
     limits: Limits | None = None
     effort_limit: float | None = None
+    spring: ElasticLaw | None = None
+    damper: PowerLaw | None = None
+    friction: Friction | None = None
+    held: tuple[bool, ...] = ()
+    held_speeds: tuple[bool, ...] = ()
+    cut: bool = False
     reversed: bool = False
 
     @property
@@ -150,33 +167,74 @@ class Attachment:
 
 @dataclass(frozen=True, eq=False)
 class Spring:
-    """A spring and damper in parallel between two points: the tension is k (l - `length`) + c l' along their line."""
+    """A spring and a damper in parallel between two points at the distance l.
+
+    The tension along their line is that of the `law` for the elongation l - `length`, plus `damping` times l'. A
+    spring with a `mass`, of which one end is on ground, moves with a velocity that grows evenly from end to end.
+    """
 
     name: str
     first: Attachment
     second: Attachment
-    stiffness: float
+    law: ElasticLaw | GreenStrain
     length: float
     damping: float
+    mass: float = 0.0
+
+    @property
+    def elastic(self) -> bool:
+        """Whether it is more than a damper."""
+        return self.law != Linear(0.0)
+
+    @property
+    def needs_line(self) -> bool:
+        """Whether its force has no direction where its ends meet."""
+        smooth = isinstance(self.law, GreenStrain) or (isinstance(self.law, Linear) and self.length == 0.0)
+        return self.damping != 0.0 or not smooth
+
+
+@dataclass(frozen=True, eq=False)
+class Damper:
+    """A damper between two points: against the rate of their distance, or, without a line, their relative velocity."""
+
+    name: str
+    first: Attachment
+    second: Attachment
+    law: PowerLaw
+    needs_line: bool
+
+    @property
+    def damping(self) -> float:
+        """The coefficient of its law."""
+        return self.law.coefficient
 
 
 @dataclass(frozen=True, eq=False)
 class AppliedForce:
     """A force in N at a point, or, with `couple`, a moment in N·m on a part, as expressions of time.
 
-    `vector` is in ground's axes, or in the part's where it is `following`.
+    `vector` is in the axes of the part `axes_of`, or of ground, turned by `axes` (3, 3).
     """
 
     name: str
     at: Attachment
     vector: tuple[TimeExpression, TimeExpression, TimeExpression]
     couple: bool
-    following: bool
+    axes_of: str
+    axes: Array
+
+    @property
+    def following(self) -> bool:
+        """Whether its axes turn."""
+        return self.axes_of != GROUND
 
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
-    """A whole mechanism. `joints` stand in declared order, which is the order of q, u and the efforts."""
+    """A whole mechanism. `joints`, which make a tree, stand in declared order: that of q, u and the efforts.
+
+    `closing` are the joints that close loops; they have no coordinates.
+    """
 
     name: str
     description: str
@@ -190,7 +248,20 @@ class Mechanism:
     parameters: Mapping[str, float]
     source: Source
     springs: tuple[Spring, ...] = ()
+    dampers: tuple[Damper, ...] = ()
     applied: tuple[AppliedForce, ...] = ()
+    closing: Mapping[str, Joint] = field(default_factory=dict)
+    constraints: tuple[Constraint, ...] = ()
+
+    @property
+    def all_joints(self) -> Mapping[str, Joint]:
+        """The joints of the tree and those that close loops."""
+        return {**self.joints, **self.closing}
+
+    @property
+    def ties(self) -> tuple[Spring | Damper, ...]:
+        """What acts between two points: the springs, then the dampers."""
+        return (*self.springs, *self.dampers)
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:

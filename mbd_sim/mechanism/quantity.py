@@ -84,7 +84,7 @@ def _evaluated(expression: str, names: Mapping[str, float]) -> float:
 
 def _factor(expression: str, unit: str, names: Mapping[str, float], si_unit: str | None) -> float:
     try:
-        return si_factor(unit) if si_unit is None else factor(unit, si_unit)
+        return _unit_factor(unit, si_unit)
     except ExpressionError as error:
         if unit in names:
             remedy = f"To multiply by the parameter, write {expression}*{unit}."
@@ -141,37 +141,54 @@ class Quantity:
 
 @dataclass(frozen=True)
 class TimeFunction:
-    """Marks a field as an expression of time in `unit`; the field holds a `TimeExpression` in SI units."""
+    """Marks a field as an expression of time in `unit`; the field holds a `TimeExpression` in SI units.
 
-    unit: str
+    A `unit` of None takes any; `variables` are the names that stand for something that changes.
+    """
+
+    unit: str | None
+    variables: tuple[str, ...] = (TIME,)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.with_info_plain_validator_function(self._validate)
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {"type": ["number", "string"], "description": f"in {self.unit}, an expression of the time t in s"}
+        unit = f"in {self.unit}, " if self.unit else ""
+        return {"type": ["number", "string"], "description": f"{unit}an expression of {self._named()}"}
+
+    def _named(self) -> str:
+        return "the time t in s" if self.variables == (TIME,) else ", ".join(self.variables)
 
     def _validate(self, value: Any, info: ValidationInfo) -> TimeExpression:
         context = info.context or {}
         names, unresolved = dict(context.get("parameters", {})), context.get("unresolved", frozenset())
         try:
-            if TIME in names:
-                raise ExpressionError(f"the parameter '{TIME}' hides the time", "Rename the parameter.")
             if isinstance(value, bool) or not isinstance(value, int | float | str):
-                raise ExpressionError("must be an expression of time", "Write for example 0.1*sin(5*t).")
+                example = "0.1*sin(5*t)" if self.variables == (TIME,) else f"0.1*{self.variables[0]}**2"
+                raise ExpressionError(f"must be an expression of {self._named()}", f"Write for example {example}.")
             expression, unit = split_unit(str(value))
             used = names_in(expression)
+            if hidden := [name for name in self.variables if name in names and (name in used or name == TIME)]:
+                what = "time" if hidden[0] == TIME else f"variable '{hidden[0]}'"
+                raise ExpressionError(f"the parameter '{hidden[0]}' hides the {what}", "Rename the parameter.")
             if used & unresolved:
                 return TimeExpression("0", {})  # the parameter is reported; what uses it is not
-            if unknown := sorted(used - set(names) - {TIME}):
-                raise ExpressionError(f"unknown name {quoted(unknown[0])}", nearest(unknown[0], [*names, TIME]))
+            if unknown := sorted(used - set(names) - set(self.variables)):
+                raise ExpressionError(
+                    f"unknown name {quoted(unknown[0])}", nearest(unknown[0], [*names, *self.variables])
+                )
             if unit:
-                expression = f"({expression})*{factor(unit, self.unit)!r}"
-            drive = TimeExpression(expression, {name: names[name] for name in used & set(names)})
-            drive.at(0.0)
+                expression = f"({expression})*{_unit_factor(unit, self.unit)!r}"
+            found = TimeExpression(expression, {name: names[name] for name in used & set(names)})
+            if self.variables == (TIME,):
+                found.at(0.0)
         except ExpressionError as error:
             raise PydanticCustomError("quantity", "{why}", {"why": str(error), "remedy": error.remedy}) from error
-        return drive
+        return found
+
+
+def _unit_factor(unit: str, si_unit: str | None) -> float:
+    return si_factor(unit) if si_unit is None else factor(unit, si_unit)
 
 
 def _out_of_bounds(why: str, number: float, remedy: str) -> PydanticCustomError:

@@ -28,6 +28,7 @@ from mbd_sim.mechanism.schema_base import (
     need,
     written_as,
 )
+from mbd_sim.mechanism.schema_constraints import AnyConstraint
 from mbd_sim.mechanism.schema_forces import AnyForce
 from mbd_sim.mechanism.schema_joints import AnyJoint
 
@@ -192,4 +193,5 @@ class MechanismFile(Record):
     ground: Ground = Ground()
     parts: dict[Name, Part] = Field(min_length=1)
     joints: dict[Name, AnyJoint] = Field(min_length=1)
+    constraints: dict[Name, AnyConstraint] = Field(default={}, description="what restricts the motion besides joints")
     forces: dict[Name, AnyForce] = Field(default={}, description="springs, dampers, forces and couples")

@@ -15,12 +15,21 @@ from mbd_sim.mechanism.quantity import (
     LinearStiffness,
     PositiveForce,
     PositiveTorque,
+    Quantity,
     TimeFunction,
     TorsionDamping,
     TorsionStiffness,
     Velocity,
 )
 from mbd_sim.mechanism.schema_base import Direction, Record, Rotation, Vector, need
+from mbd_sim.mechanism.schema_laws import (
+    ForceCurve,
+    LinearFriction,
+    LinearPower,
+    TorqueCurve,
+    TorsionFriction,
+    TorsionPower,
+)
 
 
 class Limits(Record):
@@ -31,29 +40,39 @@ class Limits(Record):
         lower, upper = getattr(self, "lower"), getattr(self, "upper")  # noqa: B009  (of the subclasses)
         if lower >= upper:
             raise need(f"lower {lower:g} is not below upper {upper:g}", "Swap them.")
+        if getattr(self, "damping") and not getattr(self, "stiffness"):  # noqa: B009
+            raise need("damping of stops without stiffness does nothing", "Add 'stiffness'.")
         return self
 
 
 class AngleLimits(Limits):
-    """The range of a revolute joint; with `stiffness` its ends are elastic stops."""
+    """The range of a revolute joint; with `stiffness` its ends are elastic stops, with `damping` lossy ones."""
 
     lower: Angle
     upper: Angle
     stiffness: TorsionStiffness | None = None
+    damping: Annotated[float, Quantity("s/rad", at_least=0)] = 0.0
 
 
 class LengthLimits(Limits):
-    """The range of a prismatic joint; with `stiffness` its ends are elastic stops."""
+    """The range of a prismatic joint; with `stiffness` its ends are elastic stops, with `damping` lossy ones."""
 
     lower: Length
     upper: Length
     stiffness: LinearStiffness | None = None
+    damping: Annotated[float, Quantity("s/m", at_least=0)] = 0.0
 
 
 class Joint(Record):
-    """What all joints share. `between` names two parts, or points of them as `part.point`."""
+    """What all joints share. `between` names two parts, or points of them as `part.point`.
+
+    Where loops must be closed, start values that are given are kept, and those with `guess` only say from where to
+    look. A joint with `cut` closes a loop and has no coordinate.
+    """
 
     between: tuple[str, str]
+    guess: bool = Field(False, description="the start position is only a guess, from which the loops are assembled")
+    cut: bool = Field(False, description="cut this joint rather than another of its loop")
 
 
 class Driveable(Joint):
@@ -61,11 +80,14 @@ class Driveable(Joint):
 
     @model_validator(mode="after")
     def _driven_or_free(self) -> Driveable:
-        free = {"position", "velocity", "stiffness", "rest", "damping", "limits", "effort_limit"}
+        free = {"position", "velocity", "stiffness", "rest", "damping", "limits", "effort_limit", "guess", "cut"}
+        free |= {"spring", "damper", "friction"}
         if getattr(self, "drive") is not None and (both := sorted(free & self.model_fields_set)):  # noqa: B009
             raise need(
                 f"has a drive and {', '.join(both)}", "A driven joint moves as its drive says: remove the others."
             )
+        if {"stiffness", "spring"} <= self.model_fields_set:
+            raise need("has stiffness and spring", "Give one of them.")
         return self
 
 
@@ -79,6 +101,9 @@ class RevoluteJoint(Driveable):
     stiffness: TorsionStiffness = 0.0
     rest: Angle = Field(0.0, description="angle at which the torsion spring is relaxed")
     damping: TorsionDamping = 0.0
+    spring: TorqueCurve | None = None
+    damper: TorsionPower | None = None
+    friction: TorsionFriction | None = None
     limits: AngleLimits | None = None
     effort_limit: PositiveTorque | None = None
     drive: Annotated[TimeExpression, TimeFunction("rad")] | None = None
@@ -94,6 +119,9 @@ class PrismaticJoint(Driveable):
     stiffness: LinearStiffness = 0.0
     rest: Length = Field(0.0, description="displacement at which the spring is relaxed")
     damping: LinearDamping = 0.0
+    spring: ForceCurve | None = None
+    damper: LinearPower | None = None
+    friction: LinearFriction | None = None
     limits: LengthLimits | None = None
     effort_limit: PositiveForce | None = None
     drive: Annotated[TimeExpression, TimeFunction("m")] | None = None

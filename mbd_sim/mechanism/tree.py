@@ -1,8 +1,9 @@
-"""The spanning tree of a mechanism: which joint leads to which part, from ground outwards."""
+"""The spanning tree of a mechanism: which joint leads to which part, from ground outwards, and which close loops."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from mbd_sim.mechanism.model import GROUND, Joint, Part
@@ -32,30 +33,56 @@ class SpanningTree:
         return empty
 
 
-def spanning_tree(parts: Mapping[str, Part], joints: Iterable[Joint]) -> SpanningTree:
-    """Breadth first from ground, in declared order, so that loops are cut as far from ground as possible."""
-    joints = list(joints)
+def spanning_tree(
+    parts: Mapping[str, Part], joints: Iterable[Joint], wanted: Sequence[str] = (), cut: Iterable[str] = ()
+) -> SpanningTree:
+    """Breadth first from ground, in declared order, so that loops are cut as far from ground as possible.
+
+    :param wanted: joints that belong into the tree, the most important ones first: none of them is cut but where they
+        form a loop among themselves.
+    :param cut: joints that close loops where they can.
+    """
+    joints, cut = list(joints), frozenset(cut)
     at: dict[str, list[Joint]] = {}
-    for joint in joints:
+    for joint in sorted(joints, key=lambda joint: joint.name in cut):
         at.setdefault(joint.parent, []).append(joint)
         at.setdefault(joint.child, []).append(joint)
+    bound = _forest({joint.name: joint for joint in joints}, wanted)
     outboard: dict[str, str] = {}
     inboard: dict[str, str] = {}
-    reached, front = {GROUND}, [GROUND]
+    reached: set[str] = set()
     reversed_joints = set()
-    while front:
-        grown = []
-        for part in front:
+
+    def reach(part: str) -> list[str]:
+        """A part, with all that is bound to it."""
+        gained, waiting = [], [part]
+        reached.add(part)
+        while waiting:
+            part = waiting.pop()
+            gained.append(part)
+            waiting += [other for joint in at.get(part, []) if joint.name in bound for other in cross(joint, part)]
+        return gained
+
+    def cross(joint: Joint, part: str) -> list[str]:
+        """The part at the other end of a joint, where it is new."""
+        other = joint.child if part == joint.parent else joint.parent
+        if other in reached:
+            return []
+        outboard[joint.name], inboard[joint.name] = other, part
+        if part == joint.child:
+            reversed_joints.add(joint.name)
+        reached.add(other)
+        return [other]
+
+    queue = deque(reach(GROUND))
+    names = frozenset(joint.name for joint in joints)
+    for allowed in (names - cut, names):
+        while queue:
+            part = queue.popleft()
             for joint in at.get(part, []):
-                other = joint.child if part == joint.parent else joint.parent
-                if other in reached:
-                    continue
-                outboard[joint.name], inboard[joint.name] = other, part
-                if part == joint.child:
-                    reversed_joints.add(joint.name)
-                reached.add(other)
-                grown.append(other)
-        front = grown
+                if joint.name in allowed:
+                    queue.extend(gained for other in cross(joint, part) for gained in reach(other))
+        queue.extend(sorted(reached))
     return SpanningTree(
         joints=tuple(outboard),
         outboard=outboard,
@@ -65,3 +92,21 @@ def spanning_tree(parts: Mapping[str, Part], joints: Iterable[Joint]) -> Spannin
         closing=tuple(j.name for j in joints if j.name not in outboard and j.parent in reached and j.child in reached),
         unreached=tuple(name for name in parts if name not in reached),
     )
+
+
+def _forest(joints: Mapping[str, Joint], wanted: Sequence[str]) -> frozenset[str]:
+    """The wanted joints that form no loop with those before them (Kruskal)."""
+    leader: dict[str, str] = {}
+
+    def root(part: str) -> str:
+        while part in leader:
+            part = leader[part]
+        return part
+
+    chosen = set()
+    for name in wanted:
+        first, second = root(joints[name].parent), root(joints[name].child)
+        if first != second:
+            leader[first] = second
+            chosen.add(name)
+    return frozenset(chosen)

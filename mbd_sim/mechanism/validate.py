@@ -19,6 +19,7 @@ from mbd_sim.mechanism.expression import CONSTANTS, FUNCTIONS, ExpressionError, 
 from mbd_sim.mechanism.quantity import parse_value, split_unit
 from mbd_sim.mechanism.schema import Ground, MechanismFile, Part
 from mbd_sim.mechanism.schema_base import NAME_PATTERN
+from mbd_sim.mechanism.schema_constraints import AnyConstraint
 from mbd_sim.mechanism.schema_forces import AnyForce
 from mbd_sim.mechanism.schema_joints import AnyJoint
 from mbd_sim.mechanism.source import Location, Source
@@ -133,8 +134,8 @@ def _reversed(uses: Mapping[str, set[str]]) -> dict[str, set[str]]:
 
 def _beyond_the_schema(source: Source, context: dict[str, Any]) -> list[Problem]:
     """What is wrong with the parts, joints and forces that the schema accepts, in a file that it refuses."""
-    keys = ("parts", "joints", "forces", "ground")
-    written_parts, written_joints, written_forces, ground = (source.data.get(key) for key in keys)
+    keys = ("parts", "joints", "forces", "constraints", "ground")
+    written_parts, written_joints, written_forces, written_constraints, ground = map(source.data.get, keys)
     records = {"ground": {} if ground is None else ground}
     accepted_ground = _accepted(records, TypeAdapter(Ground), context).get("ground")
     parts = _accepted(written_parts, TypeAdapter(Part), context)
@@ -151,7 +152,10 @@ def _beyond_the_schema(source: Source, context: dict[str, Any]) -> list[Problem]
         plain = {name: _plain_force(force) for name, force in written_forces.items() if isinstance(force, dict)}
         for records in (plain, written_forces):  # likewise
             forces |= _accepted(records, TypeAdapter(AnyForce), context)
-    return assemble(parts, joints, forces, accepted_ground or Ground(), source, unreadable).problems
+    constraints = _accepted(written_constraints, TypeAdapter(AnyConstraint), context)
+    all_joints = isinstance(written_joints, dict) and joints.keys() == written_joints.keys()
+    frame = accepted_ground or Ground()
+    return assemble(parts, joints, forces, constraints, frame, source, unreadable, all_joints).problems
 
 
 def _plain_force(written: dict[str, Any]) -> dict[str, Any]:
@@ -196,6 +200,8 @@ def _problem(source: Source, details: ErrorDetails) -> Problem:
             known = f"Did you mean '{_SYNONYMS[tag]}'? " if isinstance(tag, str) and tag in _SYNONYMS else ""
             remedy = f"{known}Valid: {listed(_tags(loc))}." if known else nearest(str(tag), _tags(loc))
             return source.problem((*location, "type"), f"unknown type {quoted(tag)}", remedy)
+        case "literal_error":
+            return source.problem(location, "unknown word", f"Write {context['expected']}.".replace("'", ""), value)
         case "quantity" | "record":
             message, remedy = str(context.get("why", "")), str(context.get("remedy", ""))
             return source.problem(location, message, remedy, value if kind == "quantity" else None)
@@ -245,6 +251,10 @@ def _form(loc: tuple[int | str, ...]) -> str:
     """How a list of fixed length is written."""
     if loc[-1:] == ("between",):
         return "Write it as [ground, part] or [part.point, part.point]."
+    if loc[-1:] == ("table",):
+        return "Write it as [[elongation, force], [elongation, force]]."
+    if "table" in loc[-2:]:
+        return "Write it as [elongation, force]."
     if "inertia" in loc[-2:]:
         return "Write it as [I_xx, I_yy, I_zz] or {xx: …, yy: …, zz: …, xy: …}."
     letters = {2: "x, y", 3: "x, y, z", 4: "w, x, y, z"}.get(_length(loc))

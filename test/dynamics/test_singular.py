@@ -11,7 +11,7 @@ import pytest
 from mechanisms import accelerations, derived, random_state
 
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.dynamics.spatial import inverse_spd, solve_spd
+from mbd_sim.dynamics.spatial import SpdFactors, inverse_spd
 from mbd_sim.errors import MechanismError
 from mbd_sim.mechanism.load import parse_mechanism
 
@@ -198,7 +198,7 @@ def test_matrices_that_are_not_definite_have_a_pivot_that_is_not_positive(matrix
     assert np.all(np.isfinite(inverse))
 
 
-def test_solve_spd_gives_each_row_its_own_pivot():
+def test_factors_give_each_row_its_own_pivot():
     """The symbolic factorization may reorder rows; the pivots must not be reordered with them."""
     values = np.diag([1.0, 10.0, 100.0, 1e3]) + 0.0
     values[0, 1:] = values[1:, 0] = 0.1  # an arrow, which a fill-reducing order turns round
@@ -209,7 +209,8 @@ def test_solve_spd_gives_each_row_its_own_pivot():
         if values[i, j]:
             matrix[i, j] = matrix[j, i] = x[n]
     right = ca.SX(ca.DM([1.0, 2.0, 3.0, 4.0]))
-    solution, pivots = solve_spd(matrix, right)
+    factors = SpdFactors(matrix)
+    solution, pivots = factors.solve(right), factors.pivots
     numbers = [values[pair] for pair in place]
     found, rows = ca.Function("f", [x], [solution, pivots])(numbers)
     assert values @ np.array(found).ravel() == pytest.approx([1.0, 2.0, 3.0, 4.0], rel=1e-13)

@@ -1,0 +1,136 @@
+"""The constraints of a mechanism in its generalized speeds: G(q, t) u + b(q, t) = 0, and G u' + γ = 0."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from mbd_sim.dynamics.bodies import Bodies, flat_pose, own_wrench, world_twist
+from mbd_sim.dynamics.kinematics import LinkMotion, WorldPose
+from mbd_sim.dynamics.links import Layout, Link
+from mbd_sim.dynamics.rows import Row, constraint_rows, loop_ends, senses
+from mbd_sim.dynamics.time import time_functions
+from mbd_sim.mechanism.model import Mechanism
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """The symbols that everything is a function of, with q' (nq,) = N u."""
+
+    t: ca.SX
+    q: ca.SX
+    u: ca.SX
+    q_rates: ca.SX
+
+    def rate(self, expression: ca.SX) -> ca.SX:
+        """The time derivative of an expression of t and q, or the part without u' of one of u as well."""
+        return ca.jtimes(expression, self.q, self.q_rates) + ca.jtimes(expression, self.t, ca.SX(1))
+
+
+@dataclass(frozen=True, eq=False)
+class Constraints:
+    """The rows, all (m,) or (m, nv), as functions of the state.
+
+    `position` is Φ, and zero for nonholonomic rows; `gradient` is G, `velocity` G u + b, and `bias` γ. A unit
+    multiplier exerts on each link the `wrenches` (6, m), in its own frame, and on driven coordinates the
+    `driven_factors` (m,) by name; through time in its own expression it takes the power `own_rate` (m,).
+    `senses` are positive where loops are closed the right way round.
+    """
+
+    rows: Sequence[Row]
+    position: ca.SX
+    gradient: ca.SX
+    velocity: ca.SX
+    bias: ca.SX
+    wrenches: Sequence[ca.SX]
+    driven_factors: Mapping[str, ca.SX]
+    own_rate: ca.SX
+    senses: ca.SX
+
+    def only(self, kept: Sequence[int]) -> Constraints:
+        """Some of the rows."""
+        kept = list(kept)
+        return Constraints(
+            rows=[self.rows[index] for index in kept],
+            position=self.position[kept, :],
+            gradient=self.gradient[kept, :],
+            velocity=self.velocity[kept, :],
+            bias=self.bias[kept, :],
+            wrenches=[wrench[:, kept] for wrench in self.wrenches],
+            driven_factors={name: factors[kept, :] for name, factors in self.driven_factors.items()},
+            own_rate=self.own_rate[kept, :],
+            senses=self.senses,
+        )
+
+
+def constraints_of(
+    mechanism: Mechanism,
+    chain: Sequence[Link],
+    places: Layout,
+    state: State,
+    motions: Sequence[LinkMotion],
+    poses: Sequence[WorldPose],
+) -> Constraints:
+    """Write the rows and carry them over to the generalized speeds."""
+    bodies, clock = Bodies(chain), ca.SX.sym("clock")
+    rows = constraint_rows(mechanism, bodies, clock)
+    twists = [world_twist(link, motion, pose) for link, motion, pose in zip(chain, motions, poses, strict=True)]
+    values = [*map(flat_pose, poses), state.t]
+
+    def in_motion(expression: ca.SX, with_twists: bool) -> ca.SX:
+        symbols = [*bodies.poses, clock, *(bodies.twists if with_twists else [])]
+        given = [*values, *(twists if with_twists else [])]
+        return ca.sparsify(ca.substitute([expression], symbols, [ca.densify(value) for value in given])[0])
+
+    coordinates = _coordinates(chain, state)
+    position, velocity, slope = [], [], []
+    to_rates = ca.jacobian(state.q_rates, state.u)
+    for row in rows:
+        if row.position is None:
+            rate = in_motion(row.velocity, with_twists=True)
+            position.append(ca.SX(1, 1))
+            slope.append(ca.jacobian(rate, state.u))
+        else:
+            value = in_motion(row.position, with_twists=False)
+            value += sum((factor * coordinates[name] for name, factor in row.factors.items()), ca.SX(1, 1))
+            position.append(value)
+            slope.append(ca.sparsify(ca.jacobian(value, state.q) @ to_rates))
+            rate = slope[-1] @ state.u + ca.jacobian(value, state.t)
+        velocity.append(rate)
+    every = ca.vertcat(ca.SX(0, 1), *velocity)
+    wrenches = []
+    for index, (link, pose) in enumerate(zip(chain, poses, strict=True)):
+        wrench = ca.jacobian(ca.vertcat(ca.SX(0, 1), *(row.velocity for row in rows)), bodies.twists[index]).T
+        wrenches.append(ca.sparsify(own_wrench(link, pose, in_motion(wrench, with_twists=False))))
+    still = ca.vertcat(ca.SX(0, 1), *(_without_motion(row.velocity, bodies) for row in rows))
+    upright = [sense for joint in mechanism.closing.values() for sense in senses(joint, *loop_ends(joint, bodies))]
+    return Constraints(
+        rows=rows,
+        position=ca.vertcat(ca.SX(0, 1), *position),
+        gradient=ca.vertcat(ca.SX(0, places.nv), *slope),
+        velocity=every,
+        bias=state.rate(every),
+        wrenches=wrenches,
+        driven_factors={
+            name: ca.sparsify(ca.SX(ca.DM([row.factors.get(name, 0.0) for row in rows])))
+            for name in mechanism.driven_names
+        },
+        own_rate=in_motion(still, with_twists=False),
+        senses=in_motion(ca.vertcat(ca.SX(0, 1), *upright), with_twists=False),
+    )
+
+
+def _without_motion(velocity: ca.SX, bodies: Bodies) -> ca.SX:
+    return ca.substitute([velocity], bodies.twists, [ca.SX.zeros(6, 1) for _ in bodies.twists])[0]
+
+
+def _coordinates(chain: Sequence[Link], state: State) -> dict[str, ca.SX]:
+    """The coordinates by name, of free and of driven joints."""
+    found: dict[str, ca.SX] = {}
+    for link in chain:
+        joint = link.joint
+        values = time_functions(joint.drive, state.t)[0] if joint.drive else state.q[link.q, :]
+        found |= {name: values[place] for place, name in enumerate(joint.motion_names) if place < values.shape[0]}
+    return found

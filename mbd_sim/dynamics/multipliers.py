@@ -1,0 +1,106 @@
+"""Constraint forces and projections: the mass matrix eliminated first, then G M⁻¹ Gᵀ (DESIGN.md, sec. 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from mbd_sim.dynamics.articulated import Accelerations, Articulated
+from mbd_sim.dynamics.assembly import Conditions
+from mbd_sim.dynamics.constraints import Constraints
+from mbd_sim.dynamics.start import Start
+from mbd_sim.mechanism.model import Array
+
+SINGULAR = 1e-13  # of its usual size, what a pivot may shrink to before its constraint is let go for the moment
+PROJECTION = 1e4  # times as much for corrections, which can wait
+
+
+class ConstraintSolver:
+    """G M⁻¹ Gᵀ, factorized; `scales` (m,) are the usual sizes of its diagonal."""
+
+    def __init__(self, matrix: Articulated, constraints: Constraints, scales: Array) -> None:
+        self._matrix, self._constraints = matrix, constraints
+        self._shares = matrix.shares(constraints.gradient.T)
+        self._factors = GuardedFactors(matrix.product(self._shares), SINGULAR * scales)
+
+    def multipliers(self, free: ca.SX) -> ca.SX:
+        """λ (m,) that turns the accelerations (nv,) without constraints into those that keep G u' + γ = 0."""
+        return self._factors.solve(-(self._constraints.bias + self._constraints.gradient @ free))
+
+    def response(self, multipliers: ca.SX) -> Accelerations:
+        """What multipliers (m,) add to the accelerations."""
+        size = self._constraints.gradient.shape[1]
+        return self._matrix.respond([ca.sparsify(share @ multipliers) for share in self._shares], size)
+
+    def corrections(self) -> tuple[ca.SX, ca.SX]:
+        """Displacement and velocity (nv,) that lead back to the constraints, the smallest in the metric of M."""
+        found = [
+            self.response(self._factors.solve(-defect)).u_rates
+            for defect in (self._constraints.position, self._constraints.velocity)
+        ]
+        return found[0], found[1]
+
+
+class GuardedFactors:
+    """A sparse symmetric positive semidefinite matrix (m, m) as L D Lᵀ.
+
+    A pivot that is no larger than its `floors` (m,) is left out: near a singular configuration the constraint that
+    it belongs to is let go, instead of answered with a boundless force.
+    """
+
+    def __init__(self, matrix: ca.SX, floors: Array) -> None:
+        size = matrix.shape[0]
+        rest = [{j: matrix[i, j] for j in range(size) if matrix.has_nz(i, j)} for i in range(size)]
+        self._order = minimum_degree([set(row) for row in rest])
+        self._inverse: dict[int, ca.SX] = {}
+        self._lower: dict[int, dict[int, ca.SX]] = {}
+        for pivot in self._order:
+            row = rest[pivot]
+            value = row.get(pivot, ca.SX(0))
+            inverse = ca.if_else(value > floors[pivot], 1.0 / value, 0.0)
+            others = [index for index in row if index != pivot]
+            factors = {index: row[index] * inverse for index in others}
+            for place, i in enumerate(others):
+                for j in others[place:]:
+                    updated = rest[i].get(j, 0) - factors[i] * row[j]
+                    rest[i][j] = rest[j][i] = updated
+                del rest[i][pivot]
+            self._inverse[pivot], self._lower[pivot] = inverse, factors
+
+    def solve(self, right: ca.SX) -> ca.SX:
+        """The solution (m,) for a right side (m,)."""
+        x = {index: right[index] for index in self._order}
+        for pivot in self._order:
+            for index, factor in self._lower[pivot].items():
+                x[index] = x[index] - factor * x[pivot]
+        for pivot in reversed(self._order):
+            x[pivot] = x[pivot] * self._inverse[pivot]
+            for index, factor in self._lower[pivot].items():
+                x[pivot] = x[pivot] - factor * x[index]
+        return ca.sparsify(ca.vertcat(ca.SX(0, 1), *(x[index] for index in range(len(x)))))
+
+
+def minimum_degree(neighbours: Sequence[set[int]]) -> list[int]:
+    """An order of elimination that makes little fill-in: always the row with the fewest entries left."""
+    left = {index: set(row) - {index} for index, row in enumerate(neighbours)}
+    order = []
+    while left:
+        pivot = min(left, key=lambda index: (len(left[index]), index))
+        clique = left.pop(pivot)
+        for index in clique:
+            left[index] |= clique - {index}
+            left[index].discard(pivot)
+        order.append(pivot)
+    return order
+
+
+def usual_sizes(conditions: Conditions, start: Start) -> Array:
+    """The largest diagonal (m,) of G M⁻¹ Gᵀ around the start, of the rows that are kept."""
+    keep = list(start.keep)
+    diagonals = [np.zeros(len(keep))]
+    for t, q in start.nearby if keep else ():
+        gradient = conditions.gradient(t, q)[keep]
+        diagonals.append(np.einsum("ij,ij->i", gradient, np.linalg.solve(conditions.mass(t, q), gradient.T).T))
+    return np.asarray(np.max(diagonals, axis=0), dtype=float)
