@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 
 from mbd_sim.compiler.kernel import compile_kernel
+from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
 from mbd_sim.dynamics.equations import AUDIT, derive
 from mbd_sim.dynamics.joints import JOINT_TYPES
 from mbd_sim.errors import MechanismError, Problem, nearest
@@ -31,6 +34,23 @@ class Energies(NamedTuple):
     residual: float
 
 
+class Violation(NamedTuple):
+    """How far the constraints are off at most: in position, m or 1, and in velocity, m/s or 1/s."""
+
+    position: float
+    velocity: float
+
+
+class Reaction(NamedTuple):
+    """What goes through a joint: `force` (3,) in N and `moment` (3,) in N·m on its second part, in ground's axes.
+
+    The moment is about the joint's point on the second part. Springs and efforts of the joint are part of it.
+    """
+
+    force: Array
+    moment: Array
+
+
 class Model:
     """The compiled equations of a mechanism, for one method. Safe to use from several threads.
 
@@ -40,7 +60,13 @@ class Model:
     def __init__(self, mechanism: Mechanism, method: Tableau) -> None:
         self.mechanism, self.method = mechanism, method
         equations = derive(mechanism)
-        readers = {"energies": equations.energies, "poses": equations.poses, "drives": equations.drives}
+        readers = {
+            "energies": equations.energies,
+            "poses": equations.poses,
+            "drives": equations.drives,
+            "violation": equations.violation,
+        }
+        self.equations = equations
         self.kernel = compile_kernel(equations.rates, equations.settle, readers, method)
         self.layout, self.start, self.part_names = equations.layout, equations.start_state, equations.part_names
         self.coordinate_names, self.driven_names = mechanism.coordinate_names, mechanism.driven_names
@@ -80,6 +106,47 @@ class Model:
         moment, out = np.array([time]), np.empty((3, len(self.driven_names)))
         self.kernel.readers["drives"](moment.ctypes.data, y.ctypes.data, efforts.ctypes.data, out.ctypes.data)
         return out
+
+    def violation(self, time: float, y: Array) -> Violation:
+        """How far the constraints are off."""
+        moment, out = np.array([time]), np.zeros((2, len(self.equations.rows)))
+        self.kernel.readers["violation"](moment.ctypes.data, y.ctypes.data, out.ctypes.data)
+        return Violation(*np.max(np.abs(out), axis=1, initial=0.0).tolist())
+
+    def multipliers(self, time: float, y: Array, efforts: Array) -> Mapping[str, Array]:
+        """The multipliers λ of each loop and constraint by name, one a row: M u' + h = Q + Gᵀ λ. Redundant rows have 0.
+
+        A distance constraint's is the force in N that pushes its ends apart; a rolling constraint's are the normal
+        force and the two of friction.
+        """
+        values = np.array(self.equations.multipliers(time, y, efforts)).ravel()
+        names = [str(row.owner[1]) for row in self.equations.rows]
+        return {name: values[[other == name for other in names]] for name in dict.fromkeys(names)}
+
+    def reactions(self, time: float, y: Array, efforts: Array) -> Mapping[str, Reaction]:
+        """What goes through each joint, those of the tree first, then those that close loops."""
+        found = np.array(self._reactions(time, y, efforts)).T
+        names = [*self.mechanism.joints, *self.mechanism.closing]
+        return {name: Reaction(row[:3], row[3:]) for name, row in zip(names, found, strict=True)}
+
+    @cached_property
+    def _reactions(self) -> ca.Function:
+        return self.equations.reactions()
+
+    def consistent(self, q: Array, u: Array) -> tuple[Array, Array]:
+        """The state at t = 0 that meets the constraints, near a given one.
+
+        :raises ValueError: no state near it does.
+        """
+        conditions = self.equations.conditions
+        if not self.equations.rows:
+            return q, u
+        closing = close_loops(conditions, 0.0, q, np.ones(self.layout.nv, dtype=bool))
+        if not closing.closed:
+            raise ValueError(
+                f"no position near these coordinates closes the loops: {np.max(np.abs(closing.gaps)):.3g} stay open"
+            )
+        return closing.q, nearest_speeds(conditions, 0.0, closing.q, u)
 
     def coordinates(self, y: Array) -> Array:
         """(nv,): a position for each of `coordinate_names`; free joints give x, y, z and the rotation vector in rad."""

@@ -1,39 +1,117 @@
-"""What `mbd_sim check` says of a mechanism: as data, and in words."""
+"""What `mbd_sim check` says of a mechanism, as data."""
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
-from mbd_sim.mechanism.model import Joint, Part
+import numpy as np
+
+from mbd_sim.analysis.integrable import integrable_rows
+from mbd_sim.analysis.linear import equilibrium, is_autonomous, linearize, modes
+from mbd_sim.analysis.mobility import mobility
+from mbd_sim.dynamics.assembly import null_space
+from mbd_sim.dynamics.equations import Equations
+from mbd_sim.dynamics.start import rheonomic
+from mbd_sim.mechanism.model import Array, Joint, Part
 from mbd_sim.simulation import Simulation
+
+LINEARIZED = 4000  # instructions for the accelerations up to which they are differentiated for the report
 
 
 def report(simulation: Simulation) -> dict[str, Any]:
     """All that the report holds, in SI units."""
-    mechanism, layout = simulation.mechanism, simulation.model.layout
+    mechanism, equations = simulation.mechanism, simulation.model.equations
     energies = simulation.energies
+    counted = dataclasses.asdict(mobility(mechanism, equations, simulation.poses()))
+    constraints = _constraints(equations)
+    names, values = simulation.coordinate_names, simulation.model.coordinates(simulation.state)
+    at = dict(zip(names, values.tolist(), strict=True))
     return {
         "mechanism": mechanism.name,
         "description": mechanism.description,
         "file": mechanism.source.file,
         "parts": [_part(part) for part in mechanism.parts.values()],
-        "joints": [_joint(joint) for joint in mechanism.joints.values()],
+        "joints": [_joint(joint, at) for joint in mechanism.all_joints.values()],
         "spanning_tree": [f"{joint.inboard} -{joint.name}-> {joint.outboard}" for joint in mechanism.tree_joints()],
-        "gross_degrees_of_freedom": 6 * len(mechanism.parts),
-        "joint_constraints": sum(6 - len(joint.coordinate_names) for joint in mechanism.joints.values()),
+        "closing_joints": list(mechanism.closing),
+        "mobility": counted,
+        "degrees_of_freedom": counted["degrees_of_freedom"],
+        "constraints": constraints,
+        "holonomic": all(row["holonomic"] or row["integrable"] for row in constraints),
+        "scleronomic": not rheonomic(mechanism),
         "driven": list(mechanism.driven_names),
-        "degrees_of_freedom": layout.nv,
         "coordinates": list(simulation.coordinate_names),
         "mass": mechanism.mass,
         "gravity": mechanism.gravity.tolist(),
         "start": {"q": simulation.q.tolist(), "u": simulation.u.tolist(), **energies._asdict()},
+        "mass_matrix": _mass_matrix(simulation),
+        "small_motions": _small_motions(equations, simulation.model.kernel.instructions),
         "integrator": {
             "method": simulation.model.method.name,
             "order": simulation.model.method.order,
             "step": simulation.step_size,
             "instructions_per_evaluation": simulation.model.kernel.instructions,
         },
-        "remarks": [remark for joint in mechanism.joints.values() for remark in _remarks(joint)],
+        "remarks": [remark for joint in mechanism.all_joints.values() for remark in _remarks(joint)],
+    }
+
+
+def _constraints(equations: Equations) -> list[dict[str, Any]]:
+    """One entry for each equation of loops and constraints."""
+    integrable = integrable_rows(equations)
+    return [
+        {
+            "name": row.name,
+            "holonomic": row.position is not None,
+            "integrable": integrable.get(index, True),
+            "redundant": index not in equations.start.keep,
+        }
+        for index, row in enumerate(equations.rows)
+    ]
+
+
+def _mass_matrix(simulation: Simulation) -> dict[str, Any]:
+    """Whether the coordinates are regular, and the kinetic energy by degrees of the speeds (Lidström, ch. 9)."""
+    conditions, q, u = simulation.model.equations.conditions, simulation.q, simulation.u
+    mass = conditions.mass(0.0, q)
+    free = null_space(conditions.gradient(0.0, q))
+    values = np.linalg.eigvalsh(free.T @ mass @ free)
+    forwards, backwards, constant = (_kinetic(simulation, speeds) for speeds in (u, -u, 0.0 * u))
+    return {
+        "positive_definite": bool(np.all(np.linalg.eigvalsh(mass) > 0.0)),
+        "condition": float(values[-1] / values[0]) if len(values) else 1.0,
+        "T2": 0.5 * (forwards + backwards) - constant,
+        "T1": 0.5 * (forwards - backwards),
+        "T0": constant,
+    }
+
+
+def _kinetic(simulation: Simulation, speeds: Array) -> float:
+    """The kinetic energy at the start with other speeds, J."""
+    y = simulation.state
+    y[simulation.model.u_range] = speeds
+    return simulation.model.energies(0.0, y).kinetic
+
+
+def _small_motions(equations: Equations, instructions: int) -> dict[str, Any]:
+    """An equilibrium near the start and its natural motions, or why there are none."""
+    nv = equations.layout.nv
+    if nv == 0 or instructions > LINEARIZED:
+        return {"equilibrium": None, "reason": "no coordinates" if nv == 0 else "the mechanism is large", "modes": []}
+    if not is_autonomous(equations):
+        return {"equilibrium": None, "reason": "the forces or the drives change with time", "modes": []}
+    q: Array | None = equilibrium(equations)
+    if q is None:
+        return {"equilibrium": None, "reason": "none was found near the start", "modes": []}
+    found = modes(linearize(equations, q, np.zeros(nv), np.zeros(nv)))
+    return {
+        "equilibrium": q.tolist(),
+        "reason": "",
+        "modes": [
+            {"frequency": mode.frequency, "damping": mode.damping, "growth": mode.eigenvalue.real} for mode in found
+        ],
     }
 
 
@@ -47,7 +125,7 @@ def _part(part: Part) -> dict[str, Any]:
     }
 
 
-def _joint(joint: Joint) -> dict[str, Any]:
+def _joint(joint: Joint, at: Mapping[str, float]) -> dict[str, Any]:
     return {
         "name": joint.name,
         "type": joint.type,
@@ -55,8 +133,7 @@ def _joint(joint: Joint) -> dict[str, Any]:
         "child": joint.child,
         "axes": [axis.tolist() for axis in (joint.axis, joint.second) if axis.any()],
         "lead": joint.lead,
-        "position": joint.position.tolist(),
-        "velocity": joint.velocity.tolist(),
+        "position": [at[name] for name in joint.motion_names if name in at],
         "reversed": joint.reversed,
         "coordinates": list(joint.motion_names),
         "drive": [expression.text for expression in joint.drive],
@@ -67,50 +144,3 @@ def _remarks(joint: Joint) -> list[str]:
     if joint.limits is not None and joint.limits.stiffness is None:
         return [f"the limits of '{joint.name}' are only described: give limits.stiffness to make them stops"]
     return []
-
-
-def report_text(found: dict[str, Any]) -> str:
-    """The report in words."""
-    start, integrator = found["start"], found["integrator"]
-    lines = [
-        f"{found['mechanism']}: {found['description'] or 'no description'}",
-        f"  from {found['file']}",
-        "",
-        f"{'part':16s} {'mass kg':>10s}  {'mass centre m':28s} shapes",
-        *(
-            f"{part['name']:16s} {part['mass']:10.4g}  {_vector(part['center']):28s} {', '.join(part['shapes'])}"
-            for part in found["parts"]
-        ),
-        "",
-        f"{'joint':16s} {'type':12s} {'between':28s} {'axis':22s} start",
-        *(
-            f"{joint['name']:16s} {joint['type']:12s} {joint['parent'] + ' – ' + joint['child']:28s} "
-            f"{_axes(joint):22s} {_vector(joint['position'])}".rstrip()
-            for joint in found["joints"]
-        ),
-        "",
-        f"Degrees of freedom  6·{len(found['parts'])} - {found['joint_constraints']} = {found['degrees_of_freedom']}"
-        f"  ({', '.join(found['coordinates']) or 'none'})",
-        *(
-            f"Driven              {name} = {text}"
-            for joint in found["joints"]
-            for name, text in zip(joint["coordinates"], joint["drive"], strict=False)
-        ),
-        f"Total mass          {found['mass']:.6g} kg",
-        f"Gravity             {_vector(found['gravity'])} m/s²",
-        f"Start energies      kinetic {start['kinetic']:.6g} J, potential {start['potential']:.6g} J, "
-        f"total {start['total']:.6g} J",
-        f"Integrator          {integrator['method']} (order {integrator['order']}), step {integrator['step']:g} s, "
-        f"{integrator['instructions_per_evaluation']} instructions for the accelerations",
-        *(f"Remark              {remark}" for remark in found["remarks"]),
-    ]
-    return "\n".join(lines)
-
-
-def _axes(joint: dict[str, Any]) -> str:
-    lead = f", {joint['lead']:g} m a turn" if joint["lead"] else ""
-    return " ".join(_vector(axis) for axis in joint["axes"]) + lead
-
-
-def _vector(values: list[float]) -> str:
-    return "[" + ", ".join(f"{value + 0.0:.4g}" for value in values) + "]" if values else ""

@@ -14,7 +14,7 @@ from mbd_sim.errors import DivergedError
 from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.model import Array, Mechanism, Pose
 from mbd_sim.mechanism.rotation import unit
-from mbd_sim.model import Energies, Model, build_model
+from mbd_sim.model import Energies, Model, Reaction, Violation, build_model
 
 MOST_STEPS = 2**53  # beyond, time in steps is no longer exact
 
@@ -92,6 +92,19 @@ class Simulation:
         """The pose of each part in ground's frame."""
         return self.model.poses(self.time, self._y)
 
+    @property
+    def violation(self) -> Violation:
+        """How far the constraints are off at most, in position and velocity."""
+        return self.model.violation(self.time, self._y)
+
+    def multipliers(self) -> Mapping[str, Array]:
+        """The multipliers of each loop and constraint, one a row: see `Model.multipliers`."""
+        return self.model.multipliers(self.time, self._y, self._efforts)
+
+    def reactions(self) -> Mapping[str, Reaction]:
+        """The force and the moment that go through each joint, at this moment."""
+        return self.model.reactions(self.time, self._y, self._efforts)
+
     def step(self, n: int = 1) -> None:
         """Advance by n steps.
 
@@ -125,7 +138,10 @@ class Simulation:
     def reset(self, q: Sequence[float] | Array | None = None, u: Sequence[float] | Array | None = None) -> None:
         """Back to time zero and the start state, or to the given one; efforts and the energy audit are set to zero.
 
-        :raises ValueError: wrong length or a value that is not finite; nothing is changed then.
+        A given state is led to the nearest one that the constraints allow.
+
+        :raises ValueError: wrong length, a value that is not finite, or loops that cannot be closed near this state;
+            nothing is changed then.
         """
         y = self.model.start.copy()
         for values, where, symbol in ((q, self.model.q_range, "q"), (u, self.model.u_range, "u")):
@@ -135,6 +151,10 @@ class Simulation:
             if not np.any(y[start : start + 4]):
                 raise ValueError(f"the quaternion of joint '{joint}' is zero")
             y[start : start + 4] = unit(y[start : start + 4])
+        if q is not None or u is not None:
+            y[self.model.q_range], y[self.model.u_range] = self.model.consistent(
+                y[self.model.q_range], y[self.model.u_range]
+            )
         self._y[:], self._efforts[:], self.steps = y, 0.0, 0
         self.start_energy = self.model.energies(0.0, self._y).total
 

@@ -19,8 +19,34 @@ def answer(capsys, *arguments):
 def test_check_says_what_was_understood(capsys):
     code, out, _ = answer(capsys, "check", "double_rod")
     assert code == 0
-    for words in ("upper", "elbow", "6·2 - 10 = 2  (shoulder, elbow)", "2 kg", "kinetic 0 J", "dop853 (order 8)"):
+    for words in (
+        "upper",
+        "Degrees of freedom  2  (shoulder, elbow)",
+        "6·2 - 10 = 2 (Kutzbach)",
+        "2 kg",
+        "kinetic 0 J",
+    ):
         assert words in out
+    assert "natural motion    0.426553 Hz" in out and "dop853 (order 8)" in out
+
+
+def test_check_explains_a_closed_loop(capsys):
+    _, out, _ = answer(capsys, "check", "four_bar")
+    for words in (
+        "closes a loop",
+        "3 coordinates - rank 2 of 5 equations = 1",
+        "in the plane 1",
+        "holonomic, scleronomic",
+    ):
+        assert words in out
+    assert out.count("redundant") == 3
+
+
+def test_check_tells_rolling_from_sliding(capsys):
+    _, disc, _ = answer(capsys, "check", "rolling_disc")
+    assert "nonholonomic, scleronomic" in disc and "not integrable" in disc
+    _, wheel, _ = answer(capsys, "check", "upright_wheel")
+    assert "holonomic, for those of velocity are integrable" in wheel
 
 
 def test_check_as_json_holds_the_same_numbers(capsys):

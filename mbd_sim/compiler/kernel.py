@@ -38,13 +38,15 @@ class Kernel:
 def compile_kernel(
     rates: ca.Function, settle: ca.Function | None, readers: Mapping[str, ca.Function], method: Tableau
 ) -> Kernel:
-    """Compile y' = rates(t, y, inputs) with a method, and functions of one output each."""
+    """Compile y' = rates(t, y, inputs) with a method, and functions of one output each: see `System`."""
     module = new_module()
     instructions = instruction_count(rates)
+    judging = rates.n_out() > 1
     system = System(
         size=rates.nnz_out(0),
         rates=lower(module, rates, inline=instructions * method.stages <= INLINED),
-        settle=lower(module, settle, inline=instruction_count(settle) <= INLINED) if settle is not None else None,
+        settle=lower(module, settle, inline=not judging) if settle is not None else None,
+        judging=judging,
     )
     emit_advance(module, system, method)
     for name, function in readers.items():

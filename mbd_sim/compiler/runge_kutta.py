@@ -15,11 +15,16 @@ UNROLLED = 40  # components up to which state vectors are unrolled into register
 
 @dataclass(frozen=True)
 class System:
-    """y' = rates(t, y, inputs), with `settle(t, y)` after each step where it is given; `size` components."""
+    """y' = rates(t, y, inputs), with `settle(t, y)` after each step where it is given; `size` components.
+
+    Where `rates` is `judging`, it has a second output: a negative one at the start of a step asks for `settle` before
+    each further stage as well.
+    """
 
     size: int
     rates: ir.Function
     settle: ir.Function | None
+    judging: bool = False
 
 
 def emit_advance(module: ir.Module, system: System, method: Tableau) -> ir.Function:
@@ -36,24 +41,32 @@ def emit_advance(module: ir.Module, system: System, method: Tableau) -> ir.Funct
     b = ir.IRBuilder(function.append_basic_block("entry"))
     y, time = local_array(b, system.size), local_array(b, 1)
     k = [local_array(b, system.size) for _ in range(method.stages)]
-    trial = local_array(b, system.size)
+    trial, settled = local_array(b, system.size), local_array(b, system.size)
+    verdict, ignored = local_array(b, 1), local_array(b, 1)
     _each(b, system.size, lambda i: b.store(_load(b, state, i), element(b, y, i)))
+
+    def settle(array: ir.Value) -> None:
+        b.call(system.settle, [time, array, settled])
+        _each(b, system.size, lambda i: b.store(_load(b, settled, i), element(b, array, i)))
 
     def one_step(index: ir.Value) -> None:
         t = b.fmul(b.sitofp(b.add(first, index), DOUBLE), h)
         for stage in range(method.stages):
+            moment = t if method.c[stage] == 0.0 else b.fadd(t, b.fmul(number(method.c[stage]), h))
+            b.store(moment, time)
             at = y
             if any(method.a[stage]):
                 at = trial
                 _combine(b, system.size, trial, y, h, method.a[stage], k)
-            moment = t if method.c[stage] == 0.0 else b.fadd(t, b.fmul(number(method.c[stage]), h))
-            b.store(moment, time)
-            b.call(system.rates, [time, at, inputs, k[stage]])
+                if system.judging:
+                    with b.if_then(b.fcmp_ordered("<", b.load(verdict, typ=DOUBLE), number(0.0)), likely=False):
+                        settle(trial)
+            judged = [verdict if stage == 0 else ignored] if system.judging else []
+            b.call(system.rates, [time, at, inputs, k[stage], *judged])
         _combine(b, system.size, y, y, h, method.b, k)
         if system.settle is not None:
             b.store(b.fmul(b.sitofp(b.add(b.add(first, index), integer(1)), DOUBLE), h), time)
-            b.call(system.settle, [time, y, trial])
-            _each(b, system.size, lambda i: b.store(_load(b, trial, i), element(b, y, i)))
+            settle(y)
 
     _loop(b, steps, one_step)
     doubt = local_array(b, 1)

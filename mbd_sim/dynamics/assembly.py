@@ -102,13 +102,26 @@ def fit_speeds(conditions: Conditions, t: float, q: Array, u: Array, held: Array
     rows, wanted = np.vstack([gradient, kept]), np.concatenate([-drift, u[held]])
     if not rows.size:
         return Speeds(np.zeros(len(u)), np.zeros(0), True)
-    weights, axes = np.linalg.eigh(conditions.mass(t, q))
-    to_unit = axes / np.sqrt(np.maximum(weights, 1e-12 * max(weights.max(initial=0.0), 1e-300)))
+    to_unit = _unit_speeds(conditions.mass(t, q))
     found = to_unit @ np.linalg.lstsq(rows @ to_unit, wanted, rcond=RANK)[0]
     found[held] = u[held]
     misses = gradient @ found + drift
     allowed = FITTING * (np.abs(gradient) @ np.abs(found) + np.abs(drift) + conditions.size * 1e-3)
     return Speeds(found, misses, bool(np.all(np.abs(misses) <= allowed)))
+
+
+def nearest_speeds(conditions: Conditions, t: float, q: Array, u: Array) -> Array:
+    """The speeds that meet the constraints with the least kinetic energy of the change from u (nv,)."""
+    gradient, to_unit = conditions.gradient(t, q), _unit_speeds(conditions.mass(t, q))
+    defect = gradient @ u + conditions.drift(t, q)
+    return u - to_unit @ np.linalg.lstsq(gradient @ to_unit, defect, rcond=RANK)[0]
+
+
+def _unit_speeds(mass: Array) -> Array:
+    """Combinations of speeds (nv, nv) whose kinetic energy is ½ each; those without inertia count a little."""
+    weights, axes = np.linalg.eigh(mass)
+    combinations: Array = axes / np.sqrt(np.maximum(weights, 1e-12 * max(weights.max(initial=0.0), 1e-300)))
+    return combinations
 
 
 def nearby(conditions: Conditions, q: Array, times: Sequence[float], steps: int = 12) -> list[tuple[float, Array]]:

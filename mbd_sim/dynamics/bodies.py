@@ -42,15 +42,13 @@ class Bodies:
         arm = rotation @ constant(point)
         return Frame(pose[:3] + arm, ca.sparsify(rotation @ turn), twist[3:] - skew(arm) @ twist[:3], twist[:3])
 
-    def rate(self, expression: ca.SX) -> ca.SX:
-        """The time derivative of an expression of the poses."""
-        total = ca.SX(*expression.shape)
-        for pose, twist in zip(self.poses, self.twists, strict=True):
-            slopes = ca.jacobian(expression, pose)
-            if slopes.nnz():
-                turning = skew(twist[:3]) @ ca.reshape(pose[3:], 3, 3)
-                total += slopes @ ca.vertcat(twist[3:], ca.vec(turning))
-        return total
+    def rate(self, expressions: ca.SX) -> ca.SX:
+        """The time derivatives (m,) of expressions of the poses."""
+        rates = [
+            ca.vertcat(twist[3:], ca.vec(skew(twist[:3]) @ ca.reshape(pose[3:], 3, 3)))
+            for pose, twist in zip(self.poses, self.twists, strict=True)
+        ]
+        return ca.sparsify(ca.jacobian(expressions, ca.vertcat(*self.poses)) @ ca.vertcat(ca.SX(0, 1), *rates))
 
 
 def flat_pose(pose: WorldPose) -> ca.SX:

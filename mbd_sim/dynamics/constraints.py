@@ -77,60 +77,54 @@ def constraints_of(
     bodies, clock = Bodies(chain), ca.SX.sym("clock")
     rows = constraint_rows(mechanism, bodies, clock)
     twists = [world_twist(link, motion, pose) for link, motion, pose in zip(chain, motions, poses, strict=True)]
-    values = [*map(flat_pose, poses), state.t]
+    symbols = [ca.vertcat(*bodies.poses), ca.vertcat(*bodies.twists), clock]
+    values = [ca.vertcat(*map(flat_pose, poses)), ca.vertcat(*twists), state.t]
 
-    def in_motion(expression: ca.SX, with_twists: bool) -> ca.SX:
-        symbols = [*bodies.poses, clock, *(bodies.twists if with_twists else [])]
-        given = [*values, *(twists if with_twists else [])]
-        return ca.sparsify(ca.substitute([expression], symbols, [ca.densify(value) for value in given])[0])
+    def in_motion(expression: ca.SX) -> ca.SX:
+        return ca.sparsify(ca.substitute([expression], symbols, [ca.densify(value) for value in values])[0])
 
-    coordinates = _coordinates(chain, state)
-    position, velocity, slope = [], [], []
+    on_bodies = ca.vertcat(ca.SX(0, 1), *(ca.SX(1, 1) if row.position is None else row.position for row in rows))
+    slips = ca.vertcat(ca.SX(0, 1), *(ca.SX(1, 1) if row.velocity is None else row.velocity for row in rows))
+    on_coordinates = _coupled(chain, state, rows)
+    position, slip = in_motion(on_bodies) + on_coordinates, in_motion(slips)
     to_rates = ca.jacobian(state.q_rates, state.u)
-    for row in rows:
-        if row.position is None:
-            rate = in_motion(row.velocity, with_twists=True)
-            position.append(ca.SX(1, 1))
-            slope.append(ca.jacobian(rate, state.u))
-        else:
-            value = in_motion(row.position, with_twists=False)
-            value += sum((factor * coordinates[name] for name, factor in row.factors.items()), ca.SX(1, 1))
-            position.append(value)
-            slope.append(ca.sparsify(ca.jacobian(value, state.q) @ to_rates))
-            rate = slope[-1] @ state.u + ca.jacobian(value, state.t)
-        velocity.append(rate)
-    every = ca.vertcat(ca.SX(0, 1), *velocity)
-    wrenches = []
-    for index, (link, pose) in enumerate(zip(chain, poses, strict=True)):
-        wrench = ca.jacobian(ca.vertcat(ca.SX(0, 1), *(row.velocity for row in rows)), bodies.twists[index]).T
-        wrenches.append(ca.sparsify(own_wrench(link, pose, in_motion(wrench, with_twists=False))))
-    still = ca.vertcat(ca.SX(0, 1), *(_without_motion(row.velocity, bodies) for row in rows))
+    gradient = ca.sparsify(ca.jacobian(position, state.q) @ to_rates + ca.jacobian(slip, state.u))
+    velocity = ca.sparsify(ca.jacobian(position, state.q) @ to_rates @ state.u + ca.jacobian(position, state.t) + slip)
+    body_velocity = bodies.rate(on_bodies) + ca.jacobian(on_bodies, clock) + slips
+    wrenches = in_motion(ca.jacobian(body_velocity, symbols[1])).T
+    still = ca.substitute([body_velocity], [symbols[1]], [ca.SX.zeros(*symbols[1].shape)])[0]
     upright = [sense for joint in mechanism.closing.values() for sense in senses(joint, *loop_ends(joint, bodies))]
     return Constraints(
         rows=rows,
-        position=ca.vertcat(ca.SX(0, 1), *position),
-        gradient=ca.vertcat(ca.SX(0, places.nv), *slope),
-        velocity=every,
-        bias=state.rate(every),
-        wrenches=wrenches,
+        position=position,
+        gradient=gradient,
+        velocity=velocity,
+        bias=state.rate(velocity),
+        wrenches=[
+            ca.sparsify(own_wrench(link, pose, wrenches[6 * index : 6 * index + 6, :]))
+            for index, (link, pose) in enumerate(zip(chain, poses, strict=True))
+        ],
         driven_factors={
             name: ca.sparsify(ca.SX(ca.DM([row.factors.get(name, 0.0) for row in rows])))
             for name in mechanism.driven_names
         },
-        own_rate=in_motion(still, with_twists=False),
-        senses=in_motion(ca.vertcat(ca.SX(0, 1), *upright), with_twists=False),
+        own_rate=in_motion(still),
+        senses=in_motion(ca.vertcat(ca.SX(0, 1), *upright)),
     )
 
 
-def _without_motion(velocity: ca.SX, bodies: Bodies) -> ca.SX:
-    return ca.substitute([velocity], bodies.twists, [ca.SX.zeros(6, 1) for _ in bodies.twists])[0]
+def _coupled(chain: Sequence[Link], state: State, rows: Sequence[Row]) -> ca.SX:
+    """What the coordinates themselves contribute to the positions (m,) of the rows."""
+    coordinates = coordinates_of(chain, state.t, state.q)
+    sums = (sum((k * coordinates[name] for name, k in row.factors.items()), ca.SX(1, 1)) for row in rows)
+    return ca.vertcat(ca.SX(0, 1), *sums)
 
 
-def _coordinates(chain: Sequence[Link], state: State) -> dict[str, ca.SX]:
+def coordinates_of(chain: Sequence[Link], t: ca.SX, q: ca.SX) -> dict[str, ca.SX]:
     """The coordinates by name, of free and of driven joints."""
     found: dict[str, ca.SX] = {}
     for link in chain:
         joint = link.joint
-        values = time_functions(joint.drive, state.t)[0] if joint.drive else state.q[link.q, :]
+        values = time_functions(joint.drive, t)[0] if joint.drive else q[link.q, :]
         found |= {name: values[place] for place, name in enumerate(joint.motion_names) if place < values.shape[0]}
     return found

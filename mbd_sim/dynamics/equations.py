@@ -6,8 +6,10 @@ the work of the drives, and the dissipated energy, in J.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -20,7 +22,7 @@ from mbd_sim.dynamics.elements import element_loads, require_lines
 from mbd_sim.dynamics.forces import joint_loads
 from mbd_sim.dynamics.kinematics import LinkMotion, WorldPose, link_motions, part_poses
 from mbd_sim.dynamics.links import Layout, Link, layout, links
-from mbd_sim.dynamics.multipliers import PROJECTION, ConstraintSolver, usual_sizes
+from mbd_sim.dynamics.multipliers import ConstraintSolver, usual_sizes
 from mbd_sim.dynamics.reactions import joint_reactions, transmitted_wrenches
 from mbd_sim.dynamics.rows import Row
 from mbd_sim.dynamics.spatial import constant
@@ -35,7 +37,9 @@ AUDIT = ("work_applied", "work_drives", "dissipated")
 class Equations:
     """What the compiler turns into machine code, and what is computed on request.
 
-    `rates(t, y, efforts)` gives y'; `settle(t, y)`, where there are quaternions or constraints, leads y back to them;
+    `rates(t, y, efforts)` gives y' and, where there are constraints, a number that is negative
+    where they are nearly singular;
+    `settle(t, y)`, where there are quaternions or constraints, leads y back to them;
     `energies(t, y)` gives T and V; `poses(t, y)` gives (12,) a part: position and rotation, column by column;
     `drives(t, y, efforts)` gives the coordinates (n,) of driven joints in declared order, their speeds, and the
     forces that the drives exert. `multipliers(t, y, efforts)` (m,) has one of each of all constraint `rows`, zero for
@@ -54,9 +58,14 @@ class Equations:
     reactions: Callable[[], ca.Function]
     rows: tuple[Row, ...]
     start: Start
-    conditions: Conditions
     start_state: Array
     part_names: tuple[str, ...]
+    make_conditions: Callable[[], Conditions]
+
+    @cached_property
+    def conditions(self) -> Conditions:
+        """The constraints and the mass matrix as functions of numbers."""
+        return self.make_conditions()
 
 
 def derive(mechanism: Mechanism) -> Equations:
@@ -76,7 +85,11 @@ def derive(mechanism: Mechanism) -> Equations:
     state = State(t, q, u, _q_rates(chain, motions, places.nq))
     kinetic = _kinetic_energy(chain, motions)
     everything = constraints_of(mechanism, chain, places, state, motions, poses)
-    conditions = conditions_of(everything, state, kinetic, lambda values: _settled(chain, values), _size(mechanism))
+
+    @functools.cache
+    def conditions() -> Conditions:
+        return conditions_of(everything, state, kinetic, lambda values: _settled(chain, values), _size(mechanism))
+
     start = assembled_start(mechanism, places, conditions, everything.rows)
     start_state = np.concatenate([start.q, start.u, np.zeros(len(AUDIT))])
 
@@ -89,11 +102,12 @@ def derive(mechanism: Mechanism) -> Equations:
     require_definite(mechanism, chain, np.array(pivots).ravel(), np.array(poses_at).reshape(-1, 4, 3))
 
     kept = everything.only(start.keep)
-    scales = usual_sizes(conditions, start)
     free = matrix.accelerations(loads.generalized, elements.wrenches, mechanism.gravity)
     multipliers, moving, wrenches = ca.SX(0, 1), free, elements.wrenches
+    margin: list[ca.SX] = []
     if kept.rows:
-        solver = ConstraintSolver(matrix, kept, scales)
+        solver = ConstraintSolver(matrix, kept, usual_sizes(conditions(), start))
+        margin = [ca.densify(solver.margin)]
         multipliers = solver.multipliers(free.u_rates)
         moving = free + solver.response(multipliers)
         wrenches = [own + unit @ multipliers for own, unit in zip(elements.wrenches, kept.wrenches, strict=True)]
@@ -111,7 +125,7 @@ def derive(mechanism: Mechanism) -> Equations:
     all_multipliers[list(start.keep)] = multipliers
     settled = ca.vertcat(_settled(chain, q), u, audit)
     if kept.rows:
-        displacement, change = ConstraintSolver(matrix, kept, scales * PROJECTION).corrections()
+        displacement, change = solver.corrections(state)
         back = q + ca.jacobian(state.q_rates, u) @ displacement
         settled = ca.vertcat(_settled(chain, back), u + change, audit)
 
@@ -121,7 +135,7 @@ def derive(mechanism: Mechanism) -> Equations:
 
     return Equations(
         layout=places,
-        rates=_function("rates", [t, y, efforts], [ca.densify(y_rates)]),
+        rates=_function("rates", [t, y, efforts], [ca.densify(y_rates), *margin]),
         energies=_function("energies", [t, y], [ca.densify(ca.vertcat(kinetic, potential))]),
         poses=_function("poses", [t, y], [flat]),
         drives=_function("drives", [t, y, efforts], [ca.densify(ca.vec(drives))]),
@@ -131,9 +145,9 @@ def derive(mechanism: Mechanism) -> Equations:
         reactions=reactions,
         rows=tuple(everything.rows),
         start=start,
-        conditions=conditions,
         start_state=start_state,
         part_names=tuple(link.joint.outboard for link in chain),
+        make_conditions=conditions,
     )
 
 

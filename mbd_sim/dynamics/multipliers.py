@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 
 import casadi as ca
@@ -9,51 +10,68 @@ import numpy as np
 
 from mbd_sim.dynamics.articulated import Accelerations, Articulated
 from mbd_sim.dynamics.assembly import Conditions
-from mbd_sim.dynamics.constraints import Constraints
+from mbd_sim.dynamics.constraints import Constraints, State
 from mbd_sim.dynamics.start import Start
 from mbd_sim.mechanism.model import Array
 
-SINGULAR = 1e-13  # of its usual size, what a pivot may shrink to before its constraint is let go for the moment
-PROJECTION = 1e4  # times as much for corrections, which can wait
+# Of its usual size, what a pivot may shrink to before a constraint counts as weak, as vanished, and as in danger.
+WEAK, VANISHED, NEARLY = 1e-7, 1e-13, 1e-2
 
 
 class ConstraintSolver:
-    """G M⁻¹ Gᵀ, factorized; `scales` (m,) are the usual sizes of its diagonal."""
+    """G M⁻¹ Gᵀ, factorized; `scales` (m,) are the usual sizes of its diagonal.
+
+    `margin` is negative where one of the constraints has become weak. There the accelerations answer a state that
+    is off the constraints with an error that grows without bound, so that the stages of a step may not drift.
+    """
 
     def __init__(self, matrix: Articulated, constraints: Constraints, scales: Array) -> None:
         self._matrix, self._constraints = matrix, constraints
         self._shares = matrix.shares(constraints.gradient.T)
-        self._factors = GuardedFactors(matrix.product(self._shares), SINGULAR * scales)
+        product = matrix.product(self._shares)
+        self._factors = GuardedFactors(product, VANISHED * scales)
+        self._cautious = GuardedFactors(product, WEAK * scales)
+        strengths = [self._factors.pivots[row] - NEARLY * scale for row, scale in enumerate(scales)]
+        self.margin = functools.reduce(ca.fmin, strengths)
 
     def multipliers(self, free: ca.SX) -> ca.SX:
-        """λ (m,) that turns the accelerations (nv,) without constraints into those that keep G u' + γ = 0."""
-        return self._factors.solve(-(self._constraints.bias + self._constraints.gradient @ free))
+        """λ (m,) that turns the accelerations (nv,) without constraints into those that keep G u' + γ = 0.
+
+        γ of a weak constraint is left out: only round-off may be left of it, while the rest vanishes with the pivot.
+        """
+        constraints = self._constraints
+        return -self._factors.solve(constraints.gradient @ free) - self._cautious.solve(constraints.bias)
 
     def response(self, multipliers: ca.SX) -> Accelerations:
         """What multipliers (m,) add to the accelerations."""
         size = self._constraints.gradient.shape[1]
         return self._matrix.respond([ca.sparsify(share @ multipliers) for share in self._shares], size)
 
-    def corrections(self) -> tuple[ca.SX, ca.SX]:
-        """Displacement and velocity (nv,) that lead back to the constraints, the smallest in the metric of M."""
-        found = [
-            self.response(self._factors.solve(-defect)).u_rates
-            for defect in (self._constraints.position, self._constraints.velocity)
-        ]
-        return found[0], found[1]
+    def corrections(self, state: State) -> tuple[ca.SX, ca.SX]:
+        """Displacement and change of velocity (nv,) that lead back to the constraints, the smallest in M's metric.
+
+        The velocity is that at the displaced position: near a singular configuration a small displacement turns the
+        directions that are free.
+        """
+        constraints = self._constraints
+        displacement = self.response(self._cautious.solve(-constraints.position)).u_rates
+        moved = ca.jacobian(state.q_rates, state.u) @ displacement
+        defect = constraints.velocity + ca.jtimes(constraints.velocity, state.q, moved)
+        return displacement, self.response(self._cautious.solve(-defect)).u_rates
 
 
 class GuardedFactors:
     """A sparse symmetric positive semidefinite matrix (m, m) as L D Lᵀ.
 
-    A pivot that is no larger than its `floors` (m,) is left out: near a singular configuration the constraint that
-    it belongs to is let go, instead of answered with a boundless force.
+    A row whose pivot is no larger than its `floors` (m,) is left out, and its unknown is zero: near a singular
+    configuration the constraint that it belongs to depends on those before it.
     """
 
     def __init__(self, matrix: ca.SX, floors: Array) -> None:
         size = matrix.shape[0]
         rest = [{j: matrix[i, j] for j in range(size) if matrix.has_nz(i, j)} for i in range(size)]
         self._order = minimum_degree([set(row) for row in rest])
+        self.pivots: dict[int, ca.SX] = {}
         self._inverse: dict[int, ca.SX] = {}
         self._lower: dict[int, dict[int, ca.SX]] = {}
         for pivot in self._order:
@@ -67,7 +85,7 @@ class GuardedFactors:
                     updated = rest[i].get(j, 0) - factors[i] * row[j]
                     rest[i][j] = rest[j][i] = updated
                 del rest[i][pivot]
-            self._inverse[pivot], self._lower[pivot] = inverse, factors
+            self.pivots[pivot], self._inverse[pivot], self._lower[pivot] = value, inverse, factors
 
     def solve(self, right: ca.SX) -> ca.SX:
         """The solution (m,) for a right side (m,)."""
@@ -100,7 +118,7 @@ def usual_sizes(conditions: Conditions, start: Start) -> Array:
     """The largest diagonal (m,) of G M⁻¹ Gᵀ around the start, of the rows that are kept."""
     keep = list(start.keep)
     diagonals = [np.zeros(len(keep))]
-    for t, q in start.nearby if keep else ():
+    for t, q in start.nearby:
         gradient = conditions.gradient(t, q)[keep]
         diagonals.append(np.einsum("ij,ij->i", gradient, np.linalg.solve(conditions.mass(t, q), gradient.T).T))
     return np.asarray(np.max(diagonals, axis=0), dtype=float)

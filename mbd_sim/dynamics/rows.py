@@ -26,14 +26,14 @@ from mbd_sim.mechanism.source import Location
 class Row:
     """One scalar constraint of the joint or constraint at `owner`, which `what` describes.
 
-    `position` is zero where the constraint holds, in m or 1, and None for nonholonomic rows; `velocity` is linear in
-    the twists. `factors` are those of joint coordinates, which both leave out.
+    A holonomic one has a `position` that stays zero, in m or 1, a nonholonomic one a `velocity`, linear in the twists.
+    `factors` are those of joint coordinates, which the position leaves out.
     """
 
     owner: Location
     what: str
-    position: ca.SX | None
-    velocity: ca.SX
+    position: ca.SX | None = None
+    velocity: ca.SX | None = None
     factors: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -45,7 +45,11 @@ class Row:
 def constraint_rows(mechanism: Mechanism, bodies: Bodies, clock: ca.SX) -> list[Row]:
     """The rows of all loops and constraints; `clock` is the time in the constraints' own expressions."""
     writer = _Writer(bodies, clock)
-    rows = [row for joint in mechanism.closing.values() for row in writer.loop(joint)]
+    rows = [
+        Row(("joints", joint.name), what, position)
+        for joint in mechanism.closing.values()
+        for what, position in loop_equations(joint, *loop_ends(joint, bodies))
+    ]
     return rows + [row for constraint in mechanism.constraints for row in writer.constraint(constraint)]
 
 
@@ -53,17 +57,8 @@ class _Writer:
     def __init__(self, bodies: Bodies, clock: ca.SX) -> None:
         self._bodies, self._clock = bodies, clock
 
-    def _holonomic(self, owner: Location, what: str, position: ca.SX) -> Row:
-        rate = self._bodies.rate(position) + ca.jacobian(position, self._clock)
-        return Row(owner, what, position, rate)
-
     def _at(self, place: Attachment) -> Frame:
         return self._bodies.frame(place.part, place.point)
-
-    def loop(self, joint: Joint) -> Iterator[Row]:
-        """The rows of a joint that closes a loop: what its motion leaves out."""
-        for what, position in loop_equations(joint, *loop_ends(joint, self._bodies)):
-            yield self._holonomic(("joints", joint.name), what, position)
 
     def constraint(self, record: c.Constraint) -> Iterator[Row]:
         """The rows of a constraint."""
@@ -72,29 +67,27 @@ class _Writer:
             case c.Distance(first=first, second=second, length=expression):
                 length = function_of(expression, {"t": self._clock})
                 line = self._at(second).position - self._at(first).position
-                yield self._holonomic(owner, "length", (ca.dot(line, line) - length * length) / (2.0 * length))
+                yield Row(owner, "length", (ca.dot(line, line) - length * length) / (2.0 * length))
             case c.Cable(points=points, length=expression):
                 total = -function_of(expression, {"t": self._clock})
                 for one, other in pairwise(points):
                     total += ca.norm_2(self._at(other).position - self._at(one).position)
-                yield self._holonomic(owner, "length", total)
+                yield Row(owner, "length", total)
             case c.Flat(point=point, base=base, normals=normals):
                 frame = self._bodies.frame(base.part, base.point)
                 line = self._at(point).position - frame.position
                 for number, normal in enumerate(normals):
                     what = "distance from the plane" if len(normals) == 1 else f"distance from the line, {number + 1}"
-                    yield self._holonomic(owner, what, ca.dot(frame.rotation @ constant(normal), line))
+                    yield Row(owner, what, ca.dot(frame.rotation @ constant(normal), line))
             case c.Surface(point=point, base=base, axes=axes, equations=equations):
                 frame = self._bodies.frame(base.part, base.point, axes)
                 place = frame.rotation.T @ (self._at(point).position - frame.position)
                 names = {"x": place[0], "y": place[1], "z": place[2], "t": self._clock}
                 for number, equation in enumerate(equations):
                     what = "equation" if len(equations) == 1 else f"equation {number + 1}"
-                    yield self._holonomic(owner, what, function_of(equation, names))
+                    yield Row(owner, what, function_of(equation, names))
             case c.Coupling(factors=factors, value=expression):
-                position = -function_of(expression, {"t": self._clock})
-                rate = ca.jacobian(position, self._clock)
-                yield Row(owner, "coordinates", position, rate, factors)
+                yield Row(owner, "coordinates", -function_of(expression, {"t": self._clock}), factors=factors)
             case c.Rolling():
                 yield from self._rolling(owner, record)
             case c.KnifeEdge(point=point, direction=direction, plane=plane, normal=normal):
@@ -102,7 +95,7 @@ class _Writer:
                 up = carrier.rotation @ constant(normal)
                 across = ca.cross(up, blade.rotation @ constant(direction))
                 slip = blade.velocity - _carried(carrier, blade.position)
-                yield Row(owner, "sideways motion", None, ca.dot(across / ca.norm_2(across), slip))
+                yield Row(owner, "sideways motion", velocity=ca.dot(across / ca.norm_2(across), slip))
 
     def _rolling(self, owner: Location, record: c.Rolling) -> Iterator[Row]:
         """Contact, and no slip at the contact in two directions of the plane (Huston & Liu 11.10.5)."""
@@ -115,11 +108,11 @@ class _Writer:
             down = leaning / ca.sqrt(ca.dot(leaning, leaning))
         arm = -record.radius * down
         contact = wheel.position + arm
-        yield self._holonomic(owner, "contact", ca.dot(up, contact - plane.position))
+        yield Row(owner, "contact", ca.dot(up, contact - plane.position))
         slip = wheel.velocity + ca.cross(wheel.omega, arm) - _carried(plane, contact)
         along = rot.aligning_z(record.normal)[:, :2].T
         for number, direction in enumerate(along):
-            yield Row(owner, f"slip {number + 1}", None, ca.dot(plane.rotation @ constant(direction), slip))
+            yield Row(owner, f"slip {number + 1}", velocity=ca.dot(plane.rotation @ constant(direction), slip))
 
 
 def loop_ends(joint: Joint, bodies: Bodies) -> tuple[Frame, Frame]:

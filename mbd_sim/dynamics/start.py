@@ -54,7 +54,9 @@ def given_start(mechanism: Mechanism, places: Layout) -> tuple[Array, Array]:
     return q, u
 
 
-def assembled_start(mechanism: Mechanism, places: Layout, conditions: Conditions, rows: Sequence[Row]) -> Start:
+def assembled_start(
+    mechanism: Mechanism, places: Layout, make_conditions: Callable[[], Conditions], rows: Sequence[Row]
+) -> Start:
     """Close the loops and find speeds that fit.
 
     :raises MechanismError: a loop cannot be closed, given speeds do not fit, drives work against constraints, or
@@ -63,11 +65,12 @@ def assembled_start(mechanism: Mechanism, places: Layout, conditions: Conditions
     q, u = given_start(mechanism, places)
     if not rows:
         return Start(q, u)
+    conditions = make_conditions()
     q = _closed(mechanism, conditions, rows, q)
-    around = nearby(conditions, q, LATER if _rheonomic(mechanism) else ())
+    around = nearby(conditions, q, LATER if rheonomic(mechanism) else ())
     keep, ranks = independent_rows([conditions.gradient(t, at) for t, at in around])
     _require_agreement(mechanism, conditions, rows, keep, around)
-    if max(ranks) == places.nv and not _rheonomic(mechanism):
+    if max(ranks) == places.nv and not rheonomic(mechanism):
         raise rigid(mechanism, rows, places.nv)
     held = _each(mechanism, "held_speeds")
     speeds = fit_speeds(conditions, 0.0, q, u, held)
@@ -91,7 +94,8 @@ def _each(mechanism: Mechanism, key: str) -> Any:
     return np.array(values, dtype=bool)
 
 
-def _rheonomic(mechanism: Mechanism) -> bool:
+def rheonomic(mechanism: Mechanism) -> bool:
+    """Whether time enters the constraints."""
     texts = [getattr(c, key) for c in mechanism.constraints for key in ("length", "value") if hasattr(c, key)]
     texts += [equation for c in mechanism.constraints for equation in getattr(c, "equations", ())]
     return bool(mechanism.driven_names) or any("t" in names_in(expression.text) for expression in texts)
@@ -105,7 +109,7 @@ def _require_agreement(
     around: Sequence[tuple[float, Array]],
 ) -> None:
     """Refuse drives that ask of redundant rows what the other rows forbid."""
-    if not _rheonomic(mechanism):
+    if not rheonomic(mechanism):
         return
     if all(t == 0.0 for t, _ in around):
         everything = np.ones(len(_each(mechanism, "held")), dtype=bool)

@@ -1,0 +1,1 @@
+"""What can be said of a mechanism before it moves: its mobility, its constraints, its small motions."""

@@ -1,0 +1,123 @@
+"""Degrees of freedom, counted and measured (Huston & Liu, ch. 11; Lidström, ch. 1; Kutzbach's criterion)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbd_sim.dynamics.equations import Equations
+from mbd_sim.mechanism import constraints as c
+from mbd_sim.mechanism.model import GROUND, LABELS, Array, Attachment, Joint, Mechanism, Pose
+
+PARALLEL = 1e-9  # of a unit vector, what two directions may differ by
+PLANAR_FREEDOMS = {"revolute": 1, "prismatic": 1, "planar": 3, "fixed": 0}
+
+
+@dataclass(frozen=True)
+class Mobility:
+    """The degrees of freedom of a mechanism.
+
+    `gross` is 6 N of N parts; `joint_equations` is what its joints and drives take from it and `other_equations` what
+    its constraints do; `kutzbach` is the difference and `planar_kutzbach` the same count with 3 N, where all moves in
+    one plane. `rank` is that of the constraint matrix G for the coordinates of the spanning tree, found along a short
+    run, and `rank_at_start` that at the start; `degrees_of_freedom` is what is left, `redundant` are the equations that
+    the others imply.
+    """
+
+    gross: int
+    joint_equations: int
+    other_equations: int
+    kutzbach: int
+    planar_kutzbach: int | None
+    coordinates: int
+    equations: int
+    rank: int
+    rank_at_start: int
+    degrees_of_freedom: int
+    redundant: tuple[str, ...]
+
+
+def mobility(mechanism: Mechanism, equations: Equations, poses: Mapping[str, Pose]) -> Mobility:
+    """Count and measure; `poses` are those of the parts at the start."""
+    joints = list(mechanism.all_joints.values())
+    taken = sum(6 - _freedoms(joint) for joint in joints)
+    others = sum(row.owner[0] == "constraints" for row in equations.rows)
+    start, size = equations.start, equations.layout.nv
+    return Mobility(
+        gross=6 * len(mechanism.parts),
+        joint_equations=taken,
+        other_equations=others,
+        kutzbach=6 * len(mechanism.parts) - taken - others,
+        planar_kutzbach=_planar(mechanism, {**poses, GROUND: Pose(np.zeros(3), np.eye(3))}),
+        coordinates=size,
+        equations=len(equations.rows),
+        rank=start.rank,
+        rank_at_start=start.ranks[0],
+        degrees_of_freedom=size - start.rank,
+        redundant=tuple(row.name for index, row in enumerate(equations.rows) if index not in start.keep),
+    )
+
+
+def _freedoms(joint: Joint) -> int:
+    return 0 if joint.drive else len(LABELS[joint.type])
+
+
+def _planar(mechanism: Mechanism, poses: Mapping[str, Pose]) -> int | None:
+    """Kutzbach's count in the plane, where the mechanism moves in one and nothing else can."""
+    joints = list(mechanism.all_joints.values())
+    if any(joint.type not in PLANAR_FREEDOMS for joint in joints):
+        return None
+    axes = {j.name: poses[j.parent].rotation @ j.parent_pose.rotation @ j.axis for j in joints if j.axis.any()}
+    slides = [axes[j.name] for j in joints if j.type == "prismatic"]
+    normals = [axes[j.name] for j in joints if j.type in ("revolute", "planar")]
+    normals += [np.cross(slides[0], slide) for slide in slides if not _along(slides[0], slide)]
+    if not normals:
+        return None
+    normal = normals[0] / np.linalg.norm(normals[0])
+    if not all(_along(other, normal) for other in normals) or not all(_across(slide, normal) for slide in slides):
+        return None
+    equations = 0
+    for constraint in mechanism.constraints:
+        if (count := _planar_equations(constraint, poses, normal)) is None:
+            return None
+        equations += count
+    taken = sum(3 if joint.drive else 3 - PLANAR_FREEDOMS[joint.type] for joint in joints)
+    return 3 * len(mechanism.parts) - taken - equations
+
+
+def _planar_equations(constraint: c.Constraint, poses: Mapping[str, Pose], normal: Array) -> int | None:
+    """How many equations a constraint gives in a plane, or None where it does not lie in it."""
+
+    def world(at: Attachment, direction: Array) -> Array:
+        return poses[at.part].rotation @ direction
+
+    def place(at: Attachment) -> Array:
+        return poses[at.part].position + poses[at.part].rotation @ at.point
+
+    match constraint:
+        case c.Coupling():
+            return 1
+        case c.Distance(first=first, second=second):
+            return 1 if _across(place(second) - place(first), normal) else None
+        case c.Cable(points=points):
+            return 1 if all(_across(place(point) - place(points[0]), normal) for point in points) else None
+        case c.Flat(base=base, normals=normals):
+            directions = [world(base, direction) for direction in normals]
+            inside = [direction for direction in directions if not _along(direction, normal)]
+            return len(inside) if all(_across(direction, normal) for direction in inside) else None
+        case c.Rolling(axis=axis, center=center, plane=plane, normal=up) if axis is not None:
+            upright = _along(world(center, axis), normal) and _across(world(plane, up), normal)
+            return 2 if upright else None
+        case c.KnifeEdge(plane=plane, normal=up):
+            return 1 if _along(world(plane, up), normal) else None
+    return None
+
+
+def _along(direction: Array, normal: Array) -> bool:
+    return bool(np.linalg.norm(np.cross(direction, normal)) < PARALLEL)
+
+
+def _across(direction: Array, normal: Array) -> bool:
+    return bool(abs(float(direction @ normal)) < PARALLEL * max(1.0, float(np.linalg.norm(direction))))
