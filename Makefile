@@ -1,6 +1,7 @@
 # make run    set everything up and run the double pendulum: make run ARGS="-p mechanism:=rod_pendulum -p rerun:=spawn"
 # make test   set everything up and run every test, ruff and mypy
 # make setup  only set up: .venv with all that is needed, with the ROS 2 wheels unless a ROS 2 environment is sourced
+# make gallery  draw the mechanisms that ship anew, for docs/gallery.md
 # make bench  measure speed and start-up
 # make clean  remove .venv and what was built
 
@@ -8,7 +9,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
 
-.PHONY: setup run test lint bench clean
+.PHONY: setup run test lint gallery bench clean
 
 setup: $(VENV)/ready
 
@@ -25,6 +26,9 @@ lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+gallery: setup
+	$(BIN)/python -m mbd_sim.drawing.gallery docs
 
 bench: setup
 	$(BIN)/python benchmarks/speed.py

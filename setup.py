@@ -43,6 +43,7 @@ setup(
     install_requires=[
         "casadi>=3.6",
         "llvmlite>=0.45",
+        "matplotlib>=3.8",
         "mcap>=1.2",
         "numpy>=1.26",
         "pint>=0.24",
@@ -50,6 +51,7 @@ setup(
         "pyyaml>=6.0",
         "rerun-sdk>=0.29",
         "rich>=13.0",
+        "sympy>=1.12",
     ],
     extras_require={
         # Beside a ROS 2 installation these come from the system instead.

@@ -40,6 +40,10 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="also mass centre, inertia and principal axes of each part and the whole",
     )
+    check.add_argument("--draw", metavar="PICTURE", help="also draw it as it starts, into a .png or .svg file")
+    check.add_argument(
+        "--latex", action="store_true", help="print the equations of motion of a small mechanism as LaTeX instead"
+    )
     check.set_defaults(command=_check)
 
     run = commands.add_parser("run", help="run a mechanism as fast as possible, without ROS")
@@ -79,10 +83,20 @@ def _positive(text: str) -> float:
 
 def _check(options: argparse.Namespace) -> int:
     from mbd_sim.inertia_report import inertia_report, inertia_text
-    from mbd_sim.report import report, report_text
+    from mbd_sim.report import report
+    from mbd_sim.report_text import report_text
     from mbd_sim.simulation import Simulation
 
     simulation = Simulation.from_file(options.mechanism)
+    if options.draw:
+        from mbd_sim.drawing import draw
+
+        draw(simulation.mechanism, simulation.poses(), options.draw)
+    if options.latex:
+        from mbd_sim.symbolic import symbolic_equations, to_latex
+
+        print(to_latex(symbolic_equations(simulation.mechanism)))
+        return 0
     found = report(simulation)
     if options.inertia:
         found["inertia"] = inertia_report(simulation.mechanism.parts, simulation.poses())

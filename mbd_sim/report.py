@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from mbd_sim.analysis.inertia_split import inertia_split
 from mbd_sim.analysis.integrable import integrable_rows
 from mbd_sim.analysis.linear import equilibrium, is_autonomous, linearize, modes
 from mbd_sim.analysis.mobility import mobility
@@ -47,6 +48,7 @@ def report(simulation: Simulation) -> dict[str, Any]:
         "gravity": mechanism.gravity.tolist(),
         "start": {"q": simulation.q.tolist(), "u": simulation.u.tolist(), **energies._asdict()},
         "mass_matrix": _mass_matrix(simulation),
+        "inertia_forces": _inertia_forces(simulation),
         "small_motions": _small_motions(equations, simulation.model.kernel.instructions),
         "integrator": {
             "method": simulation.model.method.name,
@@ -93,6 +95,20 @@ def _kinetic(simulation: Simulation, speeds: Array) -> float:
     y = simulation.state
     y[simulation.model.u_range] = speeds
     return simulation.model.energies(0.0, y).kinetic
+
+
+def _inertia_forces(simulation: Simulation) -> dict[str, Any] | None:
+    """What the drives add to the inertia forces at the start, or None where nothing is driven."""
+    model = simulation.model
+    if not model.driven_names or not len(simulation.u):
+        return None
+    rates = np.array(model.equations.rates.call([0.0, simulation.state, simulation.efforts])[0]).ravel()
+    split = inertia_split(model.equations)
+    terms = split.at(0.0, simulation.q, simulation.u, rates[model.u_range])
+    return {
+        **{name: values.tolist() for name, values in terms._asdict().items()},
+        "gyroscopic_matrix": split.gyroscopic_matrix(0.0, simulation.q).tolist(),
+    }
 
 
 def _small_motions(equations: Equations, instructions: int) -> dict[str, Any]:

@@ -36,6 +36,7 @@ def report_text(found: dict[str, Any]) -> str:
         f"Start energies      kinetic {start['kinetic']:.6g} J, potential {start['potential']:.6g} J, "
         f"total {start['total']:.6g} J",
         *_mass(found["mass_matrix"]),
+        *_inertia_forces(found["inertia_forces"]),
         *_motions(found["small_motions"]),
         f"Integrator          {integrator['method']} (order {integrator['order']}), step {integrator['step']:g} s, "
         f"{integrator['instructions_per_evaluation']} instructions for the accelerations",
@@ -97,6 +98,21 @@ def _mass(matrix: dict[str, Any]) -> list[str]:
         f"Kinetic energy      T2 {matrix['T2']:.6g} J (squares of the speeds), T1 {matrix['T1']:.6g} J, "
         f"T0 {matrix['T0']:.6g} J",
     ]
+
+
+def _inertia_forces(terms: dict[str, Any] | None) -> list[str]:
+    """The parts of d/dt(∂T/∂q') - ∂T/∂q that motion with time makes; a gyroscopic matrix where it is not zero."""
+    if terms is None:
+        return []
+    complementary = [a + b for a, b in zip(terms["gyroscopic"], terms["unsteady"], strict=True)]
+    lines = [
+        f"Inertia terms       relative {_vector(terms['relative'])}, transport {_vector(terms['transport'])}, "
+        f"Coriolis {_vector(complementary)} at the start"
+    ]
+    if max(abs(value) for row in terms["gyroscopic_matrix"] for value in row) > 1e-12:
+        rows = ", ".join(_vector(row) for row in terms["gyroscopic_matrix"])
+        lines.append(f"  gyroscopic matrix [{rows}]: skew, it does no work")
+    return lines
 
 
 def _motions(small: dict[str, Any]) -> list[str]:

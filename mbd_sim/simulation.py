@@ -118,9 +118,12 @@ class Simulation:
             raise DivergedError(
                 f"{self.mechanism.name}: the motion became infinite between t = {self.time:g} s and "
                 f"{(self.steps + n) * self.step_size:g} s. Use a smaller step than {self.step_size:g} s, or check the "
-                "efforts, stiffnesses, start values and drives."
+                f"efforts, stiffnesses, start values and drives{self._loops_too()}."
             )
         self.steps += n
+
+    def _loops_too(self) -> str:
+        return ", and whether the loops can follow the motion" if self.model.equations.rows else ""
 
     def run(self, until: float, progress: Callable[[float], None] | None = None) -> None:
         """Advance to the step nearest to time `until` in s; `progress` hears the time now and then.

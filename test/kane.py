@@ -10,51 +10,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from jets import Jet, expression_jet
+from kane_laws import dry_friction, elastic, power_law
+from kane_rows import forbidden
 
-from mbd_sim.mechanism.expression import Arithmetic, walk
+from mbd_sim.mechanism.laws import GreenStrain
 
 GROUND = "ground"
 
 
 def cross_matrix(v):
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-
-
-class Jet:
-    """A value with its first and second derivatives by time."""
-
-    def __init__(self, value, first=None, second=None):
-        self.d = [np.asarray(value, dtype=float)]
-        for derivative in (first, second):
-            self.d.append(np.zeros_like(self.d[0]) if derivative is None else np.asarray(derivative, dtype=float))
-
-    def __add__(self, other):
-        other = other if isinstance(other, Jet) else Jet(other)
-        return Jet(*(a + b for a, b in zip(self.d, other.d, strict=True)))
-
-    def __neg__(self):
-        return Jet(*(-a for a in self.d))
-
-    def __matmul__(self, other):
-        return self.product(other, np.matmul)
-
-    def __mul__(self, other):
-        return self.product(other, np.multiply)
-
-    def __rmul__(self, other):
-        return self.linear(lambda a: a * other)
-
-    def product(self, other, by):
-        other = other if isinstance(other, Jet) else Jet(other)
-        (a, a1, a2), (b, b1, b2) = self.d, other.d
-        return Jet(by(a, b), by(a1, b) + by(a, b1), by(a2, b) + 2.0 * by(a1, b1) + by(a, b2))
-
-    def linear(self, function):
-        return Jet(*(function(a) for a in self.d))
-
-    @property
-    def transposed(self):
-        return self.linear(np.transpose)
 
 
 @dataclass
@@ -101,19 +67,9 @@ def places(mechanism):
     return found, nq, nv
 
 
-def _sine(x):
-    s, c = np.sin(x.d[0]), np.cos(x.d[0])
-    return Jet(s, c * x.d[1], c * x.d[2] - s * x.d[1] ** 2)
-
-
-JETS = Arithmetic({"sin": (1, _sine)}, power=None)
-
-
 def _driven(expression, t):
-    """A drive's value and derivatives; its numbers become jets by being multiplied with one."""
-    names = {name: Jet(value) for name, value in expression.names.items()}
-    value = walk(expression.text, {**names, "t": Jet(t, 1.0)}, JETS)
-    return value if isinstance(value, Jet) else Jet(value)
+    """A drive's value and derivatives."""
+    return expression_jet(expression, t=Jet(t, 1.0))
 
 
 def _turn(axis, x):
@@ -211,10 +167,19 @@ def joint_forces(mechanism, q, u, efforts):
                 stretch = q[in_q.start + place] - joint.rest[place]
                 forces[row] -= joint.stiffness[place] * stretch
                 potential += 0.5 * joint.stiffness[place] * stretch**2
+                if joint.spring is not None:
+                    force, energy = elastic(joint.spring, stretch)
+                    forces[row] -= force
+                    potential += energy
+        if joint.damper is not None:
+            forces[in_u.start] -= power_law(joint.damper, u[in_u.start])
+        if joint.friction is not None:
+            forces[in_u.start] -= dry_friction(joint.friction, u[in_u.start])
         if joint.limits is not None and joint.limits.stiffness:
             x = q[in_q.start]
             excess = x - min(max(x, joint.limits.lower), joint.limits.upper)
-            forces[in_u.start] -= joint.limits.stiffness * excess
+            deeper = np.sign(excess) * u[in_u.start]
+            forces[in_u.start] -= joint.limits.stiffness * excess * max(0.0, 1.0 + joint.limits.damping * deeper)
             potential += 0.5 * joint.limits.stiffness * excess**2
     return forces, potential
 
@@ -234,29 +199,77 @@ def element_forces(mechanism, moving, t):
         (a, a1), (b, b1) = (_velocity_of(moving, at) for at in (spring.first, spring.second))
         line, length = b - a, np.linalg.norm(b - a)
         along = line / length
-        tension = spring.stiffness * (length - spring.length) + spring.damping * along @ (b1 - a1)
-        found += [(spring.first, False, tension * along), (spring.second, False, -tension * along)]
-        energy += 0.5 * spring.stiffness * (length - spring.length) ** 2
+        stretch = length - spring.length
+        if isinstance(spring.law, GreenStrain):
+            k, natural = spring.law.stiffness, spring.law.length
+            force = k * stretch * (1.0 + stretch / natural) * (1.0 + stretch / (2.0 * natural))
+            stored = 0.5 * k * stretch**2 * (1.0 + stretch / (2.0 * natural)) ** 2
+        else:
+            force, stored = elastic(spring.law, stretch)
+        tension = force + spring.damping * along @ (b1 - a1)
+        weight = spring.mass * mechanism.gravity / 2.0
+        found += [(spring.first, False, tension * along + weight), (spring.second, False, weight - tension * along)]
+        energy += stored - weight @ (a + b)
+    for damper in mechanism.dampers:
+        (a, a1), (b, b1) = (_velocity_of(moving, at) for at in (damper.first, damper.second))
+        force = power_law(damper.law, b1 - a1)
+        if damper.needs_line:
+            along = (b - a) / np.linalg.norm(b - a)
+            force = along * power_law(damper.law, along @ (b1 - a1))
+        found += [(damper.first, False, force), (damper.second, False, -force)]
     for applied in mechanism.applied:
-        vector = np.array([float(_driven(expression, t).d[0]) for expression in applied.vector])
-        if applied.following:
-            vector = moving[applied.at.part].rotation.d[0] @ vector
+        vector = np.array([expression.at(t) for expression in applied.vector])
+        vector = applied.axes @ vector
+        if applied.axes_of != GROUND:
+            vector = moving[applied.axes_of].rotation.d[0] @ vector
         found.append((applied.at, applied.couple, vector))
     return found, energy
 
 
+RANK = 1e-9  # of the largest singular value, what counts as none
+
+
 @dataclass
 class Equations:
-    """M u' = f, with u', the energies, and the condition of M scaled to a unit diagonal."""
+    """M u' = f + Gᵀ λ with G u' + γ = 0: u', the energies, and the condition of M scaled to a unit diagonal.
+
+    `gradient` is G (m, nv), `bias` γ (m,), and `misses` (m,) what the velocities are off.
+    """
 
     mass: np.ndarray
     forces: np.ndarray
     kinetic: float
     potential: float
+    gradient: np.ndarray
+    bias: np.ndarray
+    misses: np.ndarray
 
     @property
     def accelerations(self):
-        return np.linalg.solve(self.mass, self.forces)
+        """Free accelerations, and the smallest change of them, measured by M, that meets the constraints (Gauss)."""
+        free = np.linalg.solve(self.mass, self.forces)
+        if not self.gradient.size:
+            return free
+        unit, rows, sizes = self._unit
+        defect = (self.gradient @ free + self.bias) / sizes
+        return free - unit @ np.linalg.lstsq(rows, defect, rcond=RANK)[0]
+
+    @property
+    def _unit(self):
+        """Speeds (nv, nv) that have a unit mass matrix, and G of these with rows of unit length, and their sizes."""
+        unit = np.linalg.inv(np.linalg.cholesky(self.scaled)).T / self.scale[:, None]
+        rows = self.gradient @ unit
+        sizes = np.linalg.norm(rows, axis=1)
+        sizes[sizes < 1e-13 * np.max(sizes, initial=0.0)] = np.inf
+        return unit, rows / sizes[:, None], sizes
+
+    @property
+    def stiffness(self):
+        """The condition of G M⁻¹ Gᵀ, with rows of unit length, on its range."""
+        if not self.gradient.size:
+            return 1.0
+        values = np.linalg.svd(self._unit[1])[1]
+        return (values[0] / values[values > RANK * values[0]].min()) ** 2
 
     @property
     def condition(self):
@@ -303,7 +316,46 @@ def equations(mechanism, q, u, efforts, t=0.0):
         velocity = motion.center.d[1]
         kinetic += 0.5 * part.mass * velocity @ velocity + 0.5 * w @ part.inertia @ w
         potential -= part.mass * mechanism.gravity @ motion.center.d[0]
-    return Equations(mass, forces, kinetic, potential)
+    for spring in mechanism.springs:
+        for at in (spring.first, spring.second):  # of a spring with mass one end rests, and the other has a third of it
+            if at.part == GROUND or not spring.mass:
+                continue
+            partial = np.array([_velocity_of(m, at)[1] - _velocity_of(still, at)[1] for m in unit]).reshape(nv, 3)
+            frame = at_rest[at.part]
+            forces -= partial @ (frame.origin.d[2] + frame.rotation.d[2] @ at.point) * spring.mass / 3.0
+            mass += partial @ partial.T * spring.mass / 3.0
+            velocity = _velocity_of(at_rest, at)[1]
+            kinetic += velocity @ velocity * spring.mass / 6.0
+    gradient, bias, misses = constraint_rows(mechanism, q, u, t)
+    return Equations(mass, forces, kinetic, potential, gradient, bias, misses)
+
+
+def coordinate_jets(mechanism, q, u, t):
+    """The jets of all joint coordinates by name at u' = 0; angular velocities have none."""
+    where, _, _ = places(mechanism)
+    found = {}
+    for name, joint in mechanism.joints.items():
+        in_q, in_u = where[name]
+        values = [_driven(expression, t) for expression in joint.drive]
+        if not values and joint.type != "spherical":
+            values = [Jet(x, x1) for x, x1 in zip(q[in_q], u[in_u], strict=False)]
+            values = values[:3] if joint.type == "free" else values
+        found |= dict(zip(joint.motion_names, values, strict=False))
+    return found
+
+
+def constraint_rows(mechanism, q, u, t):
+    """G (m, nv), γ (m,), and the velocities (m,) that should be zero; G by unit speeds."""
+    nv = places(mechanism)[2]
+
+    def velocities(speeds):
+        rows = forbidden(mechanism, motions(mechanism, q, speeds, t=t), coordinate_jets(mechanism, q, speeds, t), t)
+        return [np.concatenate([np.zeros(0), *(np.atleast_1d(row.d[place]) for row in rows)]) for place in (0, 1)]
+
+    value, rate = velocities(u)
+    still = velocities(np.zeros(nv))[0]
+    gradient = np.array([velocities(direction)[0] - still for direction in np.eye(nv)]).reshape(nv, len(still)).T
+    return gradient, rate, value
 
 
 def momentum(mechanism, q, u):

@@ -8,6 +8,7 @@ import re
 import numpy as np
 from hypothesis import strategies as st
 
+from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.mechanism.library import shipped
 from mbd_sim.mechanism.load import parse_mechanism
@@ -113,7 +114,7 @@ def accelerations(equations, q, u, efforts=None, t=0.0):
     """u' (nv,) of derived equations, evaluated by CasADi."""
     places = equations.layout
     y = np.concatenate([q, u, np.zeros(3)])
-    rates = equations.rates(t, y, np.zeros(places.nv) if efforts is None else efforts)
+    rates = equations.rates.call([t, y, np.zeros(places.nv) if efforts is None else efforts])[0]
     return np.array(rates).ravel()[places.nq : places.nq + places.nv]
 
 
@@ -136,6 +137,24 @@ def random_state(mechanism, rng, reach=2.0):
             q += [*rng.uniform(-reach, reach, len(joint.coordinate_names))]
     nv = len(mechanism.coordinate_names)
     return np.array(q), rng.uniform(-2.0, 2.0, nv), rng.uniform(-5.0, 5.0, nv)
+
+
+def consistent_state(equations, rng, t=0.0, reach=1.0):
+    """Coordinates, speeds and efforts that fit the constraints at time t, up to `reach` from the start's branch."""
+    conditions, nv = equations.conditions, equations.layout.nv
+    for _ in range(20):
+        away = conditions.moved(equations.start.q, rng.uniform(-reach, reach, nv))
+        closing = close_loops(conditions, t, away, np.ones(nv, dtype=bool))
+        if closing.closed:
+            speeds = nearest_speeds(conditions, t, closing.q, rng.uniform(-2.0, 2.0, nv))
+            return closing.q, speeds, rng.uniform(-5.0, 5.0, nv)
+        reach *= 0.7
+    raise AssertionError("no closed configuration found")
+
+
+def violation(sim, equations):
+    """The largest violation of the constraints at a simulation's state: of positions in m or 1, and of velocities."""
+    return float(np.max(np.abs(np.array(equations.violation(sim.time, sim.state))), initial=0.0))
 
 
 def _random_inertia(rng, size):
@@ -171,6 +190,42 @@ def _random_axes(rng, kind, oblique):
     return {}
 
 
+def _random_curve(rng):
+    """A nonlinear law: an expression, or a table."""
+    if rng.random() < 0.5:
+        return {"force": f"{rng.uniform(1, 9)}*x + {rng.uniform(-3, 3)}*x**3 + {rng.uniform(-3, 3)}*sin(2*x)"}
+    count = int(rng.integers(2, 6))
+    rows = np.column_stack([np.cumsum(rng.uniform(0.1, 0.9, count)) - 1.0, rng.uniform(-9, 9, count)])
+    return {"table": rows.tolist()}
+
+
+def _random_friction(rng):
+    coulomb = float(rng.uniform(0.1, 2.0))
+    friction = {"coulomb": coulomb, "viscous": float(rng.uniform(0, 1)), "regularisation": float(rng.uniform(0.05, 1))}
+    if rng.random() < 0.5:
+        friction |= {"static": coulomb * float(rng.uniform(1, 2)), "stribeck_velocity": float(rng.uniform(0.1, 1))}
+    return friction
+
+
+def _random_power(rng):
+    exponent = float(rng.choice([0.5, 1.0, 1.5, 2.0, 3.0]))
+    return {"coefficient": float(rng.uniform(0.1, 3)), "exponent": exponent}
+
+
+def _random_tie(rng, kind, ends, to_ground):
+    """A spring, bar or damper between two points."""
+    if kind == "damper":
+        return {"type": kind, "between": ends, "along": str(rng.choice(["line", "velocity"])), **_random_power(rng)}
+    tie = {"type": kind, "between": ends, "length": float(rng.uniform(0.1, 1)), "damping": float(rng.uniform(0, 2))}
+    if kind == "elastic_bar":
+        return tie | {"stiffness": float(rng.uniform(1, 20)), "strain": str(rng.choice(["green", "small"]))}
+    tie |= {"stiffness": float(rng.uniform(1, 20))} if rng.random() < 0.5 else _random_curve(rng)
+    return tie | {"mass": float(rng.uniform(0.1, 2))} if to_ground and rng.random() < 0.5 else tie
+
+
+TIES = ("spring", "elastic_bar", "damper")
+
+
 def _random_forces(rng, kinds, parts):
     """Force elements at the points of the parts."""
     points = [f"{name}.{point}" for name, part in parts.items() for point in part["points"]]
@@ -178,11 +233,10 @@ def _random_forces(rng, kinds, parts):
     for number, kind in enumerate(kinds):
         first, second = rng.choice(points), rng.choice([*points, "ground"])
         vector = [f"{rng.uniform(-3, 3)}*sin({rng.uniform(-3, 3)}*t) + {rng.uniform(-3, 3)}" for _ in range(3)]
-        common = {"vector": vector, "axes": str(rng.choice(["ground", "part"]))}
+        common = {"vector": vector, "axes": str(rng.choice(["ground", "part", *parts, *points]))}
         joined = re.sub(r".*\D", "", first) == re.sub(r".*\D", "", second)  # maybe the two ends of one joint
-        if kind == "spring" and first.split(".")[0] != second.split(".")[0] and not joined:
-            amounts = {"stiffness": rng.uniform(1, 20), "length": rng.uniform(0.1, 1), "damping": rng.uniform(0, 2)}
-            forces[f"f{number}"] = {"type": "spring", "between": [str(first), str(second)], **amounts}
+        if kind in TIES and first.split(".")[0] != second.split(".")[0] and not joined:
+            forces[f"f{number}"] = _random_tie(rng, kind, [str(first), str(second)], second == "ground")
         elif kind == "force":
             forces[f"f{number}"] = {"type": "force", "at": str(first), **common}
         elif kind == "couple":
@@ -195,13 +249,13 @@ SEVERAL = {"cylindrical": 2, "universal": 2, "planar": 3}
 
 
 @st.composite
-def random_trees(draw, most=5):
+def random_trees(draw, most=5, fewest=1):
     """The text of a random open chain, and a random generator for its state."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     parts, joints = {}, {}
     ground_points = {}
     names = ["ground"]
-    for number in range(draw(st.integers(1, most))):
+    for number in range(draw(st.integers(fewest, most))):
         name, inboard = f"p{number}", draw(st.sampled_from(names))
         mass = float(10.0 ** rng.uniform(-1.0, 1.0))
         points = {f"to{number}": _random_point(rng)}
@@ -229,15 +283,21 @@ def random_trees(draw, most=5):
         elif kind == "spherical":
             joint["damping"] = float(rng.uniform(0.1, 2.0))
         elif kind in ("revolute", "prismatic", "screw"):
+            laws = kind != "screw" and draw(st.booleans())
             if draw(st.booleans()):
-                joint |= {"stiffness": float(rng.uniform(1.0, 20.0)), "rest": float(rng.uniform(-1.0, 1.0))}
+                spring = {"spring": _random_curve(rng)} if laws else {"stiffness": float(rng.uniform(1.0, 20.0))}
+                joint |= {**spring, "rest": float(rng.uniform(-1.0, 1.0))}
             if draw(st.booleans()):
                 joint["damping"] = float(rng.uniform(0.1, 2.0))
+            if laws and draw(st.booleans()):
+                joint |= {"damper": _random_power(rng), "friction": _random_friction(rng)}
             if draw(st.booleans()):
                 joint["limits"] = {"lower": -0.8, "upper": 0.9, "stiffness": 30.0}
+                if draw(st.booleans()):
+                    joint["limits"]["damping"] = float(rng.uniform(0.1, 2.0))
         joints[f"j{number}"] = joint
         names.append(name)
-    forces = _random_forces(rng, draw(st.lists(st.sampled_from(["spring", "force", "couple"]), max_size=3)), parts)
+    forces = _random_forces(rng, draw(st.lists(st.sampled_from([*TIES, "force", "couple"]), max_size=3)), parts)
     order = draw(st.permutations(list(joints)))
     tree = {
         "mechanism": "random",

@@ -13,11 +13,12 @@ VANISHING = 1e-9  # of the derivatives themselves, what their skew part may be
 
 
 def integrable_rows(equations: Equations) -> dict[int, bool]:
-    """For each nonholonomic row, by its index, whether its differential form is closed on what the rows allow.
+    """For each nonholonomic row, by its index, whether it comes from a function of position.
 
-    A form ω = a(x) dx, with x of the coordinates and the time, comes from a function of position exactly where dω
-    vanishes on all pairs of directions that the constraints allow. That is tested in the configurations around the
-    start.
+    The forms ω = a(x) dx of some rows, with x of the coordinates and the time, do so together exactly where each dω
+    vanishes on all pairs of directions that these rows and the holonomic ones allow. So rows for which it does not
+    are given up, which allows more directions, until none is (the derived flag). That is tested in the configurations
+    around the start.
     """
     rows = [index for index, row in enumerate(equations.rows) if row.position is None]
     if not rows:
@@ -35,15 +36,24 @@ def integrable_rows(equations: Equations) -> dict[int, bool]:
     x = ca.vertcat(q, t)
     turning = [ca.jacobian(forms[index, :].T, x) for index in rows]
     look = ca.Function("forms", [t, q], [gradient, drift, to_rates, *turning])
-    closed = dict.fromkeys(rows, True)
-    for moment, at in equations.start.nearby:
-        g, b, n, *curls = (np.array(value) for value in look(moment, at))
-        allowed = _directions(g, b, n)
-        for index, curl in zip(rows, curls, strict=True):
-            skew = allowed.T @ (curl - curl.T) @ allowed
-            size = _largest(curl) * max(_largest(allowed), 1.0) ** 2
-            closed[index] &= _largest(skew) <= VANISHING * max(size, 1.0)
-    return closed
+    seen = [[np.array(value) for value in look(moment, at)] for moment, at in equations.start.nearby]
+    left, given_up = set(rows), set(rows)
+    while given_up:
+        kept = [index for index in range(len(equations.rows)) if index not in rows or index in left]
+        given_up = {
+            index
+            for g, b, n, *curls in seen
+            for index, curl in zip(rows, curls, strict=True)
+            if index in left and not _closed(curl, _directions(g[kept], b[kept], n))
+        }
+        left -= given_up
+    return {index: index in left for index in rows}
+
+
+def _closed(curl: Array, allowed: Array) -> bool:
+    skew = allowed.T @ (curl - curl.T) @ allowed
+    size = _largest(curl) * max(_largest(allowed), 1.0) ** 2
+    return _largest(skew) <= VANISHING * max(size, 1.0)
 
 
 def _largest(values: Array) -> float:

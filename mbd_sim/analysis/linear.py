@@ -14,7 +14,7 @@ from mbd_sim.dynamics.equations import Equations
 from mbd_sim.mechanism.model import Array
 
 STARTS, ITERATIONS, LONGEST = 12, 80, 0.3
-STILL = 1e-6  # 1/s, below which an eigenvalue is a zero that round-off has split
+STILL = 1e-4  # 1/s, below which an eigenvalue is a zero that round-off has split
 UNDAMPED = 1e-12  # damping ratios of round-off
 BALANCED = 1e-9  # of the largest free acceleration, what an equilibrium may leave
 
@@ -136,27 +136,27 @@ def _balance(equations: Equations, q: Array) -> Array | None:
         y = np.concatenate([q, at_rest, np.zeros(3)])
         return np.array(equations.rates.call([0.0, y, at_rest])[0]).ravel()[nq : nq + nv]
 
-    scale = None
-    for _ in range(ITERATIONS):
+    best, least, scale = None, math.inf, 1.0
+    for iteration in range(ITERATIONS):
         closing = close_loops(conditions, 0.0, q, everything) if equations.rows else None
         if closing is not None:
             if not closing.closed:
-                return None
+                break
             q = closing.q
         off = defect(q)
         size = float(np.linalg.norm(off))
-        scale = max(size, 1e-9) if scale is None else scale
-        if not math.isfinite(size):
-            return None
-        if size <= BALANCED * max(scale, 1.0):
-            return q
+        scale = max(scale, size) if iteration == 0 else scale
+        if not math.isfinite(size) or (least <= BALANCED * scale and size >= 0.5 * least):
+            break
+        if size < least:
+            best, least = q, size
         free = null_space(conditions.gradient(0.0, q))
         by_state, _, to_rates = (np.array(value) for value in look(0.0, q, at_rest, at_rest))
         slope = by_state[:, :nq] @ to_rates @ free
         step = -free @ np.linalg.lstsq(slope, off, rcond=1e-10)[0]
         step *= min(1.0, LONGEST / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
         q = conditions.moved(q, step)
-    return None
+    return best if least <= BALANCED * scale else None
 
 
 def is_autonomous(equations: Equations) -> bool:

@@ -1,6 +1,6 @@
 """CasADi's instruction lists to LLVM IR: one scalar instruction each, in IEEE 754 order.
 
-No flag allows LLVM to reassociate or contract, so that the same list gives the same bits on every machine.
+Only divisions by the same number become one reciprocal and products, as a division costs some ten of them. No flag allows LLVM to reassociate or contract, so that the same list gives the same bits on every machine.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _BINARY: dict[int, Build2] = {
     ca.OP_NE: lambda low, x, y: low.truth(low.builder.fcmp_unordered("!=", x, y)),
     ca.OP_IF_ELSE_ZERO: lambda low, x, y: low.if_else_zero(x, y),
 }
-# These are the C library's own: only expressions of time need them, and their last bits depend on the library.
+# These are the C library's own: only expressions, friction and powers need them. Their last bits depend on the library.
 _LIBRARY: dict[int, str] = {
     ca.OP_EXP: "exp",
     ca.OP_LOG: "log",
@@ -81,10 +81,12 @@ class _Lowering:
     def __init__(self, module: ir.Module, builder: ir.IRBuilder) -> None:
         self.module, self.builder = module, builder
         self.pairs: dict[int, tuple[ir.Value, ir.Value]] = {}
+        self.reciprocals: dict[int, ir.Value] = {}
         self.kept: list[ir.Value] = []
 
     def run(self, function: ca.Function, inputs: Sequence[ir.Value], outputs: Sequence[ir.Value]) -> None:
         work: list[ir.Value | None] = [None] * function.sz_w()
+        by_reciprocal = shared_divisions(function)
         for index in range(function.n_instructions()):
             operation = function.instruction_id(index)
             target, source = function.instruction_output(index), function.instruction_input(index)
@@ -94,6 +96,10 @@ class _Lowering:
                 self.builder.store(work[source[0]], element(self.builder, outputs[target[0]], target[1]))
             elif operation == ca.OP_CONST:
                 work[target[0]] = number(function.instruction_constant(index))
+            elif index in by_reciprocal:
+                inverse = self.reciprocal(work[source[0 if operation == ca.OP_INV else 1]])
+                inverted = operation == ca.OP_INV
+                work[target[0]] = inverse if inverted else self.builder.fmul(work[source[0]], inverse)
             elif operation in _UNARY:
                 work[target[0]] = _UNARY[operation](self, work[source[0]])
             elif operation in _BINARY:
@@ -126,6 +132,13 @@ class _Lowering:
             self.kept.append(angle)
         return self.pairs[id(angle)]
 
+    def reciprocal(self, divisor: ir.Value) -> ir.Value:
+        """1 / divisor, computed once."""
+        if id(divisor) not in self.reciprocals:
+            self.reciprocals[id(divisor)] = self.builder.fdiv(number(1.0), divisor)
+            self.kept.append(divisor)
+        return self.reciprocals[id(divisor)]
+
     def select(self, order: str, x: ir.Value, y: ir.Value) -> ir.Value:
         return self.builder.select(self.builder.fcmp_ordered(order, x, y), x, y)
 
@@ -134,6 +147,20 @@ class _Lowering:
 
     def if_else_zero(self, condition: ir.Value, value: ir.Value) -> ir.Value:
         return self.builder.select(self.builder.fcmp_unordered("!=", condition, number(0.0)), value, number(0.0))
+
+
+def shared_divisions(function: ca.Function) -> frozenset[int]:
+    """The instructions that divide by a number by which another one divides as well."""
+    holds = [-1] * function.sz_w()  # the instruction that made what a place of the work vector holds
+    divisions: dict[int, list[int]] = {}
+    for index in range(function.n_instructions()):
+        operation = function.instruction_id(index)
+        if operation in (ca.OP_DIV, ca.OP_INV):
+            source = function.instruction_input(index)
+            divisions.setdefault(holds[source[0] if operation == ca.OP_INV else source[1]], []).append(index)
+        if operation != ca.OP_OUTPUT:
+            holds[function.instruction_output(index)[0]] = index
+    return frozenset(index for group in divisions.values() if len(group) > 1 for index in group)
 
 
 def instruction_count(function: ca.Function) -> int:

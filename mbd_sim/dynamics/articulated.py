@@ -65,17 +65,31 @@ class Articulated:
         shares = self._inward(forces, biases, coriolis)
         return self._outward(shares, coriolis, -gravity, forces.shape[0])
 
+    def acting(self, forces: ca.SX, wrenches: Sequence[ca.SX], gravity: Array) -> tuple[list[ca.SX], list[ca.SX]]:
+        """The shares (., 1) of all that acts, with the links' accelerations (6,) at u' = 0, less that of gravity.
+
+        What `respond` makes of the shares, and adds to these accelerations, is the same as `accelerations`. Where
+        constraint forces are to be added first, this saves one way out and back along the chain.
+        """
+        still: list[ca.SX] = []
+        biases: list[ca.SX] = []
+        base = constant(np.concatenate([np.zeros(3), -gravity]))
+        for link, motion, wrench in zip(self._links, self._motions, wrenches, strict=True):
+            inboard = still[link.parent] if link.parent >= 0 else base
+            still.append(ca.sparsify(motion.transform @ inboard + bias_acceleration(motion)))
+            biases.append(ca.sparsify(constant(link.inertia) @ still[-1] + bias_force(link, motion) - wrench))
+        return self._inward(forces, biases, None), still
+
     def shares(self, forces: ca.SX) -> list[ca.SX]:
         """What each joint takes up of generalized forces (nv, k): F with Σ Fᵀ D⁻¹ F = forcesᵀ M⁻¹ forces."""
         return self._inward(forces, [ca.SX(6, forces.shape[1])] * len(self._links), None)
 
-    def product(self, shares: Sequence[ca.SX]) -> ca.SX:
-        """`forces`ᵀ M⁻¹ `forces` (k, k), of the forces' shares."""
-        count = shares[0].shape[1] if shares else 0
-        total = ca.SX(count, count)
-        for index, share in enumerate(shares):
+    def product(self, shares: Sequence[ca.SX], others: Sequence[ca.SX]) -> ca.SX:
+        """One set of forcesᵀ (k, nv) times M⁻¹ times another (nv, l), of the shares of both."""
+        total = ca.SX(shares[0].shape[1], others[0].shape[1])
+        for index, (share, other) in enumerate(zip(shares, others, strict=True)):
             if share.shape[0]:
-                total += ca.sparsify(share.T @ self._joints[index].factors.solve(share))
+                total += ca.sparsify(share.T @ self._joints[index].factors.solve(other))
         return ca.sparsify(total)
 
     def respond(self, shares: Sequence[ca.SX], size: int) -> Accelerations:

@@ -13,6 +13,7 @@ CLOSED = 1e-10  # relative to the mechanism's size, what may stay open
 FITTING = 1e-9  # relative to the speeds, what a given speed may miss
 RANK = 1e-9  # of the largest singular value, what counts as none
 ITERATIONS, STARTS, LONGEST = 60, 30, 0.6
+STALLED = 1e-4  # of the gap, what a step must close at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,7 @@ class Closing:
     closed: bool
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def close_loops(conditions: Conditions, t: float, q: Array, free: Array) -> Closing:
     """Move the `free` (nv,) coordinates until the constraints hold, as little as Newton's steps do.
 
@@ -55,19 +57,22 @@ def close_loops(conditions: Conditions, t: float, q: Array, free: Array) -> Clos
             break
         scatter = random.normal(size=len(free)) * free * min(2.0, 0.1 * 1.3**attempt)
         other = _newton(conditions, t, conditions.moved(q, scatter), free)
-        if other.closed or np.linalg.norm(other.gaps) < np.linalg.norm(best.gaps):
+        if other.closed or not np.linalg.norm(best.gaps) <= np.linalg.norm(other.gaps):
             best = other
     return best
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def _newton(conditions: Conditions, t: float, q: Array, free: Array) -> Closing:
-    """Gauss and Newton with steps of least norm, shortened while the gap would grow."""
+    """Gauss and Newton with steps of least norm, shortened while the gap would grow or have no value."""
     gaps = conditions.position(t, q)
     for _ in range(ITERATIONS):
         norm = float(np.linalg.norm(gaps))
         if norm == 0.0:
             break
         slope = conditions.gradient(t, q)[conditions.holonomic][:, free]
+        if not (np.isfinite(norm) and np.all(np.isfinite(slope))):
+            break
         step = np.zeros(len(free))
         if slope.size:
             step[free] = -np.linalg.lstsq(slope, gaps[conditions.holonomic], rcond=RANK)[0]
@@ -81,9 +86,17 @@ def _newton(conditions: Conditions, t: float, q: Array, free: Array) -> Closing:
         else:
             break
         q, gaps = tried, open_
-    closed = bool(np.max(np.abs(gaps), initial=0.0) <= CLOSED * conditions.size)
+        if np.linalg.norm(gaps) > (1.0 - STALLED) * norm:
+            break
+    closed = bool(np.all(np.abs(gaps) <= CLOSED * conditions.size))
     upright = bool(np.all(conditions.senses(t, q) > 0.0))
     return Closing(q, gaps, closed and upright)
+
+
+def without_value(conditions: Conditions, t: float, q: Array) -> Array:
+    """The rows (m,) that have no finite value or derivative, such as the length of a cable between points that meet."""
+    values = [conditions.position(t, q), conditions.drift(t, q), *conditions.gradient(t, q).T]
+    return np.asarray(~np.all(np.isfinite(values), axis=0), dtype=bool)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,19 +115,31 @@ def fit_speeds(conditions: Conditions, t: float, q: Array, u: Array, held: Array
     rows, wanted = np.vstack([gradient, kept]), np.concatenate([-drift, u[held]])
     if not rows.size:
         return Speeds(np.zeros(len(u)), np.zeros(0), True)
-    to_unit = _unit_speeds(conditions.mass(t, q))
-    found = to_unit @ np.linalg.lstsq(rows @ to_unit, wanted, rcond=RANK)[0]
+    found = _least_speeds(conditions.mass(t, q), rows, wanted)
     found[held] = u[held]
     misses = gradient @ found + drift
-    allowed = FITTING * (np.abs(gradient) @ np.abs(found) + np.abs(drift) + conditions.size * 1e-3)
+    sizes = np.linalg.norm(gradient, axis=1) * np.linalg.norm(found)
+    allowed = FITTING * (sizes + np.abs(drift) + conditions.size * 1e-3)
     return Speeds(found, misses, bool(np.all(np.abs(misses) <= allowed)))
 
 
 def nearest_speeds(conditions: Conditions, t: float, q: Array, u: Array) -> Array:
     """The speeds that meet the constraints with the least kinetic energy of the change from u (nv,)."""
-    gradient, to_unit = conditions.gradient(t, q), _unit_speeds(conditions.mass(t, q))
-    defect = gradient @ u + conditions.drift(t, q)
-    return u - to_unit @ np.linalg.lstsq(gradient @ to_unit, defect, rcond=RANK)[0]
+    gradient = conditions.gradient(t, q)
+    return u - _least_speeds(conditions.mass(t, q), gradient, gradient @ u + conditions.drift(t, q))
+
+
+def _least_speeds(mass: Array, rows: Array, wanted: Array) -> Array:
+    """The speeds u of least kinetic energy with rows @ u = `wanted`, refined once, whatever the units of the rows."""
+    to_unit = _unit_speeds(mass)
+    scaled = rows @ to_unit
+    sizes = np.linalg.norm(scaled, axis=1)
+    sizes[np.linalg.norm(rows, axis=1) < 1e-12] = np.inf
+    scaled /= sizes[:, None]
+    found: Array = np.zeros(len(mass))
+    for _ in range(2):
+        found += to_unit @ np.linalg.lstsq(scaled, (wanted - rows @ found) / sizes, rcond=RANK)[0]
+    return found
 
 
 def _unit_speeds(mass: Array) -> Array:
@@ -140,14 +165,14 @@ def nearby(conditions: Conditions, q: Array, times: Sequence[float], steps: int 
             direction *= sign if len(found) == 1 else 1.0
             direction /= max(float(np.max(np.abs(direction))), 1e-300)
             closing = _newton(conditions, 0.0, conditions.moved(at, 0.15 * direction), everything)
-            if not closing.closed:
+            if not closing.closed or without_value(conditions, 0.0, closing.q).any():
                 break
             at = closing.q
             found.append((0.0, at))
     at = q
     for t in times:
         closing = _newton(conditions, t, at, everything)
-        if not closing.closed:
+        if not closing.closed or without_value(conditions, t, closing.q).any():
             break
         at = closing.q
         found.append((t, at))

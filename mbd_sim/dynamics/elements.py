@@ -1,19 +1,25 @@
-"""Springs between points and applied forces: wrenches on the links, with their potential and their powers."""
+"""Springs and dampers between points and applied forces: wrenches on the links, their potential and their powers."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from mbd_sim.dynamics.kinematics import LinkMotion, WorldPose
+from mbd_sim.dynamics.laws import elastic, power_law
 from mbd_sim.dynamics.links import Link
-from mbd_sim.dynamics.spatial import constant, skew
+from mbd_sim.dynamics.points import Points
+from mbd_sim.dynamics.spatial import constant
 from mbd_sim.dynamics.time import time_functions
-from mbd_sim.errors import MechanismError
-from mbd_sim.mechanism.model import GROUND, AppliedForce, Array, Attachment, Mechanism, Spring
+from mbd_sim.errors import MechanismError, Problem
+from mbd_sim.mechanism.expression import ExpressionError, evaluate
+from mbd_sim.mechanism.forces import AppliedForce, Damper, Spring
+from mbd_sim.mechanism.laws import ELONGATION, Expressed, GreenStrain, Linear
+from mbd_sim.mechanism.model import Array, Mechanism
+from mbd_sim.mechanism.source import Location
 
 COINCIDENT = 1e-12  # m
 
@@ -22,7 +28,7 @@ COINCIDENT = 1e-12  # m
 class ElementLoads:
     """`wrenches` (6,) = [moment; force] on each link, in its frame at its origin; energies and powers in J and W.
 
-    `lengths` (springs,) are the distances in m between the springs' ends.
+    `lengths` (ties,) are the distances in m between the ends.
     """
 
     wrenches: list[ca.SX]
@@ -36,47 +42,79 @@ def element_loads(
     mechanism: Mechanism, links: Sequence[Link], motions: Sequence[LinkMotion], poses: Sequence[WorldPose], t: ca.SX
 ) -> ElementLoads:
     """All force elements of a mechanism (Huston & Liu, sec. 11.5)."""
-    body = _Bodies(links, motions, poses)
+    points = Points(links, motions, poses)
     potential = applied = dissipated = ca.SX(1, 1)
     lengths: list[ca.SX] = []
-    for spring in mechanism.springs:
-        first, second = body.point(spring.first), body.point(spring.second)
-        line = second.position - first.position
+    for tie in mechanism.ties:
+        first, second = points.at(tie.first), points.at(tie.second)
+        line, rate = second.position - first.position, second.velocity - first.velocity
         lengths.append(ca.norm_2(line))
-        force, energy, loss = spring_force(spring, line, second.velocity - first.velocity)
-        body.push(spring.first, force)
-        body.push(spring.second, -force)
-        potential, dissipated = potential + energy, dissipated + loss
+        if isinstance(tie, Damper):
+            force, loss = damper_force(tie, line, rate)[:2]
+        else:
+            force, energy, loss = spring_force(tie, line, rate)
+            potential += energy
+        points.push(tie.first, force)
+        points.push(tie.second, -force)
+        dissipated += loss
+        if isinstance(tie, Spring) and tie.mass:
+            # Its inertia is a particle of a third of its mass, with that particle's weight: a sixth is left of a half.
+            gravity = constant(mechanism.gravity)
+            for end in (tie.first, tie.second):
+                points.push(end, tie.mass / 6.0 * gravity)
+            potential -= tie.mass * ca.dot(gravity, 0.5 * (first.position + second.position))
     for element in mechanism.applied:
-        place = body.point(element.at)
-        vector = force_vector(element, place.rotation, t)
+        if element.axes_of == element.at.part:
+            applied += points.follow(element.at, vector_in_axes(element, t), element.couple)
+            continue
+        place = points.at(element.at)
+        vector = force_vector(element, points.rotation(element.axes_of), t)
         if element.couple:
-            body.turn(element.at, vector)
+            points.turn(element.at, vector)
             applied += ca.dot(vector, place.omega)
         else:
-            body.push(element.at, vector)
+            points.push(element.at, vector)
             applied += ca.dot(vector, place.velocity)
-    wrenches = [ca.sparsify(wrench) for wrench in body.wrenches]
+    wrenches = [ca.sparsify(wrench) for wrench in points.wrenches]
     return ElementLoads(wrenches, ca.vertcat(ca.SX(0, 1), *lengths), potential, applied, dissipated)
 
 
 def require_lines(mechanism: Mechanism, lengths: Array) -> None:
-    """Refuse springs whose ends coincide at the start although their force needs a line to act along.
+    """Refuse springs and dampers that have no force at the start: no line to act along, or no value.
 
-    :param lengths: (springs,) m.
-    :raises MechanismError: the springs are named.
+    :param lengths: (ties,) m.
+    :raises MechanismError: the elements are named.
     """
-    problems = [
-        mechanism.source.problem(
-            ("forces", spring.name, "between"),
-            "the ends coincide at the start, where the spring has no direction",
-            "Move one of the points; a spring without length and damping needs no direction.",
-        )
-        for spring, length in zip(mechanism.springs, lengths, strict=True)
-        if (spring.length or spring.damping) and not length > COINCIDENT
-    ]
+    problems = list(_without_value(mechanism, lengths))
+    for tie, length in zip(mechanism.ties, lengths, strict=True):
+        if not tie.needs_line or length > COINCIDENT:
+            continue
+        what, remedy = "spring", "a spring without length and damping needs no direction."
+        if isinstance(tie, Damper):
+            what, remedy = "damper", "a damper with 'along: velocity' needs no direction."
+        message = f"the ends coincide at the start, where the {what} has no direction"
+        location = ("forces", tie.name, "between")
+        problems.append(mechanism.source.problem(location, message, f"Move one of the points; {remedy}"))
     if problems:
         raise MechanismError(problems)
+
+
+def _without_value(mechanism: Mechanism, lengths: Array) -> Iterator[Problem]:
+    """Springs whose expression has no finite value at the start."""
+    laws: list[tuple[Location, object, float]] = [
+        (("joints", name, "spring", "force"), joint.spring, float(joint.position[0] - joint.rest[0]))
+        for name, joint in mechanism.joints.items()
+        if joint.spring is not None and not (mechanism.closing or mechanism.constraints)  # which may move it elsewhere
+    ]
+    for spring, length in zip(mechanism.springs, lengths, strict=False):
+        laws.append((("forces", spring.name, "force"), spring.law, float(length) - spring.length))
+    for location, law, elongation in laws:
+        if isinstance(law, Expressed):
+            try:
+                evaluate(law.force.text, {**law.force.names, ELONGATION: elongation})
+            except ExpressionError:
+                message = f"has no finite value at the start, where {ELONGATION} = {elongation:g}"
+                yield mechanism.source.problem(location, message, "Write a force for every elongation that occurs.")
 
 
 def spring_force(spring: Spring, line: ca.SX, rate: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -84,68 +122,48 @@ def spring_force(spring: Spring, line: ca.SX, rate: ca.SX) -> tuple[ca.SX, ca.SX
 
     :param line: (3,) from the first point to the second; `rate` is its derivative by time.
     """
-    if spring.length == 0.0 and spring.damping == 0.0:
-        return spring.stiffness * line, 0.5 * spring.stiffness * ca.dot(line, line), ca.SX(1, 1)
+    square = ca.dot(line, line)
+    length = ca.sqrt(square)
+    none = ca.SX(1, 1)
+    match spring.law:
+        case Linear(stiffness=k) if spring.length == 0.0:
+            force, energy = k * line, 0.5 * k * square
+        case GreenStrain(stiffness=k, length=natural):  # of the squares: smooth even where the ends meet
+            strain = (square - natural**2) / (2.0 * natural**2)
+            force, energy = k * strain * line, 0.5 * k * (strain * natural) ** 2
+        case law:
+            tension, energy = elastic(law, length - spring.length)
+            force = line * (tension / length)
+    if spring.damping == 0.0:
+        return force, energy, none
+    speed = ca.dot(line, rate) / length
+    return force + line * (spring.damping * speed / length), energy, spring.damping * speed**2
+
+
+def damper_force(damper: Damper, line: ca.SX, rate: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """The force (3,) on the first point, the dissipated power and Rayleigh's dissipation function in W.
+
+    Of the power law alone the power is p + 1 times the dissipation function (Géradin & Rixen, p. 30).
+
+    :param line: (3,) from the first point to the second; `rate` is its derivative by time.
+    """
+    if not damper.needs_line:
+        square = ca.dot(rate, rate)
+        factor, loss = power_law(damper.law, square)
+        return factor * rate, factor * square, loss
     length = ca.sqrt(ca.dot(line, line))
-    stretch, speed = length - spring.length, ca.dot(line, rate) / length
-    tension = spring.stiffness * stretch + spring.damping * speed
-    return line * (tension / length), 0.5 * spring.stiffness * stretch**2, spring.damping * speed**2
+    speed = ca.dot(line, rate) / length
+    factor, loss = power_law(damper.law, speed**2)
+    return line * (factor * speed / length), factor * speed**2, loss
 
 
 def force_vector(element: AppliedForce, rotation: ca.SX, t: ca.SX) -> ca.SX:
-    """The force or moment (3,) in ground's axes at time t; `rotation` (3, 3) is that of the part."""
-    vector, _, _ = time_functions(element.vector, t)
-    vector = ca.sparsify(vector)
+    """The force or moment (3,) in ground's axes at time t; `rotation` (3, 3) is that of the part `axes_of`."""
+    vector = vector_in_axes(element, t)
     return rotation @ vector if element.following else vector
 
 
-@dataclass(frozen=True, eq=False)
-class _Place:
-    """A point in ground's axes: its position, velocity, and its part's rotation and angular velocity."""
-
-    position: ca.SX
-    velocity: ca.SX
-    rotation: ca.SX
-    omega: ca.SX
-
-
-class _Bodies:
-    """Points of parts, and the wrenches that gather on their links."""
-
-    def __init__(self, links: Sequence[Link], motions: Sequence[LinkMotion], poses: Sequence[WorldPose]) -> None:
-        self._links, self._motions, self._poses = links, motions, poses
-        self._index = {link.joint.outboard: index for index, link in enumerate(links)}
-        self.wrenches = [ca.SX(6, 1) for _ in links]
-
-    def point(self, at: Attachment) -> _Place:
-        if at.part == GROUND:
-            return _Place(constant(at.point), ca.SX(3, 1), constant(np.eye(3)), ca.SX(3, 1))
-        index = self._index[at.part]
-        pose, velocity = self._poses[index], self._motions[index].velocity
-        to_world = self._to_world(index)
-        arm = self._arm(index, at)
-        return _Place(
-            position=pose.position + pose.rotation @ constant(at.point),
-            velocity=to_world @ (velocity[3:] - skew(arm) @ velocity[:3]),
-            rotation=pose.rotation,
-            omega=to_world @ velocity[:3],
-        )
-
-    def push(self, at: Attachment, force: ca.SX) -> None:
-        """Let a force (3,) in ground's axes act at a point."""
-        if at.part != GROUND:
-            index = self._index[at.part]
-            own = self._to_world(index).T @ force
-            self.wrenches[index] += ca.vertcat(skew(self._arm(index, at)) @ own, own)
-
-    def turn(self, at: Attachment, moment: ca.SX) -> None:
-        """Let a couple (3,) in ground's axes act on a part."""
-        index = self._index[at.part]
-        self.wrenches[index] += ca.vertcat(self._to_world(index).T @ moment, ca.SX(3, 1))
-
-    def _to_world(self, index: int) -> ca.SX:
-        return ca.sparsify(self._poses[index].rotation @ constant(self._links[index].part.rotation.T))
-
-    def _arm(self, index: int, at: Attachment) -> ca.SX:
-        part = self._links[index].part
-        return constant(part.position + part.rotation @ at.point)
+def vector_in_axes(element: AppliedForce, t: ca.SX) -> ca.SX:
+    """The force or moment (3,) at time t in the axes of the part `axes_of`, or of ground."""
+    vector = ca.sparsify(time_functions(element.vector, t)[0])
+    return vector if np.array_equal(element.axes, np.eye(3)) else constant(element.axes) @ vector

@@ -14,7 +14,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.articulated import Articulated
+from mbd_sim.dynamics.articulated import Accelerations, Articulated
 from mbd_sim.dynamics.assembly import Conditions
 from mbd_sim.dynamics.constraints import State, constraints_of
 from mbd_sim.dynamics.definite import require_definite
@@ -102,15 +102,17 @@ def derive(mechanism: Mechanism) -> Equations:
     require_definite(mechanism, chain, np.array(pivots).ravel(), np.array(poses_at).reshape(-1, 4, 3))
 
     kept = everything.only(start.keep)
-    free = matrix.accelerations(loads.generalized, elements.wrenches, mechanism.gravity)
-    multipliers, moving, wrenches = ca.SX(0, 1), free, elements.wrenches
+    loading = (loads.generalized, elements.wrenches, mechanism.gravity)
     margin: list[ca.SX] = []
     if kept.rows:
         solver = ConstraintSolver(matrix, kept, usual_sizes(conditions(), start))
         margin = [ca.densify(solver.margin)]
-        multipliers = solver.multipliers(free.u_rates)
-        moving = free + solver.response(multipliers)
+        acting, still = matrix.acting(*loading)
+        multipliers = solver.multipliers(acting)
+        moving = solver.accelerations(acting, multipliers) + Accelerations(ca.SX(places.nv, 1), still)
         wrenches = [own + unit @ multipliers for own, unit in zip(elements.wrenches, kept.wrenches, strict=True)]
+    else:
+        multipliers, moving, wrenches = ca.SX(0, 1), matrix.accelerations(*loading), elements.wrenches
     transmitted = transmitted_wrenches(chain, motions, moving.links, wrenches)
     coupling = {name: ca.dot(factors, multipliers) for name, factors in kept.driven_factors.items()}
     drives = _drives(mechanism, chain, motions, transmitted, coupling, t)

@@ -22,19 +22,29 @@ def open_loops(mechanism: Mechanism, rows: Sequence[Row], gaps: Array, size: flo
     return MechanismError(problems)
 
 
-def contradiction(mechanism: Mechanism, rows: Sequence[Row], defects: Array, size: float) -> MechanismError:
+def no_value(mechanism: Mechanism, rows: Sequence[Row], without: Array) -> MechanismError:
+    """Constraints that `without` (m,) marks as having no finite value or derivative."""
+    owners = dict.fromkeys(row.owner for row, bad in zip(rows, without, strict=True) if bad)
+    message = "has no finite value, or no finite derivative, at the start"
+    remedy = (
+        "Move points apart that coincide, tilt an axis that is upright, or write an expression that is smooth there."
+    )
+    return MechanismError([mechanism.source.problem(owner, message, remedy) for owner in owners])
+
+
+def contradiction(mechanism: Mechanism, rows: Sequence[Row], defects: Array) -> MechanismError:
     """Drives that ask for what the constraints forbid."""
-    return MechanismError([_against_drives(mechanism, owner) for owner, _ in _by_owner(rows, defects, size)])
+    return MechanismError([_against_drives(mechanism, owner) for owner, _ in _by_owner(rows, defects, 0.0)])
 
 
-def _by_owner(rows: Sequence[Row], defects: Array, size: float) -> list[tuple[Location, float]]:
-    """The joints and constraints whose rows are off, with how much, the worst first."""
-    found: dict[Location, float] = {}
-    for row, defect in zip(rows, defects, strict=True):
-        found[row.owner] = float(np.hypot(found.get(row.owner, 0.0), defect))
-    worst = max(found.values(), default=0.0)
-    off = [(owner, value) for owner, value in found.items() if value > max(1e-3 * worst, 1e-10 * size)]
-    return sorted(off, key=lambda pair: -pair[1])
+def _by_owner(rows: Sequence[Row], defects: Array, size: float) -> list[tuple[Location, str]]:
+    """The joints and constraints whose rows are off, with by how much the worst of them is, the worst first."""
+    found: dict[Location, tuple[float, str]] = {}
+    for row, defect in zip(rows, np.nan_to_num(np.abs(defects), nan=np.inf), strict=True):
+        found[row.owner] = max(found.get(row.owner, (0.0, "")), (float(defect), row.unit))
+    worst = max((value for value, _ in found.values()), default=0.0)
+    off = [(value, unit, owner) for owner, (value, unit) in found.items() if value >= max(1e-3 * worst, 1e-10 * size)]
+    return [(owner, f"{value:.3g} {unit}".strip()) for value, unit, owner in sorted(off, key=lambda entry: -entry[0])]
 
 
 def _loop_of(mechanism: Mechanism, owner: Location) -> str:
@@ -54,15 +64,15 @@ def _loop_of(mechanism: Mechanism, owner: Location) -> str:
     return listed([*first[::-1], joint.name, *second])
 
 
-def _open_loop(mechanism: Mechanism, owner: Location, gap: float, held_back: bool) -> Problem:
+def _open_loop(mechanism: Mechanism, owner: Location, gap: str, held_back: bool) -> Problem:
     loop = _loop_of(mechanism, owner)
-    what = f"the loop of {loop} stays open here" if loop else "this constraint cannot be met"
+    what = f"the loop of {loop} stays open here" if loop else "this constraint is missed"
     if held_back:
         given = [joint.name for joint in mechanism.joints.values() if any(joint.held)]
         remedy = f"It can be without the given positions of {listed(given)}: give fewer of them, or as 'guess: true'."
-        return mechanism.source.problem(owner, f"{what} by {gap:.3g} with the given positions", remedy)
+        return mechanism.source.problem(owner, f"{what} by {gap} with the given positions", remedy)
     remedy = "Check the lengths and points of its parts, and the positions from which to look ('guess: true')."
-    return mechanism.source.problem(owner, f"{what}, by {gap:.3g} at best", remedy)
+    return mechanism.source.problem(owner, f"{what}, by {gap} at best", remedy)
 
 
 def _against_drives(mechanism: Mechanism, owner: Location) -> Problem:
@@ -90,5 +100,5 @@ def unfitting(mechanism: Mechanism, rows: Sequence[Row], misses: Array, held: Ar
         loop = _loop_of(mechanism, owner)
         what = f"the given velocities break {f'the loop of {loop}' if loop else 'this constraint'}"
         remedy = f"Give fewer of {listed(given)}: the others are found so that the kinetic energy is least."
-        problems.append(mechanism.source.problem(owner, f"{what} (off by {miss:.3g} per second)", remedy))
+        problems.append(mechanism.source.problem(owner, f"{what} (off by {miss} a second)", remedy))
     return MechanismError(problems)

@@ -20,7 +20,8 @@ class Link:
 
     `parent` is the index of the inboard link (-1 for ground); `base` places the joint's inboard frame in that
     link's frame; `axes` are in the joint's frame; `part` places the part's frame in the link's; `inertia` (6, 6)
-    is about the link's origin. `q` and `u` are where the joint's coordinates and speeds stand, if it has any.
+    is about the link's origin, with a third of each spring with a mass that runs from the part to ground. `q` and
+    `u` are where the joint's coordinates and speeds stand, if it has any.
     """
 
     joint: Joint
@@ -81,7 +82,7 @@ def links(mechanism: Mechanism) -> list[Link]:
                 base=Pose(_cleaned(base.position), _cleaned(base.rotation)),
                 axes=axes,
                 part=placed,
-                inertia=inertia_matrix(part.mass, center, inertia),
+                inertia=inertia_matrix(part.mass, center, inertia) + _of_springs(mechanism, part.name, placed),
                 q=places.q[joint.name],
                 u=places.u[joint.name],
             )
@@ -89,6 +90,20 @@ def links(mechanism: Mechanism) -> list[Link]:
         index[part.name] = len(result) - 1
         part_in_link[part.name] = placed
     return result
+
+
+def _of_springs(mechanism: Mechanism, part: str, placed: Pose) -> Array:
+    """The inertia (6, 6) of springs with mass from a part to ground.
+
+    With a velocity that grows evenly from ground to v at the end, T = ½ (m/3) v²: a particle of m/3 at the end.
+    """
+    total = np.zeros((6, 6))
+    for spring in mechanism.springs:
+        for end in (spring.first, spring.second):
+            if spring.mass and end.part == part:
+                point = _cleaned(placed.position + placed.rotation @ end.point)
+                total += inertia_matrix(spring.mass / 3.0, point, np.zeros((3, 3)))
+    return total
 
 
 def _aligned(joint: Joint) -> tuple[Pose, Axes]:

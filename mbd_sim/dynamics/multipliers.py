@@ -28,24 +28,30 @@ class ConstraintSolver:
     def __init__(self, matrix: Articulated, constraints: Constraints, scales: Array) -> None:
         self._matrix, self._constraints = matrix, constraints
         self._shares = matrix.shares(constraints.gradient.T)
-        product = matrix.product(self._shares)
+        product = matrix.product(self._shares, self._shares)
         self._factors = GuardedFactors(product, VANISHED * scales)
         self._cautious = GuardedFactors(product, WEAK * scales)
         strengths = [self._factors.pivots[row] - NEARLY * scale for row, scale in enumerate(scales)]
         self.margin = functools.reduce(ca.fmin, strengths)
 
-    def multipliers(self, free: ca.SX) -> ca.SX:
-        """λ (m,) that turns the accelerations (nv,) without constraints into those that keep G u' + γ = 0.
+    def multipliers(self, acting: Sequence[ca.SX]) -> ca.SX:
+        """λ (m,) that keeps G u' + γ = 0 under forces with these shares.
 
         γ of a weak constraint is left out: only round-off may be left of it, while the rest vanishes with the pivot.
         """
-        constraints = self._constraints
-        return -self._factors.solve(constraints.gradient @ free) - self._cautious.solve(constraints.bias)
+        free = self._matrix.product(self._shares, acting)
+        return -self._factors.solve(free) - self._cautious.solve(self._constraints.bias)
 
-    def response(self, multipliers: ca.SX) -> Accelerations:
-        """What multipliers (m,) add to the accelerations."""
+    def accelerations(self, acting: Sequence[ca.SX], multipliers: ca.SX) -> Accelerations:
+        """What forces with these shares and the constraint forces make of the mechanism at u' = 0."""
         size = self._constraints.gradient.shape[1]
-        return self._matrix.respond([ca.sparsify(share @ multipliers) for share in self._shares], size)
+        shares = [ca.sparsify(one + own @ multipliers) for one, own in zip(acting, self._shares, strict=True)]
+        return self._matrix.respond(shares, size)
+
+    def response(self, multipliers: ca.SX) -> ca.SX:
+        """M⁻¹ Gᵀ λ (nv,)."""
+        size = self._constraints.gradient.shape[1]
+        return self._matrix.respond([ca.sparsify(share @ multipliers) for share in self._shares], size).u_rates
 
     def corrections(self, state: State) -> tuple[ca.SX, ca.SX]:
         """Displacement and change of velocity (nv,) that lead back to the constraints, the smallest in M's metric.
@@ -54,10 +60,10 @@ class ConstraintSolver:
         directions that are free.
         """
         constraints = self._constraints
-        displacement = self.response(self._cautious.solve(-constraints.position)).u_rates
+        displacement = self.response(self._cautious.solve(-constraints.position))
         moved = ca.jacobian(state.q_rates, state.u) @ displacement
         defect = constraints.velocity + ca.jtimes(constraints.velocity, state.q, moved)
-        return displacement, self.response(self._cautious.solve(-defect)).u_rates
+        return displacement, self.response(self._cautious.solve(-defect))
 
 
 class GuardedFactors:
@@ -77,7 +83,7 @@ class GuardedFactors:
         for pivot in self._order:
             row = rest[pivot]
             value = row.get(pivot, ca.SX(0))
-            inverse = ca.if_else(value > floors[pivot], 1.0 / value, 0.0)
+            inverse = (value > floors[pivot]) / ca.fmax(value, floors[pivot])  # 0 where it is left out
             others = [index for index in row if index != pivot]
             factors = {index: row[index] * inverse for index in others}
             for place, i in enumerate(others):

@@ -26,7 +26,7 @@ from mbd_sim.mechanism.source import Location
 class Row:
     """One scalar constraint of the joint or constraint at `owner`, which `what` describes.
 
-    A holonomic one has a `position` that stays zero, in m or 1, a nonholonomic one a `velocity`, linear in the twists.
+    A holonomic one has a `position` that stays zero, in `unit`, a nonholonomic one a `velocity`, linear in the twists.
     `factors` are those of joint coordinates, which the position leaves out.
     """
 
@@ -34,6 +34,7 @@ class Row:
     what: str
     position: ca.SX | None = None
     velocity: ca.SX | None = None
+    unit: str = "m"
     factors: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -46,7 +47,7 @@ def constraint_rows(mechanism: Mechanism, bodies: Bodies, clock: ca.SX) -> list[
     """The rows of all loops and constraints; `clock` is the time in the constraints' own expressions."""
     writer = _Writer(bodies, clock)
     rows = [
-        Row(("joints", joint.name), what, position)
+        Row(("joints", joint.name), what, position, unit="" if what.startswith(("tilt", "rotation", "angle")) else "m")
         for joint in mechanism.closing.values()
         for what, position in loop_equations(joint, *loop_ends(joint, bodies))
     ]
@@ -85,9 +86,10 @@ class _Writer:
                 names = {"x": place[0], "y": place[1], "z": place[2], "t": self._clock}
                 for number, equation in enumerate(equations):
                     what = "equation" if len(equations) == 1 else f"equation {number + 1}"
-                    yield Row(owner, what, function_of(equation, names))
+                    yield Row(owner, what, function_of(equation, names), unit="")
             case c.Coupling(factors=factors, value=expression):
-                yield Row(owner, "coordinates", -function_of(expression, {"t": self._clock}), factors=factors)
+                value = function_of(expression, {"t": self._clock})
+                yield Row(owner, "coordinates", -value, unit="", factors=factors)
             case c.Rolling():
                 yield from self._rolling(owner, record)
             case c.KnifeEdge(point=point, direction=direction, plane=plane, normal=normal):
@@ -98,21 +100,25 @@ class _Writer:
                 yield Row(owner, "sideways motion", velocity=ca.dot(across / ca.norm_2(across), slip))
 
     def _rolling(self, owner: Location, record: c.Rolling) -> Iterator[Row]:
-        """Contact, and no slip at the contact in two directions of the plane (Huston & Liu 11.10.5)."""
+        """Contact, and no slip at the contact in two directions of the plane (Huston & Liu 11.10.5).
+
+        Those of a wheel are ahead and aside, so that wheels on one axle share one of them wherever they turn to.
+        """
         wheel, plane = self._at(record.center), self._at(record.plane)
         up = ca.sparsify(plane.rotation @ constant(record.normal))
-        down = up
+        down, along = up, [plane.rotation @ constant(side) for side in rot.aligning_z(record.normal)[:, :2].T]
         if record.axis is not None:
             axis = wheel.rotation @ constant(record.axis)
             leaning = up - axis * ca.dot(up, axis)
-            down = leaning / ca.sqrt(ca.dot(leaning, leaning))
+            size = ca.sqrt(ca.dot(leaning, leaning))
+            down, ahead = leaning / size, ca.cross(axis, up) / size
+            along = [ahead, ca.cross(up, ahead)]
         arm = -record.radius * down
         contact = wheel.position + arm
         yield Row(owner, "contact", ca.dot(up, contact - plane.position))
         slip = wheel.velocity + ca.cross(wheel.omega, arm) - _carried(plane, contact)
-        along = rot.aligning_z(record.normal)[:, :2].T
         for number, direction in enumerate(along):
-            yield Row(owner, f"slip {number + 1}", velocity=ca.dot(plane.rotation @ constant(direction), slip))
+            yield Row(owner, f"slip {number + 1}", velocity=ca.dot(direction, slip))
 
 
 def loop_ends(joint: Joint, bodies: Bodies) -> tuple[Frame, Frame]:

@@ -15,9 +15,10 @@ from mbd_sim.dynamics.assembly import (
     fit_speeds,
     independent_rows,
     nearby,
+    without_value,
 )
 from mbd_sim.dynamics.constraints import Constraints, State
-from mbd_sim.dynamics.impossible import contradiction, open_loops, rigid, unfitting
+from mbd_sim.dynamics.impossible import contradiction, no_value, open_loops, rigid, unfitting
 from mbd_sim.dynamics.links import Layout
 from mbd_sim.dynamics.rows import Row
 from mbd_sim.mechanism.expression import names_in
@@ -54,6 +55,7 @@ def given_start(mechanism: Mechanism, places: Layout) -> tuple[Array, Array]:
     return q, u
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def assembled_start(
     mechanism: Mechanism, places: Layout, make_conditions: Callable[[], Conditions], rows: Sequence[Row]
 ) -> Start:
@@ -67,6 +69,8 @@ def assembled_start(
         return Start(q, u)
     conditions = make_conditions()
     q = _closed(mechanism, conditions, rows, q)
+    if (bad := without_value(conditions, 0.0, q)).any():
+        raise no_value(mechanism, rows, bad)
     around = nearby(conditions, q, LATER if rheonomic(mechanism) else ())
     keep, ranks = independent_rows([conditions.gradient(t, at) for t, at in around])
     _require_agreement(mechanism, conditions, rows, keep, around)
@@ -84,6 +88,8 @@ def _closed(mechanism: Mechanism, conditions: Conditions, rows: Sequence[Row], q
     closing = close_loops(conditions, 0.0, q, ~held)
     if closing.closed:
         return closing.q
+    if (bad := without_value(conditions, 0.0, closing.q)).any():
+        raise no_value(mechanism, rows, bad)
     without = close_loops(conditions, 0.0, q, np.ones(len(held), dtype=bool)) if held.any() else closing
     gaps = closing.gaps if without.closed else without.gaps
     raise open_loops(mechanism, rows, gaps, conditions.size, without.closed)
@@ -114,7 +120,7 @@ def _require_agreement(
     if all(t == 0.0 for t, _ in around):
         everything = np.ones(len(_each(mechanism, "held")), dtype=bool)
         closing = close_loops(conditions, LATER[0], around[0][1], everything)
-        raise contradiction(mechanism, rows, closing.gaps, conditions.size)
+        raise contradiction(mechanism, rows, closing.gaps)
     for t, q in around:
         gradient, drift = conditions.gradient(t, q), conditions.drift(t, q)
         dropped = [index for index in range(len(rows)) if index not in keep]
@@ -122,7 +128,7 @@ def _require_agreement(
         off = np.zeros(len(rows))
         off[dropped] = drift[dropped] - shares.T @ drift[list(keep)]
         if np.max(np.abs(off), initial=0.0) > 1e-7 * max(1.0, float(np.max(np.abs(drift), initial=0.0))):
-            raise contradiction(mechanism, rows, off, conditions.size)
+            raise contradiction(mechanism, rows, off)
 
 
 def conditions_of(

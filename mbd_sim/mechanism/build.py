@@ -211,9 +211,10 @@ def _joint(
 
 def _preferences(joints: Collection[Joint], coupled: Collection[str]) -> tuple[list[str], set[str]]:
     """The joints that belong into the tree, those first that cannot do without a coordinate, and those to cut."""
-    wanted = [joint.name for joint in joints if _needs(joint, coupled)]
-    wanted += [joint.name for joint in joints if any(joint.held + joint.held_speeds)]
-    wanted += [joint.name for joint in joints if joint.position.any() and not joint.cut]
+    kept = [joint for joint in joints if not joint.cut]
+    wanted = [joint.name for joint in kept if _needs(joint, coupled)]
+    wanted += [joint.name for joint in kept if any(joint.held + joint.held_speeds)]
+    wanted += [joint.name for joint in kept if joint.position.any()]
     return wanted, {joint.name for joint in joints if joint.cut}
 
 

@@ -61,13 +61,15 @@ class _Reader:
                 return self._coupled(name, terms, ("terms", tuple(terms)), "coupling", value)
             case schema.Distance(between=ends, length=length):
                 frames = [self._frame((*where, "between", i), text) for i, text in enumerate(ends)]
-                if not (points := self._apart((*where, "between"), frames)):
+                if not (points := self._apart((*where, "between"), frames)) or self._without_length(where, length):
                     return None
                 return c.Distance(name, points[0], points[1], length)
             case schema.Cable(through=texts, length=length):
                 frames = [self._frame((*where, "through", i), text) for i, text in enumerate(texts)]
                 points = self._apart((*where, "through"), frames)
-                return c.Cable(name, tuple(points), length) if points else None
+                if not points or self._without_length(where, length):
+                    return None
+                return c.Cable(name, tuple(points), length)
         return self._guided(name, record)
 
     def _guided(self, name: str, record: schema.AnyConstraint) -> c.Constraint | None:
@@ -113,6 +115,17 @@ class _Reader:
             self._problems.append(self._source.problem(location, message, remedy))
             return []
         return [Attachment(part, np.array(pose.position)) for part, pose in known]
+
+    def _without_length(self, where: Location, length: TimeExpression) -> bool:
+        """Whether a length is not positive at the start, which is a problem then."""
+        if (value := length.at(0.0)) > 0.0:
+            return False
+        message, remedy = (
+            f"must be greater than 0, and is {value:g} at the start",
+            "Let the points meet in a spherical joint.",
+        )
+        self._problems.append(self._source.problem((*where, "length"), message, remedy))
+        return True
 
     def _coupled(
         self,

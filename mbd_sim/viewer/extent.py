@@ -40,7 +40,7 @@ def extent_of(model: Model) -> Extent:
     """
     corners = {name: _corners(part) for name, part in model.mechanism.parts.items()}
     fixed = [pose.position for pose in model.mechanism.ground_points.values()]
-    fixed += [joint.parent_pose.position for joint in model.mechanism.joints.values() if joint.parent == GROUND]
+    fixed += [joint.parent_pose.position for joint in model.mechanism.all_joints.values() if joint.parent == GROUND]
     frames = _preview(model)
     points = [_placed(frame, model.part_names, corners) for frame in frames]
     start = np.vstack([points[0], *fixed]) if fixed else points[0]
@@ -101,7 +101,7 @@ def _plane(mechanism: Mechanism, model: Model) -> Array | None:
     """The normal of the plane in which all joints move, at the start; None when there is no such plane."""
     poses = {GROUND: Pose(np.zeros(3), np.eye(3)), **model.poses(0.0, model.start)}
     axes: dict[str, list[Array]] = {"revolute": [], "prismatic": []}
-    for joint in mechanism.joints.values():
+    for joint in mechanism.all_joints.values():
         if joint.type in axes:
             axes[joint.type].append((poses[joint.parent] @ joint.parent_pose).rotation @ joint.axis)
         elif joint.type != "fixed":

@@ -26,7 +26,7 @@ def log_scene(recording: RecordingStream, mechanism: Mechanism, extent: Extent) 
         style = rr.LineStrips3D.from_fields(colors=[colors[name]], radii=[0.005 * extent.size])
         recording.log(paths.trace(name), style, static=True)
     _log_ground(recording, extent.size)
-    for joint in mechanism.joints.values():
+    for joint in mechanism.all_joints.values():
         _log_joint(recording, mechanism, joint, extent.size)
     _log_series(recording, mechanism)
 

@@ -41,7 +41,7 @@ def advance(kernel, y, efforts, first, h, steps):
 
 
 def run(kernel, equations, steps, h=1e-3, first=0):
-    y = equations.start.copy()
+    y = equations.start_state.copy()
     efforts = np.linspace(-0.4, 0.5, equations.layout.nv)
     assert advance(kernel, y, efforts, first, h, steps) == 1
     return y
@@ -76,7 +76,7 @@ def test_another_process_gets_the_same_bits():
 def test_many_steps_in_one_call_are_as_many_calls_of_one_step(name):
     kernel, equations = compile_model(name)
     at_once = run(kernel, equations, 500)
-    y, efforts = equations.start.copy(), np.linspace(-0.4, 0.5, equations.layout.nv)
+    y, efforts = equations.start_state.copy(), np.linspace(-0.4, 0.5, equations.layout.nv)
     for step in range(500):
         assert advance(kernel, y, efforts, step, 1e-3, 1) == 1
     assert bits(y) == bits(at_once)
@@ -157,14 +157,14 @@ def test_divergence_leaves_the_state_as_it_was(monkeypatch, unrolled, bad):
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_an_input_that_is_not_finite_is_noticed(value):
     kernel, equations = compile_model("double_rod")
-    y, efforts = equations.start.copy(), np.array([0.0, value])
+    y, efforts = equations.start_state.copy(), np.array([0.0, value])
     assert advance(kernel, y, efforts, 0, 1e-3, 1) == 0
-    assert bits(y) == bits(equations.start)
+    assert bits(y) == bits(equations.start_state)
 
 
 def test_no_steps_change_nothing():
     kernel, equations = compile_model("double_rod")
-    assert bits(run(kernel, equations, 0)) == bits(equations.start)
+    assert bits(run(kernel, equations, 0)) == bits(equations.start_state)
 
 
 def test_time_is_the_step_index_times_the_step():

@@ -94,6 +94,19 @@ BINARY = {
     ca.OP_NE: lambda x, y: np.float64(x != y),
     ca.OP_IF_ELSE_ZERO: lambda x, y: y if x != 0.0 else np.float64(0.0),
 }
+# Python's own are those of the C library.
+LIBRARY = {
+    ca.OP_EXP: math.exp,
+    ca.OP_LOG: math.log,
+    ca.OP_TAN: math.tan,
+    ca.OP_ASIN: math.asin,
+    ca.OP_ACOS: math.acos,
+    ca.OP_ATAN: math.atan,
+    ca.OP_TANH: math.tanh,
+    ca.OP_POW: math.pow,
+    ca.OP_CONSTPOW: math.pow,
+    ca.OP_ATAN2: math.atan2,
+}
 
 
 def operations(function):
@@ -103,6 +116,7 @@ def operations(function):
 def test_the_tables_below_name_every_operation_that_is_lowered():
     assert set(UNARY) | {ca.OP_SIN, ca.OP_COS} == set(lower._UNARY)
     assert set(BINARY) == set(lower._BINARY)
+    assert set(LIBRARY) == set(lower._LIBRARY)
 
 
 def test_unary_operations():
@@ -203,6 +217,7 @@ def test_nothing_is_contracted_or_reassociated():
 def interpret(function, sine_cosine, arguments):
     """An instruction list by numpy's scalars, one operation at a time."""
     work, out = [np.float64(0.0)] * function.sz_w(), np.zeros(function.nnz_out(0))
+    by_reciprocal = shared_divisions(function)
     for index in range(function.n_instructions()):
         operation = function.instruction_id(index)
         target, source = function.instruction_output(index), function.instruction_input(index)
@@ -214,8 +229,13 @@ def interpret(function, sine_cosine, arguments):
             work[target[0]] = np.float64(function.instruction_constant(index))
         elif operation in (ca.OP_SIN, ca.OP_COS):
             work[target[0]] = sine_cosine(work[source[0]])[int(operation == ca.OP_COS)]
+        elif index in by_reciprocal:
+            numerator, divisor = (1.0, work[source[0]]) if operation == ca.OP_INV else (work[p] for p in source)
+            work[target[0]] = numerator * (np.float64(1.0) / divisor)
         elif operation in UNARY:
             work[target[0]] = UNARY[operation](work[source[0]])
+        elif operation in LIBRARY:
+            work[target[0]] = np.float64(LIBRARY[operation](*(float(work[place]) for place in source)))
         else:
             work[target[0]] = BINARY[operation](work[source[0]], work[source[1]])
     return out
@@ -238,7 +258,7 @@ def check_machine_code(mechanism, rng, states=2):
         assert kernel.advance(stepped.ctypes.data, efforts.ctypes.data, 0, 1.0, 1) == 1
         moved = state + expected  # Euler's step of length one
         if equations.settle is not None:
-            moved = interpret(equations.settle, sine_cosine, [moved])
+            moved = interpret(equations.settle, sine_cosine, [[1.0], moved])
         assert bits(stepped) == bits(moved)
         for name, function in (("energies", equations.energies), ("poses", equations.poses)):
             arguments = [[0.4], state]

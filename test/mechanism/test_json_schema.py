@@ -59,21 +59,35 @@ parts:
   two: {mass: 20, center: [0, 0, 1], inertia: {xx: 1, yy: 1, zz: 1, xy: 0, xz: 0, yz: 0}}
   three: {mass: 1, inertia: [1, 1, 1], points: {p: {rotate: {quaternion: [1, 0, 0, 0]}}}}
   four: {shape: {type: block, size: [1, 2, 3], density: 1}}
+  five: {mass: 1}
+  six: {mass: 1, inertia: [1, 1, 1]}
 joints:
   r: {type: revolute, between: [ground.a, one], axis: [1, 0, 0], position: 1, velocity: 1, stiffness: 1, rest: 1,
       damping: 1, limits: {lower: -1, upper: 1, stiffness: 1}, effort_limit: 1}
   p: {type: prismatic, between: [one, two], axis: [1, 0, 0], position: 1, velocity: 1, stiffness: 1, rest: 1,
-      damping: 1, limits: {lower: -1, upper: 1}, effort_limit: 1}
+      damping: 1, limits: {lower: -1, upper: 1}, effort_limit: 1, damper: {coefficient: 1, exponent: 2, regularisation: 1}}
+  l: {type: prismatic, between: [two, five], axis: [1, 0, 0], spring: {force: 3*x}, friction: {coulomb: 1, static: 2,
+      stribeck_velocity: 1, viscous: 1, regularisation: 1}, limits: {lower: -1, upper: 1, stiffness: 1, damping: 1}}
+  h: {type: revolute, between: [two, six], axis: [1, 0, 0], spring: {table: [[0, 0], [1 deg, 1]]}, damper: {coefficient: 1},
+      friction: {coulomb: 1}}
   x: {type: fixed, between: [three.p, two]}
   f: {type: free, between: [ground.b, four], position: [1, 2, 3], orientation: {rpy: [1, 2, 3]}, velocity: [1, 2, 3],
       angular_velocity: [1, 2, 3]}
+forces:
+  s: {type: spring, between: [ground, four], stiffness: 1, length: 1, damping: 1, mass: 1}
+  e: {type: spring, between: [one, four], force: n*x**3}
+  t: {type: spring, between: [one, four], table: [[0, 1], [1, "n*2"]]}
+  b: {type: elastic_bar, between: [one, four], stiffness: 1, length: 1, strain: small, damping: 1}
+  d: {type: damper, between: [one, four], coefficient: 1, exponent: 2, along: velocity, regularisation: 1}
+  f: {type: force, at: three.p, vector: [t, 0, 0], axes: ground.b}
+  c: {type: couple, on: four, vector: [0, "sin(t)", 0], axes: three}
 """
 
 
 def test_a_file_with_every_key_satisfies_it_and_loads():
     assert [error.message for error in VALIDATOR.iter_errors(parse_source(ALL_KEYS).data)] == []
     text = ALL_KEYS.replace("  one:\n    mass: 3\n", "  one:\n    mass: 30\n")
-    assert set(parse_mechanism(text).tree) == {"r", "p", "x", "f"}
+    assert set(parse_mechanism(text).tree) == {"r", "p", "l", "h", "x", "f"}
 
 
 @pytest.mark.parametrize(
@@ -94,6 +108,8 @@ def test_a_file_with_every_key_satisfies_it_and_loads():
         ("    axis: [0, -1, 0]\n", ""),
         ("position: 90 deg", "position: [1]"),
         ("position: 90 deg", "limits: {lower: 1}"),
+        ("position: 90 deg", "friction: {static: 1}"),
+        ("position: 90 deg", "spring: {table: [[0, 1, 2], [1, 2, 3]]}"),
     ],
 )
 def test_what_it_refuses_the_program_refuses(old, new):

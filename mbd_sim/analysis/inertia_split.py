@@ -1,0 +1,116 @@
+"""The generalized inertia forces split by where they come from (Lidström 9.7-9.10; Géradin & Rixen, p. 26-27)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from mbd_sim.dynamics.equations import Equations
+from mbd_sim.mechanism.model import Array
+
+
+class InertiaForces(NamedTuple):
+    """The terms (nv,) of d/dt(∂T/∂q') - ∂T/∂q along the speeds, in N or N·m.
+
+    They stand on the side of M u'; d'Alembert's inertia forces are their negatives. With T = T2 + T1 + T0 of second,
+    first and no degree in the speeds:
+
+    - `relative`, d/dt(∂T2/∂q') - ∂T2/∂q with time at rest: what is left when the drives stand still. Without drives
+      it is all there is.
+    - `transport`, ∂²T1/∂t∂q' - ∂T0/∂q: what is left when the speeds and their rates are zero, so that all is carried
+      along by the drives; centrifugal forces are among them.
+    - `gyroscopic`, Σ (∂²T1/∂q'∂q_r - ∂²T1/∂q∂q'_r) q'_r = G u: of Coriolis' forces those that a steady drive makes.
+      G is skew, so that they do no work: u·G u = 0.
+    - `unsteady`, ∂²T2/∂t∂q' = (∂M/∂t) u: of Coriolis' forces those of drives that change the mass matrix. They do
+      work: 2 ∂T2/∂t. They vanish where the drives only carry the mechanism along, as a turning frame does.
+    """
+
+    relative: Array
+    transport: Array
+    gyroscopic: Array
+    unsteady: Array
+
+    @property
+    def complementary(self) -> Array:
+        """Coriolis' forces (nv,): the gyroscopic and the unsteady ones; relative + transport + these is the total."""
+        return self.gyroscopic + self.unsteady
+
+    @property
+    def total(self) -> Array:
+        """M u' + h (nv,) of `LagrangeEquations`."""
+        return self.relative + self.transport + self.complementary
+
+
+@dataclass(frozen=True, eq=False)
+class InertiaSplit:
+    """The split as functions of numbers.
+
+    `forces(t, q, u, u_rates)` gives (nv, 4), a column for each of `InertiaForces`, `gyroscopic(t, q)` gives G
+    (nv, nv), and `kinetic(t, q, u)` (3,) T2, T1 and T0 in J.
+    """
+
+    forces: ca.Function
+    gyroscopic: ca.Function
+    kinetic: ca.Function
+
+    def at(self, t: float, q: Array, u: Array, u_rates: Array) -> InertiaForces:
+        """The terms at a state, with u' = `u_rates` (nv,)."""
+        return InertiaForces(*(np.array(self.forces(t, q, u, u_rates), dtype=float).T))
+
+    def gyroscopic_matrix(self, t: float, q: Array) -> Array:
+        """G (nv, nv), skew, in kg/s, kg·m/s or kg·m²/s: the gyroscopic terms are G u."""
+        return np.array(self.gyroscopic(t, q), dtype=float)
+
+    def kinetic_parts(self, t: float, q: Array, u: Array) -> tuple[float, float, float]:
+        """T2, T1 and T0 in J."""
+        t2, t1, t0 = np.array(self.kinetic(t, q, u), dtype=float).ravel().tolist()
+        return t2, t1, t0
+
+
+def inertia_split(equations: Equations) -> InertiaSplit:
+    """Split the inertia forces of a mechanism, in the coordinates and speeds of its spanning tree.
+
+    Only drives of joints move these coordinates' frames: a constraint that depends on time, such as a leg of a Stewart
+    platform, is a force here. The speeds u need not be derivatives of coordinates. With q' = N(q) u and
+    T2 = ½ q'ᵀA q', T1 = aᵀq', the covectors of each part are projected by Nᵀ, so that the matrix is
+    G = Nᵀ (∂a/∂q - (∂a/∂q)ᵀ) N. Nothing in this depends on how T is continued to quaternions that are not of unit
+    length. As N does not depend on time, the degree in q' is that in u.
+    """
+    nq, nv = equations.layout.nq, equations.layout.nv
+    t, q, u, u_rates = ca.SX.sym("t"), ca.SX.sym("q", nq), ca.SX.sym("u", nv), ca.SX.sym("u'", nv)
+    y = ca.vertcat(q, u, ca.SX.zeros(equations.start_state.size - nq - nv))
+    kinetic = equations.energies(t, y)[0]
+    q_rates = equations.rates.call([t, y, ca.SX.zeros(nv)])[0][:nq]
+    to_rates = ca.jacobian(q_rates, u)
+
+    still = ca.SX.zeros(nv, 1)
+    mass = ca.hessian(kinetic, u)[0]
+    carried = ca.substitute(ca.gradient(kinetic, u), u, still)
+    constant = ca.substitute(kinetic, u, still)
+    # N's columns are orthogonal, those of quaternions at any length: N⁺ = (NᵀN)⁻¹Nᵀ.
+    back = ca.diag(1.0 / ca.sum1(to_rates**2).T) @ to_rates.T
+    form = back.T @ carried  # a
+    slopes = to_rates.T @ ca.jacobian(form, q) @ to_rates
+
+    momentum = back.T @ (mass @ u)  # ∂T2/∂q'
+    v = ca.SX.sym("q'", nq)
+    second = 0.5 * ca.dot(back @ v, mass @ (back @ v))
+    of_second = ca.substitute(ca.gradient(second, q), v, q_rates)
+    relative = mass @ u_rates + to_rates.T @ (ca.jtimes(momentum, q, q_rates) - of_second)
+    transport = to_rates.T @ (ca.jacobian(form, t) - ca.gradient(constant, q))
+    matrix = slopes - slopes.T  # skew to the last bit
+    unsteady = ca.jtimes(mass @ u, t, ca.SX(1))
+    columns = ca.horzcat(relative, transport, matrix @ u, unsteady)
+    parts = ca.vertcat(0.5 * ca.dot(u, mass @ u), ca.dot(carried, u), constant)
+    return InertiaSplit(
+        forces=_function("forces", [t, q, u, u_rates], columns),
+        gyroscopic=_function("gyroscopic", [t, q], matrix),
+        kinetic=_function("kinetic", [t, q, u], parts),
+    )
+
+
+def _function(name: str, inputs: list[ca.SX], output: ca.SX) -> ca.Function:
+    return ca.Function(name, inputs, [ca.densify(output)], {"cse": True})

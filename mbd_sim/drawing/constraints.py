@@ -1,0 +1,82 @@
+"""Constraints on the sheet: planes that wheels roll on, lines, curves and planes that points keep to, cables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from mbd_sim.drawing.ground import hatched
+from mbd_sim.drawing.loads import place
+from mbd_sim.drawing.sheet import BACK, BODIES, GREY, INK, LINE, WHITE, Path, unit
+from mbd_sim.drawing.view import Page
+from mbd_sim.mechanism.model import GROUND, Array, Attachment, Mechanism, Pose
+from mbd_sim.mechanism.rotation import aligning_z
+
+SHEET = (246, 247, 249)
+HALF = 0.6  # of a plane or a line, by the size of the mechanism
+
+
+def constraint_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], size: float) -> list[Path]:
+    """What is to be seen of the constraints, besides rods of constant length; couplings are not to be seen."""
+    paths: list[Path] = []
+    planes: set[tuple[float, ...]] = set()
+    for constraint in mechanism.constraints:
+        points = getattr(constraint, "points", None)
+        if points is not None:
+            paths += _cable(page, poses, points)
+            continue
+        base = getattr(constraint, "plane", None) or getattr(constraint, "base", None)
+        on = getattr(constraint, "center", None) or getattr(constraint, "point", None)
+        if not isinstance(base, Attachment) or not isinstance(on, Attachment):
+            continue
+        normals = _normals(constraint)
+        if len(normals):
+            turned = normals @ _rotation(poses, base).T
+            plane = (*turned[0].round(6), round(float(place(poses, base) @ turned[0]) / size, 6))
+            if len(normals) == 1 and plane in planes:
+                continue
+            planes.add(plane)
+            paths += _flat(page, place(poses, base), place(poses, on), turned, size, base.part == GROUND)
+    return paths
+
+
+def _normals(constraint: Any) -> Array:
+    """Normals (k, 3) in the frame of the part that carries the constraint."""
+    if hasattr(constraint, "normals"):
+        return np.atleast_2d(constraint.normals)
+    return np.atleast_2d(constraint.normal) if hasattr(constraint, "normal") else np.zeros((0, 3))
+
+
+def _flat(page: Page, base: Array, on: Array, normals: Array, size: float, grounded: bool) -> list[Path]:
+    """A plane (one normal) or a line (two), near the point that keeps to it."""
+    foot = on - sum(((on - base) @ normal) * normal for normal in normals)
+    if len(normals) == 2:
+        along = unit(np.cross(normals[0], normals[1]))
+        ends = page.at(np.array([foot - HALF * size * along, foot + HALF * size * along]))
+        return [Path(ends, edge=GREY, width=1.4, dash=(7.0, 3.0), layer=BACK, depth=page.depth(foot))]
+    normal = unit(normals[0])
+    if abs(float(normal @ page.view.toward)) < 1e-6:
+        along = np.cross(page.view.toward, normal)
+        ends = page.at(np.array([foot - HALF * size * along, foot + HALF * size * along]))
+        plain = [Path(ends, edge=INK, width=1.4, layer=BACK)]
+        return hatched(ends[0], ends[1], -page.seen(normal)) if grounded else plain
+    if page.view.planar:
+        return []
+    across = HALF * size * aligning_z(normal)[:, :2]
+    corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) @ across.T
+    return [Path(page.at(foot + corners), edge=GREY, fill=SHEET, width=0.8, closed=True, layer=BACK)]
+
+
+def _cable(page: Page, poses: Mapping[str, Pose], points: tuple[Attachment, ...]) -> list[Path]:
+    run = np.array([place(poses, at) for at in points])
+    seen, depth = page.at(run), page.depth(run.mean(axis=0))
+    return [
+        Path(seen, edge=WHITE, width=3.0, layer=BODIES, depth=depth),
+        Path(seen, edge=INK, width=LINE, layer=BODIES, depth=depth),
+    ]
+
+
+def _rotation(poses: Mapping[str, Pose], at: Attachment) -> Array:
+    return np.eye(3) if at.part == GROUND else poses[at.part].rotation

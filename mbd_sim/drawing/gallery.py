@@ -1,0 +1,119 @@
+"""The gallery of the shipped mechanisms: `python -m mbd_sim.drawing.gallery docs` writes `gallery.md` and its pictures.
+
+Its texts stand in the mechanism files, where whoever changes a mechanism sees them: the comment at the top says what it
+is and in which book, a paragraph in it that begins with `Watch:` says what to look at, and `description` sums it up.
+It is a module and not a script so that it is typed and tested as the rest.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+from mbd_sim.drawing.draw import draw
+from mbd_sim.errors import MbdSimError
+from mbd_sim.mechanism.library import shipped
+from mbd_sim.mechanism.load import load_mechanism
+
+FIRST = ("open_chains", "prescribed", "constraints", "forces")  # folders of config/; others follow by name
+WATCH = "Watch:"
+HEADER = """# Gallery
+
+The mechanisms that ship, as they stand at the start. `make gallery` writes this page and its pictures from the files.
+`mbd_sim run NAME --rerun spawn` shows one moving, `mbd_sim check NAME` says what it is made of.
+"""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A mechanism of the gallery: its texts, and the folder of `config/` in which its file is."""
+
+    name: str
+    folder: str
+    file: str
+    description: str
+    about: str
+    watch: str
+
+
+def entries() -> list[Entry]:
+    """Every shipped mechanism, grouped as the folders are.
+
+    :raises MbdSimError: a file does not say what to watch; all such files are named.
+    """
+    found = [_entry(name, path) for name, path in shipped().items()]
+    silent = [f"config/{entry.folder}/{entry.file}" for entry in found if not (entry.watch and entry.about)]
+    if silent:
+        raise MbdSimError(
+            f"The comment at the top does not say what the mechanism is and what to watch in {', '.join(silent)}. "
+            f"Begin the file with a line such as '# A rod on a pin (Huston & Liu 8.9).' and one that begins with "
+            f"'# {WATCH}', then run `make gallery`."
+        )
+    order = {folder: rank for rank, folder in enumerate(FIRST)}
+    return sorted(found, key=lambda entry: (order.get(entry.folder, len(order)), entry.folder, entry.name))
+
+
+def page(listed: list[Entry]) -> str:
+    """The text of `gallery.md`."""
+    lines = [HEADER]
+    for folder, group in groupby(listed, key=lambda entry: entry.folder):
+        lines.append(f"## {folder.replace('_', ' ').capitalize()}\n")
+        for entry in group:
+            lines += [
+                f"### {entry.name}\n",
+                f"![{entry.description}](gallery/{entry.name}.svg)\n",
+                f"{entry.description} {entry.about}\n",
+                f"**{WATCH}** {entry.watch}\n",
+                f"File: [config/{entry.folder}/{entry.file}](../config/{entry.folder}/{entry.file})\n",
+            ]
+    return "\n".join(lines)
+
+
+def picture(entry: Entry, folder: Path) -> Path:
+    """Draw a mechanism at its start into `folder`/name.svg.
+
+    :raises DrawingError: the file cannot be written.
+    """
+    from mbd_sim.simulation import Simulation
+
+    simulation = Simulation(load_mechanism(entry.name))
+    path = folder / f"{entry.name}.svg"
+    draw(simulation.mechanism, simulation.poses(), path)
+    return path
+
+
+def main(docs: Path) -> None:
+    """Write the page and the pictures; pictures of mechanisms that no longer ship are removed."""
+    listed, folder = entries(), docs / "gallery"
+    folder.mkdir(parents=True, exist_ok=True)
+    drawn = {picture(entry, folder) for entry in listed}
+    for stale in set(folder.glob("*.svg")) - drawn:
+        stale.unlink()
+    (docs / "gallery.md").write_text(page(listed), encoding="utf-8")
+
+
+def _entry(name: str, path: Path) -> Entry:
+    about, watch = comment(path.read_text(encoding="utf-8"))
+    description = " ".join(load_mechanism(path).description.split())
+    return Entry(name, path.parent.name, path.name, description, about, watch)
+
+
+def comment(text: str) -> tuple[str, str]:
+    """What a file's first comment says of the mechanism, and what to watch; "" where it does not say."""
+    lines: list[str] = []
+    for line in text.splitlines():
+        if not line.startswith("#"):
+            break
+        if "yaml-language-server" not in line:
+            lines.append(line.removeprefix("#").strip())
+    about, _, watch = " ".join(lines).partition(WATCH)
+    return about.strip(), watch.strip()
+
+
+if __name__ == "__main__":
+    try:
+        main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs"))
+    except MbdSimError as error:
+        sys.exit(str(error))

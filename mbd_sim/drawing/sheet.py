@@ -1,0 +1,119 @@
+"""What a picture is made of: paths and texts in points (1/72 inch), x to the right and y up, without Matplotlib."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mbd_sim.mechanism.model import Array
+from mbd_sim.viewer.palette import Color, mixed
+
+WHITE: Color = (255, 255, 255)
+INK: Color = (44, 50, 60)
+GREY: Color = (120, 128, 140)
+STEEL: Color = (196, 202, 210)
+
+# From the back to the front; within a layer the depth decides, then the order in which things were added.
+BACK, BODIES, FRONT, MARKS = 0, 1, 2, 3
+
+LINE = 1.1  # pt
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A line through `points` (n, 2), in points; `depth` in m grows toward the eye. A `dot` is a particle."""
+
+    points: Array
+    edge: Color | None = INK
+    fill: Color | None = None
+    width: float = LINE
+    closed: bool = False
+    dash: tuple[float, ...] = ()
+    layer: int = BODIES
+    depth: float = 0.0
+    dot: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Text:
+    """A text centred on `at` (2,), `size` in points."""
+
+    text: str
+    at: Array
+    size: float
+    color: Color = INK
+    italic: bool = False
+
+    @property
+    def box(self) -> tuple[Array, Array]:
+        """About the corners, lower left (2,) and upper right (2,), that it fills with DejaVu Sans."""
+        half = 0.5 * np.array([0.61 * self.size * max(len(self.text), 1), 1.1 * self.size])
+        return self.at - half, self.at + half
+
+
+@dataclass(eq=False)
+class Sheet:
+    """The paths and texts of a picture."""
+
+    paths: list[Path] = field(default_factory=list)
+    texts: list[Text] = field(default_factory=list)
+
+    def add(self, *paths: Path) -> None:
+        """Put paths on the sheet."""
+        self.paths += paths
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower left (2,) and upper right (2,) of all that is on it, in points."""
+        corners = [path.points for path in self.paths if len(path.points)]
+        corners += [np.array(text.box) for text in self.texts]
+        every = np.vstack(corners or [np.zeros((1, 2))])
+        return every.min(axis=0), every.max(axis=0)
+
+    def moved(self, by: Array) -> Sheet:
+        """The same at another place."""
+        return Sheet(
+            [replace(path, points=path.points + by) for path in self.paths],
+            [replace(text, at=text.at + by) for text in self.texts],
+        )
+
+    def in_order(self) -> list[Path]:
+        """The paths from the back to the front."""
+        return sorted(self.paths, key=lambda path: (path.layer, path.depth))
+
+
+def soft(color: Color) -> Color:
+    """The fill of a part drawn in `color`."""
+    return mixed(color, WHITE, 0.5)
+
+
+def dark(color: Color) -> Color:
+    """The outline of a part drawn in `color`, and its name."""
+    return mixed(color, INK, 0.55)
+
+
+def arc(center: Array, radius: float, start: float = 0.0, stop: float = 2.0 * np.pi, count: int = 49) -> Array:
+    """Points (count, 2) on a circle, from angle `start` to `stop` in rad."""
+    turn = np.linspace(start, stop, count)
+    return np.asarray(center + radius * np.column_stack([np.cos(turn), np.sin(turn)]))
+
+
+def left_of(direction: Array) -> Array:
+    """The unit vector (2,) to the left of a direction (2,)."""
+    return np.array([-direction[1], direction[0]]) / max(float(np.hypot(*direction)), 1e-300)
+
+
+def unit(vector: Array) -> Array:
+    """The vector at length 1, or zero where it has hardly any."""
+    length = float(np.linalg.norm(vector))
+    return vector / length if length > 1e-12 else np.zeros_like(vector)
+
+
+def arrow_head(tip: Array, direction: Array, color: Color, size: float = 7.0, **where: float) -> Path:
+    """A filled head whose tip is at `tip` (2,)."""
+    along = unit(direction)
+    across = left_of(along)
+    back = tip - size * along
+    points = np.array([tip, back + 0.36 * size * across, back + 0.22 * size * along, back - 0.36 * size * across])
+    layer, depth = int(where.get("layer", MARKS)), where.get("depth", 0.0)
+    return Path(points, edge=None, fill=color, closed=True, layer=layer, depth=depth)

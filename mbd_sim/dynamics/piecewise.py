@@ -1,0 +1,104 @@
+"""Functions in pieces, and their integrals from zero to rounding."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+
+from mbd_sim.mechanism.model import Array
+
+POINTS = 16
+TOLERANCE = 1e-15  # of an integral, relative to that of the absolute value from 0
+MOST_PANELS = 64  # on each side of 0
+NARROWEST = 1e-12  # panel, relative to the range
+_NODES, _WEIGHTS = (0.5 * values for values in np.polynomial.legendre.leggauss(POINTS))
+_NODES = _NODES + 0.5  # of the interval from 0 to 1
+
+
+@dataclass(frozen=True, eq=False)
+class Panels:
+    """Where an integral from 0 starts anew: between `knots` (n,), from `origins` (n + 1,), with `values` (n + 1,)."""
+
+    knots: Array
+    origins: Array
+    values: Array
+
+
+def select(x: ca.SX, knots: Array, columns: Array) -> ca.SX:
+    """The row of `columns` (n + 1, m) for the piece in which x lies, as (m,); a knot belongs to the piece above it.
+
+    Each number is picked, not summed from differences, and so keeps its last bit.
+    """
+    beyond = [ca.SX(1), *(x >= float(knot) for knot in knots), ca.SX(0)]
+    result = ca.SX(columns.shape[1], 1)
+    for row, (here, next_) in zip(columns, pairwise(beyond), strict=True):
+        inside = here - next_
+        result += ca.vertcat(*(ca.if_else(inside, float(value), 0.0) for value in row))
+    return result
+
+
+def integral(f: Callable[[ca.SX], ca.SX], panels: Panels, x: ca.SX) -> ca.SX:
+    """∫ f from 0 to x: up to the origin of the panel of x a number, and from there by Gauss and Legendre."""
+    start, value = ca.vertsplit(select(x, panels.knots, np.column_stack([panels.origins, panels.values])))
+    width = x - start
+    terms = [float(weight) * f(start + width * float(node)) for node, weight in zip(_NODES, _WEIGHTS, strict=True)]
+    return value + width * sum(terms[1:], terms[0])
+
+
+def panels_of(f: Callable[[ca.SX], ca.SX], lower: float, upper: float) -> Panels:
+    """The panels on which 16 points integrate f to rounding, from `lower` ≤ 0 to `upper` ≥ 0.
+
+    Quadrature rather than a closed form: antiderivatives of many expressions do not exist, and of others they cancel
+    (x - log(1 + x) near 0) or jump from branch to branch. Sixteen points are exact for polynomials up to degree 31;
+    wherever they are not enough, as at a kink, panels are halved until they are. All this is in the energies, which
+    are read at the publishing rate: the accelerations hold f alone. Where f grows beyond all numbers panels end.
+    """
+    x = ca.SX.sym("x")
+    values = ca.Function("f", [x], [f(x)])
+
+    def at(places: Array) -> Array:
+        return np.array(values(ca.DM(places.ravel()).T)).reshape(places.shape)
+
+    below, above = _edges(at, lower), _edges(at, upper)
+    edges = np.array([*reversed(below), 0.0, *above])
+    pieces = [_quadrature(at, a, b)[0] for a, b in pairwise(edges)]
+    zero = len(below)
+    energies = [*-np.cumsum(pieces[:zero][::-1])[::-1], 0.0, *np.cumsum(pieces[zero:])]
+    return Panels(np.delete(edges, zero), edges, np.array(energies))
+
+
+def _edges(at: Callable[[Array], Array], end: float) -> list[float]:
+    """The ends of panels on one side of 0, from 0 outwards."""
+    while end and not np.all(np.isfinite(at(np.linspace(0.0, end, 65)[:-1]))):
+        end = 0.5 * end if abs(end) > 1e-9 else 0.0
+    if not end:
+        return []
+    edges, found = [0.0, end], [_refined(at, 0.0, end)]
+    for _ in range(MOST_PANELS):
+        errors, sizes = np.array(found)[:, 0], np.cumsum(np.array(found)[:, 1])
+        narrow = np.abs(np.diff(edges)) <= NARROWEST * abs(end)
+        excess = np.where((errors <= TOLERANCE * sizes) | narrow, 0.0, errors / np.maximum(sizes, 1e-300))
+        worst = int(np.argmax(excess))
+        if not excess[worst] > 0.0:
+            break
+        middle = 0.5 * (edges[worst] + edges[worst + 1])
+        found[worst : worst + 1] = [_refined(at, edges[worst], middle), _refined(at, middle, edges[worst + 1])]
+        edges.insert(worst + 1, middle)
+    return edges[1:]
+
+
+def _refined(at: Callable[[Array], Array], a: float, b: float) -> tuple[float, float]:
+    """What halving changes about the integral from a to b, and the integral of the absolute value."""
+    middle = 0.5 * (a + b)
+    whole, size = _quadrature(at, a, b)
+    change = whole - _quadrature(at, a, middle)[0] - _quadrature(at, middle, b)[0]
+    return (abs(change), size) if np.isfinite(change) else (0.0, size)
+
+
+def _quadrature(at: Callable[[Array], Array], a: float, b: float) -> tuple[float, float]:
+    values = at(a + (b - a) * _NODES)
+    return float((b - a) * (_WEIGHTS @ values)), float(abs(b - a) * (_WEIGHTS @ np.abs(values)))

@@ -1,0 +1,143 @@
+"""Laws of one variable: how a force follows an elongation, or a speed. Records that hold numbers and texts only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbd_sim.mechanism.expression import TimeExpression
+
+ELONGATION = "x"  # in the expression of a force
+
+
+@dataclass(frozen=True)
+class Linear:
+    """f = k x, with the potential ½ k x²; `stiffness` k ≥ 0 in N/m or N·m/rad."""
+
+    stiffness: float
+
+
+@dataclass(frozen=True)
+class GreenStrain:
+    """A bar with the strain of Green and St. Venant: U = ½ k x² (1 + x / 2l0)² (Lidström, p. 103-105).
+
+    `stiffness` k in N/m, `length` l0 > 0 in m. With the length l = l0 + x it is U = k (l² - l0²)² / 8l0².
+    """
+
+    stiffness: float
+    length: float
+
+
+@dataclass(frozen=True)
+class Expressed:
+    """f(x) as an expression; the potential is its integral from 0. `lower` and `upper` are where it is to be exact."""
+
+    force: TimeExpression
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True, eq=False)
+class Piecewise:
+    """f by cubics: left of `knots` (n,) by the first of `coefficients` (n + 1, 4), then by the next, and so on.
+
+    Piece i is c0 + c1 d + c2 d² + c3 d³ with d = x - `origins[i]`, and `energies[i]` is its potential at d = 0.
+    """
+
+    knots: NDArray[np.float64]
+    origins: NDArray[np.float64]
+    coefficients: NDArray[np.float64]
+    energies: NDArray[np.float64]
+
+
+ElasticLaw = Linear | Expressed | Piecewise
+
+
+@dataclass(frozen=True)
+class PowerLaw:
+    """A damper C |v|ᵖ against the speed v (Géradin & Rixen, p. 30): F = C v (v² + ε²)^((p - 1)/2).
+
+    `coefficient` C ≥ 0 in N/(m/s)ᵖ, `exponent` p ≥ 0. The speed ε = `regularisation` makes F smooth at rest; it is
+    nothing at p = 1, where F is smooth as it is.
+    """
+
+    coefficient: float
+    exponent: float
+    regularisation: float
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Dry friction F = (Fc + (Fs - Fc) exp(-(v/vs)²)) tanh(v/vr) + d v against the speed v, in N or N·m.
+
+    `coulomb` Fc, `static` Fs, `stribeck_velocity` vs (infinite where Fs = Fc), `viscous` d, `regularisation` vr > 0.
+    """
+
+    coulomb: float
+    static: float
+    stribeck_velocity: float
+    viscous: float
+    regularisation: float
+
+
+def tabulated(elongations: Sequence[float], forces: Sequence[float]) -> Piecewise:
+    """A table as a continuous force with a continuous derivative: cubics between its points, straight beyond them.
+
+    The slopes are those of Fritsch and Butland (PCHIP): the force rises and falls only where the table does. The
+    potential, zero at x = 0, is the integral of the pieces and therefore exact to rounding.
+
+    :param elongations: (n,) ≥ 2 of them, growing.
+    """
+    x, f = np.array(elongations, dtype=np.float64), np.array(forces, dtype=np.float64)
+    h, slopes = np.diff(x), _slopes(x, f)
+    secants = np.diff(f) / h
+    inner = np.column_stack(
+        [
+            f[:-1],
+            slopes[:-1],
+            (3.0 * secants - 2.0 * slopes[:-1] - slopes[1:]) / h,
+            (slopes[:-1] + slopes[1:] - 2.0 * secants) / h**2,
+        ]
+    )
+    ends = [[f[0], slopes[0], 0.0, 0.0], [f[-1], slopes[-1], 0.0, 0.0]]
+    coefficients = np.vstack([ends[0], inner, ends[1]])
+    origins = np.concatenate([x[:1], x])
+    gains = [_integral(c, width) for c, width in zip(inner, h, strict=True)]
+    energies = np.cumsum([0.0, 0.0, *gains])
+    piece = int(np.searchsorted(x, 0.0, side="right"))
+    at_zero = energies[piece] + _integral(coefficients[piece], -origins[piece])
+    return Piecewise(x, origins, coefficients, energies - at_zero)
+
+
+def _integral(coefficients: NDArray[np.float64], d: float) -> float:
+    c0, c1, c2, c3 = (float(c) for c in coefficients)
+    return d * (c0 + d * (c1 / 2.0 + d * (c2 / 3.0 + d * c3 / 4.0)))
+
+
+def _slopes(x: NDArray[np.float64], f: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The derivatives (n,) at the points: weighted harmonic means of the secants, 0 where these change sign."""
+    h, secants = np.diff(x), np.diff(f) / np.diff(x)
+    if len(x) == 2:
+        return np.array([secants[0], secants[0]])
+    slopes = np.zeros(len(x))
+    for i in range(1, len(x) - 1):
+        before, after = secants[i - 1], secants[i]
+        if before * after > 0.0:
+            left, right = 2.0 * h[i] + h[i - 1], h[i] + 2.0 * h[i - 1]
+            slopes[i] = (left + right) / (left / before + right / after)
+    slopes[0] = _end_slope(h[0], h[1], secants[0], secants[1])
+    slopes[-1] = _end_slope(h[-1], h[-2], secants[-1], secants[-2])
+    return slopes
+
+
+def _end_slope(near: float, far: float, secant: float, next_secant: float) -> float:
+    """Three-point formula at an end, cut to what keeps the force monotone (Fritsch & Carlson 1980)."""
+    slope = ((2.0 * near + far) * secant - near * next_secant) / (near + far)
+    if slope * secant <= 0.0:
+        return 0.0
+    if secant * next_secant <= 0.0 and abs(slope) > 3.0 * abs(secant):
+        return 3.0 * secant
+    return slope

@@ -1,0 +1,11 @@
+"""Equations of motion as a person writes them: exact, simplified, and as LaTeX.
+
+Importing this package does not import SymPy; deriving equations does.
+"""
+
+from __future__ import annotations
+
+from mbd_sim.symbolic.equations import SymbolicEquations, symbolic_equations
+from mbd_sim.symbolic.latex import to_latex
+
+__all__ = ["SymbolicEquations", "symbolic_equations", "to_latex"]

@@ -1,0 +1,196 @@
+"""M(q, t) u' + h(q, u, t) = Q with every entry as a simplified SymPy expression."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from mbd_sim.dynamics.joints import JOINT_TYPES
+from mbd_sim.dynamics.lagrange import lagrange_equations
+from mbd_sim.dynamics.links import layout
+from mbd_sim.errors import MbdSimError
+from mbd_sim.mechanism.model import Mechanism
+
+if TYPE_CHECKING:
+    from mbd_sim.symbolic.polynomial import Algebra
+
+MOST_SPEEDS = 6
+MOST_INSTRUCTIONS = 20_000
+MOST_TERMS = 200  # of one entry, before
+MOST_OPERATIONS = 400  # of one entry, after simplification
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinate:
+    """What belongs to a joint: symbols of its coordinates, and of its speeds, their rates and efforts, in order."""
+
+    joint: str
+    type: str
+    q: tuple[Any, ...]
+    u: tuple[Any, ...]
+    u_rates: tuple[Any, ...]
+    efforts: tuple[Any, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SymbolicEquations:
+    """The equations `mass` (nv, nv) · u' + `inertial` (nv,) = `forces` (nv,) of a mechanism, as SymPy expressions.
+
+    `names` says how each symbol is written in LaTeX. `constraints` are expressions Φ(q, t) that are kept at 0: their
+    `multipliers` λ add Gᵀλ to the forces, with G u = 0 from dΦ/dt. SI units throughout.
+    """
+
+    mechanism: str
+    coordinates: tuple[Coordinate, ...]
+    time: Any
+    mass: tuple[tuple[Any, ...], ...]
+    inertial: tuple[Any, ...]
+    forces: tuple[Any, ...]
+    names: dict[Any, str]
+    constraints: tuple[Any, ...] = ()
+    multipliers: tuple[Any, ...] = ()
+
+    @property
+    def q(self) -> tuple[Any, ...]:
+        """All coordinates (nq,), in the order of the file."""
+        return tuple(symbol for coordinate in self.coordinates for symbol in coordinate.q)
+
+    @property
+    def u(self) -> tuple[Any, ...]:
+        """All speeds (nv,)."""
+        return tuple(symbol for coordinate in self.coordinates for symbol in coordinate.u)
+
+    @property
+    def u_rates(self) -> tuple[Any, ...]:
+        """Their derivatives (nv,)."""
+        return tuple(symbol for coordinate in self.coordinates for symbol in coordinate.u_rates)
+
+    @property
+    def efforts(self) -> tuple[Any, ...]:
+        """The commanded efforts (nv,)."""
+        return tuple(symbol for coordinate in self.coordinates for symbol in coordinate.efforts)
+
+
+def symbolic_equations(mechanism: Mechanism) -> SymbolicEquations:
+    """Derive the equations of a small mechanism, with the numbers of its file.
+
+    :raises MbdSimError: the mechanism is too large for its equations to be read, or has loops or other constraints.
+    """
+    places = layout(mechanism)
+    _require_small(mechanism, places.nv)
+    function = lagrange_equations(mechanism).terms
+    if function.n_instructions() > MOST_INSTRUCTIONS:
+        raise _too_large(mechanism, f"their derivation takes {function.n_instructions()} operations")
+    import sympy as sp
+
+    from mbd_sim.symbolic.harmonics import shortest
+    from mbd_sim.symbolic.instructions import evaluate
+    from mbd_sim.symbolic.polynomial import Algebra, TooLargeError
+
+    names: dict[Any, str] = {}
+    coordinates = tuple(_coordinate(mechanism, name, names) for name in mechanism.joints)
+    time = sp.Symbol("t", real=True)
+    algebra = Algebra()
+    symbols = [[symbol for c in coordinates for symbol in getattr(c, key)] for key in ("q", "u", "efforts")]
+    inputs = [[algebra.symbol(symbol) for symbol in group] for group in ([time], *symbols)]
+    for coordinate in coordinates:
+        _require_unit(algebra, coordinate)
+    try:
+        outputs = evaluate(algebra, function, inputs)
+    except TooLargeError as error:
+        raise _too_large(mechanism, str(error)) from error
+    longest = max((len(p) for output in outputs for p in output), default=0)
+    if longest > MOST_TERMS:
+        raise _too_large(mechanism, f"one of their entries has {longest} terms")
+    mass = [[sp.S.Zero] * places.nv for _ in range(places.nv)]
+    vectors = [[sp.S.Zero] * places.nv for _ in range(2)]
+    for row, column, p in _entries(function, 0, outputs[0]):
+        if row <= column:
+            mass[row][column] = mass[column][row] = shortest(algebra, p)
+    for vector, output in zip(vectors, (1, 2), strict=True):
+        for row, _, p in _entries(function, output, outputs[output]):
+            vector[row] = shortest(algebra, p)
+    longest = max((int(entry.count_ops()) for group in (*mass, *vectors) for entry in group), default=0)
+    if longest > MOST_OPERATIONS:
+        raise _too_large(mechanism, f"one of their entries has {longest} operations")
+    return SymbolicEquations(
+        mechanism=mechanism.name,
+        coordinates=tuple(c for c in coordinates if c.u),
+        time=time,
+        mass=tuple(tuple(row) for row in mass),
+        inertial=tuple(vectors[0]),
+        forces=tuple(vectors[1]),
+        names=names,
+    )
+
+
+def _require_small(mechanism: Mechanism, speeds: int) -> None:
+    if getattr(mechanism, "closing", ()) or getattr(mechanism, "constraints", ()):
+        raise MbdSimError(
+            f"{mechanism.name}: only the equations of open chains can be written out so far, and this mechanism has "
+            "loops or other constraints. Leave them out of a copy of the file to see the equations of its tree."
+        )
+    if not speeds:
+        raise MbdSimError(f"{mechanism.name} has no degree of freedom, and so no equations of motion.")
+    if speeds > MOST_SPEEDS:
+        raise _too_large(mechanism, f"it has {speeds} degrees of freedom, and the most are {MOST_SPEEDS}")
+
+
+def _too_large(mechanism: Mechanism, why: str) -> MbdSimError:
+    return MbdSimError(
+        f"{mechanism.name}: the equations of motion are too long to be read: {why}. Write out those of a smaller "
+        "mechanism, or make joints of this one fixed or driven."
+    )
+
+
+def _entries(function: Any, output: int, values: list[Any]) -> list[tuple[int, int, Any]]:
+    """Row, column and value of what is not zero in an output."""
+    sparsity = function.sparsity_out(output)
+    rows, columns = sparsity.get_triplet()
+    return list(zip(rows, columns, values, strict=True))
+
+
+def _coordinate(mechanism: Mechanism, name: str, names: dict[Any, str]) -> Coordinate:
+    import sympy as sp
+
+    joint = mechanism.joints[name]
+    labels = joint.coordinate_names
+    if not labels:
+        return Coordinate(name, joint.type, (), (), (), ())
+    type_ = JOINT_TYPES[joint.type]
+
+    def symbols(letter: str, written: str, subscripts: list[str]) -> tuple[Any, ...]:
+        made = tuple(sp.Symbol(f"{letter}_{subscript}", real=True) for subscript in subscripts)
+        for symbol, subscript in zip(made, subscripts, strict=True):
+            names[symbol] = f"{written}_{{\\mathrm{{{escaped(subscript)}}}}}"
+        return made
+
+    own = [label.replace(".", ",") for label in labels]
+    if type_.quaternion is None:
+        q, u = symbols("q", "q", own), symbols("u", r"\dot{q}", own)
+        return Coordinate(name, joint.type, q, u, symbols("du", r"\ddot{q}", own), symbols("e", r"\tau", own))
+    place = [f"{name},{axis}" for axis in "xyz"]
+    turned = symbols("p", "p", [f"{name},{axis}" for axis in "wxyz"])
+    omega, omega_rate = symbols("w", r"\omega", place), symbols("dw", r"\dot{\omega}", place)
+    moments = symbols("m", r"\tau", place)
+    if type_.quaternion == 0:
+        return Coordinate(name, joint.type, turned, omega, omega_rate, moments)
+    q, v, v_rate = symbols("q", "q", place), symbols("v", "v", place), symbols("dv", r"\dot{v}", place)
+    forces = symbols("f", "F", place)
+    return Coordinate(name, joint.type, q + turned, v + omega, v_rate + omega_rate, forces + moments)
+
+
+def escaped(name: str) -> str:
+    """A name as LaTeX wants it."""
+    return name.replace("_", r"\_")
+
+
+def _require_unit(algebra: Algebra, coordinate: Coordinate) -> None:
+    """Let the algebra know that w² = 1 - x² - y² - z² for a unit quaternion."""
+    from fractions import Fraction
+
+    start = JOINT_TYPES[coordinate.type].quaternion
+    if start is None or not coordinate.q:
+        return
+    w, *vector = (algebra.generator(symbol) for symbol in coordinate.q[start:])
+    algebra.squares[w] = {(): Fraction(1)} | {((number, 2),): Fraction(-1) for number in vector}

@@ -1,0 +1,56 @@
+"""Floating-point numbers as the exact ones that they stand for: 1/3, √3/2, 1/(100 π)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+
+TOLERANCE = 1e-12  # relative
+LARGEST_DENOMINATOR = 1000
+LARGEST_RADICAND = 10**6
+
+
+@dataclass(frozen=True)
+class Exact:
+    """`ratio` · √`radicand` · π^`pi`."""
+
+    ratio: Fraction
+    radicand: int = 1
+    pi: int = 0
+
+
+def exact(value: float) -> Exact:
+    """The simplest exact number within 1e-12 of a finite value: a fraction, a root, one with π, or its decimals."""
+    found = _fraction(value)
+    if found is not None:
+        return Exact(found)
+    square = _fraction(value * value)
+    if square is not None and square.numerator * square.denominator < LARGEST_RADICAND:
+        # √(p/q) = √(p q)/q, with the squares taken out of the root
+        outside, radicand = _square_free(square.numerator * square.denominator)
+        return Exact(Fraction(math.copysign(1, value)) * Fraction(outside, square.denominator), radicand)
+    for power in (1, -1):
+        found = _fraction(value / math.pi**power)
+        if found is not None:
+            return Exact(found, 1, power)
+    return Exact(Fraction(repr(value)))
+
+
+def _fraction(value: float) -> Fraction | None:
+    """A fraction with a small denominator or few decimals."""
+    for near in (Fraction(value).limit_denominator(LARGEST_DENOMINATOR), Fraction(f"{value:.6g}")):
+        if abs(float(near) - value) <= TOLERANCE * abs(value):
+            return near
+    return None
+
+
+def _square_free(number: int) -> tuple[int, int]:
+    """a and b with a² b = `number`, b without a square factor."""
+    outside, divisor = 1, 2
+    while divisor * divisor <= number:
+        while number % (divisor * divisor) == 0:
+            number //= divisor * divisor
+            outside *= divisor
+        divisor += 1
+    return outside, number

@@ -1,0 +1,85 @@
+"""Pictures as files: formats, errors, and the same bytes every time."""
+
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+
+from mbd_sim import Simulation
+from mbd_sim.cli import main
+from mbd_sim.drawing import DrawingError, draw
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    return Simulation.from_file("cart_pendulum_spring")
+
+
+def test_a_png_is_readable_at_800_pixels_and_not_empty(pendulum, tmp_path):
+    from matplotlib.image import imread
+
+    draw(pendulum.mechanism, pendulum.poses(), tmp_path / "a.png", title="Cart and pendulum")
+    pixels = imread(tmp_path / "a.png")[:, :, :3]
+    height, width, _ = pixels.shape
+    assert width >= 800 and height > 300
+    assert 0.02 < np.mean(np.any(pixels < 0.98, axis=2)) < 0.6
+    assert np.all(pixels[[0, -1]] > 0.98) and np.all(pixels[:, [0, -1]] > 0.98)
+
+
+def test_the_same_mechanism_gives_the_same_svg(pendulum, tmp_path):
+    for name in ("a.svg", "b.SVG"):
+        draw(pendulum.mechanism, pendulum.poses(), tmp_path / name)
+    first = (tmp_path / "a.svg").read_bytes()
+    assert first == (tmp_path / "b.SVG").read_bytes()
+    assert b"<dc:date>" not in first
+    assert ElementTree.fromstring(first).tag.endswith("svg")
+
+
+def test_a_users_own_settings_do_not_show(pendulum, tmp_path):
+    import matplotlib as mpl
+
+    draw(pendulum.mechanism, pendulum.poses(), tmp_path / "a.svg")
+    own = {"svg.fonttype": "none", "savefig.bbox": "tight", "path.sketch": (1, 100, 2), "font.family": "serif"}
+    with mpl.rc_context(own):
+        draw(pendulum.mechanism, pendulum.poses(), tmp_path / "b.svg")
+        assert mpl.rcParams["svg.fonttype"] == "none"
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("a.jpg", "the suffix is '.jpg'. Write a file name that ends in .png or .svg."),
+        ("a", "the suffix is missing. Write a file name that ends in .png or .svg."),
+        ("none/a.png", "No such file or directory. Name a file in a folder you may write to."),
+    ],
+)
+def test_what_cannot_be_written_is_told_with_a_remedy(pendulum, tmp_path, name, words):
+    with pytest.raises(DrawingError) as caught:
+        draw(pendulum.mechanism, pendulum.poses(), tmp_path / name)
+    assert words in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_command_draws_beside_its_report(tmp_path, capsys):
+    assert main(["check", "rod_pendulum", "--draw", str(tmp_path / "a.svg")]) == 0
+    assert "Degrees of freedom" in capsys.readouterr().out
+    assert (tmp_path / "a.svg").stat().st_size > 1000
+    assert main(["check", "rod_pendulum", "--draw", str(tmp_path / "a.gif")]) == 1
+    assert ".png or .svg" in capsys.readouterr().err
+
+
+def test_matplotlib_is_loaded_only_to_draw_and_without_its_state_or_a_display(tmp_path):
+    code = (
+        "import sys\n"
+        "from mbd_sim import Simulation\n"
+        "from mbd_sim.drawing import draw\n"
+        "loaded = [name for name in ('matplotlib', 'rerun') if name in sys.modules]\n"
+        "sim = Simulation.from_file('rod_pendulum')\n"
+        f"draw(sim.mechanism, sim.poses(), {str(tmp_path / 'a.png')!r})\n"
+        "print(loaded, 'matplotlib.pyplot' in sys.modules)"
+    )
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert answer.stdout == "[] False\n"

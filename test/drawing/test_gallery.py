@@ -1,0 +1,52 @@
+"""The gallery holds every mechanism that ships, and is up to date."""
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+from mbd_sim.drawing import gallery
+from mbd_sim.errors import MbdSimError
+from mbd_sim.mechanism.library import shipped
+
+DOCS = Path(__file__).resolve().parent.parent.parent / "docs"
+
+
+def test_every_shipped_mechanism_says_what_it_is_and_what_to_watch():
+    assert {entry.name for entry in gallery.entries()} == set(shipped())
+
+
+def test_the_page_is_up_to_date():
+    written = (DOCS / "gallery.md").read_text(encoding="utf-8")
+    assert written == gallery.page(gallery.entries()), "docs/gallery.md is not what the files say: run `make gallery`"
+
+
+def test_every_mechanism_has_a_picture_that_can_be_read():
+    missing = [name for name in shipped() if not (DOCS / "gallery" / f"{name}.svg").is_file()]
+    assert not missing, f"no pictures of {', '.join(missing)}: run `make gallery`"
+    stale = {path.stem for path in (DOCS / "gallery").iterdir()} - set(shipped())
+    assert not stale, f"pictures of what does not ship: {', '.join(sorted(stale))}: run `make gallery`"
+    for name in shipped():
+        assert ElementTree.parse(DOCS / "gallery" / f"{name}.svg").getroot().tag.endswith("svg")
+
+
+def test_a_picture_is_drawn_anew(tmp_path):
+    (entry,) = [entry for entry in gallery.entries() if entry.name == "double_rod"]
+    assert ElementTree.parse(gallery.picture(entry, tmp_path)).getroot().tag.endswith("svg")
+
+
+def test_a_file_without_its_texts_is_named_with_the_remedy(tmp_path, monkeypatch):
+    (tmp_path / "open_chains").mkdir()
+    file = tmp_path / "open_chains" / "new.yaml"
+    file.write_text(
+        "# A rod.\nmechanism: rod_pendulum\n" + shipped()["rod_pendulum"].read_text(encoding="utf-8").split("\n", 3)[3]
+    )
+    monkeypatch.setattr(gallery, "shipped", lambda: {"new": file})
+    with pytest.raises(MbdSimError, match=r"config/open_chains/new\.yaml.*'# Watch:'.*make gallery"):
+        gallery.entries()
+
+
+def test_the_comment_is_split_where_it_says_watch():
+    text = "# yaml-language-server: $schema=x\n# A rod\n# on a pin (Book 3).\n# Watch: it\n# swings.\nmechanism: x\n# not this\n"
+    assert gallery.comment(text) == ("A rod on a pin (Book 3).", "it swings.")
+    assert gallery.comment("mechanism: x\n") == ("", "")

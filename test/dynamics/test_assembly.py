@@ -1,0 +1,193 @@
+"""How a mechanism is assembled: which values are kept, which branch is found, and with what speeds it starts."""
+
+from __future__ import annotations
+
+import kane
+import numpy as np
+import pytest
+from mechanisms import derived
+from test_impossible import FOUR_BAR, four_bar
+
+from mbd_sim.dynamics.assembly import close_loops, independent_rows, nearest_speeds, null_space, rank_of
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
+
+
+def closed_form(crank, open_branch):
+    """Angles of coupler (from the crank) and rocker of the four-bar, by the law of cosines."""
+    tip = 0.5 * np.array([np.cos(crank), np.sin(crank)])
+    line = np.array([1.5, 0.0]) - tip
+    distance = np.linalg.norm(line)
+    inside = np.arccos((1.4**2 + distance**2 - 1.2**2) / (2.0 * 1.4 * distance))
+    coupler = np.arctan2(line[1], line[0]) + (inside if open_branch else -inside)
+    pin = tip + 1.4 * np.array([np.cos(coupler), np.sin(coupler)])
+    return coupler - crank, np.arctan2(pin[1], pin[0] - 1.5)
+
+
+@pytest.mark.parametrize("crank", [0.3, 1.5707963, 2.5, -1.0])
+@pytest.mark.parametrize("open_branch", [True, False])
+def test_the_branch_is_chosen_by_rough_guesses(crank, open_branch):
+    coupler, rocker = closed_form(crank, open_branch)
+    away = 0.25
+    start = derived(four_bar(crank, coupler + away, rocker - away)).start
+    assert start.q == pytest.approx([crank, coupler, rocker], abs=1e-12)
+
+
+def test_given_positions_are_kept_to_the_last_bit():
+    start = derived(four_bar(0.1 + 0.2, -1.0, 1.8)).start
+    assert start.q[0] == 0.1 + 0.2
+
+
+def test_guesses_far_off_are_tried_around():
+    start = derived(four_bar(1.2, 3.0, -3.0))
+    assert np.abs(np.array(start.violation(0.0, start.start_state))).max() < 1e-11
+
+
+def test_a_mechanism_that_fits_stays_as_it_is():
+    """Down to round-off: nothing is moved that need not be."""
+    coupler, rocker = closed_form(1.0, True)
+    start = derived(four_bar(1.0, coupler, rocker)).start
+    assert start.q == pytest.approx([1.0, coupler, rocker], abs=1e-15)
+
+
+def test_assembling_is_deterministic():
+    first, second = (derived(four_bar(1.2, 3.0, -3.0)) for _ in range(2))
+    assert first.start_state.tobytes() == second.start_state.tobytes()
+    assert list(first.start.keep) == list(second.start.keep)
+
+
+def test_given_velocities_are_kept_and_the_others_follow():
+    """Of one degree of freedom one velocity is enough."""
+    equations = derived(four_bar(1.0, -1.0, 1.8, "velocity: 2"))
+    assert equations.start.u[0] == 2.0
+    slope = 1e-5
+    (c1, r1), (c2, r2) = (closed_form(1.0 + sign * slope, True) for sign in (-1.0, 1.0))
+    rates = [2.0, (c2 - c1) / slope, (r2 - r1) / slope]
+    assert equations.start.u == pytest.approx(rates, abs=1e-8)
+
+
+def test_without_velocities_everything_rests():
+    assert not derived(four_bar(1.0, -1.0, 1.8)).start.u.any()
+
+
+PLANAR = """
+mechanism: sliding_rod
+parts: {rod: {mass: 2, shape: {type: rod, to: [0, 0, -1]}, points: {tip: [0, 0, -1]}}}
+joints:
+  place: {type: planar, axis: [0, -1, 0], x_axis: [1, 0, 0], between: [ground, rod], POSITION}
+constraints:
+  floor: {type: on_plane, point: rod.tip, normal: [0, 0, 1]}
+  drive: {type: coupling, terms: {place.x: 1, place.angle: 0.3}, value: 0.5*t}
+"""
+
+
+def test_speeds_that_are_not_given_have_the_least_kinetic_energy():
+    equations = derived(PLANAR.replace("POSITION", "position: [0, 1, 0.4], guess: true"))
+    q, u = equations.start.q, equations.start.u
+    gradient, drift = equations.conditions.gradient(0.0, q), equations.conditions.drift(0.0, q)
+    assert gradient @ u + drift == pytest.approx(np.zeros(2), abs=1e-14)
+    momentum = equations.conditions.mass(0.0, q) @ u
+    assert momentum @ null_space(gradient) == pytest.approx(np.zeros(1), abs=1e-14)
+    assert u.any()
+
+
+def test_positions_that_are_not_given_move_as_little_as_needed():
+    """The closing is at right angles to what stays free, to first order of a small gap."""
+    gap = 1e-4
+    equations = derived(PLANAR.replace("POSITION", f"position: [0, {np.cos(0.4) + gap}, 0.4], guess: true"))
+    before = np.array([0.0, np.cos(0.4) + gap, 0.4])
+    gradient = equations.conditions.gradient(0.0, equations.start.q)
+    off = np.array([gap, 0.3 * 0.4])  # of the floor and of the coupling
+    assert np.abs(equations.conditions.position(0.0, before)) == pytest.approx(np.abs(off), rel=1e-3)
+    assert (equations.start.q - before) @ null_space(gradient) == pytest.approx(np.zeros(1), abs=0.02)
+
+
+def test_given_quaternions_are_kept_and_others_stay_unit():
+    text = """
+mechanism: ball_and_rod
+parts:
+  a: {mass: 1, inertia: [1, 2, 2.5], points: {p: [0.5, 0, 0]}}
+  b: {mass: 1, inertia: [1, 2, 2.5], points: {p: [0.5, 0, 0]}}
+ground: {points: {o: [1, 0, 0]}}
+joints:
+  one: {type: spherical, between: [ground, a], orientation: {axis: [0, 1, 0], angle: -0.4}, GUESS}
+  two: {type: spherical, between: [ground.o, b], orientation: {axis: [0, 0, 1], angle: 2.5}, guess: true}
+  pin: {type: spherical, between: [a.p, b.p], cut: true}
+"""
+    equations = derived(text.replace("GUESS", "guess: true"))
+    q = equations.start.q
+    assert [np.linalg.norm(q[:4]), np.linalg.norm(q[4:])] == pytest.approx([1.0, 1.0], abs=1e-15)
+    assert np.abs(equations.conditions.position(0.0, q)).max() < 1e-10
+
+
+def test_nearest_speeds_change_by_the_least_kinetic_energy():
+    mechanism = load_mechanism("four_bar")
+    equations, rng = derive(mechanism), np.random.default_rng(1)
+    q, u = equations.start.q, rng.normal(size=3)
+    found = nearest_speeds(equations.conditions, 0.0, q, u)
+    mass = kane.equations(mechanism, q, u, np.zeros(3)).mass
+    gradient = equations.conditions.gradient(0.0, q)
+    assert gradient @ found == pytest.approx(np.zeros(len(gradient)), abs=1e-13)
+    assert (mass @ (found - u)) @ null_space(gradient) == pytest.approx(np.zeros(1), abs=1e-13)
+
+
+def test_closing_leaves_held_coordinates_alone():
+    equations = derived(FOUR_BAR.replace("START", "position: 1").replace("C_GUESS", "-1").replace("R_GUESS", "1.8"))
+    conditions, q = equations.conditions, equations.start.q + np.array([0.0, 0.1, 0.05])
+    for free in ([True, True, False], [False, True, True]):
+        closing = close_loops(conditions, 0.0, q, np.array(free))
+        assert closing.closed
+        assert closing.q[~np.array(free)].tolist() == q[~np.array(free)].tolist()
+    stuck = close_loops(conditions, 0.0, q, np.zeros(3, dtype=bool))
+    assert not stuck.closed
+    assert stuck.q.tolist() == q.tolist()
+
+
+def test_independent_rows_span_all_others():
+    rng = np.random.default_rng(2)
+    basis = rng.normal(size=(3, 6))
+    rows = np.vstack([basis[0], 2.0 * basis[0], basis[1], np.zeros(6), basis[0] - basis[1], basis[2]])
+    keep, ranks = independent_rows([rows])
+    assert ranks == [3]
+    assert rank_of(rows[keep]) == 3 == len(keep)
+    assert keep == sorted(keep)
+
+
+def test_rows_are_chosen_for_where_they_add_least():
+    """The third row is the first one where the mechanism starts, but the second one nearby."""
+    one, two = np.eye(2)
+    start = np.array([one, two, one])
+    near = np.array([one, two, two])
+    tilted = np.array([one, one + 1e-3 * two, two])
+    assert independent_rows([start, near])[0] == [0, 1]
+    assert independent_rows([start, tilted])[0] != [0, 2]
+    assert independent_rows([tilted])[0] == [0, 2]
+
+
+def test_configurations_of_smaller_rank_do_not_count():
+    """A parallelogram that starts flat has one row less there."""
+    flat = np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
+    usual = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    keep, ranks = independent_rows([flat, usual, usual])
+    assert keep == [0, 1]
+    assert ranks == [1, 2, 2]
+
+
+def test_null_space():
+    rng = np.random.default_rng(3)
+    matrix = rng.normal(size=(2, 5))
+    basis = null_space(np.vstack([matrix, matrix[0]]))
+    assert basis.shape == (5, 3)
+    assert basis.T @ basis == pytest.approx(np.eye(3), abs=1e-14)
+    assert matrix @ basis == pytest.approx(np.zeros((2, 3)), abs=1e-14)
+    assert null_space(np.zeros((0, 3))).shape == (3, 3)
+
+
+def test_a_flat_parallelogram_starts_and_names_its_redundant_rows():
+    """Its rank at the start is one less than elsewhere."""
+    text = FOUR_BAR.replace("[1.5, 0, 0]", "[1.4, 0, 0]").replace("rocker: 1.2", "rocker: 0.5")
+    equations = derive(
+        parse_mechanism(text.replace("START", "position: 0").replace("C_GUESS", "0").replace("R_GUESS", "0"))
+    )
+    assert equations.start.ranks[0] == equations.start.rank - 1
+    assert len(equations.start.keep) == equations.start.rank == 2

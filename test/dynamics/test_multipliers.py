@@ -1,0 +1,173 @@
+"""The second elimination, and what the multipliers and the projection must be."""
+
+from __future__ import annotations
+
+import casadi as ca
+import kane
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from loops import random_mechanisms, state_near_start
+
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.dynamics.multipliers import GuardedFactors, minimum_degree
+from mbd_sim.errors import MechanismError
+from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
+
+
+def symbolic(matrix):
+    """A symmetric matrix with a symbol for each entry of its upper triangle that is not zero, and their values."""
+    size, symbols, values = len(matrix), [], []
+    result = ca.SX(size, size)
+    for i in range(size):
+        for j in range(i, size):
+            if matrix[i, j]:
+                symbols.append(ca.SX.sym(f"m{i}_{j}"))
+                values.append(matrix[i, j])
+                result[i, j] = result[j, i] = symbols[-1]
+    return result, ca.vertcat(*symbols), values
+
+
+def solved(matrix, right, floors=None):
+    """The solution by the factors, and how many instructions it takes."""
+    matrix_symbols, symbols, values = symbolic(matrix)
+    right_symbol = ca.SX.sym("b", len(right))
+    floors = np.full(len(right), 1e-13) if floors is None else floors
+    found = ca.Function("solve", [symbols, right_symbol], [GuardedFactors(matrix_symbols, floors).solve(right_symbol)])
+    return np.array(found(values, right)).ravel(), found.n_instructions()
+
+
+def sparse_definite(rng, size, density):
+    root = rng.normal(size=(size, size)) * (rng.random((size, size)) < density) + 2.0 * np.eye(size)
+    return root @ root.T
+
+
+def test_factors_solve_like_numpy():
+    rng = np.random.default_rng(1)
+    for size in (1, 2, 5, 9):
+        for density in (0.1, 0.5, 1.0):
+            matrix, right = sparse_definite(rng, size, density), rng.normal(size=size)
+            expected = np.linalg.solve(matrix, right)
+            allowed = 1e-15 * np.linalg.cond(matrix) * np.linalg.norm(expected)
+            assert solved(matrix, right)[0] == pytest.approx(expected, abs=10.0 * allowed)
+
+
+def test_rows_in_other_units_make_no_difference():
+    rng = np.random.default_rng(2)
+    matrix, right, units = sparse_definite(rng, 6, 0.5), rng.normal(size=6), 10.0 ** rng.uniform(-6, 6, 6)
+    scaled = solved(matrix * np.outer(units, units), right * units, 1e-13 * units**2 * np.diag(matrix))[0]
+    assert scaled * units == pytest.approx(solved(matrix, right)[0], rel=1e-11)
+
+
+def test_an_arrow_is_eliminated_from_its_head_on():
+    """The head stands first, where eliminating it first would fill the matrix."""
+    size = 30
+    matrix = 3.0 * np.eye(size)
+    matrix[0, 1:] = matrix[1:, 0] = 0.1
+    found, instructions = solved(matrix, np.ones(size))
+    assert found == pytest.approx(np.linalg.solve(matrix, np.ones(size)), rel=1e-13)
+    assert instructions < 20 * size
+
+
+def test_a_band_costs_in_proportion_to_its_length():
+    counts = []
+    for size in (20, 40):
+        matrix = 3.0 * np.eye(size) + np.eye(size, k=1) + np.eye(size, k=-1)
+        counts.append(solved(matrix, np.ones(size))[1])
+    assert counts[1] < 2.2 * counts[0]
+
+
+def test_minimum_degree_takes_the_row_with_the_fewest_neighbours():
+    star = [{0, 1, 2, 3}, {0, 1}, {0, 2}, {0, 3}]
+    assert minimum_degree(star)[:2] == [1, 2]
+    chain = [{1}, {0, 2}, {1, 3}, {2}]
+    assert minimum_degree(chain)[0] in (0, 3)
+    rng = np.random.default_rng(3)
+    pattern = rng.random((12, 12)) < 0.3
+    pattern |= pattern.T
+    assert sorted(minimum_degree([set(np.flatnonzero(row).tolist()) for row in pattern])) == list(range(12))
+
+
+def test_a_row_that_depends_on_others_is_let_go():
+    """Of a singular matrix the rows before it are solved; its own unknown is zero."""
+    rng = np.random.default_rng(4)
+    rows = rng.normal(size=(3, 5))
+    rows = np.vstack([rows, rows[0] - 2.0 * rows[2]])
+    matrix = rows @ rows.T
+    right = matrix @ rng.normal(size=4)
+    found, _ = solved(matrix, right, np.full(4, 1e-12))
+    assert np.sum(found == 0.0) == 1
+    assert matrix @ found == pytest.approx(right, rel=1e-10)
+
+
+def test_an_empty_row_is_let_go():
+    matrix = np.diag([2.0, 0.0, 4.0])
+    assert solved(matrix, np.array([2.0, 5.0, 8.0]))[0].tolist() == [1.0, 0.0, 2.0]
+
+
+def in_mass_metric(mechanism, q):
+    """Speeds (nv, nv) with a unit mass matrix."""
+    nv = kane.places(mechanism)[2]
+    mass = kane.equations(mechanism, q, np.zeros(nv), np.zeros(nv)).mass
+    return np.linalg.inv(np.linalg.cholesky(mass)).T
+
+
+def least_change(mechanism, q, defect, gradient):
+    """The smallest change in the metric of M that takes a defect away."""
+    unit = in_mass_metric(mechanism, q)
+    return -unit @ np.linalg.lstsq(gradient @ unit, defect, rcond=1e-9)[0]
+
+
+@pytest.mark.parametrize("name", ["four_bar", "slider_crank", "a04_bricard"])
+def test_velocities_are_led_back_by_the_least_kinetic_energy(name):
+    mechanism = load_mechanism(name)
+    derived, rng = derive(mechanism), np.random.default_rng(5)
+    q, u, _ = state_near_start(mechanism, derived, rng, 0.0)
+    off = u + rng.normal(size=len(u))
+    settled = np.array(derived.settle(0.0, np.concatenate([q, off, np.zeros(3)]))).ravel()
+    gradient, _, defect = kane.constraint_rows(mechanism, q, off, 0.0)
+    expected = off + least_change(mechanism, q, defect, gradient)
+    found = settled[len(q) : len(q) + len(u)]
+    assert found == pytest.approx(expected, abs=1e-10)
+    again = np.array(derived.settle(0.0, settled)).ravel()
+    assert again == pytest.approx(settled, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["four_bar", "slider_crank", "a04_bricard"])
+def test_positions_are_led_back_by_the_smallest_displacement(name):
+    """To first order in how far they are off, with an error of second order."""
+    mechanism = load_mechanism(name)
+    derived, rng = derive(mechanism), np.random.default_rng(6)
+    q, u, _ = state_near_start(mechanism, derived, rng, 0.0)
+    away = 1e-5 * rng.normal(size=len(u))
+    settled = np.array(derived.settle(0.0, np.concatenate([derived.conditions.moved(q, away), u, np.zeros(3)]))).ravel()
+    gradient = kane.constraint_rows(mechanism, q, u, 0.0)[0]
+    expected = derived.conditions.moved(q, away + least_change(mechanism, q, gradient @ away, gradient))
+    assert settled[: len(q)] == pytest.approx(expected, abs=1e-8)
+    violation = np.array(derived.violation(0.0, settled))
+    assert np.max(np.abs(violation[:, 0])) <= 1e-8
+
+
+@settings(max_examples=20)
+@given(random_mechanisms())
+def test_multipliers_are_the_forces_that_accelerations_need(drawn):
+    """M u' - f = Gᵀ λ with the engine's own G, also in mechanisms with redundant rows."""
+    text, rng = drawn
+    mechanism = parse_mechanism(text)
+    try:
+        derived = derive(mechanism)
+    except MechanismError:
+        return  # contradicts its drives
+    if not derived.rows or (state := state_near_start(mechanism, derived, rng, 0.05)) is None:
+        return
+    q, u, efforts = state
+    y = np.concatenate([q, u, np.zeros(3)])
+    oracle = kane.equations(mechanism, q, u, efforts, 0.05)
+    multipliers = np.array(derived.multipliers(0.05, y, efforts)).ravel()
+    forces = derived.conditions.gradient(0.05, q).T @ multipliers
+    needed = oracle.mass @ oracle.accelerations - oracle.forces
+    scale = oracle.scale
+    size = 1.0 + np.linalg.norm(oracle.forces / scale) + np.linalg.norm(needed / scale)
+    assert np.linalg.norm((forces - needed) / scale) <= 1e-13 * oracle.condition * max(oracle.stiffness, 10.0) * size
+    dropped = [row for row in range(len(derived.rows)) if row not in derived.start.keep]
+    assert not multipliers[dropped].any()

@@ -1,0 +1,160 @@
+"""Reactions of the joints against Newton's and Euler's equations of every part by itself, and what they do."""
+
+from __future__ import annotations
+
+import json
+
+import casadi as ca
+import kane
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from loops import FREEDOMS, random_mechanisms, state_near_start
+from mechanisms import SHIPPED, accelerations, random_state
+
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.errors import MechanismError
+from mbd_sim.mechanism import constraints as c
+from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
+
+T = 0.05
+
+
+def state_of(mechanism, derived, rng, t=T):
+    return state_near_start(mechanism, derived, rng, t) if derived.rows else random_state(mechanism, rng)
+
+
+def padded(q, u):
+    return np.concatenate([q, u, np.zeros(3)])
+
+
+def acting(mechanism, derived, q, u, efforts, t=T):
+    """(part, place (3,), force (3,), moment (3,)) of everything outside of a part that acts on it."""
+    rates = accelerations(derived, q, u, efforts, t)
+    moving = kane.motions(mechanism, q, u, rates, t)
+
+    def place(part, point):
+        return point if part == kane.GROUND else moving[part].origin.d[0] + moving[part].rotation.d[0] @ point
+
+    found = []
+    reactions = np.array(derived.reactions()(t, padded(q, u), efforts))
+    for joint, wrench in zip(mechanism.all_joints.values(), reactions.T, strict=True):
+        point = place(joint.child, joint.child_pose.position)
+        found += [(joint.child, point, wrench[:3], wrench[3:]), (joint.parent, point, -wrench[:3], -wrench[3:])]
+    for at, couple, vector in kane.element_forces(mechanism, moving, t)[0]:
+        none = np.zeros(3)
+        found.append((at.part, place(at.part, at.point), none if couple else vector, vector if couple else none))
+    multipliers = np.array(derived.multipliers(t, padded(q, u), efforts)).ravel()
+    for record in mechanism.constraints:
+        assert isinstance(record, c.Distance)
+        (row,) = (n for n, row in enumerate(derived.rows) if row.owner == ("constraints", record.name))
+        ends = [place(end.part, end.point) for end in (record.first, record.second)]
+        push = multipliers[row] * (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+        found += [(record.first.part, ends[0], -push, np.zeros(3)), (record.second.part, ends[1], push, np.zeros(3))]
+    for name, part in mechanism.parts.items():
+        found.append((name, moving[name].center.d[0], part.mass * mechanism.gravity, np.zeros(3)))
+    return moving, found
+
+
+def check_newton_and_euler(mechanism, rng):
+    derived = derive(mechanism)
+    if (state := state_of(mechanism, derived, rng)) is None:
+        return False
+    q, u, efforts = state
+    stiffness = kane.equations(mechanism, q, u, efforts, T).stiffness if len(u) else 1.0
+    moving, loads = acting(mechanism, derived, q, u, efforts)
+    size = 1.0 + max(np.linalg.norm(force) + np.linalg.norm(moment) for _, _, force, moment in loads)
+    for name, part in mechanism.parts.items():
+        motion = moving[name]
+        turn, center, w = motion.rotation.d[0], motion.center.d[0], motion.omega
+        force = part.mass * motion.center.d[2]
+        moment = turn @ (part.inertia @ motion.alpha + np.cross(w, part.inertia @ w))
+        for on, point, f, m in loads:
+            if on == name:
+                force = force - f
+                moment = moment - m - np.cross(point - center, f)
+        assert np.linalg.norm([*force, *moment]) <= 1e-13 * max(stiffness, 10.0) * size
+    return True
+
+
+def without_massive_springs(text):
+    """A spring with mass is not a part: its inertia forces are not those of any."""
+    data = json.loads(text)
+    for force in data["forces"].values():
+        if force["type"] == "spring":
+            force.pop("mass", None)
+    return parse_mechanism(json.dumps(data))
+
+
+def test_every_part_of_random_mechanisms_obeys_newton_and_euler():
+    done = []
+
+    @settings(max_examples=30)
+    @given(random_mechanisms([*FREEDOMS, "distance"]))
+    def hold(drawn):
+        text, rng = drawn
+        try:
+            done.append(check_newton_and_euler(without_massive_springs(text), rng))
+        except MechanismError:
+            done.append(False)
+
+    hold()
+    assert sum(done) >= 24
+
+
+def all_forces_are_known(mechanism):
+    """Whether nothing acts on the parts but joints, force elements, weights and massless rods."""
+    rods = all(isinstance(record, c.Distance) for record in mechanism.constraints)
+    return rods and not any(spring.mass for spring in mechanism.springs)
+
+
+@pytest.mark.parametrize("name", [name for name in SHIPPED if all_forces_are_known(load_mechanism(name))])
+def test_every_part_of_shipped_mechanisms_obeys_newton_and_euler(name):
+    assert check_newton_and_euler(load_mechanism(name), np.random.default_rng(2))
+
+
+def power_defect(derived, q, u, efforts, t=T):
+    """d(T + V)/dt less the power of forces and drives plus the dissipated power, and their size, in W."""
+    time, y, e = ca.SX.sym("t"), ca.SX.sym("y", len(padded(q, u))), ca.SX.sym("e", len(efforts))
+    rates, energy = derived.rates.call([time, y, e])[0], ca.sum1(derived.energies(time, y))
+    change = ca.jtimes(energy, y, rates) + ca.jtimes(energy, time, ca.SX(1))
+    function = ca.Function("power", [time, y, e], [change, rates[-3:]])
+    total, powers = (np.array(value).ravel() for value in function(t, padded(q, u), efforts))
+    return abs(total[0] - powers[0] - powers[1] + powers[2]), 1.0 + abs(total[0]) + np.abs(powers).sum()
+
+
+def check_power(mechanism, rng):
+    derived = derive(mechanism)
+    if (state := state_of(mechanism, derived, rng)) is None:
+        return False
+    q, u, efforts = state
+    oracle = kane.equations(mechanism, q, u, efforts, T) if len(u) else None
+    defect, size = power_defect(derived, q, u, efforts)
+    allowed = 1e-13
+    if oracle:
+        size += np.abs(oracle.forces) @ np.abs(u)  # which may cancel
+        allowed *= oracle.condition * oracle.stiffness
+    assert defect <= min(1e-10, allowed) * size or (oracle and oracle.stiffness > 1e4)
+    return True
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_power_theorem_on_shipped_mechanisms(name):
+    """Also where constraints and drives move parts."""
+    assert check_power(load_mechanism(name), np.random.default_rng(3))
+
+
+def test_the_power_theorem_on_random_mechanisms():
+    done = []
+
+    @settings(max_examples=30)
+    @given(random_mechanisms())
+    def hold(drawn):
+        text, rng = drawn
+        try:
+            done.append(check_power(parse_mechanism(text), rng))
+        except MechanismError:
+            done.append(False)
+
+    hold()
+    assert sum(done) >= 24

@@ -1,0 +1,174 @@
+"""Problems A01, A02 and A04 of IFToMM's library of multibody benchmarks (lim.ii.udc.es/mbsbenchmark)."""
+
+from __future__ import annotations
+
+import functools
+import runpy
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mechanisms import violation
+from scipy.integrate import solve_ivp
+from scipy.special import ellipk
+
+from mbd_sim import Simulation
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.mechanism.load import load_mechanism
+
+G = 9.81
+SCRIPTS = Path(__file__).parents[3] / "scripts"
+
+
+@functools.cache
+def equations(name):
+    return derive(load_mechanism(name))
+
+
+def run(sim, seconds, every=20):
+    """Run, and give the largest residual over the largest energy, and the largest violation of the constraints."""
+    derived = derive(sim.mechanism)
+    largest = residual = off = 0.0
+    while sim.time < seconds - 1e-9:
+        sim.step(every)
+        largest = max(largest, *(abs(energy) for energy in sim.energies[:5]))
+        residual = max(residual, abs(sim.energies.residual))
+        off = max(off, violation(sim, derived))
+    return residual / largest, off
+
+
+class TestA01:
+    """A simple pendulum in Cartesian coordinates, released with its rod level."""
+
+    def test_period(self):
+        """After half a period, 2 K(sin 45°) sqrt(l/g), it is at rest on the other side; after a period, back."""
+        half = 2.0 * ellipk(0.5) * np.sqrt(1.0 / G)
+        sim = Simulation.from_file("a01_simple_pendulum", step=half / 1000)
+        for number, side in enumerate([1.0, -1.0] * 4, start=1):
+            sim.step(1000)
+            assert sim.time == pytest.approx(number * half, rel=1e-14)
+            assert sim.q == pytest.approx([side, 0.0], abs=1e-11)
+            assert sim.u == pytest.approx([0.0, 0.0], abs=1e-10)
+
+    def test_ten_seconds(self):
+        residual, off = run(Simulation.from_file("a01_simple_pendulum"), 10.0)
+        assert residual < 1e-13
+        assert off < 1e-14
+
+
+def rods(count, seconds):
+    """θ and θ' from the horizontal: ((N + 1)/3 + N) θ'' + ((N + 1)/2 + N) g cos θ = 0, 1 rad/s toward +x upright."""
+    factor = ((count + 1) / 2 + count) * G / ((count + 1) / 3 + count)
+    fall = solve_ivp(
+        lambda t, y: [y[1], -factor * np.cos(y[0])],
+        (0.0, seconds),
+        [np.pi / 2, -1.0],
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-13,
+        max_step=0.01,
+    )
+    return fall.y[:, -1]
+
+
+def four_bars(count):
+    """The text of N four-bars."""
+    return runpy.run_path(str(SCRIPTS / "four_bars"))["four_bars"](count)
+
+
+class TestA02:
+    """N four-bars in a row, which lie flat twice a turn: there the constraints lose their rank."""
+
+    @pytest.mark.parametrize("seconds", [1.0, 5.0, 10.0])
+    def test_two(self, seconds):
+        sim = Simulation.from_file("a02_four_bars")
+        assert sim.u == pytest.approx([1.0, 1.0, 1.0, -1.0, -1.0], abs=1e-14)
+        sim.run(until=seconds)
+        theta, rate = rods(2, seconds)
+        assert sim.q == pytest.approx((np.pi / 2 - theta) * np.array([1, 1, 1, -1, -1]), abs=1e-7)
+        assert sim.u == pytest.approx(-rate * np.array([1, 1, 1, -1, -1]), abs=1e-7)
+
+    def test_generated_file_is_the_shipped_one(self):
+        shipped, generated = Simulation.from_file("a02_four_bars"), Simulation.from_text(four_bars(2))
+        shipped.run(until=1.0)
+        generated.run(until=1.0)
+        assert generated.q[0] == pytest.approx(shipped.q[0], abs=1e-13)
+
+    def test_it_stays_a_row_of_parallelograms(self):
+        """Through a hundred times lying flat, without energy gained or lost."""
+        sim = Simulation.from_file("a02_four_bars")
+        residual, off = run(sim, 60.0)
+        assert sim.q[0] > 2.0 * np.pi * 25
+        assert np.ptp(sim.q * [1, 1, 1, -1, -1]) < 1e-11
+        assert residual < 1e-9
+        assert off < 1e-11
+
+    def test_other_masses_on_its_way_through(self):
+        """With one rod heavy and one light the loops are loaded where they lie flat, and hold."""
+        text = (
+            four_bars(2)
+            .replace("rod2: {mass: 1 kg", "rod2: {mass: 7 kg")
+            .replace("bar1: {mass: 1 kg", "bar1: {mass: 0.1 kg")
+        )
+        sim = Simulation.from_text(text)
+        residual, off = run(sim, 30.0)
+        assert np.ptp(sim.q * [1, 1, 1, -1, -1]) < 1e-10
+        assert residual < 1e-8
+        assert off < 1e-10
+
+    def test_twenty(self):
+        """41 rods and bars, well within real time. (scripts/systems_table has N = 40.)"""
+        sim = Simulation.from_text(four_bars(20))
+        began = time.perf_counter()
+        sim.run(until=5.0)
+        assert time.perf_counter() - began < 2.5
+        theta, rate = rods(20, 5.0)
+        assert sim.q == pytest.approx((np.pi / 2 - theta) * np.repeat([1.0, -1.0], [21, 20]), abs=1e-7)
+        assert sim.u == pytest.approx(-rate * np.repeat([1.0, -1.0], [21, 20]), abs=1e-7)
+        assert abs(sim.energies.residual) < 1e-9 * sim.energies.total
+
+
+class TestA04:
+    """Bricard's mechanism: by Grübler's count rigid, and yet of one degree of freedom."""
+
+    def test_count(self):
+        derived = equations("a04_bricard")
+        assert 6 * 5 - 5 * 6 == 0
+        assert (derived.layout.nv, len(derived.rows), derived.start.rank) == (5, 5, 4)
+
+    def test_energy_and_constraints(self):
+        residual, off = run(Simulation.from_file("a04_bricard"), 20.0)
+        assert residual < 1e-13
+        assert off < 1e-13
+
+    def test_joints_in_space(self):
+        """All hinge points stay a metre apart and every hinge stays across both of its bars."""
+        sim = Simulation.from_file("a04_bricard")
+        lowest = 0.0
+        for _ in range(30):
+            sim.step(100)
+            poses = sim.poses()
+            bars = ["first", "second", "third", "fourth", "fifth"]
+            points = np.array([poses[bar].position for bar in bars] + [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
+            assert np.linalg.norm(np.diff(points, axis=0), axis=1) == pytest.approx(np.ones(6), abs=1e-13)
+            last = poses["fifth"]
+            assert last.position + last.rotation[:, 1] == pytest.approx([0.0, 0.0, 1.0], abs=1e-13)
+            assert last.rotation[:, 0] == pytest.approx([1.0, 0.0, 0.0], abs=1e-13)  # the hinge on ground
+            lowest = min(lowest, points[:, 1].min())
+        assert lowest < -1.2  # it moves a good way
+
+    def test_closure_condition(self):
+        """Every other hinge turns alike, and the two angles obey sin a sin b + sin a + sin b = 0 (from the cube).
+
+        That is cos α cos β + cos α + cos β = 0 of the threefold symmetric linkage, with α and β from a straight chain.
+        """
+        sim = Simulation.from_file("a04_bricard")
+        reached = []
+        for _ in range(100):
+            sim.step(50)
+            a, b, c, e, f = sim.q
+            assert [c, e, f] == pytest.approx([a, a, b], abs=1e-12)
+            assert np.sin(a) * np.sin(b) + np.sin(a) + np.sin(b) == pytest.approx(0.0, abs=1e-13)
+            reached.append(a)
+        assert np.ptp(reached) > 1.5

@@ -1,0 +1,402 @@
+"""The shipped mechanisms with loops and constraints, each against its textbook.
+
+Accelerations at random consistent states against the closed form, reference end states, the energy audit and the
+constraints after a minute. test_rolling.py, test_reactions.py and test_loops.py have what needs more words.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+from mechanisms import accelerations, consistent_state, derived, violation
+
+from mbd_sim import Simulation
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.mechanism.library import shipped
+from mbd_sim.mechanism.load import load_mechanism
+
+G = 9.81
+
+
+@functools.cache
+def equations(name):
+    return derive(load_mechanism(name))
+
+
+def relative(found, expected):
+    """The largest error, relative to the largest component, or to 1: forces of that order cancel in the smallest."""
+    expected = np.asarray(expected, dtype=float)
+    return np.max(np.abs(found - expected)) / max(np.max(np.abs(expected)), 1.0)
+
+
+# Planar loops in complex numbers: a bar is a exp(iθ), and what it makes turning is solved for two rates at a time.
+
+
+def two_rates(first, second, known):
+    """x and y with x first + y second = known, all of these complex numbers."""
+    return np.linalg.solve([[first.real, second.real], [first.imag, second.imag]], [known.real, known.imag])
+
+
+def bar(length, angle):
+    return length * np.exp(1j * angle)
+
+
+def one_freedom(motions, force):
+    """The acceleration θ'' of Σ m |z|² θ'' = Q - Σ m Re(z* b), of masses m that accelerate as z θ'' + b."""
+    inertia = sum(m * abs(z) ** 2 for m, z, _ in motions)
+    return (force - sum(m * (np.conj(z) * b).real for m, z, b in motions)) / inertia
+
+
+# Closed forms: u' from the file's parameters p, the time, the state, and the efforts e.
+
+
+def constrained_pendulum(p, t, q, u, e):
+    """θ'' + (g/l) sin θ = 0 (Huston & Liu 8.4) in u1 = l cos θ - l and u2 = l sin θ."""
+    length = p["l"]
+    c, s = 1.0 + q[0] / length, q[1] / length
+    rate = (c * u[1] - s * u[0]) / length
+    second = -G / length * s + (c * e[1] - s * e[0]) / (p["m"] * length)
+    return [-length * (s * second + c * rate**2), length * (c * second - s * rate**2)]
+
+
+def a01_simple_pendulum(p, t, q, u, e):
+    """The same in x and z."""
+    down = constrained_pendulum({"m": 1.0, "l": 1.0}, t, [-q[1] - 1.0, q[0]], [-u[1], u[0]], [-e[1], e[0]])
+    return [down[1], -down[0]]
+
+
+def on_a_sphere(m, radius, q, u, e):
+    """Along a sphere a particle accelerates as the force does it, and toward the centre by v²/R."""
+    normal, free = q / radius, e / m - [0.0, 0.0, G]
+    return free - normal * (normal @ free + u @ u / radius)
+
+
+def spherical_pendulum(p, t, q, u, e):
+    """Lidström 9.1, without angles."""
+    return on_a_sphere(p["m"], p["l"], q, u, e)
+
+
+def insect_on_sphere(p, t, q, u, e):
+    """Huston & Liu P11.2.2."""
+    return on_a_sphere(p["m"], p["radius"], q, u, e)
+
+
+def bead_on_wire(p, t, q, u, e):
+    """A curve (x, y(x), z(x)) of slope s: m |s|² x'' + m (s · ds/dx) x'² = s · (force - m g)."""
+    (x, y, _), a, k = q, p["a"], p["k"]
+    y1, y2 = a * k * np.cos(k * x), -a * k**2 * np.sin(k * x)
+    slope = np.array([1.0, y1, (x + y * y1) / p["p"]])
+    bend = np.array([0.0, y2, (1.0 + y1**2 + y * y2) / p["p"]])
+    pull = slope @ (e / p["m"] - [0.0, 0.0, G]) - slope @ bend * u[0] ** 2
+    return slope * pull / (slope @ slope) + bend * u[0] ** 2
+
+
+def slider_crank(p, t, q, u, e):
+    """Lidström p. 10-12, as a mechanism of one degree of freedom."""
+    r, length = p["r"], p["b"] + p["c"]
+    crank, coupler = bar(r, q[0]), bar(length, q[0] + q[1])
+    turned, _ = two_rates(1j * coupler, -1.0 + 0j, -1j * crank)
+    bend = (crank + turned**2 * coupler) * u[0] ** 2
+    bent, _ = two_rates(1j * coupler, -1.0 + 0j, bend)
+    motions = [
+        (p["m_crank"] / 3.0, 1j * crank, 0.0),
+        (
+            p["m_coupler"],
+            1j * crank + 0.5j * turned * coupler,
+            0.5j * bent * coupler - 0.5 * (bend + crank * u[0] ** 2),
+        ),
+        (p["m_coupler"] / 12.0, length * turned, length * bent),
+        (p["m_slider"], 1j * crank + 1j * turned * coupler, 1j * bent * coupler - bend),
+    ]
+    weight = -G * sum(m * z.imag for m, z in ((p["m_crank"] / 2, 1j * crank), (p["m_coupler"], motions[1][1])))
+    second = one_freedom(motions, weight + e @ [1.0, turned - 1.0, -turned])
+    phi = turned * second + bent
+    return [second, phi - second, -phi]
+
+
+def four_bar(p, t, q, u, e):
+    """Crank, coupler and rocker: a exp(iθ) + b exp(iφ) = d + c exp(iψ)."""
+    crank, coupler, rocker = bar(p["crank"], q[0]), bar(p["coupler"], q[0] + q[1]), bar(p["rocker"], q[2])
+    phi1, psi1 = two_rates(1j * coupler, -1j * rocker, -1j * crank)
+    known = (crank + phi1**2 * coupler - psi1**2 * rocker) * u[0] ** 2
+    phi2, psi2 = two_rates(1j * coupler, -1j * rocker, known)
+    a, b, c = (p["density"] * p[name] for name in ("crank", "coupler", "rocker"))
+    middle = 1j * crank + 0.5j * phi1 * coupler
+    motions = [
+        (a / 3.0, 1j * crank, 0.0),
+        (b, middle, 0.5j * phi2 * coupler - (crank + 0.5 * phi1**2 * coupler) * u[0] ** 2),
+        (b / 12.0, p["coupler"] * phi1, p["coupler"] * phi2),
+        (c / 3.0, p["rocker"] * psi1, p["rocker"] * psi2),
+    ]
+    weight = -G * (0.5 * a * crank.real + b * middle.imag + 0.5 * c * psi1 * rocker.real)
+    second = one_freedom(motions, weight + e @ [1.0, phi1 - 1.0, psi1])
+    return [second, (phi1 - 1.0) * second + phi2, psi1 * second + psi2]
+
+
+def knife_edge(p, t, q, u, e):
+    """Huston & Liu P11.2.3: forward as the force along the edge does it, sideways as the edge turns."""
+    c, s = np.cos(q[2]), np.sin(q[2])
+    forward, speed = (c * e[0] + s * e[1]) / p["m"], c * u[0] + s * u[1]
+    inertia = p["m"] * (p["length"] ** 2 + 0.004**2) / 12.0
+    return [c * forward - s * speed * u[2], s * forward + c * speed * u[2], e[2] / inertia]
+
+
+def upright_wheel(p, t, q, u, e):
+    """Géradin & Rixen p. 12-14: (m + I/r²) x'' = m g sin(slope) + F + M/r."""
+    down = (p["m"] * G * np.sin(p["slope"]) + e[1] + e[2] / p["r"]) / (1.5 * p["m"])
+    return [0.0, down, down / p["r"]]
+
+
+def disk_weight(p, t, q, u, e):
+    """Huston & Liu 8.8: α = W r/(I + mass r²)."""
+    alpha = (e[0] + p["r"] * (p["mass"] * G + e[1])) / (0.5 * p["m"] * p["r"] ** 2 + p["mass"] * p["r"] ** 2)
+    return [alpha, p["r"] * alpha]
+
+
+def atwood(p, t, q, u, e):
+    """(m1 + m2) x'' = (m2 - m1) g - k x."""
+    pull = (p["m2"] - p["m1"]) * G - p["k"] * (q[1] - p["h"]) + e[1] - e[0]
+    return np.array([-1.0, 1.0]) * pull / (p["m1"] + p["m2"])
+
+
+def swinging_atwood(p, t, q, u, e):
+    """(M + m) ρ'' = m ρ θ'² + g (m cos θ - M) and ρ θ'' + 2 ρ' θ' + g sin θ = 0, with forces along both."""
+    m, rho = p["m"], np.hypot(q[0], q[1])
+    out, around = np.array([q[0], q[1]]) / rho, np.array([-q[1], q[0]]) / rho
+    spin, out1 = around @ u[:2] / rho, out @ u[:2]
+    force = e[:2] - [0.0, m * G]
+    rho2 = (m * rho * spin**2 + out @ force - p["M"] * G - e[2]) / (p["M"] + m)
+    spin2 = (around @ force / m - 2.0 * out1 * spin) / rho
+    return [*(out * (rho2 - rho * spin**2) + around * (rho * spin2 + 2.0 * out1 * spin)), -rho2]
+
+
+def rack_and_pinion(p, t, q, u, e):
+    """(I + m r²) θ'' + k r² θ = 0."""
+    r = p["r"]
+    alpha = (e[0] + r * (e[1] - p["k"] * q[1])) / (0.5 * p["m_pinion"] * r**2 + p["m_rack"] * r**2)
+    return [alpha, r * alpha]
+
+
+def scissor_lift(p, t, q, u, e):
+    """All follows the screw: x'' = lead/2π times its acceleration, and x = l cos α."""
+    w = 2.0 * np.pi / p["period"]
+    out = p["lead"] / 2.0 * p["turns"] * w**2 * np.cos(w * t)
+    tilt = -(out + q[0] * u[1] ** 2) / (p["l"] * np.sin(q[1]))
+    return [out, tilt, -tilt, tilt]
+
+
+def a02_four_bars(p, t, q, u, e):
+    """((N + 1)/3 + N) θ'' + ((N + 1)/2 + N) g cos θ = 0 for all rods, from the horizontal, and the bars stay level."""
+    pull = 3.5 * G * np.sin(q[0]) + e[:3].sum() - e[3:].sum()
+    return np.array([1.0, 1.0, 1.0, -1.0, -1.0]) * pull / 3.0
+
+
+CLOSED_FORMS = {
+    form.__name__: form
+    for form in (
+        constrained_pendulum,
+        spherical_pendulum,
+        insect_on_sphere,
+        bead_on_wire,
+        slider_crank,
+        four_bar,
+        knife_edge,
+        upright_wheel,
+        disk_weight,
+        atwood,
+        swinging_atwood,
+        rack_and_pinion,
+        scissor_lift,
+        a01_simple_pendulum,
+        a02_four_bars,
+    )
+}
+# How far to go from the start, where other branches of the mechanism or singular positions lie near.
+REACH = {"slider_crank": 0.5, "four_bar": 0.7, "scissor_lift": 0.2, "swinging_atwood": 0.5, "a02_four_bars": 0.4}
+
+
+@pytest.mark.parametrize("name", CLOSED_FORMS)
+def test_accelerations(name):
+    derived_, rng, worst = equations(name), np.random.default_rng(70), 0.0
+    parameters = load_mechanism(name).parameters
+    for _ in range(30):
+        t = rng.uniform(0.0, 3.0) if name == "scissor_lift" else 0.0
+        q, u, efforts = consistent_state(derived_, rng, t, REACH.get(name, 1.0))
+        expected = CLOSED_FORMS[name](parameters, t, q, u, efforts)
+        worst = max(worst, relative(accelerations(derived_, q, u, efforts, t), expected))
+    assert worst < 1e-12
+
+
+LOOPED = sorted(path.stem for path in shipped().values() if path.parent.name in ("constraints", "benchmarks"))
+
+
+@pytest.mark.parametrize("name", LOOPED)
+def test_energy_audit_and_constraints_after_a_minute(name):
+    """Ten seconds of it here: scripts/systems_table runs the whole."""
+    sim, derived_ = Simulation.from_file(name), equations(name)
+    largest = worst = 0.0
+    while sim.time < 10.0:
+        sim.step(20)
+        largest = max(largest, *(abs(energy) for energy in sim.energies[:5]))
+        worst = max(worst, violation(sim, derived_))
+        assert abs(sim.energies.residual) < 1e-9 * largest
+    assert worst < 1e-12
+
+
+def end(name, until):
+    sim = Simulation.from_file(name)
+    assert (sim.model.method.name, sim.step_size) == ("dop853", 1e-3)
+    sim.run(until=until)
+    return sim
+
+
+def test_four_bar_end_state():
+    sim = end("four_bar", 3.0)
+    sums = np.array([[1, 0, 0], [1, 1, 0], [0, 0, 1]])
+    q, u = [16.4518219722, 0.862094056665, 2.49357994901], [13.2465361157, 4.66396624198, 0.652268462214]
+    assert relative([*(sums @ sim.q), *(sums @ sim.u)], [*q, *u]) < 1e-10
+
+
+def test_spherical_pendulum_end_state():
+    """θ from the downward vertical and φ, which has gone round twice."""
+    sim = end("spherical_pendulum", 5.0)
+    (x, y, z), (vx, vy, vz) = sim.q, sim.u
+    theta, phi = np.arctan2(np.hypot(x, y), -z), np.arctan2(y, x) + 6.0 * np.pi
+    found = [theta, phi, vz / np.sin(theta), (x * vy - y * vx) / (x * x + y * y)]
+    assert relative(found, [0.645456578323, 17.315153994, 1.06530284771, 2.84404860686]) < 1e-11
+    assert x * vy - y * vx == pytest.approx(2.0 * np.sin(0.8) ** 2, rel=1e-12)
+
+
+@pytest.mark.parametrize("start", [0.0, 1e-9, 1e-3])
+def test_spherical_pendulum_swings_through_the_bottom(start):
+    """Where θ and φ are singular."""
+    sim = Simulation.from_file("spherical_pendulum")
+    sim.reset(q=[start, 0.0, -np.sqrt(1.0 - start**2)], u=[0.0, 1.0, 0.0])
+    speeds = []
+    for _ in range(4000):
+        sim.step()
+        speeds.append(np.linalg.norm(sim.u))
+    assert max(speeds) == pytest.approx(1.0, rel=1e-5)
+    assert abs(sim.energies.residual) < 1e-12
+
+
+def test_constrained_pendulum_moves_as_the_simple_one():
+    """A change of coordinates leaves the motion as it is (Lidström, theorem 9.2)."""
+    constrained, simple = Simulation.from_file("constrained_pendulum"), Simulation.from_file("simple_pendulum")
+    for _ in range(20):
+        constrained.step(500)
+        simple.step(500)
+        expected = [np.cos(simple.q[0]) - 1.0, np.sin(simple.q[0])]
+        assert constrained.q == pytest.approx(expected, abs=1e-11)
+
+
+def test_knife_edge_runs_in_a_circle():
+    """At constant speed, with the radius v/φ'."""
+    sim = Simulation.from_file("knife_edge")
+    for _ in range(10):
+        sim.step(700)
+        x, y, phi = sim.q
+        assert [x, y] == pytest.approx([2.0 * np.sin(phi), 2.0 * (1.0 - np.cos(phi))], abs=1e-12)
+        assert np.hypot(*sim.u[:2]) == pytest.approx(1.5, rel=1e-13)
+        assert phi == pytest.approx(0.75 * sim.time, rel=1e-13)
+
+
+def test_insect_has_two_degrees_of_freedom():
+    derived_ = equations("insect_on_sphere")
+    assert (derived_.layout.nv, len(derived_.rows), derived_.start.rank) == (3, 1, 1)
+
+
+def test_upright_wheel_is_holonomic():
+    """One degree of freedom: what rolls is integrable, x - r ψ stays."""
+    sim, derived_ = Simulation.from_file("upright_wheel"), equations("upright_wheel")
+    assert derived_.layout.nv - derived_.start.rank == 1
+    sim.run(until=5.0)
+    height, x, psi = sim.q
+    assert x == pytest.approx(G * np.sin(np.radians(5.0)) / 1.5 * 12.5, rel=1e-13)
+    assert [height, x - 0.3 * psi] == pytest.approx([0.3, 0.0], abs=1e-12)
+
+
+def test_weight_on_a_disk():
+    """Huston & Liu 8.8: the angle after a second, and the cable's tension I α/r, which is the multiplier."""
+    p, derived_ = load_mechanism("disk_weight").parameters, equations("disk_weight")
+    sim = end("disk_weight", 1.0)
+    inertia, weight = 0.5 * p["m"] * p["r"] ** 2, p["mass"] * G
+    alpha = weight * p["r"] / (inertia + p["mass"] * p["r"] ** 2)
+    assert sim.q[0] == pytest.approx(0.5 * alpha, rel=1e-13)
+    tension = derived_.multipliers(1.0, sim.state, np.zeros(2))
+    assert abs(float(tension)) == pytest.approx(inertia * alpha / p["r"], rel=1e-12)
+    assert abs(float(tension)) < weight
+
+
+def test_tension_of_the_cable_of_atwood():
+    """2 m1 m2/(m1 + m2) g where the spring is relaxed."""
+    p, derived_ = load_mechanism("atwood").parameters, equations("atwood")
+    tension = abs(float(derived_.multipliers(0.0, derived_.start_state, np.zeros(2))))
+    assert tension == pytest.approx(2.0 * p["m1"] * p["m2"] / (p["m1"] + p["m2"]) * G, rel=1e-13)
+
+
+SLIDER_CRANK_IN_SIX = """
+mechanism: six_coordinates
+parameters: {r: 0.2, length: 0.6}
+parts:
+  crank: {mass: 2, shape: {type: rod, to: [r, 0, 0]}, points: {tip: [r, 0, 0]}}
+  coupler: {mass: 1.5, shape: {type: rod, to: [length, 0, 0]}, points: {far: [length, 0, 0]}}
+joints:
+  crank_plane:
+    {type: planar, between: [ground, crank], axis: [0, -1, 0], x_axis: [1, 0, 0], position: [0, 0, 0.5], guess: true}
+  coupler_plane:
+    {type: planar, between: [ground, coupler], axis: [0, -1, 0], x_axis: [1, 0, 0], position: [0.2, 0.1, 0], guess: true}
+  pivot: {type: revolute, between: [ground, crank], axis: [0, -1, 0], cut: true}
+  crank_pin: {type: revolute, between: [crank.tip, coupler], axis: [0, -1, 0], cut: true}
+constraints:
+  slider: {type: on_plane, point: coupler.far, normal: [0, 0, 1]}
+"""
+
+
+def test_constraint_matrix_of_the_slider_crank():
+    """Lidström p. 10-12: two bars with three coordinates each, five equations, and the matrix has the rank 5."""
+    found = derived(SLIDER_CRANK_IN_SIX)
+    matrix = found.conditions.gradient(0.0, found.start.q)
+    kept = matrix[list(found.start.keep)]
+    assert kept.shape == (5, 6) and np.linalg.matrix_rank(kept) == np.linalg.matrix_rank(matrix) == 5
+    bodies, freedoms = 3, 1
+    assert 3 * (bodies - 1) - (2 + 2 + 1) == freedoms == found.layout.nv - found.start.rank
+
+
+def test_degree_of_freedom_of_the_slider_crank():
+    """Grübler in the plane: 3 (4 - 1) - 4 · 2 = 1; the loop is cut at one joint, with two equations left for it."""
+    found = equations("slider_crank")
+    assert 3 * (4 - 1) - 4 * 2 == found.layout.nv - found.start.rank == 1
+
+
+def test_work_of_the_screw_of_the_lift():
+    """Its torque times its speed is the rate of the energy, and lifts the load."""
+    sim = end("scissor_lift", 0.0)
+    low = sim.energies.potential
+    highest = 0.0
+    for _ in range(20):
+        sim.step(500)
+        highest = max(highest, abs(sim.energies.potential - low))
+        assert sim.energies.work_drives == pytest.approx(sim.energies.total - sim.start_energy, abs=1e-10)
+    assert highest > 100.0
+
+
+def test_legs_of_the_stewart_platform():
+    """They have the lengths that the file says, and their forces hold and move the platform."""
+    p, derived_, sim = load_mechanism("stewart").parameters, equations("stewart"), end("stewart", 0.0)
+    mechanism = sim.mechanism
+    for _ in range(5):
+        sim.step(311)
+        pose = sim.poses()["platform"]
+        forces = np.array(derived_.multipliers(sim.time, sim.state, np.zeros(6))).ravel()
+        total = np.zeros(3)
+        for number, (leg, force) in enumerate(zip("abcdef", forces, strict=True)):
+            point = pose.position + pose.rotation @ mechanism.parts["platform"].points[leg].position
+            line = point - mechanism.ground_points[leg].position
+            length = p["l"] + p["s"] * np.sin(p["w"] * sim.time + number)
+            assert np.linalg.norm(line) == pytest.approx(length, abs=1e-13)
+            total += force * line / length
+        expected = p["m"] * (accelerations(derived_, sim.q, sim.u, t=sim.time)[:3] - sim.mechanism.gravity)
+        assert total == pytest.approx(expected, abs=1e-10)

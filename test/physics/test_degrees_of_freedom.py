@@ -1,0 +1,78 @@
+"""Degrees of freedom of everyday things (Huston & Liu P11.2.1): speeds less the rank of the constraints."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mbd_sim import Simulation
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
+
+# name: speeds of the tree, equations, their rank. The reasons stand in the files.
+COUNTS = {
+    "eyeglasses": (8, 0, 0),
+    "scissors": (7, 0, 0),
+    "tricycle": (10, 9, 8),
+    "arm": (7, 0, 0),
+    "pencil": (6, 1, 1),
+    "eraser": (6, 3, 3),
+}
+
+
+@pytest.mark.parametrize("name", COUNTS)
+def test_count(name):
+    found = derive(load_mechanism(name))
+    assert (found.layout.nv, len(found.rows), found.start.rank) == COUNTS[name]
+    assert set(found.start.ranks) == {found.start.rank}
+
+
+@pytest.mark.parametrize(("name", "freedoms"), [("eyeglasses", 8), ("scissors", 7), ("arm", 7)])
+def test_counts_of_open_chains_by_bodies(name, freedoms):
+    """6 for each body, less what each joint takes."""
+    taken = {"free": 0, "revolute": 5, "spherical": 3}
+    mechanism = load_mechanism(name)
+    assert 6 * len(mechanism.parts) - sum(taken[joint.type] for joint in mechanism.joints.values()) == freedoms
+
+
+def test_redundant_equation_of_the_tricycle():
+    """The rear wheels forbid the same sideways slip, whichever way the front wheel points."""
+    found = derive(load_mechanism("tricycle"))
+    dropped = [row.name for index, row in enumerate(found.rows) if index not in found.start.keep]
+    assert len(dropped) == 1 and dropped[0].split(":")[0] in ("left", "right") and "slip" in dropped[0]
+
+
+def test_contacts_of_the_tricycle_are_all_that_is_holonomic():
+    """Three equations of position: seven coordinates can be reached."""
+    found = derive(load_mechanism("tricycle"))
+    assert found.layout.nv - int(np.sum(found.conditions.holonomic)) == 7
+
+
+def test_tricycle_rolls_about_the_point_where_its_axles_meet():
+    """With the steering at δ, v tan δ/base is its turning, and the middle of the rear axle does not slip sideways."""
+    p, sim = load_mechanism("tricycle").parameters, Simulation.from_file("tricycle")
+    for _ in range(20):
+        sim.step(50)
+        w, x, y, z = sim.q[3:7]
+        heading = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        forward = sim.u[0] * np.cos(heading) + sim.u[1] * np.sin(heading)
+        sideways = sim.u[1] * np.cos(heading) - sim.u[0] * np.sin(heading)
+        delta = sim.q[7]
+        assert sideways == pytest.approx(0.0, abs=1e-12)
+        assert sim.u[5] == pytest.approx(forward * np.tan(delta) / p["base"], rel=1e-11)
+        assert sim.u[7] == pytest.approx(forward / np.cos(delta) / p["front"], rel=1e-11)
+        left, right = forward - sim.u[5] * p["track"] / 2, forward + sim.u[5] * p["track"] / 2
+        assert sim.u[8:] == pytest.approx([left / p["rear"], right / p["rear"]], rel=1e-11)
+
+
+def test_a_fourth_corner_of_the_eraser_is_redundant():
+    text = """
+mechanism: eraser
+parts:
+  eraser:
+    {mass: 1, inertia: [1, 1, 1], points: {a: [1, 1, 0], b: [-1, 1, 0], c: [-1, -1, 0], d: [1, -1, 0]}}
+joints: {hand: {type: free, between: [ground, eraser]}}
+constraints:
+""" + "".join(f"  {corner}: {{type: on_plane, point: eraser.{corner}}}\n" for corner in "abcd")
+    found = derive(parse_mechanism(text))
+    assert (len(found.rows), found.start.rank, found.layout.nv - found.start.rank) == (4, 3, 3)

@@ -1,0 +1,162 @@
+"""Loops in space and what must not matter for them: the driveline, and which joint of a loop is cut."""
+
+from __future__ import annotations
+
+import functools
+import re
+
+import numpy as np
+import pytest
+from mechanisms import accelerations, consistent_state, derived, violation
+
+from mbd_sim import Simulation
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.mechanism.library import shipped
+from mbd_sim.mechanism.load import load_mechanism
+from mbd_sim.mechanism.load import parse_mechanism as load_text
+
+G = 9.81
+
+
+@functools.cache
+def equations(name):
+    return derive(load_mechanism(name))
+
+
+def written(name):
+    return shipped()[name].read_text()
+
+
+def cardan(p, phi):
+    """ω2/ω1 of the first joint and its slope over φ (Lidström p. 4)."""
+    c, s = np.cos(p["beta"]), np.sin(p["beta"])
+    below = 1.0 - (s * np.cos(phi)) ** 2
+    return c / below, -2.0 * c * s**2 * np.sin(phi) * np.cos(phi) / below**2
+
+
+def spin_of_the_intermediate_shaft(q, u):
+    """Of its angular velocity ω1 e1 + a' e2 + b' e3, what is along the shaft."""
+    a, b = q[1:3]
+    return np.cos(a) * np.cos(b) * u[0] - np.sin(b) * u[1]
+
+
+def test_driveline_speeds():
+    """ω2/ω1 = cos β/(1 - sin²β cos²φ), ω3 = ω1 and ω4 = -(r_a/r_b) ω1, at any angle."""
+    p, derived_, rng = load_mechanism("driveline").parameters, equations("driveline"), np.random.default_rng(100)
+    for _ in range(30):
+        q, u, _ = consistent_state(derived_, rng)
+        ratio = spin_of_the_intermediate_shaft(q, u) / u[0]
+        assert ratio == pytest.approx(cardan(p, q[0])[0], rel=1e-12)
+        assert u[3:] == pytest.approx([u[0], -p["r_a"] / p["r_b"] * u[0]], rel=1e-12)
+
+
+def axial(name):
+    """The moments of inertia about x, of the parts by name."""
+    return {part.name: part.inertia[0, 0] for part in load_mechanism(name).parts.values()}
+
+
+def test_driveline_accelerations():
+    """(I1 + k² I2 + I3 + n² I4) φ'' = M1 + M3 - n M4 - k k_φ I2 φ'², with k of the Cardan joint and n of the gears."""
+    p, derived_, rng = load_mechanism("driveline").parameters, equations("driveline"), np.random.default_rng(101)
+    moments, n = axial("driveline"), p["r_a"] / p["r_b"]
+    for _ in range(30):
+        q, u, efforts = consistent_state(derived_, rng)
+        efforts[1:3] = 0.0
+        k, slope = cardan(p, q[0])
+        inertia = moments["input"] + k**2 * moments["intermediate"] + moments["output"] + n**2 * moments["counter"]
+        moment = efforts[0] + efforts[3] - n * efforts[4] - k * slope * moments["intermediate"] * u[0] ** 2
+        expected = np.array([1.0, 1.0, -n]) * moment / inertia
+        assert accelerations(derived_, q, u, efforts)[[0, 3, 4]] == pytest.approx(expected, rel=1e-10)
+
+
+def test_driveline_shafts_turn_alike_all_the_way():
+    p, sim = load_mechanism("driveline").parameters, Simulation.from_file("driveline")
+    ratios = []
+    for _ in range(2000):
+        sim.step()
+        assert sim.q[3] == pytest.approx(sim.q[0], abs=1e-12)
+        ratios.append(spin_of_the_intermediate_shaft(sim.q, sim.u) / sim.u[0])
+    assert [min(ratios), max(ratios)] == pytest.approx([np.cos(p["beta"]), 1.0 / np.cos(p["beta"])], rel=1e-4)
+
+
+def test_yokes_out_of_phase_do_not_turn_alike():
+    """Yokes turned by a right angle double the unevenness: ω3/ω1 is between cos²β and 1/cos²β."""
+    text = written("driveline").replace("axes: [[0, 1, 0], [0, 0, 1]]", "axes: [[0, 0, 1], [0, 1, 0]]")
+    sim = Simulation.from_text(text)
+    ratios = []
+    for _ in range(2000):
+        sim.step()
+        ratios.append(sim.u[3] / sim.u[0])
+    c = np.cos(np.radians(25.0))
+    assert [min(ratios), max(ratios)] == pytest.approx([c**2, 1.0 / c**2], rel=1e-3)
+
+
+def test_redundant_constraint_of_the_driveline():
+    """The intermediate shaft's length keeps the bearings apart already: Kutzbach counts 0, the rank 1."""
+    derived_ = equations("driveline")
+    assert (derived_.layout.nv, len(derived_.rows), derived_.start.rank) == (5, 5, 4)
+    dropped = [row.name for index, row in enumerate(derived_.rows) if index not in derived_.start.keep]
+    assert len(dropped) == 1 and dropped[0].startswith("second_cross: displacement")
+
+
+def poses_after(text, seconds):
+    sim = Simulation.from_text(text)
+    sim.run(until=seconds)
+    return sim.poses(), sim.energies
+
+
+CUTS = [("four_bar", "crank_pin"), ("four_bar", "rocker_pivot"), ("rssr", "first_ball"), ("rssr", "rocker_pivot")]
+CUTS += [("slider_crank", "slider_pin"), ("slider_crank", "crank_pin"), ("a04_bricard", "b"), ("a04_bricard", "f")]
+
+
+@pytest.mark.parametrize(("name", "cut"), CUTS)
+def test_it_does_not_matter_which_joint_is_cut(name, cut):
+    """The same mechanism cut elsewhere, in other coordinates, moves alike (but for the idle turn of a coupler)."""
+    text = re.sub(r"(?m)^    cut: true\n", "", written(name))
+    line = re.search(rf"(?m)^  {cut}:.*$", text).group()
+    other = text.replace(line, line[:-1] + ", cut: true}" if "{" in line else line + "\n    cut: true")
+    assert list(load_text(other).closing) == [cut]
+    first, audit = poses_after(written(name), 0.6)
+    second, other_audit = poses_after(other, 0.6)
+    for part, pose in first.items():
+        seen = slice(0, 1 if (name, part) == ("rssr", "coupler") else 3)
+        assert second[part].position == pytest.approx(pose.position, abs=1e-10)
+        assert second[part].rotation[:, seen] == pytest.approx(pose.rotation[:, seen], abs=1e-10)
+    assert other_audit.kinetic == pytest.approx(audit.kinetic, rel=1e-9)
+
+
+def free_lift():
+    """The scissor lift with its screw left alone."""
+    return re.sub(r"(?m)^    drive: .*\n", "", written("scissor_lift"))
+
+
+def test_lift_on_a_free_screw():
+    """(2 m_b/3 + (m_f + J k²) s² + m c²) l² α'' + … = …, with k = 2π/lead of a screw of inertia J."""
+    found, p = derived(free_lift()), load_mechanism("scissor_lift").parameters
+    rng, length, turns = np.random.default_rng(102), p["l"], 2.0 * np.pi / p["lead"]
+    heavy = p["m_foot"] + 9.0 * 0.02**2 / 2.0 * turns**2
+    for _ in range(20):
+        q, u, efforts = consistent_state(found, rng, reach=0.2)
+        rate, (c, s) = u[2], (np.cos(q[2]), np.sin(q[2]))
+        inertia = (2.0 * p["m_bar"] / 3.0 + heavy * s**2 + p["load"] * c**2) * length**2
+        force = -(heavy - p["load"]) * length**2 * s * c * rate**2 - (p["m_bar"] + p["load"]) * G * length * c
+        force += -(efforts[0] * turns + efforts[1]) * length * s + efforts[2] - efforts[3] + efforts[4]
+        second = force / inertia
+        out = -length * (s * second + c * rate**2)
+        expected = [turns * out, out, second, -second, second]
+        assert accelerations(found, q, u, efforts) == pytest.approx(expected, rel=1e-9)
+
+
+def test_screw_turns_many_times():
+    """The loop of a screw stays closed over whole turns, of which its frames show nothing."""
+    text = (
+        re.sub("load: 60 kg", "load: 5 kg", free_lift())
+        + "forces:\n  push: {type: couple, on: screw, vector: [-6, 0, 0]}\n"
+    )
+    sim = Simulation.from_text(text)
+    found, start = derived(text), sim.q.copy()
+    sim.run(until=3.0)
+    turns = (sim.q[0] - start[0]) / (2.0 * np.pi)
+    assert abs(turns) > 3.0
+    assert sim.q[1] - start[1] == pytest.approx(0.01 * turns, abs=1e-12)
+    assert violation(sim, found) < 1e-12

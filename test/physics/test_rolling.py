@@ -1,0 +1,151 @@
+"""The rolling disc (Huston & Liu 11.10.5, 11.12.5): a nonholonomic system, for which free coordinates would lie.
+
+In the angles of the book, lean θ, yaw φ and spin ψ, with n2 the axis of the disc, n1 level and n3 = n1 × n2.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+from mechanisms import accelerations, consistent_state
+
+from mbd_sim import Simulation
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.mechanism.load import load_mechanism
+from mbd_sim.mechanism.rotation import from_quaternion
+
+G, R = 9.81, 0.5
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@functools.cache
+def equations():
+    return derive(load_mechanism("rolling_disc"))
+
+
+def frame(q):
+    """n1, n2 and n3 in their rows."""
+    n2 = from_quaternion(q[3:])[:, 1]
+    n1 = np.cross(n2, UP)
+    n1 /= np.linalg.norm(n1)
+    return np.array([n1, n2, np.cross(n1, n2)])
+
+
+def angles(q):
+    """θ, φ and ψ, each within a turn."""
+    n1, n2, _ = n = frame(q)
+    ahead = from_quaternion(q[3:])[:, 0]  # lies along n1 where ψ = 0
+    return np.array([np.arcsin(n2[2]), np.arctan2(n1[1], n1[0]), np.arctan2(-(ahead @ n[2]), ahead @ n1)])
+
+
+def rates(q, omega):
+    """θ', φ' and ψ' for an angular velocity in ground's axes."""
+    n1, n2, n3 = frame(q)
+    s, c = n2[2], n3[2]
+    yaw = omega @ n3 / c
+    return np.array([omega @ n1, yaw, omega @ n2 - yaw * s])
+
+
+def book(theta, rate):
+    """θ'', φ'' and ψ'' of the three equations of motion."""
+    s, c, (theta1, phi1, psi1) = np.sin(theta), np.cos(theta), rate
+    first = (G / R * s + 1.25 * phi1**2 * s * c + 1.5 * phi1 * psi1 * c) / 1.25
+    matrix = [[1.5 * s, 1.5], [1.5 * s**2 + 0.25 * c**2, 1.5 * s]]
+    right = [-2.5 * phi1 * theta1 * c, -2.5 * phi1 * theta1 * s * c - 0.5 * psi1 * theta1 * c]
+    return np.array([first, *np.linalg.solve(matrix, right)])
+
+
+def as_if_free(theta, rate):
+    """What Lagrange's equations give for T with the constraints put in, as if θ, φ and ψ were free.
+
+    T = ½ m r² ((5/4) θ'² + (3/2) (ψ' + φ' sin θ)² + (1/4) φ'² cos²θ), V = m g r cos θ.
+    """
+    s, c, (theta1, phi1, psi1) = np.sin(theta), np.cos(theta), rate
+    first = (G / R * s + 1.25 * phi1**2 * s * c + 1.5 * phi1 * psi1 * c) / 1.25
+    matrix = [[1.5 * s, 1.5], [1.5 * s**2 + 0.25 * c**2, 1.5 * s]]
+    right = [-1.5 * phi1 * theta1 * c, -2.5 * phi1 * theta1 * s * c - 1.5 * psi1 * theta1 * c]
+    return np.array([first, *np.linalg.solve(matrix, right)])
+
+
+def of_angles(q, rate, second):
+    """u' of the free joint for θ'', φ'' and ψ''; the centre moves with r ω × n3."""
+    n = n1, n2, n3 = frame(q)
+    s, c, (theta1, phi1, psi1) = n2[2], n3[2], rate
+    omega = theta1 * n1 + phi1 * UP + psi1 * n2
+    turning = theta1 * n1 + phi1 * UP  # of n1, n2, n3
+    along = [second[0], second[2] + second[1] * s + phi1 * theta1 * c, second[1] * c - phi1 * theta1 * s]
+    alpha = along @ n + np.cross(turning, omega)
+    centre = R * (np.cross(alpha, n3) + np.cross(omega, np.cross(turning, n3)))
+    return np.concatenate([centre, from_quaternion(q[3:]).T @ alpha])
+
+
+def states(number):
+    rng = np.random.default_rng(80)
+    for _ in range(number):
+        q, u, _ = consistent_state(equations(), rng)
+        omega = from_quaternion(q[3:]) @ u[3:]
+        yield q, u, np.arcsin(frame(q)[1][2]), rates(q, omega)
+
+
+def test_accelerations():
+    for q, u, theta, rate in states(40):
+        found = accelerations(equations(), q, u)
+        expected = of_angles(q, rate, book(theta, rate))
+        assert found == pytest.approx(expected, rel=0.0, abs=1e-12 * np.max(np.abs(expected)))
+
+
+def test_equations_as_if_the_coordinates_were_free_are_wrong():
+    """They agree on θ'' and miss φ'' and ψ'' by far: the engine gives neither by accident."""
+    for q, u, theta, rate in states(20):
+        found = accelerations(equations(), q, u)
+        wrong = of_angles(q, rate, as_if_free(theta, rate))
+        gap = np.cos(theta) * rate[0] * np.array([-rate[1], rate[2]])  # what the two differ by, on the right
+        assert np.max(np.abs(found - wrong)) > 0.1 * np.max(np.abs(gap))
+    theta, rate = 0.3, np.array([1.0, 2.0, 5.0])
+    right, wrong = book(theta, rate), as_if_free(theta, rate)
+    assert wrong[0] == right[0]
+    assert np.all(np.abs(wrong - right)[1:] > 0.5)
+
+
+def test_momentum_of_the_spin_is_not_kept():
+    """The wrong equations say that (3/2) (ψ' + φ' sin θ) stays, as ψ does not appear in their energies."""
+    sim = Simulation.from_file("rolling_disc")
+    about_the_axis = []
+    for _ in range(30):
+        sim.step(100)
+        about_the_axis.append(sim.u[4])
+    assert np.ptp(about_the_axis) > 0.1
+    assert abs(sim.energies.residual) < 1e-12
+
+
+def test_end_state():
+    sim = Simulation.from_file("rolling_disc")
+    assert (sim.model.method.name, sim.step_size) == ("dop853", 1e-3)
+    start = angles(sim.q)
+    assert start == pytest.approx([0.2, 0.0, 0.0], abs=1e-15)
+    assert rates(sim.q, from_quaternion(sim.q[3:]) @ sim.u[3:]) == pytest.approx([0.0, 0.5, 4.0], abs=1e-14)
+    sim.run(until=3.0)
+    turns = 2.0 * np.pi * np.array([0.0, -1.0, 2.0])
+    found = [*sim.q[:2], *(angles(sim.q) + turns)]
+    expected = [-0.911534168021, -3.12950404758, 0.350913339365, -4.02298207676, 14.582887466]
+    assert found == pytest.approx(expected, rel=0.0, abs=1e-10)
+    found = [*sim.u[:2], *rates(sim.q, from_quaternion(sim.q[3:]) @ sim.u[3:])]
+    expected = [-1.68706214627, 1.27387126489, -1.04677764472, -0.802948973452, 4.38812779129]
+    assert found == pytest.approx(expected, rel=0.0, abs=1e-10)
+
+
+def test_a_wheel_rolls_steadily_in_a_circle():
+    """At θ'' = 0 of the book, with lean and yaw rate given, all stays but place and direction."""
+    theta, yaw = 0.3, -1.5
+    spin = -(G / R * np.sin(theta) + 1.25 * yaw**2 * np.sin(theta) * np.cos(theta)) / (1.5 * yaw * np.cos(theta))
+    sim = Simulation.from_file("rolling_disc")
+    omega = np.array([0.0, spin + yaw * np.sin(theta), yaw * np.cos(theta)])
+    q = [0.0, 0.0, R * np.cos(theta), np.cos(theta / 2), np.sin(theta / 2), 0.0, 0.0]
+    n3 = np.array([0.0, -np.sin(theta), np.cos(theta)])
+    sim.reset(q=q, u=[*(R * np.cross(from_quaternion(np.array(q[3:])) @ omega, n3)), *omega])
+    for _ in range(10):
+        sim.step(100)
+        assert angles(sim.q)[0] == pytest.approx(theta, abs=1e-10)
+        assert rates(sim.q, from_quaternion(sim.q[3:]) @ sim.u[3:]) == pytest.approx([0.0, yaw, spin], abs=1e-9)
