@@ -14,7 +14,7 @@ from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
 from mbd_sim.dynamics.equations import AUDIT, derive
 from mbd_sim.dynamics.joints import JOINT_TYPES
 from mbd_sim.errors import MechanismError, Problem, nearest
-from mbd_sim.integrators.tableau import METHODS, Tableau
+from mbd_sim.integrators.methods import METHODS, Method
 from mbd_sim.mechanism.model import Array, Mechanism, Pose
 
 
@@ -57,7 +57,7 @@ class Model:
     The integrated state y is q (nq,), u (nv,) and the audit's three energies.
     """
 
-    def __init__(self, mechanism: Mechanism, method: Tableau) -> None:
+    def __init__(self, mechanism: Mechanism, method: Method) -> None:
         self.mechanism, self.method = mechanism, method
         equations = derive(mechanism)
         readers = {
@@ -67,11 +67,11 @@ class Model:
             "violation": equations.violation,
         }
         self.equations = equations
-        self.kernel = compile_kernel(equations.rates, equations.settle, readers, method)
         self.layout, self.start, self.part_names = equations.layout, equations.start_state, equations.part_names
         self.coordinate_names, self.driven_names = mechanism.coordinate_names, mechanism.driven_names
         self.q_range = slice(0, self.layout.nq)
         self.u_range = slice(self.layout.nq, self.layout.nq + self.layout.nv)
+        self.kernel = compile_kernel(equations.rates, equations.settle, readers, method, self.u_range)
         self.quaternions = {
             name: self.layout.q[name].start + offset
             for name, joint in mechanism.joints.items()

@@ -6,17 +6,17 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from operator import index
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
+from mbd_sim.compiler.python_call import LARGEST
 from mbd_sim.efforts import EffortMap
 from mbd_sim.errors import DivergedError
 from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.model import Array, Mechanism, Pose
 from mbd_sim.mechanism.rotation import unit
 from mbd_sim.model import Energies, Model, Reaction, Violation, build_model
-
-MOST_STEPS = 2**53  # beyond, time in steps is no longer exact
 
 
 class Simulation:
@@ -46,14 +46,18 @@ class Simulation:
         self._y = self.model.start.copy()
         self._efforts = np.zeros(self.model.layout.nv)
         self.effort_map = EffortMap(self.model.coordinate_names, mechanism.effort_limits())
-        self._advance = self.model.kernel.advance
-        self._y_address, self._efforts_address = self._y.ctypes.data, self._efforts.ctypes.data
+        self._clock, self._step = np.zeros(1, dtype=np.int64), np.array([self.step_size])
+        arrays = (self._clock, self._step, self._y, self._efforts)
+        # On the instance it comes before the method of this name, which it calls where something is wrong.
+        vars(self)["step"] = self.model.kernel.stepper(self.step, [array.ctypes.data for array in arrays], arrays)
         self.q = _read_only(self._y[self.model.q_range])
         self.u = _read_only(self._y[self.model.u_range])
         self.efforts = _read_only(self._efforts)
-        self.steps = 0
         self.start_energy = 0.0
         self.reset()
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError("a Simulation cannot be copied or pickled: build another one from its mechanism")
 
     @classmethod
     def from_file(cls, mechanism: str | Path, *, method: str | None = None, step: float | None = None) -> Simulation:
@@ -67,6 +71,11 @@ class Simulation:
     def from_text(cls, text: str, *, method: str | None = None, step: float | None = None) -> Simulation:
         """The same from YAML text."""
         return cls(parse_mechanism(text), method=method, step=step)
+
+    @property
+    def steps(self) -> int:
+        """Steps since time zero."""
+        return int(self._clock[0])
 
     @property
     def time(self) -> float:
@@ -112,15 +121,16 @@ class Simulation:
         :raises TypeError, ValueError: n is not a whole number from 0 on.
         """
         n = index(n)
-        if not 0 <= n <= MOST_STEPS:
+        if not 0 <= n <= LARGEST:
             raise ValueError(f"cannot take {n} steps")
-        if not self._advance(self._y_address, self._efforts_address, self.steps, self.step_size, n):
+        advance = self.model.kernel.advance
+        if not advance(self._y.ctypes.data, self._efforts.ctypes.data, self.steps, self.step_size, n):
             raise DivergedError(
                 f"{self.mechanism.name}: the motion became infinite between t = {self.time:g} s and "
                 f"{(self.steps + n) * self.step_size:g} s. Use a smaller step than {self.step_size:g} s, or check the "
                 f"efforts, stiffnesses, start values and drives{self._loops_too()}."
             )
-        self.steps += n
+        self._clock[0] += n
 
     def _loops_too(self) -> str:
         return ", and whether the loops can follow the motion" if self.model.equations.rows else ""
@@ -158,7 +168,7 @@ class Simulation:
             y[self.model.q_range], y[self.model.u_range] = self.model.consistent(
                 y[self.model.q_range], y[self.model.u_range]
             )
-        self._y[:], self._efforts[:], self.steps = y, 0.0, 0
+        self._y[:], self._efforts[:], self._clock[0] = y, 0.0, 0
         self.start_energy = self.model.energies(0.0, self._y).total
 
     def set_efforts(self, efforts: Mapping[str, float] | Sequence[float] | Array) -> None:

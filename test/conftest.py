@@ -1,11 +1,21 @@
-"""Settings of all tests: helpers can be imported by name, and hypothesis draws the same examples in every run."""
+"""Settings of all tests: helpers can be imported by name, hypothesis draws the same examples in every run, and
+kernels are kept for this run only, so that tests share them and none comes from an older version.
+"""
 
+import atexit
+import os
+import shutil
 import sys
+import tempfile
 from pathlib import Path
 
 from hypothesis import HealthCheck, settings
 
 sys.path.insert(0, str(Path(__file__).parent))  # kane.py and mechanisms.py
+
+_kernels = tempfile.mkdtemp(prefix="mbd_sim_kernels_")
+os.environ["MBD_SIM_CACHE"] = _kernels
+atexit.register(shutil.rmtree, _kernels, ignore_errors=True)
 
 settings.register_profile(
     "mbd_sim",

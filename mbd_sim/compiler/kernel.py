@@ -3,61 +3,97 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import casadi as ca
 import llvmlite.ir as ir
 
+from mbd_sim.compiler.gauss import gauss_step
 from mbd_sim.compiler.jit import MachineCode, compile_module, new_module
+from mbd_sim.compiler.linearization import linearize
 from mbd_sim.compiler.lower import instruction_count, lower
-from mbd_sim.compiler.runge_kutta import System, emit_advance
+from mbd_sim.compiler.python_call import callable_of, emit_call
+from mbd_sim.compiler.rosenbrock import rosenbrock_step
+from mbd_sim.compiler.runge_kutta import explicit_step
+from mbd_sim.compiler.stepping import Prepare, System, emit_advance
 from mbd_sim.compiler.types import POINTER
-from mbd_sim.integrators.tableau import Tableau
+from mbd_sim.integrators.gauss import Gauss
+from mbd_sim.integrators.methods import Method
+from mbd_sim.integrators.rosenbrock import Rosenbrock
 
 INLINED = 2500  # instructions of all stages together up to which the rates are inlined into the loop
 
 _ADDRESS, _INT, _DOUBLE = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+_ADVANCE = (_ADDRESS, _ADDRESS, _INT, _DOUBLE, _INT)
 
 
 @dataclass(frozen=True, eq=False)
 class Kernel:
     """`advance(y, inputs, first_step, h, steps)` returns 1, or 0 where the state would not stay finite.
 
-    `readers` take addresses of doubles: those of their inputs, then that of their output. None of them holds the
+    `estimating_advance` has a sixth argument, see `emit_advance`. `readers` take addresses of doubles: those of their inputs, then that of their output. None of them holds the
     interpreter's lock. `instructions` counts the scalar instructions of one evaluation of the rates.
     """
 
     advance: Callable[..., int]
+    estimating_advance: Callable[..., int]
     readers: Mapping[str, Callable[..., None]]
     instructions: int
     code: MachineCode
 
+    def stepper(self, fallback: Callable[..., None], addresses: Sequence[int], kept: object) -> Callable[..., None]:
+        """`step(n=1)` as a Python callable, at hardly any cost of a call: see `emit_call`."""
+        return cast(
+            Callable[..., None],
+            callable_of(self.code.address("call"), fallback, addresses, (self, kept)),
+        )
+
 
 def compile_kernel(
-    rates: ca.Function, settle: ca.Function | None, readers: Mapping[str, ca.Function], method: Tableau
+    rates: ca.Function,
+    settle: ca.Function | None,
+    readers: Mapping[str, ca.Function],
+    method: Method,
+    core: slice | None = None,
 ) -> Kernel:
-    """Compile y' = rates(t, y, inputs) with a method, and functions of one output each: see `System`."""
+    """Compile y' = rates(t, y, inputs) with a method, and functions of one output each: see `System`.
+
+    :param core: the components that `linearize` solves for together; on those after them nothing depends, and they do
+        not count in estimates of the error. All, if not given.
+    """
+    core = slice(0, rates.nnz_out(0)) if core is None else core
     module = new_module()
     instructions = instruction_count(rates)
     judging = rates.n_out() > 1
     system = System(
         size=rates.nnz_out(0),
+        watched=core.stop,
         rates=lower(module, rates, inline=instructions * method.stages <= INLINED),
         settle=lower(module, settle, inline=not judging) if settle is not None else None,
         judging=judging,
     )
-    emit_advance(module, system, method)
+    emit_advance(module, system, _step_of(method, rates, core))
+    emit_call(module, module.get_global("advance"), ("state", "inputs", "first", "h", "steps"))
     for name, function in readers.items():
         _export(module, f"read_{name}", lower(module, function, inline=True))
     code = compile_module(module)
     return Kernel(
-        advance=ctypes.CFUNCTYPE(_INT, _ADDRESS, _ADDRESS, _INT, _DOUBLE, _INT)(code.address("advance")),
+        advance=ctypes.CFUNCTYPE(_INT, *_ADVANCE)(code.address("advance")),
+        estimating_advance=ctypes.CFUNCTYPE(_INT, *_ADVANCE, _ADDRESS)(code.address("estimating_advance")),
         readers={name: _reader(code.address(f"read_{name}"), function) for name, function in readers.items()},
         instructions=instructions,
         code=code,
     )
+
+
+def _step_of(method: Method, rates: ca.Function, core: slice) -> Prepare:
+    if isinstance(method, Rosenbrock):
+        return rosenbrock_step(method, linearize(rates, core))
+    if isinstance(method, Gauss):
+        return gauss_step(method)
+    return explicit_step(method)
 
 
 def _export(module: ir.Module, name: str, function: ir.Function) -> None:

@@ -1,6 +1,7 @@
 """CasADi's instruction lists to LLVM IR: one scalar instruction each, in IEEE 754 order.
 
-Only divisions by the same number become one reciprocal and products, as a division costs some ten of them. No flag allows LLVM to reassociate or contract, so that the same list gives the same bits on every machine.
+Only divisions by the same number become one reciprocal and products, as a division costs some ten of them. No flag
+allows LLVM to reassociate or contract, so that the same list gives the same bits on every machine.
 """
 
 from __future__ import annotations
@@ -10,8 +11,9 @@ from collections.abc import Callable, Sequence
 import casadi as ca
 import llvmlite.ir as ir
 
+from mbd_sim.compiler.pieces import Work, handed_on, pieces
 from mbd_sim.compiler.trigonometry import sine_cosine
-from mbd_sim.compiler.types import DOUBLE, POINTER, element, number
+from mbd_sim.compiler.types import DOUBLE, POINTER, element, local_array, number
 
 Build = Callable[["_Lowering", ir.Value], ir.Value]
 Build2 = Callable[["_Lowering", ir.Value, ir.Value], ir.Value]
@@ -63,16 +65,33 @@ def lower(module: ir.Module, function: ca.Function, inline: bool) -> ir.Function
     :raises NotImplementedError: the function holds an operation that has no place in a kernel.
     """
     inputs, outputs = function.n_in(), function.n_out()
-    emitted = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER] * (inputs + outputs)), function.name())
-    emitted.linkage = "internal"
-    emitted.attributes.add("alwaysinline" if inline else "noinline")
-    emitted.attributes.add("nounwind")
-    for argument in emitted.args:
-        argument.add_attribute("noalias")
-    lowering = _Lowering(module, ir.IRBuilder(emitted.append_basic_block("entry")))
-    lowering.run(function, emitted.args[:inputs], emitted.args[inputs:])
-    lowering.builder.ret_void()
+    emitted, builder = _define(module, function.name(), inputs + outputs, inline)
+    cut, by_reciprocal = pieces(function), shared_divisions(function)
+    if len(cut) == 1:
+        lowering, work = _Lowering(module, builder), [None] * function.sz_w()
+        lowering.run(function, by_reciprocal, cut[0], emitted.args[:inputs], emitted.args[inputs:], work)
+    else:
+        memory = local_array(builder, function.sz_w())
+        for place, (piece, kept) in enumerate(zip(cut, handed_on(function, cut), strict=True)):
+            part, inside = _define(module, f"{function.name()}.{place}", inputs + outputs + 1, False)
+            own = Work(inside, part.args[-1])
+            arguments = part.args[:inputs], part.args[inputs:-1]
+            _Lowering(module, inside).run(function, by_reciprocal, piece, *arguments, own)
+            own.hand_on(kept)
+            inside.ret_void()
+            builder.call(part, [*emitted.args, memory])
+    builder.ret_void()
     return emitted
+
+
+def _define(module: ir.Module, name: str, arguments: int, inline: bool) -> tuple[ir.Function, ir.IRBuilder]:
+    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER] * arguments), name)
+    function.linkage = "internal"
+    function.attributes.add("alwaysinline" if inline else "noinline")
+    function.attributes.add("nounwind")
+    for argument in function.args:
+        argument.add_attribute("noalias")
+    return function, ir.IRBuilder(function.append_basic_block("entry"))
 
 
 class _Lowering:
@@ -84,10 +103,16 @@ class _Lowering:
         self.reciprocals: dict[int, ir.Value] = {}
         self.kept: list[ir.Value] = []
 
-    def run(self, function: ca.Function, inputs: Sequence[ir.Value], outputs: Sequence[ir.Value]) -> None:
-        work: list[ir.Value | None] = [None] * function.sz_w()
-        by_reciprocal = shared_divisions(function)
-        for index in range(function.n_instructions()):
+    def run(
+        self,
+        function: ca.Function,
+        by_reciprocal: frozenset[int],
+        instructions: range,
+        inputs: Sequence[ir.Value],
+        outputs: Sequence[ir.Value],
+        work: list[ir.Value | None] | Work,
+    ) -> None:
+        for index in instructions:
             operation = function.instruction_id(index)
             target, source = function.instruction_output(index), function.instruction_input(index)
             if operation == ca.OP_INPUT:

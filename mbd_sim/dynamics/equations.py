@@ -20,6 +20,7 @@ from mbd_sim.dynamics.constraints import State, constraints_of
 from mbd_sim.dynamics.definite import require_definite
 from mbd_sim.dynamics.elements import element_loads, require_lines
 from mbd_sim.dynamics.forces import joint_loads
+from mbd_sim.dynamics.impossible import no_value
 from mbd_sim.dynamics.kinematics import LinkMotion, WorldPose, link_motions, part_poses
 from mbd_sim.dynamics.links import Layout, Link, layout, links
 from mbd_sim.dynamics.multipliers import ConstraintSolver, usual_sizes
@@ -97,7 +98,10 @@ def derive(mechanism: Mechanism) -> Equations:
     elements = element_loads(mechanism, chain, motions, poses, t)
     matrix = Articulated(chain, motions, places.nv)
     flat = ca.densify(ca.vertcat(*(ca.vertcat(pose.position, ca.vec(pose.rotation)) for pose in poses)))
-    pivots, poses_at, lengths = ca.Function("at", [t, y], [matrix.pivots, flat, elements.lengths])(0.0, start_state)
+    looked_at = [matrix.pivots, flat, elements.lengths, ca.densify(everything.bias)]
+    pivots, poses_at, lengths, bias = ca.Function("at", [t, y], looked_at)(0.0, start_state)
+    if not np.all(finite := np.isfinite(np.array(bias).ravel())):
+        raise no_value(mechanism, everything.rows, ~finite)
     require_lines(mechanism, np.array(lengths).ravel())
     require_definite(mechanism, chain, np.array(pivots).ravel(), np.array(poses_at).reshape(-1, 4, 3))
 

@@ -69,7 +69,7 @@ def _open_loop(mechanism: Mechanism, owner: Location, gap: str, held_back: bool)
     what = f"the loop of {loop} stays open here" if loop else "this constraint is missed"
     if held_back:
         given = [joint.name for joint in mechanism.joints.values() if any(joint.held)]
-        remedy = f"It can be without the given positions of {listed(given)}: give fewer of them, or as 'guess: true'."
+        remedy = f"It would do without the given positions of {listed(given)}: give fewer of them, or as 'guess: true'."
         return mechanism.source.problem(owner, f"{what} by {gap} with the given positions", remedy)
     remedy = "Check the lengths and points of its parts, and the positions from which to look ('guess: true')."
     return mechanism.source.problem(owner, f"{what}, by {gap} at best", remedy)

@@ -126,5 +126,5 @@ def usual_sizes(conditions: Conditions, start: Start) -> Array:
     diagonals = [np.zeros(len(keep))]
     for t, q in start.nearby:
         gradient = conditions.gradient(t, q)[keep]
-        diagonals.append(np.einsum("ij,ij->i", gradient, np.linalg.solve(conditions.mass(t, q), gradient.T).T))
+        diagonals.append(np.einsum("ij,jk,ik->i", gradient, np.linalg.pinv(conditions.mass(t, q)), gradient))
     return np.asarray(np.max(diagonals, axis=0), dtype=float)

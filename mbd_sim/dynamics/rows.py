@@ -18,7 +18,7 @@ from mbd_sim.dynamics.spatial import constant
 from mbd_sim.dynamics.time import function_of
 from mbd_sim.mechanism import constraints as c
 from mbd_sim.mechanism import rotation as rot
-from mbd_sim.mechanism.model import Attachment, Joint, Mechanism
+from mbd_sim.mechanism.model import Array, Attachment, Joint, Mechanism
 from mbd_sim.mechanism.source import Location
 
 
@@ -49,7 +49,7 @@ def constraint_rows(mechanism: Mechanism, bodies: Bodies, clock: ca.SX) -> list[
     rows = [
         Row(("joints", joint.name), what, position, unit="" if what.startswith(("tilt", "rotation", "angle")) else "m")
         for joint in mechanism.closing.values()
-        for what, position in loop_equations(joint, *loop_ends(joint, bodies))
+        for what, position in loop_equations(joint, *loop_ends(joint, bodies), _base_axes(joint, bodies))
     ]
     return rows + [row for constraint in mechanism.constraints for row in writer.constraint(constraint)]
 
@@ -135,10 +135,16 @@ def _carried(frame: Frame, point: ca.SX) -> ca.SX:
     return frame.velocity + ca.cross(frame.omega, point - frame.position)
 
 
-def loop_equations(joint: Joint, first: Frame, second: Frame) -> Iterator[tuple[str, ca.SX]]:
+def _base_axes(joint: Joint, bodies: Bodies) -> ca.SX:
+    """The axes (3, 3) of the part from which both ways around the loop start."""
+    return bodies.frame(bodies.base(joint.parent, joint.child), np.zeros(3)).rotation
+
+
+def loop_equations(joint: Joint, first: Frame, second: Frame, base: ca.SX) -> Iterator[tuple[str, ca.SX]]:
     """What stays zero for a joint between two frames, and its name (Nikravesh, sec. 7.2).
 
-    Shared points are compared along ground's axes; all other directions belong to the first frame.
+    Shared points are compared along the axes `base` (3, 3), in which a plane loop stays in its plane however it is
+    carried about; all other directions belong to the first frame.
     """
     gap = second.position - first.position
     axis = joint.axis if joint.axis.any() else np.array([0.0, 0.0, 1.0])
@@ -148,7 +154,8 @@ def loop_equations(joint: Joint, first: Frame, second: Frame) -> Iterator[tuple[
         return ca.sparsify(first.rotation @ constant(direction))
 
     def shared_point() -> Iterator[tuple[str, ca.SX]]:
-        return ((f"displacement along {name}", gap[place]) for place, name in enumerate("xyz"))
+        local = ca.sparsify(base.T @ gap)
+        return ((f"displacement along {name}", local[place]) for place, name in enumerate("xyz"))
 
     def shared_line() -> Iterator[tuple[str, ca.SX]]:
         return ((f"displacement across the axis, {n + 1}", ca.dot(along(side), gap)) for n, side in enumerate(across))
@@ -180,29 +187,31 @@ def loop_equations(joint: Joint, first: Frame, second: Frame) -> Iterator[tuple[
     if joint.type == "planar":
         yield "displacement along the normal", ca.dot(along(axis), gap)
     if joint.type == "screw":
-        yield "advance", _advance(joint.lead / (2.0 * np.pi), along, across, axis, second, gap)
+        yield "advance", _advance(joint, first, second)[0]
 
 
-def _advance(
-    pitch: float,
-    along: Callable[[np.ndarray], ca.SX],
-    across: np.ndarray,
-    axis: np.ndarray,
-    second: Frame,
-    gap: ca.SX,
-) -> ca.SX:
-    """The displacement less `pitch` (m/rad) times the angle, by sines, so that whole turns make no difference."""
-    displacement, side = ca.dot(along(axis), gap), second.rotation @ constant(across[0])
+def _advance(joint: Joint, first: Frame, second: Frame) -> tuple[ca.SX, ca.SX]:
+    """The displacement less what the angle gives, by sines, so that whole turns make no difference.
+
+    Half a turn makes one: there the other value, usually positive, is negative.
+    """
+    pitch, (one, two) = joint.lead / (2.0 * np.pi), rot.aligning_z(joint.axis)[:, :2].T
+
+    def along(direction: Array) -> ca.SX:
+        return ca.sparsify(first.rotation @ constant(direction))
+
+    displacement, side = ca.dot(along(joint.axis), second.position - first.position), second.rotation @ constant(one)
     if pitch == 0.0:
-        return displacement
-    cosine, sine, angle = ca.dot(along(across[0]), side), ca.dot(along(across[1]), side), displacement / pitch
-    return pitch * (ca.sin(angle) * cosine - ca.cos(angle) * sine)
+        return displacement, ca.SX(1)
+    cosine, sine, angle = ca.dot(along(one), side), ca.dot(along(two), side), displacement / pitch
+    return pitch * (ca.sin(angle) * cosine - ca.cos(angle) * sine), ca.cos(angle) * cosine + ca.sin(angle) * sine
 
 
 def senses(joint: Joint, first: Frame, second: Frame) -> list[ca.SX]:
-    """What is positive where a loop is closed the right way round, not with an axis turned over."""
+    """What is positive where a loop is closed the right way round, not with an axis or a nut turned over."""
     axes = {"fixed": np.eye(3), "prismatic": np.eye(3), "spherical": np.zeros((0, 3)), "universal": np.zeros((0, 3))}
-    return [
+    found = [
         ca.dot(first.rotation @ constant(axis), second.rotation @ constant(axis))
         for axis in axes.get(joint.type, joint.axis[None, :])
     ]
+    return [*found, _advance(joint, first, second)[1]] if joint.type == "screw" else found

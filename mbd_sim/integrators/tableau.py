@@ -4,22 +4,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mbd_sim.integrators.dop853 import A as DOP853_A
-from mbd_sim.integrators.dop853 import B as DOP853_B
-from mbd_sim.integrators.dop853 import C as DOP853_C
-
-Row = tuple[float, ...]
+from mbd_sim.integrators import dop853, verner7
+from mbd_sim.integrators.estimate import Estimate, Row
 
 
 @dataclass(frozen=True)
 class Tableau:
-    """y + h Σ b_i k_i with k_i = f(t + c_i h, y + h Σ_{j<i} a_ij k_j); `a` holds the rows below the diagonal."""
+    """y + h Σ b_i k_i with k_i = f(t + c_i h, y + h Σ_{j<i} a_ij k_j); `a` holds the rows below the diagonal.
+
+    `reach` is how far along the imaginary axis h λ may lie for the step to be stable (at least roughly: 1 for methods
+    whose region only touches it), where λ is an eigenvalue of the system.
+    """
 
     name: str
     order: int
     a: tuple[Row, ...]
     b: Row
     c: Row
+    estimate: Estimate
+    reach: float
 
     @property
     def stages(self) -> int:
@@ -27,18 +30,22 @@ class Tableau:
         return len(self.b)
 
 
-METHODS: dict[str, Tableau] = {
+EXPLICIT: dict[str, Tableau] = {
     method.name: method
     for method in (
-        Tableau("euler", 1, ((),), (1.0,), (0.0,)),
-        Tableau("midpoint", 2, ((), (0.5,)), (0.0, 1.0), (0.0, 0.5)),
+        # The last stage of Euler's method is only for the estimate.
+        Tableau("euler", 1, ((), (1.0,)), (1.0, 0.0), (0.0, 1.0), Estimate((-0.5, 0.5)), 1.0),
+        Tableau("midpoint", 2, ((), (0.5,)), (0.0, 1.0), (0.0, 0.5), Estimate((-1.0, 1.0), (1.0,)), 1.0),
         Tableau(
             "rk4",
             4,
             ((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)),
             (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0),
             (0.0, 0.5, 0.5, 1.0),
+            Estimate((1.0 / 6.0, -1.0 / 6.0, -1.0 / 6.0, 1.0 / 6.0), (1.0,)),
+            2.8,
         ),
-        Tableau("dop853", 8, DOP853_A, DOP853_B, DOP853_C),
+        Tableau("verner7", 7, verner7.A, verner7.B, verner7.C, Estimate(verner7.FINE, verner7.COARSE), 1.0),
+        Tableau("dop853", 8, dop853.A, dop853.B, dop853.C, Estimate(dop853.E5, dop853.E3, 0.01), 1.0),
     )
 }

@@ -141,19 +141,20 @@ def _beyond_the_schema(source: Source, context: dict[str, Any]) -> list[Problem]
     parts = _accepted(written_parts, TypeAdapter(Part), context)
     joints: dict[str, Any] = {}
     forces: dict[str, Any] = {}
-    unreadable = [] if accepted_ground else ["ground"]
+    unreadable, all_joints = [] if accepted_ground else ["ground"], False
     if isinstance(written_parts, dict) and isinstance(written_joints, dict):
         unreadable += [name for name in written_parts if name not in parts]
         ends = {name: joint.get("between") for name, joint in written_joints.items() if isinstance(joint, dict)}
         welds = {name: {"type": "fixed", "between": between} for name, between in ends.items()}
-        for records in (welds, written_joints):  # of joints that are refused, the ends can still be checked
-            joints |= _accepted(records, TypeAdapter(AnyJoint), context)
+        as_written = _accepted(written_joints, TypeAdapter(AnyJoint), context)
+        # of joints that are refused, the ends can still be checked
+        joints = _accepted(welds, TypeAdapter(AnyJoint), context) | as_written
+        all_joints = as_written.keys() == written_joints.keys()
     if isinstance(written_forces, dict):
         plain = {name: _plain_force(force) for name, force in written_forces.items() if isinstance(force, dict)}
         for records in (plain, written_forces):  # likewise
             forces |= _accepted(records, TypeAdapter(AnyForce), context)
     constraints = _accepted(written_constraints, TypeAdapter(AnyConstraint), context)
-    all_joints = isinstance(written_joints, dict) and joints.keys() == written_joints.keys()
     frame = accepted_ground or Ground()
     return assemble(parts, joints, forces, constraints, frame, source, unreadable, all_joints).problems
 

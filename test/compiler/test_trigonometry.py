@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mbd_sim.compiler.kernel import compile_kernel
-from mbd_sim.integrators.tableau import METHODS
+from mbd_sim.integrators.methods import METHODS
 
 LARGEST = 2.0**20 * math.pi / 2.0
 

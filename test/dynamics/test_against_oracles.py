@@ -87,7 +87,7 @@ def test_random_mechanisms_with_loops_and_constraints():
     """Some contradict their drives, or come out rigid, or close no more a little later: these are few."""
     outcomes = Counter()
 
-    @settings(max_examples=50)
+    @settings(max_examples=30)
     @given(random_mechanisms())
     def hold(drawn):
         text, rng = drawn
@@ -101,8 +101,8 @@ def test_random_mechanisms_with_loops_and_constraints():
             outcomes["refused"] += 1
 
     hold()
-    assert outcomes["compared"] >= 30
-    assert outcomes["refused"] + outcomes["not comparable"] <= 8
+    assert outcomes["compared"] >= 15
+    assert outcomes["refused"] + outcomes["not comparable"] <= 5
 
 
 def long_chain(number):

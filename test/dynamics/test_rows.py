@@ -70,7 +70,7 @@ def check(mechanism, rng, t=0.05):
         assert rate[known] == pytest.approx(expected.ravel()[known], abs=1e-6 * size)
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(random_mechanisms())
 def test_rows_of_random_mechanisms(drawn):
     text, rng = drawn
@@ -124,3 +124,10 @@ def test_a_screw_that_closes_a_loop_knows_no_whole_turns():
     position = np.array(derived.violation(0.0, derived.start_state))[:, 0]
     assert position == pytest.approx(np.zeros(len(position)), abs=1e-14)
     assert derived.start.q[:3] == pytest.approx([-0.2, 0.2, 1.7], abs=1e-14)
+
+
+def test_a_screw_that_closes_a_loop_knows_half_turns():
+    """A nut half a lead further on must have turned half-way; held as it is, it does not fit."""
+    text = LOOP.replace("KIND", "screw, axis: [0, 0, 1], lead: 0.5").replace("[-0.2, 0.2, 0.2]", "[-0.2, 0.2, 0.45]")
+    with pytest.raises(MechanismError, match="axis turned over"):
+        engine.derive(parse_mechanism(text.replace("0.45]", "0.45], orientation: {rpy: [0, 0, 0]}")))

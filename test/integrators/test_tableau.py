@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mbd_sim.compiler.kernel import compile_kernel
-from mbd_sim.integrators.tableau import METHODS
+from mbd_sim.integrators.tableau import EXPLICIT as METHODS
 
 ALL = pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
 

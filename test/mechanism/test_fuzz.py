@@ -1,6 +1,9 @@
 """Whatever a file holds: a mechanism, or an error that says what is wrong and on which line."""
 
+import copy
 import json
+import random
+import time
 
 import numpy as np
 import pytest
@@ -8,6 +11,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mbd_sim.dynamics.equations import derive
 from mbd_sim.errors import MechanismError
 from mbd_sim.mechanism.library import shipped
 from mbd_sim.mechanism.load import parse_mechanism
@@ -57,16 +61,29 @@ values = st.one_of(
 )  # fmt: skip
 
 
+LONGEST = 20.0  # s that a mechanism of a few parts may take to derive, a hundred times what it does
+
+
+def check_refusal(error, text):
+    assert error.problems and str(error)
+    for problem in error.problems:
+        assert problem.message and problem.file == "file.yaml" and len(str(problem)) < 2000
+        assert 1 <= problem.line <= max(1, len(text.splitlines()))
+
+
 def answer(text):
-    """Parses; whatever comes back is checked."""
+    """Parses and derives; whatever comes back is checked."""
     try:
         mechanism = parse_mechanism(text, "file.yaml")
     except MechanismError as error:
-        assert error.problems and str(error)
-        for problem in error.problems:
-            assert problem.message and problem.file == "file.yaml" and len(str(problem)) < 2000
-            assert 1 <= problem.line <= max(1, len(text.splitlines()))
+        check_refusal(error, text)
         return
+    start = time.monotonic()
+    try:
+        assert np.isfinite(derive(mechanism).start_state).all()
+    except MechanismError as error:
+        check_refusal(error, text)
+    assert time.monotonic() - start < LONGEST
     for part in mechanism.parts.values():
         assert np.isfinite([part.mass, *part.center, *part.inertia.flat]).all() and part.mass >= 0
     for joint in mechanism.joints.values():
@@ -171,3 +188,103 @@ def test_any_value_in_a_shape_gives_a_mechanism_or_an_error(key, value):
         "joints": {"flight": {"type": "free", "between": ["ground", "body"]}},
     }
     answer(json.dumps(file))
+
+
+EXPRESSIONS = [
+    "t", "t^2", "0.1*sin(5*t)", "sqrt(t)", "1/t", "log(t)", "abs(t - 1)", "exp(exp(exp(exp(t + 3))))", "1e300*t", "t - 0.5",
+    "x^2 + y^2 + z^2 - 1", "x/y", "z", "sqrt(-1 - t)", "atan2(x, y)", "0", "0.3 + 0.1*sin(t)",
+]  # fmt: skip
+NUMBERS = [0, -1, 1, 0.5, 2, 1e-3, 1e-9, 1e-300, 1e3, 1e9, 1e15, 1e150, 1e300, -1e300, "30 deg", "sqrt(2)", "pi/3"]
+LABELLED = {"cylindrical": (".displacement", ".angle"), "universal": (".first", ".second"), "free": (".x", ".z")}
+JOINTS = ["revolute", "prismatic", "fixed", "free", "screw", "cylindrical", "universal", "planar", "spherical"]
+
+
+class Changer:
+    """Changes that leave a file a mechanism more often than not: other numbers, more joints, more constraints."""
+
+    def __init__(self, seed):
+        self.chance = random.Random(seed)
+        self.data = yaml.safe_load(self.chance.choice(TEXTS))
+
+    def end(self):
+        parts = {"ground": self.data.get("ground") or {}, **self.data["parts"]}
+        name = self.chance.choice(list(parts))
+        return self.chance.choice([name, *(f"{name}.{point}" for point in parts[name].get("points", {}))])
+
+    def direction(self):
+        return self.chance.choice([[0, 0, 1], [1, 0, 0], [0, -1, 0], [1, 2, 3]])
+
+    def coordinate(self):
+        joints = self.data["joints"].items()
+        return self.chance.choice([name + label for name, j in joints for label in LABELLED.get(j.get("type"), ("",))])
+
+    def expression(self):
+        return self.chance.choice(EXPRESSIONS)
+
+    def joint(self):
+        kind = self.chance.choice(JOINTS)
+        joint = {"type": kind, "between": [self.end(), self.end()], "cut": self.chance.random() < 0.3}
+        if kind == "universal":
+            joint["axes"] = [self.direction(), self.direction()]
+        elif kind not in ("fixed", "free", "spherical"):
+            joint["axis"] = self.direction()
+        if kind == "screw":
+            joint["lead"] = self.chance.choice([0, 0.1, 1])
+        return joint
+
+    def constraint(self):
+        ends, two, normal = self.end(), [self.end(), self.end()], self.direction()
+        pair = [self.coordinate(), self.coordinate()]
+        return self.chance.choice(
+            [
+                {"type": "distance", "between": two, "length": self.expression()},
+                {"type": "cable", "through": [ends, *two], "length": 1},
+                {"type": "on_plane", "point": ends, "plane": two[0], "normal": normal},
+                {"type": "on_line", "point": ends, "line": two[0], "direction": normal},
+                {"type": "on_surface", "point": ends, "frame": two[0], "equation": self.expression()},
+                {"type": "on_curve", "point": ends, "equations": [self.expression(), self.expression()]},
+                {"type": "gear", "joints": pair, "radii": [1, 0.3]},
+                {"type": "rack", "pinion": pair[0], "rack": pair[1], "radius": 0.3},
+                {"type": "coupling", "terms": dict.fromkeys(pair, 1), "value": self.expression()},
+                {"type": "rolling", "wheel": ends, "radius": 0.3, "normal": normal, "axis": self.direction()},
+                {"type": "knife_edge", "at": ends, "direction": self.direction(), "normal": normal},
+            ]
+        )
+
+    def change(self):
+        chance, data, joints = self.chance, self.data, self.data["joints"]
+        match chance.choice(
+            ["number", "number", "text", "type", "guess", "joint", "twice", "constraint", "constraint"]
+        ):
+            case "number":
+                self._replace((int, float), lambda: chance.choice([*NUMBERS, chance.gauss(0, 1)]))
+            case "text":
+                self._replace(str, self.expression)
+            case "type":
+                joints[chance.choice(list(joints))]["type"] = chance.choice(JOINTS)
+            case "guess":
+                joints[chance.choice(list(joints))] |= {"guess": True, "position": chance.choice([0, 1, -2, 3])}
+            case "joint":
+                joints[f"new{len(joints)}"] = self.joint()
+            case "twice":
+                name = chance.choice(list(joints))
+                kept = ("type", "between", "axis", "axes", "lead")
+                joints[f"{name}_twice"] = {key: copy.deepcopy(joints[name][key]) for key in kept if key in joints[name]}
+            case "constraint":
+                constraints = data.setdefault("constraints", {})
+                constraints[f"new{len(constraints)}"] = self.constraint()
+
+    def _replace(self, kind, value):
+        found = [path for path in places(self.data) if path and isinstance(holder_of(self.data, path)[path[-1]], kind)]
+        path = self.chance.choice([path for path in found if path[0] in ("ground", "parts", "joints", "constraints")])
+        if path[-1] != "type":
+            holder_of(self.data, path)[path[-1]] = value()
+
+
+@settings(max_examples=150)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 3))
+def test_other_mechanisms_are_derived_or_refused(seed, count):
+    changer = Changer(seed)
+    for _ in range(count):
+        changer.change()
+    answer(yaml.safe_dump(changer.data, allow_unicode=True, sort_keys=False))

@@ -8,7 +8,7 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.errors import MechanismError
-from mbd_sim.integrators.tableau import METHODS
+from mbd_sim.integrators.methods import METHODS
 from mbd_sim.mechanism.load import parse_mechanism
 from mbd_sim.mechanism.model import LABELS
 

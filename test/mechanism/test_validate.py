@@ -62,7 +62,7 @@ MISTAKES = {
     "a joint without axis": ((AXIS, ""), 11, "joints.pin", "'axis' is missing", "Add it."),
     "an axis of zeros": ((AXIS, "    axis: [0, 0, 0]\n"), 14, "joints.pin.axis", "must not be zero", "[0, 0, 1]"),
     "an axis by its letter": ((AXIS, "    axis: y\n"), 14, "joints.pin.axis", "must be a list", "[x, y, z]"),
-    "an axis on a weld": ((f"revolute\n    between: [ground, rod]\n{AXIS}{END}", f"fixed\n    between: [ground, rod]\n{AXIS}"), 14, "joints.pin.axis", "unknown key 'axis'", "Valid: between, type."),
+    "an axis on a weld": ((f"revolute\n    between: [ground, rod]\n{AXIS}{END}", f"fixed\n    between: [ground, rod]\n{AXIS}"), 14, "joints.pin.axis", "unknown key 'axis'", "Valid: between, cut, guess, type."),
     "an angle for a length": (("type: revolute", "type: prismatic"), 15, "joints.pin.position", "the unit 'deg' does not fit", "0.5 m"),
     "one end": (("[ground, rod]", "[rod]"), 13, "joints.pin.between", "has 1 value, not 2", "[ground, part]"),
     "three ends": (("[ground, rod]", "[rod, rod, rod]"), 13, "joints.pin.between", "has 3 values, not 2", "[ground, part]"),
@@ -147,9 +147,11 @@ def test_parts_that_joints_join_only_to_each_other_are_unconnected():
     assert problems[0].message == "is connected only by ab, which does not lead to ground"
 
 
-def test_a_joint_that_closes_a_loop_is_named():
-    problem = problem_of(PENDULUM + "  again: {type: fixed, between: [rod.tip, ground]}\n")
-    assert (problem.line, problem.key) == (16, "joints.again") and "closes a loop" in problem.message
+def test_a_joint_that_closes_a_loop_and_has_a_spring_is_named():
+    again = "{type: revolute, between: [rod.tip, ground], axis: [0, 1, 0], cut: true, stiffness: 1}"
+    problem = problem_of(PENDULUM + f"  again: {again}\n")
+    assert (problem.line, problem.key) == (16, "joints.again")
+    assert "closes a loop, and so has no coordinate, but has stiffness" in problem.message
 
 
 def test_a_massless_end_is_found_beyond_other_massless_parts():

@@ -1,7 +1,7 @@
 """The shipped mechanisms with loops and constraints, each against its textbook.
 
 Accelerations at random consistent states against the closed form, reference end states, the energy audit and the
-constraints after a minute. test_rolling.py, test_reactions.py and test_loops.py have what needs more words.
+constraints over ten seconds. test_rolling.py, test_reactions.py and test_loops.py have what needs more words.
 """
 
 from __future__ import annotations
@@ -233,8 +233,8 @@ LOOPED = sorted(path.stem for path in shipped().values() if path.parent.name in 
 
 
 @pytest.mark.parametrize("name", LOOPED)
-def test_energy_audit_and_constraints_after_a_minute(name):
-    """Ten seconds of it here: scripts/systems_table runs the whole."""
+def test_energy_audit_and_constraints(name):
+    """Over ten seconds; scripts/systems_table goes on for a minute, or for ten."""
     sim, derived_ = Simulation.from_file(name), equations(name)
     largest = worst = 0.0
     while sim.time < 10.0:

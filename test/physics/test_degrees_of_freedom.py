@@ -42,10 +42,26 @@ def test_redundant_equation_of_the_tricycle():
     assert len(dropped) == 1 and dropped[0].split(":")[0] in ("left", "right") and "slip" in dropped[0]
 
 
-def test_contacts_of_the_tricycle_are_all_that_is_holonomic():
-    """Three equations of position: seven coordinates can be reached."""
+def test_contacts_of_the_tricycle():
+    """Three equations of position leave seven coordinates."""
     found = derive(load_mechanism("tricycle"))
     assert found.layout.nv - int(np.sum(found.conditions.holonomic)) == 7
+
+
+def heading(q):
+    """Of the tricycle's frame."""
+    w, x, y, z = q[3:7]
+    return np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def test_rear_wheels_tell_the_heading_of_the_tricycle():
+    """One combination of the equations of slip can be integrated: r (right - left) = track · heading."""
+    p, sim = load_mechanism("tricycle").parameters, Simulation.from_file("tricycle")
+    for _ in range(10):
+        sim.step(800)
+        turned = p["rear"] / p["track"] * (sim.q[10] - sim.q[9])
+        assert np.remainder(turned - heading(sim.q) + 1.0, 2.0 * np.pi) - 1.0 == pytest.approx(0.0, abs=1e-11)
+    assert turned > 2.0
 
 
 def test_tricycle_rolls_about_the_point_where_its_axles_meet():
@@ -53,10 +69,8 @@ def test_tricycle_rolls_about_the_point_where_its_axles_meet():
     p, sim = load_mechanism("tricycle").parameters, Simulation.from_file("tricycle")
     for _ in range(20):
         sim.step(50)
-        w, x, y, z = sim.q[3:7]
-        heading = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-        forward = sim.u[0] * np.cos(heading) + sim.u[1] * np.sin(heading)
-        sideways = sim.u[1] * np.cos(heading) - sim.u[0] * np.sin(heading)
+        c, s = np.cos(heading(sim.q)), np.sin(heading(sim.q))
+        forward, sideways = c * sim.u[0] + s * sim.u[1], c * sim.u[1] - s * sim.u[0]
         delta = sim.q[7]
         assert sideways == pytest.approx(0.0, abs=1e-12)
         assert sim.u[5] == pytest.approx(forward * np.tan(delta) / p["base"], rel=1e-11)

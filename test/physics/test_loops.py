@@ -160,3 +160,29 @@ def test_screw_turns_many_times():
     assert abs(turns) > 3.0
     assert sim.q[1] - start[1] == pytest.approx(0.01 * turns, abs=1e-12)
     assert violation(sim, found) < 1e-12
+
+
+CARRIERS = {
+    "turntable": "type: revolute\n    between: [ground, table]\n    axis: [0, 0, 1]\n    velocity: 1 rad/s",
+    "free": "type: free\n    between: [ground, table]\n    angular_velocity: [0.5, 0.3, 1]",
+}
+
+
+@pytest.mark.parametrize("carrier", CARRIERS)
+def test_a_plane_loop_that_is_carried_about(carrier):
+    """Three of its five equations are redundant, and the same three wherever its plane turns to."""
+    table = "  table:\n    mass: 5 kg\n    inertia: [1, 1, 1]\n    points: {pivot: [base, 0, 0]}\n"
+    text = written("four_bar").replace("ground:\n  points: {pivot: [base, 0, 0]}\n", "")
+    text = text.replace("parts:\n", f"parts:\n{table}", 1).replace("[ground, crank]", "[table, crank]")
+    text = text.replace("[ground.pivot, rocker]", "[table.pivot, rocker]")
+    sim = Simulation.from_text(text.replace("joints:\n", f"joints:\n  carrier:\n    {CARRIERS[carrier]}\n", 1))
+    found = sim.model.equations
+    assert (len(found.rows), found.start.rank) == (5, 2)
+    highest = 0.0
+    for _ in range(140):
+        sim.step(50)
+        axes = sim.poses()["table"].rotation
+        highest = max(highest, sim.energies.kinetic)
+        assert violation(sim, found) < 1e-12
+        assert abs(sim.energies.residual) < 1e-12 * highest
+    assert axes[0, 0] != pytest.approx(1.0, abs=0.01)

@@ -32,7 +32,7 @@ def top_rates(t, state):
 def test_heavy_top_follows_eulers_equations():
     sim = Simulation.from_file("heavy_top")
     start = np.concatenate([np.eye(3).ravel(), sim.u])
-    found = solve_ivp(top_rates, (0.0, 2.0), start, method="DOP853", rtol=1e-13, atol=1e-12, t_eval=[0.5, 1.0, 2.0])
+    found = solve_ivp(top_rates, (0.0, 1.0), start, method="DOP853", rtol=1e-13, atol=1e-12, t_eval=[0.1, 0.5, 1.0])
     for until, state in zip(found.t, found.y.T, strict=True):
         sim.run(until=until)
         axis = from_quaternion(sim.q)[:, 1]

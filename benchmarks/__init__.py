@@ -1,0 +1,1 @@
+"""What `mbd_sim` costs and how exact it is, beside other simulators: `make bench`."""

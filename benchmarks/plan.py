@@ -1,0 +1,155 @@
+"""A mechanism as every simulator can take it: hinges and sliders along z, rigid bodies, and pins that close loops.
+
+A `Plan` is made from our own record of the mechanism, so that no length or mass is written twice. It consists of numbers
+only and can be pickled, so that a process that measures another simulator need not load ours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.tape import Tape, tape_of
+
+if TYPE_CHECKING:
+    from mbd_sim.mechanism.model import Joint, Part, Pose
+    from mbd_sim.simulation import Simulation
+
+Array = NDArray[np.float64]
+GROUND = -1
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A rigid body and the joint that carries it.
+
+    The body's frame is that of its joint: with q = 0 it lies at `position` (3,) and `rotation` (3, 3), or `quaternion`
+    (w, x, y, z), in the frame of the body `parent` (an index, or GROUND), and it turns about its own z, or slides
+    along it. `mass` in kg, `center` (3,) in m and `inertia` (3, 3) about it in kg·m² are in the body's frame. The joint
+    has a spring of `stiffness` N/m or N·m/rad with its rest at `rest`.
+    """
+
+    name: str
+    parent: int
+    slides: bool
+    position: Array
+    rotation: Array
+    quaternion: Array
+    mass: float
+    center: Array
+    inertia: Array
+    stiffness: float
+    rest: float
+
+    def definite_inertia(self, least: float = 1e-13) -> Array:
+        """The inertia with `least` kg·m² added where it has none, for simulators that allow no massless directions."""
+        values, axes = np.linalg.eigh(self.inertia)
+        if values[0] >= least:
+            return self.inertia
+        return self.inertia + (axes * np.where(values < least, least, 0.0)) @ axes.T
+
+
+@dataclass(frozen=True, eq=False)
+class Pin:
+    """A pin that closes a loop: `first_point` (3,) of one body is where `second_point` of another is.
+
+    Its axis is along z of both bodies, which the rest of the mechanism sees to.
+    """
+
+    first: int
+    first_point: Array
+    second: int
+    second_point: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A mechanism: `bodies` in the order of the coordinates, each after its parent, and the start state q and u.
+
+    `tape` has the same mechanism as equations.
+    """
+
+    name: str
+    gravity: Array
+    bodies: tuple[Body, ...]
+    pins: tuple[Pin, ...]
+    q: Array
+    u: Array
+    tape: Tape
+
+
+def plan_of(sim: Simulation) -> Plan:
+    """The plan of a simulation's mechanism and start state.
+
+    :raises ValueError: it has something that plans do not know.
+    """
+    from mbd_sim.mechanism.model import identity_pose
+
+    mechanism = sim.mechanism
+    if mechanism.ties or mechanism.applied or mechanism.constraints:
+        raise ValueError(f"{mechanism.name}: springs between points, forces and constraints are not compared")
+    index: dict[str, int] = {"ground": GROUND}
+    frames: dict[str, Pose] = {"ground": identity_pose()}  # of each body, in its part's axes
+    bodies = []
+    for joint in mechanism.joints.values():
+        if joint.inboard not in index:
+            raise ValueError(f"{mechanism.name}: joint '{joint.name}' is declared before what carries it")
+        start, frame = _frames(joint)
+        placed = frames[joint.inboard].inverse() @ start
+        bodies.append(_body(joint, mechanism.parts[joint.outboard], index[joint.inboard], placed, frame))
+        index[joint.outboard], frames[joint.outboard] = len(index) - 1, frame
+    pins = tuple(_pin(joint, index, frames) for joint in mechanism.closing.values())
+    gravity = np.array(mechanism.gravity)
+    return Plan(mechanism.name, gravity, tuple(bodies), pins, sim.q.copy(), sim.u.copy(), tape_of(sim))
+
+
+def _frames(joint: Joint) -> tuple[Pose, Pose]:
+    """The joint's frame with its axis along z, in the axes of the inboard part and in those of the outboard part."""
+    from mbd_sim.mechanism.model import Pose
+    from mbd_sim.mechanism.rotation import aligning_z
+
+    simple = joint.type in ("revolute", "prismatic") and not joint.drive
+    if not simple or np.any(joint.damping) or joint.spring or joint.damper or joint.friction:
+        raise ValueError(f"joint '{joint.name}' is more than a hinge or slider with a spring")
+    inboard, outboard, axis = joint.parent_pose, joint.child_pose, joint.axis
+    if joint.reversed:
+        inboard, outboard, axis = outboard, inboard, -axis
+    turned = Pose(np.zeros(3), aligning_z(axis))
+    return inboard @ turned, outboard @ turned
+
+
+def _body(joint: Joint, part: Part, parent: int, placed: Pose, frame: Pose) -> Body:
+    from mbd_sim.mechanism.rotation import to_quaternion
+
+    inertia = frame.rotation.T @ part.inertia @ frame.rotation
+    return Body(
+        name=part.name,
+        parent=parent,
+        slides=joint.type == "prismatic",
+        position=placed.position,
+        rotation=placed.rotation,
+        quaternion=to_quaternion(placed.rotation),
+        mass=part.mass,
+        center=frame.rotation.T @ (part.center - frame.position),
+        inertia=0.5 * (inertia + inertia.T),
+        stiffness=float(joint.stiffness[0]),
+        rest=float(joint.rest[0]),
+    )
+
+
+def _pin(joint: Joint, index: dict[str, int], frames: dict[str, Pose]) -> Pin:
+    first, second = frames[joint.parent].inverse(), frames[joint.child].inverse()
+    axes = [place.rotation @ pose.rotation @ joint.axis for place, pose in zip(
+        (first, second), (joint.parent_pose, joint.child_pose), strict=True
+    )]  # fmt: skip
+    if joint.type != "revolute" or not all(np.allclose(np.abs(axis), [0.0, 0.0, 1.0]) for axis in axes):
+        raise ValueError(f"joint '{joint.name}' closes a loop and is not a pin in the plane of the mechanism")
+    return Pin(
+        index[joint.parent],
+        (first @ joint.parent_pose).position,
+        index[joint.child],
+        (second @ joint.child_pose).position,
+    )

@@ -1,0 +1,136 @@
+"""The compiled `step`: an ordinary Python callable, also where something is wrong, and it leaks nothing."""
+
+import contextlib
+import copy
+import gc
+import sys
+import threading
+import time
+import weakref
+
+import numpy as np
+import pytest
+
+from mbd_sim import DivergedError, Simulation
+
+UNSTABLE = """
+mechanism: unstable
+parts: {mass: {mass: 1}}
+joints: {rail: {type: prismatic, between: [ground, mass], axis: [1, 0, 0], stiffness: 1e12, position: 1}}
+integrator: {method: rk4, step: 1}
+"""
+
+
+def state(simulation):
+    return simulation.state.tobytes(), simulation.steps
+
+
+def test_it_is_the_plain_method_bit_for_bit():
+    compiled, plain = Simulation.from_file("double_rod"), Simulation.from_file("double_rod")
+    method = Simulation.step.__get__(plain)
+    for count in (1, 3, 0, 15, 16, 1000):
+        compiled.step(count)
+        method(count)
+        assert state(compiled) == state(plain)
+    assert compiled.steps == 1035
+
+
+def test_it_takes_what_the_method_takes():
+    simulation = Simulation.from_file("rod_pendulum")
+    simulation.step()
+    simulation.step(n=2)
+    simulation.step(np.int64(3))
+    simulation.step(True)
+    assert simulation.steps == 7
+
+
+@pytest.mark.parametrize(
+    ("arguments", "keywords", "error", "words"),
+    [
+        ((-1,), {}, ValueError, "cannot take -1 steps"),
+        ((2**53 + 1,), {}, ValueError, "cannot take 9007199254740993 steps"),
+        ((2**70,), {}, ValueError, "cannot take"),
+        ((1.5,), {}, TypeError, "float"),
+        (("3",), {}, TypeError, "str"),
+        ((None,), {}, TypeError, "NoneType"),
+        ((1, 2), {}, TypeError, "positional"),
+        ((), {"m": 1}, TypeError, "'m'"),
+    ],
+)
+def test_it_says_what_is_wrong(arguments, keywords, error, words):
+    simulation = Simulation.from_file("rod_pendulum")
+    before = state(simulation)
+    with pytest.raises(error, match=words):
+        simulation.step(*arguments, **keywords)
+    assert state(simulation) == before
+    simulation.step()
+    assert simulation.steps == 1
+
+
+def test_what_a_number_raises_comes_through():
+    class Odd:
+        def __index__(self):
+            raise RuntimeError("no number today")
+
+    with pytest.raises(RuntimeError, match="no number today"):
+        Simulation.from_file("rod_pendulum").step(Odd())
+
+
+@pytest.mark.parametrize("count", [5, 100])
+def test_divergence_leaves_the_last_state(count):
+    simulation = Simulation.from_text(UNSTABLE)
+    before = state(simulation)
+    with pytest.raises(DivergedError, match="became infinite"):
+        for _ in range(100):
+            before = state(simulation)
+            simulation.step(count)
+    assert state(simulation) == before
+
+
+def test_long_runs_release_the_interpreter():
+    simulation, counted = Simulation.from_file("double_rod"), 0
+    done = threading.Event()
+
+    def run():
+        simulation.step(300_000)
+        done.set()
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    while not done.is_set():
+        time.sleep(0.0)  # gives the lock to the other thread, which then holds it or not
+        counted += 1
+    thread.join()
+    assert counted > 100
+
+
+def test_a_simulation_is_collected_with_its_callable():
+    simulation = Simulation.from_file("rod_pendulum")
+    step, gone = simulation.step, weakref.ref(simulation)
+    step(3)
+    del simulation
+    assert gone() is not None  # the callable keeps what it steps
+    step(3)
+    del step
+    gc.collect()
+    assert gone() is None
+
+
+def test_it_leaks_no_references():
+    simulation, many = Simulation.from_file("rod_pendulum"), 12345
+    simulation.step(many)
+    gc.collect()
+    before = sys.getrefcount(None), sys.getrefcount(many), sys.getrefcount(simulation)
+    for _ in range(1000):
+        simulation.step(many % 3)
+        with contextlib.suppress(ValueError):
+            simulation.step(-many)
+    gc.collect()
+    after = sys.getrefcount(None), sys.getrefcount(many), sys.getrefcount(simulation)
+    assert all(abs(now - then) < 100 for now, then in zip(after, before, strict=True))
+
+
+def test_copies_are_refused():
+    """They would step the original's state."""
+    with pytest.raises(TypeError, match="build another one"):
+        copy.deepcopy(Simulation.from_file("rod_pendulum"))

@@ -1,0 +1,70 @@
+"""Four-bars that come through configurations in which their constraints lose rank (Grashof's change points).
+
+Where the sum of two bars is that of the two others the mechanism can lie flat, and there it could go on in two ways. It
+goes on straight, keeps its energy, and its loop stays closed.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from mechanisms import violation
+
+from mbd_sim import Simulation
+from mbd_sim.mechanism.library import shipped
+
+# Ground, crank, coupler and rocker in m, and their angles to start from, in degrees.
+CHANGE_POINTS = {
+    "parallelogram": ((1.5, 0.5, 1.5, 0.5), (90, -90, 90)),
+    "antiparallelogram": ((1.5, 0.5, 1.5, 0.5), (90, -130, -60)),
+    "kite": ((1.0, 1.0, 2.0, 2.0), (90, -60, 110)),
+    "short kite": ((1.5, 0.5, 0.5, 1.5), (60, -100, 150)),
+    "of four lengths": ((1.5, 0.5, 1.1, 0.9), (90, -60, 100)),
+}
+
+
+def four_bar(lengths, angles):
+    text = shipped()["four_bar"].read_text().replace("velocity: 2 rad/s", "velocity: 8 rad/s")
+    for name, length in zip(("base", "crank", "coupler", "rocker"), lengths, strict=True):
+        text = re.sub(rf"(?m)^  {name}: [\d.]+ m", f"  {name}: {length} m", text)
+    for old, new in zip(("90", "-60", "100"), angles, strict=True):
+        text = text.replace(f"position: {old} deg", f"position: START {new} deg", 1)
+    return text.replace("START ", "")
+
+
+@pytest.mark.parametrize("name", CHANGE_POINTS)
+def test_change_points_are_passed(name):
+    sim = Simulation.from_text(four_bar(*CHANGE_POINTS[name]))
+    largest = worst = 0.0
+    motion = [sim.q.copy()]
+    while sim.time < 20.0:
+        sim.step(10)
+        motion.append(sim.q.copy())
+        largest = max(largest, sim.energies.kinetic)
+        worst = max(worst, violation(sim, sim.model.equations))
+        assert abs(sim.energies.residual) < 1e-7 * largest
+    assert sim.q[0] > 2.0 * np.pi * 15
+    assert worst < 1e-9
+    accelerations = np.diff(motion, n=2, axis=0) / 0.01**2
+    assert np.max(np.abs(accelerations)) < 50.0 * np.max(np.abs(np.diff(motion, axis=0))) / 0.01
+
+
+def test_a_parallelogram_stays_one():
+    sim = Simulation.from_text(four_bar(*CHANGE_POINTS["parallelogram"]))
+    while sim.time < 20.0:
+        sim.step(20)
+        crank, coupler, rocker = sim.q
+        assert [coupler, rocker] == pytest.approx([-crank, crank], abs=1e-10)
+
+
+def test_it_goes_on_through_its_change_points_with_efforts_at_its_joints():
+    """A moment at a pin loads the loop where it is flat; the energy audit has its work."""
+    sim = Simulation.from_text(four_bar(*CHANGE_POINTS["parallelogram"]))
+    sim.set_efforts({"crank_pin": 0.3, "rocker_pivot": 0.5})
+    sim.run(until=10.0)
+    crank, coupler, rocker = sim.q
+    assert [coupler, rocker] == pytest.approx([-crank, crank], abs=1e-9)
+    assert sim.energies.work_applied == pytest.approx(-0.3 * (crank - np.pi / 2) + 0.5 * (crank - np.pi / 2), rel=1e-9)
+    assert abs(sim.energies.residual) < 1e-7 * sim.energies.kinetic
