@@ -8,6 +8,7 @@ from mbd_sim.simulation import Simulation
 from mbd_sim.viewer import Viewer
 
 SHOWN_RATE = 60.0  # states per simulated second that a viewer gets
+OPEN = 1e-6  # m and m/s, from where on constraints count as not met
 WAITING = 10_000  # states after which the viewer may catch up, so that it drops none
 
 
@@ -66,7 +67,19 @@ def _summary(simulation: Simulation, seconds: float) -> str:
             f"  energy residual  {energies.residual:.3g} J of {energies.total:.6g} J total "
             f"(applied {energies.work_applied:.6g}, drives {energies.work_drives:.6g}, "
             f"dissipated {energies.dissipated:.6g})",
+            *_constraints(simulation),
             f"  {'coordinate':16s}  position and velocity",
             *values,
         ]
     )
+
+
+def _constraints(simulation: Simulation) -> list[str]:
+    """How far loops and constraints are off, redundant ones included, with a warning where that is much."""
+    if not simulation.model.equations.rows:
+        return []
+    position, velocity = simulation.violation
+    lines = [f"  constraints      off by {position:.3g} m, {velocity:.3g} m/s (or rad) at most"]
+    if max(position, velocity) > OPEN:
+        lines.append("  WARNING          a constraint does not hold: take a smaller step, see 'redundant' in mbd_sim check")
+    return lines

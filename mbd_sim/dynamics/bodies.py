@@ -29,7 +29,7 @@ class Bodies:
 
     def __init__(self, links: Sequence[Link]) -> None:
         self._index = {link.joint.outboard: index for index, link in enumerate(links)}
-        self._inboard = {link.joint.outboard: link.joint.inboard for link in links}
+        self._inboard = {link.joint.outboard: link.joint.inboard for link in links if link.joint.type != "free"}
         self.poses = [ca.SX.sym(f"pose{index}", 12) for index in range(len(links))]
         self.twists = [ca.SX.sym(f"twist{index}", 6) for index in range(len(links))]
 
@@ -44,14 +44,16 @@ class Bodies:
         return Frame(pose[:3] + arm, ca.sparsify(rotation @ turn), twist[3:] - skew(arm) @ twist[:3], twist[:3])
 
     def base(self, one: str, other: str) -> str:
-        """The part farthest from ground that carries both of two parts in the tree."""
-        carriers = {one}
-        while one != GROUND:
-            one = self._inboard[one]
-            carriers.add(one)
-        while other not in carriers:
+        """The part farthest from ground that carries both of two parts in the tree.
+
+        What flies freely is carried by nothing; where the two have no carrier in common, it is the last of the first.
+        """
+        carriers = [one]
+        while carriers[-1] in self._inboard:
+            carriers.append(self._inboard[carriers[-1]])
+        while other not in carriers and other in self._inboard:
             other = self._inboard[other]
-        return other
+        return other if other in carriers else carriers[-1]
 
     def rate(self, expressions: ca.SX) -> ca.SX:
         """The time derivatives (m,) of expressions of the poses."""

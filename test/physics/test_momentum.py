@@ -120,3 +120,26 @@ def test_momenta_of_a_floating_mechanism(name, gravity):
     assert np.max(np.abs(sim.q - start)) > 0.3 and sim.energies.work_applied != 0.0
     assert abs(sim.energies.residual) < 1e-11
     assert max(sim.violation) < 1e-13
+
+
+def in_pieces(text):
+    """The floating four-bar with its coupler on a free joint of its own, so that two pins are cut."""
+    own = "joints:\n  own: {type: free, between: [ground, coupler], position: [0.3, 0.5, 0.2], guess: true}\n"
+    thin = "shape: {type: rod, to: [1.4, 0, 0]}"  # which has no inertia about itself
+    return text.replace("joints:\n", own).replace(thin, "center: [0.7, 0, 0], inertia: [0.01, 0.2, 0.2]")
+
+
+@pytest.mark.parametrize("text", [FOUR_BAR, in_pieces(FOUR_BAR)], ids=["on_its_base", "in_pieces"])
+def test_a_plane_loop_may_turn_over(text):
+    """Which of its equations are independent does not change as its plane turns in space, whatever ground's axes are."""
+    for seed in (1, 2):
+        sim, rng = Simulation.from_text(text, step=5e-4), np.random.default_rng(seed)
+        sim.reset(u=rng.uniform(-3.0, 3.0, len(sim.u)))
+        (linear, angular), normal = momenta(sim), []
+        for _ in range(60):
+            sim.step(100)
+            normal.append(sim.poses()["base"].rotation[1, 1])
+        moved, spun = momenta(sim)
+        assert min(normal) < -0.5
+        assert moved == pytest.approx(linear, abs=2e-12) and spun == pytest.approx(angular, abs=2e-12)
+        assert abs(sim.energies.residual) < 2e-12
