@@ -81,5 +81,5 @@ def _constraints(simulation: Simulation) -> list[str]:
     position, velocity = simulation.violation
     lines = [f"  constraints      off by {position:.3g} m, {velocity:.3g} m/s (or rad) at most"]
     if max(position, velocity) > OPEN:
-        lines.append("  WARNING          a constraint does not hold: take a smaller step, see 'redundant' in mbd_sim check")
+        lines.append("  WARNING          a constraint does not hold: take a smaller step or look at redundant ones")
     return lines
