@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -72,10 +72,11 @@ def constraints_of(
     state: State,
     motions: Sequence[LinkMotion],
     poses: Sequence[WorldPose],
+    turning: Collection[str] = (),
 ) -> Constraints:
-    """Write the rows and carry them over to the generalized speeds."""
+    """Write the rows, see `constraint_rows`, and carry them over to the generalized speeds."""
     bodies, clock = Bodies(chain), ca.SX.sym("clock")
-    rows = constraint_rows(mechanism, bodies, clock)
+    rows = constraint_rows(mechanism, bodies, clock, turning)
     twists = [world_twist(link, motion, pose) for link, motion, pose in zip(chain, motions, poses, strict=True)]
     symbols = [ca.vertcat(*bodies.poses), ca.vertcat(*bodies.twists), clock]
     values = [ca.vertcat(*map(flat_pose, poses)), ca.vertcat(*twists), state.t]

@@ -7,7 +7,7 @@ the work of the drives, and the dissipated energy, in J.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from mbd_sim.dynamics.articulated import Accelerations, Articulated
 from mbd_sim.dynamics.assembly import Conditions
-from mbd_sim.dynamics.constraints import State, constraints_of
+from mbd_sim.dynamics.constraints import Constraints, State, constraints_of
 from mbd_sim.dynamics.definite import require_definite
 from mbd_sim.dynamics.elements import element_loads, require_lines
 from mbd_sim.dynamics.forces import joint_loads
@@ -27,7 +27,7 @@ from mbd_sim.dynamics.multipliers import ConstraintSolver, usual_sizes
 from mbd_sim.dynamics.reactions import joint_reactions, transmitted_wrenches
 from mbd_sim.dynamics.rows import Row
 from mbd_sim.dynamics.spatial import constant
-from mbd_sim.dynamics.start import Start, assembled_start, conditions_of
+from mbd_sim.dynamics.start import Start, assembled_start, conditions_of, redundant_loops
 from mbd_sim.dynamics.time import require_smooth, time_functions
 from mbd_sim.mechanism.model import Array, Mechanism
 
@@ -85,13 +85,7 @@ def derive(mechanism: Mechanism) -> Equations:
     poses = part_poses(chain, t, q)
     state = State(t, q, u, _q_rates(chain, motions, places.nq))
     kinetic = _kinetic_energy(chain, motions)
-    everything = constraints_of(mechanism, chain, places, state, motions, poses)
-
-    @functools.cache
-    def conditions() -> Conditions:
-        return conditions_of(everything, state, kinetic, lambda values: _settled(chain, values), _size(mechanism))
-
-    start = assembled_start(mechanism, places, conditions, everything.rows)
+    everything, start, conditions = _closed(mechanism, chain, places, state, motions, poses, kinetic)
     start_state = np.concatenate([start.q, start.u, np.zeros(len(AUDIT))])
 
     loads = joint_loads(chain, q, u, efforts)
@@ -155,6 +149,35 @@ def derive(mechanism: Mechanism) -> Equations:
         part_names=tuple(link.joint.outboard for link in chain),
         make_conditions=conditions,
     )
+
+
+def _closed(
+    mechanism: Mechanism,
+    chain: Sequence[Link],
+    places: Layout,
+    state: State,
+    motions: Sequence[LinkMotion],
+    poses: Sequence[WorldPose],
+    kinetic: ca.SX,
+) -> tuple[Constraints, Start, Callable[[], Conditions]]:
+    """The constraints, a start that meets them, and their conditions.
+
+    Rows are dropped once and for all, so each must stay redundant. Where one that is dropped is not simply zero, as
+    out of the plane of a plane loop, the rows of its loop are written along axes that turn with it.
+    """
+
+    def write(turning: Collection[str]) -> tuple[Constraints, Start, Callable[[], Conditions]]:
+        everything = constraints_of(mechanism, chain, places, state, motions, poses, turning)
+
+        @functools.cache
+        def conditions() -> Conditions:
+            return conditions_of(everything, state, kinetic, lambda values: _settled(chain, values), _size(mechanism))
+
+        return everything, assembled_start(mechanism, places, conditions, everything.rows), conditions
+
+    everything, start, conditions = write(())
+    turning = redundant_loops(everything.rows, start, conditions) if everything.rows else []
+    return write(turning) if turning else (everything, start, conditions)
 
 
 def _function(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:

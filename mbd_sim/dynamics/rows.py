@@ -6,7 +6,7 @@ one is a velocity that stays zero.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -43,13 +43,18 @@ class Row:
         return f"{self.owner[1]}: {self.what}"
 
 
-def constraint_rows(mechanism: Mechanism, bodies: Bodies, clock: ca.SX) -> list[Row]:
-    """The rows of all loops and constraints; `clock` is the time in the constraints' own expressions."""
+def constraint_rows(mechanism: Mechanism, bodies: Bodies, clock: ca.SX, turning: Collection[str] = ()) -> list[Row]:
+    """The rows of all loops and constraints; `clock` is the time in the constraints' own expressions.
+
+    The gap of a loop is measured along the axes of the part from which both ways around it start, in which a plane
+    loop stays in its plane however it is carried about; for the joints in `turning` along those of one of its ends, for
+    loops that turn about an axis of their own.
+    """
     writer = _Writer(bodies, clock)
     rows = [
         Row(("joints", joint.name), what, position, unit="" if what.startswith(("tilt", "rotation", "angle")) else "m")
         for joint in mechanism.closing.values()
-        for what, position in loop_equations(joint, *loop_ends(joint, bodies), _base_axes(joint, bodies))
+        for what, position in _loop(joint, bodies, joint.name in turning)
     ]
     return rows + [row for constraint in mechanism.constraints for row in writer.constraint(constraint)]
 
@@ -135,16 +140,21 @@ def _carried(frame: Frame, point: ca.SX) -> ca.SX:
     return frame.velocity + ca.cross(frame.omega, point - frame.position)
 
 
-def _base_axes(joint: Joint, bodies: Bodies) -> ca.SX:
-    """The axes (3, 3) of the part from which both ways around the loop start."""
-    return bodies.frame(bodies.base(joint.parent, joint.child), np.zeros(3)).rotation
+def _loop(joint: Joint, bodies: Bodies, turns: bool) -> Iterator[tuple[str, ca.SX]]:
+    """The equations of a closing joint, along axes that stay or turn with the loop."""
+    first, second = loop_ends(joint, bodies)
+    base = bodies.base(joint.parent, joint.child)
+    if not turns:
+        return loop_equations(joint, first, second, bodies.frame(base, np.zeros(3)).rotation)
+    if joint.parent == base and joint.type != "universal":
+        first, second = second, first
+    return loop_equations(joint, first, second, first.rotation)
 
 
 def loop_equations(joint: Joint, first: Frame, second: Frame, base: ca.SX) -> Iterator[tuple[str, ca.SX]]:
     """What stays zero for a joint between two frames, and its name (Nikravesh, sec. 7.2).
 
-    Shared points are compared along the axes `base` (3, 3), in which a plane loop stays in its plane however it is
-    carried about; all other directions belong to the first frame.
+    Shared points are compared along the axes `base` (3, 3); all other directions belong to the first frame.
     """
     gap = second.position - first.position
     axis = joint.axis if joint.axis.any() else np.array([0.0, 0.0, 1.0])

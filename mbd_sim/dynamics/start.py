@@ -24,6 +24,7 @@ from mbd_sim.dynamics.rows import Row
 from mbd_sim.mechanism.expression import names_in
 from mbd_sim.mechanism.model import Array, Mechanism
 
+ZERO = 1e-9  # of all rows, what counts as none of one row
 LATER = (1e-3, 0.1, 0.25, 0.5)  # s, when constraints are looked at besides the start, where time enters them
 
 
@@ -129,6 +130,19 @@ def _require_agreement(
         off[dropped] = drift[dropped] - shares.T @ drift[list(keep)]
         if np.max(np.abs(off), initial=0.0) > 1e-7 * max(1.0, float(np.max(np.abs(drift), initial=0.0))):
             raise contradiction(mechanism, rows, off)
+
+
+def redundant_loops(rows: Sequence[Row], start: Start, conditions: Callable[[], Conditions]) -> list[str]:
+    """The closing joints of which a row is dropped that is not zero everywhere."""
+    gradients = [conditions().gradient(t, q) for t, q in start.nearby]
+    found = [
+        str(row.owner[1])
+        for index, row in enumerate(rows)
+        if index not in start.keep
+        and row.owner[0] == "joints"
+        and any(np.linalg.norm(gradient[index]) > ZERO * np.linalg.norm(gradient) for gradient in gradients)
+    ]
+    return list(dict.fromkeys(found))
 
 
 def conditions_of(
