@@ -14,8 +14,9 @@ from mbd_sim.mechanism.model import Array
 class EffortMap:
     """Commands by order or by name to one effort for each degree of freedom, in N or N·m."""
 
-    def __init__(self, names: Sequence[str], limits: Array) -> None:
-        self.names, self.limits = tuple(names), limits
+    def __init__(self, names: Sequence[str], limits: Array, driven: Sequence[str] = ()) -> None:
+        """Efforts by `names`, at most `limits` (nv,) large; the `driven` coordinates take none."""
+        self.names, self.limits, self._driven = tuple(names), limits, frozenset(driven)
         self._index = {name: index for index, name in enumerate(self.names)}
 
     def merged(self, current: Array, efforts: Mapping[str, float] | Sequence[float] | Array) -> Array:
@@ -27,6 +28,8 @@ class EffortMap:
         try:
             if isinstance(efforts, Mapping):
                 for name, value in efforts.items():
+                    if name in self._driven:
+                        raise CommandError(f"joint '{name}' is driven: it moves as its drive says and takes no effort.")
                     if name not in self._index:
                         raise CommandError(f"there is no joint '{name}'. {nearest(name, self._index)}")
                     merged[self._index[name]] = value

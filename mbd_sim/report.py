@@ -114,8 +114,9 @@ def _inertia_forces(simulation: Simulation) -> dict[str, Any] | None:
 def _small_motions(equations: Equations, instructions: int) -> dict[str, Any]:
     """An equilibrium near the start and its natural motions, or why there are none."""
     nv = equations.layout.nv
-    if nv == 0 or instructions > LINEARIZED:
-        return {"equilibrium": None, "reason": "no coordinates" if nv == 0 else "the mechanism is large", "modes": []}
+    if nv == equations.start.rank or instructions > LINEARIZED:
+        reason = "nothing moves freely" if nv == equations.start.rank else "the mechanism is large"
+        return {"equilibrium": None, "reason": reason, "modes": []}
     if not is_autonomous(equations):
         return {"equilibrium": None, "reason": "the forces or the drives change with time", "modes": []}
     q: Array | None = equilibrium(equations)

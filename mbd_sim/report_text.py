@@ -55,9 +55,10 @@ def _mobility(found: dict[str, Any]) -> list[str]:
     """The count, then what is true: the rank."""
     counted = found["mobility"]
     taken = f"{counted['joint_equations']}" + (f" - {counted['other_equations']}" if counted["other_equations"] else "")
+    coordinates = ", ".join(found["coordinates"]) or "none"
     planar, loose = counted["planar_kutzbach"], counted["equations"] > 0
     lines = [
-        f"Degrees of freedom  {found['degrees_of_freedom']}  ({', '.join(found['coordinates']) or 'no coordinates'})",
+        f"Degrees of freedom  {found['degrees_of_freedom']}  (coordinates: {coordinates})",
         f"  by counting       6·{len(found['parts'])} - {taken} = {counted['kutzbach']} (Kutzbach)"
         + (f", in the plane {planar}" if planar is not None else ""),
     ]
@@ -74,7 +75,7 @@ def _mobility(found: dict[str, Any]) -> list[str]:
     if found["closing_joints"]:
         lines.append(f"  loops closed by   {', '.join(found['closing_joints'])}")
     if counted["redundant"]:
-        lines += [f"  redundant         {name}" for name in counted["redundant"]]
+        lines += [f"  redundant         {text}" for text in _grouped(counted["redundant"])]
     lines.append(
         f"Constraints         {_kind(found)}, {'scleronomic' if found['scleronomic'] else 'rheonomic (time enters)'}"
     )
@@ -88,7 +89,16 @@ def _mobility(found: dict[str, Any]) -> list[str]:
 def _kind(found: dict[str, Any]) -> str:
     if all(row["holonomic"] for row in found["constraints"]):
         return "holonomic"
-    return "holonomic, for those of velocity are integrable" if found["holonomic"] else "nonholonomic"
+    return "holonomic (those of velocity can be integrated)" if found["holonomic"] else "nonholonomic"
+
+
+def _grouped(names: list[str]) -> list[str]:
+    """Equations by the joint or constraint that they belong to, one line each."""
+    found: dict[str, list[str]] = {}
+    for name in names:
+        owner, _, what = name.partition(": ")
+        found.setdefault(owner, []).append(what)
+    return [f"{owner}: {'; '.join(what)}" for owner, what in found.items()]
 
 
 def _mass(matrix: dict[str, Any]) -> list[str]:

@@ -39,7 +39,8 @@ def require_definite(mechanism: Mechanism, chain: Sequence[Link], pivots: Array,
                 message = "this joint moves no inertia of its own: its coordinate has no equation of motion"
                 remedy = (
                     "Give what it moves a mass away from the axis, or an inertia about it (a thin rod has none about "
-                    "itself); between two joints that move alike there must be a mass as well."
+                    "itself); between two joints that move alike there must be a mass as well. In a loop, "
+                    "'cut: true' at another joint may help."
                 )
                 problems.append(mechanism.source.problem(("joints", link.joint.name), message, remedy))
         if link.parent >= 0:

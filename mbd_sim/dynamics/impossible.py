@@ -39,9 +39,10 @@ def contradiction(mechanism: Mechanism, rows: Sequence[Row], defects: Array) -> 
 
 def _by_owner(rows: Sequence[Row], defects: Array, size: float) -> list[tuple[Location, str]]:
     """The joints and constraints whose rows are off, with by how much the worst of them is, the worst first."""
-    found: dict[Location, tuple[float, str]] = {}
-    for row, defect in zip(rows, np.nan_to_num(np.abs(defects), nan=np.inf), strict=True):
-        found[row.owner] = max(found.get(row.owner, (0.0, "")), (float(defect), row.unit))
+    sizes: dict[tuple[Location, str], float] = {}
+    for row, defect in zip(rows, np.where(np.isnan(defects), np.inf, defects), strict=True):
+        sizes[row.owner, row.unit] = float(np.hypot(sizes.get((row.owner, row.unit), 0.0), defect))
+    found = {owner: max((sizes[key], key[1]) for key in sizes if key[0] == owner) for owner, _ in sizes}
     worst = max((value for value, _ in found.values()), default=0.0)
     off = [(value, unit, owner) for owner, (value, unit) in found.items() if value >= max(1e-3 * worst, 1e-10 * size)]
     return [(owner, f"{value:.3g} {unit}".strip()) for value, unit, owner in sorted(off, key=lambda entry: -entry[0])]
@@ -71,7 +72,11 @@ def _open_loop(mechanism: Mechanism, owner: Location, gap: str, held_back: bool)
         given = [joint.name for joint in mechanism.joints.values() if any(joint.held)]
         remedy = f"It would do without the given positions of {listed(given)}: give fewer of them, or as 'guess: true'."
         return mechanism.source.problem(owner, f"{what} by {gap} with the given positions", remedy)
-    remedy = "Check the lengths and points of its parts, and the positions from which to look ('guess: true')."
+    driven = [joint.name for joint in mechanism.joints.values() if joint.drive]
+    also = f", what the drives of {listed(driven)} ask for at t = 0" if driven else ""
+    remedy = (
+        f"Check the lengths, points and axes of its parts{also}, and the positions from which to look ('guess: true')."
+    )
     return mechanism.source.problem(owner, f"{what}, by {gap} at best", remedy)
 
 

@@ -94,7 +94,8 @@ class _Writer:
                     yield Row(owner, what, function_of(equation, names), unit="")
             case c.Coupling(factors=factors, value=expression):
                 value = function_of(expression, {"t": self._clock})
-                yield Row(owner, "coordinates", -value, unit="", factors=factors)
+                unit = "m" if record.kind in ("gear", "rack") else ""
+                yield Row(owner, "coordinates", -value, unit=unit, factors=factors)
             case c.Rolling():
                 yield from self._rolling(owner, record)
             case c.KnifeEdge(point=point, direction=direction, plane=plane, normal=normal):

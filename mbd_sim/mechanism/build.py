@@ -36,6 +36,7 @@ def build(file: schema.MechanismFile, parameters: Mapping[str, float], source: S
     coupled = set(coupled_joints(assembly.constraints, joints))
     tree = spanning_tree(parts, joints.values(), *_preferences(joints.values(), coupled))
     problems += [problem for name in tree.closing for problem in _uncuttable(source, joints[name], coupled)]
+    problems += [_needed(source, joint) for joint in joints.values() if joint.cut and joint.name in tree.outboard]
     problems += _unconnected(source, tree.unreached, joints.values())
     if not problems:
         problems += [_massless(source, joints[name]) for name in tree.massless(parts)]
@@ -244,6 +245,11 @@ def _uncuttable(source: Source, joint: Joint, coupled: Collection[str]) -> Itera
         yield source.problem(where, message, "Give it for the other joints of the loop, or write 'guess: true'.")
     elif joint.type == "free":
         yield source.problem(where, "a free joint restricts nothing: it cannot close a loop", "Remove it.")
+
+
+def _needed(source: Source, joint: Joint) -> Problem:
+    message = "cannot be cut: nothing else holds the parts beyond it, or its loop is cut already"
+    return source.problem(("joints", joint.name, "cut"), message, "Remove 'cut', or cut one joint of each loop.")
 
 
 def _unconnected(source: Source, names: Iterable[str], joints: Iterable[Joint]) -> Iterator[Problem]:

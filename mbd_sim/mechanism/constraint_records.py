@@ -52,8 +52,8 @@ class _Reader:
         where: Location = ("constraints", name)
         match record:
             case schema.Gear(joints=names, radii=(first, second), internal=internal):
-                ratio = first / second if internal else -first / second
-                return self._coupled(name, {names[0]: -ratio, names[1]: 1.0}, ("joints", names), "gear")
+                factors = {names[0]: first, names[1]: -second if internal else second}
+                return self._coupled(name, factors, ("joints", names), "gear")
             case schema.Rack(pinion=pinion, rack=rack, radius=radius, reverse=reverse):
                 factors = {pinion: radius if reverse else -radius, rack: 1.0}
                 return self._coupled(name, factors, ("", (pinion, rack)), "rack")

@@ -75,14 +75,20 @@ def spanning_tree(
         return [other]
 
     queue = deque(reach(GROUND))
-    names = frozenset(joint.name for joint in joints)
-    for allowed in (names - cut, names):
+
+    def explore(without: frozenset[str]) -> None:
         while queue:
             part = queue.popleft()
             for joint in at.get(part, []):
-                if joint.name in allowed:
+                if joint.name not in without:
                     queue.extend(gained for other in cross(joint, part) for gained in reach(other))
-        queue.extend(sorted(reached))
+
+    explore(cut)
+    for joint in joints:  # over those to cut only where there is no other way
+        for part in (joint.parent, joint.child):
+            if joint.name in cut and part in reached:
+                queue.extend(gained for other in cross(joint, part) for gained in reach(other))
+                explore(cut)
     return SpanningTree(
         joints=tuple(outboard),
         outboard=outboard,

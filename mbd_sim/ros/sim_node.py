@@ -62,7 +62,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         simulation = self.simulation
         pace = "paused" if self.runner.paused else "running"
         self.get_logger().info(
-            f"'{simulation.mechanism.name}' is {pace}: degrees of freedom {simulation.model.layout.nv}, "
+            f"'{simulation.mechanism.name}' is {pace}: degrees of freedom {simulation.model.degrees_of_freedom}, "
             f"method {simulation.model.method.name}, step {simulation.step_size * 1e3:g} ms"
         )
         self.outputs.start(self.runner.output)

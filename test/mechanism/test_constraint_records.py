@@ -100,8 +100,8 @@ def test_coordinates_are_not_looked_up_while_a_joint_cannot_be_read():
 def test_gears_turn_against_each_other_and_with_each_other_inside():
     outer = record("{type: gear, joints: [spin, rod.angle], radii: [r, 0.5]}")
     inner = record("{type: gear, joints: [spin, rod.angle], radii: [r, 0.5], internal: true}")
-    assert outer.factors == {"spin": 0.2 / 0.5, "rod.angle": 1.0}
-    assert inner.factors == {"spin": -0.2 / 0.5, "rod.angle": 1.0}
+    assert outer.factors == {"spin": 0.2, "rod.angle": 0.5}
+    assert inner.factors == {"spin": 0.2, "rod.angle": -0.5}
     assert outer.kind == inner.kind == "gear"
 
 

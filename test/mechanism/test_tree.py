@@ -125,10 +125,19 @@ def test_start_values_of_all_joints_of_a_loop_are_too_many():
     assert "guess: true" in problem
 
 
-def test_a_cut_joint_outside_of_loops_stays():
-    found = mechanism([("j0", "ground", "a", {"cut": True}), ("j1", "a", "b", {"cut": True})])
-    assert not found.closing
-    assert found.tree == ("j0", "j1")
+def test_a_joint_that_holds_parts_alone_cannot_be_cut():
+    with pytest.raises(MechanismError) as caught:
+        mechanism([("j0", "ground", "a", {"cut": True}), ("j1", "a", "b", {})])
+    (problem,) = caught.value.problems
+    assert problem.key == "joints.j0.cut" and "nothing else holds" in problem.message
+
+
+def test_of_one_loop_one_joint_can_be_cut():
+    """Of two that ask for it the later one is cut, and the other one is told."""
+    ring = [("j0", "ground", "a", {}), ("j1", "a", "b", {"cut": True}), ("j2", "b", "c", {})]
+    with pytest.raises(MechanismError) as caught:
+        mechanism([*ring, ("j3", "c", "ground", {"cut": True})])
+    assert [problem.key for problem in caught.value.problems] == ["joints.j1.cut"]
 
 
 def test_of_two_joints_between_the_same_parts_one_closes_a_loop():
