@@ -9,6 +9,7 @@ import numpy as np
 from mbd_sim.drawing.sheet import INK, MARKS, WHITE, Path, arc, dark, soft
 from mbd_sim.drawing.solids import BAR, capsule, dot, solid
 from mbd_sim.drawing.view import Page
+from mbd_sim.mechanism.constraints import Surface
 from mbd_sim.mechanism.model import Array, Joint, Mechanism, Part, Pose, Shape
 from mbd_sim.viewer.extent import half_sizes
 from mbd_sim.viewer.palette import Color, from_hex
@@ -108,6 +109,8 @@ def extent(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array:
     points = [poses[name].position + corners(part) @ poses[name].rotation.T for name, part in mechanism.parts.items()]
     used = [pose.position[None] for pose in mechanism.ground_points.values()]
     used += [joint.parent_pose.position[None] for joint in mechanism.all_joints.values() if joint.parent not in poses]
+    bases = [constraint.base for constraint in mechanism.constraints if isinstance(constraint, Surface)]
+    used += [(at.point if at.part not in poses else poses[at.part].position)[None] for at in bases]
     return np.vstack([*points, *used] or [np.zeros((1, 3))])
 
 

@@ -11,6 +11,7 @@ AMPLITUDE, PITCH = 5.6, 7.0  # pt
 MOST_TURNS = 11
 BESIDE = 8.5  # pt, from the middle to a spring and its damper in parallel
 SHORTEST = 2.0  # pt
+SAW = 4.5  # pt, from tooth to tooth of rough faces
 
 
 def spring(start: Array, stop: Array, layer: int = BODIES, depth: float = 0.0) -> list[Path]:
@@ -84,6 +85,22 @@ def link(start: Array, stop: Array, layer: int = BODIES, depth: float = 0.0) -> 
     line = np.array([start, stop])
     rim = Path(line, edge=WHITE, width=3.0, layer=layer, depth=depth)
     return [rim, Path(line, edge=INK, width=LINE, dash=(5.0, 3.0), layer=layer, depth=depth), *ends]
+
+
+def friction(start: Array, stop: Array, side: Array, layer: int, depth: float = 0.0) -> Path:
+    """Rough faces between two places (2,): teeth of a saw that stand on the line, away from `side` (2,)."""
+    along, length = unit(stop - start), float(np.hypot(*(stop - start)))
+    count = max(round(length / SAW), 3)
+    foot = start + np.outer(np.repeat(np.arange(count + 1), 2)[1:-1] * length / count, along)
+    foot[1::2] -= 0.8 * SAW * unit(side)
+    return Path(foot, edge=INK, width=1.2, layer=layer, depth=depth)
+
+
+def brake(at: Array, away: Array, layer: int, depth: float = 0.0) -> list[Path]:
+    """A shoe that rubs on a pin, on the side `away` (2,)."""
+    angle = float(np.arctan2(away[1], away[0]))
+    shoe = np.vstack([arc(at, 7.0, angle - 0.9, angle + 0.9, 15), arc(at, 11.0, angle + 0.9, angle - 0.9, 15)])
+    return [Path(shoe, edge=INK, fill=INK, width=0.8, closed=True, layer=layer, depth=depth)]
 
 
 def torsion(at: Array, layer: int, depth: float = 0.0) -> list[Path]:

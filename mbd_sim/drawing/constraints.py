@@ -7,19 +7,22 @@ from typing import Any
 
 import numpy as np
 
+from mbd_sim.drawing.couplings import coupling_paths
 from mbd_sim.drawing.ground import hatched
 from mbd_sim.drawing.loads import place
-from mbd_sim.drawing.sheet import BACK, BODIES, GREY, INK, LINE, WHITE, Path, unit
+from mbd_sim.drawing.sheet import BACK, BODIES, FRONT, GREY, INK, LINE, WHITE, Path, left_of, unit
 from mbd_sim.drawing.view import Page
+from mbd_sim.mechanism.constraints import Coupling, KnifeEdge
 from mbd_sim.mechanism.model import GROUND, Array, Attachment, Mechanism, Pose
 from mbd_sim.mechanism.rotation import aligning_z
 
 SHEET = (246, 247, 249)
+BLADE, THICK = 26.0, 3.4  # pt, half length and half width of an edge
 HALF = 0.6  # of a plane or a line, by the size of the mechanism
 
 
 def constraint_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], size: float) -> list[Path]:
-    """What is to be seen of the constraints, besides rods of constant length; couplings are not to be seen."""
+    """What is to be seen of the constraints, besides rods of constant length, and curves and surfaces."""
     paths: list[Path] = []
     planes: set[tuple[float, ...]] = set()
     for constraint in mechanism.constraints:
@@ -27,6 +30,11 @@ def constraint_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]
         if points is not None:
             paths += _cable(page, poses, points)
             continue
+        if isinstance(constraint, Coupling):
+            paths += coupling_paths(page, mechanism, poses, constraint)
+            continue
+        if isinstance(constraint, KnifeEdge):
+            paths += _blade(page, poses, constraint)
         base = getattr(constraint, "plane", None) or getattr(constraint, "base", None)
         on = getattr(constraint, "center", None) or getattr(constraint, "point", None)
         if not isinstance(base, Attachment) or not isinstance(on, Attachment):
@@ -67,6 +75,20 @@ def _flat(page: Page, base: Array, on: Array, normals: Array, size: float, groun
     across = HALF * size * aligning_z(normal)[:, :2]
     corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) @ across.T
     return [Path(page.at(foot + corners), edge=GREY, fill=SHEET, width=0.8, closed=True, layer=BACK)]
+
+
+def _blade(page: Page, poses: Mapping[str, Pose], edge: KnifeEdge) -> list[Path]:
+    """A lens along the edge, pointed at both ends."""
+    along = page.seen(_rotation(poses, edge.point) @ unit(edge.direction))
+    half = BLADE * float(np.hypot(*along))
+    if half < 2.0 * THICK:
+        return []
+    turn = np.linspace(0.0, np.pi, 13)
+    sides = np.concatenate([np.sin(turn), -np.sin(turn)]) * THICK
+    lengths = np.concatenate([-np.cos(turn), np.cos(turn)]) * half
+    at = place(poses, edge.point)
+    points = page.at(at) + np.outer(lengths, unit(along)) + np.outer(sides, left_of(along))
+    return [Path(points, edge=WHITE, fill=INK, width=0.8, closed=True, layer=FRONT, depth=page.depth(at))]
 
 
 def _cable(page: Page, poses: Mapping[str, Pose], points: tuple[Attachment, ...]) -> list[Path]:

@@ -33,6 +33,14 @@ class Held:
         """Whether ground holds the joint."""
         return self.carrying is None
 
+    def elastic(self, place: int = 0) -> bool:
+        """Whether there is a spring for one of its coordinates."""
+        return bool(self.joint.stiffness[place : place + 1].any()) or self.joint.spring is not None
+
+    def damped(self, place: int = 0) -> bool:
+        """Whether there is a damper for one of its coordinates."""
+        return bool(self.joint.damping[place : place + 1].any()) or self.joint.damper is not None
+
     @property
     def displacement(self) -> float:
         """How far in m the mover's frame has gone along the axis."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from mbd_sim.drawing.bodies import reach
-from mbd_sim.drawing.coils import torsion
+from mbd_sim.drawing.coils import brake, torsion
 from mbd_sim.drawing.ground import PIN, ball, bearing, hatched, pin, post, support
 from mbd_sim.drawing.held import Held, own_frame
 from mbd_sim.drawing.sheet import (
@@ -69,7 +69,8 @@ def joint_paths(page: Page, held: Held, size: float) -> list[Path]:
 
 def _pin(page: Page, held: Held) -> list[Path]:
     at = page.at(held.carrier.position)
-    spring = torsion(at, FRONT) if held.joint.stiffness.any() else []
+    spring = torsion(at, FRONT) if held.elastic() else []
+    spring += brake(at, -held.away, FRONT) if held.joint.friction else []
     if not held.grounded:
         return [*spring, *pin(at)]
     if abs(float(page.view.toward[2])) > 0.5:
@@ -100,8 +101,9 @@ def _hinge(page: Page, held: Held, size: float) -> list[Path]:
             paths += post(page.at(place), outward, 20.0, depth - 1e-6 * size, BODIES)
         frame = Pose(place, aligning_z(axis))
         paths += _symbol(page, frame, 15.0, PIN, depth)
-    spring = torsion(page.at(center), BODIES, page.depth(center) + NUDGE * size) if held.joint.stiffness.any() else []
-    return [*paths, *spring]
+    spring = torsion(page.at(center), BODIES, page.depth(center) + NUDGE * size) if held.elastic() else []
+    rubbing = brake(page.at(center), -held.away, BODIES, page.depth(center) + NUDGE * size)
+    return [*paths, *spring, *(rubbing if held.joint.friction else [])]
 
 
 def name_place(page: Page, held: Held, size: float) -> Array:

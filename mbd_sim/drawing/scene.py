@@ -12,12 +12,14 @@ from mbd_sim.drawing import corner
 from mbd_sim.drawing.bodies import extent, is_phantom, mass_center, part_paths
 from mbd_sim.drawing.constraints import constraint_paths
 from mbd_sim.drawing.held import Held, held, middle
+from mbd_sim.drawing.implicit import Wire
 from mbd_sim.drawing.joints import joint_paths, name_place
 from mbd_sim.drawing.loads import between_paths, force_paths
 from mbd_sim.drawing.names import place_names
 from mbd_sim.drawing.sheet import FRONT, GREY, INK, Path, Sheet, Text, arc, dark
 from mbd_sim.drawing.slides import slides_phantom
 from mbd_sim.drawing.view import Page, view_of
+from mbd_sim.drawing.wires import wire_paths, wires_of
 from mbd_sim.mechanism.model import Array, Mechanism, Part, Pose
 from mbd_sim.viewer.palette import part_colors
 
@@ -41,16 +43,17 @@ class Scene:
 def scene(mechanism: Mechanism, poses: Mapping[str, Pose], title: str | None = None) -> Scene:
     """Lay out a mechanism at the poses of its parts."""
     view = view_of(mechanism, poses)
+    wires = wires_of(mechanism, poses, view)
     spread = extent(mechanism, poses) @ np.column_stack([view.right, view.up])
     size = max(float(np.max(np.ptp(spread, axis=0))), 0.0) or 1.0
     scale = float(np.min(MOST)) / size
     for _ in range(5):  # lines and symbols have sizes in points, so that the scale is found by trying
-        sheet = _mechanism(Page(view, scale), mechanism, poses, size)
+        sheet = _mechanism(Page(view, scale), mechanism, poses, size, wires)
         low, high = sheet.bounds()
         scale *= float(np.clip(np.min(MOST / np.maximum(high - low, 1.0)), 0.2, 5.0))
         scale = min(scale, CLOSEST * float(np.max(MOST)) / size)  # what is seen may be a dot without a size
     page = Page(view, scale)
-    sheet = _mechanism(page, mechanism, poses, size)
+    sheet = _mechanism(page, mechanism, poses, size, wires)
     joints = [held(page, mechanism, poses, joint) for joint in mechanism.all_joints.values()]
     sheet.texts += place_names(sheet, _names(page, mechanism, poses, joints, size))
     low, high = sheet.bounds()
@@ -65,12 +68,15 @@ def scene(mechanism: Mechanism, poses: Mapping[str, Pose], title: str | None = N
     return Scene(sheet, np.ceil([width, height]))  # whole points keep SVG short
 
 
-def _mechanism(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], size: float) -> Sheet:
+def _mechanism(
+    page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], size: float, wires: Sequence[Wire]
+) -> Sheet:
     sheet, colors = Sheet(), part_colors(mechanism)
     joints = [held(page, mechanism, poses, joint) for joint in mechanism.all_joints.values()]
     for name, part in mechanism.parts.items():
         sheet.add(*part_paths(page, mechanism, part, poses[name], colors[name]))
     taken = [np.mean(path.points[:-1], axis=0) for path in sheet.paths if path.dot]
+    sheet.add(*wire_paths(page, wires))
     sheet.add(*between_paths(page, mechanism, poses), *constraint_paths(page, mechanism, poses, size))
     for joint in joints:
         sheet.add(*joint_paths(page, joint, size))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from mbd_sim.drawing.bodies import ALONG, along_rod, is_phantom, is_point, reach
-from mbd_sim.drawing.coils import spring_and_damper
+from mbd_sim.drawing.coils import friction, spring_and_damper
 from mbd_sim.drawing.ground import hatched, wall
 from mbd_sim.drawing.held import Held, own_frame
-from mbd_sim.drawing.sheet import BACK, BODIES, INK, STEEL, WHITE, Path, left_of, unit
+from mbd_sim.drawing.sheet import BACK, BODIES, FRONT, INK, STEEL, WHITE, Path, left_of, unit
 from mbd_sim.drawing.solids import DOT, rounded
 from mbd_sim.drawing.view import Page
 from mbd_sim.mechanism.model import Array, Part
@@ -35,7 +35,9 @@ def slide(page: Page, held: Held, size: float) -> list[Path]:
         corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * SLIDER
         box = at + corners @ np.array([seen, left_of(seen)])
         paths.append(Path(rounded(box, 2.5), fill=WHITE, closed=True, width=1.2, depth=depth))
-    elastic, damped = bool(held.joint.stiffness[0]), bool(held.joint.damping[0])
+    if held.joint.friction is not None:
+        paths += _rubbing(page, held, seen, depth)
+    elastic, damped = held.elastic(), held.damped()
     if elastic or damped:
         anchor = high if position > high + ALONG * size else low
         sign = 1.0 if position > anchor else -1.0
@@ -55,7 +57,7 @@ def slide(page: Page, held: Held, size: float) -> list[Path]:
 
 def slides_phantom(held: Held) -> bool:
     """Whether a slide is there only for the sake of a coordinate: from or to a part that is not to be seen."""
-    loose = held.joint.type == "prismatic" and not (held.joint.stiffness.any() or held.joint.damping.any())
+    loose = held.joint.type == "prismatic" and not (held.elastic() or held.damped() or held.joint.friction)
     return loose and not held.joint.drive and any(part and is_phantom(part) for part in (held.carrying, held.moving))
 
 
@@ -65,7 +67,7 @@ def table(page: Page, held: Held, size: float) -> list[Path]:
     paths: list[Path] = []
     for place, direction in enumerate((held.second, third)):
         seen, depth = unit(page.seen(direction)), page.depth(held.mover.position)
-        elastic, damped = bool(held.joint.stiffness[place]), bool(held.joint.damping[place])
+        elastic, damped = held.elastic(place), held.damped(place)
         span = (
             reach(held.moving, own_frame(held, held.moving), held.mover.rotation.T @ direction) if held.moving else None
         )
@@ -110,6 +112,19 @@ def _guide(page: Page, held: Held, where: tuple[float, float, float, float], see
         paths += [Path(line, edge=STEEL, width=2.0, layer=layer, depth=depth)]
         paths += wall(page.at(end), sign * seen, depth, layer) if held.grounded else []
     return paths
+
+
+def _rubbing(page: Page, held: Held, seen: Array, depth: float) -> list[Path]:
+    """Teeth of a saw between the body and its guide."""
+    side, span = _side(seen), _span(held) or (0.0, 0.0)
+    at, shown = page.at(held.mover.position), float(np.hypot(*page.seen(held.axis)))
+    low, high = (value * page.scale * shown for value in span) if span[1] > span[0] else (-SLIDER[0], SLIDER[0])
+    across = side @ np.array([page.view.right, page.view.up])
+    under = None
+    if held.moving is not None:
+        under = reach(held.moving, own_frame(held, held.moving), held.mover.rotation.T @ across, BODY)
+    foot = at + (under[1] * page.scale if under else float(SLIDER[1])) * side
+    return [friction(foot + low * seen, foot + high * seen, side, FRONT if page.view.planar else BODIES, depth)]
 
 
 def _half_height(page: Page, held: Held, side: Array) -> float:

@@ -184,7 +184,7 @@ def null_space(matrix: Array) -> Array:
     if not matrix.size:
         return np.eye(matrix.shape[1])
     if matrix.shape[0] > matrix.shape[1]:
-        matrix = np.linalg.qr(matrix, mode="r")  # the same null space, from fewer rows
+        matrix = np.asarray(np.linalg.qr(matrix, mode="r"))  # the same null space, from fewer rows
     _, values, axes = np.linalg.svd(matrix)
     rank = int(np.sum(values > RANK * max(values.max(initial=0.0), 1e-300)))
     return np.ascontiguousarray(axes[rank:].T)

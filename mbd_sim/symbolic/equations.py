@@ -1,15 +1,18 @@
-"""M(q, t) u' + h(q, u, t) = Q with every entry as a simplified SymPy expression."""
+"""M(q, t) u' + h(q, u, t) = Q + Gᵀλ and the constraints, with every entry as a simplified SymPy expression."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.joints import JOINT_TYPES
 from mbd_sim.dynamics.lagrange import lagrange_equations
 from mbd_sim.dynamics.links import layout
 from mbd_sim.errors import MbdSimError
 from mbd_sim.mechanism.model import Mechanism
+from mbd_sim.symbolic.constraints import SymbolicConstraint, constraint_function, load_unit, multipliers_of
+from mbd_sim.symbolic.printer import escaped
 
 if TYPE_CHECKING:
     from mbd_sim.symbolic.polynomial import Algebra
@@ -18,6 +21,7 @@ MOST_SPEEDS = 6
 MOST_INSTRUCTIONS = 20_000
 MOST_TERMS = 200  # of one entry, before
 MOST_OPERATIONS = 400  # of one entry, after simplification
+MOST_ALTOGETHER = 1500  # of all entries
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,10 +38,10 @@ class Coordinate:
 
 @dataclass(frozen=True, eq=False)
 class SymbolicEquations:
-    """The equations `mass` (nv, nv) · u' + `inertial` (nv,) = `forces` (nv,) of a mechanism, as SymPy expressions.
+    """The equations `mass` (nv, nv) · u' + `inertial` (nv,) = `forces` (nv,) + Gᵀλ of a mechanism, in SymPy.
 
-    `names` says how each symbol is written in LaTeX. `constraints` are expressions Φ(q, t) that are kept at 0: their
-    `multipliers` λ add Gᵀλ to the forces, with G u = 0 from dΦ/dt. SI units throughout.
+    `names` says how each symbol is written in LaTeX. `constraints` have the rows of G, each with its λ; those that
+    they imply are named in `left_out`. SI units throughout.
     """
 
     mechanism: str
@@ -47,8 +51,8 @@ class SymbolicEquations:
     inertial: tuple[Any, ...]
     forces: tuple[Any, ...]
     names: dict[Any, str]
-    constraints: tuple[Any, ...] = ()
-    multipliers: tuple[Any, ...] = ()
+    constraints: tuple[SymbolicConstraint, ...] = ()
+    left_out: tuple[str, ...] = ()
 
     @property
     def q(self) -> tuple[Any, ...]:
@@ -66,6 +70,11 @@ class SymbolicEquations:
         return tuple(symbol for coordinate in self.coordinates for symbol in coordinate.u_rates)
 
     @property
+    def multipliers(self) -> tuple[Any, ...]:
+        """The multiplier λ of each constraint (m,)."""
+        return tuple(constraint.multiplier for constraint in self.constraints)
+
+    @property
     def efforts(self) -> tuple[Any, ...]:
         """The commanded efforts (nv,)."""
         return tuple(symbol for coordinate in self.coordinates for symbol in coordinate.efforts)
@@ -74,18 +83,20 @@ class SymbolicEquations:
 def symbolic_equations(mechanism: Mechanism) -> SymbolicEquations:
     """Derive the equations of a small mechanism, with the numbers of its file.
 
-    :raises MbdSimError: the mechanism is too large for its equations to be read, or has loops or other constraints.
+    :raises MbdSimError: the mechanism is too large for its equations to be read, or nothing in it can move.
     """
     places = layout(mechanism)
     _require_small(mechanism, places.nv)
-    function = lagrange_equations(mechanism).terms
-    if function.n_instructions() > MOST_INSTRUCTIONS:
-        raise _too_large(mechanism, f"their derivation takes {function.n_instructions()} operations")
+    functions = [lagrange_equations(mechanism).terms]
+    derived = derive(mechanism) if mechanism.closing or mechanism.constraints else None
+    if derived is not None:
+        functions.append(constraint_function(derived))
+    operations = sum(function.n_instructions() for function in functions)
+    if operations > MOST_INSTRUCTIONS:
+        raise _too_large(mechanism, f"their derivation takes {operations} operations")
     import sympy as sp
 
-    from mbd_sim.symbolic.harmonics import shortest
-    from mbd_sim.symbolic.instructions import evaluate
-    from mbd_sim.symbolic.polynomial import Algebra, TooLargeError
+    from mbd_sim.symbolic.polynomial import Algebra
 
     names: dict[Any, str] = {}
     coordinates = tuple(_coordinate(mechanism, name, names) for name in mechanism.joints)
@@ -95,45 +106,84 @@ def symbolic_equations(mechanism: Mechanism) -> SymbolicEquations:
     inputs = [[algebra.symbol(symbol) for symbol in group] for group in ([time], *symbols)]
     for coordinate in coordinates:
         _require_unit(algebra, coordinate)
-    try:
-        outputs = evaluate(algebra, function, inputs)
-    except TooLargeError as error:
-        raise _too_large(mechanism, str(error)) from error
-    longest = max((len(p) for output in outputs for p in output), default=0)
-    if longest > MOST_TERMS:
-        raise _too_large(mechanism, f"one of their entries has {longest} terms")
-    mass = [[sp.S.Zero] * places.nv for _ in range(places.nv)]
-    vectors = [[sp.S.Zero] * places.nv for _ in range(2)]
-    for row, column, p in _entries(function, 0, outputs[0]):
-        if row <= column:
-            mass[row][column] = mass[column][row] = shortest(algebra, p)
-    for vector, output in zip(vectors, (1, 2), strict=True):
-        for row, _, p in _entries(function, output, outputs[output]):
-            vector[row] = shortest(algebra, p)
-    longest = max((int(entry.count_ops()) for group in (*mass, *vectors) for entry in group), default=0)
-    if longest > MOST_OPERATIONS:
-        raise _too_large(mechanism, f"one of their entries has {longest} operations")
+    (mass, inertial, forces), *rows = (_simplified(mechanism, algebra, function, inputs) for function in functions)
     return SymbolicEquations(
         mechanism=mechanism.name,
         coordinates=tuple(c for c in coordinates if c.u),
         time=time,
         mass=tuple(tuple(row) for row in mass),
-        inertial=tuple(vectors[0]),
-        forces=tuple(vectors[1]),
+        inertial=tuple(row[0] for row in inertial),
+        forces=tuple(row[0] for row in forces),
         names=names,
+        constraints=_constraints(derived, rows[0], names, time) if derived else (),
+        left_out=tuple(row.name for k, row in enumerate(derived.rows) if k not in derived.start.keep)
+        if derived
+        else (),
+    )
+
+
+def _simplified(mechanism: Mechanism, algebra: Algebra, function: Any, inputs: list[Any]) -> list[list[list[Any]]]:
+    """The outputs of a function of scalars, row by row, as short expressions."""
+    import sympy as sp
+
+    from mbd_sim.symbolic.division import without_denominators
+    from mbd_sim.symbolic.harmonics import shortest
+    from mbd_sim.symbolic.instructions import evaluate
+    from mbd_sim.symbolic.polynomial import TooLargeError
+
+    try:
+        outputs = evaluate(algebra, function, inputs)
+        outputs = [[without_denominators(algebra, p) for p in output] for output in outputs]
+    except TooLargeError as error:
+        raise _too_large(mechanism, str(error)) from error
+    longest = max((len(p) for output in outputs for p in output), default=0)
+    if longest > MOST_TERMS:
+        raise _too_large(mechanism, f"one of their entries has {longest} terms")
+    matrices = []
+    for number, values in enumerate(outputs):
+        rows, columns = function.size_out(number)
+        matrix = [[sp.S.Zero] * columns for _ in range(rows)]
+        known: dict[frozenset[Any], Any] = {}  # of a symmetric matrix each entry once
+        for row, column, p in _entries(function, number, values):
+            key = frozenset(p.items())
+            if key not in known:
+                known[key] = shortest(algebra, p)
+            matrix[row][column] = known[key]
+        matrices.append(matrix)
+    lengths = [int(entry.count_ops()) for matrix in matrices for row in matrix for entry in row]
+    if (longest := max(lengths, default=0)) > MOST_OPERATIONS:
+        raise _too_large(mechanism, f"one of their entries has {longest} operations")
+    if sum(lengths) > MOST_ALTOGETHER:
+        raise _too_large(mechanism, f"their entries have {sum(lengths)} operations")
+    return matrices
+
+
+def _constraints(
+    derived: Equations, matrices: list[list[list[Any]]], names: dict[Any, str], time: Any
+) -> tuple[SymbolicConstraint, ...]:
+    rows = [derived.rows[index] for index in derived.start.keep]
+    return tuple(
+        SymbolicConstraint(
+            owner=str(row.owner[1]),
+            what=row.what,
+            closes=row.owner[0] == "joints",
+            position=None if row.position is None else position,
+            gradient=tuple(gradient),
+            drift=drift if row.position is None else position.diff(time),
+            multiplier=multiplier,
+            load=load_unit(row),
+        )
+        for row, (position,), gradient, (drift,), multiplier in zip(
+            rows, *matrices, multipliers_of(rows, names), strict=True
+        )
     )
 
 
 def _require_small(mechanism: Mechanism, speeds: int) -> None:
-    if getattr(mechanism, "closing", ()) or getattr(mechanism, "constraints", ()):
-        raise MbdSimError(
-            f"{mechanism.name}: only the equations of open chains can be written out so far, and this mechanism has "
-            "loops or other constraints. Leave them out of a copy of the file to see the equations of its tree."
-        )
     if not speeds:
         raise MbdSimError(f"{mechanism.name} has no degree of freedom, and so no equations of motion.")
     if speeds > MOST_SPEEDS:
-        raise _too_large(mechanism, f"it has {speeds} degrees of freedom, and the most are {MOST_SPEEDS}")
+        raise _too_large(mechanism, f"it has {speeds} generalized speeds, and the most are {MOST_SPEEDS}")
 
 
 def _too_large(mechanism: Mechanism, why: str) -> MbdSimError:
@@ -178,11 +228,6 @@ def _coordinate(mechanism: Mechanism, name: str, names: dict[Any, str]) -> Coord
     q, v, v_rate = symbols("q", "q", place), symbols("v", "v", place), symbols("dv", r"\dot{v}", place)
     forces = symbols("f", "F", place)
     return Coordinate(name, joint.type, q + turned, v + omega, v_rate + omega_rate, forces + moments)
-
-
-def escaped(name: str) -> str:
-    """A name as LaTeX wants it."""
-    return name.replace("_", r"\_")
 
 
 def _require_unit(algebra: Algebra, coordinate: Coordinate) -> None:

@@ -60,7 +60,8 @@ def _shortest_factor(algebra: Algebra, p: Polynomial) -> Any:
         expression(algebra, _in_sines(algebra, p)),
         _written(algebra, _harmonics(algebra, p)),
     ]
-    candidates += [sp.factor_terms(candidate) for candidate in candidates[:2]]
+    factored = (sp.factor_terms(candidate) for candidate in candidates[:2])
+    candidates += [candidate for candidate in factored if _simple(candidate.as_coeff_Mul()[0])]
     return min(candidates, key=_cost)
 
 

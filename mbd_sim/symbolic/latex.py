@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import groupby
 from typing import Any
 
-from mbd_sim.symbolic.equations import Coordinate, SymbolicEquations, escaped
-from mbd_sim.symbolic.printer import write
+from mbd_sim.symbolic.constraints import SymbolicConstraint
+from mbd_sim.symbolic.equations import Coordinate, SymbolicEquations
+from mbd_sim.symbolic.printer import escaped, write
 
 LONGEST_LINE = 420  # characters of LaTeX, about what a line of text holds
 UNITS = {"revolute": ("rad",), "prismatic": ("m",), "screw": ("rad",), "cylindrical": ("m", "rad"),
@@ -20,36 +22,70 @@ def to_latex(equations: SymbolicEquations) -> str:
         r"\begin{align*}",
         *_aligned(motion_rows(equations)),
         r"\end{align*}",
-        r"that is, $M \dot{u} + h = Q$ with",
+        *_constraint_lines(equations),
+        rf"that is, ${_matrix_form(equations)}$ with",
         r"\begin{align*}",
-        *_aligned([([name], value) for name, value in entry_rows(equations)]),
+        *_aligned([([name], [value]) for name, value in entry_rows(equations)]),
         r"\end{align*}",
         r"where",
         r"\begin{itemize}",
-        *(f"  \\item {line}" for line in _meanings(equations)),
+        "\n".join(f"  \\item {line}" for line in _meanings(equations)).removesuffix(";") + ".",
         r"\end{itemize}",
         r"Numbers are in SI units, rounded to six digits.",
     ]
     return "\n".join(lines)
 
 
-def motion_rows(equations: SymbolicEquations) -> list[tuple[list[str], str]]:
-    """The terms of the left side, and the right side, of each equation of motion; then the constraints."""
-    rows: list[tuple[list[str], str]] = []
+def motion_rows(equations: SymbolicEquations) -> list[tuple[list[str], list[str]]]:
+    """The terms of the left and of the right side of each equation of motion."""
+    rows: list[tuple[list[str], list[str]]] = []
     for row, force in enumerate(equations.forces):
-        terms = [
-            _times(write(entry, equations.names), entry, equations.names[rate])
-            for entry, rate in zip(equations.mass[row], equations.u_rates, strict=True)
-            if entry != 0
-        ]
+        left = _sum(equations, equations.mass[row], equations.u_rates)
         if equations.inertial[row] != 0:
-            terms.append(write(equations.inertial[row], equations.names))
-        rows.append((terms, write(force + _constraint_force(equations, row), equations.names)))
-    return rows + [([write(constraint, equations.names)], "0") for constraint in equations.constraints]
+            left.append(write(equations.inertial[row], equations.names))
+        slopes = [constraint.gradient[row] for constraint in equations.constraints]
+        right = _sum(equations, slopes, equations.multipliers)
+        if force != 0 or not right:
+            right.insert(0, write(force, equations.names))
+        rows.append((left, right))
+    return rows
+
+
+def constraint_rows(equations: SymbolicEquations) -> list[tuple[list[str], list[str]]]:
+    """The terms of Φ = 0, or of G u + b = 0 where a row is nonholonomic."""
+    return [(_constraint_terms(equations, constraint), ["0"]) for constraint in equations.constraints]
+
+
+def _constraint_terms(equations: SymbolicEquations, constraint: SymbolicConstraint) -> list[str]:
+    if constraint.position is not None:
+        whole = write(constraint.position, equations.names)
+        if len(whole) <= LONGEST_LINE or not constraint.position.is_Add:
+            return [whole]
+        return [write(term, equations.names) for term in constraint.position.as_ordered_terms()]
+    drift = [write(constraint.drift, equations.names)] if constraint.drift != 0 else []
+    return _sum(equations, constraint.gradient, equations.u) + drift
+
+
+def _constraint_lines(equations: SymbolicEquations) -> list[str]:
+    if not equations.constraints:
+        return []
+    return [
+        r"with the constraints",
+        r"\begin{align*}",
+        *_aligned(constraint_rows(equations)),
+        r"\end{align*}",
+    ]
+
+
+def _matrix_form(equations: SymbolicEquations) -> str:
+    if not equations.constraints:
+        return r"M \dot{u} + h = Q"
+    moving = any(constraint.drift != 0 for constraint in equations.constraints)
+    return rf"M \dot{{u}} + h = Q + G^{{T}} \lambda$ and $G u {'+ b ' if moving else ''}= 0"
 
 
 def entry_rows(equations: SymbolicEquations) -> list[tuple[str, str]]:
-    """Name and value of each entry of M, by its upper triangle, and of h and Q that is not zero."""
+    """Name and value of each entry of M, by its upper triangle, of h and Q, and those of G and b that are not zero."""
     rows, count = [], len(equations.u)
     for i in range(count):
         for j in range(i, count):
@@ -59,13 +95,18 @@ def entry_rows(equations: SymbolicEquations) -> list[tuple[str, str]]:
                 rows.append((name if i == j else f"{name} = M_{{{j + 1}{i + 1}}}", entry))
     for letter, vector in (("h", equations.inertial), ("Q", equations.forces)):
         rows += [(f"{letter}_{{{i + 1}}}", write(entry, equations.names)) for i, entry in enumerate(vector)]
+    for i, constraint in enumerate(equations.constraints):
+        slopes = ((f"G_{{{i + 1}{j + 1}}}", entry) for j, entry in enumerate(constraint.gradient))
+        named = [*slopes, (f"b_{{{i + 1}}}", constraint.drift)]
+        rows += [(name, write(entry, equations.names)) for name, entry in named if entry != 0]
     return rows
 
 
-def _constraint_force(equations: SymbolicEquations, row: int) -> Any:
-    """A component of Gᵀλ, for coordinates whose rates are the speeds."""
-    pairs = zip(equations.constraints, equations.multipliers, strict=True)
-    return sum(multiplier * constraint.diff(equations.q[row]) for constraint, multiplier in pairs)
+def _sum(equations: SymbolicEquations, factors: Sequence[Any], symbols: Sequence[Any]) -> list[str]:
+    """The terms of Σ factor · symbol that are not zero."""
+    names = equations.names
+    pairs = zip(factors, symbols, strict=True)
+    return [_times(write(factor, names), factor, names[symbol]) for factor, symbol in pairs if factor != 0]
 
 
 def _times(factor: str, entry: Any, symbol: str) -> str:
@@ -74,20 +115,25 @@ def _times(factor: str, entry: Any, symbol: str) -> str:
     return rf"\left({factor}\right) {symbol}" if entry.is_Add else rf"{factor}\, {symbol}"
 
 
-def _aligned(rows: list[tuple[list[str], str]]) -> Iterator[str]:
+def _aligned(rows: list[tuple[list[str], list[str]]]) -> Iterator[str]:
     """One line an equation, or, where that is too long for a page, one line a term."""
-    for number, (terms, right) in enumerate(rows, 1):
+    for number, (left, right) in enumerate(rows, 1):
         end = r" \\" if number < len(rows) else ""
-        signed = [
-            term if place == 0 or term.startswith("-") else f"+ {term}" for place, term in enumerate(terms or ["0"])
-        ]
-        if sum(map(len, signed)) + len(right) <= LONGEST_LINE:
-            yield f"  {' '.join(signed)} &= {right}{end}"
+        first, second = _signed(left), _signed(right)
+        if sum(map(len, first + second)) <= LONGEST_LINE:
+            yield f"  {' '.join(first)} &= {' '.join(second)}{end}"
             continue
-        yield f"  & {signed[0]} " + r"\\"
-        for term in signed[1:]:
+        yield f"  & {first[0]} " + r"\\"
+        for term in first[1:]:
             yield rf"  & \quad {{}} {term} " + r"\\"
-        yield f"  &= {right}{end}"
+        lines = [" ".join(second)] if sum(map(len, second)) <= LONGEST_LINE else second
+        yield f"  &= {lines[0]}" + (r" \\" if lines[1:] else end)
+        for place, term in enumerate(lines[1:], 2):
+            yield rf"  & \quad {{}} {term}" + (r" \\" if place < len(lines) else end)
+
+
+def _signed(terms: list[str]) -> list[str]:
+    return [term if place == 0 or term.startswith("-") else f"+ {term}" for place, term in enumerate(terms or ["0"])]
 
 
 def _meanings(equations: SymbolicEquations) -> Iterator[str]:
@@ -96,11 +142,33 @@ def _meanings(equations: SymbolicEquations) -> Iterator[str]:
     yield rf"$u = ({order})$ are the generalized speeds, in the order of the rows;"
     for coordinate in equations.coordinates:
         yield from _meaning(coordinate, names)
-    if equations.time in {s for e in (*equations.inertial, *equations.forces) for s in e.free_symbols}:
+    rows = [(c.position or 0) + c.drift + sum(c.gradient) for c in equations.constraints]
+    if equations.time in {s for e in (*equations.inertial, *equations.forces, *rows) for s in e.free_symbols}:
         yield r"$t$ is the time, s;"
-    if equations.multipliers:
-        listed = ", ".join(names[symbol] for symbol in equations.multipliers)
-        yield rf"${listed}$ are the multipliers of the constraints."
+    if equations.constraints:
+        yield (
+            r"$G^{T} \lambda$ are the forces of the constraints; $G u + b$ is the rate of each holonomic constraint, "
+            "and a nonholonomic one itself;"
+        )
+    for _, group in groupby(equations.constraints, lambda constraint: constraint.owner):
+        yield _kept(list(group), names)
+    if equations.left_out:
+        yield f"left out, as these rows imply them: {escaped(', '.join(equations.left_out))};"
+
+
+def _kept(rows: list[SymbolicConstraint], names: dict[Any, str]) -> str:
+    """The multipliers of one joint or constraint, with what each row keeps at zero."""
+    first = rows[0]
+    owner = rf"joint \texttt{{{escaped(first.owner)}}}, which closes a loop" if first.closes else ""
+    owner = owner or rf"constraint \texttt{{{escaped(first.owner)}}}"
+    listed = "; ".join(_row_meaning(row, names) for row in rows)
+    return f"{'multipliers' if rows[1:] else 'multiplier'} of {owner}: {listed};"
+
+
+def _row_meaning(row: SymbolicConstraint, names: dict[Any, str]) -> str:
+    unit = row.load or "J by the unit of the equation"
+    kind = ", nonholonomic" if row.position is None else ""
+    return f"${names[row.multiplier]}$, {unit}, of {escaped(row.what)}{kind}"
 
 
 def _meaning(coordinate: Coordinate, names: dict[Any, str]) -> Iterator[str]:

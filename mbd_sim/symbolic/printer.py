@@ -14,6 +14,11 @@ def write(expression: Any, names: dict[Any, str]) -> str:
     return str(_printer()({"symbol_names": names, "fold_func_brackets": True}).doprint(expression))
 
 
+def escaped(name: str) -> str:
+    """A name as LaTeX wants it."""
+    return name.replace("_", r"\_")
+
+
 def number(numerator: int, denominator: int) -> str:
     """A fraction where it is simple and has no short decimals, and else six digits."""
     if denominator == 1 and abs(numerator) < 10**DIGITS:
