@@ -41,10 +41,20 @@ class Violation(NamedTuple):
     velocity: float
 
 
+class Drive(NamedTuple):
+    """A driven coordinate: m or rad, and their rate; and the force or moment that its drive exerts, N or N·m."""
+
+    position: float
+    velocity: float
+    force: float
+
+
 class Reaction(NamedTuple):
     """What goes through a joint: `force` (3,) in N and `moment` (3,) in N·m on its second part, in ground's axes.
 
-    The moment is about the joint's point on the second part. Springs and efforts of the joint are part of it.
+    The moment is about the joint's point on the second part. Springs, efforts and drives of the joint are part of it,
+    and so is what a gear, rack or coupling exerts: those act on the coordinates of joints, as a couple or a force
+    between the parts of each, and put no load of their own on the bearings. Redundant equations carry nothing.
     """
 
     force: Array
@@ -77,6 +87,11 @@ class Model:
             for name, joint in mechanism.joints.items()
             if (offset := JOINT_TYPES[joint.type].quaternion) is not None and not joint.drive
         }
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """How many of the speeds are independent."""
+        return self.layout.nv - self.equations.start.rank
 
     def energies(self, time: float, y: Array, start_total: float = 0.0) -> Energies:
         """The audit at a state; `start_total` is T + V at the start."""

@@ -36,7 +36,7 @@ def run(simulation: Simulation, duration: float, *, rerun: str | None = None, qu
                 viewer.offer(simulation.time, simulation.state, simulation.efforts.copy(), simulation.energies)
             while simulation.steps < last:
                 began = time.perf_counter()
-                simulation.step(min(chunk, last - simulation.steps))
+                simulation.advance(min(chunk, last - simulation.steps))
                 stepping += time.perf_counter() - began
                 progress.update(task, completed=simulation.time)
                 if viewer is not None:
@@ -67,11 +67,19 @@ def _summary(simulation: Simulation, seconds: float) -> str:
             f"  energy residual  {energies.residual:.3g} J of {energies.total:.6g} J total "
             f"(applied {energies.work_applied:.6g}, drives {energies.work_drives:.6g}, "
             f"dissipated {energies.dissipated:.6g})",
+            *_accuracy(simulation),
             *_constraints(simulation),
             f"  {'coordinate':16s}  position and velocity",
             *values,
         ]
     )
+
+
+def _accuracy(simulation: Simulation) -> list[str]:
+    """The estimated error of a step, with a warning where it is large."""
+    advice = simulation.step_advice
+    lines = [f"  error of a step  {simulation.error_estimate:.1g} of 1 + |q|, 1 + |u| at most, as estimated"]
+    return lines if advice is None else [*lines, f"  WARNING          {advice}"]
 
 
 def _constraints(simulation: Simulation) -> list[str]:

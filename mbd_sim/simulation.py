@@ -10,13 +10,14 @@ from typing import NoReturn
 
 import numpy as np
 
+from mbd_sim.advice import step_advice
 from mbd_sim.compiler.python_call import LARGEST
 from mbd_sim.efforts import EffortMap
 from mbd_sim.errors import DivergedError
 from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.model import Array, Mechanism, Pose
 from mbd_sim.mechanism.rotation import unit
-from mbd_sim.model import Energies, Model, Reaction, Violation, build_model
+from mbd_sim.model import Drive, Energies, Model, Reaction, Violation, build_model
 
 
 class Simulation:
@@ -45,9 +46,10 @@ class Simulation:
         self.model: Model = build_model(mechanism, method)
         self._y = self.model.start.copy()
         self._efforts = np.zeros(self.model.layout.nv)
-        self.effort_map = EffortMap(self.model.coordinate_names, mechanism.effort_limits())
+        self.effort_map = EffortMap(self.model.coordinate_names, mechanism.effort_limits(), self.model.driven_names)
         self._clock, self._step = np.zeros(1, dtype=np.int64), np.array([self.step_size])
-        arrays = (self._clock, self._step, self._y, self._efforts)
+        self._estimate = np.zeros(1)
+        arrays = (self._clock, self._step, self._y, self._efforts, self._estimate)
         # On the instance it comes before the method of this name, which it calls where something is wrong.
         vars(self)["step"] = self.model.kernel.stepper(self.step, [array.ctypes.data for array in arrays], arrays)
         self.q = _read_only(self._y[self.model.q_range])
@@ -106,9 +108,27 @@ class Simulation:
         """How far the constraints are off at most, in position and velocity."""
         return self.model.violation(self.time, self._y)
 
+    @property
+    def error_estimate(self) -> float:
+        """The largest estimated error of a step since time zero, as a part of 1 + |q| and 1 + |u| in SI units.
+
+        One step of eight is looked at, the first included.
+        """
+        return float(self._estimate[0])
+
+    @property
+    def step_advice(self) -> str | None:
+        """A sentence that names a better step or method where the step is too large for the mechanism, else None."""
+        return step_advice(self.model, self.time, self._y, self._efforts, self.step_size, self.error_estimate)
+
     def multipliers(self) -> Mapping[str, Array]:
         """The multipliers of each loop and constraint, one a row: see `Model.multipliers`."""
         return self.model.multipliers(self.time, self._y, self._efforts)
+
+    def drives(self) -> Mapping[str, Drive]:
+        """The position, velocity and force (N or N·m) of each driven coordinate."""
+        found = self.model.drives(self.time, self._y, self._efforts).T.tolist()
+        return {name: Drive(*values) for name, values in zip(self.model.driven_names, found, strict=True)}
 
     def reactions(self) -> Mapping[str, Reaction]:
         """The force and the moment that go through each joint, at this moment."""
@@ -123,14 +143,29 @@ class Simulation:
         n = index(n)
         if not 0 <= n <= LARGEST:
             raise ValueError(f"cannot take {n} steps")
-        advance = self.model.kernel.advance
-        if not advance(self._y.ctypes.data, self._efforts.ctypes.data, self.steps, self.step_size, n):
+        advance = self.model.kernel.estimating_advance
+        addresses = self._y.ctypes.data, self._efforts.ctypes.data
+        if not advance(*addresses, self.steps, self.step_size, n, self._estimate.ctypes.data):
+            better = self.step_advice or f"Use a smaller step than {self.step_size:g} s."
             raise DivergedError(
                 f"{self.mechanism.name}: the motion became infinite between t = {self.time:g} s and "
-                f"{(self.steps + n) * self.step_size:g} s. Use a smaller step than {self.step_size:g} s, or check the "
+                f"{(self.steps + n) * self.step_size:g} s. {better[0].upper()}{better[1:]} Or check the "
                 f"efforts, stiffnesses, start values and drives{self._loops_too()}."
             )
         self._clock[0] += n
+
+    def advance(self, n: int) -> None:
+        """Take n steps; where the motion becomes infinite, as many of them as can be taken.
+
+        :raises DivergedError: the next step cannot be taken.
+        """
+        try:
+            self.step(n)
+        except DivergedError:
+            if n == 1:
+                raise
+            self.advance(n // 2)
+            self.advance(n - n // 2)
 
     def _loops_too(self) -> str:
         return ", and whether the loops can follow the motion" if self.model.equations.rows else ""
@@ -144,7 +179,7 @@ class Simulation:
             raise ValueError(f"cannot run until t = {until} s")
         last = round(until / self.step_size)
         while self.steps < last:
-            self.step(min(last - self.steps, 20_000))
+            self.advance(min(last - self.steps, 20_000))
             if progress is not None:
                 progress(self.time)
 
@@ -168,7 +203,7 @@ class Simulation:
             y[self.model.q_range], y[self.model.u_range] = self.model.consistent(
                 y[self.model.q_range], y[self.model.u_range]
             )
-        self._y[:], self._efforts[:], self._clock[0] = y, 0.0, 0
+        self._y[:], self._efforts[:], self._clock[0], self._estimate[0] = y, 0.0, 0, 0.0
         self.start_energy = self.model.energies(0.0, self._y).total
 
     def set_efforts(self, efforts: Mapping[str, float] | Sequence[float] | Array) -> None:

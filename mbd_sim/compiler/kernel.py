@@ -33,8 +33,9 @@ _ADVANCE = (_ADDRESS, _ADDRESS, _INT, _DOUBLE, _INT)
 class Kernel:
     """`advance(y, inputs, first_step, h, steps)` returns 1, or 0 where the state would not stay finite.
 
-    `estimating_advance` has a sixth argument, see `emit_advance`. `readers` take addresses of doubles: those of their inputs, then that of their output. None of them holds the
-    interpreter's lock. `instructions` counts the scalar instructions of one evaluation of the rates.
+    `estimating_advance` has a sixth argument, see `emit_advance`. `readers` take addresses of doubles: those of their
+    inputs, then that of their output. None of them holds the interpreter's lock. `instructions` counts the scalar
+    instructions of one evaluation of the rates.
     """
 
     advance: Callable[..., int]
@@ -74,8 +75,8 @@ def compile_kernel(
         settle=lower(module, settle, inline=not judging) if settle is not None else None,
         judging=judging,
     )
-    emit_advance(module, system, _step_of(method, rates, core))
-    emit_call(module, module.get_global("advance"), ("state", "inputs", "first", "h", "steps"))
+    advance = emit_advance(module, system, _step_of(method, rates, core))
+    emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
     for name, function in readers.items():
         _export(module, f"read_{name}", lower(module, function, inline=True))
     code = compile_module(module)

@@ -12,7 +12,7 @@ from mbd_sim.compiler.vectors import Index, load, loop, store
 
 @dataclass(frozen=True)
 class DenseSolver:
-    """`factorize(matrix, rows)` once, in place and column-major, then `solve(matrix, rows, right, x)` as often as wanted.
+    """`factorize(matrix, rows)` once, in place, column-major; `solve(matrix, rows, right, x)` as often as wanted.
 
     `rows` (n,) receives the order of the rows, as doubles. A singular matrix gives an x that is not finite.
     """

@@ -1,6 +1,6 @@
 """Long instruction lists cut into pieces: the time that a compiler takes grows with the square of a function's length.
 
-A derivative of 32,000 instructions compiles in 4 s as one function, and in 0.5 s in pieces, at the same speed.
+The derivative of 30 rods, 110,000 instructions, compiles in 60 s as one function and in 6 s in pieces; it runs as fast.
 """
 
 from __future__ import annotations

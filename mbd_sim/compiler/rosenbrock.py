@@ -7,14 +7,20 @@ import llvmlite.ir as ir
 from mbd_sim.compiler.linear_solve import emit_dense_solver
 from mbd_sim.compiler.linearization import Linearized
 from mbd_sim.compiler.lower import lower
+from mbd_sim.compiler.runge_kutta import explicit_step
 from mbd_sim.compiler.stepping import Frame, Prepare, Step
 from mbd_sim.compiler.types import local_array, number
 from mbd_sim.compiler.vectors import Index, combine, each, load, store, total, weighted
 from mbd_sim.integrators.rosenbrock import Rosenbrock
+from mbd_sim.integrators.tableau import EXPLICIT
 
 
 def rosenbrock_step(method: Rosenbrock, linearized: Linearized) -> Prepare:
-    """The step of a Rosenbrock method, for `emit_advance`."""
+    """The step of a Rosenbrock method, for `emit_advance`.
+
+    Where the system asks for stages to be settled, its derivative across the constraints is without bound, and means
+    nothing for the motion along them. Such a step is taken by RK4.
+    """
     core = linearized.expand.nnz_in(2)
 
     def prepare(frame: Frame) -> Step:
@@ -30,6 +36,7 @@ def rosenbrock_step(method: Rosenbrock, linearized: Linearized) -> Prepare:
         rows, small, solution = (local_array(b, core) for _ in range(3))
         g = frame.scalar()
         estimate = frame.estimator(method.estimate, increments)
+        explicit = explicit_step(EXPLICIT["rk4"])(frame) if frame.system.judging else lambda t: None
 
         def right_side(stage: int) -> None:
             """γ (h f + Σ g U + d h² f_t)."""
@@ -47,8 +54,7 @@ def rosenbrock_step(method: Rosenbrock, linearized: Linearized) -> Prepare:
 
             each(b, size, component)
 
-        def step(t: ir.Value) -> None:
-            frame.rates(t, frame.y, slopes, first=True)
+        def implicit(t: ir.Value) -> None:
             b.store(t, frame.time)
             b.store(b.fmul(number(method.gamma), frame.h), g)
             b.call(linearize, [frame.time, frame.y, frame.inputs, g, memory, matrix, time_rates])
@@ -59,7 +65,6 @@ def rosenbrock_step(method: Rosenbrock, linearized: Linearized) -> Prepare:
                     if any(method.a[stage]):
                         at = trial
                         combine(b, size, trial, frame.y, None, weighted(method.a[stage], increments))
-                        frame.settle_stage(moment, trial)
                     frame.rates(moment, at, slopes)
                 right_side(stage)
                 b.call(reduce, [memory, right, small])
@@ -67,6 +72,17 @@ def rosenbrock_step(method: Rosenbrock, linearized: Linearized) -> Prepare:
                 b.call(expand, [memory, right, solution, increments[stage]])
             estimate(None)
             combine(b, size, frame.y, frame.y, None, weighted(method.m, increments))
+
+        def step(t: ir.Value) -> None:
+            frame.rates(t, frame.y, slopes, first=True)
+            if not frame.system.judging:
+                implicit(t)
+                return
+            with b.if_else(frame.asked_to_settle(), likely=False) as (doubtful, good):
+                with doubtful:
+                    explicit(t)
+                with good:
+                    implicit(t)
 
         return step
 

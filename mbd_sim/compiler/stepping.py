@@ -68,9 +68,12 @@ class Frame:
     def settle_stage(self, moment: ir.Value, array: ir.Value) -> None:
         """The same for a stage, if the first evaluation of the step asked for it."""
         if self.system.judging:
-            verdict = self.b.load(self._verdict, typ=DOUBLE)
-            with self.b.if_then(self.b.fcmp_ordered("<", verdict, number(0.0)), likely=False):
+            with self.b.if_then(self.asked_to_settle(), likely=False):
                 self.settle(moment, array)
+
+    def asked_to_settle(self) -> ir.Value:
+        """Whether the first evaluation of the step was negative in its judgement."""
+        return self.b.fcmp_ordered("<", self.b.load(self._verdict, typ=DOUBLE), number(0.0))
 
     def later(self, t: ir.Value, c: float) -> ir.Value:
         """t + c h."""

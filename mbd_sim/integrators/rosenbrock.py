@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from mbd_sim.integrators import rodas5p
@@ -29,6 +30,7 @@ class Rosenbrock:
     d: Row
     m: Row
     estimate: Estimate
+    reach: float = math.inf
 
     @property
     def stages(self) -> int:

@@ -12,8 +12,8 @@ from mbd_sim.integrators.estimate import Estimate, Row
 class Tableau:
     """y + h Σ b_i k_i with k_i = f(t + c_i h, y + h Σ_{j<i} a_ij k_j); `a` holds the rows below the diagonal.
 
-    `reach` is how far along the imaginary axis h λ may lie for the step to be stable (at least roughly: 1 for methods
-    whose region only touches it), where λ is an eigenvalue of the system.
+    `reach` is how large h |λ| may be, where λ is a damped eigenvalue of the system, for the step to be stable (roughly:
+    the smaller of the reaches along the real and the imaginary axis, and where this is zero, the other one).
     """
 
     name: str
@@ -34,18 +34,18 @@ EXPLICIT: dict[str, Tableau] = {
     method.name: method
     for method in (
         # The last stage of Euler's method is only for the estimate.
-        Tableau("euler", 1, ((), (1.0,)), (1.0, 0.0), (0.0, 1.0), Estimate((-0.5, 0.5)), 1.0),
-        Tableau("midpoint", 2, ((), (0.5,)), (0.0, 1.0), (0.0, 0.5), Estimate((-1.0, 1.0), (1.0,)), 1.0),
+        Tableau("euler", 1, ((), (1.0,)), (1.0, 0.0), (0.0, 1.0), Estimate((-0.5, 0.5)), 2.0),
+        Tableau("midpoint", 2, ((), (0.5,)), (0.0, 1.0), (0.0, 0.5), Estimate((-1.0, 1.0), (1.0,)), 2.0),
         Tableau(
             "rk4",
             4,
             ((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)),
             (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0),
             (0.0, 0.5, 0.5, 1.0),
-            Estimate((1.0 / 6.0, -1.0 / 6.0, -1.0 / 6.0, 1.0 / 6.0), (1.0,)),
+            Estimate((1.0 / 3.0, -1.0 / 3.0, -1.0 / 3.0, 1.0 / 3.0), (1.0,)),
             2.8,
         ),
-        Tableau("verner7", 7, verner7.A, verner7.B, verner7.C, Estimate(verner7.FINE, verner7.COARSE), 1.0),
-        Tableau("dop853", 8, dop853.A, dop853.B, dop853.C, Estimate(dop853.E5, dop853.E3, 0.01), 1.0),
+        Tableau("verner7", 7, verner7.A, verner7.B, verner7.C, Estimate(verner7.FINE, verner7.COARSE), 4.6),
+        Tableau("dop853", 8, dop853.A, dop853.B, dop853.C, Estimate(dop853.E5, dop853.E3, 0.01), 6.0),
     )
 }

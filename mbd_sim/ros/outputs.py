@@ -27,6 +27,7 @@ from mbd_sim.ros.runner import Event, Snapshot
 from mbd_sim.viewer import Viewer
 
 ERRORS = ("diverged", "failed")  # what events begin with that are errors
+WARNING = "warning"  # and what those begin with that warn
 
 
 class Output:
@@ -127,6 +128,8 @@ class Outputs:
             # Two calls, on two lines: rclpy allows a line of code one severity only.
             if event.text.startswith(ERRORS):
                 self._log.error(event.text)
+            elif event.text.startswith(WARNING):
+                self._log.warning(event.text)
             else:
                 self._log.info(event.text)
             if self.viewer is not None:

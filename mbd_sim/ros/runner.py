@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from queue import SimpleQueue
 
+from mbd_sim.advice import TOLERATED
 from mbd_sim.errors import DivergedError
 from mbd_sim.mechanism.model import Array
 from mbd_sim.ros.commands import CommandBuffer
@@ -69,6 +70,7 @@ class Runner:
         self.paused = paused
         self.ticks = 0
         self._clock_offset = 0
+        self._bearable = TOLERATED
         self._step_ns = round(simulation.step_size * 1e9)
         self._requests: SimpleQueue[tuple[Callable[[], None], threading.Event]] = SimpleQueue()
         self._wake = threading.Event()
@@ -181,12 +183,20 @@ class Runner:
             self._tell(f"diverged: {error}")
             return str(error)
         self.ticks += steps
+        self._warn()
         publish, clock = self._every(self.rates.publish), self._every(self.rates.clock)
         state_due = bool(publish) and self.ticks % publish == 0
         clock_due = bool(clock) and self.ticks % clock == 0
         if state_due or clock_due:
             self._emit(state_due, clock_due)
         return ""
+
+    def _warn(self) -> None:
+        """Say that the step is too large, once, and again where it has become ten times worse."""
+        estimate = self.simulation.error_estimate
+        if estimate > self._bearable:
+            self._bearable = 10.0 * estimate
+            self._tell(f"warning: {self.simulation.step_advice}")
 
     def _emit(self, state: bool, clock: bool, repeated: bool = False) -> None:
         simulation = self.simulation
@@ -215,6 +225,7 @@ class Runner:
 
     def _reset(self, rewind_clock: bool) -> None:
         self.simulation.reset()
+        self._bearable = TOLERATED
         self.commands.clear()
         if rewind_clock:
             self._clock_offset = self.ticks

@@ -92,7 +92,9 @@ def test_other_processors_have_kernels_of_their_own(folder, monkeypatch):
 
 
 def test_another_process_finds_it_and_gets_the_same_bits(folder):
-    program = "from mbd_sim import Simulation; s = Simulation.from_file('four_bar'); s.step(300); print(s.state.tolist())"
+    program = (
+        "from mbd_sim import Simulation; s = Simulation.from_file('four_bar'); s.step(300); print(s.state.tolist())"
+    )
     answers = [
         subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
         for _ in range(2)

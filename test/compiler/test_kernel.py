@@ -74,8 +74,9 @@ def test_another_process_gets_the_same_bits():
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
-def test_many_steps_in_one_call_are_as_many_calls_of_one_step(name):
-    kernel, equations = compile_model(name)
+@pytest.mark.parametrize("method", ["rk4", "rosenbrock", "gauss6"])
+def test_many_steps_in_one_call_are_as_many_calls_of_one_step(name, method):
+    kernel, equations = compile_model(name, method)
     at_once = run(kernel, equations, 500)
     y, efforts = equations.start_state.copy(), np.linspace(-0.4, 0.5, equations.layout.nv)
     for step in range(500):
@@ -84,7 +85,7 @@ def test_many_steps_in_one_call_are_as_many_calls_of_one_step(name):
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
-@pytest.mark.parametrize("method", ["rk4", "dop853"])
+@pytest.mark.parametrize("method", ["rk4", "dop853", "rosenbrock", "gauss4"])
 def test_how_it_is_compiled_does_not_show(monkeypatch, name, method):
     """Rates inlined or called, state vectors in registers or in loops: the same bits."""
     found = []

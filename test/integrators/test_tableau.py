@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from functools import cache
-from itertools import combinations_with_replacement, groupby
-from math import factorial, prod
+from math import factorial
 
 import casadi as ca
 import numpy as np
 import pytest
+from rooted_trees import density, symmetry, trees, weights
 
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.integrators.tableau import EXPLICIT as METHODS
@@ -17,54 +16,11 @@ from mbd_sim.integrators.tableau import EXPLICIT as METHODS
 ALL = pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
 
 
-@cache
-def trees(order):
-    """The rooted trees of this many nodes, each a sorted tuple of the trees at its root (Hairer et al., II.2)."""
-    if order == 1:
-        return [()]
-
-    def forests(nodes, largest):
-        if nodes == 0:
-            yield ()
-        for size in range(min(nodes, largest), 0, -1):
-            for count in range(1, nodes // size + 1):
-                for chosen in combinations_with_replacement(trees(size), count):
-                    for rest in forests(nodes - size * count, size - 1):
-                        yield chosen + rest
-
-    return list(forests(order - 1, order - 1))
-
-
-def nodes(tree):
-    return 1 + sum(map(nodes, tree))
-
-
-def density(tree):
-    """γ: the exact solution has Σ b Φ = 1/γ."""
-    return nodes(tree) * prod(map(density, tree))
-
-
-def weights(tree, a):
-    """Φ (stages,): the elementary weight of a tree."""
-    found = np.ones(len(a))
-    for branch in tree:
-        found = found * (a @ weights(branch, a))
-    return found
-
-
 def matrix(method):
     a = np.zeros((method.stages, method.stages))
     for row, values in enumerate(method.a):
         a[row, : len(values)] = values
     return a
-
-
-def symmetry(tree):
-    """The number of ways in which a tree maps onto itself."""
-    return prod(
-        symmetry(branch) ** len(alike) * factorial(len(alike))
-        for branch, alike in ((branch, list(group)) for branch, group in groupby(tree))
-    )
 
 
 def test_there_are_as_many_trees_as_the_literature_says():
@@ -103,6 +59,22 @@ def test_the_order_is_not_higher_than_stated(method):
     assert max(abs(b @ weights(tree, a) - 1.0 / density(tree)) for tree in trees(method.order + 1)) > 1e-7
 
 
+@pytest.mark.parametrize(
+    ("name", "fine", "coarse"),
+    [("euler", 1, None), ("midpoint", 1, 0), ("rk4", 2, 0), ("verner7", 5, 3), ("dop853", 5, 3)],
+)
+def test_estimates_vanish_up_to_their_order(name, fine, coarse):
+    method = METHODS[name]
+    for row, order in ((method.estimate.fine, fine), (method.estimate.coarse, coarse)):
+        if order is None:
+            assert not row
+            continue
+        d = np.array(row + (0.0,) * (method.stages - len(row)))
+        for low in range(1, order + 1):
+            assert max(abs(d @ weights(tree, matrix(method))) for tree in trees(low)) < 2e-14
+        assert max(abs(d @ weights(tree, matrix(method))) for tree in trees(order + 1)) > 1e-5
+
+
 def orbit(method):
     """Kepler's ellipse seen from a point that moves as (sin t, t²): nonlinear rates that depend on time.
 
@@ -129,7 +101,7 @@ def error(kernel, steps):
 
 
 @pytest.mark.parametrize(
-    ("name", "steps"), [("euler", 100_000), ("midpoint", 4000), ("rk4", 800), ("dop853", 40)], ids=str
+    ("name", "steps"), [("euler", 100_000), ("midpoint", 4000), ("rk4", 800), ("verner7", 60), ("dop853", 40)], ids=str
 )
 def test_convergence(name, steps):
     method = METHODS[name]

@@ -15,9 +15,9 @@ from mbd_sim.ros.runner import Event, Rates, Runner, Snapshot
 def make():
     runners = []
 
-    def build(**rates):
+    def build(step=None, **rates):
         paused = rates.pop("paused", False)
-        simulation = Simulation.from_file("rod_pendulum", method="rk4")
+        simulation = Simulation.from_file("rod_pendulum", method="rk4", step=step)
         runner = Runner(simulation, CommandBuffer(simulation.effort_map, 0.0), Rates(**rates), paused=paused)
         runners.append(runner)
         return runner
@@ -100,6 +100,19 @@ def test_a_step_that_diverges_pauses_and_keeps_the_last_state(make):
     assert runner.simulation.q[0] == pytest.approx(1.5707963, abs=1e-6)
     runner.reset()
     assert runner.step(100) == ""
+
+
+def test_a_step_that_is_too_large_is_warned_of_once_until_a_reset(make):
+    runner = make(step=0.2, paused=True)
+    runner.start()
+    for _ in range(3):
+        assert runner.step(20) == ""
+    runner.reset()
+    assert runner.step(20) == ""
+    runner.stop()
+    texts = [item.text for item in collected(runner) if isinstance(item, Event)]
+    assert [text.split(":")[0] for text in texts] == ["warning", "reset", "warning"]
+    assert "a step of 0.2 s is too large for rod_pendulum" in texts[0]
 
 
 def test_a_very_slow_run_answers_requests_and_ends_at_once(make):

@@ -1,0 +1,72 @@
+"""The benchmarks run with our own engine, and other simulators, where installed, have the same mechanisms."""
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.engines import CLASSES, OURS, Candidate, candidates, load
+from benchmarks.fresh import in_fresh_process
+from benchmarks.judge import Judge
+from benchmarks.measure import STEP, Result, agreement, measure
+from benchmarks.mechanisms import MECHANISMS, rods
+from benchmarks.plan import plan_of
+from benchmarks.table import markdown
+
+OURS_RK4 = Candidate(OURS, "rk4", "rk4")
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_plans_and_tapes_have_the_same_mechanism(name):
+    text = MECHANISMS[name]()
+    plan, judge = plan_of(text), Judge(text)
+    assert len(plan.bodies) == len(plan.q) == len(judge.sim.q)
+    assert sum(body.mass for body in plan.bodies) == pytest.approx(judge.sim.mechanism.mass)
+    found = plan.tape.run([*plan.q, *plan.u], math.sin, math.cos)
+    np.testing.assert_allclose(found, judge.accelerations(plan.q, plan.u), rtol=1e-11, atol=1e-11)
+
+
+def test_tables_of_our_own_engine():
+    plan, judge = plan_of(rods(2)), Judge(rods(2))
+    results = measure(plan, judge, [OURS_RK4, Candidate(OURS, "dop853", "dop853")], rounds=1)
+    rk4, dop853 = results
+    assert 1e-12 < rk4.error < 1e-9 and dop853.error < 1e-12
+    assert abs(dop853.drift) < 1e-12 and dop853.violation is None
+    head, _, first, second = markdown(results, "dop853").splitlines()
+    assert head.count("|") == first.count("|") and "loop open" not in head
+    assert first.startswith("| **mbd_sim rk4**") and "| 1.00 |" in first and "| 1.00 |" in second
+
+
+def test_tables_tell_what_cannot_be_measured():
+    failed = Result("other", note="cannot: no such joint")
+    propagated = Result("another", many=0.5, drift=-0.4, error=math.inf, violation=1e-5, watched=10.0)
+    ours = Result(f"{OURS} rk4", each=0.2, many=0.1, drift=-1e-8, error=1e-9, violation=1e-14)
+    table = markdown([ours, failed, propagated], "rk4")
+    assert "| (5.00) |" in table and "-40 % (10 s)" in table and "∞" in table and "loop open" in table
+    assert table.endswith("\n\nother: cannot: no such joint.")
+
+
+def test_setup_is_measured_in_a_process_of_its_own():
+    found = in_fresh_process(OURS_RK4, plan_of(rods(1)), STEP)
+    assert found["again"] > 0.0 and 0.0 < found["setup"] < 60.0 and found["memory"] > 1.0
+
+
+def test_plans_refuse_what_they_do_not_know():
+    with pytest.raises(ValueError, match="'pin0' is more than a hinge or slider with a spring"):
+        plan_of(rods(1).replace("position: 90 deg", "damping: 1"))
+
+
+def test_simulators_that_are_not_installed_are_named():
+    found, lines = candidates([OURS, "heyoka"])
+    assert OURS_RK4 in found and len(lines) == 2
+
+
+@pytest.mark.parametrize("module", [module for module in CLASSES if module != OURS])
+@pytest.mark.parametrize("name", ["2 rods", "cart+pendulum", "7-axis arm"])
+def test_other_simulators_have_the_same_mechanism(module, name):
+    try:
+        method, key = next(iter(load(module).METHODS.items()))
+    except ImportError:
+        pytest.skip(f"{module} is not installed")
+    text = MECHANISMS[name]()
+    assert agreement(plan_of(text), Judge(text), Candidate(module, method, key)) < 1e-9

@@ -1,0 +1,41 @@
+"""The order of every method on mechanisms: driven by time, with quaternions, with loops."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from mbd_sim import Simulation
+from mbd_sim.integrators.methods import METHODS
+
+TIMES = {"moving_support_pendulum": 1.6, "heavy_top": 0.04, "four_bar": 0.4, "tube_particles": 0.16}
+# Steps until that time; the errors of two runs, of this many and of twice as many, are compared.
+STEPS = {
+    "euler": 8000,
+    "midpoint": 1000,
+    "rk4": 64,
+    "verner7": 10,
+    "dop853": 8,
+    "rosenbrock": 32,
+    "gauss4": 40,
+    "gauss6": 16,
+}
+
+
+@cache
+def state(name, method, steps):
+    simulation = Simulation.from_file(name, method=method, step=TIMES[name] / steps)
+    simulation.step(steps)
+    return simulation.state
+
+
+@pytest.mark.parametrize("name", TIMES)
+@pytest.mark.parametrize("method", METHODS)
+def test_order(name, method):
+    """The energies of the audit, the last three of the state, as well."""
+    exact = state(name, "dop853", 2000)
+    coarse, fine = (np.max(np.abs(state(name, method, n * STEPS[method]) - exact)) for n in (1, 2))
+    assert fine > 1e-13
+    assert coarse / fine > 2.0 ** (METHODS[method].order - 0.6)
