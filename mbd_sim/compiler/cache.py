@@ -2,7 +2,7 @@
 
 A kernel is kept under the hash of its intermediate code, the processor with its features, and the compiler's
 version. Files appear whole, by renaming, and carry a checksum: processes that write the same kernel at once do no
-harm, and a damaged file counts as missing. `MBD_SIM_CACHE` names another folder, or is empty for none.
+harm, and a damaged file counts as missing. `MBD_SIM_CACHE` names another folder, or is empty, 0 or off for none.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ _VARIABLE = "MBD_SIM_CACHE"
 def folder() -> Path | None:
     """Where kernels are kept, or None where none are."""
     if _VARIABLE in os.environ:
-        return Path(os.environ[_VARIABLE]) if os.environ[_VARIABLE] else None
+        written = os.environ[_VARIABLE]
+        return None if written.lower() in ("", "0", "off") else Path(written)
     base = os.environ.get("XDG_CACHE_HOME")
     return (Path(base) if base else Path.home() / ".cache") / "mbd_sim" / "kernels"
 

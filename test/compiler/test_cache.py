@@ -45,8 +45,9 @@ def test_a_flipped_bit_is_noticed(folder):
     assert cache.load("name") is None
 
 
-def test_without_a_folder_nothing_is_kept(monkeypatch):
-    monkeypatch.setenv("MBD_SIM_CACHE", "")
+@pytest.mark.parametrize("none", ["", "0", "off"])
+def test_without_a_folder_nothing_is_kept(monkeypatch, none):
+    monkeypatch.setenv("MBD_SIM_CACHE", none)
     cache.store("name", b"code")
     assert cache.folder() is None and cache.load("name") is None
 
