@@ -2,11 +2,12 @@
 # make test   set everything up and run every test, ruff and mypy
 # make setup  only set up: .venv with all that is needed, with the ROS 2 wheels unless a ROS 2 environment is sourced
 # make gallery  draw the mechanisms that ship anew, for docs/gallery.md
-# make bench  measure speed and start-up
+# make bench  measure start-up, and speed and accuracy beside other simulators: make bench ARGS="--mechanisms four-bar"
 # make clean  remove .venv and what was built
 
 VENV := .venv
 BIN := $(VENV)/bin
+BENCH := .venv-bench
 ARGS ?=
 
 .PHONY: setup run test lint gallery bench clean
@@ -30,8 +31,12 @@ lint: setup
 gallery: setup
 	$(BIN)/python -m mbd_sim.drawing.gallery docs
 
-bench: setup
-	$(BIN)/python benchmarks/speed.py
+bench: setup $(BENCH)/ready
+	$(BIN)/python benchmarks/startup.py
+	$(BENCH)/bin/python -m benchmarks $(ARGS)
+
+$(BENCH)/ready: setup.py benchmarks/setup_venv
+	benchmarks/setup_venv $(BIN)/python $(BENCH)
 
 clean:
-	rm -rf $(VENV) build install log dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) $(BENCH) build install log dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -1,7 +1,7 @@
 """A mechanism as every simulator can take it: hinges and sliders along z, rigid bodies, and pins that close loops.
 
-A `Plan` is made from our own record of the mechanism, so that no length or mass is written twice. It consists of numbers
-only and can be pickled, so that a process that measures another simulator need not load ours.
+A `Plan` is made from our own record of the mechanism, so that no length or mass is written twice. It is plain data and
+can be pickled, so that a process that measures another simulator need not load ours.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from benchmarks.tape import Tape, tape_of
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism.model import Joint, Part, Pose
-    from mbd_sim.simulation import Simulation
 
 Array = NDArray[np.float64]
 GROUND = -1
@@ -69,10 +68,11 @@ class Pin:
 class Plan:
     """A mechanism: `bodies` in the order of the coordinates, each after its parent, and the start state q and u.
 
-    `tape` has the same mechanism as equations.
+    `text` is the mechanism file that it was made from, and `tape` has the same mechanism as equations.
     """
 
     name: str
+    text: str
     gravity: Array
     bodies: tuple[Body, ...]
     pins: tuple[Pin, ...]
@@ -81,13 +81,15 @@ class Plan:
     tape: Tape
 
 
-def plan_of(sim: Simulation) -> Plan:
-    """The plan of a simulation's mechanism and start state.
+def plan_of(text: str) -> Plan:
+    """The plan of a mechanism file, with the start state that `mbd_sim` finds for it.
 
     :raises ValueError: it has something that plans do not know.
     """
+    from mbd_sim import Simulation
     from mbd_sim.mechanism.model import identity_pose
 
+    sim = Simulation.from_text(text)
     mechanism = sim.mechanism
     if mechanism.ties or mechanism.applied or mechanism.constraints:
         raise ValueError(f"{mechanism.name}: springs between points, forces and constraints are not compared")
@@ -103,7 +105,7 @@ def plan_of(sim: Simulation) -> Plan:
         index[joint.outboard], frames[joint.outboard] = len(index) - 1, frame
     pins = tuple(_pin(joint, index, frames) for joint in mechanism.closing.values())
     gravity = np.array(mechanism.gravity)
-    return Plan(mechanism.name, gravity, tuple(bodies), pins, sim.q.copy(), sim.u.copy(), tape_of(sim))
+    return Plan(mechanism.name, text, gravity, tuple(bodies), pins, sim.q.copy(), sim.u.copy(), tape_of(sim))
 
 
 def _frames(joint: Joint) -> tuple[Pose, Pose]:

@@ -1,4 +1,4 @@
-"""The accelerations of a mechanism as a list of scalar operations, for simulators that take equations, not mechanisms."""
+"""The accelerations of a mechanism as a list of scalar operations, for simulators that take equations."""
 
 from __future__ import annotations
 

@@ -1,0 +1,35 @@
+"""`mbd_sim` itself, from the mechanism file, driven by `Simulation.step(1)`."""
+
+from __future__ import annotations
+
+from benchmarks.plan import Array, Plan
+from mbd_sim import Simulation, __version__
+from mbd_sim.integrators.methods import METHODS as INTEGRATORS
+
+VERSION = __version__
+METHODS = {name: name for name, method in INTEGRATORS.items() if method.order >= 4}
+
+
+class MbdSim:
+    """A simulation with one of our methods."""
+
+    def __init__(self, plan: Plan, step: float, method: str) -> None:
+        self._sim = Simulation.from_text(plan.text, method=method, step=step)
+
+    def reset(self, q: Array, u: Array) -> None:
+        """Start from a state."""
+        self._sim.reset(q, u)
+
+    def each(self, steps: int) -> None:
+        """Single steps, a call each."""
+        step = self._sim.step
+        for _ in range(steps):
+            step(1)
+
+    def many(self, steps: int) -> None:
+        """The same in one call."""
+        self._sim.step(steps)
+
+    def state(self) -> tuple[Array, Array]:
+        """Coordinates and speeds."""
+        return self._sim.q.copy(), self._sim.u.copy()

@@ -1,0 +1,111 @@
+"""MuJoCo, driven by one `mj_step` a step.
+
+Everything that these mechanisms do not need is switched off (contacts, limits, friction, actuators, sensors, springs
+where there are none), which takes a tenth off the time of a step. Loops are `connect` equalities, on dense matrices,
+which are faster at this size. Equalities are soft by nature: `solimp` is the hardest that MuJoCo allows, and `solref`
+(stiffness 0.1/h², damping 0.1/h) the one of ten with the smallest error with RK4; harder ones become unstable. The
+Newton solver meets equalities in one iteration.
+"""
+
+from __future__ import annotations
+
+from xml.etree.ElementTree import Element, SubElement, tostring
+
+import mujoco
+import numpy as np
+
+from benchmarks.plan import GROUND, Array, Plan
+
+VERSION = mujoco.__version__
+METHODS = {"Euler": "Euler", "implicitfast": "implicitfast", "RK4": "RK4"}
+OFF = (
+    "limit", "contact", "frictionloss", "damper", "clampctrl", "filterparent", "actuation", "refsafe", "sensor",
+    "midphase", "nativeccd", "island", "eulerdamp", "warmstart", "autoreset",
+)  # fmt: skip
+IMPEDANCE = "0.9999 0.9999 0.001 0.5 2"
+
+mujoco.set_mju_user_warning(lambda message: None)  # or it writes a file
+
+
+class MuJoCo:
+    """A plan as an MJCF model, for one of MuJoCo's integrators."""
+
+    def __init__(self, plan: Plan, step: float, method: str) -> None:
+        self._model = mujoco.MjModel.from_xml_string(mjcf(plan, step, method))
+        self._data = mujoco.MjData(self._model)
+        names = [body.name for body in plan.bodies]
+        order = [self._model.joint(name).qposadr[0] for name in names]
+        if order != list(range(len(names))):
+            raise ValueError(f"{plan.name}: MuJoCo has its joints in another order: {order}")
+
+    def reset(self, q: Array, u: Array) -> None:
+        """Start from a state."""
+        mujoco.mj_resetData(self._model, self._data)
+        self._data.qpos[:], self._data.qvel[:] = q, u
+
+    def each(self, steps: int) -> None:
+        """Single steps, a call each."""
+        step, model, data = mujoco.mj_step, self._model, self._data
+        for _ in range(steps):
+            step(model, data)
+
+    def many(self, steps: int) -> None:
+        """The same in one call."""
+        mujoco.mj_step(self._model, self._data, steps)
+
+    def state(self) -> tuple[Array, Array]:
+        """Coordinates and speeds."""
+        return self._data.qpos.copy(), self._data.qvel.copy()
+
+    def accelerations(self, q: Array, u: Array) -> Array:
+        """What its forward dynamics gives at a state."""
+        self._data.qpos[:], self._data.qvel[:] = q, u
+        mujoco.mj_forward(self._model, self._data)
+        return np.array(self._data.qacc)
+
+
+def mjcf(plan: Plan, step: float, method: str) -> str:
+    """The model as MJCF."""
+    root = Element("mujoco", model=plan.name)
+    SubElement(root, "compiler", angle="radian", autolimits="false", boundmass="0", boundinertia="0")
+    option = SubElement(
+        root, "option", timestep=repr(step), gravity=_text(plan.gravity), integrator=method, jacobian="dense",
+        solver="Newton", iterations="1", ls_iterations="1",
+    )  # fmt: skip
+    flags = dict.fromkeys(OFF, "disable")
+    if not plan.pins:
+        flags |= {"constraint": "disable", "equality": "disable"}
+    if not any(body.stiffness for body in plan.bodies):
+        flags["spring"] = "disable"
+    SubElement(option, "flag", flags)
+    frames = {GROUND: SubElement(root, "worldbody")}
+    for index, body in enumerate(plan.bodies):
+        frames[index] = frame = SubElement(
+            frames[body.parent], "body", name=body.name, pos=_text(body.position), quat=_text(body.quaternion)
+        )
+        SubElement(
+            frame, "joint", name=body.name, type="slide" if body.slides else "hinge", axis="0 0 1",
+            stiffness=repr(body.stiffness), springref=repr(body.rest),
+        )  # fmt: skip
+        inertia = body.definite_inertia()
+        inertial = SubElement(frame, "inertial", mass=repr(body.mass), pos=_text(body.center))
+        if np.any(inertia - np.diag(np.diag(inertia))):
+            upper = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+            inertial.set("fullinertia", _text(upper))
+        else:
+            inertial.set("diaginertia", _text(np.diag(inertia)))
+    for pin in plan.pins:
+        # MuJoCo places the second body's point where the first one's is at q = 0, so both are given as sites.
+        sites = []
+        for end, point in ((pin.first, pin.first_point), (pin.second, pin.second_point)):
+            sites.append(f"site{end}")
+            SubElement(frames[end], "site", name=sites[-1], pos=_text(point))
+        hardness = {"solref": f"{-0.1 / step**2!r} {-0.1 / step!r}", "solimp": IMPEDANCE}
+        equality = root.find("equality")
+        equality = SubElement(root, "equality") if equality is None else equality
+        SubElement(equality, "connect", site1=sites[0], site2=sites[1], **hardness)
+    return tostring(root, encoding="unicode")
+
+
+def _text(values: Array) -> str:
+    return " ".join(repr(float(value)) for value in values)

@@ -1,0 +1,132 @@
+"""The measurements: time by turns, error after three seconds, drift of the energy."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from benchmarks.engines import Candidate, Engine
+from benchmarks.judge import END, Judge
+from benchmarks.plan import Plan
+
+STEP = 1e-3  # s
+SLICE = 2e-3  # s that one look at a stepping loop takes, about
+MOST = 2000  # steps a look
+SLOW = 60e-6  # s a step, beyond which energies are watched for a shorter time
+LONG, SHORT = 100.0, 10.0  # s
+
+
+@dataclass
+class Result:
+    """What was measured of one simulator on one mechanism; times in µs a millisecond, energies relative."""
+
+    label: str
+    each: float | None = None
+    many: float | None = None
+    error: float | None = None
+    drift: float | None = None
+    watched: float = LONG
+    violation: float | None = None
+    setup: float | None = None
+    again: float | None = None
+    memory: float | None = None
+    note: str = ""
+    looks: dict[str, list[float]] = field(default_factory=dict, repr=False)
+
+
+def measure(plan: Plan, judge: Judge, chosen: Sequence[Candidate], rounds: int) -> list[Result]:
+    """All candidates on one mechanism."""
+    engines: dict[str, Engine] = {}
+    results = {}
+    for candidate in chosen:
+        results[candidate.label] = result = Result(candidate.label)
+        try:
+            engines[candidate.label] = candidate.build(plan, STEP)
+        except Exception as error:  # whatever a simulator says when it cannot
+            result.note = f"cannot: {error}"
+    by_turns(plan, engines, results, rounds)
+    for label, engine in engines.items():
+        accuracy(plan, judge, engine, results[label])
+    return list(results.values())
+
+
+def by_turns(plan: Plan, engines: dict[str, Engine], results: dict[str, Result], rounds: int) -> None:
+    """Time all engines in turn, so that they share whatever else the machine does; medians."""
+    loops = {
+        (label, kind): loop
+        for label, engine in engines.items()
+        for kind in ("each", "many")
+        if (loop := getattr(engine, kind)) is not None
+    }
+    steps = {}
+    for label, kind in loops:
+        cost = timed(plan, engines[label], loops[label, kind], 100)
+        fewest = 1 if engines[label].each else MOST // 2  # one that takes steps of its own needs room for them
+        steps[label, kind] = max(fewest, min(MOST, int(SLICE / max(cost, 1e-9))))
+    for _ in range(rounds):
+        for (label, kind), loop in loops.items():
+            look = timed(plan, engines[label], loop, steps[label, kind])
+            results[label].looks.setdefault(kind, []).append(1e6 * look)
+    for label, kind in loops:
+        setattr(results[label], kind, statistics.median(results[label].looks[kind]))
+
+
+def timed(plan: Plan, engine: Engine, loop: Callable[[int], None], steps: int) -> float:
+    """Seconds of the processor a step, from the start state on: what other programs take meanwhile does not count."""
+    engine.reset(plan.q, plan.u)
+    loop(2)
+    began = time.thread_time()
+    loop(steps)
+    return (time.thread_time() - began) / steps
+
+
+def accuracy(plan: Plan, judge: Judge, engine: Engine, result: Result) -> None:
+    """The error after three seconds, the largest drift of the energy, and how far the loops came open."""
+    engine.reset(plan.q, plan.u)
+    start = judge.energy(plan.q, plan.u)
+    second = round(1.0 / STEP)
+    result.watched = LONG if 1e-6 * (result.many or 0.0) < SLOW else SHORT
+    drift = violation = 0.0
+    for t in range(1, round(result.watched) + 1):
+        try:
+            engine.many(second)
+            q, u = engine.state()
+        except Exception as error:
+            q, u = np.full((2, len(plan.q)), math.nan)
+            result.note = str(error)
+        if not np.all(np.isfinite([*q, *u])) or max(np.abs(u)) > 1e6:
+            result.note = result.note or f"diverged before t = {t} s"
+            drift = math.inf
+            break
+        now = (judge.energy(q, u) - start) / judge.largest_kinetic_energy
+        drift = now if abs(now) > abs(drift) else drift
+        violation = max(violation, judge.violation(q, u))
+        if t == END:
+            result.error = judge.error(q, u)
+    result.drift = drift
+    result.violation = violation if plan.pins else None
+
+
+def agreement(plan: Plan, judge: Judge, candidate: Candidate, states: int = 10) -> float | None:
+    """The largest relative difference of the accelerations from ours: at random states, with loops at the start state.
+
+    None where a simulator has none to show.
+    """
+    engine = candidate.build(plan, STEP)
+    if not hasattr(engine, "accelerations"):
+        return None
+    rng, worst = np.random.default_rng(4), 0.0
+    looked_at = [(plan.q, plan.u)] if plan.pins else rng.normal(size=(states, 2, len(plan.q)))
+    for q, u in looked_at:
+        try:
+            found = engine.accelerations(q, u)
+        except NotImplementedError:
+            return None
+        expected = judge.accelerations(q, u)
+        worst = max(worst, float(np.max(np.abs(found - expected)) / np.max(np.abs(expected))))
+    return worst

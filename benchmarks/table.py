@@ -1,0 +1,116 @@
+"""The results as Markdown tables."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Mapping, Sequence
+
+from benchmarks.engines import OURS
+from benchmarks.measure import Result
+
+HEAD = ("", "µs a step, `step(1)`", "µs a step, many a call", "× rk4", "× default", "error at 3 s", "energy drift",
+        "loop open, m", "set-up, s", "again, s", "memory, MB")  # fmt: skip
+
+
+def markdown(results: Sequence[Result], default: str) -> str:
+    """A table of the simulators on one mechanism; ratios are to ours with `rk4` and with our `default` method.
+
+    Simulators that are not driven step by step are compared by many steps a call.
+    """
+    times = {result.label: result for result in results}
+    lines = [row(HEAD), row(["---", *["--:"] * (len(HEAD) - 1)])]
+    for result in results:
+        ratios = [ratio(result, times.get(f"{OURS} {name}")) for name in ("rk4", default)]
+        name = f"**{result.label}**" if result.label.startswith(OURS) else result.label
+        lines.append(row([
+            name, microseconds(result.each), microseconds(result.many), *ratios, scientific(result.error),
+            drift(result), scientific(result.violation), seconds(result.setup), seconds(result.again),
+            "–" if result.memory is None else f"{result.memory:.0f}",
+        ]))  # fmt: skip
+    shown = dict.fromkeys(HEAD) if any(result.violation is not None for result in results) else without("loop open, m")
+    kept = [index for index, name in enumerate(HEAD) if name in shown]
+    table = ["|".join(["", *(line.strip("|").split("|")[index] for index in kept), ""]) for line in lines]
+    notes = [f"{result.label}: {result.note}." for result in results if result.note]
+    return "\n".join([*table, *(["", *notes] if notes else [])])
+
+
+def summary(measured: Mapping[str, Sequence[Result]], default: str) -> str:
+    """µs a step of all simulators on all mechanisms, and two ratios; in round brackets where many steps are a call."""
+    by_label: dict[str, dict[str, Result]] = {}
+    for name, results in measured.items():
+        for result in results:
+            by_label.setdefault(result.label, {})[name] = result
+    lines = [row(["µs a step", *measured]), row(["---", *["--:"] * len(measured)])]
+    for label, found in by_label.items():
+        cells = [one_time(found.get(name)) for name in measured]
+        lines.append(row([f"**{label}**" if label.startswith(OURS) else label, *cells]))
+    for other, own in (("MuJoCo RK4", "rk4"), ("MuJoCo Euler", default)):
+        pairs = [(by_label.get(other, {}).get(name), by_label.get(f"{OURS} {own}", {}).get(name)) for name in measured]
+        ratios = [ratio(a, b) if a else "–" for a, b in pairs]
+        lines.append(row([f"{other} / {OURS} {own}", *ratios]))
+    return "\n".join(lines)
+
+
+def one_time(result: Result | None) -> str:
+    """By single steps, or else by many."""
+    if result is None:
+        return "–"
+    return microseconds(result.each) if result.each is not None else f"({microseconds(result.many)})"
+
+
+def without(name: str) -> dict[str, None]:
+    """The heads but one."""
+    return dict.fromkeys(head for head in HEAD if head != name)
+
+
+def row(cells: Sequence[str]) -> str:
+    """A line of a table."""
+    return f"| {' | '.join(cells)} |"
+
+
+def ratio(result: Result, ours: Result | None) -> str:
+    """How many times our time another takes; in round brackets where only many steps a call can be compared."""
+    if ours is None or result.many is None or ours.many is None:
+        return "–"
+    if result.each is None:
+        return f"({times(compared(result, ours, 'many'))})"
+    return times(compared(result, ours, "each"))
+
+
+def compared(result: Result, ours: Result, kind: str) -> float:
+    """The median of the ratios of looks that were taken in the same turn."""
+    pairs = zip(result.looks[kind], ours.looks[kind], strict=True)
+    return statistics.median(other / own for other, own in pairs)
+
+
+def times(value: float) -> str:
+    """A ratio, with two or three digits."""
+    return f"{value:.2f}" if value < 10 else f"{value:.1f}" if value < 100 else f"{value:.0f}"
+
+
+def microseconds(value: float | None) -> str:
+    """Three digits."""
+    return "–" if value is None else f"{value:.3g}" if value < 100 else f"{value:.0f}"
+
+
+def seconds(value: float | None) -> str:
+    """Down to milliseconds."""
+    return "–" if value is None else f"{value:.3f}" if value < 1 else f"{value:.1f}"
+
+
+def scientific(value: float | None) -> str:
+    """One digit and the power of ten."""
+    if value is None:
+        return "–"
+    return f"{value:.0e}" if math.isfinite(value) else "∞"
+
+
+def drift(result: Result) -> str:
+    """Signed, in percent where it is large, with the time where it is not the usual one."""
+    if result.drift is None:
+        return "–"
+    if not math.isfinite(result.drift):
+        return "∞"
+    value = f"{100 * result.drift:+.0f} %" if abs(result.drift) > 0.01 else f"{result.drift:+.0e}"
+    return value if result.watched == 100.0 else f"{value} ({result.watched:g} s)"
