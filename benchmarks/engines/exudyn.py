@@ -7,13 +7,15 @@ trapezoidal rule of index 2 with a full Newton method: of seven settings it was 
 
 from __future__ import annotations
 
+from importlib.metadata import version
+
 import exudyn as exu
 import numpy as np
 from exudyn import itemInterface as items  # noqa: N813
 
 from benchmarks.plan import Array, Plan
 
-VERSION = exu.GetVersionString()
+VERSION = version("exudyn")
 METHODS = {"kinematic tree, one call": "tree"}
 
 
@@ -79,7 +81,7 @@ class Exudyn:
         data, start = self._mbs.systemData, exu.ConfigurationType.Initial
         data.SetODE2Coordinates(q, start)
         data.SetODE2Coordinates_t(u, start)
-        self._settings.timeIntegration.explicitIntegration.dynamicSolverType = exu.DynamicSolverType.RK44
+        self._settings.timeIntegration.solverType = exu.DynamicSolverType.RK44
         solver = exu.MainSolverExplicit()
         solver.InitializeSolver(self._mbs, self._settings)
         solver.ComputeMassMatrix(self._mbs, 1.0)
@@ -118,7 +120,7 @@ def _settings() -> exu.SimulationSettings:
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
     settings.timeIntegration.verboseMode = 0
-    settings.timeIntegration.explicitIntegration.computeEndOfStepAccelerations = False
+    settings.timeIntegration.explicit.computeEndOfStepAccelerations = False
     settings.timeIntegration.newton.useModifiedNewton = False
     settings.linearSolver.solverType = exu.LinearSolverType.EXUdense
     settings.parallel.numberOfThreads = 1
