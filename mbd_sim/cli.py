@@ -44,6 +44,7 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument(
         "--latex", action="store_true", help="print the equations of motion of a small mechanism as LaTeX instead"
     )
+    check.add_argument("--cost", action="store_true", help="also the instructions that a step takes, by kind")
     check.set_defaults(command=_check)
 
     run = commands.add_parser("run", help="run a mechanism as fast as possible, without ROS")
@@ -82,6 +83,7 @@ def _positive(text: str) -> float:
 
 
 def _check(options: argparse.Namespace) -> int:
+    from mbd_sim.analysis.cost import cost, cost_text
     from mbd_sim.inertia_report import inertia_report, inertia_text
     from mbd_sim.report import report
     from mbd_sim.report_text import report_text
@@ -100,12 +102,16 @@ def _check(options: argparse.Namespace) -> int:
     found = report(simulation)
     if options.inertia:
         found["inertia"] = inertia_report(simulation.mechanism.parts, simulation.poses())
+    if options.cost:
+        found["cost"] = cost(simulation.model.equations, simulation.model.method)
     if options.json:
         print(json.dumps(found, indent=2))
         return 0
     print(report_text(found))
     if options.inertia:
         print(f"\n{inertia_text(found['inertia'])}")
+    if options.cost:
+        print(f"\n{cost_text(found['cost'])}")
     return 0
 
 

@@ -23,7 +23,10 @@ def folder() -> Path | None:
         written = os.environ[_VARIABLE]
         return None if written.lower() in ("", "0", "off") else Path(written)
     base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "mbd_sim" / "kernels"
+    try:
+        return (Path(base) if base else Path.home() / ".cache") / "mbd_sim" / "kernels"
+    except RuntimeError:  # nobody's home
+        return None
 
 
 def key(*contents: str) -> str:
