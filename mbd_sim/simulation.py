@@ -17,7 +17,6 @@ from mbd_sim.errors import CommandError, DivergedError, nearest
 from mbd_sim.live import LiveValues
 from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.model import Array, Mechanism, Pose
-from mbd_sim.mechanism.rotation import unit
 from mbd_sim.model import Drive, Energies, Model, Reaction, Violation, build_model
 from mbd_sim.wrenches import WrenchMap
 
@@ -235,10 +234,7 @@ class Simulation:
         for values, where, symbol in ((q, self.model.q_range, "q"), (u, self.model.u_range, "u")):
             if values is not None:
                 y[where] = _checked(values, where.stop - where.start, symbol)
-        for joint, start in self.model.quaternions.items():
-            if not np.any(y[start : start + 4]):
-                raise ValueError(f"the quaternion of joint '{joint}' is zero")
-            y[start : start + 4] = unit(y[start : start + 4])
+        self.model.normalize(y)
         inputs = self.model.inputs.copy()
         inputs[self.model.equations.inputs.of_values] = self._values
         if q is not None or u is not None or not np.array_equal(inputs, self.model.inputs):

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 import casadi as ca
 import llvmlite.ir as ir
 
+from mbd_sim.compiler.lanes import LaneBuilder, new_builder
 from mbd_sim.compiler.pieces import Work, handed_on, pieces
 from mbd_sim.compiler.trigonometry import sine_cosine
 from mbd_sim.compiler.types import DOUBLE, POINTER, element, local_array, number
@@ -59,13 +60,15 @@ _LIBRARY: dict[int, str] = {
 }
 
 
-def lower(module: ir.Module, function: ca.Function, inline: bool) -> ir.Function:
+def lower(module: ir.Module, function: ca.Function, inline: bool, lanes: int = 1) -> ir.Function:
     """Emit `function` as `void name(double* in0, …, double* out0, …)`, the arguments not overlapping.
+
+    With several `lanes` each double is a vector of them, see `LaneBuilder`.
 
     :raises NotImplementedError: the function holds an operation that has no place in a kernel.
     """
     inputs, outputs = function.n_in(), function.n_out()
-    emitted, builder = _define(module, function.name(), inputs + outputs, inline)
+    emitted, builder = _define(module, function.name(), inputs + outputs, inline, lanes)
     cut, by_reciprocal = pieces(function), shared_divisions(function)
     if len(cut) == 1:
         lowering, work = _Lowering(module, builder), [None] * function.sz_w()
@@ -73,7 +76,7 @@ def lower(module: ir.Module, function: ca.Function, inline: bool) -> ir.Function
     else:
         memory = local_array(builder, function.sz_w())
         for place, (piece, kept) in enumerate(zip(cut, handed_on(function, cut), strict=True)):
-            part, inside = _define(module, f"{function.name()}.{place}", inputs + outputs + 1, False)
+            part, inside = _define(module, f"{function.name()}.{place}", inputs + outputs + 1, False, lanes)
             own = Work(inside, part.args[-1])
             arguments = part.args[:inputs], part.args[inputs:-1]
             _Lowering(module, inside).run(function, by_reciprocal, piece, *arguments, own)
@@ -84,14 +87,14 @@ def lower(module: ir.Module, function: ca.Function, inline: bool) -> ir.Function
     return emitted
 
 
-def _define(module: ir.Module, name: str, arguments: int, inline: bool) -> tuple[ir.Function, ir.IRBuilder]:
+def _define(module: ir.Module, name: str, arguments: int, inline: bool, lanes: int) -> tuple[ir.Function, ir.IRBuilder]:
     function = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER] * arguments), name)
     function.linkage = "internal"
     function.attributes.add("alwaysinline" if inline else "noinline")
     function.attributes.add("nounwind")
     for argument in function.args:
         argument.add_attribute("noalias")
-    return function, ir.IRBuilder(function.append_basic_block("entry"))
+    return function, new_builder(function.append_basic_block("entry"), lanes)
 
 
 class _Lowering:
@@ -141,7 +144,11 @@ class _Lowering:
         function = self.module.globals.get(name)
         if function is None:
             function = ir.Function(self.module, ir.FunctionType(DOUBLE, [DOUBLE] * len(arguments)), name)
-        return self.builder.call(function, arguments)
+        b = self.builder
+        if isinstance(b, LaneBuilder) and any(argument.type != DOUBLE for argument in arguments):
+            wide = [b.widened(argument) for argument in arguments]
+            return b.gathered([b.call(function, [b.lane(a, index) for a in wide]) for index in range(b.lanes)])
+        return b.call(function, arguments)
 
     def sign(self, x: ir.Value) -> ir.Value:
         """-1, 0 or 1, as CasADi has it, and nan for nan."""

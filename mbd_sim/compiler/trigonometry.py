@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import llvmlite.ir as ir
 
+from mbd_sim.compiler.lanes import LaneBuilder, lanes_of, new_builder
 from mbd_sim.compiler.types import DOUBLE, INT, integer, number
 
 _LARGEST = 2.0**20 * 1.5707963267948966
@@ -37,28 +38,35 @@ _COSINE = (
 
 def sine_cosine(module: ir.Module, builder: ir.IRBuilder, angle: ir.Value) -> tuple[ir.Value, ir.Value]:
     """The sine and the cosine of `angle` in rad."""
-    pair = builder.call(_function(module), [angle])
+    if isinstance(builder, LaneBuilder):
+        angle = builder.widened(angle)
+    pair = builder.call(_function(module, lanes_of(builder)), [angle])
     return builder.extract_value(pair, 0), builder.extract_value(pair, 1)
 
 
-def _function(module: ir.Module) -> ir.Function:
-    if "sine_cosine" in module.globals:
-        return module.get_global("sine_cosine")
-    pair = ir.LiteralStructType([DOUBLE, DOUBLE])
-    function = ir.Function(module, ir.FunctionType(pair, [DOUBLE]), "sine_cosine")
+def _function(module: ir.Module, lanes: int) -> ir.Function:
+    name = "sine_cosine" if lanes == 1 else f"sine_cosine.{lanes}"
+    if name in module.globals:
+        return module.get_global(name)
+    real = DOUBLE if lanes == 1 else ir.VectorType(DOUBLE, lanes)
+    pair = ir.LiteralStructType([real, real])
+    function = ir.Function(module, ir.FunctionType(pair, [real]), name)
     function.linkage = "internal"
     function.attributes.add("alwaysinline")
     function.attributes.add("nounwind")
-    b = ir.IRBuilder(function.append_basic_block("entry"))
+    b = new_builder(function.append_basic_block("entry"), lanes)
     x = function.args[0]
     common, rare = function.append_basic_block("common"), function.append_basic_block("rare")
     size = b.call(module.declare_intrinsic("llvm.fabs", [DOUBLE]), [x])
-    branch = b.cbranch(b.fcmp_ordered("<", size, number(_LARGEST)), common, rare)
-    branch.set_weights([1_000_000, 1])
+    if isinstance(b, LaneBuilder):
+        branch = b.cbranch(b.any_lane(b.fcmp_unordered(">=", size, number(_LARGEST))), rare, common)
+        branch.set_weights([1, 1_000_000])
+    else:
+        branch = b.cbranch(b.fcmp_ordered("<", size, number(_LARGEST)), common, rare)
+        branch.set_weights([1_000_000, 1])
 
     b.position_at_end(rare)
-    library = [ir.Function(module, ir.FunctionType(DOUBLE, [DOUBLE]), name) for name in ("sin", "cos")]
-    values = [b.call(call, [x]) for call in library]
+    values = _one_by_one(module, b, x) if isinstance(b, LaneBuilder) else _by_library(module, b, x)
     b.ret(b.insert_value(b.insert_value(ir.Constant(pair, ir.Undefined), values[0], 0), values[1], 1))
 
     b.position_at_end(common)
@@ -77,6 +85,18 @@ def _function(module: ir.Module) -> ir.Function:
     cosine = _flip(b, cosine, b.add(quadrant, integer(1)))
     b.ret(b.insert_value(b.insert_value(ir.Constant(pair, ir.Undefined), sine, 0), cosine, 1))
     return function
+
+
+def _by_library(module: ir.Module, b: ir.IRBuilder, x: ir.Value) -> list[ir.Value]:
+    signature = ir.FunctionType(DOUBLE, [DOUBLE])
+    return [b.call(ir.Function(module, signature, name), [x]) for name in ("sin", "cos")]
+
+
+def _one_by_one(module: ir.Module, b: LaneBuilder, x: ir.Value) -> list[ir.Value]:
+    scalar = _function(module, 1)
+    scalar.attributes.discard("alwaysinline")
+    pairs = [b.call(scalar, [b.lane(x, index)]) for index in range(b.lanes)]
+    return [b.gathered([b.extract_value(pair, place) for pair in pairs]) for place in (0, 1)]
 
 
 def _flip(b: ir.IRBuilder, value: ir.Value, quadrant: ir.Value) -> ir.Value:
