@@ -10,6 +10,7 @@ from pathlib import Path
 
 from mbd_sim import __version__
 from mbd_sim.errors import MbdSimError
+from mbd_sim.sweep.arguments import add_sweep
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -58,6 +59,8 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--rerun", metavar="SINK", help="show in Rerun: spawn, serve, connect, or a file.rrd")
     run.add_argument("--quiet", action="store_true", help="no progress bar")
     run.set_defaults(command=_run)
+
+    add_sweep(commands)
 
     urdf = commands.add_parser("urdf", help="print the mechanism's spanning tree as URDF")
     _add_mechanism(urdf)

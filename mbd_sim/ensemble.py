@@ -76,7 +76,7 @@ class Ensemble:
         if not (math.isfinite(self.step_size) and self.step_size > 0.0):
             raise ValueError(f"the step must be a positive number of seconds, not {step!r}")
         variants = Variants(mechanism, changes)
-        self.model: Model = build_model(mechanism, method, (), variants.values)
+        self.model: Model = build_model(variants.first, method, (), variants.values)
         self._limits = variants.effort_limits()
         self._starts, values = variants.starts(self.model)
         self._groups: Groups = _groups(self.model, len(changes))

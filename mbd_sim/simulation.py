@@ -28,7 +28,9 @@ class Simulation:
 
     `q` (nq,) are the generalized coordinates and `u` (nv,) the generalized speeds in the order of the file's
     joints, in m, rad, m/s and rad/s; free joints have a position and a unit quaternion (w, x, y, z) in q, and a
-    velocity in the first part's axes and an angular velocity in the second's in u. Not to be shared by threads.
+    velocity in the first part's axes and an angular velocity in the second's in u. They, `y` (the integrated state: q,
+    u, and the audit's energies), `efforts` and `inputs` are read-only views of the kernel's own memory: they show the
+    motion as it goes on; copy what you want to keep. Not to be shared by threads.
 
     >>> sim = Simulation.from_file("double_rod")
     >>> sim.run(until=3.0)
@@ -74,6 +76,7 @@ class Simulation:
         arrays = (self._clock, self._step, self._y, self._inputs, self._estimate)
         # On the instance it comes before the method of this name, which it calls where something is wrong.
         vars(self)["step"] = self.model.kernel.stepper(self.step, [array.ctypes.data for array in arrays], arrays)
+        self.y = _read_only(self._y)
         self.q = _read_only(self._y[self.model.q_range])
         self.u = _read_only(self._y[self.model.u_range])
         self.efforts = _read_only(self._efforts)

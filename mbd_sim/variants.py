@@ -19,7 +19,10 @@ Change = Mapping[str, float | str]
 
 
 class Variants:
-    """One mechanism a change; equal changes share it. `values` are those in which their equations differ."""
+    """One mechanism a change; equal changes share it.
+
+    `values` are those in which the equations of the others differ from those of the `first`.
+    """
 
     def __init__(self, mechanism: Mechanism, changes: Sequence[Change]) -> None:
         """Build them.
@@ -43,10 +46,15 @@ class Variants:
                 self._numbers.append(numbers_of(variant) if change else base)
             self._which.append(known[key])
         try:
-            self.values: Values = values_among(base, self._numbers)
+            self.values: Values = values_among(self._numbers[0], self._numbers)
         except UnvariedError as error:
             message = f"the members cannot share one set of equations: {error}"
             raise MechanismError([Problem(message, "Make an ensemble for each such value.")]) from error
+
+    @property
+    def first(self) -> Mechanism:
+        """The mechanism of the first member."""
+        return self._mechanisms[0]
 
     def starts(self, model: Model) -> tuple[Array, Array]:
         """The start states (k, n) and the values (k, m) of the members.
@@ -55,7 +63,7 @@ class Variants:
         """
         equations, states, rows = model.equations, [], []
         for number, (mechanism, numbers) in enumerate(zip(self._mechanisms, self._numbers, strict=True)):
-            values = self.values.of(numbers)
+            values = self.values.among(numbers)
             conditions = partial(equations.make_conditions, values)
             try:
                 q, u = start_like(mechanism, model.layout, conditions, equations.rows)

@@ -138,7 +138,7 @@ def test_large_angles_leave_the_vectors_for_the_library():
 @pytest.mark.parametrize(
     ("members", "words"),
     [
-        ([{"joints.elbow.axis[0]": 1.0}], "cannot share"),
+        ([{}, {"joints.elbow.axis[0]": 1.0}], "cannot share"),
         ([{}, {"m": -1.0}], "member 1: .*at least 0"),
         ([{"mass": 1.0}], "names nothing"),
     ],

@@ -21,7 +21,7 @@ from mbd_sim.integrators.tableau import Tableau
 Array = NDArray[np.float64]
 Advance = Callable[[Mapping[str, Array], int, float, int, range], None]
 
-LANES = 8  # members a group: more hide the waiting for results, until the registers are too few
+LANES = 8  # members a group: docs/ensembles.md
 
 _ADDRESS, _INT, _DOUBLE = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
