@@ -10,6 +10,7 @@ from typing import Any, cast
 import casadi as ca
 import llvmlite.ir as ir
 
+from mbd_sim.compiler.arrange import arranged
 from mbd_sim.compiler.gauss import gauss_step
 from mbd_sim.compiler.jit import MachineCode, compile_module, new_module
 from mbd_sim.compiler.linearization import linearize
@@ -71,8 +72,8 @@ def compile_kernel(
     system = System(
         size=rates.nnz_out(0),
         watched=core.stop,
-        rates=lower(module, rates, inline=instructions * method.stages <= INLINED),
-        settle=lower(module, settle, inline=not judging) if settle is not None else None,
+        rates=lower(module, arranged(rates), inline=instructions * method.stages <= INLINED),
+        settle=lower(module, arranged(settle, fused=False), inline=not judging) if settle is not None else None,
         judging=judging,
     )
     advance = emit_advance(module, system, _step_of(method, rates, core))
