@@ -73,6 +73,13 @@ class LaneBuilder(ir.IRBuilder):  # type: ignore[misc]  # llvmlite carries no ty
             return super().select(condition, self.widened(x), self.widened(y), *rest, **more)
         return super().select(condition, *self._alike(x, y), *rest, **more)
 
+    def fma(self, x: ir.Value, y: ir.Value, z: ir.Value, *rest: Any, **more: Any) -> ir.Value:
+        """Compute x y + z, rounded once."""
+        x, y, z = self._alike(x, y, z)
+        if not isinstance(x.type, ir.VectorType):
+            return super().fma(x, y, z, *rest, **more)
+        return super().call(self._wide_intrinsic("llvm.fma", 3), [x, y, z])
+
     def bitcast(self, value: ir.Value, type_: ir.Type, *rest: Any, **more: Any) -> ir.Value:
         """The same bits as numbers of another type."""
         keeps_lanes = isinstance(value.type, ir.VectorType) and type_ in (DOUBLE, ir.IntType(64))

@@ -13,11 +13,13 @@ import llvmlite.ir as ir
 
 from mbd_sim.compiler.lanes import LaneBuilder, new_builder
 from mbd_sim.compiler.pieces import Work, handed_on, pieces
+from mbd_sim.compiler.program import MULTIPLY_ADD, MULTIPLY_SUBTRACT, SUBTRACT_PRODUCT, Instructions
 from mbd_sim.compiler.trigonometry import sine_cosine
 from mbd_sim.compiler.types import DOUBLE, POINTER, element, local_array, number
 
 Build = Callable[["_Lowering", ir.Value], ir.Value]
 Build2 = Callable[["_Lowering", ir.Value, ir.Value], ir.Value]
+Build3 = Callable[["_Lowering", ir.Value, ir.Value, ir.Value], ir.Value]
 
 _UNARY: dict[int, Build] = {
     ca.OP_ASSIGN: lambda low, x: x,
@@ -45,6 +47,11 @@ _BINARY: dict[int, Build2] = {
     ca.OP_NE: lambda low, x, y: low.truth(low.builder.fcmp_unordered("!=", x, y)),
     ca.OP_IF_ELSE_ZERO: lambda low, x, y: low.if_else_zero(x, y),
 }
+_TERNARY: dict[int, Build3] = {
+    MULTIPLY_ADD: lambda low, x, y, z: low.builder.fma(x, y, z),
+    MULTIPLY_SUBTRACT: lambda low, x, y, z: low.builder.fma(x, y, low.builder.fneg(z)),
+    SUBTRACT_PRODUCT: lambda low, x, y, z: low.builder.fma(low.builder.fneg(x), y, z),
+}
 # These are the C library's own: only expressions, friction and powers need them. Their last bits depend on the library.
 _LIBRARY: dict[int, str] = {
     ca.OP_EXP: "exp",
@@ -60,7 +67,7 @@ _LIBRARY: dict[int, str] = {
 }
 
 
-def lower(module: ir.Module, function: ca.Function, inline: bool, lanes: int = 1) -> ir.Function:
+def lower(module: ir.Module, function: Instructions, inline: bool, lanes: int = 1) -> ir.Function:
     """Emit `function` as `void name(double* in0, …, double* out0, …)`, the arguments not overlapping.
 
     With several `lanes` each double is a vector of them, see `LaneBuilder`.
@@ -108,7 +115,7 @@ class _Lowering:
 
     def run(
         self,
-        function: ca.Function,
+        function: Instructions,
         by_reciprocal: frozenset[int],
         instructions: range,
         inputs: Sequence[ir.Value],
@@ -132,6 +139,8 @@ class _Lowering:
                 work[target[0]] = _UNARY[operation](self, work[source[0]])
             elif operation in _BINARY:
                 work[target[0]] = _BINARY[operation](self, work[source[0]], work[source[1]])
+            elif operation in _TERNARY:
+                work[target[0]] = _TERNARY[operation](self, *(work[place] for place in source))
             elif operation in _LIBRARY:
                 work[target[0]] = self.library(_LIBRARY[operation], *(work[place] for place in source))
             else:
@@ -181,7 +190,7 @@ class _Lowering:
         return self.builder.select(self.builder.fcmp_unordered("!=", condition, number(0.0)), value, number(0.0))
 
 
-def shared_divisions(function: ca.Function) -> frozenset[int]:
+def shared_divisions(function: Instructions) -> frozenset[int]:
     """The instructions that divide by a number by which another one divides as well."""
     holds = [-1] * function.sz_w()  # the instruction that made what a place of the work vector holds
     divisions: dict[int, list[int]] = {}
@@ -195,7 +204,7 @@ def shared_divisions(function: ca.Function) -> frozenset[int]:
     return frozenset(index for group in divisions.values() if len(group) > 1 for index in group)
 
 
-def instruction_count(function: ca.Function) -> int:
+def instruction_count(function: Instructions) -> int:
     """Scalar instructions of a function, without loads and stores."""
     skipped = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
     return sum(function.instruction_id(index) not in skipped for index in range(function.n_instructions()))

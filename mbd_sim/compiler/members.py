@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.compiler.jit import MachineCode, compile_module, new_module
-from mbd_sim.compiler.kernel import INLINED, Kernel
-from mbd_sim.compiler.lower import instruction_count, lower
+from mbd_sim.compiler.kernel import Kernel, emit_system
 from mbd_sim.compiler.runge_kutta import explicit_step
-from mbd_sim.compiler.stepping import System, emit_advance_members
+from mbd_sim.compiler.stepping import emit_advance_members
 from mbd_sim.integrators.tableau import Tableau
 
 Array = NDArray[np.float64]
@@ -43,15 +42,7 @@ def compile_members(
 ) -> MemberKernel:
     """Compile y' = rates(t, y, inputs) for groups of members; see `compile_kernel`."""
     module = new_module()
-    judging = rates.n_out() > 1
-    system = System(
-        size=rates.nnz_out(0),
-        watched=watched,
-        rates=lower(module, rates, inline=instruction_count(rates) * method.stages <= INLINED, lanes=lanes),
-        settle=lower(module, settle, inline=not judging, lanes=lanes) if settle is not None else None,
-        judging=judging,
-        settling_by_inputs=settle is not None and settle.n_in() > 2,
-    )
+    system = emit_system(module, rates, settle, method, watched, lanes)
     emit_advance_members(module, system, explicit_step(method), lanes, rates.nnz_in(2))
     code = compile_module(module)
     signature = ctypes.CFUNCTYPE(None, *[_ADDRESS] * 4, _INT, _DOUBLE, *[_INT] * 3)
