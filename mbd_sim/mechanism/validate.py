@@ -32,6 +32,8 @@ _SYNONYMS = {
     "ball": "sphere", "point": "particle", "rectangle": "plate",
 }  # fmt: skip
 
+MERGED = ("parts", "joints")  # sections whose entries may be written in part beside those of a URDF
+
 
 def validate(source: Source) -> tuple[MechanismFile, dict[str, float]]:
     """The file's records and the values of its parameters.
@@ -293,8 +295,14 @@ def _forbid_other_names(node: object) -> None:
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON Schema of mechanism files, for editors."""
-    return copy.deepcopy(_json_schema())
+    """The JSON Schema of mechanism files, for editors. A file with `urdf` may leave out what the URDF has."""
+    schema = copy.deepcopy(_json_schema())
+    alone = {"required": schema.pop("required")}
+    for section in MERGED:
+        properties = schema["properties"]
+        alone.setdefault("properties", {})[section] = properties[section]
+        properties[section] = {"type": "object", "description": properties[section].get("description", section)}
+    return {**schema, "if": {"required": ["urdf"]}, "else": alone}
 
 
 def _schema_at(loc: tuple[int | str, ...]) -> list[dict[str, Any]]:
