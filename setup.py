@@ -60,6 +60,8 @@ setup(
             "ros-jazzy-common-interfaces>=5.3,<6",
             "ros-jazzy-rmw-fastrtps-cpp>=8.4,<9",
         ],
+        # Real robots and Pinocchio, against which their accelerations are tested; without them those tests are skipped.
+        "robots": ["example-robot-data>=4", "pin>=3"],
         "test": [
             "hypothesis>=6.100",
             "jsonschema>=4.20",

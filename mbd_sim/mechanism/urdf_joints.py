@@ -47,6 +47,7 @@ def _axis(reading: Reading, joint: Element, key: str, origins: Origins) -> list[
     xyz = reading.numbers(axis, "xyz", f"{key}.axis", 3)
     if xyz is not None and not any(xyz):
         reading.complain(axis, f"{key}.axis.xyz", "must not be zero", "Give for example 0 0 1.", axis.attributes["xyz"])
+        return X
     return xyz or X
 
 
@@ -101,8 +102,8 @@ def mimic_of(
 ) -> dict[str, Any] | None:
     """The coupling that a joint's `<mimic>` means: q = multiplier · q' + offset, with q' of the other joint.
 
-    :param names: the name in the mechanism of each joint.
-    :param kinds: the URDF type of each joint.
+    :param names: the name in the mechanism of each joint that is connected.
+    :param kinds: the URDF type of every joint.
     """
     mimic = joint.first("mimic")
     if mimic is None:
@@ -111,10 +112,12 @@ def mimic_of(
     if kinds[own] == "fixed":
         reading.leave_out("<mimic> of fixed joints", key)
         return None
-    if other not in names:
+    if other not in kinds:
         what = f"there is no joint {quoted(other)}" if other else "'joint' is missing"
-        reading.complain(mimic, f"{where}.joint", what, nearest(other, set(names) - {own}))
+        reading.complain(mimic, f"{where}.joint", what, nearest(other, set(kinds) - {own}))
         return None
+    if other not in names:
+        return None  # its own problems are reported
     if other == own:
         reading.complain(mimic, f"{where}.joint", "a joint cannot mimic itself", "Name another joint.", other)
         return None

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from mbd_sim.mechanism.inertia import defect
+from mbd_sim.mechanism.model import Array
 from mbd_sim.mechanism.source import Location, Origin
 from mbd_sim.mechanism.urdf_values import Reading, placed, pose_of, rows
 from mbd_sim.mechanism.urdf_xml import Element
@@ -39,32 +40,35 @@ def _inertial(reading: Reading, inertial: Element, key: str, origins: Origins) -
     value = reading.needed(mass, "value", f"{key}.mass") if mass else None
     if mass and value is not None and value < 0.0:
         reading.complain(mass, f"{key}.mass.value", "must be at least 0", "Write 0 or a positive mass.", f"{value:g}")
-    tensor = np.zeros((3, 3))
-    for name, place in MOMENTS.items() if inertia else ():
-        assert inertia is not None
-        product = place[0] != place[1]
-        read = reading.number if product else reading.needed
-        tensor[place] = tensor[place[::-1]] = read(inertia, name, f"{key}.inertia") or 0.0
-    if not value and not np.any(tensor):
+    tensor = _moments(reading, inertia, f"{key}.inertia") if inertia else np.zeros((3, 3))
+    if mass is None or inertia is None or not (value or np.any(tensor)):
         return {}
     if any(rpy):
         turn = pose_of(xyz, rpy).rotation
         tensor = turn @ tensor @ turn.T
         tensor = 0.5 * (tensor + tensor.T)
-    assert mass is not None
-    origins |= {("mass",): reading.origin(mass, f"{key}.mass"), ("center",): reading.origin(inertial, key)}
-    origins[("inertia",)] = reading.origin(inertia or inertial, f"{key}.inertia")
+    origins |= {
+        ("mass",): reading.origin(mass, f"{key}.mass"),
+        ("center",): reading.origin(inertial, key),
+        ("inertia",): reading.origin(inertia, f"{key}.inertia"),
+    }
     record = {"mass": value or 0.0} | ({"center": xyz} if any(xyz) else {}) | {"inertia": _tensor(tensor)}
-    if not value:
-        reading.leave_out("inertia without mass, taken as it is", key.removesuffix(".inertial"))
-        record["inertia_check"] = False
-    elif defect(tensor) is not None:
-        reading.leave_out("inertia that no rigid body has, taken as it is", key.removesuffix(".inertial"))
+    what = "inertia without mass" if not value else "inertia that no rigid body has" if defect(tensor) else ""
+    if what:
+        reading.leave_out(f"{what}, taken as it is", key.removesuffix(".inertial"))
         record["inertia_check"] = False
     return record
 
 
-def _tensor(tensor: np.ndarray[Any, Any]) -> Any:
+def _moments(reading: Reading, inertia: Element, key: str) -> Array:
+    tensor = np.zeros((3, 3))
+    for name, place in MOMENTS.items():
+        read = reading.needed if place[0] == place[1] else reading.number  # products are 0 where they are not given
+        tensor[place] = tensor[place[::-1]] = read(inertia, name, key) or 0.0
+    return tensor
+
+
+def _tensor(tensor: Array) -> Any:
     if not np.any(tensor - np.diag(np.diag(tensor))):
         return rows(np.diag(tensor))
     return {name[1:]: float(tensor[place]) for name, place in MOMENTS.items()}

@@ -41,7 +41,7 @@ def with_urdf(source: Source, base: Base | None = None) -> Source:
     under = urdf_source(read_text(path), str(path), base or written)
     merged = overlaid(under, source)
     if not merged.problems:
-        merged.text = yaml_text(merged.data, [f"From {source.file} and {path}.", *merged.notes])
+        merged.text = yaml_text(merged.data, [f"From {Path(source.file).name} and {path.name}.", *merged.notes])
     return merged
 
 

@@ -6,6 +6,7 @@ welded to ground, or flies freely, by a joint named base.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, Literal
 
 from mbd_sim.errors import listed, nearest, quoted
@@ -36,7 +37,7 @@ def urdf_source(text: str, file: str, base: Base | None = None) -> Source:
     reader = _Robot(robot, file, base)
     source = reader.source()
     if not source.problems:
-        source.text = yaml_text(source.data, [f"From {file}.", *source.notes])
+        source.text = yaml_text(source.data, [f"From {Path(file).name}.", *source.notes])
     return source
 
 
@@ -59,7 +60,9 @@ class _Robot:
         self.reading = Reading(file)
         self.origins: dict[Location, Origin] = {}
         self.links = self._named("link")
-        self.joints = self._connected(self._named("joint"))
+        named = self._named("joint")
+        self.kinds = {name: joint.attributes.get("type", "") for name, joint in named.items()}
+        self.joints = self._connected(named)
         self.part_names, self.joint_names = valid_names(self.links, "link"), valid_names(self.joints, "joint")
         self.root = self._root()
         self.grounded = self._is_ground()
@@ -224,11 +227,10 @@ class _Robot:
         return {"type": record.pop("type"), "between": between, **record}, place
 
     def _couplings(self) -> dict[str, Any]:
-        kinds = {name: joint.attributes.get("type", "") for name, joint in self.joints.items()}
         couplings: dict[str, Any] = {}
         for name, joint in self.joints.items():
             key = _key("joint", name)
-            if (coupling := mimic_of(self.reading, joint, key, self.joint_names, kinds)) is not None:
+            if (coupling := mimic_of(self.reading, joint, key, self.joint_names, self.kinds)) is not None:
                 own = own_name(f"{self.joint_names[name]}_mimic", couplings)
                 couplings[own] = coupling
                 self.origins[("constraints", own)] = self.reading.origin(joint, f"{key}.mimic")
