@@ -54,7 +54,7 @@ def _block(location: Location) -> bool:
 
 def _scalar(value: Any) -> yaml.ScalarNode:
     if isinstance(value, str):
-        plain = _tag(value) == _STRING and isinstance(plain_scalar(value), str)
+        plain = value.isprintable() and _tag(value) == _STRING and isinstance(plain_scalar(value), str)
         return yaml.ScalarNode(_STRING, value, style=None if plain else '"')
     text = str(value).lower() if isinstance(value, bool) else _number(value)
     return yaml.ScalarNode(_tag(text), text)
