@@ -102,7 +102,7 @@ def test_its_text_alone_makes_the_same_mechanism(name, base):
     assert "urdf" not in parse_source(text).data and parse_source(text).data == mechanism.source.data
     again = parse_mechanism(text)
     assert again.source.text == text
-    first, second = (Simulation(each, step=1e-3) for each in (mechanism, again))
+    first, second = (Simulation(each, method="rk4") for each in (mechanism, again))
     for simulation in (first, second):
         simulation.step(20)
     assert first.state.tobytes() == second.state.tobytes()
@@ -111,12 +111,12 @@ def test_its_text_alone_makes_the_same_mechanism(name, base):
 def test_a_file_is_loaded_by_its_name(tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(arm())
-    simulation = Simulation.from_file(path)
+    simulation = Simulation.from_file(path, method="rk4")
     simulation.run(until=0.05)
     assert simulation.mechanism.name == "seven_axes" and simulation.coordinate_names == tuple(
         f"axis{i}" for i in range(1, 8)
     )
-    assert abs(simulation.energies.residual) < 1e-9
+    assert abs(simulation.energies.residual) < 1e-6
 
 
 def test_links_without_inertia_are_parts_that_can_be_named():
@@ -381,7 +381,7 @@ def test_a_xacro_file_is_answered_with_how_to_expand_it(tmp_path):
 
 def test_damaged_files_are_answered_with_a_mechanism_error():
     rng, whole = np.random.default_rng(4), arm()
-    for _ in range(150):
+    for _ in range(80):
         start, length = rng.integers(len(whole)), rng.integers(1, 40)
         put = str(rng.choice(["", "-1", "x", "<link/>", '"', "nan", "1e99", "link1"]))
         try:

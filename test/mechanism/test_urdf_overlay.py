@@ -1,5 +1,8 @@
 """A mechanism file that begins from a URDF: what is merged, what it may add, and where its problems stand."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from urdf_robots import arm, quadruped
@@ -30,6 +33,8 @@ FIVE_BAR = """<robot name="five_bar">
 </robot>""".format(
     inertial='<inertial><origin xyz="0 0 -0.2"/><mass value="0.5"/><inertia ixx="0.01" iyy="0.01" izz="0.001"/></inertial>'
 )
+
+PAGE = (Path(__file__).parents[2] / "docs" / "urdf.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture
@@ -79,7 +84,7 @@ joints:
 forces:
   rope: {type: spring, between: [ground, left_rod.foot], stiffness: k, length: l}
 """)
-    simulation = Simulation.from_file(path)
+    simulation = Simulation.from_file(path, method="rk4")
     mechanism = simulation.mechanism
     hip = mechanism.joints["left_hip"]
     assert list(mechanism.closing) == ["foot"] and simulation.model.degrees_of_freedom == 2
@@ -95,7 +100,7 @@ forces:
 
 def test_a_free_base_starts_where_it_is_put(overlay):
     path = overlay("urdf: four.urdf\nbase: free\njoints:\n  base: {position: [0, 0, 0.4], velocity: [1, 0, 0]}\n")
-    simulation = Simulation.from_file(path)
+    simulation = Simulation.from_file(path, method="rk4")
     assert simulation.q[:3].tolist() == [0, 0, 0.4] and simulation.u[0] == 1.0
 
 
@@ -105,7 +110,7 @@ urdf: robots/arm.urdf
 ground: {points: {table: [0, 0, 0.8]}}
 joints: {base: {between: [ground.table, base_link]}}
 """)
-    assert Simulation.from_file(path).poses()["base_link"].position.tolist() == [0, 0, 0.8]
+    assert Simulation.from_file(path, method="rk4").poses()["base_link"].position.tolist() == [0, 0, 0.8]
 
 
 def test_ground_points_are_merged(overlay):
@@ -227,7 +232,16 @@ def test_a_mimic_of_the_urdf_can_be_replaced(overlay):
     )
     (coupling,) = load_mechanism(path).constraints
     assert coupling.factors == {"right_knee": 1.0, "left_knee": 1.0}
-    simulation = Simulation.from_file(path)
+    simulation = Simulation.from_file(path, method="rk4")
     simulation.run(until=0.1)
     q = dict(zip(simulation.coordinate_names, simulation.q, strict=True))
     assert np.isclose(q["right_knee"], -q["left_knee"], atol=1e-12)
+
+
+def test_the_example_of_the_page_runs(overlay):
+    (text,) = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+    simulation = Simulation.from_file(overlay(text.replace("five_bar.urdf", "robots/five.urdf")), method="rk4")
+    simulation.run(until=0.1)
+    assert (
+        simulation.model.degrees_of_freedom == 2 and simulation.mechanism.joints["left_hip"].limits.stiffness == 1000.0
+    )
