@@ -1,7 +1,8 @@
 """A mechanism file that begins from a URDF, and adds what URDF cannot say.
 
 Entries of the same name are merged key by key, those of the file before those of the URDF. A joint that is given
-another type keeps only what it connects; one that is given a drive keeps its axis as well.
+another type keeps only what it connects; one that is given a drive keeps its axis as well. A part that is given shapes
+with a mass loses the mass of the URDF.
 """
 
 from __future__ import annotations
@@ -102,9 +103,16 @@ def _kept(section: str, under: dict[str, Any], over: dict[str, Any]) -> dict[str
             return {"between": under["between"]}
         if over.get("drive") is not None:
             return {key: value for key, value in under.items() if key in ("type", "between", "axis")}
-    if section == "parts" and over.get("shape") is not None:
-        return {key: value for key, value in under.items() if key != "shapes"}
+    if section == "parts" and (shapes := _shapes(over)):
+        massive = any(shape.get("mass") or shape.get("density") for shape in shapes if isinstance(shape, dict))
+        replaced = ("shapes", "mass", "center", "inertia", "inertia_check") if massive else ("shapes",)
+        return {key: value for key, value in under.items() if key not in replaced}
     return under
+
+
+def _shapes(part: dict[str, Any]) -> list[Any]:
+    found = part.get("shapes")
+    return [part["shape"]] if part.get("shape") is not None else found if isinstance(found, list) else []
 
 
 def _record(merged: Source, location: Location, under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from mbd_sim.mechanism.model import GROUND
 from mbd_sim.mechanism.source import Location, Origin, Source
 from mbd_sim.mechanism.urdf_joints import joint_of, mimic_of
 from mbd_sim.mechanism.urdf_links import Origins, color_of, part_of
-from mbd_sim.mechanism.urdf_values import Reading, own_name, valid_names
+from mbd_sim.mechanism.urdf_values import LONGEST_NAME, Reading, own_name, valid_names
 from mbd_sim.mechanism.urdf_xml import Element, parse_xml, refused
 from mbd_sim.mechanism.yaml_text import yaml_text
 
@@ -243,7 +243,7 @@ class _Robot:
 
 def _key(tag: str, name: str) -> str:
     """How a link or joint is named in errors."""
-    return f"{tag}[{name[:60]}]"
+    return f"{tag}[{name if name.isprintable() and len(name) <= LONGEST_NAME else quoted(name)}]"
 
 
 def _link(joint: Element, end: str) -> str:

@@ -16,6 +16,7 @@ from pydantic_core import ErrorDetails
 from mbd_sim.errors import MechanismError, Problem, listed, nearest, quoted
 from mbd_sim.mechanism.build import assemble, in_order
 from mbd_sim.mechanism.expression import CONSTANTS, FUNCTIONS, ExpressionError, names_in
+from mbd_sim.mechanism.library import SUFFIXES
 from mbd_sim.mechanism.quantity import parse_value, split_unit
 from mbd_sim.mechanism.schema import Ground, MechanismFile, Part
 from mbd_sim.mechanism.schema_base import NAME_PATTERN
@@ -43,7 +44,7 @@ def validate(source: Source) -> tuple[MechanismFile, dict[str, float]]:
     if not isinstance(source.data, dict):
         message = "a mechanism file is a mapping with 'mechanism', 'parts' and 'joints'"
         remedy = "Begin with a line such as 'mechanism: pendulum'."
-        if isinstance(source.data, str) and source.data.endswith((".yaml", ".yml")):
+        if isinstance(source.data, str) and source.data.endswith(SUFFIXES):
             remedy = "This is a path: load_mechanism reads files, parse_mechanism their text."
         raise MechanismError([source.problem((), message, remedy, source.data)])
     parameters = resolve_parameters(source)

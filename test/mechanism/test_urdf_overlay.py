@@ -135,6 +135,32 @@ joints:
     assert mechanism.joints["hold"].child == "load"
 
 
+def test_shapes_with_a_mass_make_a_body_of_a_frame(overlay):
+    tool = "urdf: robots/arm.urdf\nparts:\n  tool0: {shape: {type: sphere, radius: 0.1, mass: 2}}\n  link1: {shapes: [{type: sphere, radius: 1}]}"
+    mechanism = load_mechanism(overlay(tool))
+    assert mechanism.parts["tool0"].mass == 2.0 and mechanism.parts["tool0"].inertia[0, 0] == pytest.approx(0.008)
+    assert mechanism.parts["link1"].mass == 4.9 and len(mechanism.parts["link1"].shapes) == 1
+
+
+def test_damaged_overlays_are_answered_with_a_mechanism_error(overlay):
+    rng = np.random.default_rng(6)
+    whole = """urdf: robots/five.urdf
+base: fixed
+ground: {points: {wall: [1, 0, 0]}}
+parts: {left_rod: {mass: 3, points: {foot: [0, 0, -1]}, shapes: [{type: sphere, radius: 1, mass: 3}]}}
+joints: {left_hip: {type: revolute, limits: {upper: 3}, friction: {coulomb: 1}, position: 1}, right_hip: {drive: t}}
+constraints: {rod: {type: distance, between: [left_rod, right_rod], length: 1}}
+"""
+    words = list(re.finditer(r"[\w.]+|\{[^{}]*\}|\[[^\[\]]*\]", whole))
+    for _ in range(80):
+        word = words[rng.integers(len(words))]
+        put = str(rng.choice(["", "3", "[]", "{}", "x", "[1, x]", "{a: {}}", "base", "left_rod"]))
+        try:
+            load_mechanism(overlay(whole[: word.start()] + put + whole[word.end() :]))
+        except MechanismError as error:
+            assert str(error)
+
+
 def test_a_joint_is_given_another_type_a_drive_or_no_limits(overlay):
     mechanism = load_mechanism(
         overlay("""

@@ -15,7 +15,7 @@ from mbd_sim import Simulation, parse_mechanism
 from test.system.nodes import running
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "mechanism"))
-from urdf_robots import quadruped  # noqa: E402
+from urdf_robots import quadruped
 
 pytestmark = pytest.mark.timeout(90)
 
