@@ -62,6 +62,8 @@ setup(
         ],
         # Sweeps: tables, and more processors than one.
         "sweep": ["dask[distributed]>=2024.1", "pyarrow>=14"],
+        # Real robots and Pinocchio, against which their accelerations are tested; without them those tests are skipped.
+        "robots": ["example-robot-data>=4", "pin>=3"],
         "test": [
             "dask[distributed]>=2024.1",
             "hypothesis>=6.100",

@@ -148,12 +148,12 @@ def _part(name: str, record: schema.Part, source: Source, problems: list[Problem
         except ValueError as error:
             message, _, remedy = str(error).partition(": ")
             problems.append(source.problem(location, message, f"{remedy[:1].upper()}{remedy[1:]}." if remedy else ""))
-    if (why := inertia.defect(tensor)) is not None:
-        given = record.inertia is not None
+    given = record.inertia is not None
+    if (why := inertia.defect(tensor)) is not None and (record.inertia_check or not given):
         remedy = "No rigid body has such an inertia: check its numbers." if given else "Keep the holes in the material."
         where = (*location, "inertia") if given else location
         problems.append(source.problem(where, f"the inertia {why}", remedy))
-    if mass == 0.0 and np.any(tensor):
+    if mass == 0.0 and np.any(tensor) and record.inertia_check:
         problems.append(source.problem(location, "has an inertia without mass", "Give the part a mass."))
     return Part(
         name=name,

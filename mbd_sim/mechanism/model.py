@@ -109,6 +109,7 @@ class Joint:
     `damping` have a value for each degree of freedom. A joint with a `drive` has none: its coordinates are these
     expressions of time. A `spring` law takes the elongation q - rest, the laws `damper` and `friction` the speed; only
     revolute and prismatic joints have them. `reversed` joints are walked from child to parent in the spanning tree.
+    `velocity_limit` is only described.
     `held` and `held_speeds` (nv,) tell which start values loops must be assembled around; `cut` joints close loops.
     """
 
@@ -129,6 +130,7 @@ class Joint:
     drive: tuple[TimeExpression, ...] = ()
     limits: Limits | None = None
     effort_limit: float | None = None
+    velocity_limit: float | None = None
     spring: ElasticLaw | None = None
     damper: PowerLaw | None = None
     friction: Friction | None = None

@@ -164,6 +164,7 @@ class Part(Record):
     mass: Mass | None = Field(None, description="kg; shared among the shapes by their size")
     center: Vector | None = Field(None, description="mass centre, where it is not computed from shapes")
     inertia: InertiaOrMoments | None = None
+    inertia_check: bool = Field(True, description="false: take an inertia that no rigid body has as it is")
     shape: AnyShape | None = None
     shapes: list[AnyShape] | None = None
     points: dict[Name, PointOrVector] = Field(default={})
@@ -187,6 +188,8 @@ class MechanismFile(Record):
 
     mechanism: Name = Field(description="the mechanism's name")
     description: str = ""
+    urdf: str | None = Field(None, description="a URDF file whose links and joints this file adds to")
+    base: Literal["fixed", "free"] | None = Field(None, description="how the root link of the URDF is held")
     parameters: dict[Name, Value] = Field({}, description="named numbers, which expressions may use")
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, -9.81)
     integrator: Integration = Integration()
