@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +16,11 @@ from rcl_interfaces.msg import (
 )
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+
+from mbd_sim.errors import nearest
+
+FOREIGN = ("qos_overrides.",)  # parameters that rclpy declares later, by itself
+ALIKE = 0.7  # how alike an unknown name and one of ours must be to count as misspelled
 
 
 @dataclass(frozen=True)
@@ -47,6 +53,13 @@ PARAMETERS = (
     Declared("record_dir", "recordings", "folder of the recordings, from where the node was started"),
     Declared("rerun", "", "show the run in Rerun: spawn, serve, connect, connect:URL, or a file.rrd; empty: no"),
     Declared("rerun_rate", 60.0, "updates of the Rerun scene per simulated second", 1.0, 10_000.0),
+    Declared("marker_rate", 30.0, "markers per simulated second, where somebody listens; 0: none", 0.0, 1000.0),
+    Declared("joint_reactions", False, "publish the force and moment that go through each joint"),
+    Declared("constraint_violation", False, "publish how far loops and constraints are off"),
+    Declared("part_poses", "", "parts whose poses are published, separated by commas, or *; empty: none"),
+    Declared("tf", False, "publish the poses of all parts on /tf; not beside robot_state_publisher. Needs tf2_msgs"),
+    Declared("frame_prefix", "", "put before the names of frames, for several instances: name/"),
+    Declared("real_time_priority", 20, "of the stepping thread (SCHED_FIFO), where permitted; 0: ordinary", 0, 90),
 )  # fmt: skip
 
 
@@ -70,7 +83,7 @@ class Parameters:
     def __init__(self, node: Node, on_change: Callable[[str, Any], None]) -> None:
         """Declare all.
 
-        :raises ValueError: a value given at start is of the wrong type or out of range.
+        :raises ValueError: a value given at start is of the wrong type or out of range, or a name is misspelled.
         """
         self._known = {declared.name: declared for declared in PARAMETERS}
         self._values: dict[str, Any] = {}
@@ -80,6 +93,7 @@ class Parameters:
             if problem := _problem(declared, value):
                 raise ValueError(problem)
             self._values[declared.name] = type(declared.default)(value)
+        self.unknown = _unknown(node, [*self._known, *node.get_parameters_by_prefix("")])
         node.add_on_set_parameters_callback(self._set)
 
     def __getitem__(self, name: str) -> Any:
@@ -98,6 +112,18 @@ class Parameters:
             self._values[name] = value
             self._on_change(name, value)
         return SetParametersResult(successful=True)
+
+
+def _unknown(node: Node, known: Sequence[str]) -> list[str]:
+    """Parameters given at the start that are none of the node's: rclpy passes over them in silence.
+
+    :raises ValueError: one looks like a misspelled name.
+    """
+    unknown = [name for name in node._parameter_overrides if name not in known and not name.startswith(FOREIGN)]
+    for name in unknown:
+        if difflib.get_close_matches(name, known, n=1, cutoff=ALIKE):
+            raise ValueError(f"there is no parameter '{name}'. {nearest(name, known)}")
+    return unknown
 
 
 def _problem(declared: Declared, value: Any) -> str:

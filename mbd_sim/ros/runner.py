@@ -19,6 +19,7 @@ WAKE_UP = 1e-3  # seconds of real time between wake-ups, where the step is short
 FAST_BATCH = 1000  # steps a wake-up when running as fast as possible
 REPEAT = 0.5  # seconds of real time between repeated states while paused, for those who come to listen later
 BACKLOG = 200  # snapshots that may wait when running as fast as possible
+MOST_WAITING = 10_000  # snapshots that may wait at all; when what leaves the node is that slow, they are dropped
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +53,14 @@ class Event:
 
 
 @dataclass
+class Counters:
+    """Where the time of the stepping thread goes: seconds of stepping, and snapshots that were dropped."""
+
+    stepping: float = 0.0
+    dropped: int = 0
+
+
+@dataclass
 class Rates:
     """What may change while it runs: `real_time_factor` 0 is as fast as possible; rates in Hz of simulated time."""
 
@@ -67,7 +76,9 @@ class Runner:
         self.simulation, self.commands, self.rates = simulation, commands, rates
         self.output: SimpleQueue[Snapshot | Event | None] = SimpleQueue()
         self.pacer = Pacer()
+        self.counters = Counters()
         self.paused = paused
+        self.problem = self.advice = ""
         self.ticks = 0
         self._clock_offset = 0
         self._bearable = TOLERATED
@@ -80,6 +91,11 @@ class Runner:
     def start(self) -> None:
         """Begin."""
         self._thread.start()
+
+    @property
+    def thread_id(self) -> int:
+        """The system's number of the stepping thread, 0 before it has started."""
+        return self._thread.native_id or 0
 
     def stop(self) -> None:
         """End the thread and the output; returns when it has ended."""
@@ -123,7 +139,8 @@ class Runner:
         try:
             self._step_on()
         except Exception as error:
-            self._tell(f"failed: {error!r}")
+            self.problem = f"failed: {error!r}"
+            self._tell(self.problem)
             raise
 
     def _step_on(self) -> None:
@@ -147,8 +164,11 @@ class Runner:
                     self._serve_requests()
             else:
                 self.pacer.anchor()
-                while self.output.qsize() > BACKLOG and not self._stopping:
-                    time.sleep(1e-3)
+                self._let_output_catch_up()
+
+    def _let_output_catch_up(self) -> None:
+        while self.output.qsize() > BACKLOG and not self._stopping:
+            time.sleep(1e-3)
 
     def _serve_requests(self) -> None:
         while not self._requests.empty():
@@ -176,14 +196,17 @@ class Runner:
         if due is not None:
             self.simulation.set_efforts(due.efforts)
             self._tell(due.reason, due.efforts)
+        began = time.perf_counter()
         try:
             self.simulation.step(steps)
         except DivergedError as error:
             self._set_paused(True)
-            self._tell(f"diverged: {error}")
+            self.problem = f"diverged: {error}"
+            self._tell(self.problem)
             return str(error)
         self.ticks += steps
         self._warn()
+        self.counters.stepping += time.perf_counter() - began
         publish, clock = self._every(self.rates.publish), self._every(self.rates.clock)
         state_due = bool(publish) and self.ticks % publish == 0
         clock_due = bool(clock) and self.ticks % clock == 0
@@ -196,10 +219,14 @@ class Runner:
         estimate = self.simulation.error_estimate
         if estimate > self._bearable:
             self._bearable = 10.0 * estimate
-            self._tell(f"warning: {self.simulation.step_advice}")
+            self.advice = self.simulation.step_advice or ""
+            self._tell(f"warning: {self.advice}")
 
     def _emit(self, state: bool, clock: bool, repeated: bool = False) -> None:
         simulation = self.simulation
+        if self.output.qsize() >= MOST_WAITING:
+            self.counters.dropped += 1
+            return
         self.output.put(
             Snapshot(
                 ticks=self.ticks,
@@ -225,7 +252,7 @@ class Runner:
 
     def _reset(self, rewind_clock: bool) -> None:
         self.simulation.reset()
-        self._bearable = TOLERATED
+        self._bearable, self.problem, self.advice = TOLERATED, "", ""
         self.commands.clear()
         if rewind_clock:
             self._clock_offset = self.ticks
@@ -241,5 +268,6 @@ class Runner:
             if problem := self._advance(batch):
                 return problem
             left -= batch
+            self._let_output_catch_up()
         self._emit(state=True, clock=True)
         return ""

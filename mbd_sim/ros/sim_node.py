@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import gc
 import signal
 import sys
 import threading
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import rclpy
+from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
@@ -19,19 +20,20 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
-from mbd_sim.errors import CommandError, MbdSimError
+from mbd_sim.errors import CommandError, MbdSimError, listed, nearest
 from mbd_sim.recording.metadata import run_metadata
 from mbd_sim.recording.recorder import Recorder, RecordingError, new_file
-from mbd_sim.ros import qos
+from mbd_sim.ros import qos, realtime
 from mbd_sim.ros.commands import CommandBuffer
-from mbd_sim.ros.outputs import Outputs
+from mbd_sim.ros.diagnostics import PERIOD, Diagnostics
+from mbd_sim.ros.outputs import Outputs, Wanted
 from mbd_sim.ros.parameters import Parameters
 from mbd_sim.ros.runner import Rates, Runner
 from mbd_sim.simulation import Simulation
 from mbd_sim.viewer import Viewer, ViewerError
 
-# A thread that wakes up waits this long at most for another one to give up the interpreter (default: 5 ms).
-SWITCH_INTERVAL = 2e-4
+IMPOSSIBLE = (MbdSimError, ValueError, ImportError, InvalidParameterTypeException, InvalidParameterValueException)
+STARVED = 3  # times a second that the schedule may start anew before the stepping thread gives up its priority
 
 
 class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
@@ -48,9 +50,13 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             clock=self.parameters["clock_rate"],
         )
         self.runner = Runner(self.simulation, self.commands, self.rates, paused=self.parameters["start_paused"])
-        self.outputs = Outputs(self, self.simulation.model)
+        self.outputs = Outputs(self, self.simulation.model, self._wanted())
         self.outputs.recorder = self._recorder()
         self.outputs.viewer = self._viewer()
+        self.diagnostics = Diagnostics(self, self.runner, self.outputs)
+        self._priority = self.parameters["real_time_priority"]
+        self._warned = 0.0
+        self.create_timer(PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_subscription(Float64MultiArray, "~/commands", self._command_by_order, qos.COMMAND)
         self.create_subscription(JointState, "joint_commands", self._command_by_name, qos.COMMAND)
         self.create_service(Trigger, "~/reset", self._reset)
@@ -65,8 +71,14 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             f"'{simulation.mechanism.name}' is {pace}: degrees of freedom {simulation.model.degrees_of_freedom}, "
             f"method {simulation.model.method.name}, step {simulation.step_size * 1e3:g} ms"
         )
+        if unknown := self.parameters.unknown:
+            self.get_logger().warning(f"parameters that mean nothing here: {listed(unknown)}")
+        if self._priority and (refusal := realtime.lock_memory()):
+            self._note(refusal)
         self.outputs.start(self.runner.output)
+        self.diagnostics.begin()
         self.runner.start()
+        self._prioritize()
 
     def stop(self) -> None:
         """End the stepping, then everything that it fed; the recording is finished when this returns."""
@@ -74,7 +86,11 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self.outputs.join()
         recorder, energies = self.outputs.recorder, self.outputs.energies
         residual = f", energy residual {energies.residual:.1e} J" if energies is not None else ""
-        self.get_logger().info(f"stopped after {self.runner.ticks} steps{residual}")
+        late = self.runner.pacer.lateness.spread()
+        self.get_logger().info(
+            f"stopped after {self.runner.ticks} steps{residual}; late by {1e3 * late.median:.2f} ms (median), "
+            f"{1e3 * late.p99:.2f} (p99), {1e3 * late.maximum:.1f} at most; {self.runner.pacer.overruns} overruns"
+        )
         if recorder is not None:
             lost = f", {recorder.dropped} dropped" if recorder.dropped else ""
             self.get_logger().info(f"recorded {recorder.written} messages{lost} to {recorder.path}")
@@ -85,6 +101,45 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             method=self.parameters["method"] or None,
             step=self.parameters["step"] or None,
         )
+
+    def _wanted(self) -> Wanted:
+        """What is published besides joints and energies.
+
+        :raises ValueError: `part_poses` names a part that does not exist.
+        """
+        given, names = self.parameters["part_poses"].strip(), self.simulation.model.part_names
+        poses = tuple(names) if given == "*" else tuple(name.strip() for name in given.split(",") if name.strip())
+        for name in poses:
+            if name not in names:
+                raise ValueError(f"part_poses: there is no part '{name}'. {nearest(name, names)}")
+        return Wanted(
+            reactions=self.parameters["joint_reactions"],
+            violation=self.parameters["constraint_violation"],
+            poses=poses,
+            tf=self.parameters["tf"],
+            marker_rate=self.parameters["marker_rate"],
+            frame_prefix=self.parameters["frame_prefix"],
+        )
+
+    def _prioritize(self) -> None:
+        """Real-time priority, the next lower one for what publishes; none where stepping knows no pause."""
+        priority = self._priority if self.rates.real_time_factor > 0.0 else 0
+        for thread, less in ((self.runner.thread_id, 0), (self.outputs.thread_id, 1)):
+            if self._priority and (refusal := realtime.schedule(thread, max(priority - less, 0))):
+                self._note(refusal)
+                self._priority = 0
+
+    def _note(self, text: str) -> None:
+        self.get_logger().info(text)
+        self.diagnostics.notes.append(text)
+
+    def _tick(self) -> None:
+        if self._priority and self.diagnostics.overruns_of_late >= STARVED:
+            for thread in (self.runner.thread_id, self.outputs.thread_id):
+                realtime.schedule(thread, 0)
+            self._priority = 0
+            self._note("stepping takes all the time, so that it goes on without real-time priority")
+        self.diagnostics.tick()
 
     def _recorder(self) -> Recorder | None:
         if not self.parameters["record"]:
@@ -129,9 +184,11 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             self._reject("joint_commands", error)
 
     def _reject(self, topic: str, error: CommandError) -> None:
-        self.get_logger().warning(
-            f"{topic}: message rejected ({self.commands.rejected} so far): {error}", throttle_duration_sec=1.0
-        )
+        self.diagnostics.last_rejection = topic, error
+        now = time.monotonic()
+        if now - self._warned >= 1.0:  # the logger's own throttle looks at the stack of each call
+            self._warned = now
+            self.get_logger().warning(f"{topic}: message rejected ({self.commands.rejected} so far): {error}")
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.runner.reset(self.parameters["reset_rewinds_clock"])
@@ -154,6 +211,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             case "real_time_factor":
                 self.rates.real_time_factor = value
                 self.runner.repace()
+                self._prioritize()
             case "publish_rate":
                 self.rates.publish = value
             case "clock_rate":
@@ -177,12 +235,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(ended: threading.Event) -> int:
     try:
         node = SimNode()
-    except (MbdSimError, ValueError, InvalidParameterTypeException, InvalidParameterValueException) as error:
+    except (
+        MbdSimError,
+        ValueError,
+        ImportError,
+        InvalidParameterTypeException,
+        InvalidParameterValueException,
+    ) as error:
         print(f"sim_node cannot start:\n{error}", file=sys.stderr)
         return 1
-    sys.setswitchinterval(SWITCH_INTERVAL)
-    gc.collect()
-    gc.freeze()
+    realtime.settle_memory()
     executor = EventsExecutor()
     executor.add_node(node)
 
