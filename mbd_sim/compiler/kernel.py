@@ -34,13 +34,15 @@ class Kernel:
     """`advance(y, inputs, first_step, h, steps)` returns 1, or 0 where the state would not stay finite.
 
     `estimating_advance` has a sixth argument, see `emit_advance`. `readers` take addresses of doubles: those of their
-    inputs, then that of their output. None of them holds the interpreter's lock. `instructions` counts the scalar
+    inputs, then that of their output; `reads_inputs` tells which have the system's inputs among theirs. None of them
+    holds the interpreter's lock. `instructions` counts the scalar
     instructions of one evaluation of the rates.
     """
 
     advance: Callable[..., int]
     estimating_advance: Callable[..., int]
     readers: Mapping[str, Callable[..., None]]
+    reads_inputs: Mapping[str, bool]
     instructions: int
     code: MachineCode
 
@@ -74,6 +76,7 @@ def compile_kernel(
         rates=lower(module, rates, inline=instructions * method.stages <= INLINED),
         settle=lower(module, settle, inline=not judging) if settle is not None else None,
         judging=judging,
+        settling_by_inputs=settle is not None and settle.n_in() > 2,
     )
     advance = emit_advance(module, system, _step_of(method, rates, core))
     emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
@@ -84,6 +87,7 @@ def compile_kernel(
         advance=ctypes.CFUNCTYPE(_INT, *_ADVANCE)(code.address("advance")),
         estimating_advance=ctypes.CFUNCTYPE(_INT, *_ADVANCE, _ADDRESS)(code.address("estimating_advance")),
         readers={name: _reader(code.address(f"read_{name}"), function) for name, function in readers.items()},
+        reads_inputs={name: function.n_in() > 2 for name, function in readers.items()},
         instructions=instructions,
         code=code,
     )

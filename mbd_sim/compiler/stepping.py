@@ -20,6 +20,7 @@ EVERY = 8  # steps of which one is estimated, a power of two; estimating each co
 class System:
     """y' = rates(t, y, inputs), with `settle(t, y)` after each step where it is given; `size` components.
 
+    Where it is `settling_by_inputs`, `settle` takes the inputs as well.
     The first `watched` of them count in estimates of the error. Where `rates` is `judging`, it has a second output: a
     negative one at the start of a step asks for `settle` before each further stage as well.
     """
@@ -29,6 +30,7 @@ class System:
     rates: ir.Function
     settle: ir.Function | None
     judging: bool = False
+    settling_by_inputs: bool = False
 
 
 Estimator = Callable[..., None]
@@ -62,7 +64,8 @@ class Frame:
         """Lead a state back to where the system wants it."""
         if self.system.settle is not None:
             self.b.store(moment, self.time)
-            self.b.call(self.system.settle, [self.time, array, self._settled])
+            more = [self.inputs] if self.system.settling_by_inputs else []
+            self.b.call(self.system.settle, [self.time, array, *more, self._settled])
             copy(self.b, self.system.size, self._settled, array)
 
     def settle_stage(self, moment: ir.Value, array: ir.Value) -> None:
