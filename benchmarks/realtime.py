@@ -1,6 +1,6 @@
 """`sim_node` stepping and publishing at 1 kHz: steps lost, real-time factor, period, CPU and memory. Asserts nothing.
 
-    python -m benchmarks.realtime --seconds 600
+python -m benchmarks.realtime --seconds 600
 """
 
 from __future__ import annotations
@@ -31,7 +31,9 @@ def main() -> None:
         told = dict(node.diagnostics)
     gaps = np.diff(stamps)
     wall, simulated = arrivals[-1] - arrivals[0], (stamps[-1] - stamps[0]) * 1e-9
-    settled = memory[min(60, len(memory) // 2)]
+    first_memory, settled, last_memory = (memory[i] / 1e6 for i in (0, min(60, len(memory) // 2), -1))
+    loads = f"stepping {told['load of stepping (%)']} %, publishing {told['load of publishing (%)']} %"
+    percent = 100 * (used.user + used.system - cpu.user - cpu.system) / seconds
     print(f"states              {len(stamps)} in {wall:.1f} s, gaps of {np.unique(gaps) / 1e6} ms between stamps")
     print(f"real-time factor    {simulated / wall:.5f}")
     print(f"period of arrivals  {percentiles(np.diff(arrivals))}")
@@ -39,9 +41,9 @@ def main() -> None:
         f"period of stepping  p99 {told['period p99 of the run (us)']}, max {told['period max of the run (us)']} µs; "
         f"late by p99 {told['lateness p99 of the run (us)']} µs; overruns {told['overruns']}"
     )
-    print(f"load                stepping {told['load of stepping (%)']} %, publishing {told['load of publishing (%)']} %")
-    print(f"CPU                 {100 * (used.user + used.system - cpu.user - cpu.system) / seconds:.1f} % of one core")
-    print(f"memory              {memory[0] / 1e6:.1f} MB at first, {settled / 1e6:.1f} settled, {memory[-1] / 1e6:.1f} at last")
+    print(f"load                {loads}")
+    print(f"CPU                 {percent:.1f} % of one core")
+    print(f"memory              {first_memory:.1f} MB at first, {settled:.1f} settled, {last_memory:.1f} at last")
     print(load())
 
 

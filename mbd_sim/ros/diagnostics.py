@@ -15,6 +15,7 @@ from mbd_sim.model import Model
 from mbd_sim.ros.commands import CommandBuffer
 from mbd_sim.ros.outputs import Outputs
 from mbd_sim.ros.runner import Runner
+from mbd_sim.ros.wrenches import WrenchBuffer
 
 PERIOD = 1.0  # s of the steady clock
 SLOW = 0.01  # part of the real-time factor that may be missing
@@ -36,7 +37,6 @@ class Reading:
     period: Array
     overruns: int
     rejected: int
-    expired: int
     lost: int
 
 
@@ -46,6 +46,7 @@ class Diagnostics:
     def __init__(self, node: Node, runner: Runner, outputs: Outputs) -> None:
         self.runner, self.outputs = runner, outputs
         self.commands: CommandBuffer = runner.commands
+        self.wrenches: WrenchBuffer = runner.wrenches
         self.model: Model = runner.simulation.model
         self.notes: list[str] = []
         self.last_rejection: tuple[str, Exception] | None = None
@@ -87,8 +88,7 @@ class Diagnostics:
             late=pacer.lateness.counts(),
             period=pacer.period.counts(),
             overruns=pacer.overruns,
-            rejected=self.commands.rejected,
-            expired=self.commands.expired,
+            rejected=self.commands.rejected + self.wrenches.rejected,
             lost=runner.counters.dropped + (recorder.dropped if recorder else 0),
         )
 
@@ -142,7 +142,7 @@ class Diagnostics:
             if not problem and abs(energies.residual) > UNBALANCED * scale:
                 problem = advice or f"the energies do not balance by {energies.residual:.2e} J: take a smaller step"
         if snapshot is not None and self.model.equations.rows:
-            violation = self.model.violation(snapshot.time, snapshot.y)
+            violation = self.model.violation(snapshot.time, snapshot.y, snapshot.inputs)
             values |= {
                 "constraint violation (m)": f"{violation.position:.3e}",
                 "constraint violation (m/s)": f"{violation.velocity:.3e}",
@@ -165,9 +165,9 @@ class Diagnostics:
                 "Send commands more often, or raise command_timeout (0: never)"
             )
         return self._status("commands", problem or "OK", bool(problem), {
-            "accepted": str(commands.accepted),
-            "rejected": str(commands.rejected),
-            "expired": str(commands.expired),
+            "accepted": str(commands.accepted + self.wrenches.accepted),
+            "rejected": str(now.rejected),
+            "expired": str(commands.expired + self.wrenches.expired),
             "command_timeout (s)": f"{commands.timeout:g}",
         })  # fmt: skip
 

@@ -89,7 +89,7 @@ class Markers:
     def payload(self, snapshot: Snapshot) -> bytes:
         """The message at a snapshot, serialized."""
         ground = np.concatenate([np.zeros(3), np.eye(3).ravel()])
-        poses = np.vstack([self.model.pose_array(snapshot.time, snapshot.y), ground])
+        poses = np.vstack([self.model.pose_array(snapshot.time, snapshot.y, snapshot.inputs), ground])
         rows = poses[self._part_of]
         turn = rows[:, 3:].reshape(-1, 3, 3).transpose(0, 2, 1)
         positions = rows[:, :3] + np.einsum("nij,nj->ni", turn, self._local)

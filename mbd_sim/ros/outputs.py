@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from queue import SimpleQueue
 
@@ -69,6 +70,8 @@ class Outputs:
             self._tellings[f"pose {number}"] = pose
         self._outputs = {key: telling.output for key, telling in self._tellings.items()} | {
             "applied_efforts": Output(node, Float64MultiArray, "~/applied_efforts", qos.COMMAND, vital=True),
+            "applied_wrenches": Output(node, Float64MultiArray, "~/applied_wrenches", qos.COMMAND, vital=True),
+            "live_values": Output(node, Float64MultiArray, "~/live_values", qos.LATCHED, vital=True),
             "events": Output(node, String, "~/events", qos.LATCHED, vital=True),
             "robot_description": Output(node, String, "robot_description", qos.LATCHED, vital=True),
         }
@@ -76,6 +79,7 @@ class Outputs:
         self._clock = node.create_publisher(Clock, "/clock", qos.CLOCK)
         self._clock_message = Template(Clock(clock=STAMP))
         self._efforts, self._effort_values = states.labelled(model.coordinate_names)
+        self._wrenches = {part: states.labelled(states.wrench_labels(part)) for part in model.equations.inputs.loaded}
         self._marker_output = node.create_publisher(MarkerArray, "markers", qos.STATE)
         self._markers: Markers | None = None
         self._marker_due = 0.0
@@ -94,10 +98,11 @@ class Outputs:
         """Roughly what is recorded at a publish rate in Hz."""
         return rate * sum(len(telling.template) + 31 for telling in self._tellings.values())
 
-    def start(self, queue: SimpleQueue[Snapshot | Event | None]) -> None:
-        """Publish the robot's description, then what comes from the queue until it gives None."""
+    def start(self, queue: SimpleQueue[Snapshot | Event | None], live: Mapping[str, float]) -> None:
+        """Publish the robot's description and live values, then what comes from the queue until it gives None."""
         description = serialize_message(String(data=to_urdf(self.model.mechanism)))
         self._send("robot_description", description, 0, 0)
+        self._send_live(live, 0, 0)
         self._thread = threading.Thread(target=self._run, args=(queue,), name="outputs", daemon=True)
         self._thread.start()
 
@@ -140,7 +145,8 @@ class Outputs:
             self._tf.output.publisher.publish(self._tf.template.payload())
         self._mark(snapshot)
         if self.viewer is not None and self.energies is not None and not snapshot.repeated:
-            self.viewer.offer(snapshot.clock_ns * 1e-9, snapshot.y, snapshot.efforts, self.energies, snapshot.time)
+            efforts = snapshot.inputs[: self.model.layout.nv]
+            self.viewer.offer(snapshot.clock_ns * 1e-9, snapshot.y, efforts, self.energies, snapshot.time)
 
     def _mark(self, snapshot: Snapshot) -> None:
         """Publish markers where they are due and somebody listens."""
@@ -157,6 +163,13 @@ class Outputs:
         if event.efforts is not None:
             self._effort_values[:] = event.efforts
             self._send("applied_efforts", self._efforts.payload(), event.clock_ns, event.ticks)
+        if event.wrench is not None:
+            part, numbers = event.wrench
+            template, values = self._wrenches[part]
+            values[:] = numbers
+            self._send("applied_wrenches", template.payload(), event.clock_ns, event.ticks)
+        if event.live is not None:
+            self._send_live(event.live, event.clock_ns, event.ticks)
         if event.text in SILENT:
             return
         self._send("events", serialize_message(String(data=event.text)), event.clock_ns, event.ticks)
@@ -169,6 +182,11 @@ class Outputs:
             self._log.info(event.text)
         if self.viewer is not None:
             self.viewer.event(event.clock_ns * 1e-9, event.text)
+
+    def _send_live(self, live: Mapping[str, float], time_ns: int, ticks: int) -> None:
+        template, values = states.labelled(list(live))
+        values[:] = list(live.values())
+        self._send("live_values", template.payload(), time_ns, ticks)
 
     def _send(self, key: str, payload: bytes, time_ns: int, ticks: int, *, recorded: bool = True) -> None:
         self._outputs[key].publisher.publish(payload)

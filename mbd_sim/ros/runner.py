@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from queue import SimpleQueue
 
 from mbd_sim.advice import TOLERATED
-from mbd_sim.errors import DivergedError
+from mbd_sim.errors import CommandError, DivergedError
 from mbd_sim.mechanism.model import Array
 from mbd_sim.ros.commands import CommandBuffer
 from mbd_sim.ros.pacing import Pacer
+from mbd_sim.ros.wrenches import WrenchBuffer
 from mbd_sim.simulation import Simulation
 
 WAKE_UP = 1e-3  # seconds of real time between wake-ups, where the step is shorter
@@ -26,15 +27,15 @@ MOST_WAITING = 10_000  # snapshots that may wait at all; when what leaves the no
 class Snapshot:
     """The state at a tick. `clock_ns` is the node's simulated clock, `time` that of the mechanism in s.
 
-    `ticks` counts the steps since the node started, over all resets. `state` and `clock` say what is due, and
-    `repeated` that nothing has changed since the last snapshot.
+    `inputs` are those of the equations, the efforts first. `ticks` counts the steps since the node started, over all
+    resets. `state` and `clock` say what is due, and `repeated` that nothing has changed since the last snapshot.
     """
 
     ticks: int
     clock_ns: int
     time: float
     y: Array
-    efforts: Array
+    inputs: Array
     start_energy: float
     state: bool
     clock: bool
@@ -43,13 +44,18 @@ class Snapshot:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that happened between two steps; `efforts` where new ones took effect."""
+    """Something that happened between two steps, and what took effect: efforts, a part's wrench, live values.
+
+    A wrench is given by its numbers among the inputs of the equations, see `InputLayout`.
+    """
 
     ticks: int
     clock_ns: int
     time: float
     text: str
     efforts: Array | None = None
+    wrench: tuple[str, Array] | None = None
+    live: Mapping[str, float] | None = None
 
 
 @dataclass
@@ -72,8 +78,17 @@ class Rates:
 class Runner:
     """Steps a simulation until it is stopped; commands and requests take effect between two steps."""
 
-    def __init__(self, simulation: Simulation, commands: CommandBuffer, rates: Rates, *, paused: bool = False) -> None:
+    def __init__(
+        self,
+        simulation: Simulation,
+        commands: CommandBuffer,
+        rates: Rates,
+        *,
+        wrenches: WrenchBuffer | None = None,
+        paused: bool = False,
+    ) -> None:
         self.simulation, self.commands, self.rates = simulation, commands, rates
+        self.wrenches = wrenches or WrenchBuffer(simulation.wrench_map, simulation.model.part_names, commands.timeout)
         self.output: SimpleQueue[Snapshot | Event | None] = SimpleQueue()
         self.pacer = Pacer()
         self.counters = Counters()
@@ -113,19 +128,29 @@ class Runner:
         """Pause or go on; returns when it is so."""
         self._ask(lambda: self._set_paused(paused))
 
-    def reset(self, rewind_clock: bool = False) -> None:
-        """Back to the start state; the clock goes on, or starts at zero again."""
-        self._ask(lambda: self._reset(rewind_clock))
+    def reset(self, rewind_clock: bool = False, *, state: bool = True) -> str:
+        """Back to the start state, unless that is not to be; the clock goes on, or starts at zero again.
+
+        Returns what went wrong, or "".
+        """
+        return self._ask_whether(lambda: self._reset(rewind_clock, state))
 
     def step(self, steps: int) -> str:
         """Take some steps while paused; returns what went wrong, or ""."""
-        outcome: list[str] = []
-        self._ask(lambda: outcome.append(self._step_paused(steps)))
-        return outcome[0] if outcome else "the simulation has stopped"
+        return self._ask_whether(lambda: self._step_paused(steps))
+
+    def set_live(self, changes: Mapping[str, float]) -> str:
+        """Change live values of the mechanism; returns what went wrong, or "": then nothing has changed."""
+        return self._ask_whether(lambda: self._set_live(changes))
 
     def repace(self) -> None:
         """Start the schedule anew, as after a change of the real-time factor."""
         self._ask(self.pacer.anchor)
+
+    def _ask_whether(self, action: Callable[[], str]) -> str:
+        outcome: list[str] = []
+        self._ask(lambda: outcome.append(action()))
+        return outcome[0] if outcome else "the simulation has stopped"
 
     def _ask(self, action: Callable[[], None]) -> None:
         done = threading.Event()
@@ -192,10 +217,7 @@ class Runner:
 
     def _advance(self, steps: int) -> str:
         """Apply what was commanded, take the steps, hand out what is due; returns what went wrong, or ""."""
-        due = self.commands.due(self.ticks * self.simulation.step_size)
-        if due is not None:
-            self.simulation.set_efforts(due.efforts)
-            self._tell(due.reason, due.efforts)
+        self._apply_commands()
         began = time.perf_counter()
         try:
             self.simulation.step(steps)
@@ -213,6 +235,17 @@ class Runner:
         if state_due or clock_due:
             self._emit(state_due, clock_due)
         return ""
+
+    def _apply_commands(self) -> None:
+        time_now = self.ticks * self.simulation.step_size
+        due = self.commands.due(time_now)
+        if due is not None:
+            self.simulation.set_efforts(due.efforts)
+            self._tell(due.reason, efforts=due.efforts)
+        for pushed in self.wrenches.due(time_now):
+            pushed.wrench.apply(self.simulation)
+            part = pushed.wrench.part
+            self._tell(pushed.reason, wrench=(part, self.simulation.inputs[self.wrenches.place(part)].copy()))
 
     def _warn(self) -> None:
         """Say that the step is too large, once, and again where it has become ten times worse."""
@@ -233,7 +266,7 @@ class Runner:
                 clock_ns=self.clock_ns,
                 time=simulation.time,
                 y=simulation.state,
-                efforts=simulation.efforts.copy(),
+                inputs=simulation.inputs.copy(),
                 start_energy=simulation.start_energy,
                 state=state,
                 clock=clock,
@@ -241,8 +274,14 @@ class Runner:
             )
         )
 
-    def _tell(self, text: str, efforts: Array | None = None) -> None:
-        self.output.put(Event(self.ticks, self.clock_ns, self.simulation.time, text, efforts))
+    def _tell(
+        self,
+        text: str,
+        efforts: Array | None = None,
+        wrench: tuple[str, Array] | None = None,
+        live: Mapping[str, float] | None = None,
+    ) -> None:
+        self.output.put(Event(self.ticks, self.clock_ns, self.simulation.time, text, efforts, wrench, live))
 
     def _set_paused(self, paused: bool) -> None:
         if paused != self.paused:
@@ -250,14 +289,29 @@ class Runner:
             self._tell("paused" if paused else "running")
             self._emit(state=True, clock=True)
 
-    def _reset(self, rewind_clock: bool) -> None:
-        self.simulation.reset()
-        self._bearable, self.problem, self.advice = TOLERATED, "", ""
-        self.commands.clear()
+    def _reset(self, rewind_clock: bool, state: bool) -> str:
+        if state:
+            try:
+                self.simulation.reset()
+            except ValueError as error:
+                return f"no start state with these live values: {error}"
+            self._bearable, self.problem, self.advice = TOLERATED, "", ""
+            self.commands.clear()
+            self.wrenches.clear()
         if rewind_clock:
             self._clock_offset = self.ticks
-        self._tell("reset")
+        self._tell("reset" if state else "clock set to zero")
         self._emit(state=True, clock=True)
+        return ""
+
+    def _set_live(self, changes: Mapping[str, float]) -> str:
+        try:
+            self.simulation.set_live(changes)
+        except CommandError as error:
+            return str(error)
+        told = ", ".join(f"{name} = {value!r}" for name, value in changes.items())
+        self._tell(f"live values: {told}", live=self.simulation.live)
+        return ""
 
     def _step_paused(self, steps: int) -> str:
         if not self.paused:

@@ -42,9 +42,9 @@ def joint_states(node: Node, model: Model) -> Telling:
         y = snapshot.y
         position[:free] = model.coordinates(y)
         velocity[:free] = y[model.u_range]
-        effort[:free] = snapshot.efforts
+        effort[:free] = snapshot.inputs[:free]
         if model.driven_names:
-            drives = model.drives(snapshot.time, y, snapshot.efforts)
+            drives = model.drives(snapshot.time, y, snapshot.inputs)
             position[free:], velocity[free:], effort[free:] = drives
 
     return Telling(Output(node, JointState, "joint_states", qos.STATE), template, write)
@@ -55,7 +55,7 @@ def energies(node: Node, model: Model) -> Telling:
     template, values = labelled(Energies._fields)
 
     def write(snapshot: Snapshot) -> Energies:
-        found = model.energies(snapshot.time, snapshot.y, snapshot.start_energy)
+        found = model.energies(snapshot.time, snapshot.y, snapshot.start_energy, snapshot.inputs)
         values[:] = found
         return found
 
@@ -67,7 +67,7 @@ def constraint_violation(node: Node, model: Model) -> Telling:
     template, values = labelled(Violation._fields)
 
     def write(snapshot: Snapshot) -> None:
-        values[:] = model.violation(snapshot.time, snapshot.y)
+        values[:] = model.violation(snapshot.time, snapshot.y, snapshot.inputs)
 
     return Telling(Output(node, Float64MultiArray, "constraint_violation", qos.STATE), template, write)
 
@@ -83,7 +83,7 @@ def joint_reactions(node: Node, model: Model, prefix: str) -> Telling:
     rows = [template.doubles(index, 6) for index in range(len(names))]
 
     def write(snapshot: Snapshot) -> None:
-        found = model.reactions(snapshot.time, snapshot.y, snapshot.efforts)
+        found = model.reactions(snapshot.time, snapshot.y, snapshot.inputs)
         for row, reaction in zip(rows, found.values(), strict=True):
             row[:3], row[3:] = reaction.force, reaction.moment
 
@@ -102,7 +102,7 @@ def _part_pose(node: Node, model: Model, name: str, topic: str, prefix: str) -> 
     values, index = template.doubles(0, 7), model.part_names.index(name)
 
     def write(snapshot: Snapshot) -> None:
-        values[:] = placed(model.pose_array(snapshot.time, snapshot.y))[index]
+        values[:] = placed(model.pose_array(snapshot.time, snapshot.y, snapshot.inputs))[index]
 
     return Telling(Output(node, PoseStamped, topic, qos.STATE), template, write)
 
@@ -111,6 +111,12 @@ def placed(poses: Array) -> Array:
     """(n, 7): position and quaternion (x, y, z, w), as ROS has them, of rows (n, 12) of `Model.pose_array`."""
     matrices = poses[:, 3:].reshape(-1, 3, 3).transpose(0, 2, 1)
     return np.hstack([poses[:, :3], quaternions(matrices)])
+
+
+def wrench_labels(part: str) -> tuple[str, ...]:
+    """The names of the numbers of a wrench among the inputs of the equations, in the order of `ExternalWrench`."""
+    vectors = ("force", "couple", "own_force", "own_couple", "point")
+    return tuple(f"{part}.{vector}.{axis}" for vector in vectors for axis in "xyz")
 
 
 def labelled(labels: Sequence[str]) -> tuple[Template, Array]:

@@ -34,7 +34,7 @@ def transforms(node: Node, model: Model, prefix: str) -> Telling:
     rows = [template.doubles(index, 7) for index in range(len(found))]
 
     def write(snapshot: Snapshot) -> None:
-        for row, values in zip(rows, placed(model.pose_array(snapshot.time, snapshot.y)), strict=True):
+        for row, values in zip(rows, placed(model.pose_array(snapshot.time, snapshot.y, snapshot.inputs)), strict=True):
             row[:] = values
 
     return Telling(Output(node, message_type, "/tf", qos.STATE), template, write)
