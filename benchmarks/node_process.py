@@ -29,6 +29,7 @@ class Measured:
         self.node = rclpy.create_node("measures")
         self.arrivals: list[float] = []
         self.stamps: list[int] = []
+        self.payloads: list[bytes] = [b""] * 4096  # the newest ones, by number
         self.last = b""
         self.diagnostics: dict[str, str] = {}
         # Raw: taking a message apart would cost this process more than the node spends on making it.
@@ -58,7 +59,7 @@ class Measured:
         self.arrivals.append(time.perf_counter())
         seconds, nanoseconds = struct.unpack_from("<iI", payload, 4)
         self.stamps.append(seconds * 10**9 + nanoseconds)
-        self.last = payload
+        self.payloads[(len(self.stamps) - 1) % len(self.payloads)] = self.last = payload
 
     def _diagnosed(self, message: DiagnosticArray) -> None:
         for status in message.status:

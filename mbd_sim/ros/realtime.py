@@ -7,9 +7,11 @@ import gc
 import os
 import resource
 import sys
+import threading
 
 # A thread that wakes up waits this long at most for another one to give up the interpreter (default: 5 ms).
-SWITCH_INTERVAL = 2e-4
+SWITCH_INTERVAL = 5e-5
+RANKS = ("stepper", "outputs", "executor")  # names of threads; all others come after them
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4  # of Linux, sys/mman.h
 _ENDLESS = resource.RLIM_INFINITY
 
@@ -37,16 +39,22 @@ def lock_memory() -> str:
     return ""
 
 
-def schedule(thread: int, priority: int) -> str:
-    """Give a thread (its id in the system) a priority of SCHED_FIFO, or ordinary scheduling for 0.
+def prioritize(priority: int) -> str:
+    """Give the threads of this process priorities of SCHED_FIFO from `priority` down, or ordinary scheduling for 0.
 
-    Returns why that is not permitted, or "".
+    All of them take turns in the interpreter: whoever would keep one from running would keep the stepping waiting, so
+    that each gets one, in the order of `RANKS`. Returns why that is not permitted, or "".
     """
-    policy = os.SCHED_FIFO if priority else os.SCHED_OTHER
-    try:
+    for thread in threading.enumerate():
+        if thread is threading.main_thread() or thread.native_id is None:
+            continue
+        rank = RANKS.index(thread.name) if thread.name in RANKS else len(RANKS)
+        own = max(priority - rank, 1) if priority else 0
         # Whatever the thread starts has ordinary scheduling.
-        os.sched_setscheduler(thread, policy | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
-    except OSError as error:
-        wanted = f"rtprio {priority} in /etc/security/limits.conf, or CAP_SYS_NICE"
-        return f"ordinary scheduling: real-time priority {priority}: {error.strerror} ({wanted})"
+        policy = (os.SCHED_FIFO if own else os.SCHED_OTHER) | os.SCHED_RESET_ON_FORK
+        try:
+            os.sched_setscheduler(thread.native_id, policy, os.sched_param(own))
+        except OSError as error:
+            wanted = f"rtprio {priority} in /etc/security/limits.conf, or CAP_SYS_NICE"
+            return f"ordinary scheduling: real-time priority {priority}: {error.strerror} ({wanted})"
     return ""

@@ -169,12 +169,11 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         )
 
     def _prioritize(self) -> None:
-        """Real-time priority, the next lower one for what publishes; none where stepping knows no pause."""
+        """Real-time priority, unless stepping knows no pause: it would leave nothing for the rest of the machine."""
         priority = self._priority if self.rates.real_time_factor > 0.0 else 0
-        for thread, less in ((self.runner.thread_id, 0), (self.outputs.thread_id, 1)):
-            if self._priority and (refusal := realtime.schedule(thread, max(priority - less, 0))):
-                self._note(refusal)
-                self._priority = 0
+        if self._priority and (refusal := realtime.prioritize(priority)):
+            self._note(refusal)
+            self._priority = 0
 
     def _note(self, text: str) -> None:
         self.get_logger().info(text)
@@ -182,8 +181,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
 
     def _tick(self) -> None:
         if self._priority and self.diagnostics.overruns_of_late >= STARVED:
-            for thread in (self.runner.thread_id, self.outputs.thread_id):
-                realtime.schedule(thread, 0)
+            realtime.prioritize(0)
             self._priority = 0
             self._note("stepping takes all the time, so that it goes on without real-time priority")
         self.diagnostics.tick()
@@ -313,8 +311,8 @@ def _run(ended: threading.Event) -> int:
             ended.set()
 
     spinning = threading.Thread(target=spin, name="executor", daemon=True)
-    node.start()
     spinning.start()
+    node.start()
     ended.wait()
     node.stop()
     executor.shutdown()
