@@ -69,6 +69,7 @@ class Runner:
         self.pacer = Pacer()
         self.paused = paused
         self.ticks = 0
+        self._emitted = -1  # the tick of the last state that was handed out
         self._clock_offset = 0
         self._bearable = TOLERATED
         self._step_ns = round(simulation.step_size * 1e9)
@@ -200,6 +201,8 @@ class Runner:
 
     def _emit(self, state: bool, clock: bool, repeated: bool = False) -> None:
         simulation = self.simulation
+        if state:
+            self._emitted = self.ticks
         self.output.put(
             Snapshot(
                 ticks=self.ticks,
@@ -241,5 +244,6 @@ class Runner:
             if problem := self._advance(batch):
                 return problem
             left -= batch
-        self._emit(state=True, clock=True)
+        if self._emitted != self.ticks:
+            self._emit(state=True, clock=True)
         return ""
