@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from operator import index
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
@@ -21,6 +22,10 @@ from mbd_sim.model import Drive, Energies, Model, Reaction, Violation, build_mod
 from mbd_sim.wrenches import WrenchMap
 
 OPENED = 1e-6  # violation of the constraints that a change of live values must not exceed, m or 1
+
+if TYPE_CHECKING:
+    from mbd_sim.analysis.inverse import InverseDynamics
+    from mbd_sim.analysis.linear import Linearization
 
 
 class Simulation:
@@ -175,6 +180,25 @@ class Simulation:
     def reactions(self) -> Mapping[str, Reaction]:
         """The force and the moment that go through each joint, at this moment."""
         return self.model.reactions(self.time, self._y, self._inputs)
+
+    def inverse_dynamics(self, u_rates: Sequence[float] | Array) -> Array:
+        """The efforts (nv,) in N and N·m that give the accelerations `u_rates` (nv,) in this state.
+
+        :raises ValueError: the constraints do not allow them; see `mbd_sim.analysis.inverse.InverseDynamics`.
+        """
+        return self._inverse(self.q, self.u, _checked(u_rates, self.u.size, "u_rates"), self.time)
+
+    @cached_property
+    def _inverse(self) -> InverseDynamics:
+        from mbd_sim.analysis.inverse import InverseDynamics
+
+        return InverseDynamics(self.mechanism, equations=self.model.equations)
+
+    def linearize(self) -> Linearization:
+        """x' = A x + B e for small motions about this state and these efforts, by exact differentiation."""
+        from mbd_sim.analysis.linear import linearize
+
+        return linearize(self.model.equations, self.q, self.u, self.efforts, self.time)
 
     def step(self, n: int = 1) -> None:
         """Advance by n steps.

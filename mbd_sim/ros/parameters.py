@@ -51,6 +51,7 @@ PARAMETERS = (
         0.0, 1e6, live=True,
     ),
     Declared("step_count", 1, "steps that one call of ~/step takes", 1, 1_000_000, live=True),
+    Declared("step_on_command", False, "while paused, each command comes with step_count steps", live=True),
     Declared("reset_rewinds_clock", False, "whether ~/reset sets /clock back to zero", live=True),
     Declared("record", True, "record the run to an MCAP file"),
     Declared("record_dir", "recordings", "folder of the recordings, from where the node was started"),

@@ -221,12 +221,21 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             self.commands.by_order(message.data)
         except CommandError as error:
             self._reject("~/commands", error)
+        else:
+            self._step_on_command()
 
     def _command_by_name(self, message: JointState) -> None:
         try:
             self.commands.by_name(message.name, message.effort)
         except CommandError as error:
             self._reject("joint_commands", error)
+        else:
+            self._step_on_command()
+
+    def _step_on_command(self) -> None:
+        """Lockstep: the command brings its steps along, so that neither can overtake the other."""
+        if self.runner.paused and self.parameters["step_on_command"]:
+            self.runner.step(self.parameters["step_count"])
 
     def _wrench(self, topic: str, part: str, point: str | None, message: WrenchStamped) -> None:
         force, torque = message.wrench.force, message.wrench.torque
