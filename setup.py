@@ -46,7 +46,7 @@ setup(
         "casadi>=3.6",
         "llvmlite>=0.45",
         "matplotlib>=3.8",
-        "mcap>=1.2",
+        "mcap>=1.5",
         "numpy>=1.26",
         "pint>=0.24",
         "pydantic>=2.7",
@@ -54,6 +54,7 @@ setup(
         "rerun-sdk>=0.29",
         "rich>=13.0",
         "sympy>=1.12",
+        "zstandard>=0.21",
     ],
     extras_require={
         "gym": ["gymnasium>=1.0"],

@@ -19,10 +19,12 @@ from visualization_msgs.msg import MarkerArray
 
 from mbd_sim.mechanism.urdf import to_urdf
 from mbd_sim.model import Energies, Model
+from mbd_sim.recording.metadata import Moment
 from mbd_sim.recording.recorder import Recorder, Topic
 from mbd_sim.ros import qos, states
 from mbd_sim.ros.markers import Markers
 from mbd_sim.ros.output import Output
+from mbd_sim.ros.recordings import Recordings
 from mbd_sim.ros.runner import Event, Snapshot
 from mbd_sim.ros.template import STAMP, Template
 from mbd_sim.ros.transforms import transforms
@@ -30,6 +32,7 @@ from mbd_sim.viewer import Viewer
 
 ERRORS = ("diverged", "failed")  # what events begin with that are errors
 WARNING = "warning"  # and what those begin with that warn
+LATCHED = ("robot_description", "live_values")  # topics whose last message each file of a recording begins with
 SILENT = ("command",)  # events that only carry what took effect
 
 
@@ -54,7 +57,7 @@ class Outputs:
         :raises ImportError: `wanted.tf` without tf2_msgs.
         """
         self.model, self.wanted = model, wanted
-        self.recorder: Recorder | None = None
+        self.recordings: Recordings | None = None
         self.viewer: Viewer | None = None
         self.energies: Energies | None = None
         self.latest: Snapshot | None = None
@@ -94,11 +97,12 @@ class Outputs:
         """What a recorder needs to know of the topics."""
         return {key: output.topic for key, output in self._outputs.items()}
 
-    def bytes_per_second(self, rate: float) -> float:
-        """Roughly what is recorded at a publish rate in Hz."""
-        return rate * sum(len(telling.template) + 31 for telling in self._tellings.values())
+    @property
+    def recorder(self) -> Recorder | None:
+        """What writes the recording, or wrote the last one."""
+        return self.recordings.recorder if self.recordings else None
 
-    def start(self, queue: SimpleQueue[Snapshot | Event | None], live: Mapping[str, float]) -> None:
+    def start(self, queue: SimpleQueue[Snapshot | Event | Moment | None], live: Mapping[str, float]) -> None:
         """Publish the robot's description and live values, then what comes from the queue until it gives None."""
         description = serialize_message(String(data=to_urdf(self.model.mechanism)))
         self._send("robot_description", description, 0, 0)
@@ -110,16 +114,19 @@ class Outputs:
         """Wait until the queue has been worked off, then finish the recording and the viewer."""
         if self._thread is not None:
             self._thread.join()
-        for sink in (self.recorder, self.viewer):
+        for sink in (self.recordings, self.viewer):
             if sink is not None:
                 sink.close()
 
-    def _run(self, queue: SimpleQueue[Snapshot | Event | None]) -> None:
+    def _run(self, queue: SimpleQueue[Snapshot | Event | Moment | None]) -> None:
         while (item := queue.get()) is not None:
             began = time.perf_counter()
             try:
                 if isinstance(item, Snapshot):
                     self._snapshot(item)
+                elif isinstance(item, Moment):
+                    if self.recordings is not None:
+                        self.recordings.at(item)
                 else:
                     self._event(item)
             except Exception as error:  # one bad message must not end all output
@@ -144,6 +151,8 @@ class Outputs:
             self._tf.template.stamp(snapshot.clock_ns)
             self._tf.output.publisher.publish(self._tf.template.payload())
         self._mark(snapshot)
+        if self.recordings is not None:
+            self.recordings.look(snapshot.clock_ns)
         if self.viewer is not None and self.energies is not None and not snapshot.repeated:
             efforts = snapshot.inputs[: self.model.layout.nv]
             self.viewer.offer(snapshot.clock_ns * 1e-9, snapshot.y, efforts, self.energies, snapshot.time)
@@ -190,7 +199,5 @@ class Outputs:
 
     def _send(self, key: str, payload: bytes, time_ns: int, ticks: int, *, recorded: bool = True) -> None:
         self._outputs[key].publisher.publish(payload)
-        if self.recorder is not None and recorded:
-            self.recorder.put(key, payload, time_ns, ticks)
-            if self.recorder.failure:
-                self._log.error(f"{self.recorder.failure}. The simulation goes on.", once=True)
+        if self.recordings is not None and recorded:
+            self.recordings.put(key, payload, time_ns, ticks, latched=key in LATCHED)

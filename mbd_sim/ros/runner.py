@@ -11,6 +11,7 @@ from queue import SimpleQueue
 from mbd_sim.advice import TOLERATED
 from mbd_sim.errors import CommandError, DivergedError
 from mbd_sim.mechanism.model import Array
+from mbd_sim.recording.metadata import Moment
 from mbd_sim.ros.commands import CommandBuffer
 from mbd_sim.ros.pacing import Pacer
 from mbd_sim.ros.wrenches import WrenchBuffer
@@ -89,7 +90,7 @@ class Runner:
     ) -> None:
         self.simulation, self.commands, self.rates = simulation, commands, rates
         self.wrenches = wrenches or WrenchBuffer(simulation.wrench_map, simulation.model.part_names, commands.timeout)
-        self.output: SimpleQueue[Snapshot | Event | None] = SimpleQueue()
+        self.output: SimpleQueue[Snapshot | Event | Moment | None] = SimpleQueue()
         self.pacer = Pacer()
         self.counters = Counters()
         self.paused = paused
@@ -147,6 +148,15 @@ class Runner:
     def repace(self) -> None:
         """Start the schedule anew, as after a change of the real-time factor."""
         self._ask(self.pacer.anchor)
+
+    def mark(self) -> None:
+        """Ask for a `Moment` in the output, between two steps; returns at once."""
+        self._requests.put((lambda: self.output.put(self.moment()), threading.Event()))
+        self._wake.set()
+
+    def moment(self) -> Moment:
+        """All that the motion depends on from here on; for the stepping thread, or before it starts."""
+        return Moment.of(self.simulation, self.ticks, self.clock_ns)
 
     def _ask_whether(self, action: Callable[[], str]) -> str:
         outcome: list[str] = []

@@ -24,14 +24,16 @@ from std_srvs.srv import SetBool, Trigger
 
 from mbd_sim.errors import CommandError, MbdSimError, listed, nearest
 from mbd_sim.mechanism.load import load_mechanism
-from mbd_sim.recording.metadata import run_metadata
-from mbd_sim.recording.recorder import Recorder, RecordingError, new_file
+from mbd_sim.recording.files import FORMATS, new_series
+from mbd_sim.recording.metadata import Moment, run_metadata
+from mbd_sim.recording.recorder import Recorder
 from mbd_sim.ros import qos, realtime
 from mbd_sim.ros.commands import CommandBuffer
 from mbd_sim.ros.diagnostics import PERIOD, Diagnostics
 from mbd_sim.ros.names import topic_names
 from mbd_sim.ros.outputs import Outputs, Wanted
 from mbd_sim.ros.parameters import Parameters
+from mbd_sim.ros.recordings import Limits, Recordings
 from mbd_sim.ros.runner import Rates, Runner
 from mbd_sim.ros.wrenches import EVERY, WrenchBuffer, loadable
 from mbd_sim.simulation import Simulation
@@ -71,7 +73,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             paused=self.parameters["start_paused"],
         )
         self.outputs = Outputs(self, self.simulation.model, self._wanted())
-        self.outputs.recorder = self._recorder()
+        self.outputs.recordings = self.recordings = self._recordings()
         self.outputs.viewer = self._viewer()
         self.diagnostics = Diagnostics(self, self.runner, self.outputs)
         self._priority = self.parameters["real_time_priority"]
@@ -83,6 +85,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self.create_service(Trigger, "~/reset", self._reset)
         self.create_service(SetBool, "~/pause", self._pause)
         self.create_service(Trigger, "~/step", self._step)
+        self.create_service(SetBool, "~/record", self._record)
+        self.create_service(Trigger, "~/split_recording", self._split_recording)
 
     def start(self) -> None:
         """Begin to step and to publish."""
@@ -96,6 +100,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             self.get_logger().warning(f"parameters that mean nothing here: {listed(self._unknown)}")
         if self._priority and (refusal := realtime.lock_memory()):
             self._note(refusal)
+        if self.parameters["record"]:
+            self._start_recording(self.runner.moment())
         self.outputs.start(self.runner.output, self.simulation.live)
         self.diagnostics.begin()
         self.runner.start()
@@ -105,16 +111,15 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         """End the stepping, then everything that it fed; the recording is finished when this returns."""
         self.runner.stop()
         self.outputs.join()
-        recorder, energies = self.outputs.recorder, self.outputs.energies
+        energies = self.outputs.energies
         residual = f", energy residual {energies.residual:.1e} J" if energies is not None else ""
         late = self.runner.pacer.lateness.spread()
         self.get_logger().info(
             f"stopped after {self.runner.ticks} steps{residual}; late by {1e3 * late.median:.2f} ms (median), "
             f"{1e3 * late.p99:.2f} (p99), {1e3 * late.maximum:.1f} at most; {self.runner.pacer.overruns} overruns"
         )
-        if recorder is not None:
-            lost = f", {recorder.dropped} dropped" if recorder.dropped else ""
-            self.get_logger().info(f"recorded {recorder.written} messages{lost} to {recorder.path}")
+        if self.recordings.recorder is not None:
+            self.get_logger().info(_recorded(self.recordings.recorder))
 
     def _build(self) -> Simulation:
         mechanism = load_mechanism(self.parameters["mechanism"])
@@ -186,24 +191,41 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             self._note("stepping takes all the time, so that it goes on without real-time priority")
         self.diagnostics.tick()
 
-    def _recorder(self) -> Recorder | None:
-        if not self.parameters["record"]:
-            return None
+    def _recordings(self) -> Recordings:
+        """What records, now or later.
+
+        :raises ValueError: `record_format` is unknown.
+        """
+        form = self.parameters["record_format"]
+        if form not in FORMATS:
+            raise ValueError(f"record_format: there is no '{form}'. {nearest(form, FORMATS)}")
+        return Recordings(
+            self._open_recorder,
+            self._recording_metadata,
+            self.runner.mark,
+            lambda failure: self.get_logger().error(f"{failure}. The simulation goes on."),
+            self._limits(),
+        )
+
+    def _open_recorder(self) -> Recorder:
         mechanism = self.simulation.mechanism
-        try:
-            path = new_file(Path(self.parameters["record_dir"]).expanduser(), mechanism.name)
-            recorder = Recorder(
-                path,
-                self.outputs.topics(),
-                mechanism.source.text,
-                run_metadata(self.simulation),
-                self.outputs.bytes_per_second(self.rates.publish),
-            )
-        except RecordingError as error:
-            self.get_logger().error(f"{error} The run is not recorded.")
-            return None
-        self.get_logger().info(f"recording to {path}")
-        return recorder
+        folder = Path(self.parameters["record_dir"]).expanduser()
+        series = new_series(folder, mechanism.name, rosbag2=self.parameters["record_format"] == "rosbag2")
+        return Recorder(series, self.outputs.topics(), mechanism.source.text)
+
+    def _recording_metadata(self, moment: Moment) -> Mapping[str, str]:
+        return run_metadata(self.simulation, moment, self.parameters.values)
+
+    def _limits(self) -> Limits:
+        return Limits(1e6 * self.parameters["record_split_size"], self.parameters["record_split_duration"])
+
+    def _start_recording(self, moment: Moment | None = None) -> tuple[bool, str]:
+        begun, path = self.recordings.start(moment)
+        if begun:
+            self.get_logger().info(f"recording to {path}")
+        elif moment is not None:
+            self.get_logger().error(f"{path} The run is not recorded.")
+        return begun, path
 
     def _viewer(self) -> Viewer | None:
         if not self.parameters["rerun"]:
@@ -269,6 +291,17 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         response.message = problem or f"t = {self.simulation.time:.9g} s"
         return response
 
+    def _record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        response.success, response.message = self._start_recording() if request.data else self.recordings.stop()
+        self._prioritize()  # the threads that write are new
+        if response.success and not request.data and self.recordings.recorder is not None:
+            self.get_logger().info(_recorded(self.recordings.recorder))
+        return response
+
+    def _split_recording(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success, response.message = self.recordings.split()
+        return response
+
     def _parameter_changed(self, name: str, value: Any) -> None:
         match name:
             case "real_time_factor":
@@ -281,6 +314,13 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
                 self.rates.clock = value
             case "command_timeout":
                 self.commands.timeout = self.wrenches.timeout = value
+            case "record_split_size" | "record_split_duration":
+                self.recordings.limits = self._limits()
+
+
+def _recorded(recorder: Recorder) -> str:
+    lost = f", {recorder.dropped} dropped" if recorder.dropped else ""
+    return f"recorded {recorder.written} messages{lost} to {recorder.series.place}"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
