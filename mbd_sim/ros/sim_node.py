@@ -362,7 +362,8 @@ def _run(ended: threading.Event) -> int:
     spinning = threading.Thread(target=spin, name="executor", daemon=True)
     spinning.start()
     node.start()
-    ended.wait()
+    while not ended.wait(0.5):
+        pass  # a signal that comes just before the wait is heard after it only
     node.stop()
     executor.shutdown()
     spinning.join(timeout=2.0)
