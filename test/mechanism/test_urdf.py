@@ -158,7 +158,7 @@ def check_again(mechanism, rng):
     difference = np.concatenate([found[theirs] - expected[ours] for ours, theirs in pairs])
     order = np.concatenate([np.arange(ours.start, ours.stop) for ours, _ in pairs])
     largest = max(np.linalg.norm(oracle.scale * expected), 1.0)
-    assert np.linalg.norm(oracle.scale[order] * difference) <= 1e-12 * max(1.0, 0.1 * oracle.condition) * largest
+    assert np.linalg.norm(oracle.scale[order] * difference) <= 1e-12 * max(1.0, 1e-3 * oracle.condition) * largest
 
 
 def test_every_axial_type_comes_back():
