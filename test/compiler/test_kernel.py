@@ -17,8 +17,8 @@ from mechanisms import AUDITED, FLOATING
 
 import mbd_sim
 from mbd_sim import Simulation
+from mbd_sim.compiler import jit, vectors
 from mbd_sim.compiler import kernel as kernel_module
-from mbd_sim.compiler import vectors
 from mbd_sim.compiler.arrange import arranged
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.dynamics.equations import derive
@@ -73,6 +73,14 @@ def test_another_process_gets_the_same_bits():
         environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": paths}
         done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
         assert done.stdout.strip() == here.state.tobytes().hex()
+
+
+def test_a_processor_without_fused_operations_gets_the_same_bits(monkeypatch):
+    """There they are calls of the C library, which rounds once as well."""
+    here = run(*compile_model("audited", "dop853"), 300)
+    monkeypatch.setattr(jit.llvm, "get_host_cpu_name", lambda: "x86-64")
+    monkeypatch.setattr(jit.llvm, "get_host_cpu_features", jit.llvm.FeatureMap)
+    assert bits(run(*compile_model("audited", "dop853"), 300)) == bits(here)
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
