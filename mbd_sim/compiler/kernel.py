@@ -24,7 +24,7 @@ from mbd_sim.integrators.gauss import Gauss
 from mbd_sim.integrators.methods import Method
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 
-INLINED = 2500  # instructions of all stages together up to which the rates are inlined into the loop
+INLINED = 2000  # instructions of all stages together up to which the rates are inlined into the loop
 
 _ADDRESS, _INT, _DOUBLE = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 _ADVANCE = (_ADDRESS, _ADDRESS, _INT, _DOUBLE, _INT)
@@ -67,12 +67,13 @@ def compile_kernel(
     """
     core = slice(0, rates.nnz_out(0)) if core is None else core
     module = new_module()
-    instructions = instruction_count(rates)
+    program = arranged(rates)
+    instructions = instruction_count(program)
     judging = rates.n_out() > 1
     system = System(
         size=rates.nnz_out(0),
         watched=core.stop,
-        rates=lower(module, arranged(rates), inline=instructions * method.stages <= INLINED),
+        rates=lower(module, program, inline=instructions * method.stages <= INLINED),
         settle=lower(module, arranged(settle, fused=False), inline=not judging) if settle is not None else None,
         judging=judging,
     )
