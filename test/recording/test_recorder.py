@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import threading
 import time
 
@@ -142,6 +143,23 @@ def test_a_full_disk_is_reported_and_counted_and_never_raises():
     assert recorder.dropped == 2000
 
 
+def test_a_limit_that_the_system_sets_leaves_a_whole_file_with_its_index(tmp_path):
+    recorder = recorder_in(tmp_path)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, before[1]))
+    try:
+        for number in range(5000):
+            recorder.put("text", os.urandom(100), number, number)
+            time.sleep(1e-4)
+        recorder.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert "File too large" in recorder.failure
+    found = messages(recorder.path)
+    assert [message.sequence for _, message in found] == list(range(len(found)))
+    assert len(found) == recorder.written == 5000 - recorder.dropped > 100
+
+
 class SlowStream(Stream):
     """A disk that stands still until it is let go."""
 
@@ -171,6 +189,36 @@ def test_when_the_disk_is_slow_display_topics_are_dropped_and_vital_ones_are_kep
     topics = [topic for topic, _ in messages(recorder.path)]
     assert topics.count("/vital") == 1000
     assert topics.count("/text") + recorder.dropped == 1000
+    assert recorder.failure == ""
+
+
+def test_memory_stays_bounded_on_a_disk_that_is_always_too_slow(tmp_path, monkeypatch):
+    class Throttled(Stream):
+        rate = 50e3
+
+        def write(self, data):
+            time.sleep(len(data) / self.rate)
+            return super().write(data)
+
+    monkeypatch.setattr(module, "WAITING", 200_000)
+    recorder = recorder_in(tmp_path, open_stream=Throttled)
+    most = commands = displayed = 0
+    until = time.monotonic() + 1.5
+    while time.monotonic() < until:
+        for _ in range(20):
+            recorder.put("text", os.urandom(200), displayed, displayed)
+            displayed += 1
+        recorder.put("vital", commands.to_bytes(8, "little"), displayed, displayed)
+        commands += 1
+        most = max(most, recorder.waiting)
+        time.sleep(1e-3)
+    Throttled.rate = 1e9
+    recorder.close()
+    topics = [topic for topic, _ in messages(recorder.path)]
+    assert topics.count("/vital") == commands
+    assert topics.count("/text") == displayed - recorder.dropped
+    assert recorder.dropped > 0
+    assert most < 200_000 + 500 * (commands + 1)
     assert recorder.failure == ""
 
 
