@@ -106,6 +106,8 @@ class Diagnostics:
         if factor < wanted * (1.0 - SLOW) and not runner.paused and now.simulated > last.simulated > 0.0:
             why = BUSY if stepping < 0.5 else "stepping takes all the time: take a larger step or a cheaper method"
             problem = f"{text} instead of {wanted:g}: {why}"
+        elif runner.rates.clock and self._node.count_publishers("/clock") > 1:
+            problem = f"{text}, but another node publishes /clock as well: set clock_rate to 0 in all but one"
         elif missed:
             problem = f"{text}, but the schedule had to start anew {missed} times: {BUSY}"
         if self.notes and not problem:

@@ -317,7 +317,7 @@ class Runner:
         if not self.paused:
             return "running: pause before stepping"
         left = steps
-        while left > 0:
+        while left > 0 and not self._stopping:
             batch = min(left, self._steps_until_due())
             if problem := self._advance(batch):
                 return problem

@@ -6,7 +6,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,7 @@ from mbd_sim.ros.names import topic_names
 from mbd_sim.ros.outputs import Outputs, Wanted
 from mbd_sim.ros.parameters import Parameters
 from mbd_sim.ros.runner import Rates, Runner
+from mbd_sim.ros.simulation_services import serve_simulation_interfaces
 from mbd_sim.ros.wrenches import EVERY, WrenchBuffer, loadable
 from mbd_sim.simulation import Simulation
 from mbd_sim.viewer import Viewer, ViewerError
@@ -44,7 +45,8 @@ STARVED = 3  # times a second that the schedule may start anew before the steppi
 class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
     """Runs a mechanism in real time: states and energies out, efforts in, every run recorded."""
 
-    def __init__(self) -> None:
+    def __init__(self, end: Callable[[], None]) -> None:
+        """Build everything; `end` is called where a service asks the node to end."""
         super().__init__("sim_node")
         self.parameters = Parameters(self, self._parameter_changed)
         self.simulation = self._build()
@@ -83,6 +85,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self.create_service(Trigger, "~/reset", self._reset)
         self.create_service(SetBool, "~/pause", self._pause)
         self.create_service(Trigger, "~/step", self._step)
+        self.standard = serve_simulation_interfaces(self, self.runner, end)
 
     def start(self) -> None:
         """Begin to step and to publish."""
@@ -288,7 +291,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(ended: threading.Event) -> int:
     try:
-        node = SimNode()
+        node = SimNode(ended.set)
     except (
         MbdSimError,
         ValueError,
