@@ -23,7 +23,7 @@ from mbd_sim.recording.recorder import Recorder, Topic
 from mbd_sim.ros import qos, states
 from mbd_sim.ros.markers import Markers
 from mbd_sim.ros.output import Output
-from mbd_sim.ros.runner import Event, Snapshot
+from mbd_sim.ros.snapshots import Event, Snapshot
 from mbd_sim.ros.template import STAMP, Template
 from mbd_sim.ros.transforms import transforms
 from mbd_sim.viewer import Viewer

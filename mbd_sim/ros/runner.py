@@ -13,6 +13,7 @@ from mbd_sim.errors import CommandError, DivergedError
 from mbd_sim.mechanism.model import Array
 from mbd_sim.ros.commands import CommandBuffer
 from mbd_sim.ros.pacing import Pacer
+from mbd_sim.ros.snapshots import Counters, Event, Snapshot
 from mbd_sim.ros.wrenches import WrenchBuffer
 from mbd_sim.simulation import Simulation
 
@@ -21,49 +22,6 @@ FAST_BATCH = 1000  # steps a wake-up when running as fast as possible
 REPEAT = 0.5  # seconds of real time between repeated states while paused, for those who come to listen later
 BACKLOG = 200  # snapshots that may wait when running as fast as possible
 MOST_WAITING = 10_000  # snapshots that may wait at all; when what leaves the node is that slow, they are dropped
-
-
-@dataclass(frozen=True, slots=True)
-class Snapshot:
-    """The state at a tick. `clock_ns` is the node's simulated clock, `time` that of the mechanism in s.
-
-    `inputs` are those of the equations, the efforts first. `ticks` counts the steps since the node started, over all
-    resets. `state` and `clock` say what is due, and `repeated` that nothing has changed since the last snapshot.
-    """
-
-    ticks: int
-    clock_ns: int
-    time: float
-    y: Array
-    inputs: Array
-    start_energy: float
-    state: bool
-    clock: bool
-    repeated: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """Something that happened between two steps, and what took effect: efforts, a part's wrench, live values.
-
-    A wrench is given by its numbers among the inputs of the equations, see `InputLayout`.
-    """
-
-    ticks: int
-    clock_ns: int
-    time: float
-    text: str
-    efforts: Array | None = None
-    wrench: tuple[str, Array] | None = None
-    live: Mapping[str, float] | None = None
-
-
-@dataclass
-class Counters:
-    """Where the time of the stepping thread goes: seconds of stepping, and snapshots that were dropped."""
-
-    stepping: float = 0.0
-    dropped: int = 0
 
 
 @dataclass

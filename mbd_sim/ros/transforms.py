@@ -12,7 +12,7 @@ from mbd_sim.mechanism.model import GROUND
 from mbd_sim.model import Model
 from mbd_sim.ros import qos
 from mbd_sim.ros.output import Output
-from mbd_sim.ros.runner import Snapshot
+from mbd_sim.ros.snapshots import Snapshot
 from mbd_sim.ros.states import Telling, placed
 from mbd_sim.ros.template import STAMP, Template, slot
 

@@ -9,7 +9,7 @@ from mbd_sim import Simulation
 from mbd_sim.mechanism.library import shipped
 from mbd_sim.mechanism.rotation import from_quaternion
 from mbd_sim.ros.markers import Markers
-from mbd_sim.ros.runner import Snapshot
+from mbd_sim.ros.snapshots import Snapshot
 
 
 def snapshot(simulation: Simulation) -> Snapshot:

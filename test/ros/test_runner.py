@@ -8,7 +8,8 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.ros.commands import CommandBuffer
 from mbd_sim.ros.pacing import RE_ANCHOR, Histogram, Pacer
-from mbd_sim.ros.runner import Event, Rates, Runner, Snapshot
+from mbd_sim.ros.runner import Rates, Runner
+from mbd_sim.ros.snapshots import Event, Snapshot
 from mbd_sim.ros.wrenches import WrenchBuffer
 
 
