@@ -6,7 +6,8 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "mbd_sim"
-NODES = ["sim_node"]
+EXAMPLES = ["computed_torque", "excite", "identify", "pd_hold", "swing_up", "teleop"]
+NODES = ["sim_node", *(f"example_{name}" for name in EXAMPLES)]
 
 
 def tree(folder: str) -> list[tuple[str, list[str]]]:
@@ -23,6 +24,7 @@ data_files = [
     (f"share/{NAME}", ["package.xml"]),
     *tree("config"),
     *tree("launch"),
+    *tree("examples"),
 ]
 if "bdist_wheel" in sys.argv:
     # A wheel has no install_scripts: `ros2 run` finds the nodes through these.
@@ -54,18 +56,26 @@ setup(
         "sympy>=1.12",
     ],
     extras_require={
+        "gym": ["gymnasium>=1.0"],
         # Beside a ROS 2 installation these come from the system instead.
         "ros": [
             "ros-jazzy-rclpy>=7.1,<8",
             "ros-jazzy-common-interfaces>=5.3,<6",
             "ros-jazzy-rmw-fastrtps-cpp>=8.4,<9",
         ],
+        # Sweeps: tables, and more processors than one.
+        "sweep": ["dask[distributed]>=2024.1", "pyarrow>=14"],
+        # Real robots and Pinocchio, against which their accelerations are tested; without them those tests are skipped.
+        "robots": ["example-robot-data>=4", "pin>=3"],
         "test": [
+            "dask[distributed]>=2024.1",
+            "gymnasium>=1.0",
             "hypothesis>=6.100",
             "jsonschema>=4.20",
             "mcap-ros2-support>=0.5",
             "mypy>=1.10",
             "psutil>=5.9",
+            "pyarrow>=14",
             "pytest>=7.4",
             "pytest-timeout>=2.2",
             "rosbags>=0.10",
@@ -78,6 +88,7 @@ setup(
         "console_scripts": [
             "mbd_sim = mbd_sim.cli:main",
             "sim_node = mbd_sim.ros.sim_node:main",
+            *(f"example_{name} = mbd_sim.examples.{name}:main" for name in EXAMPLES),
         ],
     },
 )

@@ -17,6 +17,7 @@ from mbd_sim.dynamics.values import Values
 from mbd_sim.errors import MechanismError, Problem, nearest
 from mbd_sim.integrators.methods import METHODS, Method
 from mbd_sim.mechanism.model import Array, Mechanism, Pose
+from mbd_sim.mechanism.rotation import unit
 
 
 class Energies(NamedTuple):
@@ -167,6 +168,16 @@ class Model:
                 f"no position near these coordinates closes the loops: {np.max(np.abs(closing.gaps)):.3g} stay open"
             )
         return closing.q, nearest_speeds(conditions, 0.0, closing.q, u)
+
+    def normalize(self, y: Array) -> None:
+        """Give the quaternions of a state unit length.
+
+        :raises ValueError: one of them is zero.
+        """
+        for joint, start in self.quaternions.items():
+            if not np.any(y[start : start + 4]):
+                raise ValueError(f"the quaternion of joint '{joint}' is zero")
+            y[start : start + 4] = unit(y[start : start + 4])
 
     def coordinates(self, y: Array) -> Array:
         """(nv,): a position for each of `coordinate_names`; free joints give x, y, z and the rotation vector in rad."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from operator import index
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
@@ -17,11 +18,14 @@ from mbd_sim.errors import CommandError, DivergedError, nearest
 from mbd_sim.live import LiveValues
 from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.model import Array, Mechanism, Pose
-from mbd_sim.mechanism.rotation import unit
 from mbd_sim.model import Drive, Energies, Model, Reaction, Violation, build_model
 from mbd_sim.wrenches import WrenchMap
 
 OPENED = 1e-6  # violation of the constraints that a change of live values must not exceed, m or 1
+
+if TYPE_CHECKING:
+    from mbd_sim.analysis.inverse import InverseDynamics
+    from mbd_sim.analysis.linear import Linearization
 
 
 class Simulation:
@@ -29,7 +33,9 @@ class Simulation:
 
     `q` (nq,) are the generalized coordinates and `u` (nv,) the generalized speeds in the order of the file's
     joints, in m, rad, m/s and rad/s; free joints have a position and a unit quaternion (w, x, y, z) in q, and a
-    velocity in the first part's axes and an angular velocity in the second's in u. Not to be shared by threads.
+    velocity in the first part's axes and an angular velocity in the second's in u. They, `y` (the integrated state: q,
+    u, and the audit's energies), `efforts` and `inputs` are read-only views of the kernel's own memory: they show the
+    motion as it goes on; copy what you want to keep. Not to be shared by threads.
 
     >>> sim = Simulation.from_file("double_rod")
     >>> sim.run(until=3.0)
@@ -75,6 +81,7 @@ class Simulation:
         arrays = (self._clock, self._step, self._y, self._inputs, self._estimate)
         # On the instance it comes before the method of this name, which it calls where something is wrong.
         vars(self)["step"] = self.model.kernel.stepper(self.step, [array.ctypes.data for array in arrays], arrays)
+        self.y = _read_only(self._y)
         self.q = _read_only(self._y[self.model.q_range])
         self.u = _read_only(self._y[self.model.u_range])
         self.efforts = _read_only(self._efforts)
@@ -174,6 +181,25 @@ class Simulation:
         """The force and the moment that go through each joint, at this moment."""
         return self.model.reactions(self.time, self._y, self._inputs)
 
+    def inverse_dynamics(self, u_rates: Sequence[float] | Array) -> Array:
+        """The efforts (nv,) in N and N·m that give the accelerations `u_rates` (nv,) in this state.
+
+        :raises ValueError: the constraints do not allow them; see `mbd_sim.analysis.inverse.InverseDynamics`.
+        """
+        return self._inverse(self.q, self.u, _checked(u_rates, self.u.size, "u_rates"), self.time)
+
+    @cached_property
+    def _inverse(self) -> InverseDynamics:
+        from mbd_sim.analysis.inverse import InverseDynamics
+
+        return InverseDynamics(self.mechanism, equations=self.model.equations)
+
+    def linearize(self) -> Linearization:
+        """x' = A x + B e for small motions about this state and these efforts, by exact differentiation."""
+        from mbd_sim.analysis.linear import linearize
+
+        return linearize(self.model.equations, self.q, self.u, self.efforts, self.time)
+
     def step(self, n: int = 1) -> None:
         """Advance by n steps.
 
@@ -235,10 +261,7 @@ class Simulation:
         for values, where, symbol in ((q, self.model.q_range, "q"), (u, self.model.u_range, "u")):
             if values is not None:
                 y[where] = _checked(values, where.stop - where.start, symbol)
-        for joint, start in self.model.quaternions.items():
-            if not np.any(y[start : start + 4]):
-                raise ValueError(f"the quaternion of joint '{joint}' is zero")
-            y[start : start + 4] = unit(y[start : start + 4])
+        self.model.normalize(y)
         inputs = self.model.inputs.copy()
         inputs[self.model.equations.inputs.of_values] = self._values
         if q is not None or u is not None or not np.array_equal(inputs, self.model.inputs):

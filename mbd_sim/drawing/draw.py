@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Iterator, Mapping
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.drawing.scene import Scene, scene
 from mbd_sim.drawing.sheet import Path, Text
@@ -50,12 +52,27 @@ def draw(mechanism: Mechanism, poses: Mapping[str, Pose], path: str | FilePath, 
 
 
 def _write(picture: Scene, path: FilePath) -> None:
+    with _figure(picture, RESOLUTION) as figure:
+        metadata = {"Date": None, "Creator": "mbd_sim"} if path.suffix.lower() == ".svg" else {"Software": "mbd_sim"}
+        figure.savefig(path, dpi=RESOLUTION, metadata=metadata)
+
+
+def pixels(picture: Scene, resolution: float = POINTS) -> NDArray[np.uint8]:
+    """(height, width, 3): a picture in dots, `resolution` of them an inch."""
+    with _figure(picture, resolution) as figure:
+        figure.canvas.draw()
+        return np.array(figure.canvas.buffer_rgba())[:, :, :3]
+
+
+@contextlib.contextmanager
+def _figure(picture: Scene, resolution: float) -> Iterator[Any]:
+    """Matplotlib's figure of a picture, within Matplotlib's own settings."""
     from matplotlib import style
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     with style.context(["default", SETTINGS]):  # not the user's own
-        figure = Figure(figsize=tuple(picture.size / POINTS), dpi=RESOLUTION, facecolor="white")
+        figure = Figure(figsize=tuple(picture.size / POINTS), dpi=resolution, facecolor="white")
         FigureCanvasAgg(figure)
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
         axes.set_axis_off()
@@ -65,8 +82,7 @@ def _write(picture: Scene, path: FilePath) -> None:
             axes.add_patch(_patch(item, order))
         for text in picture.sheet.texts:
             _add_text(axes, text, len(picture.sheet.paths))
-        metadata = {"Date": None, "Creator": "mbd_sim"} if path.suffix.lower() == ".svg" else {"Software": "mbd_sim"}
-        figure.savefig(path, dpi=RESOLUTION, metadata=metadata)
+        yield figure
 
 
 def _patch(item: Path, order: int) -> Any:

@@ -48,12 +48,12 @@ def scene(mechanism: Mechanism, poses: Mapping[str, Pose], title: str | None = N
     size = max(float(np.max(np.ptp(spread, axis=0))), 0.0) or 1.0
     scale = float(np.min(MOST)) / size
     for _ in range(5):  # lines and symbols have sizes in points, so that the scale is found by trying
-        sheet = _mechanism(Page(view, scale), mechanism, poses, size, wires)
+        sheet = mechanism_sheet(Page(view, scale), mechanism, poses, size, wires)
         low, high = sheet.bounds()
         scale *= float(np.clip(np.min(MOST / np.maximum(high - low, 1.0)), 0.2, 5.0))
         scale = min(scale, CLOSEST * float(np.max(MOST)) / size)  # what is seen may be a dot without a size
     page = Page(view, scale)
-    sheet = _mechanism(page, mechanism, poses, size, wires)
+    sheet = mechanism_sheet(page, mechanism, poses, size, wires)
     joints = [held(page, mechanism, poses, joint) for joint in mechanism.all_joints.values()]
     sheet.texts += place_names(sheet, _names(page, mechanism, poses, joints, size))
     low, high = sheet.bounds()
@@ -68,9 +68,10 @@ def scene(mechanism: Mechanism, poses: Mapping[str, Pose], title: str | None = N
     return Scene(sheet, np.ceil([width, height]))  # whole points keep SVG short
 
 
-def _mechanism(
+def mechanism_sheet(
     page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], size: float, wires: Sequence[Wire]
 ) -> Sheet:
+    """The mechanism alone, without names; `size` in m sets how large its symbols are."""
     sheet, colors = Sheet(), part_colors(mechanism)
     joints = [held(page, mechanism, poses, joint) for joint in mechanism.all_joints.values()]
     for name, part in mechanism.parts.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import cast
 
 import casadi as ca
@@ -46,7 +47,7 @@ def element_loads(
     motions: Sequence[LinkMotion],
     poses: Sequence[WorldPose],
     t: ca.SX,
-    external: Mapping[str, ExternalWrench],
+    external: Mapping[str, ExternalWrench] = MappingProxyType({}),
 ) -> ElementLoads:
     """All force elements of a mechanism, and the `external` wrenches on parts (Huston & Liu, sec. 11.5)."""
     points = Points(links, motions, poses)

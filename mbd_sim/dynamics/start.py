@@ -77,11 +77,29 @@ def assembled_start(
     _require_agreement(mechanism, conditions, rows, keep, around)
     if max(ranks) == places.nv and not rheonomic(mechanism):
         raise rigid(mechanism, rows, places.nv)
+    return Start(q, _fitting(mechanism, conditions, rows, q, u), keep, ranks, around)
+
+
+def start_like(
+    mechanism: Mechanism, places: Layout, conditions: Callable[[], Conditions], rows: Sequence[Row]
+) -> tuple[Array, Array]:
+    """q and u of a mechanism whose constraints are those of another one, with other values.
+
+    :raises MechanismError: a loop cannot be closed, or given speeds do not fit.
+    """
+    q, u = given_start(mechanism, places)
+    if not rows:
+        return q, u
+    q = _closed(mechanism, conditions(), rows, q)
+    return q, _fitting(mechanism, conditions(), rows, q, u)
+
+
+def _fitting(mechanism: Mechanism, conditions: Conditions, rows: Sequence[Row], q: Array, u: Array) -> Array:
     held = _each(mechanism, "held_speeds")
     speeds = fit_speeds(conditions, 0.0, q, u, held)
     if not speeds.fitting:
         raise unfitting(mechanism, rows, speeds.misses, held)
-    return Start(q, speeds.u, keep, ranks, around)
+    return speeds.u
 
 
 def _closed(mechanism: Mechanism, conditions: Conditions, rows: Sequence[Row], q: Array) -> Array:

@@ -78,6 +78,12 @@ class Values:
         """The symbols (n,)."""
         return ca.SX.sym("p", len(self.base))
 
+    def among(self, numbers: Numbers) -> Array:
+        """The values (n,) of a mechanism that is known to differ in them only."""
+        values = self.base.copy()
+        values[self.columns] = numbers.free[self.places]
+        return values
+
     def of(self, numbers: Numbers) -> Array:
         """The values (n,) of another mechanism of the same shape.
 
@@ -88,8 +94,7 @@ class Values:
         for path, kept in numbers.fixed.items():
             if not _same(kept, self.numbers.fixed.get(path)):
                 raise UnvariedError(f"{_named(path)} differs, which is built into the equations")
-        values = self.base.copy()
-        values[self.columns] = numbers.free[self.places]
+        values = self.among(numbers)
         expected = self.numbers.free.copy()
         expected[self.places] = values[self.columns]
         if len(off := np.flatnonzero(expected != numbers.free)):

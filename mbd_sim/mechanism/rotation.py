@@ -99,12 +99,16 @@ def from_rpy(roll: float, pitch: float, yaw: float) -> Array:
 
 
 def to_rpy(rotation: Array) -> tuple[float, float, float]:
-    """Roll, pitch and yaw of a rotation matrix; inverse of `from_rpy`."""
+    """Roll, pitch and yaw of a rotation matrix; inverse of `from_rpy`.
+
+    Roll is what is left when yaw is turned back, so that the three fit together where the pitch nears a right angle.
+    """
     r = rotation
-    pitch = float(np.arctan2(-r[2, 0], np.hypot(r[0, 0], r[1, 0])))
-    if np.hypot(r[0, 0], r[1, 0]) < 1e-12:
-        return float(np.arctan2(-r[1, 2], r[1, 1])), pitch, 0.0
-    return float(np.arctan2(r[2, 1], r[2, 2])), pitch, float(np.arctan2(r[1, 0], r[0, 0]))
+    yaw = np.arctan2(r[1, 0], r[0, 0])
+    pitch = np.arctan2(-r[2, 0], np.hypot(r[0, 0], r[1, 0]))
+    sine, cosine = np.sin(yaw), np.cos(yaw)
+    roll = np.arctan2(sine * r[0, 2] - cosine * r[1, 2], cosine * r[1, 1] - sine * r[0, 1])
+    return float(roll), float(pitch), float(yaw)
 
 
 def of_record(rotation: Rotation | None) -> Array:

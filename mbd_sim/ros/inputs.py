@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from functools import partial
 
 from geometry_msgs.msg import WrenchStamped
@@ -22,10 +23,19 @@ class Inputs:
     """The subscriptions of a node; what they reject is told once a second at most."""
 
     def __init__(
-        self, node: Node, mechanism: Mechanism, commands: CommandBuffer, wrenches: WrenchBuffer, loadable: Loadable
+        self,
+        node: Node,
+        mechanism: Mechanism,
+        commands: CommandBuffer,
+        wrenches: WrenchBuffer,
+        loadable: Loadable,
+        on_efforts: Callable[[], None],
     ) -> None:
-        """Subscribe: `~/wrench/<part>` acts at the mass centre, `~/wrench/<part>/<point>` at a named point."""
-        self.commands, self.wrenches = commands, wrenches
+        """Subscribe: `~/wrench/<part>` acts at the mass centre, `~/wrench/<part>/<point>` at a named point.
+
+        `on_efforts` is called after efforts have been taken.
+        """
+        self.commands, self.wrenches, self._on_efforts = commands, wrenches, on_efforts
         self.last_rejection: tuple[str, CommandError] | None = None
         self._log = node.get_logger()
         self._told = 0.0
@@ -58,12 +68,16 @@ class Inputs:
             self.commands.by_order(message.data)
         except CommandError as error:
             self._reject("~/commands", error)
+        else:
+            self._on_efforts()
 
     def _by_name(self, message: JointState) -> None:
         try:
             self.commands.by_name(message.name, message.effort)
         except CommandError as error:
             self._reject("joint_commands", error)
+        else:
+            self._on_efforts()
 
     def _wrench(self, topic: str, part: str, point: str | None, message: WrenchStamped) -> None:
         force, torque = message.wrench.force, message.wrench.torque

@@ -53,6 +53,7 @@ class Runner:
         self.paused = paused
         self.problem = self.advice = ""
         self.ticks = 0
+        self._emitted = -1  # the tick of the last state that was handed out
         self._clock_offset = 0
         self._bearable = TOLERATED
         self._step_ns = round(simulation.step_size * 1e9)
@@ -218,6 +219,8 @@ class Runner:
         if self.output.qsize() >= MOST_WAITING:
             self.counters.dropped += 1
             return
+        if state:
+            self._emitted = self.ticks
         self.output.put(
             Snapshot(
                 ticks=self.ticks,
@@ -281,5 +284,6 @@ class Runner:
                 return problem
             left -= batch
             self._let_output_catch_up()
-        self._emit(state=True, clock=True)
+        if self._emitted != self.ticks:
+            self._emit(state=True, clock=True)
         return ""

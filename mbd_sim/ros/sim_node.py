@@ -30,6 +30,7 @@ from mbd_sim.ros.wrenches import WrenchBuffer
 
 IMPOSSIBLE = (MbdSimError, ValueError, ImportError, InvalidParameterTypeException, InvalidParameterValueException)
 STARVED = 3  # times a second that the schedule may start anew before the stepping thread gives up its priority
+LOOK = 0.2  # seconds between looks at signals
 
 
 class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
@@ -41,7 +42,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self.parameters = Parameters(self, self._parameter_changed)
         self.simulation, loads = build(self.parameters)
         simulation, prefix = self.simulation, self.parameters["frame_prefix"]
-        self._set_at_start(self.parameters.add_live(simulation.live, self._set_live))
+        self._set_at_start(self.parameters.add_live(simulation.live, lambda changes: self.runner.set_live(changes)))
         self._unknown = self.parameters.finish()
         timeout = self.parameters["command_timeout"]
         self.commands = CommandBuffer(simulation.effort_map, timeout)
@@ -56,7 +57,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self.outputs = Outputs(self, simulation.model, wanted(self.parameters, simulation.model.part_names))
         self.outputs.recorder = recorder(self.parameters, simulation, self.outputs, self.get_logger())
         self.outputs.viewer = viewer(self.parameters, simulation, self.get_logger())
-        inputs = Inputs(self, simulation.mechanism, self.commands, self.wrenches, loads)
+        inputs = Inputs(self, simulation.mechanism, self.commands, self.wrenches, loads, self._step_on_command)
         self.diagnostics = Diagnostics(self, self.runner, inputs, self.outputs)
         self._priority = self.parameters["real_time_priority"]
         self.create_timer(PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -106,9 +107,6 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             self.simulation.set_live(changes)
             self.simulation.reset()
 
-    def _set_live(self, changes: Mapping[str, float]) -> str:
-        return self.runner.set_live(changes)
-
     def _prioritize(self) -> None:
         """Real-time priority, unless stepping knows no pause: it would leave nothing for the rest of the machine."""
         priority = self._priority if self.rates.real_time_factor > 0.0 else 0
@@ -126,6 +124,11 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             self._priority = 0
             self._note("stepping takes all the time, so that it goes on without real-time priority")
         self.diagnostics.tick()
+
+    def _step_on_command(self) -> None:
+        """Lockstep: the command brings its steps along, so that neither can overtake the other."""
+        if self.runner.paused and self.parameters["step_on_command"]:
+            self.runner.step(self.parameters["step_count"])
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         problem = self.runner.reset(self.parameters["reset_rewinds_clock"])
@@ -172,13 +175,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(ended: threading.Event) -> int:
     try:
         node = SimNode(ended.set)
-    except (
-        MbdSimError,
-        ValueError,
-        ImportError,
-        InvalidParameterTypeException,
-        InvalidParameterValueException,
-    ) as error:
+    except IMPOSSIBLE as error:
         print(f"sim_node cannot start:\n{error}", file=sys.stderr)
         return 1
     realtime.settle_memory()
@@ -196,7 +193,8 @@ def _run(ended: threading.Event) -> int:
     spinning = threading.Thread(target=spin, name="executor", daemon=True)
     spinning.start()
     node.start()
-    ended.wait()
+    while not ended.wait(LOOK):  # a signal that another thread receives does not wake this one
+        pass
     node.stop()
     executor.shutdown()
     spinning.join(timeout=2.0)

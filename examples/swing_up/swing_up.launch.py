@@ -1,0 +1,21 @@
+"""Swing a cart's pendulum up and balance it: `ros2 launch mbd_sim swing_up.launch.py`."""
+
+from launch.actions import IncludeLaunchDescription
+from launch.substitutions import PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+from launch import LaunchDescription
+
+SIM = {"mechanism": "cart_pendulum", "publish_rate": "200.0"}
+
+
+def generate_launch_description():
+    """The simulator, which takes all arguments of sim.launch.py, and the controller."""
+    sim = PathJoinSubstitution([FindPackageShare("mbd_sim"), "launch", "sim.launch.py"])
+    return LaunchDescription(
+        [
+            IncludeLaunchDescription(sim, launch_arguments=SIM.items()),
+            Node(package="mbd_sim", executable="example_swing_up", output="screen"),
+        ]
+    )

@@ -1,0 +1,21 @@
+"""Push a cart by hand: `ros2 launch mbd_sim teleop.launch.py rerun:=spawn`."""
+
+from launch.actions import IncludeLaunchDescription
+from launch.substitutions import PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+from launch import LaunchDescription
+
+SIM = {"mechanism": "cart_pendulum", "publish_rate": "100.0"}
+
+
+def generate_launch_description():
+    """The simulator, which takes all arguments of sim.launch.py, and the controller."""
+    sim = PathJoinSubstitution([FindPackageShare("mbd_sim"), "launch", "sim.launch.py"])
+    return LaunchDescription(
+        [
+            IncludeLaunchDescription(sim, launch_arguments=SIM.items()),
+            Node(package="mbd_sim", executable="example_teleop", output="screen", prefix="xterm -e"),
+        ]
+    )

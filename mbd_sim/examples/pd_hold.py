@@ -1,0 +1,53 @@
+"""`ros2 run mbd_sim example_pd_hold`: a double pendulum is held in place, its weight carried."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+
+from mbd_sim.analysis.inverse import InverseDynamics
+from mbd_sim.examples.control_node import ControlNode, run
+from mbd_sim.mechanism.model import Array, Mechanism
+
+
+class PdHold:
+    """Spring and damper to a target, besides the efforts that carry the weight: e = g(q) + kp (target - q) - kd u."""
+
+    def __init__(self, mechanism: Mechanism, stiffness: float = 40.0, damping: float = 6.0) -> None:
+        self.kp, self.kd = stiffness, damping
+        self._inverse = InverseDynamics(mechanism)
+        self._still = np.zeros(len(mechanism.coordinate_names))
+
+    def efforts(self, q: Array, u: Array, target: Array) -> Array:
+        """The efforts (nv,), N·m."""
+        return self._inverse(q, self._still, self._still) + self.kp * (target - q) - self.kd * u
+
+
+class PdHoldNode(ControlNode):
+    """The parameter `target` (rad for each joint) may be changed while it runs."""
+
+    def __init__(self) -> None:
+        super().__init__("pd_hold", "double_pendulum")
+        self.declare_parameter("target", [2.0, 0.8])
+        self.declare_parameter("stiffness", 40.0)
+        self.declare_parameter("damping", 6.0)
+        stiffness, damping = (float(self.get_parameter(name).value) for name in ("stiffness", "damping"))
+        self.law = PdHold(self.mechanism, stiffness, damping)
+        if len(self.get_parameter("target").value) != len(self.names):
+            raise ValueError(f"target: write a position for each of {', '.join(self.names)}.")
+        self.start()
+
+    def control(self, time: float, q: Array, u: Array) -> Array:
+        """To the target of this moment."""
+        target = np.array(self.get_parameter("target").value)
+        return self.law.efforts(q, u, target if target.shape == q.shape else q)
+
+
+def main() -> int:
+    """Run the node."""
+    return run(PdHoldNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,17 @@
+"""Gymnasium environments of mechanisms, without ROS: `pip install "mbd_sim[gym]"`.
+
+Importing this package registers the tasks of `mbd_sim.gym.tasks`:
+
+import gymnasium, mbd_sim.gym
+
+env = gymnasium.make("mbd_sim/CartPendulumSwingUp-v0")
+"""
+
+from __future__ import annotations
+
+from mbd_sim.gym.environment import MechanismEnv
+from mbd_sim.gym.tasks import TASKS, register_tasks
+
+__all__ = ["TASKS", "MechanismEnv", "register_tasks"]
+
+register_tasks()

@@ -1,0 +1,186 @@
+"""Any mechanism as a Gymnasium environment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbd_sim.errors import CommandError, DivergedError, listed, nearest
+from mbd_sim.mechanism.load import load_mechanism
+from mbd_sim.mechanism.model import Array, Mechanism
+from mbd_sim.simulation import Simulation
+
+try:
+    import gymnasium
+    from gymnasium import spaces
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError(
+        "mbd_sim.gym needs gymnasium: pip install gymnasium, or mbd_sim[gym].", name=error.name
+    ) from error
+
+if TYPE_CHECKING:
+    from mbd_sim.drawing.film import Film
+
+Observation = NDArray[np.float64]
+Action = NDArray[np.float32]
+TURNING = {"revolute": (0,), "universal": (0, 1), "cylindrical": (1,), "planar": (2,), "screw": (0,)}
+
+
+class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  # mypy skips Gymnasium
+    """A mechanism that is pushed at some of its joints; the same seed and actions give the same bits.
+
+    An action is an effort (N or N·m) for each `actuated` coordinate, within its limit; for a range of ±1 use
+    `gymnasium.wrappers.RescaleAction`. An observation is q and u, with cos and sin in place of angles. `reward` and
+    `terminated` see the `Simulation` after the action, so that they can use q, u, poses, energies and reactions.
+    A motion that becomes infinite ends the episode, with `info["diverged"]`.
+
+    >>> env = MechanismEnv("double_pendulum", actuated=["elbow"], reward=lambda sim, action: -abs(sim.q[0]))
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012  # Gymnasium's own way
+
+    def __init__(
+        self,
+        mechanism: str | Path | Mechanism,
+        actuated: Sequence[str] | None = None,
+        *,
+        reward: Callable[[Simulation, Action], float],
+        terminated: Callable[[Simulation], bool] = lambda sim: False,
+        effort_limits: Mapping[str, float] | None = None,
+        start: Mapping[str, Sequence[float]] | None = None,
+        start_noise: float = 0.0,
+        trigonometric: bool = True,
+        frame_skip: int = 20,
+        horizon: int | None = None,
+        render_mode: str | None = None,
+        render_size: tuple[int, int] = (600, 400),
+        step: float | None = None,
+    ) -> None:
+        """Build and compile.
+
+        :param mechanism: a file, the name of a mechanism that ships, or a mechanism.
+        :param actuated: the coordinates that take efforts; all by default.
+        :param reward: of the simulation and the action that has just been applied.
+        :param terminated: whether the episode ends in this state.
+        :param effort_limits: the largest efforts, where the file has no `effort_limit` or another one is wanted.
+        :param start: "q" and "u" that an episode starts with, in place of the file's.
+        :param start_noise: q and u start off by up to this much, in m, rad and their rates, drawn evenly.
+        :param trigonometric: observe cos and sin of angles; else the angles.
+        :param frame_skip: integration steps for each action.
+        :param horizon: actions after which an episode is truncated; None: never.
+        :param render_mode: None or "rgb_array".
+        :param render_size: width and height of a frame in dots.
+        :param step: s, in place of the file's integration step.
+        :raises MechanismError: with all problems of the file.
+        :raises ValueError: an unknown coordinate or render mode, or an effort without a limit.
+        """
+        record = mechanism if isinstance(mechanism, Mechanism) else load_mechanism(mechanism)
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"there is no render mode '{render_mode}'. Use 'rgb_array' or None.")
+        if frame_skip < 1:
+            raise ValueError(f"frame_skip must be 1 or more, not {frame_skip}")
+        self.simulation = Simulation(record, step=step)
+        self.reward, self.terminated = reward, terminated
+        self.frame_skip, self.horizon, self.start_noise = frame_skip, horizon, start_noise
+        self.start = dict(start or {})
+        self.render_mode, self._render_size = render_mode, render_size
+        self._film: Film | None = None
+        self.metadata = self.metadata | {"render_fps": round(1.0 / (frame_skip * self.simulation.step_size))}
+        self.actuated = tuple(record.coordinate_names if actuated is None else actuated)
+        limits = self._limits(effort_limits or {}).astype(np.float32)
+        self._places = [record.coordinate_names.index(name) for name in self.actuated]
+        self._efforts = np.zeros(self.simulation.u.size)
+        self._angles = _angles(record, self.simulation) if trigonometric else np.zeros(self.simulation.q.size, bool)
+        self._taken = 0
+        self.action_space = spaces.Box(-limits, limits, dtype=np.float32)
+        turning = np.count_nonzero(self._angles)
+        bounds = np.full(self._observation().size, np.inf)
+        bounds[self._angles.size - turning : self._angles.size + turning] = 1.0
+        self.observation_space = spaces.Box(-bounds, bounds, dtype=np.float64)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Back to the start, or to `options` "q" and "u", with noise; loops stay closed.
+
+        :raises ValueError: see `Simulation.reset`.
+        """
+        super().reset(seed=seed)
+        sim, given = self.simulation, self.start | (options or {})
+        self._taken = 0
+        if not given and not self.start_noise:
+            sim.reset()
+            return self._observation(), {}
+        file, model = sim.model.start, sim.model
+        q = np.array(given.get("q", file[model.q_range]), dtype=float)
+        u = np.array(given.get("u", file[model.u_range]), dtype=float)
+        q += self.np_random.uniform(-self.start_noise, self.start_noise, q.shape)
+        u += self.np_random.uniform(-self.start_noise, self.start_noise, u.shape)
+        sim.reset(q, u)
+        return self._observation(), {}
+
+    def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Hold the efforts for `frame_skip` steps.
+
+        :raises CommandError: the action has another shape, or a value that is not finite.
+        """
+        values = np.asarray(action, dtype=float)
+        if values.shape != (len(self.actuated),):
+            raise CommandError(f"an action of shape {values.shape} for {listed(self.actuated)}.")
+        self._efforts[self._places] = np.clip(values, self.action_space.low, self.action_space.high)
+        self.simulation.set_efforts(self._efforts)
+        info: dict[str, Any] = {}
+        try:
+            self.simulation.step(self.frame_skip)
+        except DivergedError as error:
+            info["diverged"] = str(error)
+        self._taken += 1
+        reward = float(self.reward(self.simulation, action))
+        ended = bool(info) or bool(self.terminated(self.simulation))
+        truncated = self.horizon is not None and self._taken >= self.horizon
+        return self._observation(), reward, ended, truncated, info
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """(height, width, 3): the mechanism as `mbd_sim check --draw` draws it; None without a render mode."""
+        if self.render_mode is None:
+            return None
+        if self._film is None:
+            from mbd_sim.drawing.film import Film
+
+            self._film = Film(self.simulation.model, *self._render_size)
+        return self._film.frame(self.simulation.poses())
+
+    def _observation(self) -> Observation:
+        q, u, angles = self.simulation.q, self.simulation.u, self._angles
+        return np.concatenate([q[~angles], np.cos(q[angles]), np.sin(q[angles]), u])
+
+    def _limits(self, given: Mapping[str, float]) -> Array:
+        """The largest effort of each actuated coordinate, that of the simulation as well."""
+        names = self.simulation.coordinate_names
+        for name in (*self.actuated, *given):
+            if name not in names:
+                raise ValueError(f"there is no coordinate '{name}'. {nearest(name, names)}")
+        limits = self.simulation.effort_map.limits
+        for name, limit in given.items():
+            limits[names.index(name)] = limit
+        found = np.array([limits[names.index(name)] for name in self.actuated])
+        if endless := [name for name, limit in zip(self.actuated, found, strict=True) if not np.isfinite(limit)]:
+            raise ValueError(
+                f"the effort of {listed(endless)} has no limit. Give joints an 'effort_limit', or the environment "
+                f"'effort_limits'."
+            )
+        return found
+
+
+def _angles(mechanism: Mechanism, simulation: Simulation) -> NDArray[np.bool_]:
+    """Which of q (nq,) are angles that come round."""
+    angles = np.zeros(simulation.q.size, dtype=bool)
+    for name, joint in mechanism.joints.items():
+        if not joint.drive:
+            start = simulation.model.layout.q[name].start
+            angles[[start + place for place in TURNING.get(joint.type, ())]] = True
+    return angles

@@ -1,0 +1,181 @@
+"""A simulator that waits for you: one command, some steps, and the state that belongs to them.
+
+For co-simulation and learning, where the same commands must give the same motion, bit for bit, however busy the machine
+is. A command topic and `~/step` could overtake each other; therefore the command itself brings its steps along
+(`step_on_command`), and the answer is the state with the next stamp.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import Any, NamedTuple
+
+import numpy as np
+import rclpy
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.context import Context
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool, Trigger
+
+from mbd_sim.errors import CommandError, MbdSimError, listed
+from mbd_sim.mechanism.model import Array
+
+
+class LockstepError(MbdSimError):
+    """The simulator does not answer, or refuses."""
+
+
+class State(NamedTuple):
+    """Time in s since the reset, coordinates, speeds, and the efforts that were applied on the way here."""
+
+    time: float
+    q: Array
+    u: Array
+    efforts: Array
+
+
+class Lockstep:
+    """Takes a running `sim_node` over: pauses and resets it, and steps it until `close`, which gives it back paused.
+
+    `q`, `u` and `efforts` are those of `joint_states`: in the order of `names`, driven joints last.
+
+    >>> with Lockstep(steps=10) as sim:
+    ...     state = sim.reset()
+    ...     for _ in range(1000):
+    ...         state = sim.step(-2.0 * state.u)
+    """
+
+    def __init__(
+        self, simulator: str = "sim_node", steps: int = 1, *, timeout: float = 10.0, context: Context | None = None
+    ) -> None:
+        """Find the simulator by its name, with its namespace if it has one, and reset it.
+
+        :param steps: integration steps a command.
+        :param timeout: seconds of real time after which an answer is missed.
+        :param context: of rclpy, initialized; by default that of `rclpy.init()`, which is called where need be.
+        :raises LockstepError: there is no such simulator, or it takes fewer than `steps` at once.
+        """
+        self.timeout = timeout
+        if context is None and not rclpy.ok():
+            rclpy.init()
+        self._node = Node("lockstep", context=context)
+        self._executor = EventsExecutor(context=context)
+        self._executor.add_node(self._node)
+        self._newest: JointState | None = None
+        space = simulator.rpartition("/")[0]
+        states = f"{space}/joint_states" if space else "joint_states"
+        self._node.create_subscription(JointState, states, self._hear, QoSProfile(depth=10))
+        self._commands = self._node.create_publisher(Float64MultiArray, f"{simulator}/commands", 10)
+        self._simulator = simulator
+        self._stamp = -1
+        self.names: tuple[str, ...] = ()
+        self._clients: dict[str, Any] = {}
+        self._before: dict[str, Any] = {}
+        wanted = {
+            "step_on_command": True,
+            "step_count": steps,
+            "publish_rate": 0.0,  # no states but those at the end of a command's steps
+            "command_timeout": 0.0,
+            "reset_rewinds_clock": True,
+        }
+        try:
+            self._before = self._parameters(list(wanted))
+            self._call(SetBool, "pause", data=True)
+            self._set(wanted)
+            self._until(self._commands.get_subscription_count, "the commands' subscription")
+            self.reset()
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Lockstep:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def reset(self) -> State:
+        """Back to the start state and to time zero."""
+        self._call(Trigger, "reset")
+        return self._state(0, "the start state")
+
+    def step(self, efforts: Sequence[float] | Array) -> State:
+        """Apply efforts (N or N·m, one a coordinate), take the steps, and read the state after them.
+
+        :raises CommandError: an effort is not finite.
+        :raises LockstepError: no answer, as where the number of efforts is wrong or the motion becomes infinite.
+        """
+        values = np.asarray(efforts, dtype=float)
+        if not np.all(np.isfinite(values)):
+            raise CommandError(f"an effort is not finite: {listed([str(value) for value in values])}.")
+        self._commands.publish(Float64MultiArray(data=values.tolist()))
+        return self._state(self._stamp + 1, "the state after the steps; its log says why if it refused the command")
+
+    def close(self) -> None:
+        """Give the simulator its own parameters back, and leave; it stays paused."""
+        try:
+            if self._before and self._node.context.ok():
+                self._set(self._before)
+        finally:
+            self._executor.shutdown()
+            self._node.destroy_node()
+
+    def _hear(self, state: JointState) -> None:
+        self._newest = state
+
+    def _state(self, earliest: int, what: str) -> State:
+        """The first state with a stamp from `earliest` (ns) on; after a reset that at zero."""
+        self._until(lambda: self._is_due(earliest), what)
+        state = self._newest
+        assert state is not None
+        self._stamp, self.names = _nanoseconds(state), tuple(state.name)
+        arrays = (np.array(values) for values in (state.position, state.velocity, state.effort))
+        return State(1e-9 * self._stamp, *arrays)
+
+    def _is_due(self, earliest: int) -> bool:
+        if self._newest is None:
+            return False
+        stamp = _nanoseconds(self._newest)
+        return stamp == 0 if earliest == 0 else stamp >= earliest
+
+    def _until(self, condition: Callable[[], Any], what: str) -> None:
+        end = time.monotonic() + self.timeout
+        while not condition():
+            if time.monotonic() > end:
+                raise LockstepError(f"'{self._simulator}' did not answer within {self.timeout:g} s: waited for {what}.")
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def _call(self, kind: Any, name: str, **fields: Any) -> Any:
+        if name not in self._clients:
+            self._clients[name] = self._node.create_client(kind, f"{self._simulator}/{name}")
+        client = self._clients[name]
+        self._until(client.service_is_ready, f"its service '{name}'")
+        future = client.call_async(kind.Request(**fields))
+        self._until(future.done, f"its service '{name}'")
+        return future.result()
+
+    def _parameters(self, names: list[str]) -> dict[str, Any]:
+        values = self._call(GetParameters, "get_parameters", names=names).values
+        messages = [ParameterMessage(name=name, value=value) for name, value in zip(names, values, strict=True)]
+        return {message.name: Parameter.from_parameter_msg(message).value for message in messages}
+
+    def _set(self, values: dict[str, Any]) -> None:
+        messages = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        results = self._call(SetParameters, "set_parameters", parameters=messages).results
+        for result, name in zip(results, values, strict=True):
+            if not result.successful:
+                raise LockstepError(f"'{self._simulator}' refuses {name} = {values[name]}: {result.reason}")
+
+
+def _nanoseconds(state: JointState) -> int:
+    return int(state.header.stamp.sec) * 1_000_000_000 + int(state.header.stamp.nanosec)

@@ -1,0 +1,31 @@
+"""Gains of the regulator against scipy's Riccati solver."""
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_continuous_are
+
+from mbd_sim import Simulation
+from mbd_sim.analysis.linear import linearize
+from mbd_sim.analysis.regulator import lqr
+
+
+def test_gains_are_those_of_scipy():
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        n, m = rng.integers(2, 7), rng.integers(1, 3)
+        a, b = rng.normal(size=(n, n)), rng.normal(size=(n, m))
+        q, r = np.diag(rng.uniform(0.1, 10, n)), np.diag(rng.uniform(0.1, 10, m))
+        assert lqr(a, b, q, r) == pytest.approx(np.linalg.solve(r, b.T @ solve_continuous_are(a, b, q, r)), rel=1e-7)
+
+
+def test_the_upright_cart_pendulum_is_held():
+    sim = Simulation.from_file("cart_pendulum")
+    upright = linearize(sim.model.equations, np.array([0.0, np.pi]), np.zeros(2), np.zeros(2))
+    assert np.max(np.linalg.eigvals(upright.a).real) > 1.0
+    gain = lqr(upright.a, upright.b[:, :1], np.diag([1.0, 1.0, 0.1, 0.1]), np.array([[0.1]]))
+    assert np.max(np.linalg.eigvals(upright.a - upright.b[:, :1] @ gain).real) < -0.5
+
+
+def test_what_cannot_be_held_is_told():
+    with pytest.raises(ValueError, match="there is no regulator"):
+        lqr(np.diag([1.0, -1.0]), np.array([[0.0], [1.0]]), np.eye(2), np.eye(1))

@@ -1,0 +1,129 @@
+"""The control examples as real nodes beside a real `sim_node`, on simulated time alone."""
+
+import math
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import JointState, Joy
+from std_msgs.msg import Float64MultiArray
+
+from mbd_sim import Simulation
+from mbd_sim.examples.computed_torque import ComputedTorque, sway
+from mbd_sim.examples.pd_hold import PdHold
+from mbd_sim.examples.swing_up import SwingUp
+from test.examples.programs import lockstep, program
+from test.system.nodes import nanoseconds, running
+
+pytestmark = pytest.mark.timeout(90)
+
+
+def seconds(listener):
+    return 1e-9 * nanoseconds(listener.states[-1].header.stamp)
+
+
+def looped(sim, law, steps, count):
+    """States of a simulation under a law of (time, q, u), without ROS."""
+    states = [(*sim.q, *sim.u)]
+    for _ in range(count):
+        sim.set_efforts(law(sim.time, sim.q, sim.u))
+        sim.step(steps)
+        states.append((*sim.q, *sim.u))
+    return states
+
+
+def test_the_pendulum_swings_up_and_stays_up(tmp_path):
+    with (
+        running(tmp_path, **lockstep("cart_pendulum", 200)) as (_, listener),
+        program("swing_up", listener, tmp_path),
+    ):
+        listener.until(lambda: seconds(listener) > 8.0, "8 s")
+        tops = [abs(abs(state.position[1]) - math.pi) for state in listener.states]
+        assert tops[0] > 3.0 and max(tops[-200:]) < 0.02
+        assert max(abs(state.position[0]) for state in listener.states) < 1.9
+    assert "balancing" in (tmp_path / "swing_up.log").read_text()
+
+
+@pytest.mark.parametrize("start", [[0.0, 0.0], [0.5, -0.4], [-0.8, 1.0], [0.0, 2.5]])
+def test_swinging_up_succeeds_from_anywhere_and_one_period_late(start):
+    sim = Simulation.from_file("cart_pendulum")
+    law, force = SwingUp(sim.mechanism), 0.0
+    sim.reset(q=start)
+    for _ in range(200 * 10):
+        sim.set_efforts([force, 0.0])
+        force = law.force(sim.q, sim.u)
+        sim.step(5)
+        assert abs(sim.q[0]) < 1.9
+    assert abs(math.remainder(sim.q[1] - math.pi, 2 * math.pi)) < 1e-3
+
+
+def test_the_double_pendulum_is_held_and_follows_a_new_target(tmp_path):
+    parameters = ["--ros-args", "-p", "target:=[2.0, 0.8]"]
+    with (
+        running(tmp_path, **lockstep("double_pendulum", 200)) as (_, listener),
+        program("pd_hold", listener, tmp_path, parameters),
+    ):
+        listener.until(lambda: seconds(listener) > 3.0, "3 s")
+        assert list(listener.states[-1].position) == pytest.approx([2.0, 0.8], abs=1e-3)
+
+
+def test_the_weight_is_carried():
+    sim = Simulation.from_file("double_pendulum")
+    law = PdHold(sim.mechanism)
+    looped(sim, lambda _, q, u: law.efforts(q, u, np.array([-1.0, 1.5])), 5, 1000)
+    assert sim.q == pytest.approx([-1.0, 1.5], abs=1e-5)
+
+
+def test_the_arm_follows_its_reference(tmp_path):
+    errors = []
+    with (
+        running(tmp_path, **lockstep("six_axis_arm", 500)) as (_, listener),
+        program("computed_torque", listener, tmp_path),
+    ):
+        listener.node.create_subscription(
+            Float64MultiArray, "computed_torque/tracking_error", lambda m: errors.append(m.data.tolist()), 1000
+        )
+        listener.until(lambda: seconds(listener) > 2.0, "2 s")
+        moved = np.ptp([state.position for state in listener.states], axis=0)
+        assert min(moved) > 0.6
+        assert len(errors) > 500
+        assert np.max(np.abs(errors)) < 5e-3
+
+
+def test_faster_control_follows_more_closely():
+    off = {}
+    for steps in (4, 1):
+        sim = Simulation.from_file("six_axis_arm")
+        law, home = ComputedTorque(sim.mechanism), sim.q.copy()
+        looped(sim, lambda t, q, u: law.efforts(q, u, sway(home, 0.8, 0.25, t)), steps, 2000 // steps)  # noqa: B023
+        off[steps] = np.max(np.abs(sim.q - sway(home, 0.8, 0.25, sim.time).q))
+    assert off[1] < 0.3 * off[4] < 1e-3
+
+
+def test_keys_and_a_joystick_become_efforts_and_a_controller_of_another_mechanism_says_so(tmp_path):
+    with (
+        running(tmp_path, mechanism="double_pendulum") as (_, listener),
+        program("teleop", listener, tmp_path, ["--ros-args", "-p", "effort_step:=0.25"]) as keyboard,
+        program("swing_up", listener, tmp_path),
+    ):
+
+        def press(keys, efforts):
+            keyboard.stdin.write(keys.encode())
+            keyboard.stdin.flush()
+            listener.until(lambda: list(listener.states[-1].effort) == efforts, f"the efforts of {keys!r}")
+
+        commands = []
+        listener.node.create_subscription(JointState, "joint_commands", commands.append, 10)
+        listener.until(lambda: commands, "the node")
+        press("dd", [0.5, 0.0])
+        press("2\x1b[D", [0.5, -0.25])
+        press(" ", [0.0, 0.0])
+        joystick = listener.node.create_publisher(Joy, "joy", 10)
+        listener.until(joystick.get_subscription_count, "matching")
+        joystick.publish(Joy(axes=[0.5, -1.0, 0.3]))
+        listener.until(lambda: list(listener.states[-1].effort) == [2.5, -5.0], "the stick's efforts")
+        astray = tmp_path / "swing_up.log"
+        listener.until(lambda: "joint_states has no rail, pin" in astray.read_text(), "a warning")
+        keyboard.stdin.write(b"q")
+        keyboard.stdin.flush()
+        assert keyboard.wait(10) == 0
+    assert "elbow -0.25" in (tmp_path / "teleop.log").read_text()

@@ -1,0 +1,132 @@
+"""Gymnasium environments: its own checker, determinism, spaces, errors, pictures and vectors of them."""
+
+import subprocess
+import sys
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from mbd_sim import CommandError, Simulation
+from mbd_sim.gym import TASKS, MechanismEnv
+from mbd_sim.gym.tasks import upright
+
+IDS = [f"mbd_sim/{name}-v0" for name in TASKS]
+
+
+@pytest.mark.filterwarnings("ignore:.*(symmetric and normalized|probably too|different mode).*:UserWarning")
+@pytest.mark.parametrize("name", IDS)
+def test_gymnasiums_own_checker_is_content(name):
+    env = gymnasium.make(name, render_mode="rgb_array")
+    check_env(env.unwrapped)
+    env.close()
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_the_same_seed_gives_the_same_bits(name):
+    def episode():
+        env = gymnasium.make(name)
+        env.action_space.seed(4)
+        seen = [env.reset(seed=5)[0]]
+        for _ in range(50):
+            observation, reward, *_ = env.step(env.action_space.sample())
+            seen.append(np.append(observation, reward))
+        return np.concatenate(seen)
+
+    first = episode()
+    assert np.all(np.isfinite(first))
+    assert np.array_equal(first, episode())
+
+
+def test_another_seed_starts_elsewhere_and_loops_stay_closed():
+    env = gymnasium.make("mbd_sim/FourBarSpeed-v0")
+    starts = [env.reset(seed=seed)[0] for seed in range(5)]
+    assert len({start.tobytes() for start in starts}) == 5
+    assert env.unwrapped.simulation.violation.position < 1e-12
+
+
+def test_it_is_the_simulation():
+    env = MechanismEnv("cart_pendulum", ["rail"], reward=upright, trigonometric=False, frame_skip=5)
+    sim = Simulation.from_file("cart_pendulum")
+    env.reset()
+    for force in (3.0, -20.0, 90.0):
+        observation, reward, terminated, truncated, info = env.step(np.array([force], dtype=np.float32))
+        sim.set_efforts({"rail": np.clip(force, -20.0, 20.0)})
+        sim.step(5)
+        assert observation.tolist() == [*sim.q, *sim.u]
+        assert reward == upright(sim, np.array([force], dtype=np.float32))
+        assert (terminated, truncated, info) == (False, False, {})
+
+
+def test_angles_are_seen_as_cosine_and_sine():
+    env = MechanismEnv("cart_pendulum", ["rail"], reward=upright)
+    observation, _ = env.reset(options={"q": [0.3, 2.0], "u": [0.1, -0.2]})
+    assert observation.tolist() == pytest.approx([0.3, np.cos(2.0), np.sin(2.0), 0.1, -0.2])
+    assert env.observation_space.high.tolist() == [np.inf, 1.0, 1.0, np.inf, np.inf]
+    assert env.action_space.high == np.float32(20.0)
+    assert env.metadata["render_fps"] == 50
+
+
+def test_an_episode_ends_by_its_horizon_and_where_it_is_said_to():
+    env = MechanismEnv(
+        "double_pendulum", reward=lambda sim, action: 0.0, horizon=3, terminated=lambda sim: sim.time > 0.05
+    )
+    env.reset()
+    ends = [env.step(np.zeros(2))[2:4] for _ in range(3)]
+    assert ends == [(False, False), (False, False), (True, True)]
+
+
+def test_a_motion_that_becomes_infinite_ends_the_episode():
+    env = MechanismEnv("double_pendulum", reward=lambda sim, action: 0.0)
+    env.reset(options={"u": [1e200, 0.0]})
+    observation, _, terminated, _, info = env.step(np.zeros(2))
+    assert terminated and "infinite" in info["diverged"]
+    assert np.all(np.isfinite(observation))
+
+
+def test_mistakes_are_told():
+    with pytest.raises(ValueError, match=r"no coordinate 'rial'\. Did you mean 'rail'"):
+        MechanismEnv("cart_pendulum", ["rial"], reward=upright)
+    with pytest.raises(ValueError, match="'effort_limits'"):
+        MechanismEnv("four_bar", reward=upright)
+    with pytest.raises(ValueError, match="rgb_array"):
+        MechanismEnv("cart_pendulum", ["rail"], reward=upright, render_mode="human")
+    env = MechanismEnv("cart_pendulum", ["rail"], reward=upright)
+    with pytest.raises(CommandError, match=r"shape \(2,\) for rail"):
+        env.step(np.zeros(2))
+    with pytest.raises(CommandError, match="not finite"):
+        env.step(np.array([np.nan]))
+
+
+def test_frames_keep_their_size_and_show_the_motion():
+    env = MechanismEnv("cart_pendulum", ["rail"], reward=upright, render_mode="rgb_array", render_size=(300, 200))
+    env.reset()
+    first = env.render()
+    env.reset(options={"q": [1.0, 3.0]})
+    second = env.render()
+    assert first.shape == second.shape == (200, 300, 3) and first.dtype == np.uint8
+    assert np.count_nonzero(first[0] != 255) == np.count_nonzero(second[:, -1] != 255) == 0  # all is within
+    assert np.mean(np.any(first != second, axis=2)) > 0.01
+
+
+@pytest.mark.parametrize("mode", ["sync", "async"])
+def test_gymnasiums_vectors_run_several(mode):
+    envs = gymnasium.make_vec("mbd_sim/CartPendulumSwingUp-v0", num_envs=3, vectorization_mode=mode)
+    try:
+        first, _ = envs.reset(seed=7)
+        for _ in range(5):
+            observations, rewards, *_ = envs.step(np.full((3, 1), 2.0, dtype=np.float32))
+    finally:
+        envs.close()
+    alone = gymnasium.make("mbd_sim/CartPendulumSwingUp-v0")
+    assert first[1].tolist() == alone.reset(seed=8)[0].tolist()
+    for _ in range(5):
+        observation, reward, *_ = alone.step(np.array([2.0], dtype=np.float32))
+    assert observations[1].tolist() == observation.tolist() and rewards[1] == reward
+
+
+def test_without_gymnasium_the_remedy_is_told():
+    code = "import sys; sys.modules['gymnasium'] = None; import mbd_sim.gym"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stderr
+    assert "pip install gymnasium" in told
