@@ -25,9 +25,7 @@ def transforms(node: Node, model: Model, prefix: str) -> Telling:
     try:
         message_type = importlib.import_module("tf2_msgs.msg").TFMessage
     except ImportError as error:
-        raise ImportError(
-            "parameter 'tf': tf2_msgs is not installed. Leave it out, or install that."
-        ) from error
+        raise ImportError("parameter 'tf': tf2_msgs is not installed. Leave it out, or install that.") from error
     header = Header(stamp=STAMP, frame_id=prefix + GROUND)
     found = [
         TransformStamped(
