@@ -11,6 +11,7 @@ from mbd_sim.recording.metadata import run_metadata
 from mbd_sim.recording.recorder import Recorder, RecordingError, new_file
 from mbd_sim.ros.outputs import Outputs, Wanted
 from mbd_sim.ros.parameters import Parameters
+from mbd_sim.ros.snapshots import Snapshot
 from mbd_sim.ros.wrenches import EVERY, Loadable, loadable
 from mbd_sim.simulation import Simulation
 from mbd_sim.viewer import Viewer, ViewerError
@@ -52,15 +53,16 @@ def wanted(parameters: Parameters, part_names: tuple[str, ...]) -> Wanted:
     )
 
 
-def recorder(parameters: Parameters, simulation: Simulation, outputs: Outputs, log: Any) -> Recorder | None:
-    """The recording; None where it is not wanted or cannot be, which is logged."""
-    if not parameters["record"]:
-        return None
+def recorder(
+    parameters: Parameters, simulation: Simulation, outputs: Outputs, log: Any, at: Snapshot | None = None
+) -> Recorder | None:
+    """A recording from a snapshot, or from the start, on; None where it cannot be, which is logged."""
     mechanism = simulation.mechanism
+    about = run_metadata(simulation) if at is None else run_metadata(simulation, at.y, at.inputs, at.ticks)
     try:
         path = new_file(Path(parameters["record_dir"]).expanduser(), mechanism.name)
         rate = outputs.bytes_per_second(parameters["publish_rate"])
-        found = Recorder(path, outputs.topics(), mechanism.source.text, run_metadata(simulation), rate)
+        found = Recorder(path, outputs.topics(), mechanism.source.text, about, rate)
     except RecordingError as error:
         log.error(f"{error} The run is not recorded.")
         return None

@@ -6,6 +6,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import rclpy
@@ -55,7 +56,9 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         paused = self.parameters["start_paused"]
         self.runner = Runner(simulation, self.commands, self.rates, wrenches=self.wrenches, paused=paused)
         self.outputs = Outputs(self, simulation.model, wanted(self.parameters, simulation.model.part_names))
-        self.outputs.recorder = recorder(self.parameters, simulation, self.outputs, self.get_logger())
+        self.outputs.new_recorder = partial(recorder, self.parameters, simulation, self.outputs, self.get_logger())
+        if self.parameters["record"]:
+            self.outputs.recorder = self.outputs.new_recorder(None)
         self.outputs.viewer = viewer(self.parameters, simulation, self.get_logger())
         inputs = Inputs(self, simulation.mechanism, self.commands, self.wrenches, loads, self._step_on_command)
         self.diagnostics = Diagnostics(self, self.runner, inputs, self.outputs)
@@ -64,6 +67,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self.create_service(Trigger, "~/reset", self._reset)
         self.create_service(SetBool, "~/pause", self._pause)
         self.create_service(Trigger, "~/step", self._step)
+        self.create_service(SetBool, "~/record", self._record)
         self.standard = serve_simulation_interfaces(self, self.runner, end)
 
     def start(self) -> None:
@@ -138,6 +142,11 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self.runner.pause(request.data)
         response.success, response.message = True, "paused" if request.data else "running"
+        return response
+
+    def _record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        response.message = self.runner.record(request.data)
+        response.success = response.message.endswith(".mcap")
         return response
 
     def _step(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -18,6 +18,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter as NodeParameter
 from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import Float64MultiArray, Header
+from std_srvs.srv import SetBool
 from visualization_msgs.msg import MarkerArray
 
 from mbd_sim import Simulation, parse_mechanism
@@ -115,6 +116,29 @@ def test_a_wrench_acts_expires_is_recorded_and_the_run_can_be_computed_again(tmp
         assert process.end(signal.SIGINT) == 0
     (path,) = (tmp_path / "logs").glob("*.mcap")
     assert recomputed(path) > 20
+
+
+def test_a_recording_begins_and_ends_on_request(tmp_path: Path) -> None:
+    with running(tmp_path, record_dir="logs") as (_, listener):
+        assert not listener.call(SetBool, "record", data=False).success
+        paths = []
+        for _ in range(2):
+            began = listener.call(SetBool, "record", data=True)
+            seen = len(listener.states)
+            listener.until(lambda seen=seen: len(listener.states) > seen + 20, "states")
+            ended = listener.call(SetBool, "record", data=False)
+            assert began.success and ended.success and began.message == ended.message
+            paths.append(tmp_path / began.message)
+        heard_states = {nanoseconds(m.header.stamp): list(m.position) for m in listener.states}
+    for path in paths:
+        with path.open("rb") as stream:
+            reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+            tick = int(next(reader.iter_metadata()).metadata["tick"])
+            messages = [(c.topic, m.sequence, content) for _, c, m, content in reader.iter_decoded_messages()]
+        states = [(sequence, content) for topic, sequence, content in messages if topic == "/joint_states"]
+        assert {"/robot_description", "/sim_node/live_values"} <= {topic for topic, _, _ in messages}
+        assert tick > 0 and min(sequence for sequence, _ in states) - tick in range(1, 11)
+        assert all(list(content.position) == heard_states[sequence * 1_000_000] for sequence, content in states[:15])
 
 
 def recomputed(path: Path) -> int:
