@@ -13,7 +13,7 @@ from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
 from mbd_sim.symbolic import symbolic_equations
 from mbd_sim.symbolic.equations import MOST_SPEEDS
 
-LONG = ("stewart",)  # with few coordinates, but long equations
+LONG = ("six_axis_arm", "stewart")  # with few coordinates, but long equations
 
 
 def small(name):
