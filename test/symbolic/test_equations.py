@@ -180,7 +180,9 @@ def test_what_is_too_large_is_refused_with_the_reason(count, why):
 
 @pytest.mark.parametrize("name", LONG)
 def test_constraints_that_are_too_long_are_refused_with_the_reason(name):
-    with pytest.raises(MbdSimError, match=rf"{name}: the equations of motion are too long to be read: .*(operations|products)"):
+    with pytest.raises(
+        MbdSimError, match=rf"{name}: the equations of motion are too long to be read: .*(operations|products)"
+    ):
         symbolic_equations(load_mechanism(name))
 
 
