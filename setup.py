@@ -63,13 +63,19 @@ setup(
             "ros-jazzy-common-interfaces>=5.3,<6",
             "ros-jazzy-rmw-fastrtps-cpp>=8.4,<9",
         ],
+        # Sweeps: tables, and more processors than one.
+        "sweep": ["dask[distributed]>=2024.1", "pyarrow>=14"],
+        # Real robots and Pinocchio, against which their accelerations are tested; without them those tests are skipped.
+        "robots": ["example-robot-data>=4", "pin>=3"],
         "test": [
+            "dask[distributed]>=2024.1",
             "gymnasium>=1.0",
             "hypothesis>=6.100",
             "jsonschema>=4.20",
             "mcap-ros2-support>=0.5",
             "mypy>=1.10",
             "psutil>=5.9",
+            "pyarrow>=14",
             "pytest>=7.4",
             "pytest-timeout>=2.2",
             "rosbags>=0.10",

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from mbd_sim.errors import CommandError, DivergedError, MbdSimError, MechanismError, Problem
 
 if TYPE_CHECKING:
+    from mbd_sim.ensemble import Ensemble
     from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
     from mbd_sim.mechanism.model import Mechanism
     from mbd_sim.model import Energies, Model
@@ -26,6 +27,7 @@ __all__ = [
     "CommandError",
     "DivergedError",
     "Energies",
+    "Ensemble",
     "MbdSimError",
     "Mechanism",
     "MechanismError",
@@ -39,6 +41,7 @@ __all__ = [
 
 _LAZY = {
     "Energies": "mbd_sim.model",
+    "Ensemble": "mbd_sim.ensemble",
     "Mechanism": "mbd_sim.mechanism.model",
     "Model": "mbd_sim.model",
     "Simulation": "mbd_sim.simulation",

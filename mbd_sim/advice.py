@@ -17,13 +17,13 @@ MARGIN = 0.5  # of the largest stable step, what is proposed
 HOPELESS = 100.0  # times smaller than now: such a step is not proposed beside another method
 
 
-def step_advice(model: Model, time: float, y: Array, efforts: Array, step: float, estimate: float) -> str | None:
+def step_advice(model: Model, time: float, y: Array, inputs: Array, step: float, estimate: float) -> str | None:
     """A sentence that names a better step or method, or None where the estimated error of a step is small enough."""
     if estimate <= TOLERATED:
         return None
     method = model.method
     lost = not estimate < 1.0  # then the state itself means nothing any more
-    fastest = fastest_rate(model, 0.0, model.start, efforts) if lost else fastest_rate(model, time, y, efforts)
+    fastest = fastest_rate(model, 0.0, model.start, inputs) if lost else fastest_rate(model, time, y, inputs)
     stiff = step * fastest > method.reach
     better = step * (AIM / estimate) ** (1.0 / (method.order + 1)) if math.isfinite(estimate) else 0.1 * step
     if stiff:
@@ -43,12 +43,12 @@ def step_advice(model: Model, time: float, y: Array, efforts: Array, step: float
     )
 
 
-def fastest_rate(model: Model, time: float, y: Array, efforts: Array) -> float:
+def fastest_rate(model: Model, time: float, y: Array, inputs: Array) -> float:
     """The largest eigenvalue of ∂f/∂y by size, 1/s, from differences; 0 where it cannot be found."""
     size = model.u_range.stop
 
     def rates(state: Array) -> Array:
-        return np.array(model.equations.rates.call([time, state, efforts])[0]).ravel()[:size]
+        return np.array(model.equations.rates.call([time, state, inputs])[0]).ravel()[:size]
 
     base, jacobian = rates(y), np.zeros((size, size))
     with np.errstate(all="ignore"):  # the state or the efforts may be close to infinity

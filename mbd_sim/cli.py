@@ -10,6 +10,7 @@ from pathlib import Path
 
 from mbd_sim import __version__
 from mbd_sim.errors import MbdSimError
+from mbd_sim.sweep.arguments import add_sweep
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -59,9 +60,16 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--quiet", action="store_true", help="no progress bar")
     run.set_defaults(command=_run)
 
+    add_sweep(commands)
+
     urdf = commands.add_parser("urdf", help="print the mechanism's spanning tree as URDF")
     _add_mechanism(urdf)
     urdf.set_defaults(command=_urdf)
+
+    convert = commands.add_parser("convert", help="print a URDF, or a file that begins from one, as one mechanism file")
+    _add_mechanism(convert)
+    convert.add_argument("--base", choices=["fixed", "free"], help="how the root link of the URDF is held")
+    convert.set_defaults(command=_convert)
 
     shipped = commands.add_parser("list", help="list the mechanisms that ship")
     shipped.set_defaults(command=_list)
@@ -72,7 +80,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_mechanism(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("mechanism", metavar="FILE", help="a mechanism file, or the name of one that ships")
+    parser.add_argument("mechanism", metavar="FILE", help="a mechanism file, a URDF, or the name of a shipped one")
 
 
 def _positive(text: str) -> float:
@@ -138,6 +146,13 @@ def _urdf(options: argparse.Namespace) -> int:
     from mbd_sim.mechanism.urdf import to_urdf
 
     print(to_urdf(load_mechanism(options.mechanism)))
+    return 0
+
+
+def _convert(options: argparse.Namespace) -> int:
+    from mbd_sim.mechanism.load import load_mechanism
+
+    print(load_mechanism(options.mechanism, options.base).source.text, end="")
     return 0
 
 

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from mbd_sim.errors import CommandError, listed, nearest
 from mbd_sim.mechanism.model import Array
+
+
+class UnknownJointError(CommandError):
+    """A command for a joint that does not exist. The nearest name is looked for only when somebody reads this."""
+
+    def __init__(self, name: str, valid: Iterable[str]) -> None:
+        super().__init__(name)
+        self.name, self._valid = name, valid
+
+    def __str__(self) -> str:
+        return f"there is no joint '{self.name}'. {nearest(self.name, self._valid)}"
 
 
 class EffortMap:
@@ -31,11 +42,13 @@ class EffortMap:
                     if name in self._driven:
                         raise CommandError(f"joint '{name}' is driven: it moves as its drive says and takes no effort.")
                     if name not in self._index:
-                        raise CommandError(f"there is no joint '{name}'. {nearest(name, self._index)}")
+                        raise UnknownJointError(name, self._index)
                     merged[self._index[name]] = value
             elif len(efforts) != len(self.names):
-                wanted = f"Send one for each of: {listed(self.names)}."
-                raise CommandError(f"{len(efforts)} efforts for {len(self.names)} joints. {wanted}")
+                raise CommandError(
+                    f"{_counted(len(self.names), 'effort')} expected and {len(efforts)} given. "
+                    f"Send one for each of: {listed(self.names)}."
+                )
             else:
                 merged[:] = efforts
         except (TypeError, ValueError) as error:
@@ -50,3 +63,8 @@ class EffortMap:
     def clamped(self, efforts: Array) -> Array:
         """The efforts within the joints' effort limits."""
         return np.clip(efforts, -self.limits, self.limits)
+
+
+def _counted(number: int, noun: str) -> str:
+    """`1 effort`, `2 efforts`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

@@ -56,7 +56,10 @@ def report(simulation: Simulation) -> dict[str, Any]:
             "step": simulation.step_size,
             "instructions_per_evaluation": simulation.model.kernel.instructions,
         },
-        "remarks": [remark for joint in mechanism.all_joints.values() for remark in _remarks(joint)],
+        "remarks": [
+            *(remark for joint in mechanism.all_joints.values() for remark in _remarks(joint)),
+            *(f"from the URDF, {note}" for note in mechanism.source.notes),
+        ],
     }
 
 

@@ -14,11 +14,14 @@ import numpy as np
 from mbd_sim.advice import step_advice
 from mbd_sim.compiler.python_call import LARGEST
 from mbd_sim.efforts import EffortMap
-from mbd_sim.errors import DivergedError
+from mbd_sim.errors import CommandError, DivergedError, nearest
+from mbd_sim.live import LiveValues
 from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.model import Array, Mechanism, Pose
-from mbd_sim.mechanism.rotation import unit
 from mbd_sim.model import Drive, Energies, Model, Reaction, Violation, build_model
+from mbd_sim.wrenches import WrenchMap
+
+OPENED = 1e-6  # violation of the constraints that a change of live values must not exceed, m or 1
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.inverse import InverseDynamics
@@ -30,7 +33,9 @@ class Simulation:
 
     `q` (nq,) are the generalized coordinates and `u` (nv,) the generalized speeds in the order of the file's
     joints, in m, rad, m/s and rad/s; free joints have a position and a unit quaternion (w, x, y, z) in q, and a
-    velocity in the first part's axes and an angular velocity in the second's in u. Not to be shared by threads.
+    velocity in the first part's axes and an angular velocity in the second's in u. They, `y` (the integrated state: q,
+    u, and the audit's energies), `efforts` and `inputs` are read-only views of the kernel's own memory: they show the
+    motion as it goes on; copy what you want to keep. Not to be shared by threads.
 
     >>> sim = Simulation.from_file("double_rod")
     >>> sim.run(until=3.0)
@@ -38,28 +43,49 @@ class Simulation:
     True
     """
 
-    def __init__(self, mechanism: Mechanism, *, method: str | None = None, step: float | None = None) -> None:
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        *,
+        method: str | None = None,
+        step: float | None = None,
+        wrenches: Sequence[str] = (),
+        live: Sequence[str] = (),
+    ) -> None:
         """Compile a mechanism; `method` and `step` (s) replace those of its file.
 
-        :raises MechanismError: an unknown method, or equations that are singular at the start.
+        :param wrenches: parts on which forces from outside can act, see `set_wrench`.
+        :param live: values of the file that can change while it runs, see `set_live`: keys such as `gravity[2]`,
+            `parameters.l`, `joints.elbow.damping`, or patterns such as `joints.*.damping`.
+        :raises MechanismError: an unknown method, equations that are singular at the start, or a live value that is
+            none or cannot change.
         :raises ValueError: the step is not a positive number.
+        :raises CommandError: there is no such part to load.
         """
         self.mechanism = mechanism
         self.step_size = mechanism.step if step is None else float(step)
         if not (math.isfinite(self.step_size) and self.step_size > 0.0):
             raise ValueError(f"the step must be a positive number of seconds, not {step!r}")
-        self.model: Model = build_model(mechanism, method)
-        self._y = self.model.start.copy()
-        self._efforts = np.zeros(self.model.layout.nv)
+        for part in wrenches:
+            if part not in mechanism.parts:
+                raise CommandError(f"there is no part '{part}'. {nearest(part, mechanism.parts)}")
+        self._live = LiveValues(mechanism, live)
+        self.model: Model = build_model(mechanism, method, wrenches, self._live.values)
+        self._y, self._inputs = self.model.start.copy(), self.model.inputs.copy()
+        taken = self.model.equations.inputs
+        self._efforts, self._values = self._inputs[taken.efforts], self._inputs[taken.of_values]
+        self.wrench_map = WrenchMap(mechanism, taken)
         self.effort_map = EffortMap(self.model.coordinate_names, mechanism.effort_limits(), self.model.driven_names)
         self._clock, self._step = np.zeros(1, dtype=np.int64), np.array([self.step_size])
         self._estimate = np.zeros(1)
-        arrays = (self._clock, self._step, self._y, self._efforts, self._estimate)
+        arrays = (self._clock, self._step, self._y, self._inputs, self._estimate)
         # On the instance it comes before the method of this name, which it calls where something is wrong.
         vars(self)["step"] = self.model.kernel.stepper(self.step, [array.ctypes.data for array in arrays], arrays)
+        self.y = _read_only(self._y)
         self.q = _read_only(self._y[self.model.q_range])
         self.u = _read_only(self._y[self.model.u_range])
         self.efforts = _read_only(self._efforts)
+        self.inputs = _read_only(self._inputs)
         self.start_energy = 0.0
         self.reset()
 
@@ -67,17 +93,33 @@ class Simulation:
         raise TypeError("a Simulation cannot be copied or pickled: build another one from its mechanism")
 
     @classmethod
-    def from_file(cls, mechanism: str | Path, *, method: str | None = None, step: float | None = None) -> Simulation:
+    def from_file(
+        cls,
+        mechanism: str | Path,
+        *,
+        method: str | None = None,
+        step: float | None = None,
+        wrenches: Sequence[str] = (),
+        live: Sequence[str] = (),
+    ) -> Simulation:
         """Load a mechanism file, or a shipped mechanism by name, and compile it.
 
         :raises MechanismError: with all problems of the file.
         """
-        return cls(load_mechanism(mechanism), method=method, step=step)
+        return cls(load_mechanism(mechanism), method=method, step=step, wrenches=wrenches, live=live)
 
     @classmethod
-    def from_text(cls, text: str, *, method: str | None = None, step: float | None = None) -> Simulation:
+    def from_text(
+        cls,
+        text: str,
+        *,
+        method: str | None = None,
+        step: float | None = None,
+        wrenches: Sequence[str] = (),
+        live: Sequence[str] = (),
+    ) -> Simulation:
         """The same from YAML text."""
-        return cls(parse_mechanism(text), method=method, step=step)
+        return cls(parse_mechanism(text), method=method, step=step, wrenches=wrenches, live=live)
 
     @property
     def steps(self) -> int:
@@ -97,7 +139,7 @@ class Simulation:
     @property
     def energies(self) -> Energies:
         """The energy audit at this moment, in J."""
-        return self.model.energies(self.time, self._y, self.start_energy)
+        return self.model.energies(self.time, self._y, self.start_energy, self._inputs)
 
     @property
     def state(self) -> Array:
@@ -106,12 +148,12 @@ class Simulation:
 
     def poses(self) -> Mapping[str, Pose]:
         """The pose of each part in ground's frame."""
-        return self.model.poses(self.time, self._y)
+        return self.model.poses(self.time, self._y, self._inputs)
 
     @property
     def violation(self) -> Violation:
         """How far the constraints are off at most, in position and velocity."""
-        return self.model.violation(self.time, self._y)
+        return self.model.violation(self.time, self._y, self._inputs)
 
     @property
     def error_estimate(self) -> float:
@@ -124,20 +166,20 @@ class Simulation:
     @property
     def step_advice(self) -> str | None:
         """A sentence that names a better step or method where the step is too large for the mechanism, else None."""
-        return step_advice(self.model, self.time, self._y, self._efforts, self.step_size, self.error_estimate)
+        return step_advice(self.model, self.time, self._y, self._inputs, self.step_size, self.error_estimate)
 
     def multipliers(self) -> Mapping[str, Array]:
         """The multipliers of each loop and constraint, one a row: see `Model.multipliers`."""
-        return self.model.multipliers(self.time, self._y, self._efforts)
+        return self.model.multipliers(self.time, self._y, self._inputs)
 
     def drives(self) -> Mapping[str, Drive]:
         """The position, velocity and force (N or N·m) of each driven coordinate."""
-        found = self.model.drives(self.time, self._y, self._efforts).T.tolist()
+        found = self.model.drives(self.time, self._y, self._inputs).T.tolist()
         return {name: Drive(*values) for name, values in zip(self.model.driven_names, found, strict=True)}
 
     def reactions(self) -> Mapping[str, Reaction]:
         """The force and the moment that go through each joint, at this moment."""
-        return self.model.reactions(self.time, self._y, self._efforts)
+        return self.model.reactions(self.time, self._y, self._inputs)
 
     def inverse_dynamics(self, u_rates: Sequence[float] | Array) -> Array:
         """The efforts (nv,) in N and N·m that give the accelerations `u_rates` (nv,) in this state.
@@ -168,7 +210,7 @@ class Simulation:
         if not 0 <= n <= LARGEST:
             raise ValueError(f"cannot take {n} steps")
         advance = self.model.kernel.estimating_advance
-        addresses = self._y.ctypes.data, self._efforts.ctypes.data
+        addresses = self._y.ctypes.data, self._inputs.ctypes.data
         if not advance(*addresses, self.steps, self.step_size, n, self._estimate.ctypes.data):
             better = self.step_advice or f"Use a smaller step than {self.step_size:g} s."
             raise DivergedError(
@@ -208,9 +250,9 @@ class Simulation:
                 progress(self.time)
 
     def reset(self, q: Sequence[float] | Array | None = None, u: Sequence[float] | Array | None = None) -> None:
-        """Back to time zero and the start state, or to the given one; efforts and the energy audit are set to zero.
+        """Back to time zero and the start state, or to the given one; efforts, wrenches and the audit are set to zero.
 
-        A given state is led to the nearest one that the constraints allow.
+        Live values stay as they are. A given state is led to the nearest one that the constraints allow.
 
         :raises ValueError: wrong length, a value that is not finite, or loops that cannot be closed near this state;
             nothing is changed then.
@@ -219,16 +261,15 @@ class Simulation:
         for values, where, symbol in ((q, self.model.q_range, "q"), (u, self.model.u_range, "u")):
             if values is not None:
                 y[where] = _checked(values, where.stop - where.start, symbol)
-        for joint, start in self.model.quaternions.items():
-            if not np.any(y[start : start + 4]):
-                raise ValueError(f"the quaternion of joint '{joint}' is zero")
-            y[start : start + 4] = unit(y[start : start + 4])
-        if q is not None or u is not None:
+        self.model.normalize(y)
+        inputs = self.model.inputs.copy()
+        inputs[self.model.equations.inputs.of_values] = self._values
+        if q is not None or u is not None or not np.array_equal(inputs, self.model.inputs):
             y[self.model.q_range], y[self.model.u_range] = self.model.consistent(
-                y[self.model.q_range], y[self.model.u_range]
+                y[self.model.q_range], y[self.model.u_range], self._values
             )
-        self._y[:], self._efforts[:], self._clock[0], self._estimate[0] = y, 0.0, 0, 0.0
-        self.start_energy = self.model.energies(0.0, self._y).total
+        self._y[:], self._inputs[:], self._clock[0], self._estimate[0] = y, inputs, 0, 0.0
+        self.start_energy = self.model.energies(0.0, self._y, 0.0, inputs).total
 
     def set_efforts(self, efforts: Mapping[str, float] | Sequence[float] | Array) -> None:
         """Set the efforts (N or N·m) from the next step on: all in order, or some by name.
@@ -238,6 +279,46 @@ class Simulation:
         :raises CommandError: wrong length, an unknown name, or a value that is not finite; nothing is changed then.
         """
         self._efforts[:] = self.effort_map.clamped(self.effort_map.merged(self._efforts, efforts))
+
+    def set_wrench(
+        self,
+        part: str,
+        force: Sequence[float] | Array = (0.0, 0.0, 0.0),
+        couple: Sequence[float] | Array = (0.0, 0.0, 0.0),
+        *,
+        at: str | Sequence[float] | Array | None = None,
+        axes: str = "ground",
+    ) -> None:
+        """Let a force (N) and a couple (N·m) act on a part from the next step on, in place of those before.
+
+        :param at: where the force acts: a point of the part by name, or (3,) in m in its frame; else its mass centre.
+        :param axes: "ground", or "part" for axes that turn with it.
+        :raises CommandError: the part is not among the `wrenches` of the simulation, an unknown point or axes, or
+            what is not three finite numbers; nothing is changed then.
+        """
+        numbers = self.wrench_map.numbers(part, force, couple, at, axes)
+        self._inputs[self.wrench_map.places[part]] = numbers
+
+    @property
+    def live(self) -> Mapping[str, float]:
+        """The live values by key, in SI units."""
+        return dict(self._live.current)
+
+    def set_live(self, changes: Mapping[str, float]) -> None:
+        """Change live values from the next step on. What this does to the energy is left out of the audit.
+
+        :raises CommandError: an unknown key, a value that does not fit, or loops that it would open; nothing is
+            changed then.
+        """
+        current, values = self._live.changed(changes)
+        inputs = self._inputs.copy()
+        inputs[self.model.equations.inputs.of_values] = values
+        gap = self.model.violation(self.time, self._y, inputs).position
+        if gap > max(OPENED, 10.0 * self.violation.position):
+            raise CommandError(f"{', '.join(changes)}: this would open the loops by {gap:.3g}. Start anew with it.")
+        before = self.energies.total
+        self._inputs[:], self._live.current = inputs, current
+        self.start_energy += self.energies.total - before
 
 
 def _read_only(view: Array) -> Array:

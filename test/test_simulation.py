@@ -225,8 +225,8 @@ class TestEfforts:
     @pytest.mark.parametrize(
         ("efforts", "message"),
         [
-            ([1.0], "1 efforts for 2 joints.*shoulder, elbow"),
-            ([1.0, 2.0, 3.0], "3 efforts for 2 joints"),
+            ([1.0], "2 efforts expected and 1 given.*shoulder, elbow"),
+            ([1.0, 2.0, 3.0], "2 efforts expected and 3 given"),
             ([1.0, math.nan], "elbow.*not .*finite"),
             ({"shoulder": math.inf}, "shoulder.*not .*finite"),
             ({"elbow": 1.0, "elbw": 2.0}, "no joint 'elbw'. Did you mean 'elbow'?"),

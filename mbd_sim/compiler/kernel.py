@@ -10,6 +10,7 @@ from typing import Any, cast
 import casadi as ca
 import llvmlite.ir as ir
 
+from mbd_sim.compiler.arrange import arranged
 from mbd_sim.compiler.gauss import gauss_step
 from mbd_sim.compiler.jit import MachineCode, compile_module, new_module
 from mbd_sim.compiler.linearization import linearize
@@ -34,13 +35,15 @@ class Kernel:
     """`advance(y, inputs, first_step, h, steps)` returns 1, or 0 where the state would not stay finite.
 
     `estimating_advance` has a sixth argument, see `emit_advance`. `readers` take addresses of doubles: those of their
-    inputs, then that of their output. None of them holds the interpreter's lock. `instructions` counts the scalar
+    inputs, then that of their output; `reads_inputs` tells which have the system's inputs among theirs. None of them
+    holds the interpreter's lock. `instructions` counts the scalar
     instructions of one evaluation of the rates.
     """
 
     advance: Callable[..., int]
     estimating_advance: Callable[..., int]
     readers: Mapping[str, Callable[..., None]]
+    reads_inputs: Mapping[str, bool]
     instructions: int
     code: MachineCode
 
@@ -66,15 +69,7 @@ def compile_kernel(
     """
     core = slice(0, rates.nnz_out(0)) if core is None else core
     module = new_module()
-    instructions = instruction_count(rates)
-    judging = rates.n_out() > 1
-    system = System(
-        size=rates.nnz_out(0),
-        watched=core.stop,
-        rates=lower(module, rates, inline=instructions * method.stages <= INLINED),
-        settle=lower(module, settle, inline=not judging) if settle is not None else None,
-        judging=judging,
-    )
+    system = emit_system(module, rates, settle, method, core.stop)
     advance = emit_advance(module, system, _step_of(method, rates, core))
     emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
     for name, function in readers.items():
@@ -84,8 +79,28 @@ def compile_kernel(
         advance=ctypes.CFUNCTYPE(_INT, *_ADVANCE)(code.address("advance")),
         estimating_advance=ctypes.CFUNCTYPE(_INT, *_ADVANCE, _ADDRESS)(code.address("estimating_advance")),
         readers={name: _reader(code.address(f"read_{name}"), function) for name, function in readers.items()},
-        instructions=instructions,
+        reads_inputs={name: function.n_in() > 2 for name, function in readers.items()},
+        instructions=instruction_count(rates),
         code=code,
+    )
+
+
+def emit_system(
+    module: ir.Module, rates: ca.Function, settle: ca.Function | None, method: Method, watched: int, lanes: int = 1
+) -> System:
+    """Emit the functions of a system, for one member or for several at once."""
+    judging = rates.n_out() > 1
+    inline = instruction_count(rates) * method.stages <= INLINED
+    settling = None
+    if settle is not None:
+        settling = lower(module, arranged(settle, fused=False), inline=not judging, lanes=lanes)
+    return System(
+        size=rates.nnz_out(0),
+        watched=watched,
+        rates=lower(module, arranged(rates), inline=inline, lanes=lanes),
+        settle=settling,
+        judging=judging,
+        settling_by_inputs=settle is not None and settle.n_in() > 2,
     )
 
 

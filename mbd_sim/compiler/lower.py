@@ -11,12 +11,15 @@ from collections.abc import Callable, Sequence
 import casadi as ca
 import llvmlite.ir as ir
 
+from mbd_sim.compiler.lanes import LaneBuilder, new_builder
 from mbd_sim.compiler.pieces import Work, handed_on, pieces
+from mbd_sim.compiler.program import MULTIPLY_ADD, MULTIPLY_SUBTRACT, SUBTRACT_PRODUCT, Instructions
 from mbd_sim.compiler.trigonometry import sine_cosine
 from mbd_sim.compiler.types import DOUBLE, POINTER, element, local_array, number
 
 Build = Callable[["_Lowering", ir.Value], ir.Value]
 Build2 = Callable[["_Lowering", ir.Value, ir.Value], ir.Value]
+Build3 = Callable[["_Lowering", ir.Value, ir.Value, ir.Value], ir.Value]
 
 _UNARY: dict[int, Build] = {
     ca.OP_ASSIGN: lambda low, x: x,
@@ -44,6 +47,11 @@ _BINARY: dict[int, Build2] = {
     ca.OP_NE: lambda low, x, y: low.truth(low.builder.fcmp_unordered("!=", x, y)),
     ca.OP_IF_ELSE_ZERO: lambda low, x, y: low.if_else_zero(x, y),
 }
+_TERNARY: dict[int, Build3] = {
+    MULTIPLY_ADD: lambda low, x, y, z: low.builder.fma(x, y, z),
+    MULTIPLY_SUBTRACT: lambda low, x, y, z: low.builder.fma(x, y, low.builder.fneg(z)),
+    SUBTRACT_PRODUCT: lambda low, x, y, z: low.builder.fma(low.builder.fneg(x), y, z),
+}
 # These are the C library's own: only expressions, friction and powers need them. Their last bits depend on the library.
 _LIBRARY: dict[int, str] = {
     ca.OP_EXP: "exp",
@@ -59,13 +67,15 @@ _LIBRARY: dict[int, str] = {
 }
 
 
-def lower(module: ir.Module, function: ca.Function, inline: bool) -> ir.Function:
+def lower(module: ir.Module, function: Instructions, inline: bool, lanes: int = 1) -> ir.Function:
     """Emit `function` as `void name(double* in0, …, double* out0, …)`, the arguments not overlapping.
+
+    With several `lanes` each double is a vector of them, see `LaneBuilder`.
 
     :raises NotImplementedError: the function holds an operation that has no place in a kernel.
     """
     inputs, outputs = function.n_in(), function.n_out()
-    emitted, builder = _define(module, function.name(), inputs + outputs, inline)
+    emitted, builder = _define(module, function.name(), inputs + outputs, inline, lanes)
     cut, by_reciprocal = pieces(function), shared_divisions(function)
     if len(cut) == 1:
         lowering, work = _Lowering(module, builder), [None] * function.sz_w()
@@ -73,7 +83,7 @@ def lower(module: ir.Module, function: ca.Function, inline: bool) -> ir.Function
     else:
         memory = local_array(builder, function.sz_w())
         for place, (piece, kept) in enumerate(zip(cut, handed_on(function, cut), strict=True)):
-            part, inside = _define(module, f"{function.name()}.{place}", inputs + outputs + 1, False)
+            part, inside = _define(module, f"{function.name()}.{place}", inputs + outputs + 1, False, lanes)
             own = Work(inside, part.args[-1])
             arguments = part.args[:inputs], part.args[inputs:-1]
             _Lowering(module, inside).run(function, by_reciprocal, piece, *arguments, own)
@@ -84,14 +94,14 @@ def lower(module: ir.Module, function: ca.Function, inline: bool) -> ir.Function
     return emitted
 
 
-def _define(module: ir.Module, name: str, arguments: int, inline: bool) -> tuple[ir.Function, ir.IRBuilder]:
+def _define(module: ir.Module, name: str, arguments: int, inline: bool, lanes: int) -> tuple[ir.Function, ir.IRBuilder]:
     function = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER] * arguments), name)
     function.linkage = "internal"
     function.attributes.add("alwaysinline" if inline else "noinline")
     function.attributes.add("nounwind")
     for argument in function.args:
         argument.add_attribute("noalias")
-    return function, ir.IRBuilder(function.append_basic_block("entry"))
+    return function, new_builder(function.append_basic_block("entry"), lanes)
 
 
 class _Lowering:
@@ -105,7 +115,7 @@ class _Lowering:
 
     def run(
         self,
-        function: ca.Function,
+        function: Instructions,
         by_reciprocal: frozenset[int],
         instructions: range,
         inputs: Sequence[ir.Value],
@@ -129,6 +139,8 @@ class _Lowering:
                 work[target[0]] = _UNARY[operation](self, work[source[0]])
             elif operation in _BINARY:
                 work[target[0]] = _BINARY[operation](self, work[source[0]], work[source[1]])
+            elif operation in _TERNARY:
+                work[target[0]] = _TERNARY[operation](self, *(work[place] for place in source))
             elif operation in _LIBRARY:
                 work[target[0]] = self.library(_LIBRARY[operation], *(work[place] for place in source))
             else:
@@ -141,7 +153,11 @@ class _Lowering:
         function = self.module.globals.get(name)
         if function is None:
             function = ir.Function(self.module, ir.FunctionType(DOUBLE, [DOUBLE] * len(arguments)), name)
-        return self.builder.call(function, arguments)
+        b = self.builder
+        if isinstance(b, LaneBuilder) and any(argument.type != DOUBLE for argument in arguments):
+            wide = [b.widened(argument) for argument in arguments]
+            return b.gathered([b.call(function, [b.lane(a, index) for a in wide]) for index in range(b.lanes)])
+        return b.call(function, arguments)
 
     def sign(self, x: ir.Value) -> ir.Value:
         """-1, 0 or 1, as CasADi has it, and nan for nan."""
@@ -174,7 +190,7 @@ class _Lowering:
         return self.builder.select(self.builder.fcmp_unordered("!=", condition, number(0.0)), value, number(0.0))
 
 
-def shared_divisions(function: ca.Function) -> frozenset[int]:
+def shared_divisions(function: Instructions) -> frozenset[int]:
     """The instructions that divide by a number by which another one divides as well."""
     holds = [-1] * function.sz_w()  # the instruction that made what a place of the work vector holds
     divisions: dict[int, list[int]] = {}
@@ -188,7 +204,7 @@ def shared_divisions(function: ca.Function) -> frozenset[int]:
     return frozenset(index for group in divisions.values() if len(group) > 1 for index in group)
 
 
-def instruction_count(function: ca.Function) -> int:
+def instruction_count(function: Instructions) -> int:
     """Scalar instructions of a function, without loads and stores."""
     skipped = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
     return sum(function.instruction_id(index) not in skipped for index in range(function.n_instructions()))

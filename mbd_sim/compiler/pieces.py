@@ -10,13 +10,14 @@ from collections.abc import Sequence
 import casadi as ca
 import llvmlite.ir as ir
 
+from mbd_sim.compiler.program import Instructions
 from mbd_sim.compiler.types import DOUBLE, element
 
 PIECE = 4000  # instructions
 UNCUT = 8000  # instructions up to which a list stays whole
 
 
-def pieces(function: ca.Function) -> Sequence[range]:
+def pieces(function: Instructions) -> Sequence[range]:
     """The instructions of a function, in order."""
     count = function.n_instructions()
     if count <= UNCUT:
@@ -24,7 +25,7 @@ def pieces(function: ca.Function) -> Sequence[range]:
     return [range(first, min(first + PIECE, count)) for first in range(0, count, PIECE)]
 
 
-def handed_on(function: ca.Function, cut: Sequence[range]) -> list[set[int]]:
+def handed_on(function: Instructions, cut: Sequence[range]) -> list[set[int]]:
     """The places of the work vector that each piece sets and a later one reads."""
     needed: set[int] = set()
     found = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import llvmlite.ir as ir
 
 from mbd_sim.compiler.stepping import Frame, Prepare, Step
-from mbd_sim.compiler.vectors import combine, weighted
+from mbd_sim.compiler.vectors import combine, combine_at_once, weighted
 from mbd_sim.integrators.tableau import Tableau
 
 
@@ -22,7 +22,7 @@ def explicit_step(method: Tableau) -> Prepare:
                 moment, at = frame.later(t, c), y
                 if any(weights):
                     at = trial
-                    combine(frame.b, size, trial, y, frame.h, weighted(weights, k))
+                    combine_at_once(frame.b, size, trial, y, frame.h, weighted(weights, k))
                     frame.settle_stage(moment, trial)
                 frame.rates(moment, at, k[stage], first=stage == 0)
             estimate(frame.h)

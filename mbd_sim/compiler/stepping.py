@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import llvmlite.ir as ir
 
-from mbd_sim.compiler.types import DOUBLE, INT, POINTER, integer, local_array, number
-from mbd_sim.compiler.vectors import add_squares, copy, each, load, loop, total, weighted
+from mbd_sim.compiler.lanes import LaneBuilder, new_builder
+from mbd_sim.compiler.types import DOUBLE, INT, POINTER, element, integer, local_array, number
+from mbd_sim.compiler.vectors import add_squares, copy, each, load, loop, store, total, weighted
 from mbd_sim.integrators.estimate import Estimate
 
 TINIEST = 1e-300  # keeps 0/0 out of estimates
@@ -20,6 +21,7 @@ EVERY = 8  # steps of which one is estimated, a power of two; estimating each co
 class System:
     """y' = rates(t, y, inputs), with `settle(t, y)` after each step where it is given; `size` components.
 
+    Where it is `settling_by_inputs`, `settle` takes the inputs as well.
     The first `watched` of them count in estimates of the error. Where `rates` is `judging`, it has a second output: a
     negative one at the start of a step asks for `settle` before each further stage as well.
     """
@@ -29,6 +31,7 @@ class System:
     rates: ir.Function
     settle: ir.Function | None
     judging: bool = False
+    settling_by_inputs: bool = False
 
 
 Estimator = Callable[..., None]
@@ -62,14 +65,28 @@ class Frame:
         """Lead a state back to where the system wants it."""
         if self.system.settle is not None:
             self.b.store(moment, self.time)
-            self.b.call(self.system.settle, [self.time, array, self._settled])
+            more = [self.inputs] if self.system.settling_by_inputs else []
+            self.b.call(self.system.settle, [self.time, array, *more, self._settled])
             copy(self.b, self.system.size, self._settled, array)
 
     def settle_stage(self, moment: ir.Value, array: ir.Value) -> None:
         """The same for a stage, if the first evaluation of the step asked for it."""
-        if self.system.judging:
-            with self.b.if_then(self.asked_to_settle(), likely=False):
+        if not self.system.judging:
+            return
+        asked = self.asked_to_settle()
+        if isinstance(self.b, LaneBuilder):
+            with self.b.if_then(self.b.any_lane(asked), likely=False):
+                self._settle_some(moment, array, asked)
+        else:
+            with self.b.if_then(asked, likely=False):
                 self.settle(moment, array)
+
+    def _settle_some(self, moment: ir.Value, array: ir.Value, asked: ir.Value) -> None:
+        """Lead back those members that asked for it."""
+        b, before = self.b, [load(self.b, array, index) for index in range(self.system.size)]
+        self.settle(moment, array)
+        for index, old in enumerate(before):
+            store(b, b.select(asked, load(b, array, index), old), array, index)
 
     def asked_to_settle(self) -> ir.Value:
         """Whether the first evaluation of the step was negative in its judgement."""
@@ -145,8 +162,26 @@ def emit_advance(module: ir.Module, system: System, prepare: Prepare) -> ir.Func
         argument.add_attribute("noalias")
     b = ir.IRBuilder(function.append_basic_block("entry"))
     frame = Frame(b, system, inputs, h)
+    finite = _emit_steps(frame, prepare, state, largest, first, h, steps)
+    with b.if_then(finite):
+        copy(b, system.size, frame.y, state)
+    b.ret(b.zext(finite, INT))
+
+    plain = ir.Function(module, ir.FunctionType(INT, arguments), "advance")
+    b = ir.IRBuilder(plain.append_basic_block("entry"))
+    unread = local_array(b, 1)
+    b.store(number(0.0), unread)
+    b.ret(b.call(function, [*plain.args, unread]))
+    return function
+
+
+def _emit_steps(
+    frame: Frame, prepare: Prepare, state: ir.Value, largest: ir.Value, first: ir.Value, h: ir.Value, steps: ir.Value
+) -> ir.Value:
+    """Emit the loop over the steps, from `state` to the frame's y; returns whether that is finite."""
+    b, size = frame.b, frame.system.size
     step, doubt = prepare(frame), frame.scalar()
-    copy(b, system.size, state, frame.y)
+    copy(b, size, state, frame.y)
     b.store(b.load(largest, typ=DOUBLE), frame.worst)
 
     def one_step(index: ir.Value) -> None:
@@ -159,15 +194,44 @@ def emit_advance(module: ir.Module, system: System, prepare: Prepare) -> ir.Func
     b.store(b.load(frame.worst, typ=DOUBLE), largest)
     b.store(number(0.0), doubt)
     zero = number(0.0)
-    each(b, system.size, lambda i: b.store(b.fadd(b.load(doubt, typ=DOUBLE), b.fmul(load(b, frame.y, i), zero)), doubt))
-    finite = b.fcmp_ordered("==", b.load(doubt, typ=DOUBLE), zero)
-    with b.if_then(finite):
-        copy(b, system.size, frame.y, state)
-    b.ret(b.zext(finite, INT))
+    each(b, size, lambda i: b.store(b.fadd(b.load(doubt, typ=DOUBLE), b.fmul(load(b, frame.y, i), zero)), doubt))
+    return b.fcmp_ordered("==", b.load(doubt, typ=DOUBLE), zero)
 
-    plain = ir.Function(module, ir.FunctionType(INT, arguments), "advance")
-    b = ir.IRBuilder(plain.append_basic_block("entry"))
-    unread = local_array(b, 1)
-    b.store(number(0.0), unread)
-    b.ret(b.call(function, [*plain.args, unread]))
-    return function
+
+def emit_advance_members(
+    module: ir.Module, system: System, prepare: Prepare, lanes: int, inputs_size: int
+) -> ir.Function:
+    """Emit `advance_members(y, inputs, estimates, alive, i64 first, double h, i64 steps, i64 from, i64 to)`.
+
+    It goes through the groups of `lanes` members from one to before another. A group has its numbers together, each
+    with one double a member. A member whose state would not stay finite keeps the one it has, then and ever after:
+    its `alive`, 1 until then, becomes 0. See `emit_advance` for the rest.
+    """
+    arguments = [POINTER] * 4 + [INT, DOUBLE, INT]
+    group = ir.Function(module, ir.FunctionType(ir.VoidType(), arguments), "advance_group")
+    group.linkage = "internal"
+    group.attributes.add("noinline")
+    y, inputs, estimates, alive, first, h, steps = group.args
+    for argument in group.args[:4]:
+        argument.add_attribute("noalias")
+    b = new_builder(group.append_basic_block("entry"), lanes)
+    frame = Frame(b, system, inputs, h)
+    finite = _emit_steps(frame, prepare, y, estimates, first, h, steps)
+    living = b.load(alive, typ=DOUBLE)
+    moved = b.and_(finite, b.fcmp_ordered("!=", living, number(0.0)))
+    each(b, system.size, lambda i: store(b, b.select(moved, load(b, frame.y, i), load(b, y, i)), y, i))
+    b.store(b.select(moved, number(1.0), number(0.0)), alive)
+    b.ret_void()
+
+    every = ir.Function(module, ir.FunctionType(ir.VoidType(), [*arguments, INT, INT]), "advance_members")
+    b = new_builder(every.append_basic_block("entry"), lanes)
+    *arrays, first, h, steps, start, beyond = every.args
+    sizes = (system.size, inputs_size, 1, 1)
+
+    def one_group(index: ir.Value) -> None:
+        own = [element(b, a, b.mul(index, integer(size))) for a, size in zip(arrays, sizes, strict=True)]
+        b.call(group, [*own, first, h, steps])
+
+    loop(b, start, beyond, one_group)
+    b.ret_void()
+    return every

@@ -7,8 +7,11 @@ One reduction serves both values, and every machine gets the same bits, which it
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import llvmlite.ir as ir
 
+from mbd_sim.compiler.lanes import LaneBuilder, lanes_of, new_builder
 from mbd_sim.compiler.types import DOUBLE, INT, integer, number
 
 _LARGEST = 2.0**20 * 1.5707963267948966
@@ -17,13 +20,14 @@ _ROUNDER = 6755399441055744.0  # 1.5 * 2**52: adding it rounds to the nearest in
 _HALF_PI = 1.57079632673412561417e00  # the first 33 bits of pi/2
 _HALF_PI_NEXT = 6.07710050630396597660e-11  # the next 33 bits
 _HALF_PI_TAIL = 2.02226624879595063154e-21  # the next 53 bits
+_HALF_PI_LAST = 1.0085854035872483e-37  # and the next 53
 _SINE = (
-    -1.66666666666666324348e-01,
-    8.33333333332248946124e-03,
-    -1.98412698298579493134e-04,
-    2.75573137070700676789e-06,
-    -2.50507602534068634195e-08,
-    1.58969099521155010221e-10,
+    1.66666666666666324348e-01,
+    -8.33333333332248946124e-03,
+    1.98412698298579493134e-04,
+    -2.75573137070700676789e-06,
+    2.50507602534068634195e-08,
+    -1.58969099521155010221e-10,
 )
 _COSINE = (
     4.16666666666666019037e-02,
@@ -37,39 +41,48 @@ _COSINE = (
 
 def sine_cosine(module: ir.Module, builder: ir.IRBuilder, angle: ir.Value) -> tuple[ir.Value, ir.Value]:
     """The sine and the cosine of `angle` in rad."""
-    pair = builder.call(_function(module), [angle])
+    if isinstance(builder, LaneBuilder):
+        angle = builder.widened(angle)
+    pair = builder.call(_function(module, lanes_of(builder)), [angle])
     return builder.extract_value(pair, 0), builder.extract_value(pair, 1)
 
 
-def _function(module: ir.Module) -> ir.Function:
-    if "sine_cosine" in module.globals:
-        return module.get_global("sine_cosine")
-    pair = ir.LiteralStructType([DOUBLE, DOUBLE])
-    function = ir.Function(module, ir.FunctionType(pair, [DOUBLE]), "sine_cosine")
+def _function(module: ir.Module, lanes: int) -> ir.Function:
+    name = "sine_cosine" if lanes == 1 else f"sine_cosine.{lanes}"
+    if name in module.globals:
+        return module.get_global(name)
+    real = DOUBLE if lanes == 1 else ir.VectorType(DOUBLE, lanes)
+    pair = ir.LiteralStructType([real, real])
+    function = ir.Function(module, ir.FunctionType(pair, [real]), name)
     function.linkage = "internal"
     function.attributes.add("alwaysinline")
     function.attributes.add("nounwind")
-    b = ir.IRBuilder(function.append_basic_block("entry"))
+    b = new_builder(function.append_basic_block("entry"), lanes)
     x = function.args[0]
     common, rare = function.append_basic_block("common"), function.append_basic_block("rare")
     size = b.call(module.declare_intrinsic("llvm.fabs", [DOUBLE]), [x])
-    branch = b.cbranch(b.fcmp_ordered("<", size, number(_LARGEST)), common, rare)
-    branch.set_weights([1_000_000, 1])
+    if isinstance(b, LaneBuilder):
+        branch = b.cbranch(b.any_lane(b.fcmp_unordered(">=", size, number(_LARGEST))), rare, common)
+        branch.set_weights([1, 1_000_000])
+    else:
+        branch = b.cbranch(b.fcmp_ordered("<", size, number(_LARGEST)), common, rare)
+        branch.set_weights([1_000_000, 1])
 
     b.position_at_end(rare)
-    library = [ir.Function(module, ir.FunctionType(DOUBLE, [DOUBLE]), name) for name in ("sin", "cos")]
-    values = [b.call(call, [x]) for call in library]
+    values = _one_by_one(module, b, x) if isinstance(b, LaneBuilder) else _by_library(module, b, x)
     b.ret(b.insert_value(b.insert_value(ir.Constant(pair, ir.Undefined), values[0], 0), values[1], 1))
 
     b.position_at_end(common)
-    shifted = b.fadd(b.fmul(x, number(_TWO_OVER_PI)), number(_ROUNDER))
+    shifted = b.fma(x, number(_TWO_OVER_PI), number(_ROUNDER))
     quarters = b.fsub(shifted, number(_ROUNDER))
     quadrant = b.bitcast(shifted, INT)
-    head = b.fsub(x, b.fmul(quarters, number(_HALF_PI)))
-    second, third = b.fmul(quarters, number(_HALF_PI_NEXT)), b.fmul(quarters, number(_HALF_PI_TAIL))
-    tail = b.fadd(second, third)
+    head = b.fma(quarters, number(-_HALF_PI), x)  # exact, as `second`
+    second = b.fmul(quarters, number(_HALF_PI_NEXT))
+    tail = b.fma(quarters, number(_HALF_PI_TAIL), second)
     r = b.fsub(head, tail)
-    rest = b.fsub(b.fsub(b.fsub(head, r), tail), b.fadd(b.fsub(second, tail), third))
+    lost = b.fma(quarters, number(_HALF_PI_TAIL), b.fsub(second, tail))
+    low = b.fma(quarters, number(_HALF_PI_LAST), lost)
+    rest = b.fsub(low, b.fsub(b.fsub(head, r), tail))
     sine, cosine = _kernel_sine(b, r, rest), _kernel_cosine(b, r, rest)
     swap = b.trunc(quadrant, ir.IntType(1))
     sine, cosine = b.select(swap, cosine, sine), b.select(swap, sine, cosine)
@@ -79,35 +92,44 @@ def _function(module: ir.Module) -> ir.Function:
     return function
 
 
+def _by_library(module: ir.Module, b: ir.IRBuilder, x: ir.Value) -> list[ir.Value]:
+    signature = ir.FunctionType(DOUBLE, [DOUBLE])
+    return [b.call(ir.Function(module, signature, name), [x]) for name in ("sin", "cos")]
+
+
+def _one_by_one(module: ir.Module, b: LaneBuilder, x: ir.Value) -> list[ir.Value]:
+    scalar = _function(module, 1)
+    scalar.attributes.discard("alwaysinline")
+    pairs = [b.call(scalar, [b.lane(x, index)]) for index in range(b.lanes)]
+    return [b.gathered([b.extract_value(pair, place) for pair in pairs]) for place in (0, 1)]
+
+
 def _flip(b: ir.IRBuilder, value: ir.Value, quadrant: ir.Value) -> ir.Value:
     """The value with its sign changed where bit 1 of `quadrant` is set."""
     sign = b.shl(b.and_(quadrant, integer(2)), integer(62))
     return b.bitcast(b.xor(b.bitcast(value, INT), sign), DOUBLE)
 
 
-def _horner(b: ir.IRBuilder, z: ir.Value, *coefficients: float) -> ir.Value:
-    value: ir.Value = number(coefficients[-1])
-    for coefficient in reversed(coefficients[:-1]):
-        value = b.fadd(number(coefficient), b.fmul(z, value))
-    return value
+def _polynomial(b: ir.IRBuilder, z: ir.Value, w: ir.Value, coefficients: Sequence[float]) -> ir.Value:
+    """Six coefficients at z, of which `w` is the square, in pairs: a third of the time of Horner's way."""
+    low, middle, high = (
+        b.fma(z, number(odd), number(even)) for even, odd in zip(coefficients[::2], coefficients[1::2], strict=True)
+    )
+    return b.fma(w, b.fma(w, high, middle), low)
 
 
 def _kernel_sine(b: ir.IRBuilder, x: ir.Value, y: ir.Value) -> ir.Value:
-    s1, s2, s3, s4, s5, s6 = _SINE
+    """sin(x − y) = x − (x³ P(x²) + y (1 − x²/2))."""
     z = b.fmul(x, x)
     w = b.fmul(z, z)
-    r = b.fadd(_horner(b, z, s2, s3, s4), b.fmul(b.fmul(z, w), _horner(b, z, s5, s6)))
-    v = b.fmul(z, x)
-    inner = b.fsub(b.fmul(z, b.fsub(b.fmul(number(0.5), y), b.fmul(v, r))), y)
-    return b.fsub(x, b.fsub(inner, b.fmul(v, number(s1))))
+    rest = b.fma(b.fmul(number(-0.5), z), y, y)
+    return b.fsub(x, b.fma(b.fmul(z, x), _polynomial(b, z, w, _SINE), rest))
 
 
 def _kernel_cosine(b: ir.IRBuilder, x: ir.Value, y: ir.Value) -> ir.Value:
-    c1, c2, c3, c4, c5, c6 = _COSINE
+    """cos(x − y) = (1 − x²/2) + (x⁴ P(x²) + x y), with what the first bracket loses in rounding."""
     z = b.fmul(x, x)
     w = b.fmul(z, z)
-    r = b.fadd(b.fmul(z, _horner(b, z, c1, c2, c3)), b.fmul(b.fmul(w, w), _horner(b, z, c4, c5, c6)))
-    half = b.fmul(number(0.5), z)
-    one = b.fsub(number(1.0), half)
-    correction = b.fadd(b.fsub(b.fsub(number(1.0), one), half), b.fsub(b.fmul(z, r), b.fmul(x, y)))
-    return b.fadd(one, correction)
+    one = b.fma(number(-0.5), z, number(1.0))
+    lost = b.fma(number(-0.5), z, b.fsub(number(1.0), one))
+    return b.fadd(one, b.fma(w, _polynomial(b, z, w, _COSINE), b.fma(x, y, lost)))

@@ -65,24 +65,44 @@ def weighted(weights: Sequence[float], vectors: Sequence[ir.Value]) -> Terms:
 
 
 def total(b: ir.IRBuilder, terms: Terms, index: Index) -> ir.Value:
-    """One component of Σ weight vector, of at least one term, summed in their order."""
+    """One component of Σ weight vector, of at least one term, summed in their order with fused multiply-adds."""
     found = None
     for weight, vector in terms:
-        term = load(b, vector, index) if weight == 1.0 else b.fmul(number(weight), load(b, vector, index))
-        found = term if found is None else b.fadd(found, term)
+        value = load(b, vector, index)
+        if found is not None:
+            found = b.fma(number(weight), value, found)
+        else:
+            found = value if weight == 1.0 else b.fmul(number(weight), value)
     return found
 
 
 def combine(b: ir.IRBuilder, size: int, target: ir.Value, base: ir.Value, h: ir.Value | None, terms: Terms) -> None:
-    """Target = base + h Σ weight vector; `h` None is one."""
+    """Target = base + h Σ weight vector, rounded once; `h` None is one."""
 
     def component(i: Index) -> None:
-        added = total(b, terms, i)
-        store(b, b.fadd(load(b, base, i), added if h is None else b.fmul(h, added)), target, i)
+        added, start = total(b, terms, i), load(b, base, i)
+        store(b, b.fadd(start, added) if h is None else b.fma(h, added, start), target, i)
+
+    each(b, size, component)
+
+
+def combine_at_once(b: ir.IRBuilder, size: int, target: ir.Value, base: ir.Value, h: ir.Value, terms: Terms) -> None:
+    """The same where the last vector has only just been found: all others are added before it is there.
+
+    That takes a second rounding, so it is for stages and not for states.
+    """
+    *early, (weight, last) = terms
+    factor = b.fmul(h, number(weight))
+
+    def component(i: Index) -> None:
+        start = load(b, base, i)
+        if early:
+            start = b.fma(h, total(b, early, i), start)
+        store(b, b.fma(factor, load(b, last, i), start), target, i)
 
     each(b, size, component)
 
 
 def add_squares(b: ir.IRBuilder, into: ir.Value, value: ir.Value) -> None:
     """Add value² to the number at the address `into`."""
-    b.store(b.fadd(b.load(into, typ=DOUBLE), b.fmul(value, value)), into)
+    b.store(b.fma(value, value, b.load(into, typ=DOUBLE)), into)

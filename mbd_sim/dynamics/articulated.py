@@ -50,7 +50,7 @@ class Articulated:
             if link.parent >= 0:
                 inertias[link.parent] += symmetric(motion.transform.T @ joint.outlook @ motion.transform)
 
-    def accelerations(self, forces: ca.SX, wrenches: Sequence[ca.SX], gravity: Array) -> Accelerations:
+    def accelerations(self, forces: ca.SX, wrenches: Sequence[ca.SX], gravity: Array | ca.SX) -> Accelerations:
         """u' for generalized forces and gravity.
 
         :param forces: (nv,) generalized forces.
@@ -65,7 +65,9 @@ class Articulated:
         shares = self._inward(forces, biases, coriolis)
         return self._outward(shares, coriolis, -gravity, forces.shape[0])
 
-    def acting(self, forces: ca.SX, wrenches: Sequence[ca.SX], gravity: Array) -> tuple[list[ca.SX], list[ca.SX]]:
+    def acting(
+        self, forces: ca.SX, wrenches: Sequence[ca.SX], gravity: Array | ca.SX
+    ) -> tuple[list[ca.SX], list[ca.SX]]:
         """The shares (., 1) of all that acts, with the links' accelerations (6,) at u' = 0, less that of gravity.
 
         What `respond` makes of the shares, and adds to these accelerations, is the same as `accelerations`. Where
@@ -73,7 +75,7 @@ class Articulated:
         """
         still: list[ca.SX] = []
         biases: list[ca.SX] = []
-        base = constant(np.concatenate([np.zeros(3), -gravity]))
+        base = _falling(-gravity)
         for link, motion, wrench in zip(self._links, self._motions, wrenches, strict=True):
             inboard = still[link.parent] if link.parent >= 0 else base
             still.append(ca.sparsify(motion.transform @ inboard + bias_acceleration(motion)))
@@ -110,13 +112,13 @@ class Articulated:
         return [shares[index] for index in range(len(self._links))]
 
     def _outward(
-        self, shares: Sequence[ca.SX], coriolis: Sequence[ca.SX] | None, base: Array, size: int
+        self, shares: Sequence[ca.SX], coriolis: Sequence[ca.SX] | None, base: Array | ca.SX, size: int
     ) -> Accelerations:
         accelerations: list[ca.SX] = []
         result = ca.SX(size, 1)
         for index, link in enumerate(self._links):
             motion, joint = self._motions[index], self._joints[index]
-            inboard = accelerations[link.parent] if link.parent >= 0 else constant(np.concatenate([np.zeros(3), base]))
+            inboard = accelerations[link.parent] if link.parent >= 0 else _falling(base)
             carried = motion.transform @ inboard
             if coriolis is not None:
                 carried = carried + coriolis[index]
@@ -124,6 +126,11 @@ class Articulated:
             accelerations.append(ca.sparsify(carried + motion.joint.partial_velocities @ speeds))
             result[link.u] = speeds
         return Accelerations(result, accelerations)
+
+
+def _falling(acceleration: Array | ca.SX) -> ca.SX:
+    """The spatial acceleration (6,) of ground, of that of its origin."""
+    return ca.sparsify(ca.vertcat(ca.SX(3, 1), constant(acceleration)))
 
 
 def bias_acceleration(motion: LinkMotion) -> ca.SX:

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import cast
 
 import casadi as ca
 import numpy as np
 
+from mbd_sim.dynamics.inputs import ExternalWrench
 from mbd_sim.dynamics.kinematics import LinkMotion, WorldPose
 from mbd_sim.dynamics.laws import elastic, power_law
 from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.points import Points
-from mbd_sim.dynamics.spatial import constant
+from mbd_sim.dynamics.spatial import constant, vanishes
 from mbd_sim.dynamics.time import time_functions
 from mbd_sim.errors import MechanismError, Problem
 from mbd_sim.mechanism.expression import ExpressionError, evaluate
 from mbd_sim.mechanism.forces import AppliedForce, Damper, Spring
 from mbd_sim.mechanism.laws import ELONGATION, Expressed, GreenStrain, Linear
-from mbd_sim.mechanism.model import Array, Mechanism
+from mbd_sim.mechanism.model import Array, Attachment, Mechanism
 from mbd_sim.mechanism.source import Location
 
 COINCIDENT = 1e-12  # m
@@ -39,9 +42,14 @@ class ElementLoads:
 
 
 def element_loads(
-    mechanism: Mechanism, links: Sequence[Link], motions: Sequence[LinkMotion], poses: Sequence[WorldPose], t: ca.SX
+    mechanism: Mechanism,
+    links: Sequence[Link],
+    motions: Sequence[LinkMotion],
+    poses: Sequence[WorldPose],
+    t: ca.SX,
+    external: Mapping[str, ExternalWrench] = MappingProxyType({}),
 ) -> ElementLoads:
-    """All force elements of a mechanism (Huston & Liu, sec. 11.5)."""
+    """All force elements of a mechanism, and the `external` wrenches on parts (Huston & Liu, sec. 11.5)."""
     points = Points(links, motions, poses)
     potential = applied = dissipated = ca.SX(1, 1)
     lengths: list[ca.SX] = []
@@ -57,7 +65,7 @@ def element_loads(
         points.push(tie.first, force)
         points.push(tie.second, -force)
         dissipated += loss
-        if isinstance(tie, Spring) and tie.mass:
+        if isinstance(tie, Spring) and not vanishes(tie.mass):
             # Its inertia is a particle of a third of its mass, with that particle's weight: a sixth is left of a half.
             gravity = constant(mechanism.gravity)
             for end in (tie.first, tie.second):
@@ -75,8 +83,19 @@ def element_loads(
         else:
             points.push(element.at, vector)
             applied += ca.dot(vector, place.velocity)
+    applied += sum((_external(points, part, wrench) for part, wrench in external.items()), ca.SX(1, 1))
     wrenches = [ca.sparsify(wrench) for wrench in points.wrenches]
     return ElementLoads(wrenches, ca.vertcat(ca.SX(0, 1), *lengths), potential, applied, dissipated)
+
+
+def _external(points: Points, part: str, wrench: ExternalWrench) -> ca.SX:
+    """Let an external wrench act on a part; returns its power."""
+    at = Attachment(part, cast(Array, wrench.point))
+    place = points.at(at)
+    points.push(at, wrench.force)
+    points.turn(at, wrench.couple)
+    power = ca.dot(wrench.force, place.velocity) + ca.dot(wrench.couple, place.omega)
+    return power + points.follow(at, wrench.own_force, False) + points.follow(at, wrench.own_couple, True)
 
 
 def require_lines(mechanism: Mechanism, lengths: Array) -> None:
@@ -126,7 +145,7 @@ def spring_force(spring: Spring, line: ca.SX, rate: ca.SX) -> tuple[ca.SX, ca.SX
     length = ca.sqrt(square)
     none = ca.SX(1, 1)
     match spring.law:
-        case Linear(stiffness=k) if spring.length == 0.0:
+        case Linear(stiffness=k) if vanishes(spring.length):
             force, energy = k * line, 0.5 * k * square
         case GreenStrain(stiffness=k, length=natural):  # of the squares: smooth even where the ends meet
             strain = (square - natural**2) / (2.0 * natural**2)
@@ -134,7 +153,7 @@ def spring_force(spring: Spring, line: ca.SX, rate: ca.SX) -> tuple[ca.SX, ca.SX
         case law:
             tension, energy = elastic(law, length - spring.length)
             force = line * (tension / length)
-    if spring.damping == 0.0:
+    if vanishes(spring.damping):
         return force, energy, none
     speed = ca.dot(line, rate) / length
     return force + line * (spring.damping * speed / length), energy, spring.damping * speed**2

@@ -21,6 +21,7 @@ from mbd_sim.dynamics.definite import require_definite
 from mbd_sim.dynamics.elements import element_loads, require_lines
 from mbd_sim.dynamics.forces import joint_loads
 from mbd_sim.dynamics.impossible import no_value
+from mbd_sim.dynamics.inputs import InputLayout
 from mbd_sim.dynamics.kinematics import LinkMotion, WorldPose, link_motions, part_poses
 from mbd_sim.dynamics.links import Layout, Link, layout, links
 from mbd_sim.dynamics.multipliers import ConstraintSolver, usual_sizes
@@ -29,6 +30,7 @@ from mbd_sim.dynamics.rows import Row
 from mbd_sim.dynamics.spatial import constant
 from mbd_sim.dynamics.start import Start, assembled_start, conditions_of, redundant_loops
 from mbd_sim.dynamics.time import require_smooth, time_functions
+from mbd_sim.dynamics.values import Values, numbers_of, values_among, with_symbols
 from mbd_sim.mechanism.model import Array, Mechanism
 
 AUDIT = ("work_applied", "work_drives", "dissipated")
@@ -38,17 +40,20 @@ AUDIT = ("work_applied", "work_drives", "dissipated")
 class Equations:
     """What the compiler turns into machine code, and what is computed on request.
 
-    `rates(t, y, efforts)` gives y' and, where there are constraints, a number that is negative
+    The inputs are described in `InputLayout`; without loaded parts and values they are the efforts.
+    `rates(t, y, inputs)` gives y' and, where there are constraints, a number that is negative
     where they are nearly singular;
     `settle(t, y)`, where there are quaternions or constraints, leads y back to them;
     `energies(t, y)` gives T and V; `poses(t, y)` gives (12,) a part: position and rotation, column by column;
-    `drives(t, y, efforts)` gives the coordinates (n,) of driven joints in declared order, their speeds, and the
-    forces that the drives exert. `multipliers(t, y, efforts)` (m,) has one of each of all constraint `rows`, zero for
-    the redundant ones; `violation(t, y)` (m, 2) is Φ and G u + b. `reactions(t, y, efforts)` (6, joints) is described
-    in `joint_reactions`.
+    `drives(t, y, inputs)` gives the coordinates (n,) of driven joints in declared order, their speeds, and the
+    forces that the drives exert. `multipliers(t, y, inputs)` (m,) has one of each of all constraint `rows`, zero for
+    the redundant ones; `violation(t, y)` (m, 2) is Φ and G u + b. `reactions(t, y, inputs)` (6, joints) is described
+    in `joint_reactions`. Where there are values among the inputs, all of these take the inputs as well.
     """
 
     layout: Layout
+    inputs: InputLayout
+    values: Values
     rates: ca.Function
     energies: ca.Function
     poses: ca.Function
@@ -61,23 +66,29 @@ class Equations:
     start: Start
     start_state: Array
     part_names: tuple[str, ...]
-    make_conditions: Callable[[], Conditions]
+    make_conditions: Callable[[Array], Conditions]
 
     @cached_property
     def conditions(self) -> Conditions:
         """The constraints and the mass matrix as functions of numbers."""
-        return self.make_conditions()
+        return self.make_conditions(self.values.base)
 
 
-def derive(mechanism: Mechanism) -> Equations:
+def derive(mechanism: Mechanism, loaded: Sequence[str] = (), values: Values | None = None) -> Equations:
     """Trace the equations of a mechanism.
 
+    :param loaded: parts on which external wrenches act.
+    :param values: the numbers of the mechanism that are inputs, if any are.
     :raises MechanismError: the mass matrix is singular at the start, a spring has no direction there, a drive no
         velocity or acceleration, or the constraints cannot be met; joints, springs and constraints are named.
     """
     require_smooth(mechanism)
-    places, chain = layout(mechanism), links(mechanism)
+    values = values or values_among(numbers_of(mechanism), ())
+    plain, (mechanism, chain) = mechanism, with_symbols(mechanism, values)
+    places = layout(mechanism)
+    taken = InputLayout(places.nv, tuple(loaded), len(values.base))
     t, efforts = ca.SX.sym("t"), ca.SX.sym("e", places.nv)
+    inputs = ca.vertcat(efforts, ca.SX.sym("w", taken.of_values.start - places.nv), values.symbols)
     y = ca.SX.sym("y", places.nq + places.nv + len(AUDIT))
     q, u, audit = ca.vertsplit(y, [0, places.nq, places.nq + places.nv, y.shape[0]])
 
@@ -85,25 +96,27 @@ def derive(mechanism: Mechanism) -> Equations:
     poses = part_poses(chain, t, q)
     state = State(t, q, u, _q_rates(chain, motions, places.nq))
     kinetic = _kinetic_energy(chain, motions)
-    everything, start, conditions = _closed(mechanism, chain, places, state, motions, poses, kinetic)
+    world = _World(plain, mechanism, chain, places, state, motions, poses, kinetic, values)
+    everything, start, conditions = _closed(world)
     start_state = np.concatenate([start.q, start.u, np.zeros(len(AUDIT))])
 
     loads = joint_loads(chain, q, u, efforts)
-    elements = element_loads(mechanism, chain, motions, poses, t)
+    elements = element_loads(mechanism, chain, motions, poses, t, taken.external(inputs))
     matrix = Articulated(chain, motions, places.nv)
     flat = ca.densify(ca.vertcat(*(ca.vertcat(pose.position, ca.vec(pose.rotation)) for pose in poses)))
     looked_at = [matrix.pivots, flat, elements.lengths, ca.densify(everything.bias)]
-    pivots, poses_at, lengths, bias = ca.Function("at", [t, y], looked_at)(0.0, start_state)
+    at_start = ca.Function("at", [t, y, values.symbols], looked_at)
+    pivots, poses_at, lengths, bias = at_start(0.0, start_state, values.base)
     if not np.all(finite := np.isfinite(np.array(bias).ravel())):
-        raise no_value(mechanism, everything.rows, ~finite)
-    require_lines(mechanism, np.array(lengths).ravel())
-    require_definite(mechanism, chain, np.array(pivots).ravel(), np.array(poses_at).reshape(-1, 4, 3))
+        raise no_value(plain, everything.rows, ~finite)
+    require_lines(plain, np.array(lengths).ravel())
+    require_definite(plain, links(plain), np.array(pivots).ravel(), np.array(poses_at).reshape(-1, 4, 3))
 
     kept = everything.only(start.keep)
     loading = (loads.generalized, elements.wrenches, mechanism.gravity)
     margin: list[ca.SX] = []
     if kept.rows:
-        solver = ConstraintSolver(matrix, kept, usual_sizes(conditions(), start))
+        solver = ConstraintSolver(matrix, kept, usual_sizes(conditions(values.base), start))
         margin = [ca.densify(solver.margin)]
         acting, still = matrix.acting(*loading)
         multipliers = solver.multipliers(acting)
@@ -129,19 +142,24 @@ def derive(mechanism: Mechanism) -> Equations:
         back = q + ca.jacobian(state.q_rates, u) @ displacement
         settled = ca.vertcat(_settled(chain, back), u + change, audit)
 
+    given = [t, y, inputs]
+    here = given if len(values.base) else [t, y]
+
     def reactions() -> ca.Function:
         found = joint_reactions(mechanism, chain, motions, poses, transmitted, everything, all_multipliers)
-        return _function("reactions", [t, y, efforts], [ca.densify(found)])
+        return _function("reactions", given, [ca.densify(found)])
 
     return Equations(
         layout=places,
-        rates=_function("rates", [t, y, efforts], [ca.densify(y_rates), *margin]),
-        energies=_function("energies", [t, y], [ca.densify(ca.vertcat(kinetic, potential))]),
-        poses=_function("poses", [t, y], [flat]),
-        drives=_function("drives", [t, y, efforts], [ca.densify(ca.vec(drives))]),
-        settle=None if ca.is_equal(settled, y) else _function("settle", [t, y], [ca.densify(settled)]),
-        multipliers=_function("multipliers", [t, y, efforts], [ca.densify(all_multipliers)]),
-        violation=_function("violation", [t, y], [ca.densify(ca.horzcat(everything.position, everything.velocity))]),
+        inputs=taken,
+        values=values,
+        rates=_function("rates", given, [ca.densify(y_rates), *margin]),
+        energies=_function("energies", here, [ca.densify(ca.vertcat(kinetic, potential))]),
+        poses=_function("poses", here, [flat]),
+        drives=_function("drives", given, [ca.densify(ca.vec(drives))]),
+        settle=None if ca.is_equal(settled, y) else _function("settle", here, [ca.densify(settled)]),
+        multipliers=_function("multipliers", given, [ca.densify(all_multipliers)]),
+        violation=_function("violation", here, [ca.densify(ca.horzcat(everything.position, everything.velocity))]),
         reactions=reactions,
         rows=tuple(everything.rows),
         start=start,
@@ -151,32 +169,48 @@ def derive(mechanism: Mechanism) -> Equations:
     )
 
 
-def _closed(
-    mechanism: Mechanism,
-    chain: Sequence[Link],
-    places: Layout,
-    state: State,
-    motions: Sequence[LinkMotion],
-    poses: Sequence[WorldPose],
-    kinetic: ca.SX,
-) -> tuple[Constraints, Start, Callable[[], Conditions]]:
+@dataclass(frozen=True, eq=False)
+class _World:
+    """A mechanism in numbers and, as `mechanism`, with symbols for its values; and how it moves."""
+
+    plain: Mechanism
+    mechanism: Mechanism
+    chain: Sequence[Link]
+    places: Layout
+    state: State
+    motions: Sequence[LinkMotion]
+    poses: Sequence[WorldPose]
+    kinetic: ca.SX
+    values: Values
+
+
+def _closed(world: _World) -> tuple[Constraints, Start, Callable[[Array], Conditions]]:
     """The constraints, a start that meets them, and their conditions.
 
     Rows are dropped once and for all, so each must stay redundant. Where one that is dropped is not simply zero, as
     out of the plane of a plane loop, the rows of its loop are written along axes that turn with it.
     """
 
-    def write(turning: Collection[str]) -> tuple[Constraints, Start, Callable[[], Conditions]]:
-        everything = constraints_of(mechanism, chain, places, state, motions, poses, turning)
+    def write(turning: Collection[str]) -> tuple[Constraints, Start, Callable[[Array], Conditions]]:
+        everything = constraints_of(
+            world.mechanism, world.chain, world.places, world.state, world.motions, world.poses, turning
+        )
 
         @functools.cache
-        def conditions() -> Conditions:
-            return conditions_of(everything, state, kinetic, lambda values: _settled(chain, values), _size(mechanism))
+        def traced() -> Callable[[Array], Conditions]:
+            settled = functools.partial(_settled, world.chain)
+            symbols, size = world.values.symbols, _size(world.plain)
+            return conditions_of(everything, world.state, world.kinetic, settled, size, symbols)
 
-        return everything, assembled_start(mechanism, places, conditions, everything.rows), conditions
+        def conditions(values: Array) -> Conditions:
+            return traced()(values)
+
+        at_base = functools.partial(conditions, world.values.base)
+        return everything, assembled_start(world.plain, world.places, at_base, everything.rows), conditions
 
     everything, start, conditions = write(())
-    turning = redundant_loops(everything.rows, start, conditions) if everything.rows else []
+    at_base = functools.partial(conditions, world.values.base)
+    turning = redundant_loops(everything.rows, start, at_base) if everything.rows else []
     return write(turning) if turning else (everything, start, conditions)
 
 

@@ -9,6 +9,7 @@ import casadi as ca
 
 from mbd_sim.dynamics.laws import elastic, friction, power_law
 from mbd_sim.dynamics.links import Link
+from mbd_sim.dynamics.spatial import vanishes
 from mbd_sim.mechanism.laws import Linear
 from mbd_sim.mechanism.model import Joint, Limits
 
@@ -37,7 +38,7 @@ def joint_loads(links: Sequence[Link], q: ca.SX, u: ca.SX, efforts: ca.SX) -> Lo
             coordinate = q[link.q.start + place]
             resistance, energy = _spring(link.joint, place, coordinate)
             loss = _resistance(link.joint, place, u[row])
-            if link.joint.limits is not None and link.joint.limits.stiffness:
+            if link.joint.limits is not None and not vanishes(_hardness(link.joint.limits)):
                 push, stored, lost = stop(link.joint.limits, coordinate, u[row])
                 resistance, energy, loss = resistance + push, energy + stored, loss + lost
             generalized[row] -= resistance + loss
@@ -48,14 +49,14 @@ def joint_loads(links: Sequence[Link], q: ca.SX, u: ca.SX, efforts: ca.SX) -> Lo
 
 def _spring(joint: Joint, place: int, coordinate: ca.SX) -> tuple[ca.SX, ca.SX]:
     """The force of a joint's spring against its coordinate, and the potential."""
-    if joint.spring is None and not joint.stiffness[place]:
+    if joint.spring is None and vanishes(joint.stiffness[place]):
         return ca.SX(1, 1), ca.SX(1, 1)
     return elastic(joint.spring or Linear(joint.stiffness[place]), coordinate - joint.rest[place])
 
 
 def _resistance(joint: Joint, place: int, speed: ca.SX) -> ca.SX:
     """The force against a speed: of the dampers and of dry friction."""
-    force = joint.damping[place] * speed if joint.damping[place] else ca.SX(1, 1)
+    force = ca.SX(1, 1) if vanishes(joint.damping[place]) else joint.damping[place] * speed
     if joint.damper is not None:
         force += power_law(joint.damper, speed**2)[0] * speed
     if joint.friction is not None:
@@ -69,11 +70,15 @@ def stop(limits: Limits, coordinate: ca.SX, speed: ca.SX) -> tuple[ca.SX, ca.SX,
     A stop pushes back with k δ (1 + c δ'), but never pulls. With k δ + d δ' instead the force would jump at the touch,
     where the speed is largest, and no method keeps its order over a jump.
     """
-    k, c = limits.stiffness or 0.0, limits.damping
+    k, c = _hardness(limits), limits.damping
     over = ca.fmax(coordinate - limits.upper, 0.0)
     under = ca.fmax(limits.lower - coordinate, 0.0)
     push, energy = k * (over - under), 0.5 * k * (over**2 + under**2)
-    if not c:
+    if vanishes(c):
         return push, energy, ca.SX(1, 1)
     # Leaving faster than 1 / c the stop has let go: what is against the speed takes back all the elastic force.
     return push, energy, k * (over * ca.fmax(c * speed, -1.0) + under * ca.fmin(c * speed, 1.0))
+
+
+def _hardness(limits: Limits) -> float:
+    return 0.0 if limits.stiffness is None else limits.stiffness

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.dynamics.piecewise import integral, panels_of, select
+from mbd_sim.dynamics.spatial import vanishes
 from mbd_sim.dynamics.time import function_of
 from mbd_sim.mechanism.laws import (
     ELONGATION,
@@ -50,6 +51,6 @@ def power_law(law: PowerLaw, speed_squared: ca.SX) -> tuple[ca.SX, ca.SX]:
 def friction(law: Friction, speed: ca.SX) -> ca.SX:
     """The force or torque of dry friction against the speed, in N or N·m, positive with it."""
     size = ca.SX(law.coulomb)
-    if law.static != law.coulomb:
+    if not vanishes(law.static - law.coulomb):
         size += (law.static - law.coulomb) * ca.exp(-((speed / law.stribeck_velocity) ** 2))
     return size * ca.tanh(speed / law.regularisation) + law.viscous * speed

@@ -10,7 +10,7 @@ import numpy as np
 
 from mbd_sim.dynamics.kinematics import LinkMotion, WorldPose
 from mbd_sim.dynamics.links import Link
-from mbd_sim.dynamics.spatial import constant, skew
+from mbd_sim.dynamics.spatial import constant, skew, symbolic
 from mbd_sim.mechanism.model import GROUND, Attachment
 
 
@@ -80,4 +80,6 @@ class Points:
 
     def _arm(self, index: int, at: Attachment) -> ca.SX:
         part = self._links[index].part
+        if symbolic(at.point, part.position, part.rotation):
+            return ca.sparsify(constant(part.position) + constant(part.rotation) @ constant(at.point))
         return constant(part.position + part.rotation @ at.point)

@@ -13,9 +13,19 @@ from mbd_sim.mechanism.model import Array
 from mbd_sim.mechanism.rotation import skew as numeric_skew
 
 
-def constant(matrix: Array) -> ca.SX:
-    """A numeric matrix with its zeros left out."""
-    return ca.sparsify(ca.SX(ca.DM(matrix)))
+def constant(matrix: Array | ca.SX) -> ca.SX:
+    """A matrix of numbers, or of numbers and symbols, with its zeros left out."""
+    return ca.sparsify(matrix if isinstance(matrix, ca.SX) else ca.SX(ca.DM(matrix)))
+
+
+def symbolic(*values: object) -> bool:
+    """Whether there are symbols among numbers and matrices of a mechanism's records."""
+    return any(isinstance(value, ca.SX) for value in values)
+
+
+def vanishes(value: float | ca.SX) -> bool:
+    """Whether a number is zero, and not a symbol that might be."""
+    return not symbolic(value) and bool(value == 0.0)
 
 
 def zeros(rows: int, columns: int = 1) -> ca.SX:

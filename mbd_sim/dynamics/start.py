@@ -77,11 +77,29 @@ def assembled_start(
     _require_agreement(mechanism, conditions, rows, keep, around)
     if max(ranks) == places.nv and not rheonomic(mechanism):
         raise rigid(mechanism, rows, places.nv)
+    return Start(q, _fitting(mechanism, conditions, rows, q, u), keep, ranks, around)
+
+
+def start_like(
+    mechanism: Mechanism, places: Layout, conditions: Callable[[], Conditions], rows: Sequence[Row]
+) -> tuple[Array, Array]:
+    """q and u of a mechanism whose constraints are those of another one, with other values.
+
+    :raises MechanismError: a loop cannot be closed, or given speeds do not fit.
+    """
+    q, u = given_start(mechanism, places)
+    if not rows:
+        return q, u
+    q = _closed(mechanism, conditions(), rows, q)
+    return q, _fitting(mechanism, conditions(), rows, q, u)
+
+
+def _fitting(mechanism: Mechanism, conditions: Conditions, rows: Sequence[Row], q: Array, u: Array) -> Array:
     held = _each(mechanism, "held_speeds")
     speeds = fit_speeds(conditions, 0.0, q, u, held)
     if not speeds.fitting:
         raise unfitting(mechanism, rows, speeds.misses, held)
-    return Start(q, speeds.u, keep, ranks, around)
+    return speeds.u
 
 
 def _closed(mechanism: Mechanism, conditions: Conditions, rows: Sequence[Row], q: Array) -> Array:
@@ -146,9 +164,14 @@ def redundant_loops(rows: Sequence[Row], start: Start, conditions: Callable[[], 
 
 
 def conditions_of(
-    constraints: Constraints, state: State, kinetic: ca.SX, settled: Callable[[ca.SX], ca.SX], size: float
-) -> Conditions:
-    """The constraints as functions of numbers."""
+    constraints: Constraints,
+    state: State,
+    kinetic: ca.SX,
+    settled: Callable[[ca.SX], ca.SX],
+    size: float,
+    symbols: ca.SX,
+) -> Callable[[Array], Conditions]:
+    """The constraints as functions of numbers, given the values that `symbols` (n,) stand for."""
     t, q, u = state.t, state.q, state.u
     displacement = ca.SX.sym("d", u.shape[0])
     moved = settled(q + ca.jacobian(state.q_rates, u) @ displacement)
@@ -156,7 +179,7 @@ def conditions_of(
     drift = ca.substitute(constraints.velocity, u, at_rest)
 
     def numbers(name: str, expression: ca.SX, inputs: Sequence[ca.SX]) -> Callable[..., Array]:
-        function = ca.Function(name, inputs, [ca.densify(expression)])
+        function = ca.Function(name, [*inputs, symbols], [ca.densify(expression)])
 
         def value(*arguments: float | Array) -> Array:
             return np.array(function(*arguments), dtype=float).reshape(expression.shape)
@@ -167,13 +190,24 @@ def conditions_of(
         value = numbers(name, expression, inputs)
         return lambda *arguments: value(*arguments).ravel()
 
-    return Conditions(
-        position=vector("position", constraints.position, [t, q]),
-        gradient=numbers("gradient", constraints.gradient, [t, q]),
-        drift=vector("drift", drift, [t, q]),
-        mass=numbers("mass", ca.hessian(kinetic, u)[0], [t, q]),
-        senses=vector("senses", constraints.senses, [t, q]),
-        moved=vector("moved", moved, [q, displacement]),
-        size=size,
-        holonomic=np.array([row.position is not None for row in constraints.rows], dtype=bool),
-    )
+    position = vector("position", constraints.position, [t, q])
+    gradient = numbers("gradient", constraints.gradient, [t, q])
+    drifting = vector("drift", drift, [t, q])
+    mass = numbers("mass", ca.hessian(kinetic, u)[0], [t, q])
+    senses = vector("senses", constraints.senses, [t, q])
+    displaced = vector("moved", moved, [q, displacement])
+    holonomic = np.array([row.position is not None for row in constraints.rows], dtype=bool)
+
+    def at(values: Array) -> Conditions:
+        return Conditions(
+            position=lambda t, q: position(t, q, values),
+            gradient=lambda t, q: gradient(t, q, values),
+            drift=lambda t, q: drifting(t, q, values),
+            mass=lambda t, q: mass(t, q, values),
+            senses=lambda t, q: senses(t, q, values),
+            moved=lambda q, d: displaced(q, d, values),
+            size=size,
+            holonomic=holonomic,
+        )
+
+    return at

@@ -16,7 +16,7 @@ from mbd_sim.mechanism.constraints import Constraint
 from mbd_sim.mechanism.ends import end_of
 from mbd_sim.mechanism.force_records import ForceElements, force_elements
 from mbd_sim.mechanism.joint_records import joint_of, parallel
-from mbd_sim.mechanism.model import GROUND, Joint, Mechanism, Part, Pose
+from mbd_sim.mechanism.model import GROUND, Joint, Mechanism, Mesh, Part, Pose
 from mbd_sim.mechanism.schema_constraints import AnyConstraint
 from mbd_sim.mechanism.schema_forces import AnyForce
 from mbd_sim.mechanism.schema_joints import AnyJoint
@@ -148,12 +148,12 @@ def _part(name: str, record: schema.Part, source: Source, problems: list[Problem
         except ValueError as error:
             message, _, remedy = str(error).partition(": ")
             problems.append(source.problem(location, message, f"{remedy[:1].upper()}{remedy[1:]}." if remedy else ""))
-    if (why := inertia.defect(tensor)) is not None:
-        given = record.inertia is not None
+    given = record.inertia is not None
+    if (why := inertia.defect(tensor)) is not None and (record.inertia_check or not given):
         remedy = "No rigid body has such an inertia: check its numbers." if given else "Keep the holes in the material."
         where = (*location, "inertia") if given else location
         problems.append(source.problem(where, f"the inertia {why}", remedy))
-    if mass == 0.0 and np.any(tensor):
+    if mass == 0.0 and np.any(tensor) and record.inertia_check:
         problems.append(source.problem(location, "has an inertia without mass", "Give the part a mass."))
     return Part(
         name=name,
@@ -162,6 +162,10 @@ def _part(name: str, record: schema.Part, source: Source, problems: list[Problem
         inertia=tensor,
         points=_poses(record.points),
         shapes=tuple(inertia.drawn(shape) for shape in shapes),
+        meshes=tuple(
+            Mesh(mesh.file, Pose(np.array(mesh.at), rot.of_record(mesh.rotate)), mesh.scale, mesh.color)
+            for mesh in record.meshes
+        ),
     )
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from mbd_sim.errors import MechanismError, Problem, nearest, quoted
 
+SUFFIXES = (".yaml", ".yml", ".urdf", ".xacro", ".xml")
+
 _PACKAGE = Path(__file__).resolve().parent.parent
 
 
@@ -43,14 +45,15 @@ def find(mechanism: str | Path) -> Path:
 
 
 def _found(path: Path) -> Path:
-    if path.suffix in (".yaml", ".yml") or path.parent != Path():
+    if path.suffix in SUFFIXES or path.parent != Path():
         if path.is_file():
             return path
         if path.is_dir():
             raise MechanismError(
-                [Problem("is a folder", "Give a .yaml file in it.", key="mechanism", value=quoted(str(path)))]
+                [Problem("is a folder", "Give a .yaml or .urdf file in it.", key="mechanism", value=quoted(str(path)))]
             )
-        names = [str(near) for near in path.parent.glob("*.y*ml")] if path.parent.is_dir() else []
+        beside = path.parent.iterdir() if path.parent.is_dir() else ()
+        names = [str(near) for near in beside if near.suffix in (".yaml", ".yml", ".urdf")]
         remedy = nearest(str(path), names) or "Check the path."
         raise MechanismError(
             [Problem(message="there is no such file", remedy=remedy, key="mechanism", value=quoted(str(path)))]
@@ -58,7 +61,7 @@ def _found(path: Path) -> Path:
     ships = shipped()
     if path.name in ships:
         return ships[path.name]
-    remedy = nearest(path.name, ships) + " Or give the path of a .yaml file."
+    remedy = nearest(path.name, ships) + " Or give the path of a .yaml or .urdf file."
     raise MechanismError(
         [Problem(message="no mechanism of this name ships", remedy=remedy, key="mechanism", value=quoted(path.name))]
     )

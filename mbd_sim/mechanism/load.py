@@ -1,4 +1,4 @@
-"""Mechanism files to `Mechanism` records."""
+"""Mechanism files and URDFs to `Mechanism` records."""
 
 from __future__ import annotations
 
@@ -7,26 +7,28 @@ from pathlib import Path
 from mbd_sim.mechanism.build import build
 from mbd_sim.mechanism.library import find
 from mbd_sim.mechanism.model import Mechanism
-from mbd_sim.mechanism.source import Source, parse_source, read_source
+from mbd_sim.mechanism.source import parse_source, read_text
+from mbd_sim.mechanism.urdf_overlay import with_urdf
+from mbd_sim.mechanism.urdf_source import Base, urdf_source
+from mbd_sim.mechanism.urdf_xml import is_xml
 from mbd_sim.mechanism.validate import validate
 
 
-def load_mechanism(mechanism: str | Path) -> Mechanism:
-    """Load a mechanism file, given by its path or by the name of a shipped mechanism.
+def load_mechanism(mechanism: str | Path, base: Base | None = None) -> Mechanism:
+    """Load a mechanism file or a URDF, given by its path, or a shipped mechanism by its name.
 
+    :param base: how the root link of a URDF is held: fixed (as by default) or free.
     :raises MechanismError: with all problems of the file, each with its line and a remedy.
     """
-    return _from_source(read_source(find(mechanism)))
+    path = find(mechanism)
+    return parse_mechanism(read_text(path), str(path), base)
 
 
-def parse_mechanism(text: str, file: str = "<text>") -> Mechanism:
-    """The mechanism that YAML text describes; `file` names it in errors.
+def parse_mechanism(text: str, file: str = "<text>", base: Base | None = None) -> Mechanism:
+    """The mechanism that YAML or URDF text describes; `file` names it in errors, and `urdf` is looked for beside it.
 
     :raises MechanismError: see `load_mechanism`.
     """
-    return _from_source(parse_source(text, file))
-
-
-def _from_source(source: Source) -> Mechanism:
-    file, parameters = validate(source)
-    return build(file, parameters, source)
+    source = urdf_source(text, file, base) if is_xml(text) else with_urdf(parse_source(text, file), base)
+    records, parameters = validate(source)
+    return build(records, parameters, source)

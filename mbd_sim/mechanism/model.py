@@ -74,6 +74,16 @@ class Shape:
 
 
 @dataclass(frozen=True, eq=False)
+class Mesh:
+    """The URI of a surface for others to draw, its origin at `pose`, and its factors (3,) of size along its axes."""
+
+    file: str
+    pose: Pose
+    scale: tuple[float, float, float]
+    color: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Part:
     """A rigid body: `mass` in kg, `center` (3,) of mass and `inertia` (3, 3) about it, in the part's frame."""
 
@@ -83,6 +93,7 @@ class Part:
     inertia: Array
     points: Mapping[str, Pose] = field(default_factory=dict)
     shapes: tuple[Shape, ...] = ()
+    meshes: tuple[Mesh, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -109,6 +120,7 @@ class Joint:
     `damping` have a value for each degree of freedom. A joint with a `drive` has none: its coordinates are these
     expressions of time. A `spring` law takes the elongation q - rest, the laws `damper` and `friction` the speed; only
     revolute and prismatic joints have them. `reversed` joints are walked from child to parent in the spanning tree.
+    `velocity_limit` is only described.
     `held` and `held_speeds` (nv,) tell which start values loops must be assembled around; `cut` joints close loops.
     """
 
@@ -129,6 +141,7 @@ class Joint:
     drive: tuple[TimeExpression, ...] = ()
     limits: Limits | None = None
     effort_limit: float | None = None
+    velocity_limit: float | None = None
     spring: ElasticLaw | None = None
     damper: PowerLaw | None = None
     friction: Friction | None = None

@@ -54,6 +54,30 @@ def to_quaternion(rotation: Array) -> Array:
     return q if q[0] >= 0.0 else -q
 
 
+def quaternions(matrices: Array) -> Array:
+    """The unit quaternions (n, 4) in the order (x, y, z, w) of ROS and Rerun, of rotation matrices (n, 3, 3).
+
+    Of the four ways to divide, each matrix takes the one with the largest divisor (Shepperd's method).
+    """
+    m = matrices
+    xx, yy, zz = m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]
+    x, y, z = m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]
+    xy, yz, zx = m[:, 0, 1] + m[:, 1, 0], m[:, 1, 2] + m[:, 2, 1], m[:, 2, 0] + m[:, 0, 2]
+    ways = np.stack(
+        [
+            np.stack([1.0 + xx - yy - zz, xy, zx, x], axis=1),
+            np.stack([xy, 1.0 - xx + yy - zz, yz, y], axis=1),
+            np.stack([zx, yz, 1.0 - xx - yy + zz, z], axis=1),
+            np.stack([x, y, z, 1.0 + xx + yy + zz], axis=1),
+        ],
+        axis=1,
+    )
+    best = np.argmax(np.diagonal(ways, axis1=1, axis2=2), axis=1)
+    chosen: Array = ways[np.arange(len(m)), best]
+    chosen /= np.linalg.norm(chosen, axis=1, keepdims=True)
+    return chosen
+
+
 def aligning_z(axis: Array) -> Array:
     """A rotation matrix that takes z to the unit `axis`, exactly so along the coordinate axes."""
     if np.count_nonzero(axis) == 1:
@@ -75,12 +99,16 @@ def from_rpy(roll: float, pitch: float, yaw: float) -> Array:
 
 
 def to_rpy(rotation: Array) -> tuple[float, float, float]:
-    """Roll, pitch and yaw of a rotation matrix; inverse of `from_rpy`."""
+    """Roll, pitch and yaw of a rotation matrix; inverse of `from_rpy`.
+
+    Roll is what is left when yaw is turned back, so that the three fit together where the pitch nears a right angle.
+    """
     r = rotation
-    pitch = float(np.arctan2(-r[2, 0], np.hypot(r[0, 0], r[1, 0])))
-    if np.hypot(r[0, 0], r[1, 0]) < 1e-12:
-        return float(np.arctan2(-r[1, 2], r[1, 1])), pitch, 0.0
-    return float(np.arctan2(r[2, 1], r[2, 2])), pitch, float(np.arctan2(r[1, 0], r[0, 0]))
+    yaw = np.arctan2(r[1, 0], r[0, 0])
+    pitch = np.arctan2(-r[2, 0], np.hypot(r[0, 0], r[1, 0]))
+    sine, cosine = np.sin(yaw), np.cos(yaw)
+    roll = np.arctan2(sine * r[0, 2] - cosine * r[1, 2], cosine * r[1, 1] - sine * r[0, 1])
+    return float(roll), float(pitch), float(yaw)
 
 
 def of_record(rotation: Rotation | None) -> Array:

@@ -26,6 +26,8 @@ from mbd_sim.mechanism.schema_laws import (
     ForceCurve,
     LinearFriction,
     LinearPower,
+    PositiveAngularVelocity,
+    PositiveVelocity,
     TorqueCurve,
     TorsionFriction,
     TorsionPower,
@@ -80,7 +82,18 @@ class Driveable(Joint):
 
     @model_validator(mode="after")
     def _driven_or_free(self) -> Driveable:
-        free = {"position", "velocity", "stiffness", "rest", "damping", "limits", "effort_limit", "guess", "cut"}
+        free = {
+            "position",
+            "velocity",
+            "stiffness",
+            "rest",
+            "damping",
+            "limits",
+            "effort_limit",
+            "velocity_limit",
+            "guess",
+            "cut",
+        }
         free |= {"spring", "damper", "friction"}
         if getattr(self, "drive") is not None and (both := sorted(free & self.model_fields_set)):  # noqa: B009
             raise need(
@@ -106,6 +119,7 @@ class RevoluteJoint(Driveable):
     friction: TorsionFriction | None = None
     limits: AngleLimits | None = None
     effort_limit: PositiveTorque | None = None
+    velocity_limit: PositiveAngularVelocity | None = Field(None, description="only told to others, in URDF")
     drive: Annotated[TimeExpression, TimeFunction("rad")] | None = None
 
 
@@ -124,6 +138,7 @@ class PrismaticJoint(Driveable):
     friction: LinearFriction | None = None
     limits: LengthLimits | None = None
     effort_limit: PositiveForce | None = None
+    velocity_limit: PositiveVelocity | None = Field(None, description="only told to others, in URDF")
     drive: Annotated[TimeExpression, TimeFunction("m")] | None = None
 
 

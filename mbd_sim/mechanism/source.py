@@ -32,17 +32,28 @@ _WORDS: dict[str, Any] = {
 _INFINITY = re.compile(r"([-+]?)\.(inf|Inf|INF)")
 
 # What YAML does not allow in a text, and what half of a split character leaves behind.
-_UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _PLAIN_KEY = re.compile(r"[\w<-]{1,60}")
 
 _Loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a value stands that was read from another file: the file, the line, and its name there."""
+
+    file: str
+    line: int
+    key: str
 
 
 @dataclass
 class Source:
     """A parsed file: its data, and the line of each value by its location (a tuple of keys and indices).
 
-    `problems` are those that did not keep the file from being read, such as a key given twice.
+    `text` is YAML and alone enough to build the mechanism again. `origins` are the places of values that came from
+    another file. `problems` are those that did not keep the file from being read, such as a key given twice;
+    `notes` say what was not taken over from another format.
     """
 
     data: Any
@@ -50,24 +61,28 @@ class Source:
     file: str = ""
     text: str = ""
     problems: list[Problem] = field(default_factory=list)
+    origins: dict[Location, Origin] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def origin(self, location: Location) -> Origin:
+        """Where the value at `location` stands, or else the nearest thing that encloses it."""
+        for length in range(len(location), -1, -1):
+            outer = location[:length]
+            if outer in self.lines:
+                return Origin(self.file, self.lines[outer], dotted(location))
+            if outer in self.origins:
+                return self.origins[outer]
+        return Origin(self.file, 1, dotted(location))
 
     def line(self, location: Location) -> int:
         """The line of the value at `location`, or of the nearest thing that encloses it."""
-        for length in range(len(location), -1, -1):
-            if location[:length] in self.lines:
-                return self.lines[location[:length]]
-        return 1
+        return self.origin(location).line
 
     def problem(self, location: Location, message: str, remedy: str = "", value: Any = None) -> Problem:
         """A `Problem` at a location of this file."""
-        return Problem(
-            message=message,
-            remedy=remedy,
-            key=dotted(location),
-            value="" if value is None else quoted(value),
-            file=self.file,
-            line=self.line(location),
-        )
+        origin = self.origin(location)
+        shown = "" if value is None else quoted(value)
+        return Problem(message, remedy, key=origin.key, value=shown, file=origin.file, line=origin.line)
 
 
 def dotted(location: Location) -> str:
@@ -81,10 +96,10 @@ def dotted(location: Location) -> str:
     return text
 
 
-def read_source(path: Path) -> Source:
-    """Read a YAML file.
+def read_text(path: Path) -> str:
+    """The text of a file.
 
-    :raises MechanismError: the file cannot be read, is too large, or is not YAML.
+    :raises MechanismError: the file cannot be read, is too large, or is not UTF-8.
     """
     try:
         with path.open("rb") as stream:
@@ -97,7 +112,15 @@ def read_source(path: Path) -> Source:
         raise _refused(str(path), line, f"not UTF-8 text: {error.reason}", "Save the file as UTF-8.") from error
     except OSError as error:
         raise _refused(str(path), 0, f"cannot read the file: {error.strerror}", "Check its permissions.") from error
-    return parse_source(text, file=str(path))
+    return text
+
+
+def read_source(path: Path) -> Source:
+    """Read a YAML file.
+
+    :raises MechanismError: the file cannot be read, is too large, or is not YAML.
+    """
+    return parse_source(read_text(path), file=str(path))
 
 
 def parse_source(text: str, file: str = "<text>") -> Source:
@@ -105,7 +128,7 @@ def parse_source(text: str, file: str = "<text>") -> Source:
     source = Source(data=None, file=file, text=text)
     if len(text) > MAX_BYTES:
         raise _refused(file, 1, f"the text is longer than {MAX_BYTES} characters", "A mechanism file is a few kB.")
-    if unprintable := _UNPRINTABLE.search(text):
+    if unprintable := UNPRINTABLE.search(text):
         line = text.count("\n", 0, unprintable.start()) + 1
         raise _refused(file, line, f"the character U+{ord(unprintable[0]):04X} is not allowed", "Remove it.")
     try:
@@ -218,7 +241,7 @@ class _Constructor:
             raise _refused(self.source.file, node.line, f"nested deeper than {MAX_DEPTH} levels", "Flatten the file.")
         self.source.lines.setdefault(location, node.line)
         if node.kind == "scalar":
-            return _scalar(node)
+            return plain_scalar(node.text) if node.plain else node.text
         self.open.add(id(node))
         try:
             if node.kind == "list":
@@ -265,10 +288,8 @@ class _Constructor:
         self.source.problems.append(problem)
 
 
-def _scalar(node: _Node) -> Any:
-    text = node.text
-    if not node.plain:
-        return text
+def plain_scalar(text: str) -> Any:
+    """What a text without quotes stands for: a number, a word of YAML's, or itself."""
     if text in _WORDS:
         return _WORDS[text]
     if len(text) <= 30 and _INTEGER.fullmatch(text):

@@ -16,6 +16,7 @@ from pydantic_core import ErrorDetails
 from mbd_sim.errors import MechanismError, Problem, listed, nearest, quoted
 from mbd_sim.mechanism.build import assemble, in_order
 from mbd_sim.mechanism.expression import CONSTANTS, FUNCTIONS, ExpressionError, names_in
+from mbd_sim.mechanism.library import SUFFIXES
 from mbd_sim.mechanism.quantity import parse_value, split_unit
 from mbd_sim.mechanism.schema import Ground, MechanismFile, Part
 from mbd_sim.mechanism.schema_base import NAME_PATTERN
@@ -32,6 +33,8 @@ _SYNONYMS = {
     "ball": "sphere", "point": "particle", "rectangle": "plate",
 }  # fmt: skip
 
+MERGED = ("parts", "joints")  # sections whose entries may be written in part beside those of a URDF
+
 
 def validate(source: Source) -> tuple[MechanismFile, dict[str, float]]:
     """The file's records and the values of its parameters.
@@ -41,7 +44,7 @@ def validate(source: Source) -> tuple[MechanismFile, dict[str, float]]:
     if not isinstance(source.data, dict):
         message = "a mechanism file is a mapping with 'mechanism', 'parts' and 'joints'"
         remedy = "Begin with a line such as 'mechanism: pendulum'."
-        if isinstance(source.data, str) and source.data.endswith((".yaml", ".yml")):
+        if isinstance(source.data, str) and source.data.endswith(SUFFIXES):
             remedy = "This is a path: load_mechanism reads files, parse_mechanism their text."
         raise MechanismError([source.problem((), message, remedy, source.data)])
     parameters = resolve_parameters(source)
@@ -293,8 +296,14 @@ def _forbid_other_names(node: object) -> None:
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON Schema of mechanism files, for editors."""
-    return copy.deepcopy(_json_schema())
+    """The JSON Schema of mechanism files, for editors. A file with `urdf` may leave out what the URDF has."""
+    schema = copy.deepcopy(_json_schema())
+    alone = {"required": schema.pop("required")}
+    for section in MERGED:
+        properties = schema["properties"]
+        alone.setdefault("properties", {})[section] = properties[section]
+        properties[section] = {"type": "object", "description": properties[section].get("description", section)}
+    return {**schema, "if": {"required": ["urdf"]}, "else": alone}
 
 
 def _schema_at(loc: tuple[int | str, ...]) -> list[dict[str, Any]]:

@@ -12,7 +12,7 @@ from mbd_sim.simulation import Simulation
 
 
 def run_metadata(simulation: Simulation) -> dict[str, str]:
-    """Mechanism, method, step, start state (hexadecimal, exact), versions and host."""
+    """Mechanism, method, step, start state and live values (hexadecimal, exact), versions and host."""
     mechanism = simulation.mechanism
     return {
         "mechanism": mechanism.name,
@@ -20,6 +20,8 @@ def run_metadata(simulation: Simulation) -> dict[str, str]:
         "method": simulation.model.method.name,
         "step": simulation.step_size.hex(),
         "start": json.dumps([value.hex() for value in simulation.state.tolist()]),
+        "wrenches": json.dumps(simulation.model.equations.inputs.loaded),
+        "live": json.dumps({name: value.hex() for name, value in simulation.live.items()}),
         "coordinates": json.dumps(simulation.coordinate_names),
         "mbd_sim": mbd_sim.__version__,
         "python": platform.python_version(),

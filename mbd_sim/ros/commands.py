@@ -30,6 +30,7 @@ class CommandBuffer:
     def __init__(self, effort_map: EffortMap, timeout: float) -> None:
         self.map, self.timeout = effort_map, timeout
         self.accepted = self.rejected = self.expired = 0
+        self.lapsed = False  # whether the efforts are zero because commands stopped coming
         self._wanted = np.zeros(len(effort_map.names))
         self._fresh = self._alive = False
         self._last_time = 0.0
@@ -49,10 +50,12 @@ class CommandBuffer:
         """
         if len(names) != len(efforts):
             self.rejected += 1
-            raise CommandError(f"{len(names)} names with {len(efforts)} efforts. Send one effort for each name.")
+            raise CommandError(
+                f"'name' and 'effort' differ in length: {len(names)} and {len(efforts)}. Send an effort for each name."
+            )
         if len(set(names)) != len(names):
             self.rejected += 1
-            raise CommandError("a name stands twice in 'name'.")
+            raise CommandError("a joint is named twice. Send one effort for each.")
         self._take(dict(zip(names, efforts, strict=True)))
 
     def _take(self, efforts: Mapping[str, float] | Sequence[float]) -> None:
@@ -70,9 +73,11 @@ class CommandBuffer:
         with self._lock:
             if self._fresh:
                 self._fresh, self._alive, self._last_time = False, True, time
+                self.lapsed = False
                 return Due("command", self.map.clamped(self._wanted))
             if self._alive and self.timeout > 0.0 and time - self._last_time >= self.timeout:
                 self._alive = False
+                self.lapsed = True
                 self.expired += 1
                 self._wanted = np.zeros_like(self._wanted)
                 return Due("commands expired: efforts set to zero", self._wanted)
@@ -82,4 +87,4 @@ class CommandBuffer:
         """Forget all commands, as after a reset."""
         with self._lock:
             self._wanted = np.zeros_like(self._wanted)
-            self._fresh = self._alive = False
+            self._fresh = self._alive = self.lapsed = False

@@ -1,65 +1,94 @@
-"""What leaves the node: each message is made and serialized once, then published, recorded and shown.
+"""What leaves the node: each message is serialized once, then published, recorded and shown.
 
 Runs in a thread of its own, so that neither DDS nor a disk nor a viewer is ever waited for by the stepping thread.
 """
 
 from __future__ import annotations
 
-import array
 import threading
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
 from queue import SimpleQueue
-from typing import Any
 
-import numpy as np
-from builtin_interfaces.msg import Time
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout, String
+from std_msgs.msg import Float64MultiArray, String
+from visualization_msgs.msg import MarkerArray
 
 from mbd_sim.mechanism.urdf import to_urdf
 from mbd_sim.model import Energies, Model
 from mbd_sim.recording.recorder import Recorder, Topic
-from mbd_sim.ros import qos
+from mbd_sim.ros import qos, states
+from mbd_sim.ros.markers import Markers
+from mbd_sim.ros.output import Output
 from mbd_sim.ros.runner import Event, Snapshot
+from mbd_sim.ros.template import STAMP, Template
+from mbd_sim.ros.transforms import transforms
 from mbd_sim.viewer import Viewer
 
 ERRORS = ("diverged", "failed")  # what events begin with that are errors
 WARNING = "warning"  # and what those begin with that warn
+SILENT = ("command",)  # events that only carry what took effect
 
 
-class Output:
-    """A topic: published, and recorded where `recorded`."""
+@dataclass(frozen=True)
+class Wanted:
+    """What is told of a state besides joints and energies; `poses` are names of parts, `frame_prefix` is of frames."""
 
-    def __init__(self, node: Node, message_type: type, name: str, profile: QoSProfile, *, vital: bool = False) -> None:
-        self.publisher = node.create_publisher(message_type, name, profile)
-        package, _, kind = message_type.__module__.partition(".msg")[0], "", message_type.__name__
-        self.topic = Topic(self.publisher.topic_name, f"{package}/msg/{kind}", qos.offered_qos_profiles(profile), vital)
+    reactions: bool = False
+    violation: bool = False
+    poses: tuple[str, ...] = ()
+    tf: bool = False
+    marker_rate: float = 0.0
+    frame_prefix: str = ""
 
 
 class Outputs:
     """All outputs of a node, fed with snapshots and events."""
 
-    def __init__(self, node: Node, model: Model) -> None:
-        self.model = model
+    def __init__(self, node: Node, model: Model, wanted: Wanted) -> None:
+        """Create the topics.
+
+        :raises ImportError: `wanted.tf` without tf2_msgs.
+        """
+        self.model, self.wanted = model, wanted
         self.recorder: Recorder | None = None
         self.viewer: Viewer | None = None
         self.energies: Energies | None = None
+        self.latest: Snapshot | None = None
+        self.busy = 0.0
         self._log = node.get_logger()
-        self._outputs = {
-            "joint_states": Output(node, JointState, "joint_states", qos.STATE),
-            "energies": Output(node, Float64MultiArray, "energies", qos.STATE),
+        self._energies = states.energies(node, model)
+        self._tellings = {"joint_states": states.joint_states(node, model), "energies": self._energies}
+        if wanted.reactions:
+            self._tellings["reactions"] = states.joint_reactions(node, model, wanted.frame_prefix)
+        if wanted.violation:
+            self._tellings["violation"] = states.constraint_violation(node, model)
+        for number, pose in enumerate(states.part_poses(node, model, wanted.poses, wanted.frame_prefix)):
+            self._tellings[f"pose {number}"] = pose
+        self._outputs = {key: telling.output for key, telling in self._tellings.items()} | {
             "applied_efforts": Output(node, Float64MultiArray, "~/applied_efforts", qos.COMMAND, vital=True),
+            "applied_wrenches": Output(node, Float64MultiArray, "~/applied_wrenches", qos.COMMAND, vital=True),
+            "live_values": Output(node, Float64MultiArray, "~/live_values", qos.LATCHED, vital=True),
             "events": Output(node, String, "~/events", qos.LATCHED, vital=True),
             "robot_description": Output(node, String, "robot_description", qos.LATCHED, vital=True),
         }
+        self._tf = transforms(node, model, wanted.frame_prefix) if wanted.tf else None
         self._clock = node.create_publisher(Clock, "/clock", qos.CLOCK)
-        self._joints = JointState(name=[*model.coordinate_names, *model.driven_names])
-        self._audit = Float64MultiArray(layout=_layout(Energies._fields))
-        self._efforts = Float64MultiArray(layout=_layout(model.coordinate_names))
+        self._clock_message = Template(Clock(clock=STAMP))
+        self._efforts, self._effort_values = states.labelled(model.coordinate_names)
+        self._wrenches = {part: states.labelled(states.wrench_labels(part)) for part in model.equations.inputs.loaded}
+        self._marker_output = node.create_publisher(MarkerArray, "markers", qos.STATE)
+        self._markers: Markers | None = None
+        self._marker_due = 0.0
         self._thread: threading.Thread | None = None
+
+    @property
+    def thread_id(self) -> int:
+        """The system's number of the thread, 0 before it has started."""
+        return (self._thread.native_id if self._thread else 0) or 0
 
     def topics(self) -> dict[str, Topic]:
         """What a recorder needs to know of the topics."""
@@ -67,12 +96,13 @@ class Outputs:
 
     def bytes_per_second(self, rate: float) -> float:
         """Roughly what is recorded at a publish rate in Hz."""
-        per_message = len(serialize_message(self._joints)) + 24 * len(self._joints.name)
-        return rate * (per_message + len(serialize_message(self._audit)) + 8 * len(Energies._fields) + 62)
+        return rate * sum(len(telling.template) + 31 for telling in self._tellings.values())
 
-    def start(self, queue: SimpleQueue[Snapshot | Event | None]) -> None:
-        """Publish the robot's description, then what comes from the queue until it gives None."""
-        self._send("robot_description", String(data=to_urdf(self.model.mechanism)), 0, 0)
+    def start(self, queue: SimpleQueue[Snapshot | Event | None], live: Mapping[str, float]) -> None:
+        """Publish the robot's description and live values, then what comes from the queue until it gives None."""
+        description = serialize_message(String(data=to_urdf(self.model.mechanism)))
+        self._send("robot_description", description, 0, 0)
+        self._send_live(live, 0, 0)
         self._thread = threading.Thread(target=self._run, args=(queue,), name="outputs", daemon=True)
         self._thread.start()
 
@@ -86,6 +116,7 @@ class Outputs:
 
     def _run(self, queue: SimpleQueue[Snapshot | Event | None]) -> None:
         while (item := queue.get()) is not None:
+            began = time.perf_counter()
             try:
                 if isinstance(item, Snapshot):
                     self._snapshot(item)
@@ -93,64 +124,73 @@ class Outputs:
                     self._event(item)
             except Exception as error:  # one bad message must not end all output
                 self._log.error(f"output failed: {error!r}", throttle_duration_sec=1.0)
+            self.busy += time.perf_counter() - began
 
     def _snapshot(self, snapshot: Snapshot) -> None:
-        stamp = _stamp(snapshot.clock_ns)
         if snapshot.clock:
-            self._clock.publish(Clock(clock=stamp))
+            self._clock_message.stamp(snapshot.clock_ns)
+            self._clock.publish(self._clock_message.payload())
+        self.latest = snapshot
         if not snapshot.state:
             return
-        model, y = self.model, snapshot.y
-        joints = self._joints
-        joints.header.stamp = stamp
-        rows = [model.coordinates(y), y[model.u_range], snapshot.efforts]
-        if model.driven_names:
-            drives = model.drives(snapshot.time, y, snapshot.efforts)
-            rows = [np.concatenate([row, driven]) for row, driven in zip(rows, drives, strict=True)]
-        joints.position, joints.velocity, joints.effort = (_doubles(row) for row in rows)
-        if snapshot.repeated:
-            self._outputs["joint_states"].publisher.publish(joints)
+        for key, (_, template, write) in self._tellings.items():
+            told = write(snapshot)
+            template.stamp(snapshot.clock_ns)
+            self._send(key, template.payload(), snapshot.clock_ns, snapshot.ticks, recorded=not snapshot.repeated)
+            if isinstance(told, Energies):
+                self.energies = told
+        if self._tf is not None:
+            self._tf.write(snapshot)
+            self._tf.template.stamp(snapshot.clock_ns)
+            self._tf.output.publisher.publish(self._tf.template.payload())
+        self._mark(snapshot)
+        if self.viewer is not None and self.energies is not None and not snapshot.repeated:
+            efforts = snapshot.inputs[: self.model.layout.nv]
+            self.viewer.offer(snapshot.clock_ns * 1e-9, snapshot.y, efforts, self.energies, snapshot.time)
+
+    def _mark(self, snapshot: Snapshot) -> None:
+        """Publish markers where they are due and somebody listens."""
+        rate, now = self.wanted.marker_rate, snapshot.clock_ns * 1e-9
+        if not rate or (abs(now - self._marker_due) < 1.0 / rate - 1e-9 and not snapshot.repeated):
             return
-        self._send("joint_states", joints, snapshot.clock_ns, snapshot.ticks)
-        energies = model.energies(snapshot.time, y, snapshot.start_energy)
-        self._audit.data = array.array("d", energies)
-        self._send("energies", self._audit, snapshot.clock_ns, snapshot.ticks)
-        self.energies = energies
-        if self.viewer is not None:
-            self.viewer.offer(snapshot.clock_ns * 1e-9, y, snapshot.efforts, energies, snapshot.time)
+        self._marker_due = now
+        if self._marker_output.get_subscription_count():
+            if self._markers is None:
+                self._markers = Markers(self.model, self.wanted.frame_prefix)
+            self._marker_output.publish(self._markers.payload(snapshot))
 
     def _event(self, event: Event) -> None:
         if event.efforts is not None:
-            self._efforts.data = _doubles(event.efforts)
-            self._send("applied_efforts", self._efforts, event.clock_ns, event.ticks)
-        if event.text != "command":
-            self._send("events", String(data=event.text), event.clock_ns, event.ticks)
-            # Two calls, on two lines: rclpy allows a line of code one severity only.
-            if event.text.startswith(ERRORS):
-                self._log.error(event.text)
-            elif event.text.startswith(WARNING):
-                self._log.warning(event.text)
-            else:
-                self._log.info(event.text)
-            if self.viewer is not None:
-                self.viewer.event(event.clock_ns * 1e-9, event.text)
+            self._effort_values[:] = event.efforts
+            self._send("applied_efforts", self._efforts.payload(), event.clock_ns, event.ticks)
+        if event.wrench is not None:
+            part, numbers = event.wrench
+            template, values = self._wrenches[part]
+            values[:] = numbers
+            self._send("applied_wrenches", template.payload(), event.clock_ns, event.ticks)
+        if event.live is not None:
+            self._send_live(event.live, event.clock_ns, event.ticks)
+        if event.text in SILENT:
+            return
+        self._send("events", serialize_message(String(data=event.text)), event.clock_ns, event.ticks)
+        # Two calls, on two lines: rclpy allows a line of code one severity only.
+        if event.text.startswith(ERRORS):
+            self._log.error(event.text)
+        elif event.text.startswith(WARNING):
+            self._log.warning(event.text)
+        else:
+            self._log.info(event.text)
+        if self.viewer is not None:
+            self.viewer.event(event.clock_ns * 1e-9, event.text)
 
-    def _send(self, key: str, message: object, time_ns: int, ticks: int) -> None:
-        payload = serialize_message(message)
+    def _send_live(self, live: Mapping[str, float], time_ns: int, ticks: int) -> None:
+        template, values = states.labelled(list(live))
+        values[:] = list(live.values())
+        self._send("live_values", template.payload(), time_ns, ticks)
+
+    def _send(self, key: str, payload: bytes, time_ns: int, ticks: int, *, recorded: bool = True) -> None:
         self._outputs[key].publisher.publish(payload)
-        if self.recorder is not None:
+        if self.recorder is not None and recorded:
             self.recorder.put(key, payload, time_ns, ticks)
             if self.recorder.failure:
                 self._log.error(f"{self.recorder.failure}. The simulation goes on.", once=True)
-
-
-def _layout(labels: tuple[str, ...]) -> MultiArrayLayout:
-    return MultiArrayLayout(dim=[MultiArrayDimension(label=label, size=1, stride=1) for label in labels])
-
-
-def _stamp(nanoseconds: int) -> Time:
-    return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
-
-
-def _doubles(values: Any) -> array.array[float]:
-    return array.array("d", values.tobytes())

@@ -4,36 +4,38 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from queue import SimpleQueue
 
 from mbd_sim.advice import TOLERATED
-from mbd_sim.errors import DivergedError
+from mbd_sim.errors import CommandError, DivergedError
 from mbd_sim.mechanism.model import Array
 from mbd_sim.ros.commands import CommandBuffer
 from mbd_sim.ros.pacing import Pacer
+from mbd_sim.ros.wrenches import WrenchBuffer
 from mbd_sim.simulation import Simulation
 
 WAKE_UP = 1e-3  # seconds of real time between wake-ups, where the step is shorter
 FAST_BATCH = 1000  # steps a wake-up when running as fast as possible
 REPEAT = 0.5  # seconds of real time between repeated states while paused, for those who come to listen later
 BACKLOG = 200  # snapshots that may wait when running as fast as possible
+MOST_WAITING = 10_000  # snapshots that may wait at all; when what leaves the node is that slow, they are dropped
 
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
     """The state at a tick. `clock_ns` is the node's simulated clock, `time` that of the mechanism in s.
 
-    `ticks` counts the steps since the node started, over all resets. `state` and `clock` say what is due, and
-    `repeated` that nothing has changed since the last snapshot.
+    `inputs` are those of the equations, the efforts first. `ticks` counts the steps since the node started, over all
+    resets. `state` and `clock` say what is due, and `repeated` that nothing has changed since the last snapshot.
     """
 
     ticks: int
     clock_ns: int
     time: float
     y: Array
-    efforts: Array
+    inputs: Array
     start_energy: float
     state: bool
     clock: bool
@@ -42,13 +44,26 @@ class Snapshot:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that happened between two steps; `efforts` where new ones took effect."""
+    """Something that happened between two steps, and what took effect: efforts, a part's wrench, live values.
+
+    A wrench is given by its numbers among the inputs of the equations, see `InputLayout`.
+    """
 
     ticks: int
     clock_ns: int
     time: float
     text: str
     efforts: Array | None = None
+    wrench: tuple[str, Array] | None = None
+    live: Mapping[str, float] | None = None
+
+
+@dataclass
+class Counters:
+    """Where the time of the stepping thread goes: seconds of stepping, and snapshots that were dropped."""
+
+    stepping: float = 0.0
+    dropped: int = 0
 
 
 @dataclass
@@ -63,11 +78,22 @@ class Rates:
 class Runner:
     """Steps a simulation until it is stopped; commands and requests take effect between two steps."""
 
-    def __init__(self, simulation: Simulation, commands: CommandBuffer, rates: Rates, *, paused: bool = False) -> None:
+    def __init__(
+        self,
+        simulation: Simulation,
+        commands: CommandBuffer,
+        rates: Rates,
+        *,
+        wrenches: WrenchBuffer | None = None,
+        paused: bool = False,
+    ) -> None:
         self.simulation, self.commands, self.rates = simulation, commands, rates
+        self.wrenches = wrenches or WrenchBuffer(simulation.wrench_map, simulation.model.part_names, commands.timeout)
         self.output: SimpleQueue[Snapshot | Event | None] = SimpleQueue()
         self.pacer = Pacer()
+        self.counters = Counters()
         self.paused = paused
+        self.problem = self.advice = ""
         self.ticks = 0
         self._emitted = -1  # the tick of the last state that was handed out
         self._clock_offset = 0
@@ -81,6 +107,11 @@ class Runner:
     def start(self) -> None:
         """Begin."""
         self._thread.start()
+
+    @property
+    def thread_id(self) -> int:
+        """The system's number of the stepping thread, 0 before it has started."""
+        return self._thread.native_id or 0
 
     def stop(self) -> None:
         """End the thread and the output; returns when it has ended."""
@@ -98,19 +129,29 @@ class Runner:
         """Pause or go on; returns when it is so."""
         self._ask(lambda: self._set_paused(paused))
 
-    def reset(self, rewind_clock: bool = False) -> None:
-        """Back to the start state; the clock goes on, or starts at zero again."""
-        self._ask(lambda: self._reset(rewind_clock))
+    def reset(self, rewind_clock: bool = False, *, state: bool = True) -> str:
+        """Back to the start state, unless that is not to be; the clock goes on, or starts at zero again.
+
+        Returns what went wrong, or "".
+        """
+        return self._ask_whether(lambda: self._reset(rewind_clock, state))
 
     def step(self, steps: int) -> str:
         """Take some steps while paused; returns what went wrong, or ""."""
-        outcome: list[str] = []
-        self._ask(lambda: outcome.append(self._step_paused(steps)))
-        return outcome[0] if outcome else "the simulation has stopped"
+        return self._ask_whether(lambda: self._step_paused(steps))
+
+    def set_live(self, changes: Mapping[str, float]) -> str:
+        """Change live values of the mechanism; returns what went wrong, or "": then nothing has changed."""
+        return self._ask_whether(lambda: self._set_live(changes))
 
     def repace(self) -> None:
         """Start the schedule anew, as after a change of the real-time factor."""
         self._ask(self.pacer.anchor)
+
+    def _ask_whether(self, action: Callable[[], str]) -> str:
+        outcome: list[str] = []
+        self._ask(lambda: outcome.append(action()))
+        return outcome[0] if outcome else "the simulation has stopped"
 
     def _ask(self, action: Callable[[], None]) -> None:
         done = threading.Event()
@@ -124,7 +165,8 @@ class Runner:
         try:
             self._step_on()
         except Exception as error:
-            self._tell(f"failed: {error!r}")
+            self.problem = f"failed: {error!r}"
+            self._tell(self.problem)
             raise
 
     def _step_on(self) -> None:
@@ -148,8 +190,11 @@ class Runner:
                     self._serve_requests()
             else:
                 self.pacer.anchor()
-                while self.output.qsize() > BACKLOG and not self._stopping:
-                    time.sleep(1e-3)
+                self._let_output_catch_up()
+
+    def _let_output_catch_up(self) -> None:
+        while self.output.qsize() > BACKLOG and not self._stopping:
+            time.sleep(1e-3)
 
     def _serve_requests(self) -> None:
         while not self._requests.empty():
@@ -173,18 +218,18 @@ class Runner:
 
     def _advance(self, steps: int) -> str:
         """Apply what was commanded, take the steps, hand out what is due; returns what went wrong, or ""."""
-        due = self.commands.due(self.ticks * self.simulation.step_size)
-        if due is not None:
-            self.simulation.set_efforts(due.efforts)
-            self._tell(due.reason, due.efforts)
+        self._apply_commands()
+        began = time.perf_counter()
         try:
             self.simulation.step(steps)
         except DivergedError as error:
             self._set_paused(True)
-            self._tell(f"diverged: {error}")
+            self.problem = f"diverged: {error}"
+            self._tell(self.problem)
             return str(error)
         self.ticks += steps
         self._warn()
+        self.counters.stepping += time.perf_counter() - began
         publish, clock = self._every(self.rates.publish), self._every(self.rates.clock)
         state_due = bool(publish) and self.ticks % publish == 0
         clock_due = bool(clock) and self.ticks % clock == 0
@@ -192,15 +237,30 @@ class Runner:
             self._emit(state_due, clock_due)
         return ""
 
+    def _apply_commands(self) -> None:
+        time_now = self.ticks * self.simulation.step_size
+        due = self.commands.due(time_now)
+        if due is not None:
+            self.simulation.set_efforts(due.efforts)
+            self._tell(due.reason, efforts=due.efforts)
+        for pushed in self.wrenches.due(time_now):
+            pushed.wrench.apply(self.simulation)
+            part = pushed.wrench.part
+            self._tell(pushed.reason, wrench=(part, self.simulation.inputs[self.wrenches.place(part)].copy()))
+
     def _warn(self) -> None:
         """Say that the step is too large, once, and again where it has become ten times worse."""
         estimate = self.simulation.error_estimate
         if estimate > self._bearable:
             self._bearable = 10.0 * estimate
-            self._tell(f"warning: {self.simulation.step_advice}")
+            self.advice = self.simulation.step_advice or ""
+            self._tell(f"warning: {self.advice}")
 
     def _emit(self, state: bool, clock: bool, repeated: bool = False) -> None:
         simulation = self.simulation
+        if self.output.qsize() >= MOST_WAITING:
+            self.counters.dropped += 1
+            return
         if state:
             self._emitted = self.ticks
         self.output.put(
@@ -209,7 +269,7 @@ class Runner:
                 clock_ns=self.clock_ns,
                 time=simulation.time,
                 y=simulation.state,
-                efforts=simulation.efforts.copy(),
+                inputs=simulation.inputs.copy(),
                 start_energy=simulation.start_energy,
                 state=state,
                 clock=clock,
@@ -217,8 +277,14 @@ class Runner:
             )
         )
 
-    def _tell(self, text: str, efforts: Array | None = None) -> None:
-        self.output.put(Event(self.ticks, self.clock_ns, self.simulation.time, text, efforts))
+    def _tell(
+        self,
+        text: str,
+        efforts: Array | None = None,
+        wrench: tuple[str, Array] | None = None,
+        live: Mapping[str, float] | None = None,
+    ) -> None:
+        self.output.put(Event(self.ticks, self.clock_ns, self.simulation.time, text, efforts, wrench, live))
 
     def _set_paused(self, paused: bool) -> None:
         if paused != self.paused:
@@ -226,14 +292,29 @@ class Runner:
             self._tell("paused" if paused else "running")
             self._emit(state=True, clock=True)
 
-    def _reset(self, rewind_clock: bool) -> None:
-        self.simulation.reset()
-        self._bearable = TOLERATED
-        self.commands.clear()
+    def _reset(self, rewind_clock: bool, state: bool) -> str:
+        if state:
+            try:
+                self.simulation.reset()
+            except ValueError as error:
+                return f"no start state with these live values: {error}"
+            self._bearable, self.problem, self.advice = TOLERATED, "", ""
+            self.commands.clear()
+            self.wrenches.clear()
         if rewind_clock:
             self._clock_offset = self.ticks
-        self._tell("reset")
+        self._tell("reset" if state else "clock set to zero")
         self._emit(state=True, clock=True)
+        return ""
+
+    def _set_live(self, changes: Mapping[str, float]) -> str:
+        try:
+            self.simulation.set_live(changes)
+        except CommandError as error:
+            return str(error)
+        told = ", ".join(f"{name} = {value!r}" for name, value in changes.items())
+        self._tell(f"live values: {told}", live=self.simulation.live)
+        return ""
 
     def _step_paused(self, steps: int) -> str:
         if not self.paused:
@@ -244,6 +325,7 @@ class Runner:
             if problem := self._advance(batch):
                 return problem
             left -= batch
+            self._let_output_catch_up()
         if self._emitted != self.ticks:
             self._emit(state=True, clock=True)
         return ""

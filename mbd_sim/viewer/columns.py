@@ -10,9 +10,10 @@ import numpy as np
 import rerun as rr
 
 from mbd_sim.mechanism.model import Array
+from mbd_sim.mechanism.rotation import quaternions
 from mbd_sim.model import Energies, Model
 from mbd_sim.viewer import paths
-from mbd_sim.viewer.scene import tip_of
+from mbd_sim.viewer.extent import tip_of
 
 if TYPE_CHECKING:
     from rerun import RecordingStream
@@ -74,27 +75,3 @@ class Columns:
         index = rr.TimeColumn(paths.TIMELINE, duration=times)
         rr.send_columns(entity, indexes=[index], columns=columns, recording=self._recording, strict=True)
         time.sleep(PAUSE)
-
-
-def quaternions(matrices: Array) -> Array:
-    """The unit quaternions (n, 4) in Rerun's order (x, y, z, w) of rotation matrices (n, 3, 3).
-
-    Of the four ways to divide, each matrix takes the one with the largest divisor (Shepperd's method).
-    """
-    m = matrices
-    xx, yy, zz = m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]
-    x, y, z = m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]
-    xy, yz, zx = m[:, 0, 1] + m[:, 1, 0], m[:, 1, 2] + m[:, 2, 1], m[:, 2, 0] + m[:, 0, 2]
-    ways = np.stack(
-        [
-            np.stack([1.0 + xx - yy - zz, xy, zx, x], axis=1),
-            np.stack([xy, 1.0 - xx + yy - zz, yz, y], axis=1),
-            np.stack([zx, yz, 1.0 - xx - yy + zz, z], axis=1),
-            np.stack([x, y, z, 1.0 + xx + yy + zz], axis=1),
-        ],
-        axis=1,
-    )
-    best = np.argmax(np.diagonal(ways, axis1=1, axis2=2), axis=1)
-    chosen: Array = ways[np.arange(len(m)), best]
-    chosen /= np.linalg.norm(chosen, axis=1, keepdims=True)
-    return chosen

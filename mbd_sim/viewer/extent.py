@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbd_sim.mechanism.model import GROUND, Array, Mechanism, Part, Pose, Shape
+from mbd_sim.mechanism.model import GROUND, Array, Joint, Mechanism, Part, Pose, Shape
 from mbd_sim.model import Model
 
 PREVIEW_TIME = 5.0  # s
@@ -95,6 +95,24 @@ def half_sizes(shape: Shape) -> Array:
         case "block", (x, y, z):
             return np.array([x, y, z]) / 2.0
     return np.full(3, shape.size[0])
+
+
+def joint_radius(mechanism: Mechanism, joint: Joint, size: float) -> float:
+    """The radius in m of a joint's marker: a little more than the rods it joins, so that it is seen."""
+    parts = [mechanism.parts[name] for name in (joint.parent, joint.child) if name != GROUND]
+    rods = [shape.size[1] for part in parts for shape in part.shapes if shape.kind == "rod"]
+    return min(max(1.25 * max(rods, default=0.0), 0.012 * size), 0.04 * size)
+
+
+def tip_of(part: Part) -> Array:
+    """The point (3,) of a part that leaves a trace, in its frame: of its points and rod ends the farthest out."""
+    ends = [pose.position for pose in part.points.values()]
+    for shape in part.shapes:
+        if shape.kind == "rod":
+            half = shape.pose.rotation[:, 2] * shape.size[0] / 2.0
+            ends += [shape.pose.position - half, shape.pose.position + half]
+    ends.append(part.center)
+    return max(ends, key=lambda point: float(np.linalg.norm(point)))
 
 
 def _plane(mechanism: Mechanism, model: Model) -> Array | None:

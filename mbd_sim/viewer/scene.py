@@ -8,9 +8,9 @@ import numpy as np
 import rerun as rr
 
 from mbd_sim.mechanism import rotation as rot
-from mbd_sim.mechanism.model import GROUND, Array, Joint, Mechanism, Part, Pose
+from mbd_sim.mechanism.model import GROUND, Joint, Mechanism, Part, Pose
 from mbd_sim.viewer import palette, paths, shapes
-from mbd_sim.viewer.extent import Extent
+from mbd_sim.viewer.extent import Extent, joint_radius
 
 if TYPE_CHECKING:
     from rerun import RecordingStream
@@ -69,24 +69,6 @@ def _log_joint(recording: RecordingStream, mechanism: Mechanism, joint: Joint, s
             recording.log(entity, shapes.cylinder(along, 0.5 * size, 0.3 * radius, color), static=True)
     else:
         recording.log(entity, shapes.sphere(pose.position, 1.3 * radius, color), static=True)
-
-
-def joint_radius(mechanism: Mechanism, joint: Joint, size: float) -> float:
-    """The radius in m of a joint's marker: a little more than the rods it joins, so that it is seen."""
-    parts = [mechanism.parts[name] for name in (joint.parent, joint.child) if name != GROUND]
-    rods = [shape.size[1] for part in parts for shape in part.shapes if shape.kind == "rod"]
-    return min(max(1.25 * max(rods, default=0.0), 0.012 * size), 0.04 * size)
-
-
-def tip_of(part: Part) -> Array:
-    """The point (3,) of a part that leaves a trace, in its frame: of its points and rod ends the farthest out."""
-    ends = [pose.position for pose in part.points.values()]
-    for shape in part.shapes:
-        if shape.kind == "rod":
-            half = shape.pose.rotation[:, 2] * shape.size[0] / 2.0
-            ends += [shape.pose.position - half, shape.pose.position + half]
-    ends.append(part.center)
-    return max(ends, key=lambda point: float(np.linalg.norm(point)))
 
 
 def _log_series(recording: RecordingStream, mechanism: Mechanism) -> None:

@@ -11,11 +11,15 @@ import llvmlite.ir as ir
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from interpreter import BINARY, LIBRARY, TERNARY, UNARY, interpret
 from mechanisms import AUDITED, SHIPPED, random_state, random_trees
 
 from mbd_sim.compiler import lower
-from mbd_sim.compiler.jit import new_module
-from mbd_sim.compiler.kernel import compile_kernel
+from mbd_sim.compiler.arrange import arranged
+from mbd_sim.compiler.jit import compile_module, new_module
+from mbd_sim.compiler.kernel import _export, compile_kernel
+from mbd_sim.compiler.kernel import _reader as _compiled_reader
+from mbd_sim.compiler.program import Graph, Node, Output, Program
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.integrators.methods import METHODS
 from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
@@ -70,45 +74,6 @@ def same(found, expected):
     return bits([found]) == bits([expected]) or (math.isnan(found) and math.isnan(expected))
 
 
-UNARY = {
-    ca.OP_ASSIGN: lambda x: x,
-    ca.OP_NEG: lambda x: -x,
-    ca.OP_SQ: lambda x: x * x,
-    ca.OP_TWICE: lambda x: x + x,
-    ca.OP_INV: lambda x: np.float64(1.0) / x,
-    ca.OP_SQRT: np.sqrt,
-    ca.OP_FABS: np.fabs,
-    ca.OP_SIGN: np.sign,
-    ca.OP_NOT: lambda x: np.float64(x == 0.0),
-}
-BINARY = {
-    ca.OP_ADD: lambda x, y: x + y,
-    ca.OP_SUB: lambda x, y: x - y,
-    ca.OP_MUL: lambda x, y: x * y,
-    ca.OP_DIV: lambda x, y: x / y,
-    ca.OP_FMIN: lambda x, y: x if x < y else y,
-    ca.OP_FMAX: lambda x, y: x if x > y else y,
-    ca.OP_LT: lambda x, y: np.float64(x < y),
-    ca.OP_LE: lambda x, y: np.float64(x <= y),
-    ca.OP_EQ: lambda x, y: np.float64(x == y),
-    ca.OP_NE: lambda x, y: np.float64(x != y),
-    ca.OP_IF_ELSE_ZERO: lambda x, y: y if x != 0.0 else np.float64(0.0),
-}
-# Python's own are those of the C library.
-LIBRARY = {
-    ca.OP_EXP: math.exp,
-    ca.OP_LOG: math.log,
-    ca.OP_TAN: math.tan,
-    ca.OP_ASIN: math.asin,
-    ca.OP_ACOS: math.acos,
-    ca.OP_ATAN: math.atan,
-    ca.OP_TANH: math.tanh,
-    ca.OP_POW: math.pow,
-    ca.OP_CONSTPOW: math.pow,
-    ca.OP_ATAN2: math.atan2,
-}
-
-
 def operations(function):
     return [function.instruction_id(index) for index in range(function.n_instructions())]
 
@@ -116,6 +81,7 @@ def operations(function):
 def test_the_tables_below_name_every_operation_that_is_lowered():
     assert set(UNARY) | {ca.OP_SIN, ca.OP_COS} == set(lower._UNARY)
     assert set(BINARY) == set(lower._BINARY)
+    assert set(TERNARY) == set(lower._TERNARY)
     assert set(LIBRARY) == set(lower._LIBRARY)
 
 
@@ -139,6 +105,25 @@ def test_binary_operations():
             for a, b in product(map(np.float64, SPECIAL), repeat=2):
                 found = call(a, b)[0]
                 assert same(found, expected(a, b)) or found == expected(a, b) == 0.0, (operation, a, b)
+
+
+def test_fused_operations():
+    x, module = ca.SX.sym("x", 3), new_module()
+    inputs = [Node(ca.OP_INPUT, (0, place)) for place in range(3)]
+    for number, operation in enumerate(TERNARY):
+        function = ca.Function(f"fused{number}", [x], [x[0]])
+        graph = Graph([*inputs, Node(operation, (0, 1, 2))], [Output(3, 0, 0)])
+        _export(module, f"read_{number}", lower.lower(module, Program(function, graph, range(4)), inline=True))
+    code = compile_module(module)
+    rng = np.random.default_rng(42)
+    usual = rng.normal(size=(50, 3)) * 10.0 ** rng.integers(-3, 4, (50, 3))
+    cases = np.array([*usual, *product([0.0, -0.0, 1.0, -2.5], repeat=3)])
+    for number, expected in enumerate(TERNARY.values()):
+        call = _compiled_reader(code.address(f"read_{number}"), function)
+        for case in cases:
+            out = np.empty(1)
+            call(case.ctypes.data, out.ctypes.data)
+            assert out[0] == expected(*case)
 
 
 @pytest.mark.parametrize("name", ["exp", "log", "tan", "asin", "acos", "atan", "tanh"])
@@ -199,7 +184,7 @@ def test_binary_operations_without_a_place_in_a_kernel_are_refused():
             lower.lower(new_module(), ca.Function("f", [x, y], [value]), inline=True)
 
 
-def test_nothing_is_contracted_or_reassociated():
+def test_lowering_contracts_and_reassociates_nothing_by_itself():
     """x y + z with one rounding, or (x + y) + z as x + (y + z), would give other bits for these."""
     x, y, z = (ca.SX.sym(name) for name in "xyz")
     functions = [ca.Function("fused", [x, y, z], [x * y + z]), ca.Function("sum", [x, y, z], [(x + y) + z])]
@@ -212,33 +197,6 @@ def test_nothing_is_contracted_or_reassociated():
     lower.lower(module, functions[0], inline=False)
     assert not any(flag in str(module) for flag in ("fast", "contract", "reassoc", "nsz", "arcp", "fma"))
     assert isinstance(module, ir.Module)
-
-
-def interpret(function, sine_cosine, arguments):
-    """An instruction list by numpy's scalars, one operation at a time."""
-    work, out = [np.float64(0.0)] * function.sz_w(), np.zeros(function.nnz_out(0))
-    by_reciprocal = lower.shared_divisions(function)
-    for index in range(function.n_instructions()):
-        operation = function.instruction_id(index)
-        target, source = function.instruction_output(index), function.instruction_input(index)
-        if operation == ca.OP_INPUT:
-            work[target[0]] = np.float64(arguments[source[0]][source[1]])
-        elif operation == ca.OP_OUTPUT:
-            out[target[1]] = work[source[0]]
-        elif operation == ca.OP_CONST:
-            work[target[0]] = np.float64(function.instruction_constant(index))
-        elif operation in (ca.OP_SIN, ca.OP_COS):
-            work[target[0]] = sine_cosine(work[source[0]])[int(operation == ca.OP_COS)]
-        elif index in by_reciprocal:
-            numerator, divisor = (1.0, work[source[0]]) if operation == ca.OP_INV else (work[p] for p in source)
-            work[target[0]] = numerator * (np.float64(1.0) / divisor)
-        elif operation in UNARY:
-            work[target[0]] = UNARY[operation](work[source[0]])
-        elif operation in LIBRARY:
-            work[target[0]] = np.float64(LIBRARY[operation](*(float(work[place]) for place in source)))
-        else:
-            work[target[0]] = BINARY[operation](work[source[0]], work[source[1]])
-    return out
 
 
 def check_machine_code(mechanism, rng, states=2):
@@ -254,14 +212,15 @@ def check_machine_code(mechanism, rng, states=2):
     for _ in range(states):
         q, u, efforts = random_state(mechanism, rng)
         state = np.concatenate([q, u, rng.normal(size=3)])
-        expected = interpret(rates, sine_cosine, [[0.0], state, efforts])
-        assert bits(_reader(kernel, "slopes", len(expected))(0.0, state, efforts)) == bits(expected)
+        plain = interpret(rates, sine_cosine, [[0.0], state, efforts])
+        assert bits(_reader(kernel, "slopes", len(plain))(0.0, state, efforts)) == bits(plain)
+        expected = interpret(arranged(equations.rates), sine_cosine, [[0.0], state, efforts])
         if not equations.rows:
             stepped = state.copy()
             assert kernel.advance(stepped.ctypes.data, efforts.ctypes.data, 0, 1.0, 1) == 1
             moved = state + expected  # Euler's step of length one
             if equations.settle is not None:
-                moved = interpret(equations.settle, sine_cosine, [[1.0], moved])
+                moved = interpret(arranged(equations.settle, fused=False), sine_cosine, [[1.0], moved])
             assert bits(stepped) == bits(moved)
         for name, function in (("energies", equations.energies), ("poses", equations.poses)):
             arguments = [[0.4], state]
@@ -271,7 +230,9 @@ def check_machine_code(mechanism, rng, states=2):
         if len(u):
             oracle = kane.equations(mechanism, q, u, efforts)
             condition = oracle.condition * oracle.stiffness
-            assert expected == pytest.approx(by_casadi, rel=1e-11, abs=1e-13 * condition * np.max(np.abs(by_casadi)))
+            size = 1e-13 * condition * np.max(np.abs(by_casadi))
+            assert plain == pytest.approx(by_casadi, rel=1e-11, abs=size)
+            assert expected == pytest.approx(by_casadi, rel=1e-11, abs=size)
 
 
 def _reader(kernel, name, size):

@@ -37,12 +37,12 @@ def test_names_leave_the_other_efforts_and_add_up_between_two_steps(buffer):
 @pytest.mark.parametrize(
     ("names", "efforts", "words"),
     [
-        (None, [1.0], "1 efforts for 3 joints. Send one for each of: hip, knee, ankle."),
+        (None, [1.0], "3 efforts expected and 1 given. Send one for each of: hip, knee, ankle."),
         (None, [1.0, math.nan, 2.0], "the effort of knee is not finite."),
         (["hip", "nee"], [1.0, 2.0], "there is no joint 'nee'. Did you mean 'knee'?"),
         (["hip"], [math.inf], "the effort of hip is not finite."),
-        (["hip"], [], "1 names with 0 efforts"),
-        (["hip", "hip"], [1.0, 2.0], "a name stands twice"),
+        (["hip"], [], "'name' and 'effort' differ in length: 1 and 0."),
+        (["hip", "hip"], [1.0, 2.0], "a joint is named twice"),
     ],
 )
 def test_a_bad_command_is_rejected_whole_and_counted(buffer, names, efforts, words):

@@ -150,8 +150,10 @@ def test_the_pacer_keeps_absolute_deadlines():
         pacer.plan(0.002)
         assert pacer.wait(threading.Event())
     assert time.perf_counter() - began >= 0.2
-    late = pacer.lateness()
+    late, period = pacer.lateness.spread(), pacer.period.spread()
     assert 0.0 <= late.median <= late.p99 <= late.maximum
+    assert 0.001 < period.median < period.p99 + 1e-9
+    assert pacer.period.counts().sum() == 99
 
 
 def test_a_long_stall_starts_the_schedule_anew_instead_of_a_burst():

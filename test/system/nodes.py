@@ -25,6 +25,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
+from mbd_sim import Simulation
+from mbd_sim.mechanism.load import load_mechanism
+from mbd_sim.mechanism.model import Mechanism
+from mbd_sim.ros.parameters import PARAMETERS
+
 _counter = itertools.count()
 PATIENCE = 20.0  # seconds after which something that should come at once counts as missing
 
@@ -141,6 +146,13 @@ class Listener:
         self.executor.shutdown()
         self.node.destroy_node()
         rclpy.shutdown(context=self.context)
+
+
+def as_in_the_node(mechanism: str | Path | Mechanism) -> Simulation:
+    """The simulation that a node with default parameters runs, bit for bit."""
+    loaded = mechanism if isinstance(mechanism, Mechanism) else load_mechanism(mechanism)
+    live = next(declared.default for declared in PARAMETERS if declared.name == "live")
+    return Simulation(loaded, wrenches=tuple(loaded.parts), live=[name.strip() for name in live.split(",")])
 
 
 def nanoseconds(stamp: Any) -> int:

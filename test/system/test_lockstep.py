@@ -5,10 +5,10 @@ import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from mbd_sim import CommandError, Simulation
+from mbd_sim import CommandError
 from mbd_sim.examples.pd_hold import PdHold
 from mbd_sim.ros.lockstep import Lockstep, LockstepError
-from test.system.nodes import nanoseconds, running
+from test.system.nodes import as_in_the_node, nanoseconds, running
 
 pytestmark = pytest.mark.timeout(90)
 
@@ -20,7 +20,7 @@ def listener(tmp_path_factory):
 
 
 def test_a_thousand_control_cycles_give_the_same_bits_as_without_ros(listener):
-    sim = Simulation.from_file("double_pendulum")
+    sim = as_in_the_node("double_pendulum")
     law, target = PdHold(sim.mechanism, stiffness=15.0, damping=0.4), np.array([2.0, 0.8])
     with Lockstep(steps=4, context=listener.context) as lockstep:
         for cycles in (20, 1000):  # the second time after a reset in mid-motion

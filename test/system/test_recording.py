@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import signal
 import subprocess
@@ -28,6 +29,8 @@ TOPICS = {
     "/joint_states": "sensor_msgs/msg/JointState",
     "/energies": "std_msgs/msg/Float64MultiArray",
     "/sim_node/applied_efforts": "std_msgs/msg/Float64MultiArray",
+    "/sim_node/applied_wrenches": "std_msgs/msg/Float64MultiArray",
+    "/sim_node/live_values": "std_msgs/msg/Float64MultiArray",
     "/sim_node/events": "std_msgs/msg/String",
     "/robot_description": "std_msgs/msg/String",
 }
@@ -92,7 +95,11 @@ def test_the_run_can_be_computed_again_from_the_recording_alone(run: tuple[Path,
         (attachment,) = reader.iter_attachments()
         about = {record.name: record.metadata for record in reader.iter_metadata()}["mbd_sim"]
     simulation = Simulation(
-        parse_mechanism(attachment.data.decode()), method=about["method"], step=float.fromhex(about["step"])
+        parse_mechanism(attachment.data.decode()),
+        method=about["method"],
+        step=float.fromhex(about["step"]),
+        wrenches=json.loads(about["wrenches"]),
+        live=list(json.loads(about["live"])),
     )
     ticks = states = 0
     for channel, message, content in decoded(path):
@@ -125,7 +132,7 @@ def test_channels_schemas_and_the_first_records_are_as_ros_tools_expect(run: tup
             assert summary.schemas[channel.schema_id].encoding == "ros2msg"
             (profile,) = yaml.safe_load(channel.metadata["offered_qos_profiles"])
             assert profile["reliability"] == "reliable" and profile["history"] == "keep_last"
-            latched = channel.topic in ("/robot_description", "/sim_node/events")
+            latched = channel.topic in ("/robot_description", "/sim_node/events", "/sim_node/live_values")
             assert profile["durability"] == ("transient_local" if latched else "volatile")
             assert profile["lifespan"] == {"sec": 9223372036, "nsec": 854775807}
             assert channel.metadata["topic_type_hash"].startswith("RIHS01_")

@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from mbd_sim import Simulation
-from test.system.nodes import Listener, SimNodeProcess, nanoseconds, new_domain, running
+from test.system.nodes import Listener, SimNodeProcess, as_in_the_node, nanoseconds, new_domain, running
 
 pytestmark = pytest.mark.timeout(90)
 
@@ -22,7 +22,7 @@ STEP_NS = 1_000_000
 
 def free_run(ticks: int, efforts: dict[int, list[float]] | None = None) -> Simulation:
     """The double rod computed here, with efforts that take effect at given ticks."""
-    simulation = Simulation.from_file("double_rod")
+    simulation = as_in_the_node("double_rod")
     for tick in range(ticks):
         if efforts and tick in efforts:
             simulation.set_efforts(efforts[tick])

@@ -6,8 +6,8 @@ from rerun.chunk import RrdReader
 
 from mbd_sim import Simulation
 from mbd_sim.mechanism import rotation as rot
+from mbd_sim.mechanism.rotation import quaternions
 from mbd_sim.viewer import Viewer, blueprint, palette
-from mbd_sim.viewer.columns import quaternions
 from mbd_sim.viewer.extent import extent_of
 from mbd_sim.viewer.mailbox import Mailbox
 

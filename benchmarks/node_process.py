@@ -1,0 +1,98 @@
+"""`sim_node` as a process beside the measuring one, and what is heard of it; shared by the benchmarks of the node."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import psutil
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.experimental import EventsExecutor
+from sensor_msgs.msg import JointState
+
+FOLDER = "/tmp/mbd_sim_benchmark"
+
+
+class Measured:
+    """A running node at 1 kHz: its process, arrival times and stamps of its joint states, and its diagnostics."""
+
+    def __init__(self, process: subprocess.Popen[bytes]) -> None:
+        self.process = psutil.Process(process.pid)
+        self.node = rclpy.create_node("measures")
+        self.arrivals: list[float] = []
+        self.stamps: list[int] = []
+        self.payloads: list[bytes] = [b""] * 4096  # the newest ones, by number
+        self.last = b""
+        self.diagnostics: dict[str, str] = {}
+        # Raw: taking a message apart would cost this process more than the node spends on making it.
+        self.node.create_subscription(JointState, "joint_states", self._heard, 1000, raw=True)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 10)
+        self.executor = EventsExecutor()
+        self.executor.add_node(self.node)
+        self._ending = False
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._ending = True
+        self._thread.join()
+
+    def wait(self, messages: int = 500) -> None:
+        """Wait until so many states came, so that start-up is over."""
+        while len(self.stamps) < messages:
+            time.sleep(0.05)
+
+    def _spin(self) -> None:
+        while not self._ending:
+            self.executor.spin_once(timeout_sec=0.1)
+
+    def _heard(self, payload: bytes) -> None:
+        self.arrivals.append(time.perf_counter())
+        seconds, nanoseconds = struct.unpack_from("<iI", payload, 4)
+        self.stamps.append(seconds * 10**9 + nanoseconds)
+        self.payloads[(len(self.stamps) - 1) % len(self.payloads)] = self.last = payload
+
+    def _diagnosed(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self.diagnostics |= {value.key: value.value for value in status.values}
+
+
+@contextlib.contextmanager
+def running(parameters: Sequence[str] = (), domain: int = 96) -> Iterator[Measured]:
+    """A node that publishes every step of 1 ms, heard from here; `parameters` are `name:=value`."""
+    os.environ |= {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    rclpy.init(args=[])
+    command = [sys.executable, "-m", "mbd_sim.ros.sim_node", "--ros-args"]
+    for parameter in ("publish_rate:=1000.0", f"record_dir:={FOLDER}", *parameters):
+        command += ["-p", parameter]
+    child = subprocess.Popen(command)
+    measured = Measured(child)
+    try:
+        measured.wait()
+        yield measured
+    finally:
+        child.terminate()
+        child.wait()
+        measured.close()
+        rclpy.shutdown()
+
+
+def percentiles(values: Sequence[float] | np.ndarray) -> str:
+    """Median, 99 %, 99.9 % and maximum of durations in s, as text in ms."""
+    ms = 1e3 * np.asarray(values)
+    p50, p99, p999 = np.percentile(ms, [50.0, 99.0, 99.9])
+    return f"p50 {p50:.3f}  p99 {p99:.3f}  p99.9 {p999:.3f}  max {ms.max():.3f} ms"
+
+
+def load() -> str:
+    """What else the machine did: the load of the last minute."""
+    return f"load of the machine over the last minute {os.getloadavg()[0]:.2f} on {os.cpu_count()} cores"

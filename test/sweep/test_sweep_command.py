@@ -1,0 +1,84 @@
+import json
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pyarrow.csv
+import pyarrow.parquet
+import pytest
+
+from mbd_sim.cli import main
+
+RODS = ["sweep", "double_rod", "--quiet", "--time", "0.2", "--method", "rk4"]
+MANY = ["--vary", "l=uniform(0.5, 2)", "--vary", "joints.elbow.position=uniform(0, 90 deg)", "--draws", "600"]
+
+
+def test_a_grid_becomes_a_table_and_a_picture(tmp_path, capsys):
+    table, picture = tmp_path / "runs.parquet", tmp_path / "runs.png"
+    grid = ["--vary", "l=0.5:2:4", "--vary", "efforts.elbow=0,1,2"]
+    assert main([*RODS, *grid, "--out", str(table), "--plot", str(picture), "--show", "elbow.velocity"]) == 0
+    read = pyarrow.parquet.read_table(table)
+    assert read.num_rows == 12
+    assert read["l"].to_pylist()[:4] == [0.5, 0.5, 0.5, 1.0]
+    assert b"mechanism: double_rod" in read.schema.metadata[b"mechanism.yaml"]
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    assert "12 runs" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("varied", [["--vary", "l=0.5:2:9"], ["--vary", "m=1"], [*MANY[:-1], "5"]])
+def test_every_kind_of_sweep_can_be_drawn(tmp_path, varied):
+    picture, history = tmp_path / "runs.svg", tmp_path / "history.csv"
+    assert main([*RODS, *varied, "--plot", str(picture), "--histories", str(history), "--every", "0.05"]) == 0
+    assert "<svg" in picture.read_text()
+    assert pyarrow.csv.read_csv(history).column_names == ["run", "time", "shoulder", "elbow"]
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
+    """The address of a scheduler with two workers on loopback, each a process of its own."""
+    place = tmp_path_factory.mktemp("dask")
+    file = place / "scheduler.json"
+    common = ["--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", str(file)]
+    scheduler = ["dask_scheduler", "--port", "0", *common]
+    worker = ["dask_worker", "--nthreads", "1", "--no-nanny", "--local-directory", str(place), *common]
+    started = []
+    try:
+        for module, *arguments in (scheduler, worker, worker):
+            command = [sys.executable, "-m", f"distributed.cli.{module}", *arguments]
+            started.append(subprocess.Popen(command, stderr=subprocess.DEVNULL, cwd=place))
+        for _ in range(600):
+            if file.exists() and file.read_text().endswith("}"):
+                break
+            time.sleep(0.1)
+        yield json.loads(file.read_text())["address"]
+    finally:
+        for process in reversed(started):
+            process.kill()
+            process.wait()
+
+
+def test_processes_here_and_workers_of_a_cluster_give_the_same_bits(tmp_path, cluster):
+    here, there = tmp_path / "here.parquet", tmp_path / "there.parquet"
+    assert main([*RODS, *MANY, "--out", str(here)]) == 0
+    assert main([*RODS, *MANY, "--out", str(there), "--scheduler", cluster]) == 0
+    one, other = pyarrow.parquet.read_table(here), pyarrow.parquet.read_table(there)
+    assert one.num_rows == 600
+    assert one.column_names == other.column_names
+    for name in one.column_names:
+        assert np.array_equal(one[name].to_numpy(), other[name].to_numpy()), name
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--vary", "q=1"], "names nothing"),
+        (["--vary", "l=1", "--out", "runs.xlsx"], ".parquet or .csv"),
+        (["--vary", "l=1", "--out", "nowhere/runs.csv"], "no folder"),
+        (["--vary", "l=1", "--show", "elbow.speed"], "elbow.velocity"),
+        (["--vary", "l=1", "--scheduler", "tcp://127.0.0.1:1"], "no Dask scheduler"),
+    ],
+)
+def test_a_wrong_call_says_what_to_write(arguments, words, capsys):
+    assert main([*RODS, *arguments]) == 1
+    assert words in capsys.readouterr().err
