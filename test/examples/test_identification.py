@@ -6,10 +6,8 @@ import signal
 import numpy as np
 import pytest
 
-from mbd_sim.errors import MbdSimError
 from mbd_sim.examples.excite import multisine
-from mbd_sim.examples.identify import identify, main, read, with_parameters
-from mbd_sim.simulation import Simulation
+from mbd_sim.examples.identify import identify, main, read
 from test.examples.programs import beside, lockstep
 
 pytestmark = pytest.mark.timeout(90)
@@ -26,13 +24,12 @@ def recording(tmp_path_factory):
     return path
 
 
-def test_the_truth_is_found_from_a_recorded_run(recording, capsys, monkeypatch):
+def test_the_truth_is_found_from_a_recorded_run(recording, capsys):
     run = read(recording)
     assert len(run.ticks) > 280 and len(run.efforts) > 280
     found = identify(run, {"inertia": 0.02, "damping": 0.06})
     assert found["inertia"].value == pytest.approx(0.015, rel=1e-6)
     assert found["damping"].value == pytest.approx(0.04, rel=1e-6)
-    monkeypatch.setenv("MBD_SIM_CACHE", "off")
     assert main([str(recording), "damping=0.1"]) == 0
     assert "damping" in capsys.readouterr().out
     assert main([str(recording), "dampng=0.1"]) == 1
@@ -47,13 +44,6 @@ def test_noise_spoils_it_little(recording):
     for name, parameter in identify(noisy, {"inertia": 0.016, "damping": 0.038}).items():
         assert parameter.value == pytest.approx({"inertia": 0.015, "damping": 0.04}[name], rel=0.01)
         assert 1e-4 < parameter.error / parameter.value < 0.01
-
-
-def test_parameters_are_set_in_the_text():
-    text = Simulation.from_file("motor_arm").mechanism.source.text
-    assert Simulation.from_text(with_parameters(text, {"inertia": 0.5})).mechanism.parameters["inertia"] == 0.5
-    with pytest.raises(MbdSimError, match="no parameter 'mass'"):
-        with_parameters(text, {"mass": 1.0})
 
 
 def test_the_excitation_is_rich_and_bounded():
