@@ -27,6 +27,7 @@ from mbd_sim.mechanism.model import Array
 from mbd_sim.simulation import Simulation
 
 ITERATIONS, CONVERGED = 30, 1e-7
+NEAR = 1e-3  # of a parameter, where noise and the differences let it go no further
 DIFFERENCE = 1e-4  # of a parameter, for the slopes
 TYPES = {"joint_states": JointState, "applied_efforts": Float64MultiArray, "events": String}
 
@@ -106,6 +107,7 @@ def identify(run: Run, guess: Mapping[str, float], piece: float = 0.5) -> dict[s
             [(misses(values * (1 + DIFFERENCE * e)) - off) / DIFFERENCE for e in np.eye(len(names))]
         )
         normal = slopes.T @ slopes
+        left = float(np.max(np.abs(np.linalg.lstsq(slopes, off, rcond=None)[0])))
         while damping < 1e9:  # Levenberg and Marquardt: relative changes, so that no parameter changes its sign
             change = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), slopes.T @ off)
             better = values * np.exp(np.clip(change, -1.0, 1.0))
@@ -113,12 +115,17 @@ def identify(run: Run, guess: Mapping[str, float], piece: float = 0.5) -> dict[s
             if tried @ tried <= off @ off:
                 break
             damping *= 10.0
+        else:
+            better, tried = values, off
+        stuck = better is values
         values, off, damping = better, tried, damping / 10.0
-        if np.max(np.abs(change)) < CONVERGED:
+        if left < (NEAR if stuck else CONVERGED):
             spread = np.sqrt(off @ off / max(off.size - len(names), 1) * np.diag(np.linalg.pinv(normal)))
             errors = (spread * np.abs(values)).tolist()
             return {name: Found(*pair) for name, *pair in zip(names, values.tolist(), errors, strict=True)}
-    raise MbdSimError("the search for the parameters did not come to an end. Begin with better guesses.")
+        if stuck:
+            break
+    raise MbdSimError("the search for the parameters came to no end. Begin with better guesses, or shorter pieces.")
 
 
 def _recorded(run: Run) -> Array:
