@@ -25,7 +25,7 @@ from mbd_sim.ros import qos, states
 from mbd_sim.ros.markers import Markers
 from mbd_sim.ros.output import Output
 from mbd_sim.ros.recordings import Recordings
-from mbd_sim.ros.runner import Event, Snapshot
+from mbd_sim.ros.snapshots import Event, Item, Snapshot
 from mbd_sim.ros.template import STAMP, Template
 from mbd_sim.ros.transforms import transforms
 from mbd_sim.viewer import Viewer
@@ -62,6 +62,7 @@ class Outputs:
         self.energies: Energies | None = None
         self.latest: Snapshot | None = None
         self.busy = 0.0
+        self._live: Mapping[str, float] = {}
         self._log = node.get_logger()
         self._energies = states.energies(node, model)
         self._tellings = {"joint_states": states.joint_states(node, model), "energies": self._energies}
@@ -102,7 +103,7 @@ class Outputs:
         """What writes the recording, or wrote the last one."""
         return self.recordings.recorder if self.recordings else None
 
-    def start(self, queue: SimpleQueue[Snapshot | Event | Moment | None], live: Mapping[str, float]) -> None:
+    def start(self, queue: SimpleQueue[Item], live: Mapping[str, float]) -> None:
         """Publish the robot's description and live values, then what comes from the queue until it gives None."""
         description = serialize_message(String(data=to_urdf(self.model.mechanism)))
         self._send("robot_description", description, 0, 0)
@@ -118,7 +119,7 @@ class Outputs:
             if sink is not None:
                 sink.close()
 
-    def _run(self, queue: SimpleQueue[Snapshot | Event | Moment | None]) -> None:
+    def _run(self, queue: SimpleQueue[Item]) -> None:
         while (item := queue.get()) is not None:
             began = time.perf_counter()
             try:

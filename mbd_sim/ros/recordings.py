@@ -95,6 +95,14 @@ class Recordings:
             if recorder is not None:
                 recorder.close()
 
+    def summary(self) -> str:
+        """What became of the last recording, or ""."""
+        recorder = self.recorder
+        if recorder is None:
+            return ""
+        lost = f", {recorder.dropped} dropped" if recorder.dropped else ""
+        return f"recorded {recorder.written} messages{lost} to {recorder.series.place}"
+
     def at(self, moment: Moment) -> None:
         """Do what waits for this moment."""
         try:

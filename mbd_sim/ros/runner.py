@@ -14,6 +14,7 @@ from mbd_sim.mechanism.model import Array
 from mbd_sim.recording.metadata import Moment
 from mbd_sim.ros.commands import CommandBuffer
 from mbd_sim.ros.pacing import Pacer
+from mbd_sim.ros.snapshots import Counters, Event, Item, Snapshot
 from mbd_sim.ros.wrenches import WrenchBuffer
 from mbd_sim.simulation import Simulation
 
@@ -22,49 +23,6 @@ FAST_BATCH = 1000  # steps a wake-up when running as fast as possible
 REPEAT = 0.5  # seconds of real time between repeated states while paused, for those who come to listen later
 BACKLOG = 200  # snapshots that may wait when running as fast as possible
 MOST_WAITING = 10_000  # snapshots that may wait at all; when what leaves the node is that slow, they are dropped
-
-
-@dataclass(frozen=True, slots=True)
-class Snapshot:
-    """The state at a tick. `clock_ns` is the node's simulated clock, `time` that of the mechanism in s.
-
-    `inputs` are those of the equations, the efforts first. `ticks` counts the steps since the node started, over all
-    resets. `state` and `clock` say what is due, and `repeated` that nothing has changed since the last snapshot.
-    """
-
-    ticks: int
-    clock_ns: int
-    time: float
-    y: Array
-    inputs: Array
-    start_energy: float
-    state: bool
-    clock: bool
-    repeated: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """Something that happened between two steps, and what took effect: efforts, a part's wrench, live values.
-
-    A wrench is given by its numbers among the inputs of the equations, see `InputLayout`.
-    """
-
-    ticks: int
-    clock_ns: int
-    time: float
-    text: str
-    efforts: Array | None = None
-    wrench: tuple[str, Array] | None = None
-    live: Mapping[str, float] | None = None
-
-
-@dataclass
-class Counters:
-    """Where the time of the stepping thread goes: seconds of stepping, and snapshots that were dropped."""
-
-    stepping: float = 0.0
-    dropped: int = 0
 
 
 @dataclass
@@ -90,7 +48,7 @@ class Runner:
     ) -> None:
         self.simulation, self.commands, self.rates = simulation, commands, rates
         self.wrenches = wrenches or WrenchBuffer(simulation.wrench_map, simulation.model.part_names, commands.timeout)
-        self.output: SimpleQueue[Snapshot | Event | Moment | None] = SimpleQueue()
+        self.output: SimpleQueue[Item] = SimpleQueue()
         self.pacer = Pacer()
         self.counters = Counters()
         self.paused = paused
@@ -145,10 +103,6 @@ class Runner:
         """Change live values of the mechanism; returns what went wrong, or "": then nothing has changed."""
         return self._ask_whether(lambda: self._set_live(changes))
 
-    def repace(self) -> None:
-        """Start the schedule anew, as after a change of the real-time factor."""
-        self._ask(self.pacer.anchor)
-
     def mark(self) -> None:
         """Ask for a `Moment` in the output, between two steps; returns at once."""
         self._requests.put((lambda: self.output.put(self.moment()), threading.Event()))
@@ -157,6 +111,10 @@ class Runner:
     def moment(self) -> Moment:
         """All that the motion depends on from here on; for the stepping thread, or before it starts."""
         return Moment.of(self.simulation, self.ticks, self.clock_ns)
+
+    def repace(self) -> None:
+        """Start the schedule anew, as after a change of the real-time factor."""
+        self._ask(self.pacer.anchor)
 
     def _ask_whether(self, action: Callable[[], str]) -> str:
         outcome: list[str] = []
@@ -267,24 +225,24 @@ class Runner:
             self._tell(f"warning: {self.advice}")
 
     def _emit(self, state: bool, clock: bool, repeated: bool = False) -> None:
-        simulation = self.simulation
         if self.output.qsize() >= MOST_WAITING:
             self.counters.dropped += 1
             return
         if state:
             self._emitted = self.ticks
-        self.output.put(
-            Snapshot(
-                ticks=self.ticks,
-                clock_ns=self.clock_ns,
-                time=simulation.time,
-                y=simulation.state,
-                inputs=simulation.inputs.copy(),
-                start_energy=simulation.start_energy,
-                state=state,
-                clock=clock,
-                repeated=repeated,
-            )
+        self.output.put(self._snapshot(state, clock, repeated))
+
+    def _snapshot(self, state: bool, clock: bool, repeated: bool) -> Snapshot:
+        return Snapshot(
+            ticks=self.ticks,
+            clock_ns=self.clock_ns,
+            time=self.simulation.time,
+            y=self.simulation.state,
+            inputs=self.simulation.inputs.copy(),
+            start_energy=self.simulation.start_energy,
+            state=state,
+            clock=clock,
+            repeated=repeated,
         )
 
     def _tell(
@@ -330,7 +288,7 @@ class Runner:
         if not self.paused:
             return "running: pause before stepping"
         left = steps
-        while left > 0:
+        while left > 0 and not self._stopping:
             batch = min(left, self._steps_until_due())
             if problem := self._advance(batch):
                 return problem
