@@ -73,6 +73,11 @@ class Recorder:
         return self._file.path
 
     @property
+    def place(self) -> Path:
+        """What a user opens: this file, or rosbag2's folder."""
+        return self.series.place if self.series.rosbag2 else self.path
+
+    @property
     def size(self) -> int:
         """Bytes of it so far."""
         return self._file.size

@@ -1,7 +1,7 @@
 """A recording that was cut off, by a kill or a full disk, made whole again in its place.
 
 What is kept are whole chunks; the summary and the index, without which many tools refuse a file, are made anew from
-them (the layout is that of https://mcap.dev/spec).
+them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import zstandard
-from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
@@ -25,17 +25,14 @@ from mcap.records import (
     Channel,
     Chunk,
     ChunkIndex,
-    DataEnd,
-    Footer,
     MessageIndex,
     Metadata,
     MetadataIndex,
     Schema,
-    Statistics,
-    SummaryOffset,
 )
 
-MAGIC = b"\x89MCAP0\r\n"
+from mbd_sim.recording.summary import MAGIC, Summary, encoded
+
 _HEAD = struct.Struct("<BQ")  # opcode and length of a record
 _DATA = {Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT}
 _DATA |= {Opcode.METADATA}
@@ -110,14 +107,14 @@ def _scan(data: Any) -> _Found:
         content = ReadDataStream(BytesIO(data[begin:end]))
         if opcode == Opcode.ATTACHMENT:
             attachment = Attachment.read(content)
-            found.attachments.append(_attachment_index(attachment, start, end - start))
+            found.attachments.append(attachment_index(attachment, start, end - start))
         elif opcode == Opcode.METADATA:
             found.metadata.append(MetadataIndex(offset=start, length=end - start, name=Metadata.read(content).name))
         elif opcode == Opcode.CHUNK:
             chunk = Chunk.read(content)
             if not _take(chunk, found):
                 break
-            found.chunks.append(_Chunk(_chunk_index(chunk, start, end - start)))
+            found.chunks.append(_Chunk(chunk_index(chunk, start, end - start)))
         elif opcode == Opcode.MESSAGE_INDEX and found.chunks:
             index, last = MessageIndex.read(content), found.chunks[-1]
             last.index.message_index_offsets[index.channel_id] = start
@@ -169,7 +166,8 @@ def _complete(found: _Found, data: Any) -> None:
         found.end = start
 
 
-def _attachment_index(attachment: Attachment, offset: int, length: int) -> AttachmentIndex:
+def attachment_index(attachment: Attachment, offset: int, length: int) -> AttachmentIndex:
+    """What the index says of an attachment, from where its record stands."""
     return AttachmentIndex(
         offset=offset,
         length=length,
@@ -181,7 +179,8 @@ def _attachment_index(attachment: Attachment, offset: int, length: int) -> Attac
     )
 
 
-def _chunk_index(chunk: Chunk, offset: int, length: int) -> ChunkIndex:
+def chunk_index(chunk: Chunk, offset: int, length: int) -> ChunkIndex:
+    """What the index says of a chunk, from where its record stands; without its messages' index."""
     return ChunkIndex(
         message_start_time=chunk.message_start_time,
         message_end_time=chunk.message_end_time,
@@ -204,45 +203,14 @@ def _counts(found: _Found) -> dict[int, int]:
 
 
 def _tail(found: _Found) -> bytes:
-    """What follows the last chunk: the end of the data, the summary, and where its parts begin."""
-    counts = _counts(found)
-    statistics = Statistics(
-        attachment_count=len(found.attachments),
-        channel_count=len(found.channels),
-        channel_message_counts=counts,
+    return Summary(
+        schemas=list(found.schemas.values()),
+        channels=list(found.channels.values()),
+        attachments=found.attachments,
+        metadata=found.metadata,
+        chunks=b"".join(encoded(chunk.index) for chunk in found.chunks),
         chunk_count=len(found.chunks),
-        message_count=sum(counts.values()),
-        metadata_count=len(found.metadata),
-        message_start_time=min((chunk.index.message_start_time for chunk in found.chunks), default=0),
-        message_end_time=max((chunk.index.message_end_time for chunk in found.chunks), default=0),
-        schema_count=len(found.schemas),
-    )
-    data_end = RecordBuilder()
-    DataEnd(0).write(data_end)
-    ended = data_end.end()
-    start = found.end + len(ended)
-    summary = RecordBuilder()
-    offsets = []
-    groups: list[tuple[Opcode, list[Any]]] = [
-        (Opcode.SCHEMA, list(found.schemas.values())),
-        (Opcode.CHANNEL, list(found.channels.values())),
-        (Opcode.STATISTICS, [statistics]),
-        (Opcode.CHUNK_INDEX, [chunk.index for chunk in found.chunks]),
-        (Opcode.ATTACHMENT_INDEX, found.attachments),
-        (Opcode.METADATA_INDEX, found.metadata),
-    ]
-    for opcode, records in groups:
-        group_start = summary.count
-        for record in records:
-            record.write(summary)
-        if records:
-            offsets.append(SummaryOffset(opcode, start + group_start, summary.count - group_start))
-    offset_start = start + summary.count
-    for offset in offsets:
-        offset.write(summary)
-    written = summary.end()
-    footer = RecordBuilder()
-    # The check sum covers the summary and the footer up to the sum itself.
-    head = struct.pack("<BQQQ", Opcode.FOOTER, 8 + 8 + 4, start, offset_start)
-    Footer(start, offset_start, zlib.crc32(head, zlib.crc32(written))).write(footer)
-    return bytes(ended + written + footer.end() + MAGIC)
+        counts=_counts(found),
+        first_ns=min((chunk.index.message_start_time for chunk in found.chunks), default=0),
+        last_ns=max((chunk.index.message_end_time for chunk in found.chunks), default=0),
+    ).tail(found.end)

@@ -28,6 +28,15 @@ class Contents:
         """How many."""
         return sum(self.counts.values())
 
+    def take(self, counts: Sequence[int], first_ns: int, last_ns: int) -> None:
+        """Some more messages, by topic, with the times of the earliest and the latest of them."""
+        if not self.messages:
+            self.first_ns, self.last_ns = first_ns, last_ns
+        self.first_ns, self.last_ns = min(self.first_ns, first_ns), max(self.last_ns, last_ns)
+        for number, count in enumerate(counts):
+            if count:
+                self.counts[number] = self.counts.get(number, 0) + count
+
 
 def bag_metadata(topics: Sequence[Topic], files: Sequence[Contents], custom: Mapping[str, str]) -> dict[str, Any]:
     """The document as plain values; `custom` is free for the recorder to use."""

@@ -21,6 +21,7 @@ class Stream:
 
         :raises OSError: it cannot be opened.
         """
+        self._path = path
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
         self._regular = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
         self._position = self._synced = 0
@@ -69,11 +70,21 @@ class Stream:
                 return
             position = self._position
             try:
+                if not self._synced:
+                    self._sync_folder()
                 os.fdatasync(self._descriptor)
             except OSError as error:
                 if error.errno not in (errno.EINVAL, errno.ENOSYS):  # some file systems know no such request
                     self._problem = error
             self._synced = position
+
+    def _sync_folder(self) -> None:
+        """The file's name reaches the disk as well."""
+        folder = os.open(self._path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
 
     def close(self) -> None:
         """Put the rest on the disk; once more is harmless.

@@ -64,7 +64,7 @@ class Recordings:
                 self._begin(recorder, moment)
             else:
                 self._ask(lambda moment: self._begin(recorder, moment))
-            return True, str(recorder.path)
+            return True, str(recorder.place)
 
     def stop(self) -> tuple[bool, str]:
         """End the recording; whether there was one, and its path."""
@@ -75,7 +75,7 @@ class Recordings:
             self._asked = None
             self._ask(lambda _: self._end(recorder)).wait(ANSWER)
             finished = recorder.ended.wait(ANSWER)
-            return True, f"{recorder.path}" if finished else f"{recorder.path} is being finished: the disk is slow"
+            return True, f"{recorder.place}" if finished else f"{recorder.place} is being finished: the disk is slow"
 
     def split(self) -> tuple[bool, str]:
         """Go on in another file; whether that works, and the path of the one that ends."""
@@ -142,7 +142,7 @@ class Recordings:
         return self._asked
 
     def _asked_path(self) -> str:
-        return str(self._asked.path) if self._asked is not None else ""
+        return str(self._asked.place) if self._asked is not None else ""
 
     def _ask(self, action: Callable[[Moment], None]) -> threading.Event:
         done = threading.Event()
