@@ -78,6 +78,7 @@ setup(
             "pyarrow>=14",
             "pytest>=7.4",
             "pytest-timeout>=2.2",
+            "pytest-xdist>=3.5",
             "rosbags>=0.10",
             "ruff>=0.5",
             "scipy>=1.11",
