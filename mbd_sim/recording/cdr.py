@@ -125,6 +125,20 @@ def joint_states(payload: bytes) -> JointStates:
     return JointStates(seconds * 1_000_000_000 + nanoseconds, layout.frame, layout.names, *layout.doubles(payload))
 
 
+def rewritten(topic: RecordedTopic, payload: bytes, arrays: Sequence[Array], stamp_ns: int) -> bytes:
+    """A message of joint states or numbers with other values in its arrays, and another stamp where it has one."""
+    states = topic.type == JOINT_STATE
+    (joint_states if states else numbers)(payload)  # finds the layout
+    layout = (_joint_layouts if states else _number_layouts)[len(payload)]
+    changed = bytearray(payload)
+    if states:
+        _STAMP[payload[1]].pack_into(changed, 4, *divmod(stamp_ns, 1_000_000_000))
+    kind = _LITTLE if payload[1] else _BIG
+    for start, count, array in zip(layout.starts, layout.counts, arrays, strict=True):
+        changed[start : start + 8 * count] = np.asarray(array, dtype=kind).tobytes()
+    return bytes(changed)
+
+
 def numbers(payload: bytes) -> Numbers:
     """Decode a `std_msgs/msg/Float64MultiArray`."""
     layout = _number_layouts.get(len(payload))
@@ -146,8 +160,9 @@ def text(payload: bytes) -> str:
     return _Reader(payload).text()
 
 
+JOINT_STATE = "sensor_msgs/msg/JointState"
 _OWN: dict[str, Callable[[bytes], Any]] = {
-    "sensor_msgs/msg/JointState": joint_states,
+    JOINT_STATE: joint_states,
     "std_msgs/msg/Float64MultiArray": numbers,
     "std_msgs/msg/String": text,
 }
