@@ -92,6 +92,8 @@ def matching(mechanism: Mechanism, patterns: Collection[str]) -> list[str]:
 
 def _numbers(data: Any, location: Location) -> Iterator[Location]:
     if isinstance(data, dict):
+        if data.keys() == {"text", "names"} and isinstance(data["text"], str):
+            return  # an expression: its names are parameters, or those of a spring's motion
         for key, value in data.items():
             yield from _numbers(value, (*location, key))
     elif isinstance(data, list | tuple):

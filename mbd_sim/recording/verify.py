@@ -131,6 +131,8 @@ class _Comparison:
             elsewhere=differs,
             problem=part.problem,
         )
+        model = simulation.model
+        self._names = (*model.coordinate_names, *model.driven_names)
         self._since_agreeing: list[str] = []  # commands after the last state that agrees
         self._resumed: dict[str, Array] = {}  # recorded numbers from which the next interval begins
 
@@ -209,11 +211,6 @@ class _Comparison:
         else:
             self.result.differing += 1
             self.result.since = 0
-
-    @property
-    def _names(self) -> tuple[str, ...]:
-        model = self.replica.simulation.model
-        return (*model.coordinate_names, *model.driven_names)
 
     def _same(self, message: Message, kind: str, names: Sequence[str], recorded: Array, computed: Array) -> bool:
         """Whether numbers agree; tells each that does not."""
