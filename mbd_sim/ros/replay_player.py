@@ -217,14 +217,15 @@ class Player:
             self._position = time_ns
             self._clock_due = min(self._clock_due, time_ns) if self._period_ns else NEVER
             self._anchor()
-        while self._clock_due < time_ns:
+        stepped = False
+        while self._clock_due < time_ns and not stepped:
             if not self._wait(self._clock_due, time_ns):
                 return False
-            if self._position >= time_ns:  # by a step
-                break
-            self.stage.clock(self._clock_due)
-            self._clock_due += self._period_ns
-        if not self._wait(time_ns, time_ns):
+            stepped = self._position >= time_ns
+            if not stepped:
+                self.stage.clock(self._clock_due)
+                self._clock_due += self._period_ns
+        if not stepped and not self._wait(time_ns, time_ns):
             return False
         if self._clock_due <= time_ns:
             self.stage.clock(time_ns)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ def record_run(
     seconds: float = 1.0,
     seed: int = 1,
     commands: int = 10,
-    finish: bool = True,
+    resets: bool = True,
     **parameters: Any,
 ) -> Path:
     """Record a run with some random commands; returns the file."""
@@ -37,7 +37,7 @@ def record_run(
         node = SimNode()
         node.start()
         try:
-            drive(node, seconds, commands, random.Random(seed))
+            drive(node, seconds, commands, random.Random(seed), ACTIONS if resets else ACTIONS[:-1])
         finally:
             node.stop()
             path = node.outputs.recorder.path
@@ -47,11 +47,11 @@ def record_run(
     return Path(path)
 
 
-def drive(node: SimNode, seconds: float, commands: int, chance: random.Random) -> None:
+def drive(node: SimNode, seconds: float, commands: int, chance: random.Random, actions: Sequence[Action]) -> None:
     """Step through a time, with commands of all kinds in between."""
     left = max(1, round(seconds / node.simulation.step_size))
     for number in range(commands):
-        chance.choice(ACTIONS)(node, chance)
+        chance.choice(actions)(node, chance)
         steps = (
             left // (commands - number)
             if number + 1 == commands
@@ -88,4 +88,4 @@ def _reset(node: SimNode, chance: random.Random) -> None:
     node.runner.reset(rewind_clock=chance.random() < 0.5)
 
 
-ACTIONS = [_efforts, _efforts, _efforts, _wrench, _wrench, _live, _reset]
+ACTIONS: list[Action] = [_efforts, _efforts, _efforts, _wrench, _wrench, _live, _reset]
