@@ -113,6 +113,8 @@ class Player:
 
     def step(self, steps: int = 1) -> str:
         """While paused, show all messages of the next `steps` times; returns what went wrong, or ""."""
+        if not self._thread.is_alive():
+            return "the recording is at its end"
         if not self.paused:
             return "playing: pause before stepping"
 

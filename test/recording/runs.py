@@ -8,7 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
+from mcap.writer import Writer
 
+from mbd_sim.recording.parts import Message
+from mbd_sim.recording.reader import open_recording
 from mbd_sim.ros.sim_node import SimNode
 
 Action = Callable[[SimNode, random.Random], None]
@@ -89,3 +92,34 @@ def _reset(node: SimNode, chance: random.Random) -> None:
 
 
 ACTIONS: list[Action] = [_efforts, _efforts, _efforts, _wrench, _wrench, _live, _reset]
+
+
+def rewrite(
+    path: Path,
+    out: Path,
+    change: Callable[[int, Message], Message | None] = lambda number, message: message,
+    about: dict[str, str] | None = None,
+) -> Path:
+    """A copy of a recording, with some messages changed or left out, and its metadata added to."""
+    recording = open_recording(path)
+    with out.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2", library="test")
+        writer.add_attachment(0, 0, "mechanism.yaml", "application/yaml", recording.mechanism_text.encode())
+        writer.add_metadata("mbd_sim", dict(recording.about) | (about or {}))
+        channels = {}
+        for name, topic in recording.topics.items():
+            schema = writer.register_schema(topic.type, "ros2msg", topic.definition.encode())
+            channels[name] = writer.register_channel(name, "cdr", schema, {"offered_qos_profiles": topic.qos})
+        for number, message in enumerate(recording.messages()):
+            if (kept := change(number, message)) is not None:
+                writer.add_message(channels[kept.topic], kept.time_ns, kept.payload, kept.time_ns, kept.sequence)
+        writer.finish()
+    return out
+
+
+def with_bit_flipped(message: Message, offset: int, bit: int) -> Message:
+    """The message with one bit of its payload flipped; `offset` counts from the end where it is negative."""
+    payload = bytearray(message.payload)
+    payload[offset] ^= 1 << bit
+    return message._replace(payload=bytes(payload))
