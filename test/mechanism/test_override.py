@@ -1,6 +1,5 @@
 import pytest
 
-from mbd_sim import Simulation
 from mbd_sim.errors import MechanismError
 from mbd_sim.mechanism.load import load_mechanism
 from mbd_sim.mechanism.override import matching, value_of, with_values
@@ -51,10 +50,3 @@ def test_patterns_match_numbers_of_the_file(rods):
     assert matching(rods, ["parameters.*"]) == ["parameters.m", "parameters.l"]
     assert "joints.elbow.damping" in matching(rods, ["joints.*.damping"])
     assert "gravity[2]" in matching(rods, ["gravity[*"])
-
-
-@pytest.mark.parametrize("name", ["duffing", "box_kite"])
-def test_the_names_in_an_expression_are_no_keys_of_the_file(name):
-    keys = matching(load_mechanism(name), ["forces.*"])
-    assert not any(".names." in key for key in keys)
-    Simulation.from_file(name, live=["forces.*"]).step()
