@@ -53,6 +53,7 @@ setup(
         "pyyaml>=6.0",
         "rerun-sdk>=0.29",
         "rich>=13.0",
+        "rosbags>=0.10",
         "sympy>=1.12",
     ],
     extras_require={
@@ -78,7 +79,6 @@ setup(
             "pyarrow>=14",
             "pytest>=7.4",
             "pytest-timeout>=2.2",
-            "rosbags>=0.10",
             "ruff>=0.5",
             "scipy>=1.11",
             "types-PyYAML",

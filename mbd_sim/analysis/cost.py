@@ -7,12 +7,15 @@ from typing import Any
 
 import casadi as ca
 
+from mbd_sim.compiler.arrange import arranged
+from mbd_sim.compiler.program import MULTIPLY_ADD, MULTIPLY_SUBTRACT, SUBTRACT_PRODUCT, Program
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.integrators.methods import Method
 
 _KINDS = {
     "additions": (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE),
     "multiplications": (ca.OP_MUL, ca.OP_SQ),
+    "fused of both": (MULTIPLY_ADD, MULTIPLY_SUBTRACT, SUBTRACT_PRODUCT),
     "divisions": (ca.OP_DIV, ca.OP_INV),
     "roots": (ca.OP_SQRT,),
     "sines and cosines": (ca.OP_SIN, ca.OP_COS),
@@ -25,8 +28,8 @@ def cost(equations: Equations, method: Method) -> dict[str, Any]:
 
     A step takes `evaluations` of the accelerations and leads back once; methods that solve equations do more.
     """
-    accelerations = _counted(equations.rates)
-    back = _counted(equations.settle) if equations.settle is not None else {}
+    accelerations = _counted(arranged(equations.rates))
+    back = _counted(arranged(equations.settle, fused=False)) if equations.settle is not None else {}
     return {
         "accelerations": accelerations,
         "back_to_constraints": back,
@@ -47,8 +50,8 @@ def cost_text(found: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _counted(function: ca.Function) -> dict[str, int]:
+def _counted(program: Program) -> dict[str, int]:
     of_kind = {operation: kind for kind, operations in _KINDS.items() for operation in operations}
-    operations = (function.instruction_id(index) for index in range(function.n_instructions()))
+    operations = (program.instruction_id(index) for index in range(program.n_instructions()))
     counts = Counter(of_kind.get(operation, "others") for operation in operations if operation not in _FREE)
     return {kind: counts[kind] for kind in (*_KINDS, "others")}

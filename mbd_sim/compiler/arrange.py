@@ -28,6 +28,7 @@ from mbd_sim.compiler.program import (
 
 # Cycles from operands to result, about as on current x86 cores. They decide what is written down, not what is right.
 ADD, MULTIPLY, FUSED, DIVIDE, ROOT, TURN, CALL = 3, 3, 4, 13, 20, 45, 100
+WIDE = 5  # operations for each cycle of the longest way, beyond which a processor is busy all the time
 _LATENCY = {
     ca.OP_ASSIGN: 0,
     ca.OP_NEG: 1,
@@ -63,7 +64,11 @@ def latency(node: Node) -> int:
 
 
 def in_order_of_need(graph: Graph) -> list[int]:
-    """The nodes that outputs need, those with the longest way to the end first."""
+    """The nodes that outputs need, those with the longest way to the end first.
+
+    Where a processor has enough to do at any time, nothing is gained by that, and more values wait in memory. Such a
+    graph keeps its order.
+    """
     ways = dict.fromkeys((output.node for output in graph.outputs), 0)
     for number in reversed(range(len(graph.nodes))):
         node = graph.nodes[number]
@@ -71,6 +76,8 @@ def in_order_of_need(graph: Graph) -> list[int]:
             way = ways[number] + max(latency(node), 1)
             for operand in node.operands:
                 ways[operand] = max(ways.get(operand, 0), way)
+    if len(ways) > WIDE * max(ways.values(), default=0):
+        return sorted(ways)
     return sorted(ways, key=lambda number: (-ways[number], number))
 
 
@@ -126,11 +133,11 @@ class _Rebuilding:
         return node.operation in _PRODUCTS or (node.operation == ca.OP_DIV and node.operands[1] in self._shared)
 
     def _inside(self) -> set[int]:
-        """The nodes that become part of the only sum or product that uses them."""
+        """The nodes that become part of the only sum or product that uses them; but what is squared stays one."""
         inside: set[int] = set()
         for node in self._old.nodes:
             into_sum, into_product = node.operation in _SUMS, self._is_product(node)
-            if not (into_sum or into_product):
+            if not (into_sum or into_product) or node.operation == ca.OP_SQ:
                 continue
             for operand in node.operands:
                 other = self._old.nodes[operand]
@@ -146,9 +153,9 @@ class _Rebuilding:
         if is_leaf(node):
             return self._add(node)
         if node.operation in _SUMS:
-            return self._sum(self._terms(number, negative=False, top=True))
+            return self._sum(self._terms(number))
         if self._is_product(node):
-            factors, negative = self._factors(number, top=True)
+            factors, negative = self._factors(number)
             product = self._product(self._reduced(factors))
             return self._add(Node(ca.OP_NEG, (product,))) if negative else product
         if node.operation in (ca.OP_DIV, ca.OP_INV) and node.operands[-1] in self._shared:
@@ -158,37 +165,47 @@ class _Rebuilding:
     def _inverse(self, divisor: int) -> int:
         return self._add(Node(ca.OP_INV, (divisor,)))
 
-    def _terms(self, number: int, *, negative: bool, top: bool = False) -> list[_Term]:
-        if number in self._new and not top:
-            return [_Term((self._new[number],), negative, self._ready[self._new[number]])]
-        node = self._old.nodes[number]
-        if node.operation == ca.OP_NEG:
-            return self._terms(node.operands[0], negative=not negative)
-        if node.operation in _SUMS:
-            one, other = node.operands
-            turned = negative != (node.operation == ca.OP_SUB)
-            return self._terms(one, negative=negative) + self._terms(other, negative=turned)
-        factors, minus = self._factors(number, top=True)
-        pair = self._reduced(factors)
-        return [_Term(pair, negative != minus, max(self._ready[factor] for factor in pair) + MULTIPLY)]
+    def _terms(self, number: int) -> list[_Term]:
+        """The terms of a sum, from left to right."""
+        found, waiting = [], [(number, False)]
+        while waiting:
+            number, negative = waiting.pop()
+            node = self._old.nodes[number]
+            if number in self._new:
+                new = self._new[number]
+                found.append(_Term((new,), negative, self._ready[new]))
+            elif node.operation == ca.OP_NEG:
+                waiting.append((node.operands[0], not negative))
+            elif node.operation in _SUMS:
+                one, other = node.operands
+                waiting += [(other, negative != (node.operation == ca.OP_SUB)), (one, negative)]
+            else:
+                factors, minus = self._factors(number)
+                pair = self._reduced(factors)
+                ready = max(self._ready[factor] for factor in pair) + MULTIPLY
+                found.append(_Term(pair, negative != minus, ready))
+        return found
 
-    def _factors(self, number: int, *, top: bool = False) -> tuple[list[int], bool]:
-        """The new nodes whose product a node is, and whether it is negative."""
-        if number in self._new and not top:
-            return [self._new[number]], False
-        node = self._old.nodes[number]
-        if node.operation == ca.OP_NEG:
-            factors, negative = self._factors(node.operands[0])
-            return factors, not negative
-        factors, negative = self._factors(node.operands[0])
-        if node.operation == ca.OP_SQ:
-            return factors * 2, False
-        if node.operation == ca.OP_TWICE:
-            return [*factors, self._add(Node(ca.OP_CONST, (), 2.0))], negative
-        if node.operation == ca.OP_DIV:
-            return [*factors, self._inverse(self._new[node.operands[1]])], negative
-        more, turned = self._factors(node.operands[1])
-        return factors + more, negative != turned
+    def _factors(self, number: int) -> tuple[list[int], bool]:
+        """The new nodes whose product a node is, and whether that is to be turned round."""
+        found, negative, waiting = [], False, [number]
+        while waiting:
+            number = waiting.pop()
+            node = self._old.nodes[number]
+            if number in self._new:
+                found.append(self._new[number])
+            elif node.operation == ca.OP_NEG:
+                negative = not negative
+                waiting.append(node.operands[0])
+            elif node.operation == ca.OP_DIV:
+                found.append(self._inverse(self._new[node.operands[1]]))
+                waiting.append(node.operands[0])
+            elif node.operation == ca.OP_TWICE:
+                found.append(self._add(Node(ca.OP_CONST, (), 2.0)))
+                waiting.append(node.operands[0])
+            else:  # a square has its operand once
+                waiting += node.operands * (2 if node.operation == ca.OP_SQ else 1)
+        return found, negative
 
     def _reduced(self, factors: list[int]) -> tuple[int, ...]:
         """Two factors whose product is that of all: the earliest are multiplied first."""

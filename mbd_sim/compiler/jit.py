@@ -60,7 +60,7 @@ PASSES = "always-inline sroa new-gvn simplify-cfg dse, O1"  # what `_compiled` d
 def _compiled(text: str, machine: llvm.TargetMachine) -> bytes:
     """The object code of a module.
 
-    CasADi's instruction order is already good: LLVM's instruction combining makes values live longer and costs 20 %
+    The instruction order is already good: LLVM's instruction combining makes values live longer and costs 20 %
     in spilled registers on long chains, and its full pipelines take three times as long. So only what the stepping
     loop needs is run: inlining, arrays into registers, value numbering, dead stores.
     """

@@ -15,6 +15,7 @@ from mbd_sim.compiler.gauss import gauss_step
 from mbd_sim.compiler.jit import MachineCode, compile_module, new_module
 from mbd_sim.compiler.linearization import linearize
 from mbd_sim.compiler.lower import instruction_count, lower
+from mbd_sim.compiler.program import Instructions
 from mbd_sim.compiler.python_call import callable_of, emit_call
 from mbd_sim.compiler.rosenbrock import rosenbrock_step
 from mbd_sim.compiler.runge_kutta import explicit_step
@@ -24,7 +25,7 @@ from mbd_sim.integrators.gauss import Gauss
 from mbd_sim.integrators.methods import Method
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 
-INLINED = 2500  # instructions of all stages together up to which the rates are inlined into the loop
+INLINED = 2000  # instructions of all stages together up to which the rates are inlined into the loop
 
 _ADDRESS, _INT, _DOUBLE = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 _ADVANCE = (_ADDRESS, _ADDRESS, _INT, _DOUBLE, _INT)
@@ -69,7 +70,8 @@ def compile_kernel(
     """
     core = slice(0, rates.nnz_out(0)) if core is None else core
     module = new_module()
-    system = emit_system(module, rates, settle, method, core.stop)
+    program = arranged(rates)
+    system = emit_system(module, rates, program, settle, method, core.stop)
     advance = emit_advance(module, system, _step_of(method, rates, core))
     emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
     for name, function in readers.items():
@@ -80,24 +82,30 @@ def compile_kernel(
         estimating_advance=ctypes.CFUNCTYPE(_INT, *_ADVANCE, _ADDRESS)(code.address("estimating_advance")),
         readers={name: _reader(code.address(f"read_{name}"), function) for name, function in readers.items()},
         reads_inputs={name: function.n_in() > 2 for name, function in readers.items()},
-        instructions=instruction_count(rates),
+        instructions=instruction_count(program),
         code=code,
     )
 
 
 def emit_system(
-    module: ir.Module, rates: ca.Function, settle: ca.Function | None, method: Method, watched: int, lanes: int = 1
+    module: ir.Module,
+    rates: ca.Function,
+    program: Instructions,
+    settle: ca.Function | None,
+    method: Method,
+    watched: int,
+    lanes: int = 1,
 ) -> System:
-    """Emit the functions of a system, for one member or for several at once."""
+    """Emit the functions of a system, for one member or for several at once; `program` are the rates arranged."""
     judging = rates.n_out() > 1
-    inline = instruction_count(rates) * method.stages <= INLINED
+    inline = instruction_count(program) * method.stages <= INLINED
     settling = None
     if settle is not None:
         settling = lower(module, arranged(settle, fused=False), inline=not judging, lanes=lanes)
     return System(
         size=rates.nnz_out(0),
         watched=watched,
-        rates=lower(module, arranged(rates), inline=inline, lanes=lanes),
+        rates=lower(module, program, inline=inline, lanes=lanes),
         settle=settling,
         judging=judging,
         settling_by_inputs=settle is not None and settle.n_in() > 2,

@@ -1,7 +1,8 @@
-"""CasADi's instruction lists to LLVM IR: one scalar instruction each, in IEEE 754 order.
+"""Instruction lists, CasADi's or arranged ones, to LLVM IR: one scalar instruction each, in IEEE 754 order.
 
 Only divisions by the same number become one reciprocal and products, as a division costs some ten of them. No flag
-allows LLVM to reassociate or contract, so that the same list gives the same bits on every machine.
+allows LLVM to reassociate or contract, so that the same list gives the same bits on every machine. What is to be
+reassociated or fused, `arrange` writes into the list.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.compiler.arrange import arranged
 from mbd_sim.compiler.jit import MachineCode, compile_module, new_module
 from mbd_sim.compiler.kernel import Kernel, emit_system
 from mbd_sim.compiler.runge_kutta import explicit_step
@@ -42,7 +43,7 @@ def compile_members(
 ) -> MemberKernel:
     """Compile y' = rates(t, y, inputs) for groups of members; see `compile_kernel`."""
     module = new_module()
-    system = emit_system(module, rates, settle, method, watched, lanes)
+    system = emit_system(module, rates, arranged(rates), settle, method, watched, lanes)
     emit_advance_members(module, system, explicit_step(method), lanes, rates.nnz_in(2))
     code = compile_module(module)
     signature = ctypes.CFUNCTYPE(None, *[_ADDRESS] * 4, _INT, _DOUBLE, *[_INT] * 3)

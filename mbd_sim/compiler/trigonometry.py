@@ -1,8 +1,9 @@
 """Sine and cosine together, as inlined IR.
 
-The polynomials and the reduction are those of FDLIBM (Sun Microsystems, k_sin.c, k_cos.c, e_rem_pio2.c), exact for
-|x| < 1.6e6 rad to 0.8 units in the last place, and to 1.1 next to multiples of pi/2; beyond, the C library is called.
-One reduction serves both values, and every machine gets the same bits, which its C library would not promise.
+The polynomials and the reduction are those of FDLIBM (Sun Microsystems, k_sin.c, k_cos.c, e_rem_pio2.c), written with
+fused multiply-adds and with pi/2 to 172 bits, exact for |x| < 1.6e6 rad to 0.8 units in the last place; beyond, the C
+library is called. One reduction serves both values, and every machine gets the same bits, which its C library would
+not promise.
 """
 
 from __future__ import annotations

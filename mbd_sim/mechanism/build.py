@@ -16,7 +16,7 @@ from mbd_sim.mechanism.constraints import Constraint
 from mbd_sim.mechanism.ends import end_of
 from mbd_sim.mechanism.force_records import ForceElements, force_elements
 from mbd_sim.mechanism.joint_records import joint_of, parallel
-from mbd_sim.mechanism.model import GROUND, Joint, Mechanism, Part, Pose
+from mbd_sim.mechanism.model import GROUND, Joint, Mechanism, Mesh, Part, Pose
 from mbd_sim.mechanism.schema_constraints import AnyConstraint
 from mbd_sim.mechanism.schema_forces import AnyForce
 from mbd_sim.mechanism.schema_joints import AnyJoint
@@ -162,6 +162,10 @@ def _part(name: str, record: schema.Part, source: Source, problems: list[Problem
         inertia=tensor,
         points=_poses(record.points),
         shapes=tuple(inertia.drawn(shape) for shape in shapes),
+        meshes=tuple(
+            Mesh(mesh.file, Pose(np.array(mesh.at), rot.of_record(mesh.rotate)), mesh.scale, mesh.color)
+            for mesh in record.meshes
+        ),
     )
 
 

@@ -53,7 +53,7 @@ def _found(path: Path) -> Path:
                 [Problem("is a folder", "Give a .yaml or .urdf file in it.", key="mechanism", value=quoted(str(path)))]
             )
         beside = path.parent.iterdir() if path.parent.is_dir() else ()
-        names = [str(near) for near in beside if near.suffix in SUFFIXES]
+        names = [str(near) for near in beside if near.suffix in (".yaml", ".yml", ".urdf")]
         remedy = nearest(str(path), names) or "Check the path."
         raise MechanismError(
             [Problem(message="there is no such file", remedy=remedy, key="mechanism", value=quoted(str(path)))]

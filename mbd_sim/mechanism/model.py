@@ -74,6 +74,16 @@ class Shape:
 
 
 @dataclass(frozen=True, eq=False)
+class Mesh:
+    """The URI of a surface for others to draw, its origin at `pose`, and its factors (3,) of size along its axes."""
+
+    file: str
+    pose: Pose
+    scale: tuple[float, float, float]
+    color: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Part:
     """A rigid body: `mass` in kg, `center` (3,) of mass and `inertia` (3, 3) about it, in the part's frame."""
 
@@ -83,6 +93,7 @@ class Part:
     inertia: Array
     points: Mapping[str, Pose] = field(default_factory=dict)
     shapes: tuple[Shape, ...] = ()
+    meshes: tuple[Mesh, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,13 @@ def to_quaternion(rotation: Array) -> Array:
     return q if q[0] >= 0.0 else -q
 
 
+def of_vector(vector: Array) -> Array:
+    """The unit quaternion (w, x, y, z) of a rotation vector (3,): axis times angle in rad."""
+    angle = float(np.linalg.norm(vector))
+    half = 0.5 * np.sinc(0.5 * angle / np.pi)  # sin(angle / 2) / angle, also at zero
+    return np.array([math.cos(0.5 * angle), *(half * vector)])
+
+
 def quaternions(matrices: Array) -> Array:
     """The unit quaternions (n, 4) in the order (x, y, z, w) of ROS and Rerun, of rotation matrices (n, 3, 3).
 

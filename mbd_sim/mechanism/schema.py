@@ -13,6 +13,7 @@ from mbd_sim.mechanism.quantity import (
     Acceleration,
     Mass,
     MomentOfInertia,
+    Number,
     PositiveDensity,
     PositiveLength,
     PositiveTime,
@@ -32,6 +33,8 @@ from mbd_sim.mechanism.schema_constraints import AnyConstraint
 from mbd_sim.mechanism.schema_forces import AnyForce
 from mbd_sim.mechanism.schema_joints import AnyJoint
 
+Color = Annotated[str, StringConstraints(pattern=r"^#[0-9a-fA-F]{6}$")]
+
 
 class Ground(Record):
     """The part that does not move."""
@@ -44,7 +47,7 @@ class Shape(Record):
 
     mass: Mass | None = Field(None, description="the shape's own mass; 0 where it is only drawn")
     hole: bool = Field(False, description="takes material away")
-    color: Annotated[str, StringConstraints(pattern=r"^#[0-9a-fA-F]{6}$")] | None = None
+    color: Color | None = None
 
     @model_validator(mode="after")
     def _one_mass(self) -> Shape:
@@ -140,6 +143,16 @@ AnyShape = Annotated[
 ]
 
 
+class Mesh(Record):
+    """A file with a surface to draw, which this program does not read: its URI is told to others in URDF."""
+
+    file: Annotated[str, StringConstraints(min_length=1, max_length=1000)]
+    scale: tuple[Number, Number, Number] = (1.0, 1.0, 1.0)
+    at: Vector = (0.0, 0.0, 0.0)
+    rotate: Rotation | None = None
+    color: Color | None = None
+
+
 class Inertia(Record):
     """Moments and products of inertia about the mass centre, in the part's axes (I_xy = -∫ x y dm)."""
 
@@ -167,6 +180,7 @@ class Part(Record):
     inertia_check: bool = Field(True, description="false: take an inertia that no rigid body has as it is")
     shape: AnyShape | None = None
     shapes: list[AnyShape] | None = None
+    meshes: list[Mesh] = Field([], description="only told to others, in URDF")
     points: dict[Name, PointOrVector] = Field(default={})
 
     @model_validator(mode="after")

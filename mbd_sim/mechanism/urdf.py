@@ -17,7 +17,7 @@ import numpy as np
 from mbd_sim.errors import listed
 from mbd_sim.mechanism.constraints import Coupling
 from mbd_sim.mechanism.expression import TIME, names_in
-from mbd_sim.mechanism.model import GROUND, Array, Joint, Mechanism, Part, Pose, Shape, identity_pose
+from mbd_sim.mechanism.model import GROUND, Array, Joint, Mechanism, Mesh, Part, Pose, Shape, identity_pose
 from mbd_sim.mechanism.rotation import to_rpy
 from mbd_sim.mechanism.urdf_values import own_name
 
@@ -52,7 +52,7 @@ def to_urdf(mechanism: Mechanism) -> str:
     """The URDF of a mechanism; a comment in it names what URDF cannot say.
 
     Gears, racks and couplings of two coordinates become `<mimic>`, a screw a hinge that a slider mimics. A spherical
-    joint, for which URDF has no word, becomes `floating`.
+    joint, for which URDF has no word, becomes `floating`. Beside meshes, a part's shapes are what collides.
     """
     robot = Element("robot", name=mechanism.name)
     mimics = _mimics(mechanism)
@@ -216,15 +216,26 @@ def _add_link(robot: Element, part: Part) -> None:
         names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
         moments = {name: _number(float(part.inertia[place])) for name, place in names.items()}
         ElementTree.SubElement(inertial, "inertia", moments)
+    for mesh in part.meshes:
+        geometry = _add_geometry(link, "visual", part, mesh)
+        ElementTree.SubElement(geometry, "mesh", filename=mesh.file, scale=_text(np.array(mesh.scale)))
     for shape in part.shapes:
         if not shape.hole:
-            _add_visual(link, part, shape)
+            _add_shape(_add_geometry(link, "collision" if part.meshes else "visual", part, shape), shape)
 
 
-def _add_visual(link: Element, part: Part, shape: Shape) -> None:
-    visual = ElementTree.SubElement(link, "visual")
-    _add_origin(visual, shape.pose)
-    geometry = ElementTree.SubElement(visual, "geometry")
+def _add_geometry(link: Element, tag: str, part: Part, drawn: Shape | Mesh) -> Element:
+    element = ElementTree.SubElement(link, tag)
+    _add_origin(element, drawn.pose)
+    geometry = ElementTree.SubElement(element, "geometry")
+    if drawn.color and tag == "visual":
+        red, green, blue = (int(drawn.color[place : place + 2], 16) / 255 for place in (1, 3, 5))
+        material = ElementTree.SubElement(element, "material", name=f"{part.name}_{drawn.color[1:]}")
+        ElementTree.SubElement(material, "color", rgba=_text(np.array([red, green, blue, 1.0])))
+    return geometry
+
+
+def _add_shape(geometry: Element, shape: Shape) -> None:
     match shape.kind, shape.size:
         case ("block", size):
             ElementTree.SubElement(geometry, "box", size=_text(np.array(size)))
@@ -237,10 +248,6 @@ def _add_visual(link: Element, part: Part, shape: Shape) -> None:
             ElementTree.SubElement(geometry, "cylinder", length=thickness, radius=_number(radius))
         case ("sphere" | "particle", (radius,)):
             ElementTree.SubElement(geometry, "sphere", radius=_number(radius))
-    if shape.color:
-        red, green, blue = (int(shape.color[place : place + 2], 16) / 255 for place in (1, 3, 5))
-        material = ElementTree.SubElement(visual, "material", name=f"{part.name}_{shape.color[1:]}")
-        ElementTree.SubElement(material, "color", rgba=_text(np.array([red, green, blue, 1.0])))
 
 
 def _add_origin(element: Element, pose: Pose) -> None:

@@ -14,7 +14,6 @@ from mbd_sim.mechanism.urdf_values import Reading, placed, pose_of, rows
 from mbd_sim.mechanism.urdf_xml import Element
 
 MOMENTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
-SHAPES = ("box", "cylinder", "sphere")
 
 Origins = dict[Location, Origin]
 
@@ -24,11 +23,10 @@ def part_of(reading: Reading, link: Element, key: str, colors: dict[str, str], o
     part: dict[str, Any] = {"mass": 0.0}
     if inertial := link.first("inertial"):
         part |= _inertial(reading, inertial, f"{key}.inertial", origins)
-    shapes = _shapes(reading, link, key, colors, origins)
-    if shapes:
+    drawn = _drawn(reading, link, key, colors, origins)
+    if "shapes" in drawn:
         part.setdefault("inertia", [0.0, 0.0, 0.0])  # beside which shapes are only drawn
-        part["shapes"] = shapes
-    return part
+    return part | drawn
 
 
 def _inertial(reading: Reading, inertial: Element, key: str, origins: Origins) -> dict[str, Any]:
@@ -74,36 +72,43 @@ def _tensor(tensor: Array) -> Any:
     return {name[1:]: float(tensor[place]) for name, place in MOMENTS.items()}
 
 
-def _shapes(
-    reading: Reading, link: Element, key: str, colors: dict[str, str], origins: Origins
-) -> list[dict[str, Any]]:
-    """The shapes of the visual elements, or else of the collision elements."""
+def _drawn(reading: Reading, link: Element, key: str, colors: dict[str, str], origins: Origins) -> dict[str, Any]:
+    """The meshes of the visual elements, and their shapes, or else those of the collision elements."""
+    drawn: dict[str, list[dict[str, Any]]] = {"meshes": [], "shapes": []}
     for tag in ("visual", "collision"):
-        shapes: list[dict[str, Any]] = []
         for element in link.all(tag):
-            if (shape := _shape(reading, element, f"{key}.{tag}", tag)) is not None:
-                if color := _color(reading, element, f"{key}.{tag}", colors):
-                    shape["color"] = color
-                origins[("shapes", len(shapes))] = reading.origin(element, f"{key}.{tag}")
-                shapes.append(shape)
-        if shapes:
-            return shapes
-    return []
+            shape = _shape(reading, element, f"{key}.{tag}", link_key=key)
+            if shape is None or (tag == "collision" and "file" in shape):
+                continue
+            if color := _color(reading, element, f"{key}.{tag}", colors):
+                shape["color"] = color
+            kind = "meshes" if "file" in shape else "shapes"
+            origins[(kind, len(drawn[kind]))] = reading.origin(element, f"{key}.{tag}")
+            drawn[kind].append(shape)
+        if drawn["shapes"]:
+            break
+    if drawn["meshes"]:
+        reading.leave_out("meshes, which are only told to others", key)
+    return {kind: shapes for kind, shapes in drawn.items() if shapes}
 
 
-def _shape(reading: Reading, element: Element, key: str, tag: str) -> dict[str, Any] | None:
+def _shape(reading: Reading, element: Element, key: str, link_key: str) -> dict[str, Any] | None:
     geometry = element.first("geometry")
     if geometry is None or not geometry.children:
-        reading.complain(geometry or element, key, "has no shape in its <geometry>", f"Add one, or remove <{tag}>.")
+        reading.complain(
+            geometry or element, key, "has no shape in its <geometry>", f"Add one, or remove <{element.tag}>."
+        )
         return None
     form = geometry.children[0]
-    where, link = f"{key}.{form.tag}", key.removesuffix(f".{tag}")
-    xyz, rpy = reading.pose(element, key)
+    where = f"{key}.{form.tag}"
+    place = placed(*reading.pose(element, key))
     match form.tag:
+        case "mesh":
+            return _mesh(reading, form, where, place)
         case "box":
-            size = reading.numbers(form, "size", where, 3)
             if "size" not in form.attributes:
                 reading.complain(form, where, "'size' is missing", "Add it.")
+            size = reading.numbers(form, "size", where, 3)
             shape: dict[str, Any] = {"type": "block", "size": size}
             sizes = size or []
         case "cylinder" | "sphere":
@@ -112,15 +117,22 @@ def _shape(reading: Reading, element: Element, key: str, tag: str) -> dict[str, 
             shape = {"type": form.tag, **found}
             sizes = [value for value in found.values() if value is not None]
         case _:
-            if tag == "visual":
-                reading.leave_out(f"{form.tag} shapes, which are not drawn", link)
+            reading.leave_out(f"{form.tag} shapes, which are not drawn", link_key)
             return None
     if not sizes or None in shape.values():
         return None
     if min(sizes) <= 0.0:
-        reading.leave_out("shapes without size, which are not drawn", link)
+        reading.leave_out("shapes without size, which are not drawn", link_key)
         return None
-    return shape | placed(xyz, rpy)
+    return shape | place
+
+
+def _mesh(reading: Reading, form: Element, key: str, place: dict[str, Any]) -> dict[str, Any] | None:
+    if not form.attributes.get("filename"):
+        reading.complain(form, key, "'filename' is missing", "Add it.")
+        return None
+    scale = reading.numbers(form, "scale", key, 3)
+    return {"file": form.attributes["filename"]} | ({"scale": scale} if scale else {}) | place
 
 
 def _color(reading: Reading, element: Element, key: str, colors: dict[str, str]) -> str | None:

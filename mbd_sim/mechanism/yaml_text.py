@@ -41,13 +41,13 @@ def _node(value: Any, location: Location) -> yaml.Node:
 
 
 def _block(location: Location) -> bool:
-    """Whether what stands here takes lines of its own: sections, their entries, and the points and shapes of parts."""
+    """Whether what stands here takes lines of its own: sections, their entries, and the lists of parts."""
     match location:
         case () | ("parameters" | "parts" | "joints" | "constraints" | "forces" | "ground",):
             return True
         case ("ground", "points") | ("parts" | "joints" | "constraints" | "forces", _):
             return True
-        case ("parts", _, "points" | "shapes"):
+        case ("parts", _, "points" | "shapes" | "meshes"):
             return True
     return False
 

@@ -39,7 +39,7 @@ class Declared:
 
 
 PARAMETERS = (
-    Declared("mechanism", "double_rod", "a mechanism file (.yaml), or the name of a mechanism that ships"),
+    Declared("mechanism", "double_rod", "a mechanism file (.yaml), a robot's .urdf, or the name of one that ships"),
     Declared("method", "", "integration method; empty: that of the mechanism's file"),
     Declared("step", 0.0, "integration step in s; 0: that of the mechanism's file", 0.0, 1.0),
     Declared("publish_rate", 100.0, "joint_states and energies per simulated second", 0.0, 100_000.0, live=True),

@@ -39,6 +39,7 @@ from mbd_sim.viewer import Viewer, ViewerError
 
 IMPOSSIBLE = (MbdSimError, ValueError, ImportError, InvalidParameterTypeException, InvalidParameterValueException)
 STARVED = 3  # times a second that the schedule may start anew before the stepping thread gives up its priority
+LOOK = 0.2  # seconds between looks at signals
 
 
 class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
@@ -322,7 +323,8 @@ def _run(ended: threading.Event) -> int:
     spinning = threading.Thread(target=spin, name="executor", daemon=True)
     spinning.start()
     node.start()
-    ended.wait()
+    while not ended.wait(LOOK):  # a signal that another thread receives does not wake this one
+        pass
     node.stop()
     executor.shutdown()
     spinning.join(timeout=2.0)

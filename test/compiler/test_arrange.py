@@ -73,6 +73,12 @@ def test_a_long_sum_is_a_tree():
     assert cycles(arranged(chain)) == 6 * ADD
 
 
+def test_sums_may_be_as_long_as_they_like():
+    x = ca.SX.sym("x", 5000)
+    chain = function_of(-sum((x[i] * x[i] for i in range(5000)), x[0]), x)
+    assert interpret(arranged(chain), None, [range(5000)]) == [-sum(i * i for i in range(5000))]
+
+
 def test_a_long_product_is_a_tree():
     x = ca.SX.sym("x", 8)
     product = x[0]
@@ -118,6 +124,15 @@ def test_signs():
     function = function_of(ca.vertcat(*expressions), x, y, z)
     numbers = [[3.0], [5.0], [8.0]]
     assert interpret(arranged(function), None, numbers).tolist() == np.array(function(3.0, 5.0, 8.0)).ravel().tolist()
+
+
+def test_a_wide_list_keeps_its_order():
+    """Eighty roots of two sums: by need all sums would come first, and eighty values wait."""
+    x = ca.SX.sym("x", 160)
+    function = function_of(ca.vertcat(*(ca.sqrt(x[2 * i] + x[2 * i + 1]) for i in range(80))), x)
+    assert operations(arranged(function)) == [ca.OP_ADD, ca.OP_SQRT] * 80
+    few = function_of(ca.vertcat(*(ca.sqrt(x[2 * i] + x[2 * i + 1]) for i in range(8))), x)
+    assert operations(arranged(few)) == [ca.OP_ADD] * 8 + [ca.OP_SQRT] * 8
 
 
 def test_what_no_output_needs_is_left_out_and_places_are_used_again():

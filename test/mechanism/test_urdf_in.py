@@ -206,7 +206,7 @@ def test_shapes_and_colours():
       <visual><origin xyz="1 0 0" rpy="0 0 0.5"/><geometry><box size="1 2 3"/></geometry><material name="red"/></visual>
       <visual><geometry><cylinder radius="1" length="2"/></geometry></visual>
       <visual><geometry><sphere radius="0.5"/></geometry><material name="x"><color rgba="0 0.5 1 1"/></material></visual>
-      <visual><geometry><mesh filename="package://x/y.stl"/></geometry></visual>
+      <visual><origin xyz="0 1 0"/><geometry><mesh filename="package://x/y.stl" scale="1 2 3"/></geometry></visual>
       <visual><geometry><box size="0 0 0"/></geometry></visual>
       <collision><geometry><box size="9 9 9"/></geometry></collision>"""
     material = '<material name="red"><color rgba="1 0 0 0.5"/></material>'
@@ -218,6 +218,8 @@ def test_shapes_and_colours():
         ("sphere", (0.5,), "#0080ff"),
     ]
     assert shapes[0].pose.position.tolist() == [1, 0, 0] and mechanism.parts["a"].mass == 2.0
+    (mesh,) = mechanism.parts["a"].meshes
+    assert (mesh.file, mesh.scale) == ("package://x/y.stl", (1, 2, 3)) and mesh.pose.position.tolist() == [0, 1, 0]
     assert len(mechanism.source.notes) == 2
 
 
@@ -406,4 +408,6 @@ def test_check_tells_what_was_left_out(tmp_path, capsys):
     path.write_text(arm())
     assert main(["check", str(path), "--json"]) == 0
     remarks = json.loads(capsys.readouterr().out)["remarks"]
-    assert any(remark.startswith("from the URDF, mesh shapes, which are not drawn: link[link1]") for remark in remarks)
+    assert any(
+        remark.startswith("from the URDF, meshes, which are only told to others: link[link1]") for remark in remarks
+    )

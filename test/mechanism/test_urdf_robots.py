@@ -56,6 +56,24 @@ def test_accelerations_of_a_robot(path, base):
     close(mechanism, Oracle(pin, text_of(path), mechanism, base == "free"), np.random.default_rng(1), 1e-9)
 
 
+def test_a_mimic_is_a_constraint_on_what_pinocchio_finds_without_it():
+    """With G = ∂(q₂ - q₁)/∂q, the accelerations a change by -M⁻¹ Gᵀ (G M⁻¹ Gᵀ)⁻¹ G a."""
+    path = CASES[0][0]
+    mechanism = parse_mechanism((ROBOTS / path).read_text(encoding="utf-8"), path)
+    (coupling,) = mechanism.constraints
+    first, second = (mechanism.coordinate_names.index(name) for name in coupling.factors)
+    oracle = Oracle(pin, text_of(path), mechanism, free=False)
+    q, u, efforts = random_state(mechanism, np.random.default_rng(3))
+    q[first], u[first] = q[second], u[second]
+    free = oracle.accelerations(q, u, efforts)
+    unit = np.eye(len(u))
+    inverse = np.column_stack([oracle.accelerations(q, u, efforts + force) - free for force in unit])
+    gradient = unit[second] - unit[first]
+    exact = free - inverse @ gradient * (gradient @ free) / (gradient @ inverse @ gradient)
+    found = accelerations(derive(mechanism), q, u, efforts)
+    assert np.max(np.abs(found - exact)) <= 1e-9 * np.max(np.abs(exact))
+
+
 @pytest.mark.parametrize(("path", "base"), CASES[:1] + CASES[4:5], ids=["panda", "go2"])
 def test_pinocchio_takes_the_urdf_that_is_written(path, base):
     mechanism = parse_mechanism(text_of(path), path, base)

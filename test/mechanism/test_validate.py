@@ -234,7 +234,7 @@ def test_what_uses_a_faulty_parameter_is_not_reported_as_well():
 
 def test_an_error_prints_as_file_line_key_message_value_and_remedy():
     problem = problem_of(changed(("shape:", "sape:"), ("    mass: m\n", "")))
-    valid = "center, inertia, inertia_check, mass, points, shapes"
+    valid = "center, inertia, inertia_check, mass, meshes, points, shapes"
     assert str(problem) == f"file.yaml:7: parts.rod.sape: unknown key 'sape'. Did you mean 'shape'? Others: {valid}."
     problem = problem_of(changed((MASS, "    mass: -3\n")))
     assert str(problem) == (

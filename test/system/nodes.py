@@ -27,6 +27,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from mbd_sim import Simulation
 from mbd_sim.mechanism.load import load_mechanism
+from mbd_sim.mechanism.model import Mechanism
 from mbd_sim.ros.parameters import PARAMETERS
 
 _counter = itertools.count()
@@ -147,9 +148,9 @@ class Listener:
         rclpy.shutdown(context=self.context)
 
 
-def as_in_the_node(mechanism: str | Path) -> Simulation:
+def as_in_the_node(mechanism: str | Path | Mechanism) -> Simulation:
     """The simulation that a node with default parameters runs, bit for bit."""
-    loaded = load_mechanism(mechanism)
+    loaded = mechanism if isinstance(mechanism, Mechanism) else load_mechanism(mechanism)
     live = next(declared.default for declared in PARAMETERS if declared.name == "live")
     return Simulation(loaded, wrenches=tuple(loaded.parts), live=[name.strip() for name in live.split(",")])
 

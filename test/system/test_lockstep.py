@@ -5,16 +5,16 @@ import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from mbd_sim import CommandError, Simulation
+from mbd_sim import CommandError
 from mbd_sim.examples.pd_hold import PdHold
 from mbd_sim.ros.lockstep import Lockstep, LockstepError
-from test.system.nodes import running
+from test.system.nodes import as_in_the_node, running
 
 pytestmark = pytest.mark.timeout(90)
 
 
 def test_a_thousand_control_cycles_give_the_same_bits_as_without_ros(tmp_path):
-    sim = Simulation.from_file("double_pendulum")
+    sim = as_in_the_node("double_pendulum")
     law, target = PdHold(sim.mechanism, stiffness=15.0, damping=0.4), np.array([2.0, 0.8])
     with (
         running(tmp_path, mechanism="double_pendulum") as (_, listener),

@@ -11,8 +11,8 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from mbd_sim import Simulation, parse_mechanism
-from test.system.nodes import running
+from mbd_sim import parse_mechanism
+from test.system.nodes import as_in_the_node, running
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "mechanism"))
 from urdf_robots import quadruped
@@ -53,7 +53,7 @@ def test_a_robot_flies_and_its_recording_is_enough_to_compute_the_run_again(tmp_
             (message.sequence, list(content.velocity))
             for _, channel, message, content in reader.iter_decoded_messages(topics=["/joint_states"])
         ]
-    simulation = Simulation(parse_mechanism(attachment.data.decode()))
+    simulation = as_in_the_node(parse_mechanism(attachment.data.decode()))
     assert len(recorded) > 20
     for step, velocity in recorded:
         simulation.step(step - simulation.steps)
