@@ -13,9 +13,8 @@ import rerun as rr
 
 from mbd_sim.viewer import paths
 from mbd_sim.viewer.prop import Logged
+from mbd_sim.viewer.told import EXPIRED, RESET, is_command
 
-COMMANDED = "command"
-EXPIRED = "commands expired"
 RUN, COMMANDS = f"{paths.STATES}/run", f"{paths.STATES}/commands"
 STYLES = {
     RUN: {"running": (70, 130, 180), "paused": (150, 150, 160), "stopped": (229, 101, 98)},
@@ -29,11 +28,6 @@ class Event(NamedTuple):
 
     time: float
     text: str
-
-
-def is_command(text: str) -> bool:
-    """Whether it only tells that a command took effect."""
-    return text.startswith(COMMANDED) and not text.startswith(EXPIRED)
 
 
 def level(text: str) -> str:
@@ -71,4 +65,4 @@ def _run(text: str) -> str:
 def _commands(text: str) -> str:
     if is_command(text):
         return "taken"
-    return "expired" if text.startswith(EXPIRED) else "none" if text.startswith("reset") else ""
+    return "expired" if text.startswith(EXPIRED) else "none" if text.startswith(RESET) else ""

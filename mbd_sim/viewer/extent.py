@@ -25,7 +25,7 @@ class Extent:
 
     `size` is the length in m of the mechanism as it starts; markers are sized by it. `normal` (3,) is the unit
     normal of the plane of motion, None for spatial mechanisms. `travel` is from where to where in m the prismatic and
-    cylindrical joints of the tree slide.
+    cylindrical joints slide.
     """
 
     lower: Array
@@ -61,7 +61,7 @@ def extent_of(model: Model) -> Extent:
         np.maximum(upper, moved.max(axis=0)),
         size,
         _plane(model.mechanism, model),
-        _travel(model, times, states, size),
+        _travel(model, frames, size),
     )
 
 
@@ -79,17 +79,22 @@ def _preview(model: Model) -> tuple[list[float], list[Array]]:
     return times, states
 
 
-def _travel(model: Model, times: list[float], states: list[Array], size: float) -> dict[str, tuple[float, float]]:
+def _travel(model: Model, frames: list[Array], size: float) -> dict[str, tuple[float, float]]:
     """Slides that run away count as far as the size of the mechanism beyond their start."""
+    still = np.concatenate([np.zeros(3), np.eye(3).ravel()])
+    poses = {GROUND: np.tile(still, (len(frames), 1))}
+    poses |= {name: np.array([frame[index] for frame in frames]) for index, name in enumerate(model.part_names)}
     found = {}
-    for name, joint in model.mechanism.joints.items():
+    for name, joint in model.mechanism.all_joints.items():
         if joint.type not in SLIDING:
             continue
-        if joint.drive:
-            row = model.driven_names.index(joint.motion_names[0])
-            slid = np.array([model.drives(t, y, model.inputs)[0, row] for t, y in zip(times, states, strict=True)])
-        else:
-            slid = np.array([y[model.layout.q[name].start] for y in states])
+        parent, child = (
+            poses[part][:, :3] + np.einsum("nji,j->ni", poses[part][:, 3:].reshape(-1, 3, 3), frame.position)
+            for part, frame in ((joint.parent, joint.parent_pose), (joint.child, joint.child_pose))
+        )
+        axis = joint.parent_pose.rotation @ joint.axis
+        turned = np.einsum("nji,j->ni", poses[joint.parent][:, 3:].reshape(-1, 3, 3), axis)
+        slid = np.sum((child - parent) * turned, axis=1)
         slid = np.clip(slid, slid[0] - size, slid[0] + size)
         found[name] = (float(slid.min()), float(slid.max()))
     return found

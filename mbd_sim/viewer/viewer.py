@@ -23,6 +23,7 @@ from mbd_sim.viewer.mailbox import Mailbox
 from mbd_sim.viewer.rows import RowWriter
 from mbd_sim.viewer.sinks import ViewerError, checked_sink, is_live
 from mbd_sim.viewer.stage import TRACE_TIME, Look, make_stage
+from mbd_sim.viewer.told import Telling
 
 PERIOD = 0.05  # s between two batches
 BATCH = 500  # samples
@@ -30,8 +31,6 @@ FLUSH_PERIOD = 1.0  # s
 OPEN_TIMEOUT, CLOSE_TIMEOUT = 60.0, 20.0  # s
 if TYPE_CHECKING:
     from mbd_sim.model import Energies, Model
-
-COMMAND = "command"  # an event that repeats with every command, of which the first is told
 
 _log = logging.getLogger(__name__)
 
@@ -75,7 +74,7 @@ class Viewer:
                 raise ValueError(f"the {what} must be a positive number, not {value!r}")
         if importlib.util.find_spec("rerun") is None:
             raise ViewerError("Rerun is not installed. Install it with: pip install rerun-sdk")
-        self._rate, self._frame, self._commanded = rate, -1, False
+        self._rate, self._frame, self._telling = rate, -1, Telling()
         self._samples: Mailbox[Array] = Mailbox(capacity)
         self._events: Mailbox[tuple[float, str]] = Mailbox(capacity)
         self._writer = RowWriter(model, reactions)
@@ -138,10 +137,8 @@ class Viewer:
 
     def event(self, time: float, text: str) -> None:
         """Write a line to the log; of commands in a row only the first is told."""
-        told = text == COMMAND
-        if not (told and self._commanded):
+        if self._telling.worth(text):
             self._events.put((time, text))
-        self._commanded = told or (self._commanded and not text.startswith((COMMAND, "reset")))
 
     def flush(self, timeout: float = 60.0) -> None:
         """Wait until what was offered so far is sent: for whoever offers faster than it can be sent.
