@@ -19,10 +19,15 @@ def add_view(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     )
     parser.add_argument("recording", metavar="RUN", type=Path, help=_RUN)
     parser.add_argument("--save", metavar="FILE.rrd", help="write a file instead of opening a window")
-    parser.add_argument("--rerun", metavar="SINK", default="spawn", help="spawn (default), serve, connect, or a file.rrd")
+    parser.add_argument(
+        "--rerun", metavar="SINK", default="spawn", help="spawn (default), serve, connect, or a file.rrd"
+    )
     parser.add_argument("--rate", type=_positive, default=RATE, metavar="HZ", help="states a second (default 200)")
     parser.add_argument(
-        "--trace", action="append", metavar="POINT", help="leave a trace of part or part.point (default: ends of chains)"
+        "--trace",
+        action="append",
+        metavar="POINT",
+        help="leave a trace of part or part.point (default: ends of chains)",
     )
     parser.add_argument("--trace-time", type=_positive, default=1.0, metavar="S", help="how long it stays (default 1)")
     parser.add_argument("--reactions", action="store_true", help="show the forces through the joints")
@@ -40,7 +45,7 @@ def add_plot(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument("recording", metavar="RUN", type=Path, help=_RUN)
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help=".png, .svg, .pdf or .html")
     parser.add_argument(
-        "--show", metavar="WHAT", default="", help="some of energies,joints,phase,residual (default: all there is)"
+        "--show", metavar="WHAT", default="", help="some of energies,joints,residual,phase (default: all there is)"
     )
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
     parser.set_defaults(command=_plot)

@@ -84,5 +84,7 @@ def _parquet(path: Path, found: Mapping[str, Array | np.ndarray], about: Mapping
         import pyarrow as pa
         import pyarrow.parquet
     except ImportError as error:
-        raise MbdSimError("Parquet needs pyarrow. Install it with: pip install pyarrow; or write .csv or .npz") from error
+        raise MbdSimError(
+            "Parquet needs pyarrow. Install it with: pip install pyarrow; or write .csv or .npz"
+        ) from error
     pyarrow.parquet.write_table(pa.table(dict(found)).replace_schema_metadata(dict(about)), str(path))

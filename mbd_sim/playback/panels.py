@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,10 +11,10 @@ from mbd_sim.errors import MbdSimError, nearest
 from mbd_sim.mechanism.model import Array
 from mbd_sim.playback.table import ENERGY_NAMES, RunTable
 from mbd_sim.viewer import palette
+from mbd_sim.viewer.audit import residual_size
 from mbd_sim.viewer.palette import Color, mixed
 
-SHOWN = ("energies", "joints", "phase", "residual")
-LEAST = 1e-18  # J, what a residual of exactly 0 is drawn as
+SHOWN = ("energies", "joints", "residual", "phase")
 _ENERGY_COLORS = (
     palette.KINETIC, palette.POTENTIAL, palette.DISSIPATED, palette.WORK_APPLIED, palette.WORK_DRIVES, (40, 44, 52),
 )  # fmt: skip
@@ -53,7 +53,13 @@ def panels(table: RunTable, shown: Sequence[str] = ()) -> list[Panel]:
             raise MbdSimError(f"--show {name}: there is no such picture. {nearest(name, SHOWN)}")
         if not list(_MAKERS[name](table)):
             raise MbdSimError(f"{table.path}: holds nothing to show of '{name}'.")
-    return [panel for name in shown or SHOWN for panel in _MAKERS[name](table)]
+    found = [panel for name in shown or SHOWN for panel in _MAKERS[name](table)]
+    return [replace(panel, lines=tuple(_interrupted(line, table.resets) for line in panel.lines)) for panel in found]
+
+
+def _interrupted(line: Line, rows: Sequence[int]) -> Line:
+    """With a gap before each of some rows."""
+    return replace(line, x=np.insert(line.x, rows, np.nan), y=np.insert(line.y, rows, np.nan)) if rows else line
 
 
 def _energies(table: RunTable) -> Iterator[Panel]:
@@ -102,8 +108,7 @@ def _phase(table: RunTable) -> Iterator[Panel]:
 
 def _residual(table: RunTable) -> Iterator[Panel]:
     if table.energies is not None:
-        size = np.maximum(np.abs(table.energies[:, -1]), LEAST)
-        line = Line("|residual|", table.times, size, palette.RESIDUAL)
+        line = Line("|residual|", table.times, residual_size(table.energies), palette.RESIDUAL)
         yield Panel("Energy residual", "time, s", "J", (line,), logarithmic=True)
 
 

@@ -16,6 +16,7 @@ from mbd_sim.recording.parts import DamagedError, Message
 from mbd_sim.recording.reader import Recording
 from mbd_sim.recording.recompute import ENERGIES, EVENTS, ROLES, STATES, roles
 from mbd_sim.viewer import paths
+from mbd_sim.viewer.told import RESET
 
 ENERGY_NAMES = ("kinetic", "potential", "dissipated", "work_applied", "work_drives", "total", "residual")
 Progress = Callable[[float], None]  # hears the part that is done, from 0 to 1
@@ -31,7 +32,8 @@ class RunTable:
 
     `times` are in s: of the simulated clock in runs of ours, and since the first message elsewhere; `steps` count since
     the node started. `position`, `velocity` and `effort` (n, joints) are nan where a message had none; `units` are
-    `rad`, `m`, or "" where that is not known. `energies` (n, 7) are None where none are recorded.
+    `rad`, `m`, or "" where that is not known. `energies` (n, 7) are None where none are recorded. `resets` are the rows
+    at which the motion begins anew.
     """
 
     path: Path
@@ -46,6 +48,7 @@ class RunTable:
     effort: Array
     energies: Array | None
     events: tuple[tuple[float, str], ...]
+    resets: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()
     about: dict[str, str] = field(default_factory=dict)
 
@@ -78,6 +81,7 @@ def read_table(recording: Recording, progress: Progress = lambda done: None) -> 
     states: list[cdr.JointStates] = []
     audit: dict[int, Array] = {}
     events: list[tuple[int, str]] = []
+    resets: list[int] = []
     notes: list[str] = []
     for message in each(recording, progress, notes):
         if message.topic == topic:
@@ -90,6 +94,8 @@ def read_table(recording: Recording, progress: Progress = lambda done: None) -> 
                 audit[len(stamps) - 1] = cdr.numbers(message.payload).values
         elif known.get(message.topic) == EVENTS:
             events.append((message.time_ns, cdr.text(message.payload)))
+            if events[-1][1] == RESET:
+                resets.append(len(stamps))
     if not states:
         raise PlaybackError(f"{recording.path}: holds no joint states that can be read.")
     start = 0 if own else stamps[0][0]
@@ -112,6 +118,7 @@ def read_table(recording: Recording, progress: Progress = lambda done: None) -> 
         effort=_filled(names, [(state.names, state.effort) for state in states]),
         energies=energies,
         events=tuple(((time_ns - start) * 1e-9, text) for time_ns, text in events),
+        resets=tuple(row for row in resets if row < len(states)),
         notes=tuple(notes),
         about=dict(recording.about),
     )

@@ -1,8 +1,8 @@
 """Forces as arrows and couples as arcs: those of the file, commanded ones, and those that joints carry.
 
-Lengths are true to scale up to `LONGEST`: an arrow of `LONG` times the mechanism's size is the weight of all parts (for a
-couple: that weight at a quarter of the size), the largest force of the expression for forces of the file, and the limit for
-efforts that have one.
+Lengths are true to scale up to `LONGEST`: an arrow of `LONG` times the mechanism's size is the weight of all parts
+(for a couple: that weight at a quarter of the size), the largest force of the expression for forces of the file, and
+the limit for efforts that have one.
 """
 
 from __future__ import annotations

@@ -139,12 +139,20 @@ def joint_radius(mechanism: Mechanism, joint: Joint, size: float) -> float:
 
 
 def tip_of(part: Part) -> Array:
-    """The point (3,) of a part that leaves a trace, in its frame: of its points and rod ends the farthest out."""
+    """The point (3,) of a part that leaves a trace, in its frame: of its points and rod ends the farthest out.
+
+    Of parts with neither, a corner or a point on the rim, which is seen where the mass centre would be hidden.
+    """
     ends = [pose.position for pose in part.points.values()]
     for shape in part.shapes:
         if shape.kind == "rod":
             half = shape.pose.rotation[:, 2] * shape.size[0] / 2.0
             ends += [shape.pose.position - half, shape.pose.position + half]
+    rims = {"block": (0.5, 0.5, 0.5), "plate": (0.5, 0.5), "disc": (1.0,), "ring": (1.0,)}
+    if not ends and part.shapes and (share := rims.get(part.shapes[0].kind)):
+        pose, size = part.shapes[0].pose, np.zeros(3)
+        size[: len(share)] = np.multiply(share, part.shapes[0].size)
+        return np.asarray(pose.position + pose.rotation @ size)
     ends.append(part.center)
     return max(ends, key=lambda point: float(np.linalg.norm(point)))
 

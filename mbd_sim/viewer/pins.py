@@ -58,9 +58,11 @@ class _Pin:
 
     def static(self) -> Logged:
         joint, radius = self._joint, self._radius
-        along = Pose(joint.parent_pose.position, joint.parent_pose.rotation @ aligning_z(joint.axis)) if np.any(
-            joint.axis
-        ) else joint.parent_pose
+        along = (
+            Pose(joint.parent_pose.position, joint.parent_pose.rotation @ aligning_z(joint.axis))
+            if np.any(joint.axis)
+            else joint.parent_pose
+        )
         match joint.type:
             case "revolute":
                 yield from self._pin(along)
@@ -77,7 +79,9 @@ class _Pin:
                 yield self._entity, self._square(along)
             case _:
                 yield self._entity, shapes.sphere(along.position, 1.4 * radius, self._color)
-                ring = shapes.torus(joint.parent_pose, 1.5 * radius, 0.25 * radius, palette.mixed(self._color, (0, 0, 0), 0.4))
+                ring = shapes.torus(
+                    joint.parent_pose, 1.5 * radius, 0.25 * radius, palette.mixed(self._color, (0, 0, 0), 0.4)
+                )
                 yield f"{self._entity}/socket", ring
 
     def _pin(self, along: Pose) -> Logged:
@@ -89,7 +93,8 @@ class _Pin:
         yield f"{self._entity}/axis", rr.LineStrips3D([ends], radii=[-0.6], colors=[color])
         if joint.parent == GROUND:
             cheeks = [
-                Pose(along.position + side * 1.9 * radius * along.rotation[:, 2], along.rotation) for side in (-1.0, 1.0)
+                Pose(along.position + side * 1.9 * radius * along.rotation[:, 2], along.rotation)
+                for side in (-1.0, 1.0)
             ]
             yield f"{self._entity}/bearing", shapes.cylinders(cheeks, 0.6 * radius, 2.1 * radius, self._color)
         if joint.drive:

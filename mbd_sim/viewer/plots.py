@@ -11,6 +11,7 @@ import rerun as rr
 
 from mbd_sim.mechanism.model import Array
 from mbd_sim.viewer import palette, paths
+from mbd_sim.viewer.audit import residual_size
 from mbd_sim.viewer.coordinates import coordinates
 from mbd_sim.viewer.palette import Color
 from mbd_sim.viewer.placement import Placement
@@ -18,7 +19,6 @@ from mbd_sim.viewer.prop import Logged, Prop
 from mbd_sim.viewer.rows import Rows
 from mbd_sim.viewer.stage import Stage
 
-LEAST = 1e-18  # J, what a residual of exactly 0 is plotted as
 WIDTH = 1.6
 
 
@@ -124,7 +124,7 @@ class _Energies:
         yield from self._account.values(account[:, : len(self._account.names)])
         spent = total + dissipated
         yield from STACK.values(np.column_stack([potential, total, spent, spent - applied - drives]))
-        yield from RESIDUAL.values(np.log10(np.maximum(np.abs(residual), LEAST))[:, None])
+        yield from RESIDUAL.values(np.log10(residual_size(rows.of("audit")))[:, None])
         yield from RESIDUAL_PJ.values(residual[:, None] / paths.PICO)
 
 

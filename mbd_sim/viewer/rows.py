@@ -43,7 +43,7 @@ class RowLayout:
     @cached_property
     def width(self) -> int:
         """How many numbers a row has."""
-        return self.places[FIELDS[-1]].stop
+        return int(self.places[FIELDS[-1]].stop)
 
 
 class RowWriter:

@@ -79,7 +79,7 @@ def about(stage: Stage) -> rr.TextDocument:
         "| yellow | driven joints |\n| pink | joints and rods that close loops |\n| grey, white | other joints |\n"
         "| red arrows | forces of the file |\n| green arrows | commanded efforts and wrenches |\n"
         "| blue arrows | forces through joints, where asked for |",
-        f"An arrow of {LONG * stage.extent.size:.3g} m is {weight(stage):.3g} N, if its force has no scale of its own: the "
-        "largest value of its expression, or the effort limit of its joint.",
+        f"An arrow of {LONG * stage.extent.size:.3g} m is {weight(stage):.3g} N, if its force has no scale of its own: "
+        "the largest value of its expression, or the effort limit of its joint.",
     ]
     return rr.TextDocument("\n\n".join(lines), media_type=rr.MediaType.MARKDOWN)

@@ -24,8 +24,10 @@ TRACE_TIME = 1.0  # s
 
 @dataclass(frozen=True)
 class Look:
-    """What a person may choose: `traces` of points (`part` or `part.point`; None: the ends of the chains), how long
-    they stay in s of simulated time, and whether the forces through the joints are shown.
+    """What a person may choose.
+
+    `traces` of points (`part` or `part.point`; None: the ends of the chains), how long they stay in s of simulated
+    time, and whether the forces through the joints are shown.
     """
 
     traces: tuple[str, ...] | None = None
@@ -71,8 +73,7 @@ class Stage:
     def start_poses(self) -> Mapping[str, Pose]:
         """Where the parts are at the start, and ground."""
         placed = {
-            name: Pose(row[:3], row[3:].reshape(3, 3).T)
-            for name, row in zip(self.part_names, self.start, strict=True)
+            name: Pose(row[:3], row[3:].reshape(3, 3).T) for name, row in zip(self.part_names, self.start, strict=True)
         }
         return {GROUND: identity_pose(), **placed}
 

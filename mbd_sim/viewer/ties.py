@@ -99,7 +99,5 @@ def coil(radius: float) -> Array:
     """(n, 3): a coil spring along z from 0 to 1, with straight ends."""
     turn = np.linspace(0.0, 2.0 * np.pi * TURNS, 24 * TURNS + 1)
     grown = radius * np.minimum(1.0, np.minimum(turn, turn[-1] - turn) / np.pi)  # from the axis and back to it
-    wound = np.column_stack(
-        [grown * np.cos(turn), grown * np.sin(turn), STUB + (1.0 - 2.0 * STUB) * turn / turn[-1]]
-    )
+    wound = np.column_stack([grown * np.cos(turn), grown * np.sin(turn), STUB + (1.0 - 2.0 * STUB) * turn / turn[-1]])
     return np.vstack([[0.0, 0.0, 0.0], wound, [0.0, 0.0, 1.0]])

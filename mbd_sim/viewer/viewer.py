@@ -63,7 +63,7 @@ class Viewer:
     ) -> None:
         """Open the sink: 'spawn', 'serve', 'connect', 'connect:<url>', or a path ending in '.rrd'.
 
-        :param traces: points that leave a trace for `trace_time` s, as `part` or `part.point`; None: the ends of chains.
+        :param traces: points that leave a trace for `trace_time` s, as `part` or `part.point`; None: ends of chains.
         :param reactions: show the forces through the joints; they take a tenth of a millisecond or more a sample.
         :raises ViewerError: there is no such sink, it cannot be opened, or Rerun is not installed.
         :raises ValueError: the rate or capacity is not positive, or there is no such part or point to trace.
@@ -121,9 +121,7 @@ class Viewer:
         """The number of samples that were pushed out before they were sent."""
         return self._samples.dropped
 
-    def offer(
-        self, time: float, y: Array, inputs: Array, energies: Energies, motion_time: float | None = None
-    ) -> None:
+    def offer(self, time: float, y: Array, inputs: Array, energies: Energies, motion_time: float | None = None) -> None:
         """Show a state y with its inputs (see `Simulation.inputs`; the efforts will do) and energies.
 
         `motion_time` is the mechanism's own time in s, where it is not that of the timeline.
@@ -234,7 +232,7 @@ class Viewer:
 
 
 def _started() -> subprocess.Popen[bytes]:
-    """The viewer's process, in a session of its own: a Ctrl-C in the terminal is for the node, which ends it in order."""
+    """The viewer's process, in a session of its own: a Ctrl-C in the terminal is for the node, which ends it."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     command = [sys.executable, "-c", "import sys; from mbd_sim.viewer.worker import main; sys.exit(main())"]
     return subprocess.Popen(  # noqa: S603  (own arguments)
