@@ -10,53 +10,100 @@ from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
 
-ARGUMENTS = [
+# Parameters of the node: name, default, meaning.
+PARAMETERS = [
     ("mechanism", "double_rod", "a mechanism file, or the name of a mechanism that ships"),
+    ("method", "", "integration method; empty: that of the mechanism's file"),
+    ("step", "0.0", "integration step in s; 0: that of the mechanism's file"),
     ("publish_rate", "100.0", "joint states per simulated second"),
+    ("clock_rate", "200.0", "/clock messages per simulated second; 0: none"),
     ("real_time_factor", "1.0", "1: real time; 0: as fast as possible"),
     ("start_paused", "false", "wait for ~/pause or ~/step"),
+    ("command_timeout", "0.5", "simulated s without a command after which efforts go to zero; 0: never"),
     ("record", "true", "record the run to an MCAP file"),
     ("record_dir", "recordings", "folder of the recordings"),
     ("rerun", "", "spawn, serve, connect, or a file.rrd"),
+    ("marker_rate", "30.0", "markers per simulated second, where somebody listens; 0: none"),
+    ("joint_reactions", "false", "publish the force and moment that go through each joint"),
+    ("constraint_violation", "false", "publish how far loops and constraints are off"),
+    ("frame_prefix", "", "put before the names of frames, for several instances: name/"),
 ]
-RVIZ = ("rviz", "false", "robot_state_publisher and RViz beside it, where they are installed")
-KINDS = {"publish_rate": float, "real_time_factor": float, "start_paused": bool, "record": bool}
+KINDS = {
+    **dict.fromkeys(
+        ["step", "publish_rate", "clock_rate", "real_time_factor", "command_timeout", "marker_rate"], float
+    ),
+    **dict.fromkeys(["start_paused", "record", "joint_reactions", "constraint_violation"], bool),
+}
+OTHERS = [
+    ("namespace", "", "of all nodes"),
+    ("params_file", "", "a YAML file of parameters, such as live values; it has the last word"),
+    ("rviz", "false", "RViz with the markers beside it, and robot_state_publisher; what is not installed is told"),
+]
 
 
 def generate_launch_description():
     """The node with its parameters as launch arguments, and RViz where asked for."""
-    parameters = {
-        name: ParameterValue(LaunchConfiguration(name), value_type=KINDS.get(name, str)) for name, _, _ in ARGUMENTS
-    }
     return LaunchDescription(
         [
             *(
                 DeclareLaunchArgument(name, default_value=default, description=about)
-                for name, default, about in [*ARGUMENTS, RVIZ]
+                for name, default, about in [*PARAMETERS, *OTHERS]
             ),
-            Node(package="mbd_sim", executable="sim_node", name="sim_node", output="screen", parameters=[parameters]),
+            OpaqueFunction(function=simulation),
             OpaqueFunction(function=rviz, condition=IfCondition(LaunchConfiguration("rviz"))),
         ]
     )
 
 
-def rviz(context):
-    """RViz and robot_state_publisher on simulated time; a note where they are not installed."""
-    missing = [package for package in ("robot_state_publisher", "rviz2") if not installed(package)]
-    if missing:
-        return [LogInfo(msg=f"rviz:=true: not installed: {', '.join(missing)}")]
-    config = PathJoinSubstitution([FindPackageShare("mbd_sim"), "launch", "mechanism.rviz"])
-    simulated = {"use_sim_time": True}
+def simulation(context):
+    """The node; a file of parameters comes last, for the arguments all have a default."""
+    parameters = [
+        {name: ParameterValue(LaunchConfiguration(name), value_type=KINDS.get(name, str)) for name, _, _ in PARAMETERS}
+    ]
+    if file := LaunchConfiguration("params_file").perform(context):
+        parameters.append(file)
     return [
         Node(
-            package="robot_state_publisher",
-            executable="robot_state_publisher",
-            # The description comes from sim_node on a latched topic; the parameter must not be empty all the same.
-            parameters=[simulated, {"robot_description": described(context)}],
-            remappings=[("robot_description", "robot_description_of_state_publisher")],
-        ),
-        Node(package="rviz2", executable="rviz2", arguments=["-d", config], parameters=[simulated]),
+            package="mbd_sim",
+            executable="sim_node",
+            name="sim_node",
+            namespace=LaunchConfiguration("namespace"),
+            output="screen",
+            parameters=parameters,
+        )
     ]
+
+
+def rviz(context):
+    """RViz on simulated time, which needs no more than the markers; robot_state_publisher for the URDF and TF."""
+    missing = [package for package in ("rviz2", "robot_state_publisher") if not installed(package)]
+    found = [LogInfo(msg=f"rviz:=true: not installed: {', '.join(missing)}")] if missing else []
+    simulated, namespace = {"use_sim_time": True}, LaunchConfiguration("namespace")
+    prefix = {"frame_prefix": LaunchConfiguration("frame_prefix")}
+    if "robot_state_publisher" not in missing:
+        found.append(
+            Node(
+                package="robot_state_publisher",
+                executable="robot_state_publisher",
+                namespace=namespace,
+                # The description comes from sim_node on a latched topic; the parameter must not be empty all the same.
+                parameters=[simulated, prefix, {"robot_description": described(context)}],
+                remappings=[("robot_description", "robot_description_of_state_publisher")],
+            )
+        )
+    if "rviz2" not in missing:
+        config = PathJoinSubstitution([FindPackageShare("mbd_sim"), "launch", "mechanism.rviz"])
+        fixed = [LaunchConfiguration("frame_prefix"), "ground"]
+        found.append(
+            Node(
+                package="rviz2",
+                executable="rviz2",
+                namespace=namespace,
+                arguments=["-d", config, "-f", fixed],
+                parameters=[simulated],
+            )
+        )
+    return found
 
 
 def described(context):

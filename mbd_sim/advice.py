@@ -32,7 +32,7 @@ def step_advice(model: Model, time: float, y: Array, inputs: Array, step: float,
     if stiff or (not math.isfinite(estimate) and not isinstance(method, Rosenbrock)):
         others.append("method rosenbrock")
     elif method.order < 8 and isinstance(method, Tableau):
-        others.append("method dop853")
+        others.append("method tsitouras8")
     if not others or better * HOPELESS >= step:
         others.insert(0, f"step {round_down(better):g}")
     size = f"is estimated at {estimate:.1g}" if math.isfinite(estimate) else "is beyond all bounds"

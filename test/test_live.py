@@ -81,3 +81,10 @@ def test_lengths_of_loops_may_change_before_a_new_start():
 def test_what_cannot_be_live_says_why(key, words):
     with pytest.raises(MechanismError, match=words):
         Simulation.from_file("double_rod", live=[key])
+
+
+@pytest.mark.parametrize("name", ["duffing", "box_kite"])
+def test_patterns_pass_over_the_numbers_inside_expressions(name):
+    sim = Simulation.from_file(name, live=["forces.*", "gravity[*]"])
+    assert not any("names" in key for key in sim.live)
+    sim.run(0.01)

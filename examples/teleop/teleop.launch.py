@@ -1,21 +1,24 @@
-"""Push a cart by hand: `ros2 launch mbd_sim teleop.launch.py rerun:=spawn`."""
+"""Push a cart by hand: `ros2 launch mbd_sim teleop.launch.py terminal:="xterm -e"`, or a joystick and no terminal."""
 
-from launch.actions import IncludeLaunchDescription
-from launch.substitutions import PathJoinSubstitution
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
 
 SIM = {"mechanism": "cart_pendulum", "publish_rate": "100.0"}
+TERMINAL = "a command that opens a terminal for the keys; without one, only a joystick on `joy` is heard"
 
 
 def generate_launch_description():
-    """The simulator, which takes all arguments of sim.launch.py, and the controller."""
+    """The simulator, which takes all arguments of sim.launch.py, and the node of keys and joystick."""
     sim = PathJoinSubstitution([FindPackageShare("mbd_sim"), "launch", "sim.launch.py"])
+    terminal = LaunchConfiguration("terminal")
     return LaunchDescription(
         [
+            DeclareLaunchArgument("terminal", default_value="", description=TERMINAL),
             IncludeLaunchDescription(sim, launch_arguments=SIM.items()),
-            Node(package="mbd_sim", executable="example_teleop", output="screen", prefix="xterm -e"),
+            Node(package="mbd_sim", executable="example_teleop", output="screen", prefix=terminal),
         ]
     )

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +16,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import yaml
 from mcap.reader import make_reader
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
@@ -26,10 +24,10 @@ from std_msgs.msg import Float64MultiArray, String
 from mbd_sim.errors import MbdSimError, nearest
 from mbd_sim.mechanism.load import parse_mechanism
 from mbd_sim.mechanism.model import Array
-from mbd_sim.mechanism.source import parse_source
 from mbd_sim.simulation import Simulation
 
 ITERATIONS, CONVERGED = 30, 1e-7
+NEAR = 1e-3  # of a parameter, where noise and the differences let it go no further
 DIFFERENCE = 1e-4  # of a parameter, for the slopes
 TYPES = {"joint_states": JointState, "applied_efforts": Float64MultiArray, "events": String}
 
@@ -83,31 +81,24 @@ def read(path: str | Path) -> Run:
     return Run(text, about["method"], float.fromhex(about["step"]), np.array(ticks), np.array(q), np.array(u), efforts)
 
 
-def with_parameters(text: str, values: Mapping[str, float]) -> str:
-    """A mechanism's file with other values of its `parameters`.
-
-    :raises MbdSimError: the file has no parameter of a name.
-    """
-    data = parse_source(text).data
-    known = data.get("parameters") or {}
-    for name, value in values.items():
-        if name not in known:
-            raise MbdSimError(f"the mechanism has no parameter '{name}'. {nearest(name, known)}")
-        known[name] = float(value)
-    return str(yaml.safe_dump(data, sort_keys=False))
-
-
 def identify(run: Run, guess: Mapping[str, float], piece: float = 0.5) -> dict[str, Found]:
     """Improve guessed parameters until pieces of `piece` seconds, begun in recorded states, go as they were recorded.
 
-    :raises MbdSimError: an unknown parameter, or guesses from which the search does not come to an end.
+    :raises MbdSimError: an unknown parameter, one that is built into the equations such as a length, or guesses from
+        which the search does not come to an end.
     """
+    mechanism, keys = parse_mechanism(run.text), [f"parameters.{name}" for name in guess]
+    for name in guess:
+        if name not in mechanism.parameters:
+            raise MbdSimError(f"the mechanism has no parameter '{name}'. {nearest(name, mechanism.parameters)}")
+    simulation = Simulation(mechanism, method=run.method, step=run.step, live=keys)
     names, values = tuple(guess), np.array(list(guess.values()), dtype=float)
     scale = np.concatenate([np.std(run.q, axis=0), np.std(run.u, axis=0)])
     scale[scale == 0.0] = 1.0
 
     def misses(values: Array) -> Array:
-        predicted = _predicted(run, dict(zip(names, values.tolist(), strict=True)), piece)
+        simulation.set_live(dict(zip(keys, values.tolist(), strict=True)))
+        predicted = _predicted(simulation, run, piece)
         return np.asarray((predicted - _recorded(run)) / scale).ravel()
 
     off, damping = misses(values), 1e-3
@@ -116,6 +107,7 @@ def identify(run: Run, guess: Mapping[str, float], piece: float = 0.5) -> dict[s
             [(misses(values * (1 + DIFFERENCE * e)) - off) / DIFFERENCE for e in np.eye(len(names))]
         )
         normal = slopes.T @ slopes
+        left = float(np.max(np.abs(np.linalg.lstsq(slopes, off, rcond=None)[0])))
         while damping < 1e9:  # Levenberg and Marquardt: relative changes, so that no parameter changes its sign
             change = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), slopes.T @ off)
             better = values * np.exp(np.clip(change, -1.0, 1.0))
@@ -123,22 +115,26 @@ def identify(run: Run, guess: Mapping[str, float], piece: float = 0.5) -> dict[s
             if tried @ tried <= off @ off:
                 break
             damping *= 10.0
+        else:
+            better, tried = values, off
+        stuck = better is values
         values, off, damping = better, tried, damping / 10.0
-        if np.max(np.abs(change)) < CONVERGED:
+        if left < (NEAR if stuck else CONVERGED):
             spread = np.sqrt(off @ off / max(off.size - len(names), 1) * np.diag(np.linalg.pinv(normal)))
             errors = (spread * np.abs(values)).tolist()
             return {name: Found(*pair) for name, *pair in zip(names, values.tolist(), errors, strict=True)}
-    raise MbdSimError("the search for the parameters did not come to an end. Begin with better guesses.")
+        if stuck:
+            break
+    raise MbdSimError("the search for the parameters came to no end. Begin with better guesses, or shorter pieces.")
 
 
 def _recorded(run: Run) -> Array:
     return np.hstack([run.q, run.u])
 
 
-def _predicted(run: Run, values: Mapping[str, float], piece: float) -> Array:
+def _predicted(simulation: Simulation, run: Run, piece: float) -> Array:
     """The states (n, 2 nv) of a simulation that starts anew in the recorded state every `piece` seconds."""
-    mechanism = parse_mechanism(with_parameters(run.text, values))
-    simulation = Simulation(mechanism, method=run.method, step=run.step)
+    simulation.reset(run.q[0], run.u[0])
     changes = iter([*run.efforts, (sys.maxsize, np.zeros(0))])
     due, due_efforts = next(changes)
     efforts, began, tick, found = np.zeros(simulation.u.size), -sys.maxsize, int(run.ticks[0]), []
@@ -153,8 +149,6 @@ def _predicted(run: Run, values: Mapping[str, float], piece: float) -> Array:
         found.append(np.concatenate([simulation.q, simulation.u]))
         if (at - began) * run.step >= piece:
             began = at
-            if not found[1:]:
-                found[0] = np.concatenate([q, u])
             simulation.reset(q, u)
             simulation.set_efforts(efforts)
     return np.array(found)
@@ -162,7 +156,6 @@ def _predicted(run: Run, values: Mapping[str, float], piece: float) -> Array:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Identify, and print what was found beside what the recording's mechanism says."""
-    os.environ.setdefault("MBD_SIM_CACHE", "off")  # dozens of kernels that nobody needs again
     parser = argparse.ArgumentParser(prog="example_identify", description=__doc__.splitlines()[0])
     parser.add_argument("recording", type=Path)
     parser.add_argument("guess", nargs="+", help="name=value of each parameter to find")

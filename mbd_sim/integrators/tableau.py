@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mbd_sim.integrators import dop853, verner7
+from mbd_sim.integrators import dop853, tsitouras8, verner7
 from mbd_sim.integrators.estimate import Estimate, Row
 
 
@@ -46,6 +46,15 @@ EXPLICIT: dict[str, Tableau] = {
             2.8,
         ),
         Tableau("verner7", 7, verner7.A, verner7.B, verner7.C, Estimate(verner7.FINE, verner7.COARSE), 4.6),
+        Tableau(
+            "tsitouras8",
+            8,
+            tsitouras8.A,
+            tsitouras8.B,
+            tsitouras8.C,
+            Estimate(tsitouras8.FINE, tsitouras8.COARSE),
+            2.9,
+        ),
         Tableau("dop853", 8, dop853.A, dop853.B, dop853.C, Estimate(dop853.E5, dop853.E3, 0.01), 6.0),
     )
 }

@@ -8,6 +8,8 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
+from pydantic import BaseModel
+
 from mbd_sim.errors import MechanismError, Problem, nearest
 from mbd_sim.mechanism.build import build
 from mbd_sim.mechanism.model import Mechanism
@@ -84,15 +86,16 @@ def matching(mechanism: Mechanism, patterns: Collection[str]) -> list[str]:
     """The keys of numbers of the file that match any of some patterns such as `joints.*.damping`, in its order."""
     file, _ = validate(mechanism.source)
     names = [f"parameters.{name}" for name in mechanism.parameters]
-    names += [dotted(location) for location in _numbers(file.model_dump(exclude={"parameters"}), ())]
+    names += [dotted(location) for location in _numbers(file, ()) if location[0] != "parameters"]
     return [
         name for name in names if any(fnmatch.fnmatchcase(name, pattern.replace("[", "[[]")) for pattern in patterns)
     ]
 
 
 def _numbers(data: Any, location: Location) -> Iterator[Location]:
-    if isinstance(data, dict):
-        for key, value in data.items():
+    """Where numbers stand; expressions of time hold numbers as well, which are no keys of the file."""
+    if isinstance(data, Mapping | BaseModel):
+        for key, value in data.items() if isinstance(data, Mapping) else data:
             yield from _numbers(value, (*location, key))
     elif isinstance(data, list | tuple):
         for index, value in enumerate(data):

@@ -193,7 +193,7 @@ class Part(Record):
 class Integration(Record):
     """How the equations are integrated."""
 
-    method: str = "dop853"
+    method: str = "tsitouras8"
     step: PositiveTime = 1e-3
 
 

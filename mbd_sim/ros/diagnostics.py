@@ -12,10 +12,9 @@ from rclpy.node import Node
 
 from mbd_sim.mechanism.model import Array
 from mbd_sim.model import Model
-from mbd_sim.ros.commands import CommandBuffer
+from mbd_sim.ros.inputs import Inputs
 from mbd_sim.ros.outputs import Outputs
 from mbd_sim.ros.runner import Runner
-from mbd_sim.ros.wrenches import WrenchBuffer
 
 PERIOD = 1.0  # s of the steady clock
 SLOW = 0.01  # part of the real-time factor that may be missing
@@ -43,13 +42,10 @@ class Reading:
 class Diagnostics:
     """Reads the counters of a node's parts and publishes what they mean; `tick` is to be called once a second."""
 
-    def __init__(self, node: Node, runner: Runner, outputs: Outputs) -> None:
-        self.runner, self.outputs = runner, outputs
-        self.commands: CommandBuffer = runner.commands
-        self.wrenches: WrenchBuffer = runner.wrenches
+    def __init__(self, node: Node, runner: Runner, inputs: Inputs, outputs: Outputs) -> None:
+        self.runner, self.inputs, self.outputs = runner, inputs, outputs
         self.model: Model = runner.simulation.model
         self.notes: list[str] = []
-        self.last_rejection: tuple[str, Exception] | None = None
         self._node = node
         self._name = node.get_fully_qualified_name()
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -88,7 +84,7 @@ class Diagnostics:
             late=pacer.lateness.counts(),
             period=pacer.period.counts(),
             overruns=pacer.overruns,
-            rejected=self.commands.rejected + self.wrenches.rejected,
+            rejected=self.inputs.rejected,
             lost=runner.counters.dropped + (recorder.dropped if recorder else 0),
         )
 
@@ -106,6 +102,8 @@ class Diagnostics:
         if factor < wanted * (1.0 - SLOW) and not runner.paused and now.simulated > last.simulated > 0.0:
             why = BUSY if stepping < 0.5 else "stepping takes all the time: take a larger step or a cheaper method"
             problem = f"{text} instead of {wanted:g}: {why}"
+        elif runner.rates.clock and self._node.count_publishers("/clock") > 1:
+            problem = f"{text}, but another node publishes /clock as well: set clock_rate to 0 in all but one"
         elif missed:
             problem = f"{text}, but the schedule had to start anew {missed} times: {BUSY}"
         if self.notes and not problem:
@@ -154,10 +152,10 @@ class Diagnostics:
         return self._status("mechanics", problem or advice or "energies balance", bool(problem or advice), values, bad)
 
     def _commands(self, now: Reading) -> DiagnosticStatus:
-        commands, last = self.commands, self._last
+        inputs, commands, last = self.inputs, self.inputs.commands, self._last
         problem = ""
-        if (rejected := now.rejected - last.rejected) and self.last_rejection is not None:
-            topic, error = self.last_rejection
+        if (rejected := now.rejected - last.rejected) and inputs.last_rejection is not None:
+            topic, error = inputs.last_rejection
             problem = f"{rejected} messages rejected in the last second, the last one on {topic}: {error}"
         elif commands.lapsed:
             problem = (
@@ -165,9 +163,9 @@ class Diagnostics:
                 "Send commands more often, or raise command_timeout (0: never)"
             )
         return self._status("commands", problem or "OK", bool(problem), {
-            "accepted": str(commands.accepted + self.wrenches.accepted),
+            "accepted": str(inputs.accepted),
             "rejected": str(now.rejected),
-            "expired": str(commands.expired + self.wrenches.expired),
+            "expired": str(inputs.expired),
             "command_timeout (s)": f"{commands.timeout:g}",
         })  # fmt: skip
 

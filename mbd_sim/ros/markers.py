@@ -12,7 +12,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from mbd_sim.mechanism.model import GROUND, Array, Attachment
 from mbd_sim.model import Model
 from mbd_sim.ros.marker_shapes import COIL, DAMPER, Solid, coil, damper, joint_solids, part_solids, thickness
-from mbd_sim.ros.runner import Snapshot
+from mbd_sim.ros.snapshots import Snapshot
 from mbd_sim.ros.states import placed
 from mbd_sim.ros.template import STAMP, Template, slot
 from mbd_sim.viewer import palette, paths

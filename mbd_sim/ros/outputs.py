@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from queue import SimpleQueue
 
@@ -23,7 +23,7 @@ from mbd_sim.recording.recorder import Recorder, Topic
 from mbd_sim.ros import qos, states
 from mbd_sim.ros.markers import Markers
 from mbd_sim.ros.output import Output
-from mbd_sim.ros.runner import Event, Snapshot
+from mbd_sim.ros.snapshots import Event, Item, Recording, Snapshot
 from mbd_sim.ros.template import STAMP, Template
 from mbd_sim.ros.transforms import transforms
 from mbd_sim.viewer import Viewer
@@ -55,10 +55,12 @@ class Outputs:
         """
         self.model, self.wanted = model, wanted
         self.recorder: Recorder | None = None
+        self.new_recorder: Callable[[Snapshot | None], Recorder | None] = lambda snapshot: None
         self.viewer: Viewer | None = None
         self.energies: Energies | None = None
         self.latest: Snapshot | None = None
         self.busy = 0.0
+        self._live: Mapping[str, float] = {}
         self._log = node.get_logger()
         self._energies = states.energies(node, model)
         self._tellings = {"joint_states": states.joint_states(node, model), "energies": self._energies}
@@ -98,11 +100,10 @@ class Outputs:
         """Roughly what is recorded at a publish rate in Hz."""
         return rate * sum(len(telling.template) + 31 for telling in self._tellings.values())
 
-    def start(self, queue: SimpleQueue[Snapshot | Event | None], live: Mapping[str, float]) -> None:
+    def start(self, queue: SimpleQueue[Item], live: Mapping[str, float]) -> None:
         """Publish the robot's description and live values, then what comes from the queue until it gives None."""
-        description = serialize_message(String(data=to_urdf(self.model.mechanism)))
-        self._send("robot_description", description, 0, 0)
-        self._send_live(live, 0, 0)
+        self._live = live
+        self._send_latched(0, 0)
         self._thread = threading.Thread(target=self._run, args=(queue,), name="outputs", daemon=True)
         self._thread.start()
 
@@ -114,12 +115,14 @@ class Outputs:
             if sink is not None:
                 sink.close()
 
-    def _run(self, queue: SimpleQueue[Snapshot | Event | None]) -> None:
+    def _run(self, queue: SimpleQueue[Item]) -> None:
         while (item := queue.get()) is not None:
             began = time.perf_counter()
             try:
                 if isinstance(item, Snapshot):
                     self._snapshot(item)
+                elif isinstance(item, Recording):
+                    item.told.put(self._record(item))
                 else:
                     self._event(item)
             except Exception as error:  # one bad message must not end all output
@@ -168,7 +171,8 @@ class Outputs:
             values[:] = numbers
             self._send("applied_wrenches", template.payload(), event.clock_ns, event.ticks)
         if event.live is not None:
-            self._send_live(event.live, event.clock_ns, event.ticks)
+            self._live = event.live
+            self._send_live(event.clock_ns, event.ticks)
         if self.viewer is not None:
             self.viewer.event(event.clock_ns * 1e-9, event.text)
         if event.text in SILENT:
@@ -182,9 +186,28 @@ class Outputs:
         else:
             self._log.info(event.text)
 
-    def _send_live(self, live: Mapping[str, float], time_ns: int, ticks: int) -> None:
-        template, values = states.labelled(list(live))
-        values[:] = list(live.values())
+    def _record(self, request: Recording) -> str:
+        """End the recording that runs and begin another one where it is to be; returns its path, or why not."""
+        before, self.recorder = self.recorder, None
+        if before is not None:
+            before.close()
+        if not request.on:
+            return str(before.path) if before is not None else "nothing is being recorded"
+        self.recorder = self.new_recorder(request.at)
+        if self.recorder is None:
+            return "cannot record: see the console"
+        self._send_latched(request.at.clock_ns, request.at.ticks)
+        return str(self.recorder.path)
+
+    def _send_latched(self, time_ns: int, ticks: int) -> None:
+        """What a recording begins with."""
+        description = serialize_message(String(data=to_urdf(self.model.mechanism)))
+        self._send("robot_description", description, time_ns, ticks)
+        self._send_live(time_ns, ticks)
+
+    def _send_live(self, time_ns: int, ticks: int) -> None:
+        template, values = states.labelled(list(self._live))
+        values[:] = list(self._live.values())
         self._send("live_values", template.payload(), time_ns, ticks)
 
     def _send(self, key: str, payload: bytes, time_ns: int, ticks: int, *, recorded: bool = True) -> None:

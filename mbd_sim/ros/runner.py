@@ -6,13 +6,14 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 
 from mbd_sim.advice import TOLERATED
 from mbd_sim.errors import CommandError, DivergedError
 from mbd_sim.mechanism.model import Array
 from mbd_sim.ros.commands import CommandBuffer
 from mbd_sim.ros.pacing import Pacer
+from mbd_sim.ros.snapshots import Counters, Event, Item, Recording, Snapshot
 from mbd_sim.ros.wrenches import WrenchBuffer
 from mbd_sim.simulation import Simulation
 
@@ -20,50 +21,8 @@ WAKE_UP = 1e-3  # seconds of real time between wake-ups, where the step is short
 FAST_BATCH = 1000  # steps a wake-up when running as fast as possible
 REPEAT = 0.5  # seconds of real time between repeated states while paused, for those who come to listen later
 BACKLOG = 200  # snapshots that may wait when running as fast as possible
+PATIENCE = 10.0  # seconds in which what was handed out before a request must have been worked off
 MOST_WAITING = 10_000  # snapshots that may wait at all; when what leaves the node is that slow, they are dropped
-
-
-@dataclass(frozen=True, slots=True)
-class Snapshot:
-    """The state at a tick. `clock_ns` is the node's simulated clock, `time` that of the mechanism in s.
-
-    `inputs` are those of the equations, the efforts first. `ticks` counts the steps since the node started, over all
-    resets. `state` and `clock` say what is due, and `repeated` that nothing has changed since the last snapshot.
-    """
-
-    ticks: int
-    clock_ns: int
-    time: float
-    y: Array
-    inputs: Array
-    start_energy: float
-    state: bool
-    clock: bool
-    repeated: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """Something that happened between two steps, and what took effect: efforts, a part's wrench, live values.
-
-    A wrench is given by its numbers among the inputs of the equations, see `InputLayout`.
-    """
-
-    ticks: int
-    clock_ns: int
-    time: float
-    text: str
-    efforts: Array | None = None
-    wrench: tuple[str, Array] | None = None
-    live: Mapping[str, float] | None = None
-
-
-@dataclass
-class Counters:
-    """Where the time of the stepping thread goes: seconds of stepping, and snapshots that were dropped."""
-
-    stepping: float = 0.0
-    dropped: int = 0
 
 
 @dataclass
@@ -89,7 +48,7 @@ class Runner:
     ) -> None:
         self.simulation, self.commands, self.rates = simulation, commands, rates
         self.wrenches = wrenches or WrenchBuffer(simulation.wrench_map, simulation.model.part_names, commands.timeout)
-        self.output: SimpleQueue[Snapshot | Event | None] = SimpleQueue()
+        self.output: SimpleQueue[Item] = SimpleQueue()
         self.pacer = Pacer()
         self.counters = Counters()
         self.paused = paused
@@ -143,6 +102,15 @@ class Runner:
     def set_live(self, changes: Mapping[str, float]) -> str:
         """Change live values of the mechanism; returns what went wrong, or "": then nothing has changed."""
         return self._ask_whether(lambda: self._set_live(changes))
+
+    def record(self, on: bool) -> str:
+        """Let a recording begin or end between two steps; returns its path, or why not."""
+        told: SimpleQueue[str] = SimpleQueue()
+        self._ask(lambda: self.output.put(Recording(on, self._snapshot(False, False, False), told)))
+        try:
+            return told.get(timeout=PATIENCE)
+        except Empty:
+            return "the output has not caught up: ask again"
 
     def repace(self) -> None:
         """Start the schedule anew, as after a change of the real-time factor."""
@@ -257,24 +225,24 @@ class Runner:
             self._tell(f"warning: {self.advice}")
 
     def _emit(self, state: bool, clock: bool, repeated: bool = False) -> None:
-        simulation = self.simulation
         if self.output.qsize() >= MOST_WAITING:
             self.counters.dropped += 1
             return
         if state:
             self._emitted = self.ticks
-        self.output.put(
-            Snapshot(
-                ticks=self.ticks,
-                clock_ns=self.clock_ns,
-                time=simulation.time,
-                y=simulation.state,
-                inputs=simulation.inputs.copy(),
-                start_energy=simulation.start_energy,
-                state=state,
-                clock=clock,
-                repeated=repeated,
-            )
+        self.output.put(self._snapshot(state, clock, repeated))
+
+    def _snapshot(self, state: bool, clock: bool, repeated: bool) -> Snapshot:
+        return Snapshot(
+            ticks=self.ticks,
+            clock_ns=self.clock_ns,
+            time=self.simulation.time,
+            y=self.simulation.state,
+            inputs=self.simulation.inputs.copy(),
+            start_energy=self.simulation.start_energy,
+            state=state,
+            clock=clock,
+            repeated=repeated,
         )
 
     def _tell(
@@ -320,7 +288,7 @@ class Runner:
         if not self.paused:
             return "running: pause before stepping"
         left = steps
-        while left > 0:
+        while left > 0 and not self._stopping:
             batch = min(left, self._steps_until_due())
             if problem := self._advance(batch):
                 return problem

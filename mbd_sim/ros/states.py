@@ -17,7 +17,7 @@ from mbd_sim.model import Energies, Model, Violation
 from mbd_sim.ros import qos
 from mbd_sim.ros.names import topic_names
 from mbd_sim.ros.output import Output
-from mbd_sim.ros.runner import Snapshot
+from mbd_sim.ros.snapshots import Snapshot
 from mbd_sim.ros.template import STAMP, Template, slot
 
 

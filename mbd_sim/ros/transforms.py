@@ -12,7 +12,7 @@ from mbd_sim.mechanism.model import GROUND
 from mbd_sim.model import Model
 from mbd_sim.ros import qos
 from mbd_sim.ros.output import Output
-from mbd_sim.ros.runner import Snapshot
+from mbd_sim.ros.snapshots import Snapshot
 from mbd_sim.ros.states import Telling, placed
 from mbd_sim.ros.template import STAMP, Template, slot
 
@@ -22,7 +22,10 @@ def transforms(node: Node, model: Model, prefix: str) -> Telling:
 
     :raises ImportError: tf2_msgs is not installed.
     """
-    message_type = importlib.import_module("tf2_msgs.msg").TFMessage
+    try:
+        message_type = importlib.import_module("tf2_msgs.msg").TFMessage
+    except ImportError as error:
+        raise ImportError("parameter 'tf': tf2_msgs is not installed. Leave it out, or install that.") from error
     header = Header(stamp=STAMP, frame_id=prefix + GROUND)
     found = [
         TransformStamped(

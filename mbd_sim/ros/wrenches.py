@@ -13,6 +13,8 @@ from mbd_sim.mechanism.model import GROUND, Array, Mechanism
 from mbd_sim.simulation import Simulation
 from mbd_sim.wrenches import WrenchMap
 
+Loadable = Sequence[tuple[str, str | None]]  # parts, with a point of theirs or None for the mass centre
+
 EVERY = "*"  # stands for all parts and points
 INERTIAL = ("", GROUND, "world")  # frames that mean ground's axes
 
@@ -113,7 +115,7 @@ class WrenchBuffer:
         self._since.clear()
 
 
-def loadable(mechanism: Mechanism, given: Sequence[str]) -> list[tuple[str, str | None]]:
+def loadable(mechanism: Mechanism, given: Sequence[str]) -> Loadable:
     """Parts, and points of parts, that take wrenches: those that are given, or all where one is `*`.
 
     :raises ValueError: there is no such part or point.

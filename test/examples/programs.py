@@ -3,35 +3,58 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
+import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
-from test.system.nodes import PATIENCE, Listener
+from test.system.nodes import PATIENCE, Listener, SimNodeProcess, new_domain
+
+
+@dataclasses.dataclass
+class Experiment:
+    """A simulator, a program beside it, and a listener that hears both."""
+
+    node: SimNodeProcess
+    program: subprocess.Popen
+    listener: Listener
+    log: Path
 
 
 @contextlib.contextmanager
-def program(name: str, listener: Listener, folder: Path, arguments: Sequence[str] = ()) -> Iterator[subprocess.Popen]:
-    """`mbd_sim.examples.NAME` on the listener's domain, its output in `folder`/NAME.log; ended by SIGINT."""
-    domain = str(listener.context.get_domain_id())
-    environment = os.environ | {"ROS_DOMAIN_ID": domain, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    command = [sys.executable, "-u", "-m", f"mbd_sim.examples.{name}", *arguments]
-    with (folder / f"{name}.log").open("wb") as log:
-        process = subprocess.Popen(
-            command, cwd=folder, env=environment, stdin=subprocess.PIPE, stdout=log, stderr=subprocess.STDOUT
+def beside(folder: Path, parameters: dict[str, object], name: str, *arguments: str) -> Iterator[Experiment]:
+    """`mbd_sim.examples.NAME` and `sim_node` on a domain of their own, started together.
+
+    Where the program has not ended by itself it is ended by SIGINT, which must succeed.
+    """
+    domain = new_domain()
+    node = SimNodeProcess(domain, folder, parameters)
+    log = folder / f"{name}.log"
+    environment = os.environ | {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    command = [sys.executable, "-u", "-m", f"mbd_sim.examples.{name}"]
+    command += ["--ros-args", *(word for argument in arguments for word in ("-p", argument))] if arguments else []
+    with log.open("wb") as stream:
+        program = subprocess.Popen(
+            command, cwd=folder, env=environment, stdin=subprocess.PIPE, stdout=stream, stderr=subprocess.STDOUT
         )
+    listener = Listener(domain)
     try:
-        yield process
-        if process.poll() is None:
-            process.send_signal(subprocess.signal.SIGINT)
-        assert process.wait(PATIENCE) == 0, (folder / f"{name}.log").read_text()
+        listener.until(lambda: listener.states or node.process.poll() is not None, "the first joint state")
+        assert node.process.poll() is None, node.text
+        yield Experiment(node, program, listener, log)
+        if program.poll() is None:
+            program.send_signal(signal.SIGINT)
+        assert program.wait(PATIENCE) == 0, log.read_text()
     finally:
-        if process.poll() is None:
-            process.kill()
-            process.wait()
-        process.stdin.close()
+        listener.close()
+        for process in (program, node.process):
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+        program.stdin.close()
 
 
 def lockstep(mechanism: str, rate: float) -> dict[str, object]:

@@ -18,6 +18,7 @@ STEPS = {
     "rk4": 64,
     "verner7": 10,
     "dop853": 8,
+    "tsitouras8": 10,
     "rosenbrock": 32,
     "gauss4": 40,
     "gauss6": 16,

@@ -61,7 +61,7 @@ def test_the_order_is_not_higher_than_stated(method):
 
 @pytest.mark.parametrize(
     ("name", "fine", "coarse"),
-    [("euler", 1, None), ("midpoint", 1, 0), ("rk4", 2, 0), ("verner7", 5, 3), ("dop853", 5, 3)],
+    [("euler", 1, None), ("midpoint", 1, 0), ("rk4", 2, 0), ("verner7", 5, 3), ("tsitouras8", 6, 4), ("dop853", 5, 3)],
 )
 def test_estimates_vanish_up_to_their_order(name, fine, coarse):
     method = METHODS[name]
@@ -101,7 +101,9 @@ def error(kernel, steps):
 
 
 @pytest.mark.parametrize(
-    ("name", "steps"), [("euler", 100_000), ("midpoint", 4000), ("rk4", 800), ("verner7", 60), ("dop853", 40)], ids=str
+    ("name", "steps"),
+    [("euler", 100_000), ("midpoint", 4000), ("rk4", 800), ("verner7", 60), ("tsitouras8", 30), ("dop853", 40)],
+    ids=str,
 )
 def test_convergence(name, steps):
     method = METHODS[name]

@@ -128,5 +128,5 @@ def test_metadata_holds_the_exact_step_and_start():
     about = run_metadata(simulation)
     assert float.fromhex(about["step"]) == 1e-3 / 3
     assert [float.fromhex(value) for value in json.loads(about["start"])] == simulation.state.tolist()
-    assert about["method"] == "dop853"
+    assert about["method"] == "tsitouras8"
     assert all(isinstance(value, str) for value in about.values())

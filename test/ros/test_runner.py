@@ -7,8 +7,10 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.ros.commands import CommandBuffer
-from mbd_sim.ros.pacing import RE_ANCHOR, Pacer
-from mbd_sim.ros.runner import Event, Rates, Runner, Snapshot
+from mbd_sim.ros.pacing import RE_ANCHOR, Histogram, Pacer
+from mbd_sim.ros.runner import Rates, Runner
+from mbd_sim.ros.snapshots import Event, Snapshot
+from mbd_sim.ros.wrenches import WrenchBuffer
 
 
 @pytest.fixture
@@ -167,3 +169,44 @@ def test_a_long_stall_starts_the_schedule_anew_instead_of_a_burst():
     pacer.plan(0.05)
     assert pacer.wait(threading.Event())
     assert time.perf_counter() - began >= 0.049
+
+
+def test_a_histogram_tells_median_p99_and_maximum_of_what_came_since():
+    histogram = Histogram()
+    for count in range(1, 101):
+        histogram.add(count * 1e-4)
+    assert histogram.spread() == pytest.approx((0.005, 0.0099, 0.01), abs=2e-5)
+    before = histogram.counts()
+    assert histogram.spread(before) == (0.0, 0.0, 0.0)
+    for seconds in (-1.0, 0.0, 3.0):
+        histogram.add(seconds)
+    assert histogram.spread(before) == pytest.approx((0.0, 3.0, 3.0), abs=2e-5)
+
+
+def test_live_values_and_wrenches_are_told_with_their_tick(make):
+    runner = make(paused=True)
+    runner.simulation = Simulation.from_file("rod_pendulum", wrenches=["rod"], live=["gravity[2]"])
+    runner.wrenches = WrenchBuffer(runner.simulation.wrench_map, ["rod"], 0.0)
+    runner.start()
+    runner.step(10)
+    assert runner.set_live({"gravity[2]": -1.6}) == ""
+    assert "'gravty' is not a live value" in runner.set_live({"gravty": 1.0})
+    runner.wrenches.take("rod", None, "ground", (3.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    runner.step(5)
+    runner.stop()
+    events = [item for item in collected(runner) if isinstance(item, Event)]
+    assert [(event.ticks, event.text) for event in events] == [
+        (10, "live values: gravity[2] = -1.6"),
+        (10, "command"),
+    ]
+    assert events[0].live == {"gravity[2]": -1.6}
+    part, numbers = events[1].wrench
+    assert (part, numbers[:3].tolist()) == ("rod", [3.0, 0.0, 0.0])
+
+
+def test_only_the_clock_goes_back_where_the_state_is_to_stay(make):
+    runner = make(paused=True)
+    runner.start()
+    runner.step(30)
+    assert runner.reset(rewind_clock=True, state=False) == ""
+    assert (runner.clock_ns, runner.simulation.steps) == (0, 30)

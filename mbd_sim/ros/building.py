@@ -1,0 +1,83 @@
+"""What the parameters of the node ask for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from mbd_sim.errors import nearest
+from mbd_sim.mechanism.load import load_mechanism
+from mbd_sim.recording.metadata import run_metadata
+from mbd_sim.recording.recorder import Recorder, RecordingError, new_file
+from mbd_sim.ros.outputs import Outputs, Wanted
+from mbd_sim.ros.parameters import Parameters
+from mbd_sim.ros.snapshots import Snapshot
+from mbd_sim.ros.wrenches import EVERY, Loadable, loadable
+from mbd_sim.simulation import Simulation
+from mbd_sim.viewer import Viewer, ViewerError
+
+
+def build(parameters: Parameters) -> tuple[Simulation, Loadable]:
+    """The simulation, and what of it takes wrenches.
+
+    :raises MechanismError, ValueError: a parameter does not fit the mechanism, or its file is wrong.
+    """
+    mechanism = load_mechanism(parameters["mechanism"])
+    loads = loadable(mechanism, parameters.listed("wrenches"))
+    simulation = Simulation(
+        mechanism,
+        method=parameters["method"] or None,
+        step=parameters["step"] or None,
+        wrenches=tuple(dict.fromkeys(part for part, _ in loads)),
+        live=parameters.listed("live"),
+    )
+    return simulation, loads
+
+
+def wanted(parameters: Parameters, part_names: tuple[str, ...]) -> Wanted:
+    """What is published besides joints and energies.
+
+    :raises ValueError: `part_poses` names a part that does not exist.
+    """
+    given = parameters.listed("part_poses")
+    for name in given:
+        if name not in (*part_names, EVERY):
+            raise ValueError(f"part_poses: there is no part '{name}'. {nearest(name, part_names)}")
+    return Wanted(
+        reactions=parameters["joint_reactions"],
+        violation=parameters["constraint_violation"],
+        poses=part_names if EVERY in given else tuple(given),
+        tf=parameters["tf"],
+        marker_rate=parameters["marker_rate"],
+        frame_prefix=parameters["frame_prefix"],
+    )
+
+
+def recorder(
+    parameters: Parameters, simulation: Simulation, outputs: Outputs, log: Any, at: Snapshot | None = None
+) -> Recorder | None:
+    """A recording from a snapshot, or from the start, on; None where it cannot be, which is logged."""
+    mechanism = simulation.mechanism
+    about = run_metadata(simulation) if at is None else run_metadata(simulation, at.y, at.inputs, at.ticks)
+    try:
+        path = new_file(Path(parameters["record_dir"]).expanduser(), mechanism.name)
+        rate = outputs.bytes_per_second(parameters["publish_rate"])
+        found = Recorder(path, outputs.topics(), mechanism.source.text, about, rate)
+    except RecordingError as error:
+        log.error(f"{error} The run is not recorded.")
+        return None
+    log.info(f"recording to {path}")
+    return found
+
+
+def viewer(parameters: Parameters, simulation: Simulation, log: Any) -> Viewer | None:
+    """The Rerun viewer; None where it is not wanted or cannot be, which is logged."""
+    if not parameters["rerun"]:
+        return None
+    try:
+        found = Viewer(simulation.model, parameters["rerun"], rate=parameters["rerun_rate"])
+    except ViewerError as error:
+        log.error(f"{error} The run is not shown.")
+        return None
+    log.info(f"showing in Rerun: {found.address}")
+    return found

@@ -1,0 +1,258 @@
+"""What `sim_node` takes and tells besides joints and efforts: wrenches, live values, markers, diagnostics, poses."""
+
+from __future__ import annotations
+
+import json
+import signal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseStamped, Vector3, Wrench, WrenchStamped
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter as NodeParameter
+from sensor_msgs.msg import JointState, MultiDOFJointState
+from std_msgs.msg import Float64MultiArray, Header
+from std_srvs.srv import SetBool
+from visualization_msgs.msg import MarkerArray
+
+from mbd_sim import Simulation, parse_mechanism
+from test.system.nodes import Listener, SimNodeProcess, as_in_the_node, nanoseconds, new_domain, running
+
+pytestmark = pytest.mark.timeout(90)
+
+
+def heard(listener: Listener, kind: type, name: str) -> list[Any]:
+    """Everything that comes on a topic from now on."""
+    messages: list[Any] = []
+    listener.node.create_subscription(kind, name, messages.append, 100)
+    return messages
+
+
+def computed(message: Any, mechanism: str) -> Simulation:
+    """The free motion at the time of a message."""
+    simulation = as_in_the_node(mechanism)
+    simulation.step(nanoseconds(message.header.stamp) // 1_000_000)
+    return simulation
+
+
+def test_reactions_violation_poses_and_markers_are_those_of_the_same_run_without_ros(tmp_path: Path) -> None:
+    extra = {"joint_reactions": True, "constraint_violation": True, "part_poses": "coupler, rocker"}
+    with running(tmp_path, mechanism="four_bar", **extra) as (_, listener):
+        reactions = heard(listener, MultiDOFJointState, "joint_reactions")
+        violations = heard(listener, Float64MultiArray, "constraint_violation")
+        poses = heard(listener, PoseStamped, "sim_node/poses/coupler")
+        markers = heard(listener, MarkerArray, "markers")
+        listener.until(lambda: all([reactions, violations, poses, markers]), "all topics")
+        topics = {name for name, _ in listener.node.get_topic_names_and_types()}
+    assert "/sim_node/poses/rocker" in topics and "/sim_node/poses/crank" not in topics
+    told = reactions[-1]
+    assert told.header.frame_id == "ground"
+    simulation = computed(told, "four_bar")
+    for name, wrench in zip(told.joint_names, told.wrench, strict=True):
+        expected = simulation.reactions()[name]
+        assert [wrench.force.x, wrench.force.y, wrench.force.z] == expected.force.tolist()
+        assert [wrench.torque.x, wrench.torque.y, wrench.torque.z] == expected.moment.tolist()
+    assert set(told.joint_names) == set(simulation.mechanism.all_joints)
+    assert [dimension.label for dimension in violations[-1].layout.dim] == ["position", "velocity"]
+    assert max(violations[-1].data) < 1e-9
+    at, expected_at = poses[-1].pose.position, computed(poses[-1], "four_bar").poses()["coupler"].position
+    assert [at.x, at.y, at.z] == expected_at.tolist()
+    assert {marker.header.frame_id for marker in markers[-1].markers} == {"ground"}
+
+
+def test_diagnostics_tell_how_time_energies_and_commands_stand_and_what_to_do(tmp_path: Path) -> None:
+    with running(tmp_path, mechanism="four_bar") as (_, listener):
+        listener.ready_to_command()
+        messages = heard(listener, DiagnosticArray, "/diagnostics")
+        listener.until(lambda: messages, "diagnostics")
+        by_name = {status.name: status for status in messages[-1].status}
+        assert set(by_name) == {f"/sim_node: {name}" for name in ("timing", "mechanics", "commands", "output")}
+        timing = {
+            value.key: float(value.value) for value in by_name["/sim_node: timing"].values if value.key != "paused"
+        }
+        assert timing["real_time_factor"] > 0.2
+        assert 0.0 < timing["period p50 (us)"] <= timing["period p99 (us)"] <= timing["period max (us)"]
+        mechanics = {value.key: float(value.value) for value in by_name["/sim_node: mechanics"].values}
+        assert abs(mechanics["energy residual (J)"]) < 1e-6
+        assert mechanics["constraint violation (m)"] < 1e-9
+        assert by_name["/sim_node: mechanics"].level == DiagnosticStatus.OK
+
+        def warned() -> DiagnosticStatus | None:
+            listener.by_name.publish(JointState(name=["crank_pivott"], effort=[1.0]))
+            found = [status for status in messages[-1].status if status.name.endswith("commands")]
+            return found[0] if found[0].level == DiagnosticStatus.WARN else None
+
+        listener.until(warned, "a warning")
+        assert "Did you mean 'crank_pivot'?" in warned().message  # type: ignore[union-attr]
+
+
+def test_a_wrench_acts_expires_is_recorded_and_the_run_can_be_computed_again(tmp_path: Path) -> None:
+    with running(tmp_path, record=True, record_dir="logs", command_timeout=0.2) as (process, listener):
+        applied = heard(listener, Float64MultiArray, "sim_node/applied_wrenches")
+        push = listener.node.create_publisher(WrenchStamped, "sim_node/wrench/lower", 10)
+        listener.until(push.get_subscription_count, "matching")
+        for frame in ("grund", "lower"):
+            wrench = Wrench(force=Vector3(x=2.0, z=1.0))
+            push.publish(WrenchStamped(header=Header(frame_id=frame), wrench=wrench))
+        listener.until(lambda: any("wrench on lower" in event for event in listener.events), "the expiry")
+        assert "there is no frame 'grund'. Did you mean 'ground'?" in process.text
+        listener.until(lambda: len(applied) >= 2, "both changes")
+        labels = [dimension.label for dimension in applied[0].layout.dim]
+        assert labels[6] == "lower.own_force.x" and list(applied[0].data)[6:9] == [2.0, 0.0, 1.0]
+        assert not any(applied[1].data[:12])
+        result = listener.call(SetParameters, "set_parameters", parameters=[number("gravity", [0.0, 0.0, -1.62])])
+        assert result.results[0].successful, result.results[0].reason
+        result = listener.call(SetParameters, "set_parameters", parameters=[number("joints.elbow.damping", 0.25)])
+        assert result.results[0].successful
+        seen = len(listener.states)
+        listener.until(lambda: len(listener.states) > seen + 20, "states")
+        assert abs(listener.energies[-1].data[-1]) < 1e-9
+        assert process.end(signal.SIGINT) == 0
+    (path,) = (tmp_path / "logs").glob("*.mcap")
+    assert recomputed(path) > 20
+
+
+def test_a_recording_begins_and_ends_on_request(tmp_path: Path) -> None:
+    with running(tmp_path, record_dir="logs") as (_, listener):
+        assert not listener.call(SetBool, "record", data=False).success
+        paths = []
+        for _ in range(2):
+            began = listener.call(SetBool, "record", data=True)
+            seen = len(listener.states)
+            listener.until(lambda seen=seen: len(listener.states) > seen + 20, "states")
+            ended = listener.call(SetBool, "record", data=False)
+            assert began.success and ended.success and began.message == ended.message
+            paths.append(tmp_path / began.message)
+        heard_states = {nanoseconds(m.header.stamp): list(m.position) for m in listener.states}
+    for path in paths:
+        with path.open("rb") as stream:
+            reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+            tick = int(next(reader.iter_metadata()).metadata["tick"])
+            messages = [(c.topic, m.sequence, content) for _, c, m, content in reader.iter_decoded_messages()]
+        states = [(sequence, content) for topic, sequence, content in messages if topic == "/joint_states"]
+        assert {"/robot_description", "/sim_node/live_values"} <= {topic for topic, _, _ in messages}
+        assert tick > 0 and min(sequence for sequence, _ in states) - tick in range(1, 11)
+        assert all(list(content.position) == heard_states[sequence * 1_000_000] for sequence, content in states[:15])
+
+
+def recomputed(path: Path) -> int:
+    """Compute a recorded run again, and compare every state; returns how many."""
+    with path.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        (attachment,) = reader.iter_attachments()
+        about = next(reader.iter_metadata()).metadata
+        messages = [(c.topic, m.sequence, content) for _, c, m, content in reader.iter_decoded_messages()]
+    live = {name: float.fromhex(value) for name, value in json.loads(about["live"]).items()}
+    simulation = Simulation(
+        parse_mechanism(attachment.data.decode()),
+        method=about["method"],
+        step=float.fromhex(about["step"]),
+        wrenches=json.loads(about["wrenches"]),
+        live=list(live),
+    )
+    states = 0
+    for topic, tick, content in messages:
+        if topic in ("/sim_node/applied_wrenches", "/sim_node/live_values", "/joint_states"):
+            simulation.step(tick - simulation.steps)
+        if topic == "/sim_node/applied_wrenches":
+            part = content.layout.dim[0].label.split(".")[0]
+            force, couple, own_force, own_couple, point = np.reshape(content.data, (5, 3))
+            own = bool(np.any(own_force) or np.any(own_couple))
+            pair = (own_force, own_couple) if own else (force, couple)
+            simulation.set_wrench(part, *pair, at=point, axes="part" if own else "ground")
+        elif topic == "/sim_node/live_values":
+            labels = [dimension.label for dimension in content.layout.dim]
+            simulation.set_live(dict(zip(labels, content.data, strict=True)))
+        elif topic == "/joint_states":
+            assert list(content.position) == simulation.q.tolist(), tick
+            states += 1
+    return states
+
+
+def number(name: str, value: float | list[float]) -> Parameter:
+    """A parameter of one or several real numbers."""
+    if isinstance(value, list):
+        kind = ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=value)
+    else:
+        kind = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
+    return Parameter(name=name, value=kind)
+
+
+def test_live_values_are_parameters_and_what_does_not_fit_is_refused_with_a_reason(tmp_path: Path) -> None:
+    with running(tmp_path, **{"parameters.m": 2.5, "joints.elbow.damping": 1}) as (_, listener):
+
+        def set_to(name: str, value: float | list[float]) -> Any:
+            return listener.call(SetParameters, "set_parameters", parameters=[number(name, value)]).results[0]
+
+        assert listener.parameter("parameters.m") == 2.5
+        assert list(listener.parameter("gravity")) == [0.0, 0.0, -9.81]
+        assert "3 numbers" in set_to("gravity", [0.0, 0.0]).reason
+        assert "a number" in set_to("parameters.m", float("nan")).reason
+        refused = set_to("joints.elbow.damping", -1.0)
+        assert not refused.successful and "damping" in refused.reason
+        assert not set_to("mechanism", 1.0).successful
+        assert "start" in listener.descriptor("mechanism").additional_constraints
+        assert set_to("parameters.m", 1.0).successful
+        assert listener.parameter("parameters.m") == 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("mechanisn", "double_rod", "there is no parameter 'mechanisn'. Did you mean 'mechanism'?"),
+        ("joints.elbow.dampng", 1.0, "Did you mean 'joints.elbow.damping'?"),
+        ("wrenches", "upper, lowr", "there is no part or point 'lowr'. Did you mean 'lower'?"),
+        ("part_poses", "uper", "there is no part 'uper'. Did you mean 'upper'?"),
+        ("live", "joints.elbow.axis", "joints.elbow.axis"),
+    ],
+)
+def test_a_misspelled_start_is_answered_with_the_nearest_name(
+    tmp_path: Path, name: str, value: object, words: str
+) -> None:
+    process = SimNodeProcess(new_domain(), tmp_path, {name: value})
+    try:
+        assert process.process.wait(20) == 1
+        assert words in process.text
+        assert "Traceback" not in process.text
+    finally:
+        process.kill()
+
+
+def test_followers_of_simulated_time_see_it_go_on_over_a_reset_and_stand_still_in_a_pause(tmp_path: Path) -> None:
+    with running(tmp_path, clock_rate=500) as (_, listener):
+        listener.node.set_parameters([NodeParameter("use_sim_time", value=True)])
+        clock = listener.node.get_clock()
+        listener.until(lambda: clock.now().nanoseconds > 0, "simulated time")
+        before = clock.now().nanoseconds
+        listener.reset()
+        listener.until(lambda: clock.now().nanoseconds > before, "time going on")
+        listener.pause(True)
+        listener.spin(0.2)
+        stands = clock.now().nanoseconds
+        listener.spin(0.8)
+        assert clock.now().nanoseconds == stands
+
+
+def test_two_instances_and_two_clocks_are_warned_of(tmp_path: Path) -> None:
+    domain = new_domain()
+    nodes = [SimNodeProcess(domain, tmp_path, {}, [f"__ns:=/{name}"]) for name in ("left", "right")]
+    listener = Listener(domain, "left")
+    messages = heard(listener, DiagnosticArray, "/diagnostics")
+    try:
+        listener.until(
+            lambda: (
+                {status.name for message in messages for status in message.status if "/clock" in status.message}
+                >= {"/left/sim_node: timing", "/right/sim_node: timing"}
+            ),
+            "both warnings",
+        )
+    finally:
+        listener.close()
+        for node in nodes:
+            node.kill()

@@ -1,0 +1,82 @@
+"""What `sim_node` serves where packages are installed that ROS's wheels do not bring."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from test.system.nodes import SimNodeProcess, as_in_the_node, nanoseconds, new_domain, running
+
+pytestmark = pytest.mark.timeout(90)
+
+
+def test_the_services_of_simulation_interfaces(tmp_path: Path) -> None:
+    pytest.importorskip("simulation_interfaces")
+    from simulation_interfaces.msg import Result, SimulationState, SimulatorFeatures
+    from simulation_interfaces.srv import (
+        GetSimulationState,
+        GetSimulatorFeatures,
+        ResetSimulation,
+        SetSimulationState,
+        StepSimulation,
+    )
+
+    with running(tmp_path, start_paused=True) as (process, listener):
+
+        def state() -> int:
+            return int(listener.call(GetSimulationState, "get_simulation_state").state.state)
+
+        def become(wanted: int) -> int:
+            request = SimulationState(state=wanted)
+            return int(listener.call(SetSimulationState, "set_simulation_state", state=request).result.result)
+
+        features = listener.call(GetSimulatorFeatures, "get_simulator_features").features.features
+        assert SimulatorFeatures.STEP_SIMULATION_MULTIPLE in features
+        assert state() == SimulationState.STATE_STOPPED
+        assert listener.call(StepSimulation, "step_simulation", steps=25).result.result == Result.RESULT_OK
+        listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) == 25_000_000, "the state after 25 steps")
+        simulation = as_in_the_node("double_rod")
+        simulation.step(25)
+        assert list(listener.states[-1].position) == simulation.q.tolist()
+        assert state() == SimulationState.STATE_PAUSED
+        assert become(SimulationState.STATE_PLAYING) == Result.RESULT_OK
+        assert become(SimulationState.STATE_PLAYING) == SetSimulationState.Response.ALREADY_IN_TARGET_STATE
+        refused = listener.call(StepSimulation, "step_simulation", steps=1).result
+        assert refused.result == Result.RESULT_OPERATION_FAILED and "pause" in refused.error_message
+        assert become(SimulationState.STATE_STOPPED) == Result.RESULT_OK
+        assert state() == SimulationState.STATE_STOPPED
+        listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) == 0, "a clock at zero")
+        listener.call(StepSimulation, "step_simulation", steps=10)
+        scope = ResetSimulation.Request.SCOPE_STATE
+        assert listener.call(ResetSimulation, "reset_simulation", scope=scope).result.result == Result.RESULT_OK
+        listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) == 10_000_000, "a clock that goes on")
+        assert become(SimulationState.STATE_NO_WORLD) == Result.RESULT_FEATURE_UNSUPPORTED
+        assert become(SimulationState.STATE_QUITTING) == Result.RESULT_OK
+        assert process.process.wait(20) == 0
+
+
+def test_transforms_of_all_parts(tmp_path: Path) -> None:
+    tf2_msgs = pytest.importorskip("tf2_msgs.msg")
+    with running(tmp_path, tf=True, frame_prefix="left/") as (_, listener):
+        heard: list[object] = []
+        listener.node.create_subscription(tf2_msgs.TFMessage, "/tf", heard.append, 10)
+        listener.until(lambda: heard, "/tf")
+        simulation = as_in_the_node("double_rod")
+        (upper, lower) = heard[-1].transforms  # type: ignore[attr-defined]
+        simulation.step(nanoseconds(lower.header.stamp) // 1_000_000)
+        assert (upper.child_frame_id, lower.header.frame_id) == ("left/upper", "left/ground")
+        at = lower.transform.translation
+        assert [at.x, at.y, at.z] == simulation.poses()["lower"].position.tolist()
+
+
+def test_transforms_without_their_package_are_answered_with_its_name(tmp_path: Path) -> None:
+    try:
+        import tf2_msgs  # noqa: F401
+    except ImportError:
+        process = SimNodeProcess(new_domain(), tmp_path, {"tf": True})
+        try:
+            assert process.process.wait(20) == 1
+            assert "tf2_msgs" in process.text and "Traceback" not in process.text
+        finally:
+            process.kill()
