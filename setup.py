@@ -7,7 +7,7 @@ from setuptools import find_packages, setup
 
 NAME = "mbd_sim"
 EXAMPLES = ["computed_torque", "excite", "identify", "pd_hold", "swing_up", "teleop"]
-NODES = ["sim_node", *(f"example_{name}" for name in EXAMPLES)]
+NODES = ["sim_node", "replay_node", *(f"example_{name}" for name in EXAMPLES)]
 
 
 def tree(folder: str) -> list[tuple[str, list[str]]]:
@@ -91,6 +91,7 @@ setup(
         "console_scripts": [
             "mbd_sim = mbd_sim.cli:main",
             "sim_node = mbd_sim.ros.sim_node:main",
+            "replay_node = mbd_sim.ros.replay_node:main",
             *(f"example_{name} = mbd_sim.examples.{name}:main" for name in EXAMPLES),
         ],
     },

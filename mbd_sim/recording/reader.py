@@ -96,6 +96,7 @@ class Recording:
                 continue
             ready = next((n for n, message in enumerate(waiting) if message.time_ns > block.start_ns), len(waiting))
             yield from waiting[:ready]
+            del waiting[:ready]
             try:
                 loaded = block.load()
             except DamagedError as error:
@@ -105,7 +106,7 @@ class Recording:
                 continue
             if start_ns is not None:
                 loaded = [message for message in loaded if message.time_ns >= start_ns]
-            waiting = sorted(waiting[ready:] + loaded, key=_time)
+            waiting = sorted(waiting + loaded, key=_time)
         yield from waiting
 
     def latest(self, topics: Collection[str], time_ns: int) -> list[Message]:

@@ -84,6 +84,7 @@ class Recomputation:
         if "first_clock" in about:
             self._offset_ns = self.tick * self.step_ns - int(about["first_clock"])
         self._begin(about)
+        self._told = dict(self.simulation.live)  # the live values as the events say them, word for word
 
     @property
     def as_recorded(self) -> bool:
@@ -214,9 +215,15 @@ class Recomputation:
             self._base_tick, self._base_step = self.tick, 0
         if not text.startswith("live values: ") or not self.as_recorded:
             return []
-        told = {key: float(value) for key, value in _TOLD.findall(text.removeprefix("live values: "))}
+        self._told |= {key: float(value) for key, value in _TOLD.findall(text.removeprefix("live values: "))}
+        return self.contradictions()
+
+    def contradictions(self) -> list[Mismatch]:
+        """Live values that are others than what the events said; from then on they count as said."""
         live = self.simulation.live
-        return [Mismatch(key, live[key], value) for key, value in told.items() if live.get(key, value) != value]
+        found = [Mismatch(key, live[key], value) for key, value in self._told.items() if live.get(key, value) != value]
+        self._told = dict(live)
+        return found
 
 
 def roles(topics: Mapping[str, RecordedTopic]) -> dict[str, str]:

@@ -10,20 +10,22 @@ from pathlib import Path
 
 import numpy as np
 
-from mbd_sim.errors import CommandError, DivergedError
+from mbd_sim.errors import MbdSimError
 from mbd_sim.mechanism.model import Array
 from mbd_sim.mechanism.rotation import of_vector
 from mbd_sim.model import Energies
 from mbd_sim.recording import cdr
 from mbd_sim.recording.metadata import run_metadata
-from mbd_sim.recording.parts import DamagedError, Message, Part, ReadingError
+from mbd_sim.recording.parts import DamagedError, Message, Part
 from mbd_sim.recording.reader import open_recording
 from mbd_sim.recording.recompute import (
     COMMANDS,
     ENERGIES,
     EVENTS,
     STATES,
+    Mismatch,
     Recomputation,
+    RecomputeError,
     joint_rows,
 )  # fmt: skip
 
@@ -131,6 +133,8 @@ class _Comparison:
             elsewhere=differs,
             problem=part.problem,
         )
+        model = simulation.model
+        self._names = (*model.coordinate_names, *model.driven_names)
         self._since_agreeing: list[str] = []  # commands after the last state that agrees
         self._resumed: dict[str, Array] = {}  # recorded numbers from which the next interval begins
 
@@ -143,10 +147,11 @@ class _Comparison:
                 for message in block.load():
                     if message.topic in self.replica.roles and not self._take(message):
                         return result
+            self._contradict(self.replica.contradictions(), blocks[-1].end_ns if blocks else 0)
         except DamagedError as error:
             result.failure = error.what
-        except (ReadingError, CommandError, DivergedError) as error:
-            result.failure = f"at step {self.replica.tick}: {error}"
+        except RecomputeError as error:
+            result.failure = str(error)
         finally:
             result.took = time.perf_counter() - began
             result.steps = self.replica.tick - self.replica.first_tick
@@ -154,7 +159,16 @@ class _Comparison:
         return result
 
     def _take(self, message: Message) -> bool:
-        """Compare or apply a message; False where its place in the run cannot be told."""
+        """Compare or apply a message; False where its place in the run cannot be told.
+
+        :raises MbdSimError: it cannot be read, or the simulation does not take it; said with its topic and step.
+        """
+        try:
+            return self._placed(message)
+        except MbdSimError as error:
+            raise RecomputeError(f"{message.topic} at step {self.replica.tick}: {error}") from error
+
+    def _placed(self, message: Message) -> bool:
         replica = self.replica
         tick = replica.behind(message)
         clock = replica.clock_ns(tick, message)
@@ -176,12 +190,16 @@ class _Comparison:
     def _command(self, message: Message, role: str) -> None:
         if role != EVENTS:
             self.result.commands[role] += 1
-        elif cdr.text(message.payload) == "reset":
+        elif reset := cdr.text(message.payload) == "reset":
             self.result.commands["resets"] += 1
             self._resumed.clear()
-        self._since_agreeing.append(f"{message.topic} at step {self.replica.tick}")
-        for name, recorded, expected in self.replica.apply(message):
-            self._differ("live_values", name, self.replica.tick, message.time_ns, recorded, expected)
+        if role != EVENTS or reset:
+            self._since_agreeing.append(f"{message.topic} at step {self.replica.tick}")
+        self._contradict(self.replica.apply(message), message.time_ns)
+
+    def _contradict(self, found: Sequence[Mismatch], time_ns: int) -> None:
+        for name, recorded, expected in found:
+            self._differ("live_values", name, self.replica.tick, time_ns, recorded, expected)
 
     def _compare(self, message: Message, role: str) -> None:
         replica, simulation = self.replica, self.replica.simulation
@@ -209,11 +227,6 @@ class _Comparison:
         else:
             self.result.differing += 1
             self.result.since = 0
-
-    @property
-    def _names(self) -> tuple[str, ...]:
-        model = self.replica.simulation.model
-        return (*model.coordinate_names, *model.driven_names)
 
     def _same(self, message: Message, kind: str, names: Sequence[str], recorded: Array, computed: Array) -> bool:
         """Whether numbers agree; tells each that does not."""

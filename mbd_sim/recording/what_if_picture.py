@@ -24,7 +24,7 @@ def draw(path: Path, found: WhatIf, title: str, change: str) -> None:
     order = sorted(range(len(positions)), key=lambda n: -positions[n].largest[0])[:MOST]
     chosen = sorted(order)
     figure = Figure(figsize=(11.0, 2.1 * (len(chosen) + 1) + 0.6), layout="constrained")
-    figure.suptitle(title)
+    figure.suptitle(title, x=0.01, ha="left")
     panels = figure.subplots(len(chosen) + 1, 2, sharex=True, squeeze=False)
     for row, number in enumerate(chosen):
         _overlay(panels[row][0], positions[number], change)
@@ -34,7 +34,7 @@ def draw(path: Path, found: WhatIf, title: str, change: str) -> None:
     _residuals(panels[-1][1], energies["residual"], change)
     for axes in panels[-1]:
         axes.set_xlabel("time since the beginning of the recording, s")
-    panels[0][0].legend(loc="best", fontsize="small")
+    figure.legend(*panels[0][0].get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize="small")
     try:
         figure.savefig(path, dpi=140)
     except (OSError, ValueError) as error:

@@ -93,17 +93,19 @@ def _descriptor(declared: Declared) -> ParameterDescriptor:
 class Parameters:
     """The node's parameters as plain values, and the live values of its mechanism."""
 
-    def __init__(self, node: Node, on_change: Callable[[str, Any], None]) -> None:
+    def __init__(
+        self, node: Node, on_change: Callable[[str, Any], None], known: Sequence[Declared] = PARAMETERS
+    ) -> None:
         """Declare all; `on_change(name, value)` hears of changes while the node runs.
 
         :raises ValueError: a value given at start is of the wrong type or out of range.
         """
         self._node, self._on_change = node, on_change
-        self._known = {declared.name: declared for declared in PARAMETERS}
+        self._known = {declared.name: declared for declared in known}
         self._values: dict[str, Any] = {}
         self._live: dict[str, list[str]] = {}
         self._set_live: Callable[[Mapping[str, float]], str] = lambda changes: ""
-        for declared in PARAMETERS:
+        for declared in known:
             value = node.declare_parameter(declared.name, declared.default, _descriptor(declared)).value
             if problem := _problem(declared, value):
                 raise ValueError(problem)

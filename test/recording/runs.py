@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import rclpy
+from mcap.writer import Writer
 
+from mbd_sim.recording.parts import Message
+from mbd_sim.recording.reader import open_recording
 from mbd_sim.ros.sim_node import SimNode
 
 Action = Callable[[SimNode, random.Random], None]
@@ -21,7 +24,7 @@ def record_run(
     seconds: float = 1.0,
     seed: int = 1,
     commands: int = 10,
-    finish: bool = True,
+    resets: bool = True,
     **parameters: Any,
 ) -> Path:
     """Record a run with some random commands; returns the file."""
@@ -37,7 +40,7 @@ def record_run(
         node = SimNode()
         node.start()
         try:
-            drive(node, seconds, commands, random.Random(seed))
+            drive(node, seconds, commands, random.Random(seed), ACTIONS if resets else ACTIONS[:-1])
         finally:
             node.stop()
             path = node.outputs.recorder.path
@@ -47,11 +50,11 @@ def record_run(
     return Path(path)
 
 
-def drive(node: SimNode, seconds: float, commands: int, chance: random.Random) -> None:
+def drive(node: SimNode, seconds: float, commands: int, chance: random.Random, actions: Sequence[Action]) -> None:
     """Step through a time, with commands of all kinds in between."""
     left = max(1, round(seconds / node.simulation.step_size))
     for number in range(commands):
-        chance.choice(ACTIONS)(node, chance)
+        chance.choice(actions)(node, chance)
         steps = (
             left // (commands - number)
             if number + 1 == commands
@@ -88,4 +91,35 @@ def _reset(node: SimNode, chance: random.Random) -> None:
     node.runner.reset(rewind_clock=chance.random() < 0.5)
 
 
-ACTIONS = [_efforts, _efforts, _efforts, _wrench, _wrench, _live, _reset]
+ACTIONS: list[Action] = [_efforts, _efforts, _efforts, _wrench, _wrench, _live, _reset]
+
+
+def rewrite(
+    path: Path,
+    out: Path,
+    change: Callable[[int, Message], Message | None] = lambda number, message: message,
+    about: dict[str, str] | None = None,
+) -> Path:
+    """A copy of a recording, with some messages changed or left out, and its metadata added to."""
+    recording = open_recording(path)
+    with out.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2", library="test")
+        writer.add_attachment(0, 0, "mechanism.yaml", "application/yaml", recording.mechanism_text.encode())
+        writer.add_metadata("mbd_sim", dict(recording.about) | (about or {}))
+        channels = {}
+        for name, topic in recording.topics.items():
+            schema = writer.register_schema(topic.type, "ros2msg", topic.definition.encode())
+            channels[name] = writer.register_channel(name, "cdr", schema, {"offered_qos_profiles": topic.qos})
+        for number, message in enumerate(recording.messages()):
+            if (kept := change(number, message)) is not None:
+                writer.add_message(channels[kept.topic], kept.time_ns, kept.payload, kept.time_ns, kept.sequence)
+        writer.finish()
+    return out
+
+
+def with_bit_flipped(message: Message, offset: int, bit: int) -> Message:
+    """The message with one bit of its payload flipped; `offset` counts from the end where it is negative."""
+    payload = bytearray(message.payload)
+    payload[offset] ^= 1 << bit
+    return message._replace(payload=bytes(payload))

@@ -42,10 +42,12 @@ def new_domain() -> int:
 class SimNodeProcess:
     """`sim_node` in a process of its own, with its output."""
 
+    module, defaults = "mbd_sim.ros.sim_node", {"record": False}
+
     def __init__(self, domain: int, folder: Path, parameters: dict[str, Any], remaps: Sequence[str] = ()) -> None:
         environment = os.environ | {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-        command = [sys.executable, "-m", "mbd_sim.ros.sim_node", "--ros-args"]
-        for name, value in ({"record": False} | parameters).items():
+        command = [sys.executable, "-m", self.module, "--ros-args"]
+        for name, value in (self.defaults | parameters).items():
             text = str(value).lower() if isinstance(value, bool) else str(value)
             command += ["-p", f"{name}:={text}"]
         for remap in remaps:
@@ -74,6 +76,8 @@ class SimNodeProcess:
 
 class Listener:
     """Hears everything that a `sim_node` says, and talks to it."""
+
+    server = "sim_node"
 
     def __init__(self, domain: int, namespace: str = "") -> None:
         self.context = Context()
@@ -111,7 +115,7 @@ class Listener:
             self.executor.spin_once(timeout_sec=0.02)
 
     def call(self, kind: type, name: str, **fields: Any) -> Any:
-        client = self.node.create_client(kind, f"sim_node/{name}")
+        client = self.node.create_client(kind, f"{self.server}/{name}")
         self.until(client.service_is_ready, f"service {name}")
         future = client.call_async(kind.Request(**fields))
         self.until(future.done, f"answer of {name}")
