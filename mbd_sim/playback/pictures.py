@@ -82,7 +82,8 @@ def _page(path: Path, table: RunTable, shown: Sequence[Panel]) -> None:
         row_heights=[height / total for height in heights],
         vertical_spacing=min(60.0 / total, 0.9 / max(len(shown) - 1, 1)),
     )
-    first = next((number for number, panel in enumerate(shown, 1) if panel.over_time), 0)
+    timed = [number for number, panel in enumerate(shown, 1) if panel.over_time]
+    first, last = min(timed, default=0), max(timed, default=0)
     for number, panel in enumerate(shown, 1):
         for line in panel.lines:
             x, y = _thinned(line)
@@ -92,12 +93,13 @@ def _page(path: Path, table: RunTable, shown: Sequence[Panel]) -> None:
         logarithmic = {"type": "log", "exponentformat": "power"} if panel.logarithmic else {}
         figure.update_yaxes(title_text=panel.y_label, row=number, col=1, **logarithmic)
         shared = {"matches": "x" if first == 1 else f"x{first}"} if panel.over_time and number != first else {}
-        figure.update_xaxes(title_text=panel.x_label, row=number, col=1, **shared)
+        label = panel.x_label if number == last or not panel.over_time else ""
+        figure.update_xaxes(title_text=label, row=number, col=1, **shared)
         if panel.over_time:
             for time, text in table.events[:MOST_EVENTS]:
                 mark = {"line_width": 1, "line_dash": "dot", "line_color": "gray"}
-                note = {"annotation_text": text, "annotation_font_size": 9} if number == first else {}
-                figure.add_vline(x=time, row=number, col=1, **mark, **note)
+                note = {"annotation_text": text, "annotation_font_size": 9, "annotation_textangle": 90}
+                figure.add_vline(x=time, row=number, col=1, **mark, **(note if number == first else {}))
     figure.update_layout(title=_title(table), height=total + 120, template="plotly_white", hovermode="x unified")
     figure.write_html(path, include_plotlyjs=True)
 

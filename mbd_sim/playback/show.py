@@ -113,7 +113,7 @@ class _Run:
         if role == EVENTS:
             text = cdr.text(message.payload)
             if text == RESET:
-                self._lag = self._tick
+                self._lag, self._frame = self._tick, -1
         if role != EVENTS or text == RESET:
             try:
                 self._replica.apply(message)

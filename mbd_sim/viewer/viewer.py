@@ -7,6 +7,7 @@ import contextlib
 import importlib.util
 import json
 import logging
+import math
 import os
 import pickle
 import subprocess
@@ -74,7 +75,7 @@ class Viewer:
                 raise ValueError(f"the {what} must be a positive number, not {value!r}")
         if importlib.util.find_spec("rerun") is None:
             raise ViewerError("Rerun is not installed. Install it with: pip install rerun-sdk")
-        self._rate, self._frame, self._telling = rate, -1, Telling()
+        self._rate, self._frame, self._own_time, self._telling = rate, -1, -math.inf, Telling()
         self._samples: Mailbox[Array] = Mailbox(capacity)
         self._events: Mailbox[tuple[float, str]] = Mailbox(capacity)
         self._writer = RowWriter(model, reactions)
@@ -125,12 +126,12 @@ class Viewer:
         """Show a state y with its inputs (see `Simulation.inputs`; the efforts will do) and energies.
 
         `motion_time` is the mechanism's own time in s, where it is not that of the timeline.
-        Returns at once. Samples closer together than the rate asks for are passed over.
+        Returns at once. Samples closer together than the rate asks for are passed over, but none that begins anew.
         """
         frame = int(time * self._rate + 1e-6)
-        if frame != self._frame and self.failure is None:
-            self._frame = frame
-            own = time if motion_time is None else motion_time
+        own = time if motion_time is None else motion_time
+        if (frame != self._frame or own < self._own_time) and self.failure is None:
+            self._frame, self._own_time = frame, own
             self._samples.put(self._writer.row(time, own, y, inputs, energies))
 
     def event(self, time: float, text: str) -> None:

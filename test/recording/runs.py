@@ -37,7 +37,7 @@ def record_run(
         arguments += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
     rclpy.init(args=arguments, domain_id=101)
     try:
-        node = SimNode()
+        node = SimNode(lambda: None)
         node.start()
         try:
             drive(node, seconds, commands, random.Random(seed), ACTIONS if resets else ACTIONS[:-1])
