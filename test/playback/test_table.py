@@ -111,7 +111,7 @@ def test_a_bag_of_another_robot_has_its_joints_only(tmp_path):
 
 def test_a_bag_without_joints_says_what_it_holds(tmp_path):
     bag = foreign_bag(tmp_path / "talk.mcap", String)
-    with pytest.raises(PlaybackError, match="no topic of joint states .* '?/robot/joints"):
+    with pytest.raises(PlaybackError, match=r"no topic of joint states .* '?/robot/joints"):
         read_table(open_recording(bag))
 
 
