@@ -24,7 +24,7 @@ from mbd_sim.viewer.prop import Logged, Prop
 from mbd_sim.viewer.rows import Rows
 from mbd_sim.viewer.stage import Stage
 
-LONG, LONGEST = 0.35, 0.8  # of the mechanism's size
+LONG, LONGEST = 0.25, 0.6  # of the mechanism's size
 SWEEP, WIDEST = np.radians(240.0), np.radians(330.0)  # of the arc of a couple
 SHORTEST = 2e-3  # of what is drawn at full length, below which nothing is drawn
 AHEAD = 5.0  # s of an expression that are looked at for its largest value
