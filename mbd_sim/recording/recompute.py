@@ -76,7 +76,7 @@ class Recomputation:
             live=self._live_keys(about),
         )
         self.roles = roles(part.topics)
-        self.first_tick = self.tick = int(about.get("first_tick", "0"))
+        self.first_tick = self.tick = int(about.get("first_tick", about.get("tick", "0")))
         self.taken = 0  # steps of the simulation, which are others than the ticks where its step is another
         self.step_ns = round(self.recorded_step * 1e9)
         self._base_tick, self._base_step = self.tick, 0  # at which the mechanism's own steps are known
@@ -163,7 +163,7 @@ class Recomputation:
         simulation = self.simulation
         live = {key: value for key, value in _hexadecimal(about.get("live", "{}")).items() if key in simulation.live}
         start, inputs = _exact(about["start"]), _exact(about["inputs"]) if "inputs" in about else None
-        steps = int(about.get("first_step", "0"))
+        steps = int(about.get("first_step", self.first_tick))
         energy = float.fromhex(about["start_energy"]) if "start_energy" in about else None
         try:
             if inputs is None or not self.as_recorded:

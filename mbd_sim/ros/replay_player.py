@@ -6,15 +6,13 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from itertools import islice
 from typing import Protocol
 
 from mbd_sim.recording.parts import DamagedError, Message
 from mbd_sim.recording.reader import Recording
 from mbd_sim.ros.pacing import LONG, RE_ANCHOR, Histogram
+from mbd_sim.ros.replay_ahead import Ahead
 
-BATCH = 200  # messages that are read at once
-AHEAD = 20  # batches that wait, read, for their time
 NEVER = 1 << 63  # ns
 
 
@@ -166,7 +164,7 @@ class Player:
             for message in self.recording.latest(self._latched, begin):
                 self.stage.show(message)
         show = self.stage.show
-        ahead = _Ahead(self._messages(begin))
+        ahead = Ahead(self._messages(begin))
         self._on_threads()
         try:
             for message in ahead:
@@ -284,40 +282,3 @@ class Player:
 
     def _anchor(self) -> None:
         self._since = time.perf_counter()
-
-
-class _Ahead:
-    """Reads in a thread of its own, so that unpacking a block delays no message."""
-
-    def __init__(self, messages: Iterator[Message]) -> None:
-        self._messages = messages
-        self._queue: queue.Queue[list[Message] | BaseException] = queue.Queue(AHEAD)
-        self._closed = False
-        self._thread = threading.Thread(target=self._read, name="reader", daemon=True)
-        self._thread.start()
-
-    def __iter__(self) -> Iterator[Message]:
-        while batch := self._queue.get():
-            if isinstance(batch, BaseException):
-                raise batch
-            yield from batch
-
-    def close(self) -> None:
-        """Read no further."""
-        self._closed = True
-
-    def _read(self) -> None:
-        try:
-            while not self._closed and (batch := list(islice(self._messages, BATCH))):
-                self._put(batch)
-            self._put([])
-        except Exception as error:
-            self._put(error)
-
-    def _put(self, batch: list[Message] | BaseException) -> None:
-        while not self._closed:
-            try:
-                self._queue.put(batch, timeout=0.1)
-                return
-            except queue.Full:
-                continue

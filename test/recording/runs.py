@@ -99,11 +99,12 @@ def rewrite(
     out: Path,
     change: Callable[[int, Message], Message | None] = lambda number, message: message,
     about: dict[str, str] | None = None,
+    chunk_size: int = 3000,
 ) -> Path:
     """A copy of a recording, with some messages changed or left out, and its metadata added to."""
     recording = open_recording(path)
     with out.open("wb") as stream:
-        writer = Writer(stream)
+        writer = Writer(stream, chunk_size=chunk_size)
         writer.start(profile="ros2", library="test")
         writer.add_attachment(0, 0, "mechanism.yaml", "application/yaml", recording.mechanism_text.encode())
         writer.add_metadata("mbd_sim", dict(recording.about) | (about or {}))

@@ -9,12 +9,14 @@ from rosbags.typesys import Stores, get_typestore
 from mbd_sim.recording import cdr
 from mbd_sim.recording.parts import DamagedError, Message, ReadingError
 from mbd_sim.recording.reader import open_recording
-from test.recording.runs import record_run
+from test.recording.runs import record_run, rewrite
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    return record_run(tmp_path_factory.mktemp("run"), "double_rod", seconds=3.0, seed=2, publish_rate=500.0)
+    folder = tmp_path_factory.mktemp("run")
+    recorded = record_run(folder, "double_rod", seconds=3.0, seed=2, publish_rate=500.0)
+    return rewrite(recorded, folder / "small chunks.mcap", chunk_size=30_000)
 
 
 def test_messages_and_contents_are_those_that_rosbags_reads(run):

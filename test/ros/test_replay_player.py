@@ -180,3 +180,9 @@ def test_damaged_blocks_are_left_out_and_told_once():
         memory, _ = played(recording(range(50), damaged=[2], own=own))
         assert shown(memory) == [*range(19), *range(29, 50)]
         assert memory.texts == ["left out: x.mcap: damaged: a block"]
+
+
+def test_as_fast_as_possible_is_much_faster_than_it_was():
+    began = time.perf_counter()
+    _, player = played(recording(range(20_000)), clock_rate=200.0)
+    assert player.duration > 10 * (time.perf_counter() - began)

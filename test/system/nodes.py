@@ -42,12 +42,10 @@ def new_domain() -> int:
 class SimNodeProcess:
     """`sim_node` in a process of its own, with its output."""
 
-    module, defaults = "mbd_sim.ros.sim_node", {"record": False}
-
     def __init__(self, domain: int, folder: Path, parameters: dict[str, Any], remaps: Sequence[str] = ()) -> None:
         environment = os.environ | {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-        command = [sys.executable, "-m", self.module, "--ros-args"]
-        for name, value in (self.defaults | parameters).items():
+        command = [sys.executable, "-m", "mbd_sim.ros.sim_node", "--ros-args"]
+        for name, value in ({"record": False} | parameters).items():
             text = str(value).lower() if isinstance(value, bool) else str(value)
             command += ["-p", f"{name}:={text}"]
         for remap in remaps:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
-from collections.abc import Iterator
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +28,7 @@ from std_srvs.srv import Trigger
 
 from mbd_sim.recording.reader import open_recording
 from mbd_sim.ros.replay_node import main
-from test.recording.runs import record_run
+from test.recording.runs import record_run, rewrite
 from test.system.nodes import Listener, SimNodeProcess, nanoseconds, new_domain
 
 pytestmark = pytest.mark.timeout(90)
@@ -34,9 +37,20 @@ EPOCH = 1_700_000_000_000_000_000
 
 
 class ReplayProcess(SimNodeProcess):
-    """`replay_node` in a process of its own."""
+    """`replay_node` in a process of its own; it starts paused."""
 
-    module, defaults = "mbd_sim.ros.replay_node", {"start_paused": True}
+    def __init__(self, domain: int, folder: Path, parameters: dict[str, Any], remaps: Sequence[str] = ()) -> None:
+        environment = os.environ | {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+        command = [sys.executable, "-m", "mbd_sim.ros.replay_node", "--ros-args"]
+        for name, value in ({"start_paused": True} | parameters).items():
+            command += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
+        for remap in remaps:
+            command += ["-r", remap]
+        self.log = folder / "replay_node.log"
+        with self.log.open("wb") as stream:
+            self.process = subprocess.Popen(
+                command, cwd=folder, env=environment, stdout=stream, stderr=subprocess.STDOUT, start_new_session=True
+            )
 
 
 class Audience(Listener):
@@ -82,7 +96,9 @@ def replaying(folder: Path, bag: Path, *remaps: str, **parameters: Any) -> Itera
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A second of two rods with commands, and no reset."""
-    return record_run(tmp_path_factory.mktemp("run"), "double_rod", seconds=1.0, seed=3, resets=False)
+    folder = tmp_path_factory.mktemp("run")
+    recorded = record_run(folder, "double_rod", seconds=1.0, seed=3, resets=False)
+    return rewrite(recorded, folder / "small chunks.mcap", chunk_size=3000)
 
 
 def cut(run: Path, folder: Path) -> Path:
