@@ -7,8 +7,9 @@ the limit for efforts that have one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
@@ -141,14 +142,35 @@ class _Wrench:
         yield from self._couple.couple(at, couple + np.einsum("nij,nj->ni", turned, own_couple))
 
 
-# Of each coordinate of a joint: whether its effort is a couple, and along which of its axes; 3 is the first axis.
-EFFORTS: dict[str, tuple[tuple[bool, int], ...]] = {
-    "revolute": ((True, 3),),
-    "screw": ((True, 3),),
-    "prismatic": ((False, 3),),
-    "cylindrical": ((False, 3), (True, 3)),
-    "spherical": ((True, 0), (True, 1), (True, 2)),
-    "free": ((False, 0), (False, 1), (False, 2), (True, 0), (True, 1), (True, 2)),
+class _Along(NamedTuple):
+    """Of a coordinate: whether its effort is a couple, about which axis, and whether that is one of the child's."""
+
+    couple: bool
+    axis: Callable[[Joint], Array]
+    on_child: bool = False
+
+
+def _unit(index: int) -> Callable[[Joint], Array]:
+    return lambda joint: np.eye(3)[index]
+
+
+_FORCE, _COUPLE = _Along(False, lambda joint: joint.axis), _Along(True, lambda joint: joint.axis)
+_SHIFTED = tuple(_Along(False, _unit(index)) for index in range(3))
+_TURNED = tuple(_Along(True, _unit(index), on_child=True) for index in range(3))
+EFFORTS: dict[str, tuple[_Along, ...]] = {
+    "revolute": (_COUPLE,),
+    "screw": (_COUPLE,),
+    "prismatic": (_FORCE,),
+    "cylindrical": (_FORCE, _COUPLE),
+    # A universal joint's second axis does not move in the second part.
+    "universal": (_COUPLE, _Along(True, lambda joint: joint.second, on_child=True)),
+    "planar": (
+        _Along(False, lambda joint: joint.second),
+        _Along(False, lambda joint: np.cross(joint.axis, joint.second)),
+        _COUPLE,
+    ),
+    "spherical": _TURNED,
+    "free": (*_SHIFTED, *_TURNED),
 }
 
 
@@ -164,22 +186,26 @@ class _Effort:
         self._couple = _Style(entity, palette.COMMANDED, size, limit or 0.25 * weight(stage) * size, radius)
 
     def static(self) -> Logged:
-        for couple in sorted({couple for couple, _ in self._axes}):
+        for couple in sorted({along.couple for along in self._axes}):
             yield from (self._couple if couple else self._force).static(couple)
 
     def columns(self, rows: Rows, placement: Placement) -> Logged:
-        joint, efforts = self._joint, rows.of("inputs")[:, self._place]
-        at = placement.point(Attachment(joint.child, joint.child_pose.position))
-        sums: dict[bool, Array] = {}
-        for (couple, index), values in zip(self._axes, efforts.T, strict=True):
-            axis = joint.axis if index == 3 else np.eye(3)[index]
-            # Forces and axes are given in the parent's frame; the angular velocities of balls in the child's.
-            on_child = couple and index != 3
-            part, frame = (joint.child, joint.child_pose) if on_child else (joint.parent, joint.parent_pose)
-            vector = placement.direction(part, frame.rotation @ axis) * values[:, None]
-            sums[couple] = sums.get(couple, np.zeros((len(rows), 3))) + vector
-        for couple, vectors in sorted(sums.items()):
-            yield from self._couple.couple(at, vectors) if couple else self._force.force(at, vectors)
+        at = placement.point(Attachment(self._joint.child, self._joint.child_pose.position))
+        force, couple = self.vectors(rows, placement)
+        kinds = {along.couple for along in self._axes}
+        if False in kinds:
+            yield from self._force.force(at, force)
+        if True in kinds:
+            yield from self._couple.couple(at, couple)
+
+    def vectors(self, rows: Rows, placement: Placement) -> tuple[Array, Array]:
+        """The force and the couple (n, 3) on the second part, in ground's axes."""
+        joint, sums = self._joint, (np.zeros((len(rows), 3)), np.zeros((len(rows), 3)))
+        for along, values in zip(self._axes, rows.of("inputs")[:, self._place].T, strict=True):
+            part, frame = (joint.child, joint.child_pose) if along.on_child else (joint.parent, joint.parent_pose)
+            direction = placement.direction(part, frame.rotation @ along.axis(joint))
+            sums[int(along.couple)][:] += direction * values[:, None]
+        return sums
 
 
 class _Reaction:

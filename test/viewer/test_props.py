@@ -6,11 +6,12 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.mechanism import rotation as rot
 from mbd_sim.viewer import palette
-from mbd_sim.viewer.arrows import LONG, weight
+from mbd_sim.viewer.arrows import LONG, arrows, weight
 from mbd_sim.viewer.audit import residual_size
 from mbd_sim.viewer.extent import extent_of
+from mbd_sim.viewer.placement import Placement
 from mbd_sim.viewer.presentation import Presentation
-from mbd_sim.viewer.rows import RowWriter
+from mbd_sim.viewer.rows import Rows, RowWriter
 from mbd_sim.viewer.stage import Look, make_stage
 from test.viewer.test_viewer import Recorded
 
@@ -62,7 +63,7 @@ def test_a_coil_reaches_from_end_to_end_and_its_damper_stands_between(tmp_path):
     np.testing.assert_allclose([coil[0], coil[-1]], [[0, 0, 0], [0, 0, 1]], atol=1e-6)
     assert len(starts) == len(moments)
     for (_, poses, _), start, scale, xyzw, middle in zip(moments, starts, scales, turns, middles, strict=True):
-        top = poses["bob"].position + [0.0, 0.0, 0.1]
+        top = poses["bob"].position + np.array([0.0, 0.0, 0.1])
         end = start + rot.from_quaternion(np.roll(xyzw, 1)) @ (scale * coil[-1])
         np.testing.assert_allclose(start, [0.3, 0.0, 0.0], atol=1e-6)
         np.testing.assert_allclose(end, top, atol=1e-5)
@@ -100,7 +101,7 @@ def test_reactions_efforts_and_wrenches_are_arrows_to_scale(tmp_path):
     wrench = recorded.column("/world/wrenches/lower/force", "Arrows3D:vectors")[:, 0]
     np.testing.assert_allclose(wrench, np.tile(size * np.array([3.0, 0.0, -4.0]), (len(moments), 1)), rtol=1e-5)
     arcs = recorded.column("/world/efforts/elbow/couple", "LineStrips3D:strips")[:, 0]
-    radii = np.linalg.norm(arcs[:, :25] - [m[1]["lower"].position for m in moments][0], axis=2)[0]
+    radii = np.linalg.norm(arcs[:, :25] - moments[0][1]["lower"].position, axis=2)[0]
     assert np.ptp(radii) < 1e-4
 
 
@@ -108,7 +109,9 @@ def test_driven_and_closing_joints_are_told_apart(tmp_path):
     recorded, _, stage = show(Simulation.from_file("scissor_lift"), tmp_path, seconds=0.05)
     mechanism = stage.mechanism
     found = {
-        name: static_color(recorded, f"/world/{'ground' if joint.parent == 'ground' else f'parts/{joint.parent}'}/joints/{name}")
+        name: static_color(
+            recorded, f"/world/{'ground' if joint.parent == 'ground' else f'parts/{joint.parent}'}/joints/{name}"
+        )
         for name, joint in mechanism.all_joints.items()
     }
     driven = {name for name, joint in mechanism.joints.items() if joint.drive}
@@ -174,3 +177,27 @@ def test_stages_of_all_kinds_can_be_set(tmp_path, name):
     recorded, moments, stage = show(Simulation.from_file(name), tmp_path, seconds=0.03, each=5)
     for part in stage.part_names:
         assert len(recorded.rows[f"/world/parts/{part}"]) == len(moments)
+
+
+@pytest.mark.parametrize("name", ["universal_pendulum", "planar_puck", "spherical_top", "tumbling"])
+def test_drawn_efforts_have_the_power_of_the_equations(name):
+    """Force times velocity and couple times angular velocity, for each coordinate by itself."""
+    sim = Simulation.from_file(name)
+    (joint,) = sim.mechanism.joints.values()
+    sim.step(50)
+    after = Simulation(sim.mechanism, step=1e-8)
+    after.reset(sim.q, sim.u)
+    after.step()
+    before, later = (each.poses()[joint.child] @ joint.child_pose for each in (sim, after))
+    velocity = (later.position - before.position) / 1e-8
+    spin = (later.rotation - before.rotation) / 1e-8 @ before.rotation.T
+    omega = np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
+    writer = RowWriter(sim.model)
+    stage = make_stage(sim.model, writer.layout, Look())
+    (drawn,) = arrows(stage)
+    for index, speed in enumerate(sim.u):
+        sim.set_efforts(np.eye(len(sim.u))[index])
+        row = writer.row(sim.time, sim.time, sim.state, sim.inputs, sim.energies)
+        rows = Rows(writer.layout, row[None])
+        force, couple = drawn.vectors(rows, Placement(stage, rows))
+        assert force[0] @ velocity + couple[0] @ omega == pytest.approx(speed, rel=1e-3, abs=1e-4)
