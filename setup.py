@@ -64,6 +64,8 @@ setup(
             "ros-jazzy-common-interfaces>=5.3,<6",
             "ros-jazzy-rmw-fastrtps-cpp>=8.4,<9",
         ],
+        # Recorded runs as pages of HTML, and as Parquet.
+        "plot": ["plotly>=5.20", "pyarrow>=14"],
         # Sweeps: tables, and more processors than one.
         "sweep": ["dask[distributed]>=2024.1", "pyarrow>=14"],
         # Real robots and Pinocchio, against which their accelerations are tested; without them those tests are skipped.
@@ -75,6 +77,7 @@ setup(
             "jsonschema>=4.20",
             "mcap-ros2-support>=0.5",
             "mypy>=1.10",
+            "plotly>=5.20",
             "psutil>=5.9",
             "pyarrow>=14",
             "pytest>=7.4",

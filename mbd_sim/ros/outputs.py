@@ -148,8 +148,7 @@ class Outputs:
             self._tf.output.publisher.publish(self._tf.template.payload())
         self._mark(snapshot)
         if self.viewer is not None and self.energies is not None and not snapshot.repeated:
-            efforts = snapshot.inputs[: self.model.layout.nv]
-            self.viewer.offer(snapshot.clock_ns * 1e-9, snapshot.y, efforts, self.energies, snapshot.time)
+            self.viewer.offer(snapshot.clock_ns * 1e-9, snapshot.y, snapshot.inputs, self.energies, snapshot.time)
 
     def _mark(self, snapshot: Snapshot) -> None:
         """Publish markers where they are due and somebody listens."""
@@ -174,6 +173,8 @@ class Outputs:
         if event.live is not None:
             self._live = event.live
             self._send_live(event.clock_ns, event.ticks)
+        if self.viewer is not None:
+            self.viewer.event(event.clock_ns * 1e-9, event.text)
         if event.text in SILENT:
             return
         self._send("events", serialize_message(String(data=event.text)), event.clock_ns, event.ticks)
@@ -184,8 +185,6 @@ class Outputs:
             self._log.warning(event.text)
         else:
             self._log.info(event.text)
-        if self.viewer is not None:
-            self.viewer.event(event.clock_ns * 1e-9, event.text)
 
     def _record(self, request: Recording) -> str:
         """End the recording that runs and begin another one where it is to be; returns its path, or why not."""

@@ -62,6 +62,8 @@ PARAMETERS = (
     ),
     Declared("rerun", "", "show the run in Rerun: spawn, serve, connect, connect:URL, or a file.rrd; empty: no"),
     Declared("rerun_rate", 60.0, "updates of the Rerun scene per simulated second", 1.0, 10_000.0),
+    Declared("rerun_traces", "", "what leaves a trace: part, part.point, separated by commas; empty: ends of chains"),
+    Declared("rerun_trace_time", 1.0, "how long a trace stays, in simulated s", 0.01, 1e6),
     Declared("marker_rate", 30.0, "markers per simulated second, where somebody listens; 0: none", 0.0, 1000.0),
     Declared("joint_reactions", False, "publish the force and moment that go through each joint"),
     Declared("constraint_violation", False, "publish how far loops and constraints are off"),
