@@ -7,7 +7,7 @@ from setuptools import find_packages, setup
 
 NAME = "mbd_sim"
 EXAMPLES = ["computed_torque", "excite", "identify", "pd_hold", "swing_up", "teleop"]
-NODES = ["sim_node", *(f"example_{name}" for name in EXAMPLES)]
+NODES = ["sim_node", "replay_node", *(f"example_{name}" for name in EXAMPLES)]
 
 
 def tree(folder: str) -> list[tuple[str, list[str]]]:
@@ -53,6 +53,7 @@ setup(
         "pyyaml>=6.0",
         "rerun-sdk>=0.29",
         "rich>=13.0",
+        "rosbags>=0.10",
         "sympy>=1.12",
         "zstandard>=0.21",
     ],
@@ -64,6 +65,8 @@ setup(
             "ros-jazzy-common-interfaces>=5.3,<6",
             "ros-jazzy-rmw-fastrtps-cpp>=8.4,<9",
         ],
+        # Recorded runs as pages of HTML, and as Parquet.
+        "plot": ["plotly>=5.20", "pyarrow>=14"],
         # Sweeps: tables, and more processors than one.
         "sweep": ["dask[distributed]>=2024.1", "pyarrow>=14"],
         # Real robots and Pinocchio, against which their accelerations are tested; without them those tests are skipped.
@@ -76,10 +79,12 @@ setup(
             "libfaketime>=2.1",
             "mcap-ros2-support>=0.5",
             "mypy>=1.10",
+            "plotly>=5.20",
             "psutil>=5.9",
             "pyarrow>=14",
             "pytest>=7.4",
             "pytest-timeout>=2.2",
+            "pytest-xdist>=3.5",
             "rosbags>=0.10",
             "ruff>=0.5",
             "scipy>=1.11",
@@ -90,6 +95,7 @@ setup(
         "console_scripts": [
             "mbd_sim = mbd_sim.cli:main",
             "sim_node = mbd_sim.ros.sim_node:main",
+            "replay_node = mbd_sim.ros.replay_node:main",
             *(f"example_{name} = mbd_sim.examples.{name}:main" for name in EXAMPLES),
         ],
     },

@@ -271,6 +271,30 @@ class Simulation:
         self._y[:], self._inputs[:], self._clock[0], self._estimate[0] = y, inputs, 0, 0.0
         self.start_energy = self.model.energies(0.0, self._y, 0.0, inputs).total
 
+    def restore(
+        self,
+        state: Sequence[float] | Array,
+        steps: int = 0,
+        inputs: Sequence[float] | Array | None = None,
+        start_energy: float | None = None,
+        live: Mapping[str, float] | None = None,
+    ) -> None:
+        """Go on from where another run of the same equations was, bit for bit: nothing is projected or computed.
+
+        :param state: all of `state`; `steps`, `inputs`, `start_energy` and `live` are those of that run. Inputs and
+            energy that are not given stay as they are; `live` only names the values that `inputs` hold.
+        :raises ValueError: wrong length, or a value that is not finite; nothing is changed then.
+        """
+        y = _checked(state, self._y.size, "the state")
+        taken = self._inputs.copy() if inputs is None else _checked(inputs, self._inputs.size, "inputs")
+        if index(steps) < 0:
+            raise ValueError(f"a run has no {steps} steps")
+        self._y[:], self._inputs[:], self._clock[0], self._estimate[0] = y, taken, index(steps), 0.0
+        if start_energy is not None:
+            self.start_energy = float(start_energy)
+        if live is not None:
+            self._live.current = {**self._live.current, **live}
+
     def set_efforts(self, efforts: Mapping[str, float] | Sequence[float] | Array) -> None:
         """Set the efforts (N or N·m) from the next step on: all in order, or some by name.
 

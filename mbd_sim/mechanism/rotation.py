@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbd_sim.mechanism.model import Array
-from mbd_sim.mechanism.schema_base import Rotation
+
+if TYPE_CHECKING:
+    from mbd_sim.mechanism.schema_base import Rotation
 
 
 def skew(v: Array) -> Array:
@@ -52,6 +55,13 @@ def to_quaternion(rotation: Array) -> Array:
         q[1 + i], q[1 + j], q[1 + k] = squares[largest], r[j, i] + r[i, j], r[k, i] + r[i, k]
     q /= np.linalg.norm(q)
     return q if q[0] >= 0.0 else -q
+
+
+def of_vector(vector: Array) -> Array:
+    """The unit quaternion (w, x, y, z) of a rotation vector (3,): axis times angle in rad."""
+    angle = float(np.linalg.norm(vector))
+    half = 0.5 * np.sinc(0.5 * angle / np.pi)  # sin(angle / 2) / angle, also at zero
+    return np.array([math.cos(0.5 * angle), *(half * vector)])
 
 
 def quaternions(matrices: Array) -> Array:

@@ -89,8 +89,15 @@ def viewer(parameters: Parameters, simulation: Simulation, log: Any) -> Viewer |
     if not parameters["rerun"]:
         return None
     try:
-        found = Viewer(simulation.model, parameters["rerun"], rate=parameters["rerun_rate"])
-    except ViewerError as error:
+        found = Viewer(
+            simulation.model,
+            parameters["rerun"],
+            rate=parameters["rerun_rate"],
+            traces=parameters.listed("rerun_traces") or None,
+            trace_time=parameters["rerun_trace_time"],
+            reactions=parameters["joint_reactions"],
+        )
+    except (ViewerError, ValueError) as error:
         log.error(f"{error} The run is not shown.")
         return None
     log.info(f"showing in Rerun: {found.address}")

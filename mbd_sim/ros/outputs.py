@@ -155,8 +155,7 @@ class Outputs:
         if self.recordings is not None:
             self.recordings.look(snapshot.clock_ns)
         if self.viewer is not None and self.energies is not None and not snapshot.repeated:
-            efforts = snapshot.inputs[: self.model.layout.nv]
-            self.viewer.offer(snapshot.clock_ns * 1e-9, snapshot.y, efforts, self.energies, snapshot.time)
+            self.viewer.offer(snapshot.clock_ns * 1e-9, snapshot.y, snapshot.inputs, self.energies, snapshot.time)
 
     def _mark(self, snapshot: Snapshot) -> None:
         """Publish markers where they are due and somebody listens."""
@@ -180,6 +179,8 @@ class Outputs:
             self._send("applied_wrenches", template.payload(), event.clock_ns, event.ticks)
         if event.live is not None:
             self._send_live(event.live, event.clock_ns, event.ticks)
+        if self.viewer is not None:
+            self.viewer.event(event.clock_ns * 1e-9, event.text)
         if event.text in SILENT:
             return
         self._send("events", serialize_message(String(data=event.text)), event.clock_ns, event.ticks)
@@ -190,8 +191,6 @@ class Outputs:
             self._log.warning(event.text)
         else:
             self._log.info(event.text)
-        if self.viewer is not None:
-            self.viewer.event(event.clock_ns * 1e-9, event.text)
 
     def _send_live(self, live: Mapping[str, float], time_ns: int, ticks: int) -> None:
         template, values = states.labelled(list(live))

@@ -71,6 +71,8 @@ PARAMETERS = (
     ),
     Declared("rerun", "", "show the run in Rerun: spawn, serve, connect, connect:URL, or a file.rrd; empty: no"),
     Declared("rerun_rate", 60.0, "updates of the Rerun scene per simulated second", 1.0, 10_000.0),
+    Declared("rerun_traces", "", "what leaves a trace: part, part.point, separated by commas; empty: ends of chains"),
+    Declared("rerun_trace_time", 1.0, "how long a trace stays, in simulated s", 0.01, 1e6),
     Declared("marker_rate", 30.0, "markers per simulated second, where somebody listens; 0: none", 0.0, 1000.0),
     Declared("joint_reactions", False, "publish the force and moment that go through each joint"),
     Declared("constraint_violation", False, "publish how far loops and constraints are off"),
@@ -100,17 +102,19 @@ def _descriptor(declared: Declared) -> ParameterDescriptor:
 class Parameters:
     """The node's parameters as plain values, and the live values of its mechanism."""
 
-    def __init__(self, node: Node, on_change: Callable[[str, Any], None]) -> None:
+    def __init__(
+        self, node: Node, on_change: Callable[[str, Any], None], known: Sequence[Declared] = PARAMETERS
+    ) -> None:
         """Declare all; `on_change(name, value)` hears of changes while the node runs.
 
         :raises ValueError: a value given at start is of the wrong type or out of range.
         """
         self._node, self._on_change = node, on_change
-        self._known = {declared.name: declared for declared in PARAMETERS}
+        self._known = {declared.name: declared for declared in known}
         self._values: dict[str, Any] = {}
         self._live: dict[str, list[str]] = {}
         self._set_live: Callable[[Mapping[str, float]], str] = lambda changes: ""
-        for declared in PARAMETERS:
+        for declared in known:
             value = node.declare_parameter(declared.name, declared.default, _descriptor(declared)).value
             if problem := _problem(declared, value):
                 raise ValueError(problem)

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
+import yaml
+from rclpy.duration import Duration
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 
 STATE = QoSProfile(depth=10, reliability=QoSReliabilityPolicy.RELIABLE)
@@ -29,3 +34,48 @@ def offered_qos_profiles(profile: QoSProfile) -> str:
         "avoid_ros_namespace_conventions: false",
     ]
     return "- " + "\n  ".join(lines)
+
+
+def profile_of(text: str) -> QoSProfile:
+    """The profile to offer for a recorded topic, from what rosbag2 stores of its publishers, in words or numbers.
+
+    Of several publishers the strongest offer counts, which every subscription can take. What is unknown, as history
+    over DDS, is ten messages, reliable and volatile.
+    """
+    offers = [offer for offer in _loaded(text) if isinstance(offer, Mapping)]
+    first: Mapping[str, Any] = offers[0] if offers else {}
+    best_effort = bool(offers) and all(offer.get("reliability") in ("best_effort", 2) for offer in offers)
+    latched = any(offer.get("durability") in ("transient_local", 1) for offer in offers)
+    depths = [depth for offer in offers if isinstance(depth := offer.get("depth"), int) and depth > 0]
+    profile = QoSProfile(
+        depth=max(depths, default=STATE.depth),
+        history=QoSHistoryPolicy.KEEP_ALL if first.get("history") in ("keep_all", 2) else QoSHistoryPolicy.KEEP_LAST,
+        reliability=QoSReliabilityPolicy.BEST_EFFORT if best_effort else QoSReliabilityPolicy.RELIABLE,
+        durability=QoSDurabilityPolicy.TRANSIENT_LOCAL if latched else QoSDurabilityPolicy.VOLATILE,
+    )
+    for name in ("deadline", "lifespan"):
+        if (duration := _duration(first.get(name))) is not None:
+            setattr(profile, name, duration)
+    return profile
+
+
+def _loaded(text: str) -> list[Any]:
+    try:
+        found = yaml.safe_load(text)
+    except yaml.YAMLError:
+        return []
+    return found if isinstance(found, list) else []
+
+
+def _duration(value: Any) -> Duration | None:
+    """A duration where it is one: neither zero nor what means for ever."""
+    if not isinstance(value, Mapping):
+        return None
+    seconds, nanoseconds = value.get("sec", 0), value.get("nsec", 0)
+    if (
+        not (isinstance(seconds, int) and isinstance(nanoseconds, int))
+        or seconds >= 1 << 31
+        or seconds + nanoseconds <= 0
+    ):
+        return None
+    return Duration(seconds=seconds, nanoseconds=nanoseconds)

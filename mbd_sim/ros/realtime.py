@@ -8,6 +8,7 @@ import os
 import resource
 import sys
 import threading
+from collections.abc import Sequence
 
 # A thread that wakes up waits this long at most for another one to give up the interpreter (default: 5 ms).
 SWITCH_INTERVAL = 5e-5
@@ -39,16 +40,16 @@ def lock_memory() -> str:
     return ""
 
 
-def prioritize(priority: int) -> str:
+def prioritize(priority: int, ranks: Sequence[str] = RANKS) -> str:
     """Give the threads of this process priorities of SCHED_FIFO from `priority` down, or ordinary scheduling for 0.
 
     All of them take turns in the interpreter: whoever would keep one from running would keep the stepping waiting, so
-    that each gets one, in the order of `RANKS`. Returns why that is not permitted, or "".
+    that each gets one, in the order of `ranks`, which are names of threads. Returns why that is not permitted, or "".
     """
     for thread in threading.enumerate():
         if thread is threading.main_thread() or thread.native_id is None:
             continue
-        rank = RANKS.index(thread.name) if thread.name in RANKS else len(RANKS)
+        rank = ranks.index(thread.name) if thread.name in ranks else len(ranks)
         own = max(priority - rank, 1) if priority else 0
         # Whatever the thread starts has ordinary scheduling.
         policy = (os.SCHED_FIFO if own else os.SCHED_OTHER) | os.SCHED_RESET_ON_FORK

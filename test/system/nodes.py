@@ -84,6 +84,8 @@ class SimNodeProcess:
 class Listener:
     """Hears everything that a `sim_node` says, and talks to it."""
 
+    server = "sim_node"
+
     def __init__(self, domain: int, namespace: str = "") -> None:
         self.context = Context()
         rclpy.init(context=self.context, domain_id=domain)
@@ -120,7 +122,7 @@ class Listener:
             self.executor.spin_once(timeout_sec=0.02)
 
     def call(self, kind: type, name: str, **fields: Any) -> Any:
-        client = self.node.create_client(kind, f"sim_node/{name}")
+        client = self.node.create_client(kind, f"{self.server}/{name}")
         self.until(client.service_is_ready, f"service {name}")
         future = client.call_async(kind.Request(**fields))
         self.until(future.done, f"answer of {name}")
