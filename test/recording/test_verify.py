@@ -8,8 +8,9 @@ import pytest
 
 from mbd_sim.cli import main
 from mbd_sim.recording import cdr
+from mbd_sim.recording.beginning import RecomputeError
 from mbd_sim.recording.reader import open_recording
-from mbd_sim.recording.recompute import Recomputation, RecomputeError
+from mbd_sim.recording.recompute import Recomputation
 from mbd_sim.recording.verify import verify
 from mbd_sim.recording.verify_command import verify_text
 from test.recording.runs import record_run, rewrite, with_bit_flipped
@@ -189,10 +190,15 @@ def test_a_recording_that_was_started_in_the_middle_of_a_run(run, tmp_path):
 
 
 def test_what_cannot_be_computed_again_is_named(run, tmp_path):
-    folder = tmp_path / "x.mcap"
-    rewrite(run, folder, about={"start": "[]"})
-    with pytest.raises(RecomputeError, match=r"x.mcap: its metadata does not fit its mechanism"):
-        verify(folder)
+    for about, words in (
+        ({"start": "[]"}, "its metadata does not fit its mechanism"),
+        ({"start": "[1]"}, "its metadata 'mbd_sim' cannot be read"),
+        ({"first_tick": "x"}, "its metadata 'mbd_sim' cannot be read"),
+        ({"wrenches": '["nothing"]'}, "there is no part 'nothing'"),
+    ):
+        path = rewrite(run, tmp_path / "x.mcap", about=about)
+        with pytest.raises(RecomputeError, match=words):
+            verify(path)
 
 
 def test_the_command_says_what_it_found(run, tmp_path, capsys):
