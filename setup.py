@@ -46,7 +46,7 @@ setup(
         "casadi>=3.6",
         "llvmlite>=0.45",
         "matplotlib>=3.8",
-        "mcap>=1.2",
+        "mcap>=1.5",
         "numpy>=1.26",
         "pint>=0.24",
         "pydantic>=2.7",
@@ -55,6 +55,7 @@ setup(
         "rich>=13.0",
         "rosbags>=0.10",
         "sympy>=1.12",
+        "zstandard>=0.21",
     ],
     extras_require={
         "gym": ["gymnasium>=1.0"],
@@ -64,6 +65,8 @@ setup(
             "ros-jazzy-common-interfaces>=5.3,<6",
             "ros-jazzy-rmw-fastrtps-cpp>=8.4,<9",
         ],
+        # Recorded runs as pages of HTML, and as Parquet.
+        "plot": ["plotly>=5.20", "pyarrow>=14"],
         # Sweeps: tables, and more processors than one.
         "sweep": ["dask[distributed]>=2024.1", "pyarrow>=14"],
         # Real robots and Pinocchio, against which their accelerations are tested; without them those tests are skipped.
@@ -73,12 +76,15 @@ setup(
             "gymnasium>=1.0",
             "hypothesis>=6.100",
             "jsonschema>=4.20",
+            "libfaketime>=2.1",
             "mcap-ros2-support>=0.5",
             "mypy>=1.10",
+            "plotly>=5.20",
             "psutil>=5.9",
             "pyarrow>=14",
             "pytest>=7.4",
             "pytest-timeout>=2.2",
+            "pytest-xdist>=3.5",
             "ruff>=0.5",
             "scipy>=1.11",
             "types-PyYAML",

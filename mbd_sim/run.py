@@ -33,14 +33,14 @@ def run(simulation: Simulation, duration: float, *, rerun: str | None = None, qu
         with Progress(*columns, disable=quiet, transient=True) as progress:
             task = progress.add_task(simulation.mechanism.name, total=duration)
             if viewer is not None:
-                viewer.offer(simulation.time, simulation.state, simulation.efforts.copy(), simulation.energies)
+                viewer.offer(simulation.time, simulation.state, simulation.inputs.copy(), simulation.energies)
             while simulation.steps < last:
                 began = time.perf_counter()
                 simulation.advance(min(chunk, last - simulation.steps))
                 stepping += time.perf_counter() - began
                 progress.update(task, completed=simulation.time)
                 if viewer is not None:
-                    viewer.offer(simulation.time, simulation.state, simulation.efforts.copy(), simulation.energies)
+                    viewer.offer(simulation.time, simulation.state, simulation.inputs.copy(), simulation.energies)
                     shown += 1
                     if shown % WAITING == 0:
                         viewer.flush()

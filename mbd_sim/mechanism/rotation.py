@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbd_sim.mechanism.model import Array
-from mbd_sim.mechanism.schema_base import Rotation
+
+if TYPE_CHECKING:
+    from mbd_sim.mechanism.schema_base import Rotation
 
 
 def skew(v: Array) -> Array:

@@ -53,8 +53,17 @@ PARAMETERS = (
     Declared("step_count", 1, "steps that one call of ~/step takes", 1, 1_000_000, live=True),
     Declared("step_on_command", False, "while paused, each command comes with step_count steps", live=True),
     Declared("reset_rewinds_clock", False, "whether ~/reset sets /clock back to zero", live=True),
-    Declared("record", True, "record the run to an MCAP file"),
+    Declared("record", True, "record the run from the start; ~/record starts and stops"),
     Declared("record_dir", "recordings", "folder of the recordings, from where the node was started"),
+    Declared("record_format", "mcap", "mcap: one file; rosbag2: a folder with metadata.yaml"),
+    Declared(
+        "record_split_size", 0.0, "MB after which a recording goes on in another file; 0: never",
+        0.0, 1e9, live=True,
+    ),
+    Declared(
+        "record_split_duration", 0.0, "simulated s after which a recording goes on in another file; 0: never",
+        0.0, 1e9, live=True,
+    ),
     Declared("wrenches", "*", "what takes wrenches: part, part.point, separated by commas; *: all; empty: none"),
     Declared(
         "live", "gravity[*], parameters.*, forces.*, joints.*.stiffness, joints.*.damping",
@@ -62,6 +71,8 @@ PARAMETERS = (
     ),
     Declared("rerun", "", "show the run in Rerun: spawn, serve, connect, connect:URL, or a file.rrd; empty: no"),
     Declared("rerun_rate", 60.0, "updates of the Rerun scene per simulated second", 1.0, 10_000.0),
+    Declared("rerun_traces", "", "what leaves a trace: part, part.point, separated by commas; empty: ends of chains"),
+    Declared("rerun_trace_time", 1.0, "how long a trace stays, in simulated s", 0.01, 1e6),
     Declared("marker_rate", 30.0, "markers per simulated second, where somebody listens; 0: none", 0.0, 1000.0),
     Declared("joint_reactions", False, "publish the force and moment that go through each joint"),
     Declared("constraint_violation", False, "publish how far loops and constraints are off"),
@@ -111,6 +122,11 @@ class Parameters:
 
     def __getitem__(self, name: str) -> Any:
         return self._values[name]
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """All but the mechanism's live values."""
+        return dict(self._values)
 
     def listed(self, name: str) -> list[str]:
         """The entries of a parameter that holds names separated by commas."""

@@ -7,26 +7,32 @@ from typing import Any
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from rerun.blueprint.components import LinkAxis
 
-from mbd_sim.mechanism.model import Array, Mechanism
+from mbd_sim.mechanism.constraints import Rolling
+from mbd_sim.mechanism.model import Array
 from mbd_sim.viewer import palette, paths
 from mbd_sim.viewer.extent import Extent
+from mbd_sim.viewer.guides import floor_of
+from mbd_sim.viewer.stage import Stage
 
-TRACE_TIME = 1.0  # s
 FIELD_OF_VIEW = np.radians(55.0)  # Rerun's own, vertical
 PANEL_ASPECT = 1.2  # width by height of the scene in a window of common shape
 
 
-def make_blueprint(mechanism: Mechanism, extent: Extent, *, live: bool) -> rrb.Blueprint:
+def make_blueprint(stage: Stage, *, live: bool) -> rrb.Blueprint:
     """The layout for a mechanism; `live` follows what comes in, otherwise it plays again and again."""
-    upper = rrb.Horizontal(_scene(mechanism, extent), _plots(mechanism), column_shares=[3, 2])
-    events = rrb.TextLogView(
+    upper = rrb.Horizontal(_scene(stage), _plots(stage), column_shares=[3, 2])
+    log = rrb.TextLogView(
         origin=paths.EVENTS,
         name="Events",
-        columns=rrb.TextLogColumns(timeline_columns=[paths.TIMELINE], text_log_columns=["Body"]),
+        columns=rrb.TextLogColumns(timeline_columns=[paths.TIMELINE], text_log_columns=["LogLevel", "Body"]),
     )
+    lanes = rrb.StateTimelineView(origin=paths.STATES, name="States")
+    about = rrb.TextDocumentView(origin=paths.ABOUT, name="About")
+    lower = rrb.Horizontal(rrb.Tabs(log, about), lanes, column_shares=[3, 2])
     return rrb.Blueprint(
-        rrb.Vertical(upper, events, row_shares=[11, 2]),
+        rrb.Vertical(upper, lower, row_shares=[10, 2]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(
@@ -63,58 +69,72 @@ def eye(extent: Extent) -> tuple[Array, Array, Array]:
     return extent.center + distance * direction, extent.center, up
 
 
-def _scene(mechanism: Mechanism, extent: Extent) -> rrb.Spatial3DView:
+def _scene(stage: Stage) -> rrb.Spatial3DView:
+    extent = stage.extent
     position, target, up = eye(extent)
-    start, end = (rr.TimeRangeBoundary.cursor_relative(seconds=-TRACE_TIME), rr.TimeRangeBoundary.cursor_relative())
-    recent = rrb.VisibleTimeRanges(timeline=paths.TIMELINE, start=start, end=end)
+    start = rr.TimeRangeBoundary.cursor_relative(seconds=-stage.look.trace_time)
+    recent = rrb.VisibleTimeRanges(timeline=paths.TIMELINE, start=start, end=rr.TimeRangeBoundary.cursor_relative())
+    rolling = [record.name for record in stage.mechanism.constraints if isinstance(record, Rolling)]
     return rrb.Spatial3DView(
         origin=paths.WORLD,
-        name=mechanism.name,
+        name=stage.mechanism.name,
         background=rrb.Background(color=palette.BACKGROUND, kind=rrb.BackgroundKind.SolidColor),
-        line_grid=_floor(extent),
+        line_grid=_floor(stage),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital, position=position, look_target=target, eye_up=up, speed=extent.size
         ),
-        overrides={paths.trace(name): recent for name in paths.ends(mechanism)},
+        overrides={paths.trace(name): recent for name in (*stage.traces, *rolling)},
     )
 
 
-def _floor(extent: Extent) -> rrb.LineGrid3D:
-    """A horizontal grid a little below the lowest point, with lines at 1, 2 or 5 times a power of ten metres."""
+def _floor(stage: Stage) -> rrb.LineGrid3D:
+    """A grid with lines at 1, 2 or 5 times a power of ten metres.
+
+    It lies in the plane that something rolls or slides on, or else level, a little below the lowest point.
+    """
+    extent = stage.extent
     coarse = extent.size / 4.0
     power = 10.0 ** np.floor(np.log10(coarse))
     spacing = float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= coarse * (1.0 + 1e-9)))
-    height = float(extent.lower[2] - 0.1 * extent.size)
+    point, normal = floor_of(stage) or (
+        np.array([0.0, 0.0, extent.lower[2] - 0.1 * extent.size]),
+        np.array([0.0, 0.0, 1.0]),
+    )
     return rrb.LineGrid3D(
         visible=True,
-        plane=rr.encodings.Plane3D([0.0, 0.0, 1.0], height),
+        plane=rr.encodings.Plane3D(normal, float(point @ normal)),
         spacing=spacing,
         stroke_width=1.0,
         color=(*palette.GRID, 70),
     )
 
 
-def _plots(mechanism: Mechanism) -> Any:
-    units = sorted({unit for joint in mechanism.joints.values() for unit in paths.units(joint)})
-    efforts = [{"rad": "N·m", "m": "N"}[unit] for unit in units]
-    energy = _plot(paths.BALANCE, "Energy", ["J"])
-    exchange = _plot(paths.EXCHANGE, "Work and dissipation", ["J"])
-    if not mechanism.coordinate_names:
-        return rrb.Vertical(energy, exchange, _plot(paths.RESIDUAL, "Energy residual", ["pJ"]))
-    return rrb.Vertical(
-        _plot(paths.POSITION, "Joint positions", units),
-        rrb.Tabs(
-            _plot(paths.VELOCITY, "Joint velocities", [f"{unit}/s" for unit in units]),
-            _plot(paths.EFFORT, "Efforts", efforts),
-        ),
-        rrb.Tabs(energy, exchange),
-        _plot(paths.RESIDUAL, "Energy residual", ["pJ"]),
+def _plots(stage: Stage) -> Any:
+    mechanism = stage.mechanism
+    kinds = {*paths.free_kinds(mechanism), *paths.driven_kinds(mechanism)}
+    joints = [
+        [
+            _plot(f"{entity}/{kind}", f"{title} ({paths.UNITS[f'{entity}/{kind}']})")
+            for kind in (paths.ANGULAR, paths.LINEAR)
+            if kind in kinds
+        ]
+        for entity, title in ((paths.POSITION, "Position"), (paths.VELOCITY, "Velocity"), (paths.EFFORT, "Effort"))
+    ]
+    positions, velocities, efforts = joints
+    forces = [_plot(paths.REACTION, "Forces through joints (N)")] if stage.look.reactions else []
+    account = rrb.Tabs(_plot(paths.ACCOUNT, "Energy account (J)"), _plot(paths.STACK, "Energy stack (J)"))
+    left_over = rrb.Tabs(
+        _plot(paths.RESIDUAL, "Energy residual (log\N{SUBSCRIPT ONE}\N{SUBSCRIPT ZERO} J)"),
+        _plot(paths.RESIDUAL_PJ, "Energy residual (pJ)"),
     )
+    upper = [rrb.Tabs(*positions), rrb.Tabs(*velocities, *efforts, *forces)] if kinds else []
+    return rrb.Vertical(*upper, account, left_over)
 
 
-def _plot(entity: str, name: str, units: list[str]) -> rrb.TimeSeriesView:
+def _plot(entity: str, name: str) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
         origin=entity,
-        name=f"{name} ({', '.join(units)})",
+        name=name,
         plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
+        axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
     )

@@ -18,6 +18,16 @@ PARTS: tuple[Color, ...] = (
 )
 JOINT: Color = (222, 226, 232)
 STEEL: Color = (164, 172, 184)
+DRIVEN: Color = (255, 208, 0)  # joints that move as they are told,
+CLOSING: Color = (255, 64, 160)  # those that close loops, and constraints
+ROPE: Color = (226, 204, 160)
+SPRING: Color = (196, 204, 216)
+DAMPER: Color = (128, 138, 152)
+WIRE: Color = (136, 150, 170)
+CONTACT: Color = (255, 240, 150)
+APPLIED: Color = (255, 96, 80)  # forces of the file,
+COMMANDED: Color = (96, 224, 128)  # those from outside,
+REACTION: Color = (96, 208, 255)  # and those through joints
 AXIS_X: Color = (224, 92, 92)
 AXIS_Y: Color = (104, 190, 104)
 AXIS_Z: Color = (92, 132, 232)

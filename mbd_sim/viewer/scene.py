@@ -1,91 +1,85 @@
-"""What stands still in the recording: the shapes of the parts in the parts' own frames, joints and ground."""
+"""The parts in the recording: their shapes in their own frames, ground's axes, and a few words about the mechanism."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
 import rerun as rr
 
-from mbd_sim.mechanism import rotation as rot
-from mbd_sim.mechanism.model import GROUND, Joint, Mechanism, Part, Pose
+from mbd_sim.mechanism.model import GROUND, Part
+from mbd_sim.mechanism.rotation import quaternions
 from mbd_sim.viewer import palette, paths, shapes
-from mbd_sim.viewer.extent import Extent, joint_radius
-
-if TYPE_CHECKING:
-    from rerun import RecordingStream
-
-
-def log_scene(recording: RecordingStream, mechanism: Mechanism, extent: Extent) -> None:
-    """Log everything that does not change, once; the parts' transforms place it afterwards."""
-    recording.log(paths.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    colors = palette.part_colors(mechanism)
-    for name, part in mechanism.parts.items():
-        _log_part(recording, part, colors[name], extent.size)
-    for name in paths.ends(mechanism):
-        style = rr.LineStrips3D.from_fields(colors=[colors[name]], radii=[0.005 * extent.size])
-        recording.log(paths.trace(name), style, static=True)
-    _log_ground(recording, extent.size)
-    for joint in mechanism.all_joints.values():
-        _log_joint(recording, mechanism, joint, extent.size)
-    _log_series(recording, mechanism)
+from mbd_sim.viewer.arrows import LONG, weight
+from mbd_sim.viewer.palette import Color
+from mbd_sim.viewer.placement import Placement
+from mbd_sim.viewer.prop import Logged, Prop
+from mbd_sim.viewer.rows import Rows
+from mbd_sim.viewer.stage import Stage
 
 
-def _log_ground(recording: RecordingStream, size: float) -> None:
-    axes = rr.Arrows3D(
-        vectors=0.12 * size * np.eye(3), radii=0.003 * size, colors=[palette.AXIS_X, palette.AXIS_Y, palette.AXIS_Z]
-    )
-    recording.log(f"{paths.part(GROUND)}/axes", axes, static=True)
+def parts(stage: Stage) -> Iterator[Prop]:
+    """Ground and all parts."""
+    yield _Ground(stage)
+    colors = palette.part_colors(stage.mechanism)
+    for index, name in enumerate(stage.part_names):
+        yield _Part(stage.mechanism.parts[name], index, colors[name], stage.extent.size)
 
 
-def _log_part(recording: RecordingStream, part: Part, color: palette.Color, size: float) -> None:
-    entity = paths.part(part.name)
-    for index, shape in enumerate(part.shapes):
-        own = palette.from_hex(shape.color) if shape.color else palette.lit(color)
-        recording.log(f"{entity}/{index}_{shape.kind}", shapes.solid(shape, own), static=True)
-        if not shape.hole and (mark := shapes.mark(shape, own)) is not None:
-            recording.log(f"{entity}/{index}_{shape.kind}/mark", mark, static=True)
-    if not part.shapes:
-        recording.log(f"{entity}/center", shapes.sphere(part.center, 0.02 * size, palette.lit(color)), static=True)
-        ends = [pose.position for pose in part.points.values()] or [part.center]
-        strips = [np.array([np.zeros(3), end]) for end in ends if np.any(end)]
-        if strips:
-            recording.log(f"{entity}/points", rr.LineStrips3D(strips, radii=0.006 * size, colors=[color]), static=True)
+class _Ground:
+    def __init__(self, stage: Stage) -> None:
+        self._size = stage.extent.size
+
+    def static(self) -> Logged:
+        size, colors = self._size, [palette.AXIS_X, palette.AXIS_Y, palette.AXIS_Z]
+        axes = rr.Arrows3D(vectors=0.12 * size * np.eye(3), radii=0.003 * size, colors=colors)
+        yield f"{paths.part(GROUND)}/axes", axes
+
+    def columns(self, rows: Rows, placement: Placement) -> Logged:
+        yield from ()
 
 
-def _log_joint(recording: RecordingStream, mechanism: Mechanism, joint: Joint, size: float) -> None:
-    """A pin along a revolute axis, a guide along a prismatic one, a ball for the others; none where nothing holds."""
-    if joint.type in ("fixed", "free"):
-        return
-    entity = f"{paths.part(joint.parent)}/joints/{joint.name}"
-    pose = joint.parent_pose
-    radius = joint_radius(mechanism, joint, size)
-    color = palette.STEEL if joint.parent == GROUND else palette.JOINT
-    if joint.type in ("revolute", "prismatic"):
-        along = Pose(pose.position, pose.rotation @ rot.aligning_z(joint.axis))
-        if joint.type == "revolute":
-            recording.log(entity, shapes.cylinder(along, 4.0 * radius, radius, color), static=True)
-        else:
-            recording.log(entity, shapes.cylinder(along, 0.5 * size, 0.3 * radius, color), static=True)
-    else:
-        recording.log(entity, shapes.sphere(pose.position, 1.3 * radius, color), static=True)
+class _Part:
+    def __init__(self, part: Part, index: int, color: Color, size: float) -> None:
+        self._part, self._index, self._color, self._size = part, index, color, size
+        self._entity = paths.part(part.name)
+
+    def static(self) -> Logged:
+        part, entity = self._part, self._entity
+        for index, shape in enumerate(part.shapes):
+            own = palette.from_hex(shape.color) if shape.color else palette.lit(self._color)
+            yield f"{entity}/{index}_{shape.kind}", shapes.solid(shape, own)
+            if not shape.hole and (mark := shapes.mark(shape, own)) is not None:
+                yield f"{entity}/{index}_{shape.kind}/mark", mark
+        if not part.shapes and part.mass:
+            yield f"{entity}/center", shapes.sphere(part.center, 0.02 * self._size, palette.lit(self._color))
+            ends = [pose.position for pose in part.points.values()] or [part.center]
+            strips = [np.array([np.zeros(3), end]) for end in ends if np.any(end)]
+            if strips:
+                lines = rr.LineStrips3D(strips, radii=0.006 * self._size, colors=[self._color])
+                yield f"{entity}/points", lines
+
+    def columns(self, rows: Rows, placement: Placement) -> Logged:
+        turned = quaternions(rows.rotations[:, self._index])
+        moved = rr.Transform3D.columns(translation=rows.positions[:, self._index], quaternion=turned)
+        yield self._entity, moved
 
 
-def _log_series(recording: RecordingStream, mechanism: Mechanism) -> None:
-    """The name and colour of each line in the plots."""
-    names, colors = list(mechanism.coordinate_names), palette.series_colors(mechanism)
-    series = {
-        paths.POSITION: (names, colors),
-        paths.VELOCITY: (names, colors),
-        paths.EFFORT: (names, colors),
-        paths.BALANCE: (["kinetic", "potential", "total"], [palette.KINETIC, palette.POTENTIAL, palette.TOTAL]),
-        paths.EXCHANGE: (
-            ["dissipated", "work of efforts", "work of drives"],
-            [palette.DISSIPATED, palette.WORK_APPLIED, palette.WORK_DRIVES],
-        ),
-        paths.RESIDUAL: (["residual"], [palette.RESIDUAL]),
-    }
-    for entity, (labels, lines) in series.items():
-        if labels:
-            style = rr.SeriesLines(names=labels, colors=lines, widths=[1.6] * len(labels))
-            recording.log(entity, style, static=True)
+def about(stage: Stage) -> rr.TextDocument:
+    """What is to be seen, and at which scale."""
+    mechanism = stage.mechanism
+    free = len(mechanism.coordinate_names)
+    lines = [
+        f"# {mechanism.name}",
+        mechanism.description.strip(),
+        f"{len(mechanism.parts)} parts of {mechanism.mass:.4g} kg, {free} coordinates, "
+        f"{len(mechanism.closing) + len(mechanism.constraints)} loops and constraints; "
+        f"{stage.method} with a step of {1e3 * mechanism.step:g} ms, if not told otherwise.",
+        "| colour | meaning |\n|---|---|\n"
+        "| yellow | driven joints |\n| pink | joints and rods that close loops |\n| grey, white | other joints |\n"
+        "| red arrows | forces of the file |\n| green arrows | commanded efforts and wrenches |\n"
+        "| blue arrows | forces through joints, where asked for |",
+        f"An arrow of {LONG * stage.extent.size:.3g} m is {weight(stage):.3g} N, if its force has no scale of its own: "
+        "the largest value of its expression, or the effort limit of its joint.",
+    ]
+    return rr.TextDocument("\n\n".join(lines), media_type=rr.MediaType.MARKDOWN)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,7 @@ def solid(shape: Shape, color: Color) -> Any:
         case "disc", (radius,):
             return cylinder(shape.pose, 0.08 * radius, radius, color, fill)
         case "ring", (radius,):
-            return _torus(shape.pose, radius, 0.04 * radius, color)
+            return torus(shape.pose, radius, 0.04 * radius, color)
         case "plate", (x, y):
             return _box(shape.pose, (x, y, 0.02 * min(x, y)), color, fill)
         case "block", (x, y, z):
@@ -65,11 +66,16 @@ def mark(shape: Shape, color: Color) -> Any | None:
 
 def cylinder(pose: Pose, length: float, radius: float, color: Color, fill: Any = None) -> Any:
     """A cylinder about z of `pose`, which is its centre."""
+    return cylinders([pose], length, radius, color, fill)
+
+
+def cylinders(poses: Sequence[Pose], length: float, radius: float, color: Color, fill: Any = None) -> Any:
+    """Several of one size."""
     return rr.Cylinders3D(
-        lengths=[length],
-        radii=[radius],
-        centers=[pose.position],
-        quaternions=[xyzw(pose.rotation)],
+        lengths=[length] * len(poses),
+        radii=[radius] * len(poses),
+        centers=[pose.position for pose in poses],
+        quaternions=[xyzw(pose.rotation) for pose in poses],
         colors=[color],
         fill_mode=fill or rr.components.FillMode.Solid,
     )
@@ -80,6 +86,11 @@ def sphere(center: Array, radius: float, color: Color, fill: Any = None) -> Any:
     return rr.Ellipsoids3D(
         half_sizes=[[radius] * 3], centers=[center], colors=[color], fill_mode=fill or rr.components.FillMode.Solid
     )
+
+
+def at(position: Array) -> Pose:
+    """A frame at a point (3,), not turned."""
+    return Pose(position, np.eye(3))
 
 
 def xyzw(rotation: Array) -> Array:
@@ -93,7 +104,8 @@ def _box(pose: Pose, size: tuple[float, float, float], color: Color, fill: Any) 
     )
 
 
-def _torus(pose: Pose, radius: float, tube: float, color: Color, around: int = 64, across: int = 12) -> Any:
+def torus(pose: Pose, radius: float, tube: float, color: Color, around: int = 64, across: int = 12) -> Any:
+    """A ring about z of `pose`."""
     u, v = np.meshgrid(np.arange(around) * 2 * np.pi / around, np.arange(across) * 2 * np.pi / across, indexing="ij")
     normals = np.stack([np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)], axis=-1).reshape(-1, 3)
     middle = np.stack([np.cos(u), np.sin(u), 0.0 * u], axis=-1).reshape(-1, 3) * radius

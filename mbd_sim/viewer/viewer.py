@@ -1,27 +1,37 @@
-"""Shows a motion in Rerun from a thread of its own, so that it never makes the simulation wait."""
+"""Shows a motion in Rerun from a process of its own, so that it never makes the simulation wait."""
 
 from __future__ import annotations
 
 import atexit
+import contextlib
+import importlib.util
+import json
 import logging
+import math
+import os
+import pickle
+import subprocess
+import sys
 import threading
 import time
+from collections.abc import Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING
 
 from mbd_sim.mechanism.model import Array
-from mbd_sim.model import Energies, Model
+from mbd_sim.viewer import wire
 from mbd_sim.viewer.mailbox import Mailbox
-from mbd_sim.viewer.sinks import Outlet, ViewerError, checked_sink, is_live
+from mbd_sim.viewer.rows import RowWriter
+from mbd_sim.viewer.sinks import ViewerError, checked_sink, is_live
+from mbd_sim.viewer.stage import TRACE_TIME, Look, make_stage
+from mbd_sim.viewer.told import Telling
 
-if TYPE_CHECKING:
-    from mbd_sim.viewer.columns import Event, Sample
-
-APPLICATION = "mbd_sim"
 PERIOD = 0.05  # s between two batches
 BATCH = 500  # samples
-FLUSH_PERIOD, FLUSH_TIMEOUT = 1.0, 5.0  # s
-CLOSE_TIMEOUT = 20.0  # s
+FLUSH_PERIOD = 1.0  # s
+OPEN_TIMEOUT, CLOSE_TIMEOUT = 60.0, 20.0  # s
+if TYPE_CHECKING:
+    from mbd_sim.model import Energies, Model
 
 _log = logging.getLogger(__name__)
 
@@ -37,74 +47,97 @@ class Viewer:
 
     >>> with Viewer(sim.model, "run.rrd") as viewer:
     ...     while sim.time < 10.0:
-    ...         viewer.offer(sim.time, sim.state, sim.efforts.copy(), sim.energies)
+    ...         viewer.offer(sim.time, sim.state, sim.inputs.copy(), sim.energies)
     ...         sim.step(10)
     """
 
-    def __init__(self, model: Model, sink: str, *, rate: float = 60.0, capacity: int = 20_000) -> None:
+    def __init__(
+        self,
+        model: Model,
+        sink: str,
+        *,
+        rate: float = 60.0,
+        capacity: int = 20_000,
+        traces: Sequence[str] | None = None,
+        trace_time: float = TRACE_TIME,
+        reactions: bool = False,
+    ) -> None:
         """Open the sink: 'spawn', 'serve', 'connect', 'connect:<url>', or a path ending in '.rrd'.
 
+        :param traces: points that leave a trace for `trace_time` s, as `part` or `part.point`; None: ends of chains.
+        :param reactions: show the forces through the joints; they take a tenth of a millisecond or more a sample.
         :raises ViewerError: there is no such sink, it cannot be opened, or Rerun is not installed.
-        :raises ValueError: the rate or capacity is not positive.
+        :raises ValueError: the rate or capacity is not positive, or there is no such part or point to trace.
         """
         checked_sink(sink)
-        if not 0.0 < rate < float("inf"):
-            raise ValueError(f"the rate must be a positive number of samples a second, not {rate!r}")
-        self._rate, self._frame = rate, -1
-        self._samples: Mailbox[Sample] = Mailbox(capacity)
-        self._events: Mailbox[Event] = Mailbox(capacity)
-        self._open(model, sink)
+        for what, value in (("rate", rate), ("trace_time", trace_time)):
+            if not 0.0 < value < float("inf"):
+                raise ValueError(f"the {what} must be a positive number, not {value!r}")
+        if importlib.util.find_spec("rerun") is None:
+            raise ViewerError("Rerun is not installed. Install it with: pip install rerun-sdk")
+        self._rate, self._frame, self._own_time, self._telling = rate, -1, -math.inf, Telling()
+        self._samples: Mailbox[Array] = Mailbox(capacity)
+        self._events: Mailbox[tuple[float, str]] = Mailbox(capacity)
+        self._writer = RowWriter(model, reactions)
+        look = Look(None if traces is None else tuple(traces), trace_time, reactions)
         self.failure: ViewerError | None = None
-        self._wake, self._closing, self._ended = threading.Event(), False, False
-        self._waiting: list[threading.Event] = []
-        self._thread = threading.Thread(target=self._run, name="rerun viewer", daemon=True)
-        self._thread.start()
+        self._told = False
+        self._waiting: dict[int, threading.Event] = {}
+        self._flushes, self._wake, self._closing = 0, threading.Event(), False
+        self._live = is_live(sink)
+        self._worker = _started()
+        try:
+            stage = make_stage(model, self._writer.layout, look)
+            self.address = self._opened(pickle.dumps((stage, sink)), sink)
+        except BaseException:
+            self._worker.kill()
+            self._worker.communicate()
+            raise
+        self._threads = [
+            threading.Thread(target=self._feed, name="rerun viewer", daemon=True),
+            threading.Thread(target=self._listen, name="rerun answers", daemon=True),
+        ]
+        for thread in self._threads:
+            thread.start()
         atexit.register(self.close)
 
-    def _open(self, model: Model, sink: str) -> None:
-        try:
-            import rerun as rr
-        except ImportError as error:
-            raise ViewerError("Rerun is not installed. Install it with: pip install rerun-sdk") from error
-        from mbd_sim.viewer.blueprint import make_blueprint
-        from mbd_sim.viewer.columns import Columns
-        from mbd_sim.viewer.extent import extent_of
-        from mbd_sim.viewer.scene import log_scene
-
-        extent = extent_of(model)
-        self._recording = rr.RecordingStream(APPLICATION, batcher_config=rr.ChunkBatcherConfig.LOW_LATENCY())
-        blueprint = make_blueprint(model.mechanism, extent, live=is_live(sink))
-        self._outlet = Outlet(self._recording, sink, blueprint)
-        self.address = self._outlet.address
-        try:
-            self._recording.send_recording_name(model.mechanism.name)
-            log_scene(self._recording, model.mechanism, extent)
-            self._columns = Columns(self._recording, model)
-        except BaseException:
-            self._outlet.close()
-            raise
+    def _opened(self, stage: bytes, sink: str) -> str:
+        """Hand over the stage; returns the address."""
+        assert self._worker.stdin is not None and self._worker.stdout is not None
+        timer = threading.Timer(OPEN_TIMEOUT, self._worker.kill)
+        timer.start()
+        line = b""
+        with contextlib.suppress(OSError):
+            self._worker.stdin.write(wire.packed(wire.STAGE, stage))
+            self._worker.stdin.flush()
+            line = self._worker.stdout.readline()
+        timer.cancel()
+        answer = json.loads(line) if line else {"failed": f"the viewer sink '{sink}' cannot be opened: no answer"}
+        if "address" not in answer:
+            raise ViewerError(str(answer["failed"]))
+        return str(answer["address"])
 
     @property
     def dropped(self) -> int:
         """The number of samples that were pushed out before they were sent."""
         return self._samples.dropped
 
-    def offer(
-        self, time: float, y: Array, efforts: Array, energies: Energies, motion_time: float | None = None
-    ) -> None:
-        """Show a state y and its efforts and energies; both arrays are kept, so hand over copies.
+    def offer(self, time: float, y: Array, inputs: Array, energies: Energies, motion_time: float | None = None) -> None:
+        """Show a state y with its inputs (see `Simulation.inputs`; the efforts will do) and energies.
 
         `motion_time` is the mechanism's own time in s, where it is not that of the timeline.
-        Returns at once. Samples closer together than the rate asks for are passed over.
+        Returns at once. Samples closer together than the rate asks for are passed over, but none that begins anew.
         """
         frame = int(time * self._rate + 1e-6)
-        if frame != self._frame:
-            self._frame = frame
-            self._samples.put((time, y, efforts, energies, time if motion_time is None else motion_time))
+        own = time if motion_time is None else motion_time
+        if (frame != self._frame or own < self._own_time) and self.failure is None:
+            self._frame, self._own_time = frame, own
+            self._samples.put(self._writer.row(time, own, y, inputs, energies))
 
     def event(self, time: float, text: str) -> None:
-        """Write a line to the log."""
-        self._events.put((time, text))
+        """Write a line to the log; of commands in a row only the first is told."""
+        if self._telling.worth(text):
+            self._events.put((time, text))
 
     def flush(self, timeout: float = 60.0) -> None:
         """Wait until what was offered so far is sent: for whoever offers faster than it can be sent.
@@ -112,9 +145,10 @@ class Viewer:
         :raises ViewerError: it was not sent in `timeout` s, or the recording ended early.
         """
         sent = threading.Event()
-        self._waiting.append(sent)
+        self._flushes += 1
+        self._waiting[self._flushes] = sent
         self._wake.set()
-        if not self._ended and not sent.wait(timeout):
+        if self.failure is None and not sent.wait(timeout):
             raise ViewerError(f"the viewer at {self.address} did not take the data within {timeout:g} s")
         if self.failure is not None:
             raise self.failure
@@ -126,13 +160,19 @@ class Viewer:
         self._closing = True
         self._wake.set()
         atexit.unregister(self.close)
-        self._thread.join(CLOSE_TIMEOUT)
-        if self._thread.is_alive():
-            import rerun as rr
-
-            rr.unregister_shutdown()  # Rerun would wait for the viewer without end when the interpreter exits
-            self._fail(TimeoutError(f"it did not answer within {CLOSE_TIMEOUT:g} s"))
-        self._outlet.close()
+        deadline = time.monotonic() + CLOSE_TIMEOUT
+        self._threads[0].join(CLOSE_TIMEOUT)
+        try:
+            self._worker.wait(max(deadline - time.monotonic(), 0.1))
+        except subprocess.TimeoutExpired:
+            self._fail(f"it did not answer within {CLOSE_TIMEOUT:g} s")
+            self._worker.kill()
+            self._worker.wait()
+        self._threads[1].join(1.0)
+        for stream in (self._worker.stdin, self._worker.stdout):
+            with contextlib.suppress(OSError):
+                if stream is not None:
+                    stream.close()
 
     def __enter__(self) -> Viewer:
         return self
@@ -142,33 +182,60 @@ class Viewer:
     ) -> None:
         self.close()
 
-    def _run(self) -> None:
+    def _feed(self) -> None:
+        """Write batches to the viewer's process until it is told to end."""
+        pipe = self._worker.stdin
+        assert pipe is not None
         try:
             flushed = time.monotonic()
             closing = False
             while not closing:
                 self._wake.wait(PERIOD)
                 self._wake.clear()
-                closing, waiting = self._closing, self._waiting[:]
-                while samples := self._samples.take(BATCH):
-                    self._columns.send(samples)
+                closing, asked = self._closing, self._flushes
+                while rows := self._samples.take(BATCH):
+                    pipe.write(wire.packed(wire.ROWS, b"".join(row.data for row in rows)))
                 while events := self._events.take(BATCH):
-                    self._columns.send_events(events)
-                if closing or time.monotonic() - flushed > FLUSH_PERIOD:
-                    self._recording.flush(timeout_sec=FLUSH_TIMEOUT)  # tells when the viewer is gone
+                    pipe.write(wire.packed(wire.EVENTS, json.dumps(events).encode()))
+                if self._waiting or (self._live and time.monotonic() - flushed > FLUSH_PERIOD):
+                    pipe.write(wire.packed(wire.FLUSH, asked.to_bytes(8, "little")))
                     flushed = time.monotonic()
-                self._release(waiting)
-        except Exception as error:  # whatever becomes of the viewer, the simulation goes on
-            self._fail(error)
-        self._ended = True
-        self._release(self._waiting[:])
-        self._recording.disconnect()
+                pipe.flush()
+            pipe.close()
+        except OSError as error:  # whatever becomes of the viewer, the simulation goes on
+            self._fail(str(error))
+        except ValueError:
+            self._fail("it was closed")
 
-    def _release(self, waiting: list[threading.Event]) -> None:
-        for sent in waiting:
-            self._waiting.remove(sent)
-            sent.set()
+    def _listen(self) -> None:
+        """Hear what the viewer's process answers until it ends."""
+        assert self._worker.stdout is not None
+        with contextlib.suppress(OSError, ValueError):
+            for line in self._worker.stdout:
+                answer = json.loads(line)
+                if "failed" in answer:
+                    self._fail(answer["failed"], told_by_worker=True)
+                self._release(int(answer.get("flushed", 0)))
+        if not self._closing:
+            self._fail(f"its process ended ({self._worker.wait()})")
+        self._release(self._flushes)
 
-    def _fail(self, error: Exception) -> None:
-        self.failure = ViewerError(f"the viewer at {self.address} takes no more data: {error}")
-        _log.error("%s", self.failure)
+    def _release(self, number: int) -> None:
+        for key in [key for key in self._waiting if key <= number]:
+            self._waiting.pop(key).set()
+
+    def _fail(self, reason: str, *, told_by_worker: bool = False) -> None:
+        if self.failure is None or (told_by_worker and not self._told):
+            self._told = told_by_worker
+            self.failure = ViewerError(f"the viewer at {self.address} takes no more data: {reason}")
+            _log.error("%s", self.failure)
+        self._release(self._flushes)
+
+
+def _started() -> subprocess.Popen[bytes]:
+    """The viewer's process, in a session of its own: a Ctrl-C in the terminal is for the node, which ends it."""
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    command = [sys.executable, "-c", "import sys; from mbd_sim.viewer.worker import main; sys.exit(main())"]
+    return subprocess.Popen(  # noqa: S603  (own arguments)
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, start_new_session=True
+    )

@@ -44,7 +44,7 @@ joints:
 def test_every_kind_of_shape_is_drawn(tmp_path):
     sim = Simulation.from_text(EVERY_SHAPE)
     with Viewer(sim.model, str(tmp_path / "a.rrd")) as viewer:
-        viewer.offer(0.0, sim.state, sim.efforts.copy(), sim.energies)
+        viewer.offer(0.0, sim.state, sim.inputs.copy(), sim.energies)
     assert viewer.failure is None
     drawn = {}
     for chunk in RrdReader(tmp_path / "a.rrd").stream().to_chunks():

@@ -5,9 +5,12 @@ import urllib.request
 from pathlib import Path
 
 import pytest
+import rerun as rr
+import rerun.blueprint as rrb
 
 from mbd_sim import Simulation
 from mbd_sim.viewer import Viewer, ViewerError, process
+from mbd_sim.viewer.sinks import Outlet
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +37,10 @@ def listeners(port):
     return found
 
 
+def opened(sink):
+    return Outlet(rr.RecordingStream("test_sinks"), sink, rrb.Blueprint())
+
+
 @pytest.mark.parametrize("sink", ["", "window", "connect:", "run", "out/run.mcap"])
 def test_an_unknown_sink_is_answered_with_those_there_are(model, sink):
     with pytest.raises(ValueError, match="no viewer sink") as caught:
@@ -51,36 +58,40 @@ def test_a_file_in_a_missing_folder(model, tmp_path):
         Viewer(model, str(tmp_path / "missing" / "run.rrd"))
 
 
-def test_connecting_to_nobody(model, closed_port):
+def test_connecting_to_nobody(closed_port):
     with pytest.raises(ViewerError, match=f"no viewer listens at 127.0.0.1:{closed_port}"):
-        Viewer(model, f"connect:rerun+http://127.0.0.1:{closed_port}/proxy")
+        opened(f"connect:rerun+http://127.0.0.1:{closed_port}/proxy")
 
 
-def test_connecting_to_something_else(model, monkeypatch):
-    monkeypatch.setattr(process.answers, "__defaults__", (0.1,))
+def test_connecting_to_something_else():
     with socket.create_server((process.LOOPBACK, 0)) as mute:
         port = mute.getsockname()[1]
         with pytest.raises(ViewerError, match="no viewer listens"):
-            Viewer(model, f"connect:127.0.0.1:{port}")
+            opened(f"connect:127.0.0.1:{port}")
 
 
 @pytest.mark.parametrize("url", ["http://127.0.0.1:1", "rerun+http://127.0.0.1:port/proxy", "nonsense://"])
-def test_connecting_to_no_url(model, url):
+def test_connecting_to_no_url(url):
     with pytest.raises(ViewerError, match="cannot be opened"):
-        Viewer(model, f"connect:{url}")
+        opened(f"connect:{url}")
 
 
-def test_no_window_without_a_display(model, monkeypatch):
+def test_no_window_without_a_display(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    monkeypatch.setattr(process, "listens", lambda host, port: False)
-    with pytest.raises(ViewerError, match="no display"):
-        Viewer(model, "spawn")
+    with pytest.raises(OSError, match="no display"):
+        process.spawn_window(process.free_port(0))
 
 
-def test_no_program_to_start(model, monkeypatch):
+def test_no_program_to_start(monkeypatch):
     monkeypatch.setenv("PATH", "")
     monkeypatch.delenv("RERUN_CLI_PATH", raising=False)
+    monkeypatch.setattr(process.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(OSError, match="pip install rerun-sdk"):
+        process.executable()
+
+
+def test_without_rerun(model, monkeypatch):
     monkeypatch.setattr(process.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ViewerError, match="pip install rerun-sdk"):
         Viewer(model, "serve")
@@ -97,7 +108,7 @@ def test_serving_on_this_machine_only_and_taking_what_another_viewer_sends():
         with urllib.request.urlopen(viewer.address, timeout=10) as page:
             assert b"rerun" in page.read().lower()
         with Viewer(sim.model, f"connect:{data.hostname}:{data.port}") as second:
-            second.offer(sim.time, sim.state, sim.efforts.copy(), sim.energies)
+            second.offer(sim.time, sim.state, sim.inputs.copy(), sim.energies)
         assert second.failure is None
     finally:
         viewer.close()

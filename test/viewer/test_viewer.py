@@ -1,8 +1,10 @@
 """Recordings written by the viewer, read back with Rerun's own reader."""
 
+import os
+import signal
 import subprocess
 import sys
-import threading
+import time
 from collections import defaultdict
 from pathlib import Path
 
@@ -43,7 +45,7 @@ class Recorded:
 
 
 def offer(viewer, sim):
-    viewer.offer(sim.time, sim.state, sim.efforts.copy(), sim.energies)
+    viewer.offer(sim.time, sim.state, sim.inputs.copy(), sim.energies)
 
 
 @pytest.fixture(scope="module")
@@ -73,10 +75,12 @@ def test_every_sample_is_recorded_at_its_time(run):
     recorded, moments, _ = run
     times = [moment[0] for moment in moments]
     moving = {"/world/parts/upper", "/world/parts/lower", "/world/traces/lower"}
-    plotted = {"/joints/position", "/joints/velocity", "/joints/effort"}
-    audit = {"/energy/balance", "/energy/exchange", "/energy/residual_pJ"}
-    assert set(recorded.rows) == moving | plotted | audit | {"/events"}
-    for entity in moving | plotted | audit:
+    arcs = {"/world/efforts/shoulder/couple", "/world/efforts/elbow/couple"}
+    plotted = {"/joints/position/angular", "/joints/velocity/angular", "/joints/effort/angular"}
+    audit = {"/energy/account", "/energy/stack", "/energy/residual", "/energy/residual_pJ"}
+    events = {"/events/log", "/events/states/run", "/events/states/commands"}
+    assert set(recorded.rows) == moving | arcs | plotted | audit | events
+    for entity in moving | arcs | plotted | audit:
         np.testing.assert_allclose(recorded.times(entity), times, rtol=0, atol=1e-6)
 
 
@@ -94,15 +98,19 @@ def test_parts_stand_where_the_model_says(run, part):
 def test_plots_hold_the_simulations_numbers(run):
     recorded, moments, _ = run
     _, _, q, u, efforts, energies = (list(column) for column in zip(*moments, strict=True))
-    np.testing.assert_array_equal(recorded.column("/joints/position", "Scalars:scalars"), q)
-    np.testing.assert_array_equal(recorded.column("/joints/velocity", "Scalars:scalars"), u)
-    np.testing.assert_array_equal(recorded.column("/joints/effort", "Scalars:scalars"), efforts)
-    balance = [(e.kinetic, e.potential, e.total) for e in energies]
-    np.testing.assert_array_equal(recorded.column("/energy/balance", "Scalars:scalars"), balance)
-    exchange = [(e.dissipated, e.work_applied, e.work_drives) for e in energies]
-    np.testing.assert_array_equal(recorded.column("/energy/exchange", "Scalars:scalars"), exchange)
-    picojoules = recorded.column("/energy/residual_pJ", "Scalars:scalars")[:, 0]
-    np.testing.assert_allclose(picojoules * 1e-12, [e.residual for e in energies], rtol=1e-14)
+    scalars = {entity: recorded.column(entity, "Scalars:scalars") for entity in recorded.rows if "energy" in entity}
+    for name, values in (("position", q), ("velocity", u), ("effort", efforts)):
+        np.testing.assert_array_equal(recorded.column(f"/joints/{name}/angular", "Scalars:scalars"), values)
+    account = [(e.kinetic, e.potential, e.total, e.dissipated, e.work_applied) for e in energies]
+    np.testing.assert_array_equal(scalars["/energy/account"], account)
+    np.testing.assert_allclose(scalars["/energy/stack"][:, -1], energies[0].total, atol=1e-11)
+    residuals = np.array([e.residual for e in energies])
+    np.testing.assert_allclose(scalars["/energy/residual_pJ"][:, 0] * 1e-12, residuals, rtol=1e-14)
+    shown = 10.0 ** scalars["/energy/residual"][:, 0]
+    large = np.abs(residuals) > 1e-14
+    assert np.count_nonzero(large) > 50
+    np.testing.assert_allclose(shown[large], np.abs(residuals)[large], rtol=1e-12)
+    assert np.all(shown < 1e-11)
 
 
 def test_the_trace_is_the_way_of_the_tip(run):
@@ -118,10 +126,10 @@ def test_names_events_and_static_shapes(run):
     assert recorded.entry.application_id == "mbd_sim"
     assert len(recorded.blueprints) == 1
     assert recorded.static["/__properties"]["RecordingInfo:name"] == [["double_rod"]]
-    assert recorded.static["/joints/position"]["SeriesLines:names"] == [["shoulder", "elbow"]]
+    assert recorded.static["/joints/position/angular"]["SeriesLines:names"] == [["shoulder", "elbow"]]
     assert recorded.static["/world/parts/upper/0_rod"]["Capsules3D:lengths"] == [[1.0]]
     assert "/world/parts/upper/joints/elbow" in recorded.static
-    events = [(time, row["TextLog:text"]) for time, row in recorded.rows["/events"]]
+    events = [(time, row["TextLog:text"]) for time, row in recorded.rows["/events/log"]]
     assert events == [(0.0, ["released"]), (2.0, ["end"])]
 
 
@@ -141,48 +149,111 @@ def test_rate_thins_out_the_samples(tmp_path):
     np.testing.assert_allclose(times, np.arange(11) / 10.0, atol=1e-6)
 
 
-def test_a_slow_viewer_loses_the_oldest_samples_and_counts_them(tmp_path, monkeypatch):
+def test_a_slow_viewer_loses_the_oldest_samples_and_counts_them(tmp_path):
     sim = Simulation.from_file("rod_pendulum")
-    busy, go_on = threading.Event(), threading.Event()
-    viewer = Viewer(sim.model, str(tmp_path / "a.rrd"), rate=1000.0, capacity=5)
-    send = viewer._columns.send
-
-    def slow(samples):
-        busy.set()
-        assert go_on.wait(10.0)
-        send(samples)
-
-    monkeypatch.setattr(viewer._columns, "send", slow)
-    offer(viewer, sim)
-    assert busy.wait(10.0)
-    for _ in range(12):
-        sim.step()
-        offer(viewer, sim)
-    go_on.set()
+    viewer = Viewer(sim.model, str(tmp_path / "a.rrd"), rate=1000.0, capacity=200)
+    os.kill(viewer._worker.pid, signal.SIGSTOP)
+    try:
+        for _ in range(5000):  # more than fits into the pipe
+            offer(viewer, sim)
+            sim.step()
+            if sim.steps % 100 == 0:
+                viewer._wake.set()
+                time.sleep(1e-3)
+    finally:
+        os.kill(viewer._worker.pid, signal.SIGCONT)
     viewer.flush()
-    assert viewer.dropped == 7
     viewer.close()
-    times = Recorded(tmp_path / "a.rrd").times("/joints/position")
-    np.testing.assert_allclose(times, [0.0, 0.008, 0.009, 0.010, 0.011, 0.012], atol=1e-9)
+    assert viewer.failure is None
+    assert viewer.dropped > 0
+    times = Recorded(tmp_path / "a.rrd").times("/joints/position/angular")
+    assert len(times) == sim.steps - viewer.dropped
+    assert times[-1] == pytest.approx(sim.time - 1e-3)
+    np.testing.assert_allclose(times[:50], np.arange(50) * 1e-3, atol=1e-9)
 
 
-def test_a_failing_viewer_leaves_the_caller_alone(tmp_path, monkeypatch):
+def test_a_killed_viewer_leaves_the_caller_alone(tmp_path):
     sim = Simulation.from_file("rod_pendulum")
     viewer = Viewer(sim.model, str(tmp_path / "a.rrd"))
-
-    def broken(samples):
-        raise RuntimeError("disk full")
-
-    monkeypatch.setattr(viewer._columns, "send", broken)
+    viewer._worker.kill()
     offer(viewer, sim)
-    with pytest.raises(ViewerError, match="disk full"):
+    with pytest.raises(ViewerError, match="takes no more data"):
         viewer.flush()
     sim.step(100)
     offer(viewer, sim)
     viewer.event(sim.time, "nobody reads this")
     viewer.close()
     viewer.close()
-    assert "disk full" in str(viewer.failure)
+    assert viewer.failure is not None
+
+
+def test_the_recording_is_finished_where_the_simulation_is_killed(tmp_path):
+    code = """if True:
+        import os, signal, sys
+        from mbd_sim import Simulation
+        from mbd_sim.viewer import Viewer
+        sim = Simulation.from_file("rod_pendulum")
+        viewer = Viewer(sim.model, sys.argv[1], rate=1000.0)
+        for _ in range(100):
+            viewer.offer(sim.time, sim.state, sim.inputs.copy(), sim.energies)
+            sim.step()
+        viewer.flush()
+        print(viewer._worker.pid, flush=True)
+        os.kill(os.getpid(), signal.SIGKILL)
+    """
+    path = tmp_path / "a.rrd"
+    done = subprocess.run([sys.executable, "-c", code, path], stdout=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == -signal.SIGKILL
+    worker = Path(f"/proc/{done.stdout.strip()}")
+    deadline = time.monotonic() + 20.0
+    while worker.exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert len(Recorded(path).times("/world/parts/rod")) == 100
+
+
+def test_the_trace_begins_anew_after_a_reset(tmp_path):
+    sim = Simulation.from_file("rod_pendulum")
+    with Viewer(sim.model, str(tmp_path / "a.rrd"), rate=1000.0, traces=["rod", "rod.tip"]) as viewer:
+        for tick in range(20):
+            if tick == 10:
+                sim.reset()
+            viewer.offer(tick * 1e-3, sim.state, sim.inputs.copy(), sim.energies, sim.time)
+            sim.step()
+    recorded = Recorded(tmp_path / "a.rrd")
+    for entity in ("/world/traces/rod", "/world/traces/rod.tip"):
+        lengths = np.linalg.norm(np.diff(recorded.column(entity, "LineStrips3D:strips")[:, 0], axis=1), axis=2)[:, 0]
+        assert lengths[0] == lengths[10] == 0.0
+        assert np.all(lengths[1:10] > 0.0)
+
+
+def test_a_trace_of_an_unknown_point_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="no point"):
+        Viewer(Simulation.from_file("rod_pendulum").model, str(tmp_path / "a.rrd"), traces=["rod.tp"])
+
+
+def test_events_become_lines_and_lanes(tmp_path):
+    sim = Simulation.from_file("rod_pendulum")
+    with Viewer(sim.model, str(tmp_path / "a.rrd")) as viewer:
+        offer(viewer, sim)
+        told = ["command", "command", "commands expired: efforts set to zero", "command", "paused", "running", "reset"]
+        for second, text in enumerate(told, 1):
+            viewer.event(float(second), text)
+    recorded = Recorded(tmp_path / "a.rrd")
+    log = [(at, row["TextLog:text"][0], row["TextLog:level"][0]) for at, row in recorded.rows["/events/log"]]
+    assert log == [
+        (1.0, "commands are taken", "INFO"),
+        (3.0, "commands expired: efforts set to zero", "WARN"),
+        (4.0, "commands are taken", "INFO"),
+        (5.0, "paused", "INFO"),
+        (6.0, "running", "INFO"),
+        (7.0, "reset", "INFO"),
+    ]
+    lanes = {
+        name: [(at, row["StateChange:state"][0]) for at, row in recorded.rows[f"/events/states/{name}"]]
+        for name in ("run", "commands")
+    }
+    assert lanes["run"] == [(0.0, "running"), (5.0, "paused"), (6.0, "running")]
+    assert lanes["commands"] == [(0.0, "none"), (1.0, "taken"), (3.0, "expired"), (4.0, "taken"), (7.0, "none")]
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, float("nan"), float("inf")])
@@ -192,5 +263,5 @@ def test_the_rate_must_be_positive(tmp_path, rate):
 
 
 def test_importing_the_viewer_does_not_import_rerun():
-    code = "import sys, mbd_sim.viewer; assert not {'rerun', 'rclpy', 'scipy'} & set(sys.modules)"
+    code = "import sys, mbd_sim.viewer; assert not {'rerun', 'rclpy', 'scipy', 'casadi'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)

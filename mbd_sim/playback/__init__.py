@@ -1,0 +1,1 @@
+"""Recorded runs looked at: as tables, as pictures, and in Rerun."""

@@ -1,0 +1,83 @@
+"""`mbd_sim view`, `plot` and `export`."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import threading
+from pathlib import Path
+
+from mbd_sim.playback import export, pictures
+from mbd_sim.playback.panels import panels
+from mbd_sim.playback.table import RunTable, read_table
+from mbd_sim.recording.reader import open_recording
+from mbd_sim.recording.verify_command import bar
+from mbd_sim.viewer.sinks import ViewerError, checked_sink
+
+
+def run_view(options: argparse.Namespace) -> int:
+    """Show; returns the exit code."""
+    from mbd_sim.playback.show import first_run, show, show_table
+    from mbd_sim.viewer.stage import Look
+
+    sink = checked_sink(options.save or options.rerun)
+    if importlib.util.find_spec("rerun") is None:
+        raise ViewerError("Rerun is not installed. Install it with: pip install rerun-sdk")
+    recording = open_recording(options.recording)
+    hold = _wait if sink == "serve" else _go_on
+    if first_run(recording) is None:
+        with bar("read", options.quiet) as progress:
+            table = read_table(recording, progress)
+        address = show_table(table, sink, hold)
+        _say(table.notes)
+        print(f"{options.recording}: holds no mechanism, so that only its joints are shown, as plots")
+        print(f"  {len(table)} states, {len(table.names)} joints: {address}")
+    else:
+        look = Look(None if options.trace is None else tuple(options.trace), options.trace_time, options.reactions)
+        with bar("show", options.quiet) as progress:
+            address, count, notes = show(recording, sink, options.rate, look, progress, hold)
+        _say(notes)
+        print(f"{options.recording}: {count} states: {address}")
+    return 0
+
+
+def run_plot(options: argparse.Namespace) -> int:
+    """Draw; returns the exit code."""
+    export.require_kind(options.out, pictures.KINDS)
+    table = _table(options.recording, options.quiet)
+    shown = panels(table, [word.strip() for word in options.show.split(",") if word.strip()])
+    pictures.draw(options.out, table, shown)
+    print(f"wrote {options.out}: {', '.join(dict.fromkeys(panel.title.lower() for panel in shown))}")
+    return 0
+
+
+def run_export(options: argparse.Namespace) -> int:
+    """Write the table; returns the exit code."""
+    export.require_kind(options.out, export.KINDS)
+    table = _table(options.recording, options.quiet)
+    count = export.export(options.out, table)
+    print(f"wrote {options.out}: {len(table)} rows of {count} columns")
+    return 0
+
+
+def _table(path: Path, quiet: bool) -> RunTable:
+    recording = open_recording(path)
+    with bar("read", quiet) as progress:
+        table = read_table(recording, progress)
+    _say(table.notes)
+    return table
+
+
+def _say(notes: list[str] | tuple[str, ...]) -> None:
+    for note in notes:
+        print(f"note: {note}")
+
+
+def _go_on(address: str) -> None:
+    """A window or a file needs nobody."""
+
+
+def _wait(address: str) -> None:
+    """Serve until Ctrl-C."""
+    print(f"{address}\nCtrl-C ends the server", flush=True)
+    threading.Event().wait()

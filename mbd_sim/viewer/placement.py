@@ -1,0 +1,67 @@
+"""Points and directions of parts over many samples at once, in ground's frame."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mbd_sim.mechanism.model import GROUND, Array, Attachment
+from mbd_sim.mechanism.rotation import quaternions
+from mbd_sim.viewer.rows import Rows
+from mbd_sim.viewer.stage import Stage
+
+LEAST = 1e-9  # m, below which two points count as one
+
+
+class Placement:
+    """Where the parts are in each of n samples."""
+
+    def __init__(self, stage: Stage, rows: Rows) -> None:
+        self._index = {name: index for index, name in enumerate(stage.part_names)}
+        self._rows = rows
+
+    def point(self, at: Attachment) -> Array:
+        """(n, 3)."""
+        if at.part == GROUND:
+            return np.broadcast_to(at.point, (len(self._rows), 3))
+        index = self._index[at.part]
+        return np.asarray(self._rows.positions[:, index] + self._rows.rotations[:, index] @ at.point)
+
+    def direction(self, part: str, direction: Array) -> Array:
+        """(n, 3), of a direction (3,) or (n, 3) in the frame of a part."""
+        along = np.broadcast_to(direction, (len(self._rows), 3))
+        if part == GROUND:
+            return along
+        turned: Array = np.einsum("nij,nj->ni", self._rows.rotations[:, self._index[part]], along)
+        return turned
+
+    def turned(self, part: str) -> Array:
+        """The axes (n, 3, 3) of a part."""
+        if part == GROUND:
+            return np.broadcast_to(np.eye(3), (len(self._rows), 3, 3))
+        return self._rows.rotations[:, self._index[part]]
+
+
+def along(starts: Array, stops: Array, across: Array) -> tuple[Array, Array]:
+    """Lengths (n,) from start to stop, and the quaternions (n, 4) x, y, z, w that turn z to there.
+
+    x comes as near to `across` (3,) as it can, so that what is drawn does not spin about its line.
+    """
+    way = stops - starts
+    length = np.linalg.norm(way, axis=1)
+    some = length > LEAST
+    z = np.where(some[:, None], way / np.where(some, length, 1.0)[:, None], [0.0, 0.0, 1.0])
+    x = across - (z @ across)[:, None] * z
+    short = np.linalg.norm(x, axis=1) < 1e-3
+    if np.any(short):
+        other = np.eye(3)[int(np.argmin(np.abs(across)))]
+        x[short] = other - (z[short] @ other)[:, None] * z[short]
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return length, quaternions(np.stack([x, np.cross(z, x), z], axis=2))
+
+
+def across(stage: Stage, direction: Array) -> Array:
+    """A direction (3,) across what starts along `direction`: the normal of the plane of motion where there is one."""
+    normal = stage.extent.normal
+    if normal is not None:
+        return normal
+    return np.asarray(np.eye(3)[int(np.argmin(np.abs(direction)))])

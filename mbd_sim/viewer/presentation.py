@@ -1,0 +1,91 @@
+"""A mechanism's motion as a recording of Rerun: the stage is set once, then rows of samples come in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from mbd_sim.mechanism.model import Array
+from mbd_sim.viewer import events, paths
+from mbd_sim.viewer.arrows import arrows
+from mbd_sim.viewer.blueprint import make_blueprint
+from mbd_sim.viewer.events import Event
+from mbd_sim.viewer.guides import guides
+from mbd_sim.viewer.pins import pins
+from mbd_sim.viewer.placement import Placement
+from mbd_sim.viewer.plots import plots
+from mbd_sim.viewer.prop import Prop
+from mbd_sim.viewer.rows import Rows
+from mbd_sim.viewer.scene import about, parts
+from mbd_sim.viewer.sinks import Outlet, is_live
+from mbd_sim.viewer.stage import Stage
+from mbd_sim.viewer.ties import ties
+from mbd_sim.viewer.traces import traces
+
+APPLICATION = "mbd_sim"
+FLUSH_TIMEOUT = 5.0  # s
+
+
+class Presentation:
+    """One recording. `address` says where to look."""
+
+    def __init__(self, stage: Stage, sink: str) -> None:
+        """Open the sink and log what does not change.
+
+        :raises ViewerError: the sink cannot be opened.
+        """
+        self._stage = stage
+        self._recording = rr.RecordingStream(APPLICATION, batcher_config=rr.ChunkBatcherConfig.LOW_LATENCY())
+        self._outlet = Outlet(self._recording, sink, make_blueprint(stage, live=is_live(sink)))
+        self.address = self._outlet.address
+        try:
+            self._recording.send_recording_name(stage.mechanism.name)
+            self._recording.log(paths.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+            self._recording.log(paths.ABOUT, about(stage), static=True)
+            sources = (parts, pins, ties, guides, traces, arrows, plots)
+            self._props: list[Prop] = [prop for source in sources for prop in source(stage)]
+            for prop in self._props:
+                for entity, what in prop.static():
+                    self._recording.log(entity, what, static=True)
+            for entity, what in events.static():
+                self._recording.log(entity, what, static=True)
+        except BaseException:
+            self._outlet.close()
+            raise
+        self._begun = False
+
+    def send(self, values: Array) -> None:
+        """Show samples, the rows (n, width) of `RowLayout`, in the order of their times."""
+        rows = Rows(self._stage.rows, values)
+        placement = Placement(self._stage, rows)
+        if not self._begun:
+            self._begun = True
+            for entity, state in ((events.RUN, "running"), (events.COMMANDS, "none")):
+                self._columns(entity, rows.times[:1], rr.StateChange.columns(state=[state]))
+        for prop in self._props:
+            for entity, columns in prop.columns(rows, placement):
+                self._columns(entity, rows.times, columns)
+
+    def tell(self, told: Sequence[Event]) -> None:
+        """Show events."""
+        for entity, times, columns in events.columns(told):
+            self._columns(entity, times, columns)
+
+    def flush(self) -> None:
+        """Pass on what is in the buffers.
+
+        :raises ValueError: the viewer takes nothing any more.
+        """
+        self._recording.flush(timeout_sec=FLUSH_TIMEOUT)
+
+    def close(self) -> None:
+        """End the recording; a window stays open, a server stops."""
+        self._recording.disconnect()
+        self._outlet.close()
+
+    def _columns(self, entity: str, times: np.ndarray, columns: Any) -> None:
+        index = rr.TimeColumn(paths.TIMELINE, duration=times)
+        rr.send_columns(entity, indexes=[index], columns=columns, recording=self._recording, strict=True)

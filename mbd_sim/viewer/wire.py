@@ -1,0 +1,28 @@
+"""What passes between the simulation's process and the viewer's: a kind, a length, and bytes.
+
+To the viewer: first the stage and the sink (pickled, by the same program a moment before), then rows of samples as raw
+numbers, events as JSON, and numbered requests to pass on what came so far. Back: lines of JSON.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import IO
+
+HEADER = struct.Struct("<cQ")
+STAGE, ROWS, EVENTS, FLUSH = b"S", b"R", b"E", b"F"
+
+
+def packed(kind: bytes, payload: bytes) -> bytes:
+    """A message."""
+    return HEADER.pack(kind, len(payload)) + payload
+
+
+def read(stream: IO[bytes]) -> tuple[bytes, bytes] | None:
+    """The next message; None where there is none any more, or only a part of one."""
+    header = stream.read(HEADER.size)
+    if len(header) < HEADER.size:
+        return None
+    kind, size = HEADER.unpack(header)
+    payload = stream.read(size)
+    return (kind, payload) if len(payload) == size else None

@@ -1,0 +1,70 @@
+"""The viewer's process: turns rows of numbers into columns of Rerun, away from the simulation's interpreter.
+
+It ends when its input does, so that the recording is finished even where the simulation was killed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pickle
+import sys
+from typing import IO
+
+import numpy as np
+
+from mbd_sim.viewer import wire
+
+NICE = 10  # less of the processor than the simulation, where there is not enough for both
+
+
+def main() -> int:
+    """Read the stage and the rows from the standard input until it ends; returns the exit code."""
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", buffering=1)
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what libraries print must not come among the answers
+    with contextlib.suppress(OSError):
+        os.nice(NICE)
+    return _show(sys.stdin.buffer, answers)
+
+
+def _show(source: IO[bytes], answers: IO[str]) -> int:
+    def answer(**what: object) -> None:
+        with contextlib.suppress(OSError):  # nobody reads it any more
+            answers.write(f"{json.dumps(what)}\n")
+
+    try:
+        # Rerun is loaded while the other process gets the stage ready.
+        from mbd_sim.viewer.events import Event
+        from mbd_sim.viewer.presentation import Presentation
+
+        first = wire.read(source)
+        if first is None:
+            return 1
+        stage, sink = pickle.loads(first[1])  # noqa: S301  (from the process that started this one)
+        presentation = Presentation(stage, sink)
+    except Exception as error:  # whatever it is, the simulation's side tells it
+        answer(failed=str(error) or repr(error))
+        return 1
+    answer(address=presentation.address)
+    try:
+        while (message := wire.read(source)) is not None:
+            kind, payload = message
+            if kind == wire.ROWS:
+                presentation.send(np.frombuffer(payload).reshape(-1, stage.rows.width))
+            elif kind == wire.EVENTS:
+                presentation.tell([Event(*event) for event in json.loads(payload)])
+            elif kind == wire.FLUSH:
+                presentation.flush()
+                answer(flushed=int.from_bytes(payload, "little"))
+        presentation.flush()
+    except Exception as error:
+        answer(failed=str(error) or repr(error))
+        presentation.close()
+        return 1
+    presentation.close()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,203 @@
+"""What stands on the stage besides the parts, read back with Rerun's own reader and held against the simulation."""
+
+import numpy as np
+import pytest
+
+from mbd_sim import Simulation
+from mbd_sim.mechanism import rotation as rot
+from mbd_sim.viewer import palette
+from mbd_sim.viewer.arrows import LONG, arrows, weight
+from mbd_sim.viewer.audit import residual_size
+from mbd_sim.viewer.extent import extent_of
+from mbd_sim.viewer.placement import Placement
+from mbd_sim.viewer.presentation import Presentation
+from mbd_sim.viewer.rows import Rows, RowWriter
+from mbd_sim.viewer.stage import Look, make_stage
+from test.viewer.test_viewer import Recorded
+
+TIED = """
+mechanism: tied
+parts:
+  bob: {mass: 2 kg, shape: {type: sphere, radius: 0.1}, points: {top: [0, 0, 0.1]}}
+joints: {slide: {type: prismatic, between: [ground, bob], axis: [0, 0, 1], position: -1.0}}
+ground: {points: {hook: [0.3, 0, 0]}}
+forces:
+  spring: {type: spring, between: [ground.hook, bob.top], stiffness: 40, length: 0.5, damping: 2}
+  push: {type: force, at: bob.top, vector: ["3*sin(4*t)", 0, 0]}
+"""
+
+
+def show(sim, tmp_path, look=None, seconds=0.4, each=10):
+    """Run, show, and read back; with what `sim` itself said at each moment."""
+    path, look = tmp_path / "a.rrd", look or Look()
+    writer = RowWriter(sim.model, look.reactions)
+    stage = make_stage(sim.model, writer.layout, look)
+    presentation = Presentation(stage, str(path))
+    rows, moments = [], []
+    while sim.time <= seconds:
+        rows.append(writer.row(sim.time, sim.time, sim.state, sim.inputs.copy(), sim.energies))
+        moments.append((sim.time, sim.poses(), sim.reactions() if look.reactions else None))
+        sim.step(each)
+    half = len(rows) // 2
+    for batch in (rows[:half], rows[half:]):  # with a seam
+        presentation.send(np.array(batch))
+    presentation.flush()
+    presentation.close()
+    return Recorded(path), moments, stage
+
+
+def static_color(recorded, entity):
+    (values,) = [value for key, value in recorded.static[entity].items() if key.endswith("colors")]
+    return (values[0][0] >> 24, values[0][0] >> 16 & 255, values[0][0] >> 8 & 255)
+
+
+def test_a_coil_reaches_from_end_to_end_and_its_damper_stands_between(tmp_path):
+    sim = Simulation.from_text(TIED)
+    recorded, moments, _ = show(sim, tmp_path)
+    entity = "/world/springs/spring"
+    starts = recorded.column(entity, "Transform3D:translation")[:, 0]
+    scales = recorded.column(entity, "Transform3D:scale")[:, 0]
+    turns = recorded.column(entity, "Transform3D:quaternion")[:, 0]
+    middles = recorded.column("/world/dampers/spring/cylinder", "Transform3D:translation")[:, 0]
+    coil = np.array(recorded.static[f"{entity}/coil"]["LineStrips3D:strips"][0][0])
+    np.testing.assert_allclose([coil[0], coil[-1]], [[0, 0, 0], [0, 0, 1]], atol=1e-6)
+    assert len(starts) == len(moments)
+    for (_, poses, _), start, scale, xyzw, middle in zip(moments, starts, scales, turns, middles, strict=True):
+        top = poses["bob"].position + np.array([0.0, 0.0, 0.1])
+        end = start + rot.from_quaternion(np.roll(xyzw, 1)) @ (scale * coil[-1])
+        np.testing.assert_allclose(start, [0.3, 0.0, 0.0], atol=1e-6)
+        np.testing.assert_allclose(end, top, atol=1e-5)
+        np.testing.assert_allclose(middle, (start + top) / 2.0, atol=1e-5)
+
+
+def test_arrows_of_the_files_forces_follow_their_expressions(tmp_path):
+    recorded, moments, stage = show(Simulation.from_text(TIED), tmp_path)
+    entity = "/world/forces/push/force"
+    times = recorded.times(entity)
+    drawn = {}
+    for time, row in recorded.rows[entity]:
+        vectors = row["Arrows3D:vectors"]
+        drawn[round(time, 6)] = vectors[0] if vectors else np.zeros(3)
+    assert drawn[0.0] @ np.ones(3) == 0.0  # nothing, rather than an arrow without length
+    for time in times:
+        expected = LONG * stage.extent.size * np.sin(4.0 * time)
+        np.testing.assert_allclose(drawn[round(time, 6)], [expected, 0.0, 0.0], rtol=2e-3, atol=2e-3)
+    assert len(times) == len(moments)
+
+
+def test_reactions_efforts_and_wrenches_are_arrows_to_scale(tmp_path):
+    sim = Simulation.from_file("double_rod", wrenches=["lower"])
+    sim.set_efforts({"elbow": 2.0})
+    sim.set_wrench("lower", force=(3.0, 0.0, -4.0), at="tip" if "tip" in sim.mechanism.parts["lower"].points else None)
+    recorded, moments, stage = show(sim, tmp_path, Look(reactions=True))
+    size = LONG * stage.extent.size / weight(stage)
+    vectors = recorded.column("/world/reactions/elbow/force", "Arrows3D:vectors")[:, 0]
+    expected = np.array([reactions["elbow"].force for _, _, reactions in moments])
+    short = np.linalg.norm(expected, axis=1) * size < 0.6 * stage.extent.size
+    assert np.count_nonzero(short) > 10
+    np.testing.assert_allclose(vectors[short], size * expected[short], rtol=1e-5, atol=1e-6)
+    magnitudes = recorded.column("/joints/reaction", "Scalars:scalars")
+    np.testing.assert_allclose(magnitudes[:, 1], np.linalg.norm(expected, axis=1), rtol=1e-12)
+    wrench = recorded.column("/world/wrenches/lower/force", "Arrows3D:vectors")[:, 0]
+    np.testing.assert_allclose(wrench, np.tile(size * np.array([3.0, 0.0, -4.0]), (len(moments), 1)), rtol=1e-5)
+    arcs = recorded.column("/world/efforts/elbow/couple", "LineStrips3D:strips")[:, 0]
+    radii = np.linalg.norm(arcs[:, :25] - moments[0][1]["lower"].position, axis=2)[0]
+    assert np.ptp(radii) < 1e-4
+
+
+def test_driven_and_closing_joints_are_told_apart(tmp_path):
+    recorded, _, stage = show(Simulation.from_file("scissor_lift"), tmp_path, seconds=0.05)
+    mechanism = stage.mechanism
+    found = {
+        name: static_color(
+            recorded, f"/world/{'ground' if joint.parent == 'ground' else f'parts/{joint.parent}'}/joints/{name}"
+        )
+        for name, joint in mechanism.all_joints.items()
+    }
+    driven = {name for name, joint in mechanism.joints.items() if joint.drive}
+    assert driven
+    assert mechanism.closing
+    for name, color in found.items():
+        if name in driven:
+            assert color == palette.DRIVEN
+        elif name in mechanism.closing:
+            assert color == palette.CLOSING
+        else:
+            assert color in (palette.STEEL, palette.JOINT)
+
+
+def test_a_wheel_touches_its_plane_below_its_centre(tmp_path):
+    recorded, moments, stage = show(Simulation.from_file("rolling_disc"), tmp_path)
+    (rolling,) = stage.mechanism.constraints
+    touched = recorded.column(f"/world/contacts/{rolling.name}", "Points3D:positions")[:, 0]
+    heights = (touched - rolling.plane.point) @ rolling.normal
+    np.testing.assert_allclose(heights, 0.0, atol=1e-6)
+    centers = [poses[rolling.center.part] for _, poses, _ in moments]
+    arms = touched - [pose.position + pose.rotation @ rolling.center.point for pose in centers]
+    np.testing.assert_allclose(np.linalg.norm(arms, axis=1), rolling.radius, rtol=1e-5)
+    track = recorded.column(f"/world/traces/{rolling.name}", "LineStrips3D:strips")[:, 0]
+    np.testing.assert_allclose(track[1:, 0], touched[:-1], atol=1e-6)
+
+
+def test_a_cable_runs_through_its_points(tmp_path):
+    recorded, moments, stage = show(Simulation.from_file("swinging_atwood"), tmp_path)
+    (cable,) = stage.mechanism.constraints
+    strips = recorded.column(f"/world/constraints/{cable.name}", "LineStrips3D:strips")[:, 0]
+    assert strips.shape == (len(moments), len(cable.points), 3)
+    lengths = np.linalg.norm(np.diff(strips, axis=1), axis=2).sum(axis=1)
+    np.testing.assert_allclose(lengths, cable.length.at(0.0), rtol=1e-5)
+
+
+def test_a_curve_lies_on_its_surfaces_and_passes_through_the_bead(tmp_path):
+    sim = Simulation.from_file("bead_on_wire")
+    recorded, _, stage = show(sim, tmp_path, seconds=0.05)
+    (wires,) = stage.wires
+    (entity,) = [path for path in recorded.static if "/wires/" in path]
+    strips = recorded.static[entity]["LineStrips3D:strips"][0]
+    assert sum(len(strip) for strip in strips) == sum(len(line) for line in wires.lines) > 20
+    bead = stage.at_start(stage.mechanism.constraints[0].point)
+    assert min(np.linalg.norm(np.array(strip) - bead, axis=1).min() for strip in strips) < 0.05 * stage.extent.size
+
+
+def test_slides_travel_as_far_as_they_will(tmp_path):
+    sim = Simulation.from_file("slider_crank")
+    extent = extent_of(sim.model)
+    (name,) = [name for name, joint in sim.mechanism.all_joints.items() if joint.type == "prismatic"]
+    low, high = extent.travel[name]
+    assert high - low > 0.1 * extent.size
+
+
+def test_no_residual_is_smaller_than_the_rounding_of_what_it_is_made_from():
+    audit = np.array([[10.0, -4.0, 0.0, 0.0, 0.0, 6.0, 0.0], [10.0, -4.0, 0.0, 0.0, 0.0, 6.0, -1e-9], [0.0] * 7])
+    np.testing.assert_allclose(residual_size(audit), [5.0 * np.finfo(float).eps, 1e-9, 1e-18])
+
+
+@pytest.mark.parametrize("name", ["follower_force", "driveline", "stewart", "insect_on_sphere", "tricycle"])
+def test_stages_of_all_kinds_can_be_set(tmp_path, name):
+    recorded, moments, stage = show(Simulation.from_file(name), tmp_path, seconds=0.03, each=5)
+    for part in stage.part_names:
+        assert len(recorded.rows[f"/world/parts/{part}"]) == len(moments)
+
+
+@pytest.mark.parametrize("name", ["universal_pendulum", "planar_puck", "spherical_top", "tumbling"])
+def test_drawn_efforts_have_the_power_of_the_equations(name):
+    """Force times velocity and couple times angular velocity, for each coordinate by itself."""
+    sim = Simulation.from_file(name)
+    (joint,) = sim.mechanism.joints.values()
+    sim.step(50)
+    after = Simulation(sim.mechanism, step=1e-8)
+    after.reset(sim.q, sim.u)
+    after.step()
+    before, later = (each.poses()[joint.child] @ joint.child_pose for each in (sim, after))
+    velocity = (later.position - before.position) / 1e-8
+    spin = (later.rotation - before.rotation) / 1e-8 @ before.rotation.T
+    omega = np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
+    writer = RowWriter(sim.model)
+    stage = make_stage(sim.model, writer.layout, Look())
+    (drawn,) = arrows(stage)
+    for index, speed in enumerate(sim.u):
+        sim.set_efforts(np.eye(len(sim.u))[index])
+        row = writer.row(sim.time, sim.time, sim.state, sim.inputs, sim.energies)
+        rows = Rows(writer.layout, row[None])
+        force, couple = drawn.vectors(rows, Placement(stage, rows))
+        assert force[0] @ velocity + couple[0] @ omega == pytest.approx(speed, rel=1e-3, abs=1e-4)
