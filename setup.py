@@ -85,7 +85,6 @@ setup(
             "pytest>=7.4",
             "pytest-timeout>=2.2",
             "pytest-xdist>=3.5",
-            "rosbags>=0.10",
             "ruff>=0.5",
             "scipy>=1.11",
             "types-PyYAML",

@@ -136,7 +136,7 @@ def _walk(path: Path, stream: IO[bytes]) -> _Found:
             if opcode == Opcode.FOOTER:
                 return found
             _take(found, stream, opcode, length, position + _RECORD.size)
-        except (McapError, ValueError, struct.error) as error:
+        except (McapError, ValueError, OverflowError, struct.error) as error:
             found.problem = f"damaged: the record at byte {position} cannot be read ({error})"
             break
         stream.seek(end)

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
-from mbd_sim.errors import MbdSimError
 from mbd_sim.mechanism.load import parse_mechanism
 from mbd_sim.mechanism.model import Array, Mechanism
 from mbd_sim.mechanism.override import with_values
 from mbd_sim.model import Model
 from mbd_sim.recording import cdr
+from mbd_sim.recording.beginning import RecomputeError, beginning
 from mbd_sim.recording.parts import Message, Part, RecordedTopic
 from mbd_sim.recording.reader import ABOUT
 from mbd_sim.simulation import OPENED, Simulation
+
+__all__ = ["Mismatch", "Recomputation", "RecomputeError", "is_run", "joint_rows", "roles"]
 
 STATES, ENERGIES, VIOLATION = "joint_states", "energies", "constraint_violation"
 EFFORTS, WRENCHES, LIVE, EVENTS = "applied_efforts", "applied_wrenches", "live_values", "events"
@@ -29,10 +30,6 @@ ROLES = {
 COMMANDS = (EFFORTS, WRENCHES, LIVE, EVENTS)
 _AROUND = 1 << 32  # of the ticks, only the remainder by this is recorded
 _TOLD = re.compile(r"(\S+) = ([^,]+)(?:, |$)")
-
-
-class RecomputeError(MbdSimError):
-    """A recording that cannot be computed again."""
 
 
 class Mismatch(NamedTuple):
@@ -66,35 +63,38 @@ class Recomputation:
         :raises MechanismError: the mechanism cannot be built.
         """
         self.part, self.changes = part, dict(changes or {})
-        about = _about(part)
-        self.recorded_step = float.fromhex(about["step"])
-        self.simulation = Simulation(
-            self._mechanism(about),
-            method=method or about["method"],
-            step=step or self.recorded_step,
-            wrenches=json.loads(about["wrenches"]) if "wrenches" in about else (),
-            live=self._live_keys(about),
-        )
+        begin = self._recorded = beginning(part)
+        try:
+            self.simulation = Simulation(
+                self._mechanism(),
+                method=method or begin.method,
+                step=step or begin.step,
+                wrenches=begin.wrenches,
+                live=[key for key in begin.live if not self._changed(key)],  # what is changed stays so
+            )
+            self._base_tick, self._base_step = begin.tick, 0  # at which the mechanism's own steps are known
+            self._begin()
+        except ValueError as error:
+            raise RecomputeError(f"{part.path}: its metadata does not fit its mechanism: {error}.") from error
         self.roles = roles(part.topics)
-        self.first_tick = self.tick = int(about.get("first_tick", about.get("tick", "0")))
+        self.first_tick = self.tick = begin.tick
         self.taken = 0  # steps of the simulation, which are others than the ticks where its step is another
-        self.step_ns = round(self.recorded_step * 1e9)
-        self._base_tick, self._base_step = self.tick, 0  # at which the mechanism's own steps are known
-        self._offset_ns: int | None = None if self.tick else 0
-        if "first_clock" in about:
-            self._offset_ns = self.tick * self.step_ns - int(about["first_clock"])
-        self._begin(about)
+        self.step_ns = round(begin.step * 1e9)
+        self._offset_ns: int | None = None if begin.tick else 0
+        if begin.clock_ns is not None:
+            self._offset_ns = begin.tick * self.step_ns - begin.clock_ns
         self._told = dict(self.simulation.live)  # the live values as the events say them, word for word
+
+    @property
+    def recorded_step(self) -> float:
+        """The step of the recorded run in s."""
+        return self._recorded.step
 
     @property
     def as_recorded(self) -> bool:
         """Whether nothing is changed: equations, method and step are those of the recording."""
-        about = _about(self.part)
-        return (
-            not self.changes
-            and self.simulation.step_size == self.recorded_step
-            and self.simulation.model.method.name == about["method"]
-        )
+        same_step = self.simulation.step_size == self._recorded.step
+        return not self.changes and same_step and self.simulation.model.method.name == self._recorded.method
 
     def behind(self, message: Message) -> int:
         """The tick of a message: the recorded sequence counts on from the present tick."""
@@ -146,38 +146,32 @@ class Recomputation:
             return self._event(cdr.text(message.payload))
         return []
 
-    def _mechanism(self, about: Mapping[str, str]) -> Mechanism:
+    def _mechanism(self) -> Mechanism:
         if self.part.mechanism_text is None:
             raise RecomputeError(f"{self.part.path}: holds no mechanism.yaml, so that it cannot be computed again.")
-        mechanism = parse_mechanism(self.part.mechanism_text, about.get("file", str(self.part.path)))
+        mechanism = parse_mechanism(self.part.mechanism_text, self._recorded.file)
         return with_values(mechanism, self.changes) if self.changes else mechanism
-
-    def _live_keys(self, about: Mapping[str, str]) -> list[str]:
-        """The live values, those left out that are changed: they keep what they are changed to."""
-        return [key for key in json.loads(about.get("live", "{}")) if not self._changed(key)]
 
     def _changed(self, key: str) -> bool:
         return key in self.changes or key.removeprefix("parameters.") in self.changes
 
-    def _begin(self, about: Mapping[str, str]) -> None:
-        simulation = self.simulation
-        live = {key: value for key, value in _hexadecimal(about.get("live", "{}")).items() if key in simulation.live}
-        start, inputs = _exact(about["start"]), _exact(about["inputs"]) if "inputs" in about else None
-        steps = int(about.get("first_step", self.first_tick))
-        energy = float.fromhex(about["start_energy"]) if "start_energy" in about else None
-        try:
-            if inputs is None or not self.as_recorded:
-                changes = {key: value for key, value in live.items() if simulation.live[key] != value}
-                if changes:
-                    simulation.set_live(changes)
-                    simulation.reset()
-            if self.as_recorded:
-                simulation.restore(start, steps, inputs, energy, live)
-                self._base_step = steps
-            elif self.tick or steps:
-                self._begin_later(start, inputs, round(steps * self.recorded_step / simulation.step_size))
-        except ValueError as error:
-            raise RecomputeError(f"{self.part.path}: its metadata does not fit its mechanism: {error}.") from error
+    def _begin(self) -> None:
+        """Bring the simulation to where the recording begins.
+
+        :raises ValueError: that does not fit the mechanism.
+        """
+        simulation, begin = self.simulation, self._recorded
+        live = {key: value for key, value in begin.live.items() if key in simulation.live}
+        if begin.inputs is None or not self.as_recorded:
+            changes = {key: value for key, value in live.items() if simulation.live[key] != value}
+            if changes:
+                simulation.set_live(changes)
+                simulation.reset()
+        if self.as_recorded:
+            simulation.restore(begin.start, begin.steps, begin.inputs, begin.start_energy, live)
+            self._base_step = begin.steps
+        elif begin.tick or begin.steps:
+            self._begin_later(begin.start, begin.inputs, round(begin.steps * begin.step / simulation.step_size))
 
     def _begin_later(self, start: Array, recorded: Array | None, steps: int) -> None:
         """A changed run that begins in the middle: at the recorded state, under the recorded efforts and wrenches.
@@ -255,21 +249,3 @@ def joint_rows(model: Model, time: float, y: Array, inputs: Array) -> tuple[Arra
 def is_run(part: Part) -> bool:
     """Whether a file says what is needed to compute it again."""
     return ABOUT in part.metadata
-
-
-def _about(part: Part) -> Mapping[str, str]:
-    about = part.metadata.get(ABOUT)
-    if about is None:
-        raise RecomputeError(f"{part.path}: is no recording of sim_node: it has no metadata '{ABOUT}'.")
-    for key in ("method", "step", "start"):
-        if key not in about:
-            raise RecomputeError(f"{part.path}: its metadata '{ABOUT}' lacks '{key}'.")
-    return about
-
-
-def _hexadecimal(text: str) -> dict[str, float]:
-    return {key: float.fromhex(value) for key, value in json.loads(text).items()}
-
-
-def _exact(text: str) -> Array:
-    return np.array([float.fromhex(value) for value in json.loads(text)])

@@ -15,6 +15,7 @@ from mbd_sim.mechanism.model import Array
 from mbd_sim.mechanism.rotation import of_vector
 from mbd_sim.model import Energies
 from mbd_sim.recording import cdr
+from mbd_sim.recording.beginning import RecomputeError
 from mbd_sim.recording.metadata import run_metadata
 from mbd_sim.recording.parts import DamagedError, Message, Part
 from mbd_sim.recording.reader import open_recording
@@ -25,7 +26,6 @@ from mbd_sim.recording.recompute import (
     STATES,
     Mismatch,
     Recomputation,
-    RecomputeError,
     joint_rows,
 )  # fmt: skip
 

@@ -62,7 +62,6 @@ class Outputs:
         self.energies: Energies | None = None
         self.latest: Snapshot | None = None
         self.busy = 0.0
-        self._live: Mapping[str, float] = {}
         self._log = node.get_logger()
         self._energies = states.energies(node, model)
         self._tellings = {"joint_states": states.joint_states(node, model), "energies": self._energies}

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +18,9 @@ from mbd_sim.ros.sim_node import SimNode
 Action = Callable[[SimNode, random.Random], None]
 
 
-def record_run(
-    folder: Path,
-    mechanism: str,
-    *,
-    seconds: float = 1.0,
-    seed: int = 1,
-    commands: int = 10,
-    resets: bool = True,
-    **parameters: Any,
-) -> Path:
-    """Record a run with some random commands; returns the file."""
+@contextlib.contextmanager
+def stepped_node(folder: Path, mechanism: str, **parameters: Any) -> Iterator[SimNode]:
+    """A node in this process that is paused, so that a test steps it."""
     given = {
         "mechanism": mechanism, "start_paused": True, "record": True, "record_dir": folder, "real_time_factor": 0.0,
         "marker_rate": 0.0, "real_time_priority": 0, "command_timeout": 0.25,
@@ -40,14 +33,29 @@ def record_run(
         node = SimNode(lambda: None)
         node.start()
         try:
-            drive(node, seconds, commands, random.Random(seed), ACTIONS if resets else ACTIONS[:-1])
+            yield node
         finally:
             node.stop()
-            path = node.outputs.recorder.path
             node.destroy_node()
     finally:
         rclpy.try_shutdown()
-    return Path(path)
+
+
+def record_run(
+    folder: Path,
+    mechanism: str,
+    *,
+    seconds: float = 1.0,
+    seed: int = 1,
+    commands: int = 10,
+    resets: bool = True,
+    **parameters: Any,
+) -> Path:
+    """Record a run with some random commands; returns the file."""
+    with stepped_node(folder, mechanism, **parameters) as node:
+        drive(node, seconds, commands, random.Random(seed), ACTIONS if resets else ACTIONS[:-1])
+        recorder = node.outputs.recorder
+    return Path(recorder.path)
 
 
 def drive(node: SimNode, seconds: float, commands: int, chance: random.Random, actions: Sequence[Action]) -> None:

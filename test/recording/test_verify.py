@@ -2,17 +2,19 @@
 
 import json
 import math
+import random
 
 import numpy as np
 import pytest
 
 from mbd_sim.cli import main
 from mbd_sim.recording import cdr
+from mbd_sim.recording.beginning import RecomputeError
 from mbd_sim.recording.reader import open_recording
-from mbd_sim.recording.recompute import Recomputation, RecomputeError
+from mbd_sim.recording.recompute import Recomputation
 from mbd_sim.recording.verify import verify
 from mbd_sim.recording.verify_command import verify_text
-from test.recording.runs import record_run, rewrite, with_bit_flipped
+from test.recording.runs import ACTIONS, drive, record_run, rewrite, stepped_node, with_bit_flipped
 
 # Of each kind one: loops, rolling, drives, quaternions, springs with laws, friction, several parts of a command.
 KINDS = {
@@ -188,11 +190,32 @@ def test_a_recording_that_was_started_in_the_middle_of_a_run(run, tmp_path):
     assert found.steps == 2000 - tick
 
 
+@pytest.mark.parametrize("name", ["double_rod", "moving_support_pendulum"])
+@pytest.mark.parametrize("form", ["mcap", "rosbag2"])
+def test_recordings_begun_and_split_while_it_runs_hold_each_alone(name, form, tmp_path):
+    chance = random.Random(5)
+    with stepped_node(tmp_path, name, record=False, record_format=form) as node:
+        recordings = node.outputs.recordings
+        for order in (recordings.start, recordings.split, recordings.stop, recordings.start):
+            drive(node, 0.5, 6, chance, ACTIONS)
+            done, told = order()
+            assert done, told
+        drive(node, 0.5, 6, chance, ACTIONS)
+    found = [one for path in sorted(tmp_path.iterdir()) for one in verify(path)]
+    assert len(found) == 3 and all(one.holds for one in found), "\n".join(map(verify_text, found))
+    assert all(one.compared["joint_states"] > 40 and one.commands for one in found)
+
+
 def test_what_cannot_be_computed_again_is_named(run, tmp_path):
-    folder = tmp_path / "x.mcap"
-    rewrite(run, folder, about={"start": "[]"})
-    with pytest.raises(RecomputeError, match=r"x.mcap: its metadata does not fit its mechanism"):
-        verify(folder)
+    for about, words in (
+        ({"start": "[]"}, "its metadata does not fit its mechanism"),
+        ({"start": "[1]"}, "its metadata 'mbd_sim' cannot be read"),
+        ({"first_tick": "x"}, "its metadata 'mbd_sim' cannot be read"),
+        ({"wrenches": '["nothing"]'}, "there is no part 'nothing'"),
+    ):
+        path = rewrite(run, tmp_path / "x.mcap", about=about)
+        with pytest.raises(RecomputeError, match=words):
+            verify(path)
 
 
 def test_the_command_says_what_it_found(run, tmp_path, capsys):

@@ -6,8 +6,9 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.cli import main
 from mbd_sim.recording import cdr
+from mbd_sim.recording.beginning import RecomputeError
 from mbd_sim.recording.reader import open_recording
-from mbd_sim.recording.recompute import Recomputation, RecomputeError
+from mbd_sim.recording.recompute import Recomputation
 from mbd_sim.recording.verify import verify
 from mbd_sim.recording.what_if import what_if
 from test.recording.runs import record_run

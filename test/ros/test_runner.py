@@ -154,7 +154,7 @@ def test_the_pacer_keeps_absolute_deadlines():
     assert time.perf_counter() - began >= 0.2
     late, period = pacer.lateness.spread(), pacer.period.spread()
     assert 0.0 <= late.median <= late.p99 <= late.maximum
-    assert 0.001 < period.median < period.p99 + 1e-9
+    assert 0.0 < period.median <= period.p99 <= period.maximum
     assert pacer.period.counts().sum() == 99
 
 
