@@ -196,13 +196,19 @@ class McapFile:
         self._stream.sync()
 
     def finish(self) -> None:
-        """Write the last chunk, the summary and the index, and close.
+        """Write the last chunk, the summary and the index.
 
         :raises OSError: that was not possible; `give_up` then leaves what can be left.
         """
         self._write_chunk()
         self._stream.write(self._summary().tail(self._stream.tell()))
         self._written()
+
+    def close(self) -> None:
+        """Put it on the disk, however long that takes, and close.
+
+        :raises OSError: the disk refused it.
+        """
         self._stream.close()
 
     def give_up(self) -> int:

@@ -51,7 +51,8 @@ class Recorder:
         self.series = series
         self.written = self.split_count = 0
         self.failure = ""
-        self.ended = threading.Event()
+        self.finished = threading.Event()  # whoever opens the last file finds it whole,
+        self.ended = threading.Event()  # and it is on the disk
         self._topics = list(topics.values())
         self._number = {key: number for number, key in enumerate(topics)}
         self._text, self._open = mechanism_text, open_stream
@@ -141,6 +142,7 @@ class Recorder:
             with contextlib.suppress(queue.Empty):
                 while True:
                     self._unwritten += isinstance(self._queue.get_nowait(), tuple)
+            self.finished.set()
             self.ended.set()
 
     def _fail(self, what: str, error: Exception, *, finish: bool = False) -> None:
@@ -186,6 +188,7 @@ class Recorder:
     def _next(self, metadata: dict[str, str]) -> None:
         if self._files:
             self._file.finish()
+            self._file.close()
             self._file = McapFile(self.series.file(len(self._files)), self._topics, self._open)
             self.split_count += 1
         self._files.append(self._file.contents)
@@ -198,6 +201,8 @@ class Recorder:
             self._file.begin(self._text, {})
         self._file.finish()
         self._describe()
+        self.finished.set()
+        self._file.close()
 
     def _describe(self) -> None:
         """Bring rosbag2's description of the files up to date, where there is one."""

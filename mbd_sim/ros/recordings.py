@@ -74,7 +74,7 @@ class Recordings:
                 return False, "not recording"
             self._asked = None
             self._ask(lambda _: self._end(recorder)).wait(ANSWER)
-            finished = recorder.ended.wait(ANSWER)
+            finished = recorder.finished.wait(ANSWER)
             return True, f"{recorder.place}" if finished else f"{recorder.place} is being finished: the disk is slow"
 
     def split(self) -> tuple[bool, str]:
