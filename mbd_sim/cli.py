@@ -11,7 +11,7 @@ from pathlib import Path
 from mbd_sim import __version__
 from mbd_sim.errors import MbdSimError
 from mbd_sim.playback.arguments import add_export, add_plot, add_view
-from mbd_sim.recording.arguments import add_rerun_with, add_verify
+from mbd_sim.recording.arguments import add_recover, add_rerun_with, add_verify
 from mbd_sim.sweep.arguments import add_sweep
 
 
@@ -64,6 +64,7 @@ def _parser() -> argparse.ArgumentParser:
 
     add_sweep(commands)
     add_verify(commands)
+    add_recover(commands)
     add_rerun_with(commands)
     for add in (add_view, add_plot, add_export):
         add(commands)

@@ -1,4 +1,4 @@
-"""The arguments of `mbd_sim verify` and `rerun-with`; what they need is imported when they run."""
+"""The arguments of `mbd_sim verify`, `rerun-with` and `recover`; what they need is imported when they run."""
 
 from __future__ import annotations
 
@@ -41,6 +41,23 @@ def add_rerun_with(commands: argparse._SubParsersAction[argparse.ArgumentParser]
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the changed run to an .mcap file")
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
     parser.set_defaults(command=_rerun_with)
+
+
+def add_recover(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the command."""
+    parser = commands.add_parser(
+        "recover",
+        help="make recordings whole that a kill or a full disk cut off",
+        description="Cut off what is not whole at the end of recordings, and give them the index that tools ask for.",
+    )
+    parser.add_argument("recordings", metavar="RUN", type=Path, nargs="+", help="an .mcap file, or a folder of rosbag2")
+    parser.set_defaults(command=_recover)
+
+
+def _recover(options: argparse.Namespace) -> int:
+    from mbd_sim.recording.recover_command import run_recover
+
+    return run_recover(options)
 
 
 def _verify(options: argparse.Namespace) -> int:

@@ -67,7 +67,7 @@ def recover(path: Path) -> dict[str, int] | None:
     """
     with path.open("r+b") as stream:
         if stream.read(len(MAGIC)) != MAGIC:
-            raise ValueError(f"'{path}' is no MCAP file.")
+            raise ValueError(f"'{path}' is no MCAP file, or was cut off before anything was written.")
         with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
             if data[-len(MAGIC) :] == MAGIC and len(data) > 2 * len(MAGIC) + _HEAD.size:
                 return None

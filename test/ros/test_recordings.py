@@ -1,5 +1,7 @@
 """When recordings begin, end and split; real recorders, and moments as the stepping thread would give them."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -89,6 +91,7 @@ def test_a_file_that_has_become_too_large_is_followed_by_another(tmp_path):
     node.recordings.start(at(0))
     while len(list(tmp_path.iterdir())) < 3:
         node.go(10)
+        time.sleep(2e-3)
     node.recordings.close()
     found = ticks(tmp_path)
     assert [tick for file in found for tick in file] == list(range(node.tick))

@@ -18,6 +18,7 @@ from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
+from mbd_sim.cli import main
 from mbd_sim.recording.recover import recover
 from test.recording.recordings import readable
 from test.system.nodes import Listener, SimNodeProcess, nanoseconds, new_domain, running
@@ -102,8 +103,10 @@ def test_killed_nodes_leave_recordings_that_lack_at_most_half_a_second_and_are_c
             last = nanoseconds(listener.states[-1].header.stamp)
             (path,) = folder.glob("*.mcap")
             assert last - readable(path)[-1].log_time <= 500_000_000
+            assert main(["verify", "--quiet", str(path)]) == 0  # as it was left
             recover(path)
             assert recomputed(path) == len(state_ticks(path)) >= 2
+            assert main(["verify", "--quiet", str(path)]) == 0
     finally:
         for node, listener, _ in nodes:
             listener.close()
