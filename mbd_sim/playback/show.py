@@ -57,7 +57,7 @@ def show(
         stage = make_stage(replica.simulation.model, writer.layout, look)
     except ValueError as error:
         raise MbdSimError(str(error)) from error
-    presentation = Presentation(stage, sink)
+    presentation = Presentation(stage, sink, live=False)
     notes: list[str] = []
     try:
         shown = _Run(recording, replica, writer, presentation, rate)
