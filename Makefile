@@ -1,5 +1,5 @@
 # make run    set everything up and run the double pendulum: make run ARGS="-p mechanism:=rod_pendulum -p rerun:=spawn"
-# make test   set everything up and run every test, ruff and mypy
+# make test   set everything up and run every test, ruff and mypy: all at once, then those with real nodes one by one
 # make setup  only set up: .venv with all that is needed, with the ROS 2 wheels unless a ROS 2 environment is sourced
 # make gallery  draw the mechanisms that ship anew, for docs/gallery.md
 # make bench  measure start-up, and speed and accuracy beside other simulators: make bench ARGS="--mechanisms four-bar"
@@ -20,8 +20,11 @@ $(VENV)/ready: setup.py scripts/setup_venv
 run: setup
 	@$(BIN)/sim_node --ros-args $(ARGS)
 
+NODES := test/system test/examples
+
 test: setup lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(NODES:%=--ignore %)
+	$(BIN)/python -m pytest $(NODES)
 
 lint: setup
 	$(BIN)/ruff check .

@@ -13,9 +13,10 @@ from hypothesis import HealthCheck, settings
 
 sys.path.insert(0, str(Path(__file__).parent))  # kane.py and mechanisms.py
 
-_kernels = tempfile.mkdtemp(prefix="mbd_sim_kernels_")
-os.environ["MBD_SIM_CACHE"] = _kernels
-atexit.register(shutil.rmtree, _kernels, ignore_errors=True)
+if "PYTEST_XDIST_WORKER" not in os.environ:  # workers use the folder of the process that started them
+    _kernels = tempfile.mkdtemp(prefix="mbd_sim_kernels_")
+    os.environ["MBD_SIM_CACHE"] = _kernels
+    atexit.register(shutil.rmtree, _kernels, ignore_errors=True)
 
 settings.register_profile(
     "mbd_sim",

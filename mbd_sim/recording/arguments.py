@@ -37,7 +37,7 @@ def add_rerun_with(commands: argparse._SubParsersAction[argparse.ArgumentParser]
     )  # fmt: skip
     parser.add_argument("--method", help="integration method, instead of the recorded one")
     parser.add_argument("--step", type=_positive, metavar="S", help="step in seconds, instead of the recorded one")
-    parser.add_argument("--plot", type=Path, metavar="PICTURE", help="draw both runs into a .png, .svg or .pdf file")
+    parser.add_argument("--plot", type=Path, metavar="PICTURE", help="draw both runs: a .png, .svg, .pdf or .html")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the changed run to an .mcap file")
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
     parser.set_defaults(command=_rerun_with)

@@ -95,6 +95,11 @@ class _Layout(NamedTuple):
         """Whether a message of the same length has this layout."""
         return all(payload[first:last] == content for first, last, content in self.fixed)
 
+    def bits(self, payload: bytes) -> bytes:
+        """All arrays as they stand in the message, one behind the other."""
+        parts = [payload[start : start + 8 * count] for start, count in zip(self.starts, self.counts, strict=True)]
+        return b"".join(parts)
+
     def doubles(self, payload: bytes) -> list[Array]:
         """The arrays."""
         kind = _LITTLE if payload[1] else _BIG
@@ -109,8 +114,7 @@ _joint_layouts: dict[int, _Layout] = {}  # by the length of the message
 _number_layouts: dict[int, _Layout] = {}
 
 
-def joint_states(payload: bytes) -> JointStates:
-    """Decode a `sensor_msgs/msg/JointState`."""
+def _joint_layout(payload: bytes) -> _Layout:
     layout = _joint_layouts.get(len(payload))
     if layout is None or not layout.fits(payload):
         reader = _Reader(payload)
@@ -121,26 +125,10 @@ def joint_states(payload: bytes) -> JointStates:
         counts = [len(values) for values, _ in found]
         layout = _Layout.of(payload, begin, names, frame, [end for _, end in found], counts)
         _joint_layouts[len(payload)] = layout
-    seconds, nanoseconds = _STAMP[payload[1]].unpack_from(payload, 4)
-    return JointStates(seconds * 1_000_000_000 + nanoseconds, layout.frame, layout.names, *layout.doubles(payload))
+    return layout
 
 
-def rewritten(topic: RecordedTopic, payload: bytes, arrays: Sequence[Array], stamp_ns: int) -> bytes:
-    """A message of joint states or numbers with other values in its arrays, and another stamp where it has one."""
-    states = topic.type == JOINT_STATE
-    (joint_states if states else numbers)(payload)  # finds the layout
-    layout = (_joint_layouts if states else _number_layouts)[len(payload)]
-    changed = bytearray(payload)
-    if states:
-        _STAMP[payload[1]].pack_into(changed, 4, *divmod(stamp_ns, 1_000_000_000))
-    kind = _LITTLE if payload[1] else _BIG
-    for start, count, array in zip(layout.starts, layout.counts, arrays, strict=True):
-        changed[start : start + 8 * count] = np.asarray(array, dtype=kind).tobytes()
-    return bytes(changed)
-
-
-def numbers(payload: bytes) -> Numbers:
-    """Decode a `std_msgs/msg/Float64MultiArray`."""
+def _number_layout(payload: bytes) -> _Layout:
     layout = _number_layouts.get(len(payload))
     if layout is None or not layout.fits(payload):
         reader = _Reader(payload)
@@ -152,7 +140,49 @@ def numbers(payload: bytes) -> Numbers:
         values = reader.doubles()
         layout = _Layout.of(payload, 4, tuple(labels), "", [reader.at], [len(values)])
         _number_layouts[len(payload)] = layout
+    return layout
+
+
+def joint_states(payload: bytes) -> JointStates:
+    """Decode a `sensor_msgs/msg/JointState`."""
+    layout = _joint_layout(payload)
+    return JointStates(_stamp(payload), layout.frame, layout.names, *layout.doubles(payload))
+
+
+def joint_bits(payload: bytes) -> tuple[int, tuple[str, ...], bytes]:
+    """Stamp in ns, names, and the bits of all arrays of a `sensor_msgs/msg/JointState`."""
+    layout = _joint_layout(payload)
+    return _stamp(payload), layout.names, layout.bits(payload)
+
+
+def numbers(payload: bytes) -> Numbers:
+    """Decode a `std_msgs/msg/Float64MultiArray`."""
+    layout = _number_layout(payload)
     return Numbers(layout.names, *layout.doubles(payload))
+
+
+def number_bits(payload: bytes) -> tuple[tuple[str, ...], bytes]:
+    """Labels, and the bits of the numbers of a `std_msgs/msg/Float64MultiArray`."""
+    layout = _number_layout(payload)
+    return layout.names, layout.bits(payload)
+
+
+def _stamp(payload: bytes) -> int:
+    seconds, nanoseconds = _STAMP[payload[1]].unpack_from(payload, 4)
+    return int(seconds * 1_000_000_000 + nanoseconds)
+
+
+def rewritten(topic: RecordedTopic, payload: bytes, arrays: Sequence[Array], stamp_ns: int) -> bytes:
+    """A message of joint states or numbers with other values in its arrays, and another stamp where it has one."""
+    states = topic.type == JOINT_STATE
+    layout = _joint_layout(payload) if states else _number_layout(payload)
+    changed = bytearray(payload)
+    if states:
+        _STAMP[payload[1]].pack_into(changed, 4, *divmod(stamp_ns, 1_000_000_000))
+    kind = _LITTLE if payload[1] else _BIG
+    for start, count, array in zip(layout.starts, layout.counts, arrays, strict=True):
+        changed[start : start + 8 * count] = np.asarray(array, dtype=kind).tobytes()
+    return bytes(changed)
 
 
 def text(payload: bytes) -> str:

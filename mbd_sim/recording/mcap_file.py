@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
 from typing import IO, NamedTuple
@@ -50,6 +50,7 @@ class _Found:
     chunks: list[_Chunk] = field(default_factory=list)
     held: dict[int, set[int]] = field(default_factory=dict)  # channels of each chunk by its number
     problem: str = ""
+    remark: str = ""  # on what is damaged without hiding what comes behind
 
 
 def read_mcap(path: Path) -> Part:
@@ -84,12 +85,21 @@ def read_mcap(path: Path) -> Part:
     text = found.attachments.get("mechanism.yaml")
     return Part(
         path=path,
-        topics={topic.name: topic for topic in topics.values()},
+        topics=_by_name(topics.values()),
         metadata=found.metadata,
         mechanism_text=None if text is None else text.decode("utf-8", "replace"),
         blocks=blocks,
-        problem=found.problem,
+        problem="; ".join(text for text in (found.problem, found.remark) if text),
     )
+
+
+def _by_name(topics: Iterable[RecordedTopic]) -> dict[str, RecordedTopic]:
+    """Topics by name: one that several channels share counts the messages of all."""
+    found: dict[str, RecordedTopic] = {}
+    for topic in topics:
+        before = found[topic.name].count if topic.name in found else 0
+        found[topic.name] = replace(topic, count=topic.count + before)
+    return found
 
 
 def _walk(path: Path, stream: IO[bytes]) -> _Found:
@@ -167,6 +177,9 @@ def _describe(found: _Found, opcode: int, content: bytes) -> None:
         found.metadata[about.name] = about.metadata
     elif opcode == Opcode.ATTACHMENT:
         attachment = Attachment.read(_data(content))
+        (crc,) = struct.unpack("<I", content[-4:])
+        if crc and zlib.crc32(content[:-4]) != crc:
+            found.remark = f"damaged: its attachment '{attachment.name}' is not what was written (its CRC differs)"
         found.attachments[attachment.name] = attachment.data
 
 

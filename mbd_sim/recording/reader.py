@@ -110,7 +110,7 @@ class Recording:
         yield from waiting
 
     def latest(self, topics: Collection[str], time_ns: int) -> list[Message]:
-        """The last message of each of some topics before a time, in time order, as far as there is one."""
+        """The last message of each of some topics before a time, in time order, as far as one is whole."""
         found: dict[str, Message] = {}
         missing = set(topics)
         for block in sorted(self.blocks, key=lambda block: block.end_ns, reverse=True):
@@ -118,7 +118,11 @@ class Recording:
                 break
             if block.start_ns >= time_ns or (block.topics is not None and block.topics.isdisjoint(missing)):
                 continue
-            for message in block.load():
+            try:
+                loaded = block.load()
+            except DamagedError:
+                continue
+            for message in loaded:
                 if message.topic in missing and message.time_ns < time_ns:
                     found[message.topic] = message
             missing -= found.keys()

@@ -1,4 +1,4 @@
-"""A run to an MCAP file that any ROS 2 tool opens, written off the simulation's thread."""
+"""A run to MCAP files that any ROS 2 tool opens, written off the simulation's thread."""
 
 from __future__ import annotations
 
@@ -6,155 +6,200 @@ import contextlib
 import queue
 import threading
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
-from datetime import datetime
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import IO
 
-from mcap.writer import Writer
+from mbd_sim.recording.files import RecordingError, Series, new_file, new_series
+from mbd_sim.recording.mcap_writer import McapFile, NoRoomError, Writable
+from mbd_sim.recording.rosbag2 import Contents, bag_metadata, write_metadata
+from mbd_sim.recording.stream import Stream
+from mbd_sim.recording.topics import Topic
 
-from mbd_sim.errors import MbdSimError
-from mbd_sim.recording.schemas import definition, type_hash
+__all__ = ["Recorder", "RecordingError", "Series", "Topic", "new_file", "new_series"]
 
-QUEUED = 20_000  # messages that may wait for a slow disk before display topics are dropped
-CHUNK = 0.25  # seconds of messages that a chunk holds, and
-FLUSHED = 0.1  # seconds between flushes to the system: a killed process loses both at most
+WAITING = 16e6  # bytes that may wait for a slow disk before messages of display topics are dropped, and
+WAITING_VITAL = 128e6  # bytes after which the recording ends, where the disk is too slow even for vital ones
+OVERHEAD = 300  # bytes of memory that a waiting message takes besides its payload
+CHUNK_PERIOD = 0.2  # s of real time after which a chunk is written, however little it holds: what a kill costs at most
+SYNC_PERIOD = 0.25  # s between requests that the disk take what has been written: what a power failure costs besides
 
-
-class RecordingError(MbdSimError):
-    """A recording that cannot be started."""
-
-
-@dataclass(frozen=True)
-class Topic:
-    """A recorded topic: its absolute name, type such as `std_msgs/msg/String`, and offered QoS in rosbag2's YAML.
-
-    Messages of a `vital` topic are never dropped: what is needed to compute the run again.
-    """
-
-    name: str
-    type: str
-    qos: str
-    vital: bool = False
-
-
-@dataclass(frozen=True)
-class _Message:
-    topic: int
-    payload: bytes
-    time_ns: int
-    sequence: int
-
-
-def new_file(folder: Path, name: str) -> Path:
-    """A path that does not exist yet, from a name and the time, in a folder that is made where it is missing.
-
-    :raises RecordingError: the folder cannot be made or written.
-    """
-    stamp = datetime.now().astimezone().strftime("%Y%m%d_%H%M%S")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for count in range(1000):
-            path = folder / (f"{name}_{stamp}.mcap" if not count else f"{name}_{stamp}_{count}.mcap")
-            with contextlib.suppress(FileExistsError):
-                path.open("xb").close()
-                return path
-    except OSError as error:
-        raise RecordingError(f"cannot record to '{folder}': {error.strerror}. Choose another record_dir.") from error
-    raise RecordingError(f"'{folder}' already holds a thousand recordings of this second.")
+_Message = tuple[int, bytes, int, int]
 
 
 class Recorder:
     """Writes messages in a thread of its own; `put` never waits for the disk.
 
-    The mechanism's file is the first thing in the recording, so that it survives a kill. Messages carry the
-    simulation's clock as log time and the tick (steps since the node started) as sequence.
+    Each file begins with the mechanism's file and metadata, given by `begin`, so that each can be computed again
+    alone. Messages carry the simulation's clock as log time and the tick (steps since the node started) as sequence.
+
+    Memory is bounded: on a slow disk messages of topics that are not vital are dropped and counted. Where even the
+    vital ones come faster than they can be written, the recording ends: no file lacks one in its middle.
     """
 
     def __init__(
         self,
-        path: Path,
+        series: Series,
         topics: Mapping[str, Topic],
         mechanism_text: str,
-        metadata: Mapping[str, str],
-        bytes_per_second: float,
+        *,
+        open_stream: Callable[[Path], Writable] = Stream,
     ) -> None:
-        """Open the file; `bytes_per_second` is the expected rate, from which the size of the chunks follows.
+        """Open the first file; what is put before `begin` is lost.
 
         :raises RecordingError: the file cannot be opened.
         """
-        self.path = path
-        self.written = self.dropped = 0
+        self.series = series
+        self.written = self.split_count = 0
         self.failure = ""
+        self.ended = threading.Event()
         self._topics = list(topics.values())
         self._number = {key: number for number, key in enumerate(topics)}
+        self._text, self._open = mechanism_text, open_stream
+        self._begun = self._closing = False
+        self._dropped = self._unwritten = 0  # by `put`, and by the thread
+        self._put_bytes = self._taken_bytes = 0
+        self._queue: queue.SimpleQueue[_Message | dict[str, str] | None] = queue.SimpleQueue()
         try:
-            self._stream: IO[bytes] = path.open("wb")
+            self._file = McapFile(series.file(0), self._topics, open_stream)
         except OSError as error:
-            raise RecordingError(f"cannot record to '{path}': {error.strerror}.") from error
-        chunk_size = int(min(max(bytes_per_second * CHUNK, 1024), 65536))
-        self._writer = Writer(self._stream, chunk_size=chunk_size)
-        self._channels: list[int] = []
-        try:
-            self._begin(mechanism_text, metadata)
-        except OSError as error:
-            self._stream.close()
-            raise RecordingError(f"cannot record to '{path}': {error.strerror}.") from error
-        self._queue: queue.SimpleQueue[_Message | None] = queue.SimpleQueue()
-        self._thread = threading.Thread(target=self._write_all, name="recorder", daemon=True)
-        self._thread.start()
+            raise RecordingError(f"cannot record to '{series.place}': {error.strerror}.") from error
+        self._files: list[Contents] = []
+        for target, name in ((self._run, "recorder"), (self._sync, "recorder_sync")):
+            threading.Thread(target=target, name=name, daemon=True).start()
+
+    @property
+    def path(self) -> Path:
+        """The file that is being written."""
+        return self._file.path
+
+    @property
+    def place(self) -> Path:
+        """What a user opens: this file, or rosbag2's folder."""
+        return self.series.place if self.series.rosbag2 else self.path
+
+    @property
+    def size(self) -> int:
+        """Bytes of it so far."""
+        return self._file.size
+
+    @property
+    def waiting(self) -> int:
+        """Bytes of memory that messages take which wait for the disk."""
+        return self._put_bytes - self._taken_bytes
+
+    @property
+    def dropped(self) -> int:
+        """Messages that were put and are in no file."""
+        return self._dropped + self._unwritten
+
+    def begin(self, metadata: Mapping[str, str]) -> None:
+        """What is put from now on belongs to the next file, or to the first; `metadata` says what it starts from."""
+        if not self._closing:
+            self._begun = True
+            self._queue.put(dict(metadata))
 
     def put(self, key: str, payload: bytes, time_ns: int, sequence: int) -> None:
-        """Queue one serialized message of the topic that was given under `key`."""
+        """Queue one serialized message of the topic that was given under `key`. For one thread at a time."""
         number = self._number[key]
-        if self._queue.qsize() >= QUEUED and not self._topics[number].vital:
-            self.dropped += 1
+        waiting = self._put_bytes - self._taken_bytes
+        if self._closing or not self._begun or (waiting > WAITING and not self._topics[number].vital):
+            self._dropped += 1
             return
-        self._queue.put(_Message(number, payload, time_ns, sequence & 0xFFFFFFFF))
+        if waiting > WAITING_VITAL:
+            self._dropped += 1
+            self._end(f"recording to '{self.path}' ends at tick {sequence}: the disk is too slow even for commands")
+            return
+        self._put_bytes += len(payload) + OVERHEAD
+        self._queue.put((number, payload, time_ns, sequence & 0xFFFFFFFF))
 
-    def close(self) -> None:
-        """Write what waits, the summary and the index."""
-        if self._thread.is_alive():
+    def close(self, timeout: float | None = None) -> bool:
+        """Write what waits, the summary and the index; returns whether that is done after `timeout` seconds at most."""
+        self._end()
+        return self.ended.wait(timeout)
+
+    def _end(self, failure: str = "") -> None:
+        self.failure = self.failure or failure
+        if not self._closing:
+            self._closing = True
             self._queue.put(None)
-            self._thread.join()
 
-    def _begin(self, mechanism_text: str, metadata: Mapping[str, str]) -> None:
-        now = time.time_ns()
-        self._writer.start(profile="ros2", library="mbd_sim")
-        self._writer.add_attachment(now, now, "mechanism.yaml", "application/yaml", mechanism_text.encode())
-        self._writer.add_metadata("mbd_sim", dict(metadata))
-        for topic in self._topics:
-            schema = self._writer.register_schema(topic.type, "ros2msg", definition(topic.type).encode())
-            about = {"offered_qos_profiles": topic.qos, "topic_type_hash": type_hash(topic.type)}
-            self._channels.append(self._writer.register_channel(topic.name, "cdr", schema, about))
+    def _sync(self) -> None:
+        while not self.ended.wait(SYNC_PERIOD):
+            self._file.sync()
+
+    def _run(self) -> None:
+        try:
+            self._write_all()
+        except NoRoomError as error:
+            self._fail(f"ends: {error}", error, finish=True)
+        except OSError as error:
+            self._fail(f"stopped: {error.strerror}", error)
+        except Exception as error:  # else a defect would end the recording in silence
+            self._fail(f"stopped: {error!r}", error)
+        finally:
+            self._closing = True
+            with contextlib.suppress(queue.Empty):
+                while True:
+                    self._unwritten += isinstance(self._queue.get_nowait(), tuple)
+            self.ended.set()
+
+    def _fail(self, what: str, error: Exception, *, finish: bool = False) -> None:
+        path = error.filename if isinstance(error, OSError) and error.filename else self.path
+        self.failure = self.failure or f"recording to '{path}' {what}"
+        self._closing = True
+        with contextlib.suppress(OSError):
+            if finish:
+                self._finish()
+                return
+        lost = self._file.give_up()
+        self.written -= lost
+        self._unwritten += lost
+        with contextlib.suppress(OSError):
+            self._describe()
 
     def _write_all(self) -> None:
-        flushed = time.monotonic()
-        while (message := self._queue.get()) is not None:
-            if self.failure:
-                self.dropped += 1
-                continue
+        due: float | None = None  # when the chunk is to be written, by the steady clock
+        while True:
             try:
-                self._writer.add_message(
-                    channel_id=self._channels[message.topic],
-                    log_time=message.time_ns,
-                    publish_time=message.time_ns,
-                    sequence=message.sequence,
-                    data=message.payload,
-                )
-                self.written += 1
-                if time.monotonic() - flushed > FLUSHED:
-                    self._stream.flush()
-                    flushed = time.monotonic()
-            except OSError as error:
-                self.failure = f"recording to '{self.path}' stopped: {error.strerror}"
-                self.dropped += 1
-        try:
-            if not self.failure:
-                self._writer.finish()
-                self._stream.flush()
-        except OSError as error:
-            self.failure = f"recording to '{self.path}' could not be finished: {error.strerror}"
-        with contextlib.suppress(OSError):
-            self._stream.close()
+                item = self._queue.get(timeout=None if due is None else max(due - time.monotonic(), 0.0))
+            except queue.Empty:
+                self._file.flush()
+                due = None
+                continue
+            if item is None:
+                self._finish()
+                return
+            if isinstance(item, dict):
+                self._next(item)
+                due = None
+                continue
+            number, payload, time_ns, sequence = item
+            self.written += 1
+            self._file.add(number, payload, time_ns, sequence)
+            self._taken_bytes += len(payload) + OVERHEAD
+            if due is None:
+                due = time.monotonic() + CHUNK_PERIOD
+            elif time.monotonic() > due:
+                self._file.flush()
+                due = None
+
+    def _next(self, metadata: dict[str, str]) -> None:
+        if self._files:
+            self._file.finish()
+            self._file = McapFile(self.series.file(len(self._files)), self._topics, self._open)
+            self.split_count += 1
+        self._files.append(self._file.contents)
+        self._file.begin(self._text, metadata)
+        self._describe()
+
+    def _finish(self) -> None:
+        if not self._files:  # never begun
+            self._files.append(self._file.contents)
+            self._file.begin(self._text, {})
+        self._file.finish()
+        self._describe()
+
+    def _describe(self) -> None:
+        """Bring rosbag2's description of the files up to date, where there is one."""
+        if self.series.metadata is not None:
+            write_metadata(self.series.metadata, bag_metadata(self._topics, self._files, {"recorded_by": "mbd_sim"}))

@@ -31,6 +31,7 @@ from mbd_sim.recording.recompute import (
 
 TOLERANCE = 1e-9  # of 1 + the largest of the numbers, between two recorded states, on another machine or version
 ENVIRONMENT = ("mbd_sim", "casadi", "llvmlite", "numpy", "processor")  # what the bits may depend on
+LITTLE = b"\x01"  # the second byte of CDR: least significant bytes first, as this machine has them
 _FIELDS = ("position", "velocity", "effort")
 
 
@@ -201,7 +202,22 @@ class _Comparison:
         for name, recorded, expected in found:
             self._differ("live_values", name, self.replica.tick, time_ns, recorded, expected)
 
+    def _agrees(self, message: Message, role: str) -> bool:
+        """Whether all bits of a message are as computed."""
+        simulation = self.replica.simulation
+        if role != STATES:
+            told = simulation.energies if role == ENERGIES else simulation.violation
+            return cdr.number_bits(message.payload) == (told._fields, np.array(told).tobytes())
+        rows = joint_rows(simulation.model, simulation.time, simulation.y, simulation.inputs)
+        bits = b"".join(row.tobytes() for row in rows)
+        return cdr.joint_bits(message.payload) == (message.time_ns, self._names, bits)
+
     def _compare(self, message: Message, role: str) -> None:
+        if self.result.tolerance is None and message.payload[1:2] == LITTLE and self._agrees(message, role):
+            self.result.since += 1
+            if role == STATES:
+                self._since_agreeing.clear()
+            return
         replica, simulation = self.replica, self.replica.simulation
         if role == STATES:
             given = cdr.joint_states(message.payload)
@@ -218,7 +234,11 @@ class _Comparison:
         else:
             numbers = cdr.numbers(message.payload)
             told = simulation.energies if role == ENERGIES else simulation.violation
-            agrees = self._same(message, "", told._fields, numbers.values, np.array(told))
+            agrees = numbers.labels == told._fields
+            if not agrees:
+                length = float(len(numbers.labels)), float(len(told))
+                self._differ(message.topic, "labels of the numbers", replica.tick, message.time_ns, *length)
+            agrees &= self._same(message, "", told._fields, numbers.values, np.array(told))
             self._resumed[role] = numbers.values
         if agrees:
             self.result.since += 1

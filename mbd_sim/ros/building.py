@@ -7,11 +7,13 @@ from typing import Any
 
 from mbd_sim.errors import nearest
 from mbd_sim.mechanism.load import load_mechanism
+from mbd_sim.recording.files import FORMATS, new_series
 from mbd_sim.recording.metadata import run_metadata
-from mbd_sim.recording.recorder import Recorder, RecordingError, new_file
+from mbd_sim.recording.recorder import Recorder
 from mbd_sim.ros.outputs import Outputs, Wanted
 from mbd_sim.ros.parameters import Parameters
-from mbd_sim.ros.snapshots import Snapshot
+from mbd_sim.ros.recordings import Limits, Recordings
+from mbd_sim.ros.runner import Runner
 from mbd_sim.ros.wrenches import EVERY, Loadable, loadable
 from mbd_sim.simulation import Simulation
 from mbd_sim.viewer import Viewer, ViewerError
@@ -53,21 +55,33 @@ def wanted(parameters: Parameters, part_names: tuple[str, ...]) -> Wanted:
     )
 
 
-def recorder(
-    parameters: Parameters, simulation: Simulation, outputs: Outputs, log: Any, at: Snapshot | None = None
-) -> Recorder | None:
-    """A recording from a snapshot, or from the start, on; None where it cannot be, which is logged."""
-    mechanism = simulation.mechanism
-    about = run_metadata(simulation) if at is None else run_metadata(simulation, at.y, at.inputs, at.ticks)
-    try:
-        path = new_file(Path(parameters["record_dir"]).expanduser(), mechanism.name)
-        rate = outputs.bytes_per_second(parameters["publish_rate"])
-        found = Recorder(path, outputs.topics(), mechanism.source.text, about, rate)
-    except RecordingError as error:
-        log.error(f"{error} The run is not recorded.")
-        return None
-    log.info(f"recording to {path}")
-    return found
+def recordings(parameters: Parameters, runner: Runner, outputs: Outputs, log: Any) -> Recordings:
+    """What records, now or later.
+
+    :raises ValueError: `record_format` is unknown.
+    """
+    simulation = runner.simulation
+    mechanism, form = simulation.mechanism, parameters["record_format"]
+    if form not in FORMATS:
+        raise ValueError(f"record_format: there is no '{form}'. {nearest(form, FORMATS)}")
+
+    def open_recorder() -> Recorder:
+        folder = Path(parameters["record_dir"]).expanduser()
+        series = new_series(folder, mechanism.name, rosbag2=form == "rosbag2")
+        return Recorder(series, outputs.topics(), mechanism.source.text)
+
+    return Recordings(
+        open_recorder,
+        lambda moment: run_metadata(simulation, moment, parameters.values),
+        runner.mark,
+        lambda failure: log.error(f"{failure}. The simulation goes on."),
+        limits(parameters),
+    )
+
+
+def limits(parameters: Parameters) -> Limits:
+    """Where a recording goes on in another file."""
+    return Limits(1e6 * parameters["record_split_size"], parameters["record_split_duration"])
 
 
 def viewer(parameters: Parameters, simulation: Simulation, log: Any) -> Viewer | None:

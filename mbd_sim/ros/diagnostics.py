@@ -175,7 +175,7 @@ class Diagnostics:
         values = {"waiting": str(waiting), "dropped before publishing": str(self.runner.counters.dropped)}
         problem, text = "", "not recorded"
         if recorder is not None:
-            text = f"recording to {recorder.path}"
+            text = f"{'recorded' if recorder.ended.is_set() else 'recording'} to {recorder.path}"
             values |= {
                 "recording": str(recorder.path),
                 "recorded": str(recorder.written),

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from queue import SimpleQueue
 
@@ -19,17 +19,20 @@ from visualization_msgs.msg import MarkerArray
 
 from mbd_sim.mechanism.urdf import to_urdf
 from mbd_sim.model import Energies, Model
+from mbd_sim.recording.metadata import Moment
 from mbd_sim.recording.recorder import Recorder, Topic
 from mbd_sim.ros import qos, states
 from mbd_sim.ros.markers import Markers
 from mbd_sim.ros.output import Output
-from mbd_sim.ros.snapshots import Event, Item, Recording, Snapshot
+from mbd_sim.ros.recordings import Recordings
+from mbd_sim.ros.snapshots import Event, Item, Snapshot
 from mbd_sim.ros.template import STAMP, Template
 from mbd_sim.ros.transforms import transforms
 from mbd_sim.viewer import Viewer
 
 ERRORS = ("diverged", "failed")  # what events begin with that are errors
 WARNING = "warning"  # and what those begin with that warn
+LATCHED = ("robot_description", "live_values")  # topics whose last message each file of a recording begins with
 SILENT = ("command",)  # events that only carry what took effect
 
 
@@ -54,13 +57,11 @@ class Outputs:
         :raises ImportError: `wanted.tf` without tf2_msgs.
         """
         self.model, self.wanted = model, wanted
-        self.recorder: Recorder | None = None
-        self.new_recorder: Callable[[Snapshot | None], Recorder | None] = lambda snapshot: None
+        self.recordings: Recordings | None = None
         self.viewer: Viewer | None = None
         self.energies: Energies | None = None
         self.latest: Snapshot | None = None
         self.busy = 0.0
-        self._live: Mapping[str, float] = {}
         self._log = node.get_logger()
         self._energies = states.energies(node, model)
         self._tellings = {"joint_states": states.joint_states(node, model), "energies": self._energies}
@@ -96,14 +97,16 @@ class Outputs:
         """What a recorder needs to know of the topics."""
         return {key: output.topic for key, output in self._outputs.items()}
 
-    def bytes_per_second(self, rate: float) -> float:
-        """Roughly what is recorded at a publish rate in Hz."""
-        return rate * sum(len(telling.template) + 31 for telling in self._tellings.values())
+    @property
+    def recorder(self) -> Recorder | None:
+        """What writes the recording, or wrote the last one."""
+        return self.recordings.recorder if self.recordings else None
 
     def start(self, queue: SimpleQueue[Item], live: Mapping[str, float]) -> None:
         """Publish the robot's description and live values, then what comes from the queue until it gives None."""
-        self._live = live
-        self._send_latched(0, 0)
+        description = serialize_message(String(data=to_urdf(self.model.mechanism)))
+        self._send("robot_description", description, 0, 0)
+        self._send_live(live, 0, 0)
         self._thread = threading.Thread(target=self._run, args=(queue,), name="outputs", daemon=True)
         self._thread.start()
 
@@ -111,7 +114,7 @@ class Outputs:
         """Wait until the queue has been worked off, then finish the recording and the viewer."""
         if self._thread is not None:
             self._thread.join()
-        for sink in (self.recorder, self.viewer):
+        for sink in (self.recordings, self.viewer):
             if sink is not None:
                 sink.close()
 
@@ -121,8 +124,9 @@ class Outputs:
             try:
                 if isinstance(item, Snapshot):
                     self._snapshot(item)
-                elif isinstance(item, Recording):
-                    item.told.put(self._record(item))
+                elif isinstance(item, Moment):
+                    if self.recordings is not None:
+                        self.recordings.at(item)
                 else:
                     self._event(item)
             except Exception as error:  # one bad message must not end all output
@@ -147,6 +151,8 @@ class Outputs:
             self._tf.template.stamp(snapshot.clock_ns)
             self._tf.output.publisher.publish(self._tf.template.payload())
         self._mark(snapshot)
+        if self.recordings is not None:
+            self.recordings.look(snapshot.clock_ns)
         if self.viewer is not None and self.energies is not None and not snapshot.repeated:
             self.viewer.offer(snapshot.clock_ns * 1e-9, snapshot.y, snapshot.inputs, self.energies, snapshot.time)
 
@@ -171,8 +177,7 @@ class Outputs:
             values[:] = numbers
             self._send("applied_wrenches", template.payload(), event.clock_ns, event.ticks)
         if event.live is not None:
-            self._live = event.live
-            self._send_live(event.clock_ns, event.ticks)
+            self._send_live(event.live, event.clock_ns, event.ticks)
         if self.viewer is not None:
             self.viewer.event(event.clock_ns * 1e-9, event.text)
         if event.text in SILENT:
@@ -186,33 +191,12 @@ class Outputs:
         else:
             self._log.info(event.text)
 
-    def _record(self, request: Recording) -> str:
-        """End the recording that runs and begin another one where it is to be; returns its path, or why not."""
-        before, self.recorder = self.recorder, None
-        if before is not None:
-            before.close()
-        if not request.on:
-            return str(before.path) if before is not None else "nothing is being recorded"
-        self.recorder = self.new_recorder(request.at)
-        if self.recorder is None:
-            return "cannot record: see the console"
-        self._send_latched(request.at.clock_ns, request.at.ticks)
-        return str(self.recorder.path)
-
-    def _send_latched(self, time_ns: int, ticks: int) -> None:
-        """What a recording begins with."""
-        description = serialize_message(String(data=to_urdf(self.model.mechanism)))
-        self._send("robot_description", description, time_ns, ticks)
-        self._send_live(time_ns, ticks)
-
-    def _send_live(self, time_ns: int, ticks: int) -> None:
-        template, values = states.labelled(list(self._live))
-        values[:] = list(self._live.values())
+    def _send_live(self, live: Mapping[str, float], time_ns: int, ticks: int) -> None:
+        template, values = states.labelled(list(live))
+        values[:] = list(live.values())
         self._send("live_values", template.payload(), time_ns, ticks)
 
     def _send(self, key: str, payload: bytes, time_ns: int, ticks: int, *, recorded: bool = True) -> None:
         self._outputs[key].publisher.publish(payload)
-        if self.recorder is not None and recorded:
-            self.recorder.put(key, payload, time_ns, ticks)
-            if self.recorder.failure:
-                self._log.error(f"{self.recorder.failure}. The simulation goes on.", once=True)
+        if self.recordings is not None and recorded:
+            self.recordings.put(key, payload, time_ns, ticks, latched=key in LATCHED)

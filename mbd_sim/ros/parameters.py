@@ -53,8 +53,17 @@ PARAMETERS = (
     Declared("step_count", 1, "steps that one call of ~/step takes", 1, 1_000_000, live=True),
     Declared("step_on_command", False, "while paused, each command comes with step_count steps", live=True),
     Declared("reset_rewinds_clock", False, "whether ~/reset sets /clock back to zero", live=True),
-    Declared("record", True, "record the run to an MCAP file"),
+    Declared("record", True, "record the run from the start; ~/record starts and stops"),
     Declared("record_dir", "recordings", "folder of the recordings, from where the node was started"),
+    Declared("record_format", "mcap", "mcap: one file; rosbag2: a folder with metadata.yaml"),
+    Declared(
+        "record_split_size", 0.0, "MB after which a recording goes on in another file; 0: never",
+        0.0, 1e9, live=True,
+    ),
+    Declared(
+        "record_split_duration", 0.0, "simulated s after which a recording goes on in another file; 0: never",
+        0.0, 1e9, live=True,
+    ),
     Declared("wrenches", "*", "what takes wrenches: part, part.point, separated by commas; *: all; empty: none"),
     Declared(
         "live", "gravity[*], parameters.*, forces.*, joints.*.stiffness, joints.*.damping",
@@ -113,6 +122,11 @@ class Parameters:
 
     def __getitem__(self, name: str) -> Any:
         return self._values[name]
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """All but the mechanism's live values."""
+        return dict(self._values)
 
     def listed(self, name: str) -> list[str]:
         """The entries of a parameter that holds names separated by commas."""

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 
 from rclpy.duration import Duration
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSDurabilityPolicy, QoSReliabilityPolicy
@@ -18,6 +19,7 @@ from mbd_sim.ros import qos
 from mbd_sim.ros.template import STAMP, Template
 
 CLOCK = "/clock"
+UNPUBLISHABLE = (ImportError, AttributeError, ValueError, LookupError, InvalidTopicNameException)
 ARRIVAL = Duration(seconds=2)  # that the last messages get to reach those who listen
 
 
@@ -38,8 +40,8 @@ class ReplayTopics:
         for name, topic in recording.topics.items():
             try:
                 self._add(node, topic)
-            except (ImportError, AttributeError, ValueError, LookupError) as error:
-                self.skipped[name] = f"{topic.type or 'its type'} is not to be had here ({error})"
+            except UNPUBLISHABLE as error:
+                self.skipped[name] = f"{topic.type or 'its type'} cannot be published here ({error})"
         self.clock_recorded = CLOCK in self.publishers
         self._clock: Callable[[bytes], None] | None = None
         if not self.clock_recorded:

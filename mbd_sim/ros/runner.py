@@ -6,14 +6,15 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 
 from mbd_sim.advice import TOLERATED
 from mbd_sim.errors import CommandError, DivergedError
 from mbd_sim.mechanism.model import Array
+from mbd_sim.recording.metadata import Moment
 from mbd_sim.ros.commands import CommandBuffer
 from mbd_sim.ros.pacing import Pacer
-from mbd_sim.ros.snapshots import Counters, Event, Item, Recording, Snapshot
+from mbd_sim.ros.snapshots import Counters, Event, Item, Snapshot
 from mbd_sim.ros.wrenches import WrenchBuffer
 from mbd_sim.simulation import Simulation
 
@@ -21,7 +22,6 @@ WAKE_UP = 1e-3  # seconds of real time between wake-ups, where the step is short
 FAST_BATCH = 1000  # steps a wake-up when running as fast as possible
 REPEAT = 0.5  # seconds of real time between repeated states while paused, for those who come to listen later
 BACKLOG = 200  # snapshots that may wait when running as fast as possible
-PATIENCE = 10.0  # seconds in which what was handed out before a request must have been worked off
 MOST_WAITING = 10_000  # snapshots that may wait at all; when what leaves the node is that slow, they are dropped
 
 
@@ -103,14 +103,14 @@ class Runner:
         """Change live values of the mechanism; returns what went wrong, or "": then nothing has changed."""
         return self._ask_whether(lambda: self._set_live(changes))
 
-    def record(self, on: bool) -> str:
-        """Let a recording begin or end between two steps; returns its path, or why not."""
-        told: SimpleQueue[str] = SimpleQueue()
-        self._ask(lambda: self.output.put(Recording(on, self._snapshot(False, False, False), told)))
-        try:
-            return told.get(timeout=PATIENCE)
-        except Empty:
-            return "the output has not caught up: ask again"
+    def mark(self) -> None:
+        """Ask for a `Moment` in the output, between two steps; returns at once."""
+        self._requests.put((lambda: self.output.put(self.moment()), threading.Event()))
+        self._wake.set()
+
+    def moment(self) -> Moment:
+        """All that the motion depends on from here on; for the stepping thread, or before it starts."""
+        return Moment.of(self.simulation, self.ticks, self.clock_ns)
 
     def repace(self) -> None:
         """Start the schedule anew, as after a change of the real-time factor."""

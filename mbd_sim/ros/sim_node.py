@@ -6,7 +6,6 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import rclpy
@@ -19,7 +18,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from mbd_sim.errors import MbdSimError, listed
 from mbd_sim.ros import realtime
-from mbd_sim.ros.building import build, recorder, viewer, wanted
+from mbd_sim.ros.building import build, limits, recordings, viewer, wanted
 from mbd_sim.ros.commands import CommandBuffer
 from mbd_sim.ros.diagnostics import PERIOD, Diagnostics
 from mbd_sim.ros.inputs import Inputs
@@ -56,9 +55,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         paused = self.parameters["start_paused"]
         self.runner = Runner(simulation, self.commands, self.rates, wrenches=self.wrenches, paused=paused)
         self.outputs = Outputs(self, simulation.model, wanted(self.parameters, simulation.model.part_names))
-        self.outputs.new_recorder = partial(recorder, self.parameters, simulation, self.outputs, self.get_logger())
-        if self.parameters["record"]:
-            self.outputs.recorder = self.outputs.new_recorder(None)
+        self.recordings = recordings(self.parameters, self.runner, self.outputs, self.get_logger())
+        self.outputs.recordings = self.recordings
         self.outputs.viewer = viewer(self.parameters, simulation, self.get_logger())
         inputs = Inputs(self, simulation.mechanism, self.commands, self.wrenches, loads, self._step_on_command)
         self.diagnostics = Diagnostics(self, self.runner, inputs, self.outputs)
@@ -68,6 +66,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self.create_service(SetBool, "~/pause", self._pause)
         self.create_service(Trigger, "~/step", self._step)
         self.create_service(SetBool, "~/record", self._record)
+        self.create_service(Trigger, "~/split_recording", self._split_recording)
         self.standard = serve_simulation_interfaces(self, self.runner, end)
 
     def start(self) -> None:
@@ -82,6 +81,12 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             self.get_logger().warning(f"parameters that mean nothing here: {listed(self._unknown)}")
         if self._priority and (refusal := realtime.lock_memory()):
             self._note(refusal)
+        if self.parameters["record"]:
+            begun, answer = self.recordings.start(self.runner.moment())
+            if not begun:
+                self.get_logger().error(f"{answer} The run is not recorded.")
+            else:
+                self.get_logger().info(f"recording to {answer}")
         self.outputs.start(self.runner.output, self.simulation.live)
         self.diagnostics.begin()
         self.runner.start()
@@ -91,16 +96,15 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         """End the stepping, then everything that it fed; the recording is finished when this returns."""
         self.runner.stop()
         self.outputs.join()
-        recorder, energies = self.outputs.recorder, self.outputs.energies
+        energies = self.outputs.energies
         residual = f", energy residual {energies.residual:.1e} J" if energies is not None else ""
         late = self.runner.pacer.lateness.spread()
         self.get_logger().info(
             f"stopped after {self.runner.ticks} steps{residual}; late by {1e3 * late.median:.2f} ms (median), "
             f"{1e3 * late.p99:.2f} (p99), {1e3 * late.maximum:.1f} at most; {self.runner.pacer.overruns} overruns"
         )
-        if recorder is not None:
-            lost = f", {recorder.dropped} dropped" if recorder.dropped else ""
-            self.get_logger().info(f"recorded {recorder.written} messages{lost} to {recorder.path}")
+        if summary := self.recordings.summary():
+            self.get_logger().info(summary)
 
     def _set_at_start(self, changes: Mapping[str, float]) -> None:
         """Start with live values that differ from the file's.
@@ -145,8 +149,17 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         return response
 
     def _record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        response.message = self.runner.record(request.data)
-        response.success = response.message.endswith(".mcap")
+        if request.data:
+            response.success, response.message = self.recordings.start()
+            self._prioritize()  # the threads that write are new
+        else:
+            response.success, response.message = self.recordings.stop()
+        if response.success:
+            self.get_logger().info(f"recording to {response.message}" if request.data else self.recordings.summary())
+        return response
+
+    def _split_recording(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success, response.message = self.recordings.split()
         return response
 
     def _step(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -167,6 +180,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
                 self.rates.clock = value
             case "command_timeout":
                 self.commands.timeout = self.wrenches.timeout = value
+            case "record_split_size" | "record_split_duration":
+                self.recordings.limits = limits(self.parameters)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

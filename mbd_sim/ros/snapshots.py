@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from queue import SimpleQueue
 
 from mbd_sim.mechanism.model import Array
+from mbd_sim.recording.metadata import Moment
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,16 +44,7 @@ class Event:
     live: Mapping[str, float] | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Recording:
-    """From this snapshot on a recording begins, or the one that runs ends; `told` gets its path, or why not."""
-
-    on: bool
-    at: Snapshot
-    told: SimpleQueue[str]
-
-
-Item = Snapshot | Event | Recording | None  # what the stepping thread hands out; None ends it
+Item = Snapshot | Event | Moment | None  # what the stepping thread hands out; None ends it
 
 
 @dataclass

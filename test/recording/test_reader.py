@@ -145,3 +145,11 @@ def test_big_endian_messages_are_read_too():
         found = cdr.joint_states(payload)
         assert found[:3] == (3_000_000_004, "f", ("a", "bcd"))
         assert [values.tolist() for values in found[3:]] == [[1.0, 2.0], [], [3.0]]
+
+
+def test_a_flipped_bit_in_the_mechanism_is_told(run, tmp_path):
+    data = bytearray(run.read_bytes())
+    data[data.index(b"mechanism: double_rod") + 3] ^= 1
+    path = tmp_path / "x.mcap"
+    path.write_bytes(data)
+    assert "attachment 'mechanism.yaml' is not what was written" in open_recording(path).problems[0]

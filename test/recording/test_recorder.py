@@ -1,27 +1,26 @@
 """The recorder alone: files, queues and faults."""
 
 import json
+import os
+import resource
 import threading
-from pathlib import Path
+import time
 
 import pytest
+import yaml
 from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2.writer import Writer as BagWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from mbd_sim import Simulation
 from mbd_sim.recording import recorder as module
-from mbd_sim.recording.metadata import run_metadata
-from mbd_sim.recording.recorder import Recorder, RecordingError, Topic, new_file
+from mbd_sim.recording.files import Series
+from mbd_sim.recording.metadata import Moment, run_metadata
+from mbd_sim.recording.recorder import Recorder
 from mbd_sim.recording.schemas import definition, type_hash
-
-TOPICS = {
-    "text": Topic("/text", "std_msgs/msg/String", "- depth: 1"),
-    "vital": Topic("/vital", "std_msgs/msg/String", "- depth: 1", vital=True),
-}
-
-
-def recorder_in(folder: Path, rate: float = 1e6) -> Recorder:
-    return Recorder(new_file(folder, "name"), TOPICS, "mechanism: x\n", {"a": "b"}, rate)
+from mbd_sim.recording.stream import Stream
+from test.recording.recordings import TOPICS, messages, metadata, recorder_in, whole_chunks
 
 
 def test_messages_come_back_with_their_times_and_sequence(tmp_path):
@@ -30,12 +29,14 @@ def test_messages_come_back_with_their_times_and_sequence(tmp_path):
         recorder.put("text" if number % 2 else "vital", bytes([number % 256]) * 8, number * 10, number)
     recorder.close()
     assert (recorder.written, recorder.dropped, recorder.failure) == (1000, 0, "")
+    found = messages(recorder.path)
+    assert [message.sequence for _, message in found] == list(range(1000))
+    assert all(message.log_time == message.sequence * 10 for _, message in found)
+    assert all(message.data == bytes([message.sequence % 256]) * 8 for _, message in found)
+    assert {topic for topic, _ in found} == {"/text", "/vital"}
     with recorder.path.open("rb") as stream:
-        messages = list(make_reader(stream).iter_messages())
-    assert [message.sequence for _, _, message in messages] == list(range(1000))
-    assert all(message.log_time == message.sequence * 10 for _, _, message in messages)
-    assert all(message.data == bytes([message.sequence % 256]) * 8 for _, _, message in messages)
-    assert {channel.topic for _, channel, _ in messages} == {"/text", "/vital"}
+        summary = make_reader(stream).get_summary()
+    assert {index.compression for index in summary.chunk_indexes} == {"zstd"}
 
 
 def test_closing_twice_is_harmless(tmp_path):
@@ -44,66 +45,229 @@ def test_closing_twice_is_harmless(tmp_path):
     recorder.close()
 
 
-def test_two_recordings_of_one_second_get_two_files(tmp_path):
-    paths = {new_file(tmp_path / "new" / "folder", "name") for _ in range(5)}
-    assert len(paths) == 5
-    assert all(path.parent == tmp_path / "new" / "folder" and path.suffix == ".mcap" for path in paths)
+@pytest.mark.parametrize("rate", [1.0, 50.0])
+def test_a_message_is_in_the_file_soon_however_few_there_are(tmp_path, rate):
+    recorder = recorder_in(tmp_path)
+    for number in range(2):
+        recorder.put("text", b"12345678", number, number)
+        put = time.monotonic()
+        while whole_chunks(recorder.path)[1] != number and time.monotonic() < put + 10.0:
+            time.sleep(0.01)
+        assert whole_chunks(recorder.path)[1] == number
+        if time.monotonic() - put < 1.0 / rate:
+            time.sleep(max(0.0, put + 1.0 / rate - time.monotonic()))
+    recorder.close()
 
 
-def test_a_folder_that_cannot_be_made_is_an_error_with_a_remedy(tmp_path):
-    (tmp_path / "file").touch()
-    with pytest.raises(RecordingError, match=r"cannot record to .*file/logs.*record_dir"):
-        new_file(tmp_path / "file" / "logs", "name")
+def test_what_is_put_before_the_beginning_is_not_recorded(tmp_path):
+    recorder = recorder_in(tmp_path, begun=False)
+    recorder.put("vital", b"early", 0, 0)
+    recorder.begin({"now": "yes"})
+    recorder.put("vital", b"late", 1, 1)
+    recorder.close()
+    assert [message.data for _, message in messages(recorder.path)] == [b"late"]
+    assert recorder.dropped == 1
 
 
-def test_a_full_disk_is_reported_and_counted_and_never_raises(tmp_path):
-    recorder = Recorder(Path("/dev/full"), TOPICS, "", {}, 1e3)
+def test_each_file_of_a_split_recording_is_whole(tmp_path):
+    recorder = recorder_in(tmp_path)
+    for number in range(30):
+        if number in (10, 20):
+            recorder.begin({"first_tick": str(number)})
+        recorder.put("vital", b"12345678", number, number)
+    recorder.close()
+    paths = sorted(tmp_path.iterdir())
+    first = paths[0]
+    assert [path.name for path in paths] == [first.name, f"{first.stem}_part2.mcap", f"{first.stem}_part3.mcap"]
+    assert [[m.sequence for _, m in messages(path)] for path in paths] == [[*range(n, n + 10)] for n in (0, 10, 20)]
+    assert [metadata(path).get("first_tick") for path in paths] == [None, "10", "20"]
+    assert recorder.split_count == 2
+
+
+@pytest.mark.parametrize("split", [False, True])
+def test_a_folder_of_rosbag2_has_its_own_metadata(tmp_path, split):
+    recorder = recorder_in(tmp_path, rosbag2=True)
+    folder = recorder.series.place
+    deadline = time.monotonic() + 10.0
+    while not (folder / "metadata.yaml").exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    early = yaml.safe_load((folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert early["relative_file_paths"] == [f"{folder.name}_0.mcap"]
+    for number in range(100):
+        if split and number == 60:
+            recorder.begin({})
+        recorder.put("text" if number % 4 else "vital", bytes(24), 1000 + number, number)
+    recorder.close()
+    described = yaml.safe_load((folder / "metadata.yaml").read_text())
+    about = described["rosbag2_bagfile_information"]
+    assert about["version"] == 9
+    assert about["message_count"] == 100
+    assert about["starting_time"] == {"nanoseconds_since_epoch": 1000}
+    assert about["duration"] == {"nanoseconds": 99}
+    assert [file["message_count"] for file in about["files"]] == ([60, 40] if split else [100])
+    assert [topic["message_count"] for topic in about["topics_with_message_count"]] == [75, 25]
+    with AnyReader([folder]) as reader:
+        assert reader.message_count == sum(1 for _ in reader.messages()) == 100
+        (profile,) = next(c for c in reader.connections if c.topic == "/vital").ext.offered_qos_profiles
+        assert (profile.depth, profile.reliability.name, profile.durability.name) == (10, "RELIABLE", "VOLATILE")
+    assert keys(described) == keys(bag_by_rosbags(tmp_path / "other"))
+
+
+def bag_by_rosbags(folder):
+    """What an independent writer of the same version of the format says of a small bag."""
+    with BagWriter(folder, version=9) as writer:
+        store = get_typestore(Stores.ROS2_JAZZY)
+        with AnyReader([next(folder.parent.glob("name_*"))]) as reader:
+            profiles = reader.connections[0].ext.offered_qos_profiles
+        connection = writer.add_connection("/a", "std_msgs/msg/String", typestore=store, offered_qos_profiles=profiles)
+        writer.write(connection, 1, bytes(16))
+        writer.set_custom_data("key", "value")
+    return yaml.safe_load((folder / "metadata.yaml").read_text())
+
+
+def keys(document):
+    """The structure of nested values: keys and types; lists by their first entry. Free-form data is left out."""
+    if isinstance(document, dict):
+        return {key: keys(value) for key, value in document.items() if key != "custom_data"}
+    return [keys(document[0])] if isinstance(document, list) else type(document)
+
+
+def test_a_full_disk_is_reported_and_counted_and_never_raises():
+    recorder = Recorder(Series(module.Path("/dev/full")), TOPICS, "")
+    recorder.begin({})
     for number in range(2000):
         recorder.put("text", b"12345678" * 100, number, number)
     recorder.close()
     assert "No space left on device" in recorder.failure
-    assert recorder.written + recorder.dropped == 2000
-    assert recorder.dropped > 0
+    assert recorder.written == 0
+    assert recorder.dropped == 2000
 
 
-def test_when_the_disk_is_slow_display_topics_are_dropped_and_vital_ones_are_kept(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "QUEUED", 10)
+def test_a_limit_that_the_system_sets_leaves_a_whole_file_with_its_index(tmp_path):
     recorder = recorder_in(tmp_path)
-    with Stalled(recorder):
-        for number in range(100):
-            recorder.put("text", b"x", number, number)
-        for number in range(100):
-            recorder.put("vital", b"y", number, number)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, before[1]))
+    try:
+        for number in range(5000):
+            recorder.put("text", os.urandom(100), number, number)
+            time.sleep(1e-4)
+        recorder.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert "File too large" in recorder.failure
+    found = messages(recorder.path)
+    assert [message.sequence for _, message in found] == list(range(len(found)))
+    assert len(found) == recorder.written == 5000 - recorder.dropped > 100
+
+
+class SlowStream(Stream):
+    """A disk that stands still until it is let go."""
+
+    go_on = threading.Event()
+
+    def write(self, data):
+        self.go_on.wait(20)
+        return super().write(data)
+
+
+@pytest.fixture
+def stalled():
+    SlowStream.go_on.clear()
+    yield SlowStream.go_on
+    SlowStream.go_on.set()
+
+
+def test_when_the_disk_is_slow_display_topics_are_dropped_and_vital_ones_are_kept(tmp_path, monkeypatch, stalled):
+    monkeypatch.setattr(module, "WAITING", 100 * (module.OVERHEAD + 8))
+    recorder = recorder_in(tmp_path, open_stream=SlowStream)
+    for number in range(1000):
+        recorder.put("text", b"12345678", number, number)
+        recorder.put("vital", b"12345678", number, number)
+    assert 100 <= recorder.dropped <= 1000
+    stalled.set()
     recorder.close()
-    with recorder.path.open("rb") as stream:
-        topics = [channel.topic for _, channel, _ in make_reader(stream).iter_messages()]
-    assert topics.count("/vital") == 100 + 1
-    assert 10 <= topics.count("/text") <= 12
-    assert recorder.dropped == 100 - topics.count("/text")
+    topics = [topic for topic, _ in messages(recorder.path)]
+    assert topics.count("/vital") == 1000
+    assert topics.count("/text") + recorder.dropped == 1000
+    assert recorder.failure == ""
 
 
-class Stalled:
-    """The recorder's writer held up in the middle of a message, as by a slow disk."""
+def test_memory_stays_bounded_on_a_disk_that_is_always_too_slow(tmp_path, monkeypatch):
+    class Throttled(Stream):
+        rate = 200e3
 
-    def __init__(self, recorder):
-        self.recorder, self.gate, self.inside = recorder, threading.Event(), threading.Event()
+        def write(self, data):
+            time.sleep(len(data) / self.rate)
+            return super().write(data)
 
-    def __enter__(self):
-        add = self.recorder._writer.add_message
+    monkeypatch.setattr(module, "WAITING", 200_000)
+    recorder = recorder_in(tmp_path, open_stream=Throttled)
+    most = commands = displayed = 0
+    until = time.monotonic() + 1.5
+    while time.monotonic() < until:
+        for _ in range(5):
+            recorder.put("text", os.urandom(200), displayed, displayed)
+            displayed += 1
+        recorder.put("vital", commands.to_bytes(8, "little"), displayed, displayed)
+        commands += 1
+        most = max(most, recorder.waiting)
+        time.sleep(1e-3)
+    Throttled.rate = 1e9
+    recorder.close()
+    topics = [topic for topic, _ in messages(recorder.path)]
+    assert topics.count("/vital") == commands
+    assert topics.count("/text") == displayed - recorder.dropped
+    assert recorder.dropped > 0
+    assert most < 200_000 + 500 * (commands + 1)
+    assert recorder.failure == ""
 
-        def slow(**fields):
-            self.inside.set()
-            self.gate.wait(10)
-            add(**fields)
 
-        self.recorder._writer.add_message = slow
-        self.recorder.put("vital", b"first", 0, 0)
-        self.inside.wait(10)
-        self.recorder._writer.add_message = add
-        return self
+def test_when_not_even_vital_messages_can_be_written_the_recording_ends_and_lacks_none_before(
+    tmp_path, monkeypatch, stalled
+):
+    monkeypatch.setattr(module, "WAITING_VITAL", 100 * (module.OVERHEAD + 8))
+    recorder = recorder_in(tmp_path, open_stream=SlowStream)
+    for number in range(1000):
+        recorder.put("vital", b"12345678", number, number)
+    assert recorder.waiting <= 102 * (module.OVERHEAD + 8)
+    assert "too slow even for commands" in recorder.failure
+    stalled.set()
+    recorder.close()
+    written = [message.sequence for _, message in messages(recorder.path)]
+    assert written == list(range(len(written)))
+    assert 100 <= len(written) == 1000 - recorder.dropped
 
-    def __exit__(self, *_):
-        self.gate.set()
+
+def test_little_room_on_the_disk_ends_the_recording_before_there_is_none(tmp_path):
+    class Small(Stream):
+        def free(self):
+            return 3_000_000 - self.tell()
+
+    recorder = recorder_in(tmp_path, open_stream=Small)
+    for number in range(5000):
+        recorder.put("text", os.urandom(1000), number, number)
+    recorder.close()
+    assert "are left on the disk" in recorder.failure
+    found = messages(recorder.path)
+    assert len(found) == recorder.written > 500
+    assert recorder.dropped == 5000 - recorder.written
+    assert recorder.path.stat().st_size < 3_000_000
+
+
+def test_a_next_file_that_cannot_be_opened_ends_the_recording_and_leaves_the_first_whole(tmp_path):
+    def once(path):
+        if "part2" in path.name:
+            raise OSError(30, "Read-only file system", str(path))
+        return Stream(path)
+
+    recorder = recorder_in(tmp_path, open_stream=once)
+    recorder.put("vital", b"12345678", 1, 1)
+    recorder.begin({})
+    recorder.put("vital", b"12345678", 2, 2)
+    recorder.close()
+    assert "part2.mcap' stopped: Read-only file system" in recorder.failure
+    assert [message.sequence for _, message in messages(recorder.series.place)] == [1]
+    assert (recorder.written, recorder.dropped) == (1, 1)
 
 
 @pytest.mark.parametrize(
@@ -127,6 +291,27 @@ def test_metadata_holds_the_exact_step_and_start():
     simulation = Simulation.from_file("double_rod", step=1e-3 / 3)
     about = run_metadata(simulation)
     assert float.fromhex(about["step"]) == 1e-3 / 3
-    assert [float.fromhex(value) for value in json.loads(about["start"])] == simulation.state.tolist()
+    assert exact(about["start"]) == simulation.state.tolist()
     assert about["method"] == "tsitouras8"
     assert all(isinstance(value, str) for value in about.values())
+
+
+def test_metadata_of_a_moment_holds_all_that_the_motion_depends_on():
+    simulation = Simulation.from_file("double_rod", live=["gravity[*]"], wrenches=["upper"])
+    simulation.step(100)
+    simulation.set_efforts([0.1, -0.2])
+    simulation.set_wrench("upper", force=(1.0, 2.0, 3.0))
+    simulation.set_live({"gravity[2]": -5.0})
+    moment = Moment.of(simulation, ticks=250, clock_ns=150_000_000)
+    kept = simulation.state.tolist(), simulation.inputs.tolist(), simulation.start_energy
+    simulation.step(10)
+    about = run_metadata(simulation, moment, {"publish_rate": 100.0})
+    assert (exact(about["start"]), exact(about["inputs"])) == kept[:2]
+    assert float.fromhex(about["start_energy"]) == kept[2]
+    assert (about["first_tick"], about["first_step"], about["first_clock"]) == ("250", "100", "150000000")
+    assert float.fromhex(json.loads(about["live"])["gravity[2]"]) == -5.0
+    assert json.loads(about["parameters"]) == {"publish_rate": 100.0}
+
+
+def exact(text):
+    return [float.fromhex(value) for value in json.loads(text)]

@@ -70,6 +70,20 @@ def test_both_runs_are_in_the_picture_and_the_table(run, tmp_path, capsys):
     assert "with joints.elbow.damping = 0.2" in out and "elbow position" in out and "t = " in out
 
 
+def test_a_page_holds_both_runs_and_its_library(run, tmp_path):
+    pytest.importorskip("plotly")
+    page = tmp_path / "x.html"
+    assert main(["rerun-with", str(run), "--set", "joints.elbow.damping=0.2", "--plot", str(page), "--quiet"]) == 0
+    text = page.read_text(encoding="utf-8")
+    assert "joints.elbow.damping = 0.2" in text and "elbow velocity" in text and "<script src=" not in text
+
+
+def test_a_picture_of_another_kind_is_an_error(run, tmp_path, capsys):
+    path = tmp_path / "x.docx"
+    assert main(["rerun-with", str(run), "--set", "l=0.9", "--plot", str(path), "--quiet"]) == 1
+    assert "x.docx cannot be drawn" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -42,9 +42,18 @@ def new_domain() -> int:
 class SimNodeProcess:
     """`sim_node` in a process of its own, with its output."""
 
-    def __init__(self, domain: int, folder: Path, parameters: dict[str, Any], remaps: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        domain: int,
+        folder: Path,
+        parameters: dict[str, Any],
+        remaps: Sequence[str] = (),
+        wrapper: Sequence[str] = (),
+        variables: Mapping[str, str] | None = None,
+    ) -> None:
         environment = os.environ | {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-        command = [sys.executable, "-m", "mbd_sim.ros.sim_node", "--ros-args"]
+        environment |= variables or {}
+        command = [*wrapper, sys.executable, "-m", "mbd_sim.ros.sim_node", "--ros-args"]
         for name, value in ({"record": False} | parameters).items():
             text = str(value).lower() if isinstance(value, bool) else str(value)
             command += ["-p", f"{name}:={text}"]
@@ -162,10 +171,16 @@ def nanoseconds(stamp: Any) -> int:
 
 
 @contextlib.contextmanager
-def running(folder: Path, remaps: Sequence[str] = (), **parameters: Any) -> Iterator[tuple[SimNodeProcess, Listener]]:
-    """A node and a listener that hears it."""
+def running(
+    folder: Path,
+    remaps: Sequence[str] = (),
+    wrapper: Sequence[str] = (),
+    variables: Mapping[str, str] | None = None,
+    **parameters: Any,
+) -> Iterator[tuple[SimNodeProcess, Listener]]:
+    """A node, started by a wrapper that becomes it, with variables in its environment; and a listener that hears it."""
     domain = new_domain()
-    process = SimNodeProcess(domain, folder, parameters, remaps)
+    process = SimNodeProcess(domain, folder, parameters, remaps, wrapper, variables)
     listener = Listener(domain)
     try:
         listener.until(lambda: listener.states or process.process.poll() is not None, "the first joint state")

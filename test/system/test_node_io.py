@@ -133,7 +133,7 @@ def test_a_recording_begins_and_ends_on_request(tmp_path: Path) -> None:
     for path in paths:
         with path.open("rb") as stream:
             reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-            tick = int(next(reader.iter_metadata()).metadata["tick"])
+            tick = int(next(reader.iter_metadata()).metadata["first_tick"])
             messages = [(c.topic, m.sequence, content) for _, c, m, content in reader.iter_decoded_messages()]
         states = [(sequence, content) for topic, sequence, content in messages if topic == "/joint_states"]
         assert {"/robot_description", "/sim_node/live_values"} <= {topic for topic, _, _ in messages}

@@ -1,0 +1,108 @@
+"""What recording costs: messages a second, bytes a message, the period of stepping with and without. Asserts nothing.
+
+Runs with and without recording take turns, so that what else the machine does falls on both alike.
+
+    python -m benchmarks.recording --seconds 10 --rounds 7
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import tempfile
+import time
+from pathlib import Path
+
+import rclpy
+from mcap.reader import make_reader
+from rclpy.node import Node
+
+from benchmarks.node_process import load, running
+from mbd_sim import Simulation
+from mbd_sim.recording.metadata import run_metadata
+from mbd_sim.recording.recorder import Recorder, new_series
+from mbd_sim.ros import states
+from mbd_sim.ros.snapshots import Snapshot
+
+CAUGHT_UP = 4e6  # bytes that wait at most, so that nothing is dropped
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--mechanism", default="double_rod")
+    parser.add_argument("--seconds", type=float, default=10.0, help="of each run")
+    parser.add_argument("--rounds", type=int, default=5, help="runs with, and as many without")
+    options = parser.parse_args()
+    writer(options.mechanism, options.seconds)
+    if options.rounds:
+        period(options.mechanism, options.seconds, options.rounds)
+    print(load())
+
+
+def writer(mechanism: str, seconds: float) -> None:
+    """Joint states and energies of a motion, as many as can be written."""
+    messages, topics, simulation = motion(mechanism)
+    with tempfile.TemporaryDirectory() as folder:
+        recorder = Recorder(new_series(Path(folder), mechanism), topics, simulation.mechanism.source.text)
+        recorder.begin(run_metadata(simulation))
+        began, number = time.perf_counter(), 0
+        while time.perf_counter() - began < seconds:
+            for key, payload in messages:
+                recorder.put(key, payload, number * 1_000_000, number)
+                number += 1
+            while recorder.waiting > CAUGHT_UP:
+                time.sleep(1e-3)
+        recorder.close()
+        took = time.perf_counter() - began
+        raw = sum(len(payload) for _, payload in messages) / len(messages)
+        size = recorder.path.stat().st_size
+        with recorder.path.open("rb") as stream:
+            found = make_reader(stream).get_summary()
+    assert found is not None and found.statistics is not None
+    print(f"written             {found.statistics.message_count} messages in {took:.1f} s, {recorder.dropped} dropped")
+    print(
+        f"sustained           {recorder.written / took:.0f} messages a second, {size / took / 1e6:.1f} MB/s to the disk"
+    )
+    print(f"a message           {raw:.0f} bytes serialized, {size / recorder.written:.1f} in the file, all told")
+
+
+def motion(mechanism: str) -> tuple[list[tuple[str, bytes]], dict[str, object], Simulation]:
+    """What the node says of two seconds of a motion, and its topics."""
+    rclpy.init(args=[])
+    node = Node("serializes")
+    simulation = Simulation.from_file(mechanism)
+    tellings = {
+        "joint_states": states.joint_states(node, simulation.model),
+        "energies": states.energies(node, simulation.model),
+    }
+    messages = []
+    for tick in range(2000):
+        simulation.step()
+        taken = simulation.state, simulation.inputs.copy(), simulation.start_energy
+        snapshot = Snapshot(tick, tick * 1_000_000, simulation.time, *taken, True, False, False)
+        for key, telling in tellings.items():
+            telling.write(snapshot)
+            telling.template.stamp(snapshot.clock_ns)
+            messages.append((key, telling.template.payload()))
+    topics = {key: telling.output.topic for key, telling in tellings.items()}
+    node.destroy_node()
+    rclpy.shutdown()
+    return messages, topics, simulation
+
+
+def period(mechanism: str, seconds: float, rounds: int) -> None:
+    """The node's own measure of its period at 1 kHz, with and without recording."""
+    found: dict[str, list[float]] = {"true": [], "false": []}
+    for number in range(rounds):
+        for record in ("true", "false") if number % 2 else ("false", "true"):
+            with running([f"mechanism:={mechanism}", f"record:={record}"], domain=95) as node:
+                time.sleep(seconds)
+                found[record].append(float(node.diagnostics["period p99 of the run (us)"]))
+    with_it, without = (statistics.median(found[record]) for record in ("true", "false"))
+    print(f"period p99          {with_it:.0f} µs recording, {without:.0f} not: {with_it / without:.3f} times")
+    print(f"                    recording {sorted(found['true'])}, not {sorted(found['false'])}")
+
+
+if __name__ == "__main__":
+    main()

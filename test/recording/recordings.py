@@ -1,0 +1,53 @@
+"""Recordings of made-up messages, and how to read files that may have been cut off."""
+
+import contextlib
+import struct
+
+from mcap.exceptions import McapError
+from mcap.reader import NonSeekingReader, make_reader
+
+from mbd_sim.recording.files import new_series
+from mbd_sim.recording.recorder import Recorder, Topic
+from mbd_sim.ros import qos
+
+QOS = qos.offered_qos_profiles(qos.STATE)
+TOPICS = {
+    "text": Topic("/text", "std_msgs/msg/String", QOS),
+    "vital": Topic("/vital", "std_msgs/msg/String", QOS, vital=True),
+}
+
+
+def recorder_in(folder, *, begun=True, rosbag2=False, **options):
+    """A recorder of two topics, one of them vital."""
+    recorder = Recorder(new_series(folder, "name", rosbag2=rosbag2), TOPICS, "mechanism: x\n", **options)
+    if begun:
+        recorder.begin({"a": "b"})
+    return recorder
+
+
+def messages(path):
+    """Topics and messages of a whole file, its check sums tested."""
+    with path.open("rb") as stream:
+        found = make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False)
+        return [(channel.topic, message) for _, channel, message in found]
+
+
+def metadata(path):
+    """What it says about the run."""
+    with path.open("rb") as stream:
+        return {record.name: record.metadata for record in make_reader(stream).iter_metadata()}["mbd_sim"]
+
+
+def readable(path):
+    """The messages that come out of a file that may be cut off."""
+    found = []
+    with path.open("rb") as stream, contextlib.suppress(McapError, EOFError, ValueError, struct.error):
+        for _, _, message in NonSeekingReader(stream).iter_messages(log_time_order=False):
+            found.append(message)
+    return found
+
+
+def whole_chunks(path):
+    """How many messages come out of a file that may be cut off, and the sequence number of the last one or -1."""
+    found = readable(path)
+    return len(found), found[-1].sequence if found else -1

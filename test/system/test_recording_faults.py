@@ -1,0 +1,174 @@
+"""What a real node does when its recording meets full, missing and odd disks, kills, and clocks that are set back."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import random
+import shutil
+import signal
+import subprocess
+import time
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool, Trigger
+
+from mbd_sim.recording.recover import recover
+from test.recording.recordings import readable
+from test.system.nodes import Listener, SimNodeProcess, nanoseconds, new_domain, running
+from test.system.test_recording_services import recomputed, state_ticks
+
+pytestmark = pytest.mark.timeout(90)
+
+
+def on_a_disk(folder: Path, options: str) -> list[str]:
+    """What lets a process have a small disk of its own at `folder`, which only it sees; skips where not permitted."""
+    for namespaces in (["unshare", "--mount"], ["unshare", "--mount", "--map-root-user"]):
+        mount = f'mount -t tmpfs -o {options} tmpfs "{folder}"'
+        tried = subprocess.run([*namespaces, "sh", "-c", mount], capture_output=True, check=False)
+        if not tried.returncode:
+            return [*namespaces, "sh", "-c", f'{mount} && exec "$@"', "sh"]
+    pytest.skip("no file system may be mounted here")
+
+
+def as_seen_by(process: SimNodeProcess, folder: Path) -> Path:
+    """The same folder as a process with mounts of its own sees it."""
+    return Path(f"/proc/{process.process.pid}/root{folder}")
+
+
+def goes_on(listener: Listener) -> None:
+    newest = nanoseconds(listener.states[-1].header.stamp)
+    listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) > newest + 300_000_000, "more states")
+
+
+def test_when_another_program_fills_the_disk_the_node_says_so_once_and_the_file_stays_readable(tmp_path: Path) -> None:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    wrapper = on_a_disk(disk, "size=2m")
+    with running(tmp_path, wrapper=wrapper, record=True, record_dir=str(disk), publish_rate=1000.0) as (node, listener):
+        seen = as_seen_by(node, disk)
+        (path,) = seen.glob("*.mcap")
+        listener.until(lambda: path.stat().st_size > 50_000, "a recording of some size")
+        with pytest.raises(OSError, match="No space"), (seen / "other").open("wb", buffering=0) as other:
+            while other.write(bytes(4096)) == 4096:
+                pass
+            other.write(bytes(4096))
+        listener.until(lambda: "The simulation goes on" in node.text, "what the node says")
+        goes_on(listener)
+        kept = tmp_path / "kept.mcap"
+        shutil.copyfile(path, kept)
+        assert node.end() == 0
+    assert node.text.count("recording to") == 2  # that it begins, and that it ended
+    assert node.text.count("The simulation goes on") == 1
+    assert "Traceback" not in node.text
+    assert recomputed(kept) > 100
+    with AnyReader([kept]) as reader:
+        assert sum(1 for _ in reader.messages()) > 200
+
+
+def test_a_folder_that_can_only_be_read_is_reported_and_another_start_answers_why(tmp_path: Path) -> None:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    wrapper = on_a_disk(disk, "size=1m,ro")
+    with running(tmp_path, wrapper=wrapper, record=True, record_dir=str(disk)) as (node, listener):
+        assert "Read-only file system. Choose another record_dir. The run is not recorded." in node.text
+        answer = listener.call(SetBool, "record", data=True)
+        assert not answer.success
+        assert "Read-only file system" in answer.message
+        goes_on(listener)
+        assert node.end() == 0
+
+
+def test_killed_nodes_leave_recordings_that_lack_at_most_half_a_second_and_are_computed_again(tmp_path: Path) -> None:
+    nodes = []
+    for number in range(2):
+        domain, folder = new_domain(), tmp_path / str(number)
+        folder.mkdir()
+        parameters = {"record": True, "record_dir": ".", "publish_rate": [5.0, 500.0][number]}
+        nodes.append((SimNodeProcess(domain, folder, parameters), Listener(domain), folder))
+    try:
+        for _, listener, _ in nodes:
+            listener.until(lambda listener=listener: listener.states, "states")
+        for node, listener, folder in nodes:
+            listener.by_order.publish(Float64MultiArray(data=[1.0, -0.5]))
+            listener.spin(random.uniform(0.7, 1.5))
+            node.process.send_signal(signal.SIGKILL)
+            node.process.wait()
+            last = nanoseconds(listener.states[-1].header.stamp)
+            (path,) = folder.glob("*.mcap")
+            assert last - readable(path)[-1].log_time <= 500_000_000
+            recover(path)
+            assert recomputed(path) == len(state_ticks(path)) >= 2
+    finally:
+        for node, listener, _ in nodes:
+            listener.close()
+            node.kill()
+
+
+def test_a_folder_with_an_odd_name_and_two_nodes_that_begin_at_once(tmp_path: Path) -> None:
+    odd = 'logs of "Jürgen\'s" 机构\n$(echo no) #1'
+    nodes = [SimNodeProcess(new_domain(), tmp_path, {"record": True, "record_dir": f"'{quoted(odd)}'"}) for _ in "ab"]
+    deadline = time.monotonic() + 30.0
+    try:
+        folder = tmp_path / odd
+        while len(found := list(folder.glob("*.mcap")) if folder.exists() else []) < 2 or not all(
+            len(readable(path)) > 10 for path in found
+        ):
+            assert time.monotonic() < deadline, [node.text for node in nodes]
+            time.sleep(0.1)
+        assert all(node.end() == 0 for node in nodes)
+    finally:
+        for node in nodes:
+            node.kill()
+    for path in found:
+        with path.open("rb") as stream:
+            assert make_reader(stream, validate_crcs=True).get_summary() is not None
+        assert recomputed(path) > 3
+
+
+def quoted(text: str) -> str:
+    """As ROS's command line takes it, which reads values as YAML: in single quotes."""
+    return text.replace("'", "''").replace("\n", "\n\n")
+
+
+def test_a_system_clock_that_is_set_back_and_forth_changes_nothing_in_the_recording(tmp_path: Path) -> None:
+    found = importlib.util.find_spec("libfaketime")
+    if found is None or found.origin is None:
+        pytest.skip("libfaketime is not installed")
+    library = next(Path(found.origin).parent.rglob("libfaketime.so.1"))
+    clock = tmp_path / "clock"
+    clock.write_text("+0")
+    variables = {
+        "LD_PRELOAD": str(library),
+        "FAKETIME_TIMESTAMP_FILE": str(clock),
+        "FAKETIME_NO_CACHE": "1",
+        "FAKETIME_DONT_FAKE_MONOTONIC": "1",
+        "FAKETIME_FORCE_MONOTONIC_FIX": "0",  # else it turns timed waits into busy ones
+    }
+    with running(tmp_path, variables=variables, record=True, record_dir="logs") as (node, listener):
+        for shift in ("-3600", "+7200", "-86400"):
+            clock.write_text(shift)
+            goes_on(listener)
+        assert Path(f"/proc/{node.process.pid}/maps").read_text().count("libfaketime")
+        assert listener.call(Trigger, "split_recording").success
+        goes_on(listener)
+        assert listener.call(SetBool, "record", data=False).success
+        late = listener.call(SetBool, "record", data=True)
+        assert late.success
+        goes_on(listener)
+        assert node.end() == 0
+    named = datetime.strptime(Path(late.message).stem.partition("double_rod_")[2], "%Y%m%d_%H%M%S")
+    assert datetime.now() - named > timedelta(hours=20)  # the clock was another one indeed
+    paths = sorted((tmp_path / "logs").iterdir(), key=lambda path: state_ticks(path)[0])
+    assert len(paths) == 3
+    for path in paths:
+        assert recomputed(path) > 10
+        times = [message.log_time for message in readable(path)]
+        assert times == sorted(times)
+        assert [time_ns // 1_000_000 for time_ns in times] == [message.sequence for message in readable(path)]
+    assert os.path.commonpath([*map(str, paths)]) == str(tmp_path / "logs")

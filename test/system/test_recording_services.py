@@ -1,0 +1,142 @@
+"""Recordings that are started, stopped and split while the node runs: each file is computed again alone."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool, Trigger
+
+from mbd_sim import Simulation, parse_mechanism
+from test.system.nodes import Listener, running
+
+pytestmark = pytest.mark.timeout(90)
+
+
+def recomputed(path: Path) -> int:
+    """Compute one file again, from nothing but itself; how many states agreed, all of them bit for bit."""
+    with path.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        (attachment,) = reader.iter_attachments()
+        about = {record.name: record.metadata for record in reader.iter_metadata()}["mbd_sim"]
+        messages = [(c.topic, m.sequence, content) for _, c, m, content in reader.iter_decoded_messages()]
+    simulation = Simulation(
+        parse_mechanism(attachment.data.decode()),
+        method=about["method"],
+        step=float.fromhex(about["step"]),
+        wrenches=json.loads(about["wrenches"]),
+        live=list(json.loads(about["live"])),
+    )
+    # As if it had run so far; a Simulation has no public way to go on from a state in the middle.
+    simulation._y[:] = exact(about["start"])
+    simulation._inputs[:] = exact(about["inputs"])
+    simulation._clock[0] = int(about["first_step"])
+    simulation.start_energy = float.fromhex(about["start_energy"])
+    ticks, states = int(about["first_tick"]), 0
+    for topic, sequence, content in messages:
+        simulation.step(sequence - ticks)
+        ticks = sequence
+        match topic:
+            case "/sim_node/applied_efforts":
+                simulation.set_efforts(content.data)
+            case "/joint_states":
+                states += 1
+                assert list(content.position) == simulation.q.tolist()
+                assert list(content.velocity) == simulation.u.tolist()
+            case "/energies":
+                assert list(content.data) == list(simulation.energies)
+    return states
+
+
+def exact(text: str) -> list[float]:
+    return [float.fromhex(value) for value in json.loads(text)]
+
+
+def record(listener: Listener, data: bool) -> Any:
+    return listener.call(SetBool, "record", data=data)
+
+
+def more_states(listener: Listener, count: int) -> None:
+    seen = len(listener.states)
+    listener.until(lambda: len(listener.states) > seen + count, "states")
+
+
+def command(listener: Listener, efforts: Sequence[float]) -> None:
+    applied = len(listener.applied)
+    listener.by_order.publish(Float64MultiArray(data=efforts))
+    listener.until(lambda: len(listener.applied) > applied, "the command's effect")
+
+
+def test_recordings_that_begin_and_end_in_the_middle_are_computed_again_alone(tmp_path: Path) -> None:
+    with running(tmp_path, record_dir="logs", command_timeout=0.0) as (process, listener):
+        listener.ready_to_command()
+        command(listener, [0.4, -0.2])  # before the beginning, and felt after it
+        answer = record(listener, True)
+        assert answer.success, answer.message
+        first = tmp_path / answer.message
+        assert not record(listener, True).success
+        more_states(listener, 20)
+        command(listener, [-1.0, 0.5])
+        more_states(listener, 20)
+        answer = record(listener, False)
+        assert (answer.success, tmp_path / answer.message) == (True, first)
+        assert state_ticks(first)  # it is finished while the node goes on
+        assert not record(listener, False).success
+        more_states(listener, 5)
+        listener.pause(True)
+        second = tmp_path / record(listener, True).message
+        listener.pause(False)
+        more_states(listener, 20)
+        process.end()
+    assert second != first
+    assert recomputed(first) >= 40
+    assert recomputed(second) >= 20
+    with second.open("rb") as stream:
+        topics = {channel.topic for _, channel, _ in make_reader(stream).iter_messages()}
+    assert {"/robot_description", "/sim_node/live_values"} <= topics
+
+
+def test_split_by_service_loses_nothing_and_each_file_is_computed_again_alone(tmp_path: Path) -> None:
+    with running(tmp_path, record=True, record_dir="logs", command_timeout=0.0) as (process, listener):
+        listener.ready_to_command()
+        command(listener, [0.3, 0.1])
+        for _ in range(2):
+            more_states(listener, 15)
+            assert listener.call(Trigger, "split_recording").success
+        more_states(listener, 15)
+        process.end()
+    paths = sorted((tmp_path / "logs").iterdir(), key=lambda path: path.stat().st_mtime)
+    assert len(paths) == 3
+    assert all(recomputed(path) >= 14 for path in paths)
+    ticks = [tick for path in paths for tick in state_ticks(path)]
+    assert ticks == list(range(0, ticks[-1] + 1, 10))
+
+
+def test_split_by_duration_into_a_folder_of_rosbag2(tmp_path: Path) -> None:
+    options = {"record": True, "record_dir": "logs", "record_format": "rosbag2", "record_split_duration": 0.4}
+    with running(tmp_path, **options) as (process, listener):
+        more_states(listener, 150)
+        process.end()
+    (folder,) = (tmp_path / "logs").iterdir()
+    files = sorted(folder.glob("*.mcap"), key=lambda path: int(path.stem.rpartition("_")[2]))
+    assert len(files) >= 3
+    assert all(recomputed(path) >= 1 for path in files)
+    ticks = [tick for path in files for tick in state_ticks(path)]
+    assert ticks == list(range(0, ticks[-1] + 1, 10))
+    with AnyReader([folder]) as reader:
+        states = [c for c in reader.connections if c.topic == "/joint_states"]
+        assert sum(1 for _ in reader.messages(states)) == len(ticks)
+        assert reader.message_count == sum(1 for _ in reader.messages())
+
+
+def state_ticks(path: Path) -> list[int]:
+    with path.open("rb") as stream:
+        found = make_reader(stream).iter_messages(topics=["/joint_states"], log_time_order=False)
+        return [message.sequence for _, _, message in found]
