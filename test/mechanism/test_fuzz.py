@@ -78,12 +78,12 @@ def answer(text):
     except MechanismError as error:
         check_refusal(error, text)
         return
-    start = time.monotonic()
+    start = time.process_time()
     try:
         assert np.isfinite(derive(mechanism).start_state).all()
     except MechanismError as error:
         check_refusal(error, text)
-    assert time.monotonic() - start < LONGEST
+    assert time.process_time() - start < LONGEST
     for part in mechanism.parts.values():
         assert np.isfinite([part.mass, *part.center, *part.inertia.flat]).all() and part.mass >= 0
     for joint in mechanism.joints.values():

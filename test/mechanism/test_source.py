@@ -13,10 +13,10 @@ from mbd_sim.mechanism.source import dotted, parse_source
 
 def refusal(text):
     """The only problem of a text that cannot be read, found within a second."""
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(MechanismError) as caught:
         parse_source(text, "file.yaml")
-    assert time.perf_counter() - start < 1.0
+    assert time.process_time() - start < 1.0
     (problem,) = caught.value.problems
     assert problem.file == "file.yaml" and problem.remedy
     return problem
@@ -177,9 +177,9 @@ def write(path, content):
 
 
 def test_a_file_of_ten_megabytes_is_refused_at_once(tmp_path):
-    start = time.perf_counter()
+    start = time.process_time()
     problem = write(tmp_path / "big.yaml", PENDULUM.encode() * (10_000_000 // len(PENDULUM)))
-    assert time.perf_counter() - start < 0.5
+    assert time.process_time() - start < 0.5
     assert problem.message == "the file is larger than 1000000 bytes"
 
 

@@ -120,9 +120,9 @@ class TestA02:
     def test_twenty(self):
         """41 rods and bars, well within real time. (scripts/systems_table has N = 40.)"""
         sim = Simulation.from_text(four_bars(20))
-        began = time.perf_counter()
+        began = time.process_time()
         sim.run(until=5.0)
-        assert time.perf_counter() - began < 2.5
+        assert time.process_time() - began < 2.5
         theta, rate = rods(20, 5.0)
         assert sim.q == pytest.approx((np.pi / 2 - theta) * np.repeat([1.0, -1.0], [21, 20]), abs=1e-7)
         assert sim.u == pytest.approx(-rate * np.repeat([1.0, -1.0], [21, 20]), abs=1e-7)
