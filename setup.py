@@ -51,7 +51,7 @@ setup(
         "pint>=0.24",
         "pydantic>=2.7",
         "pyyaml>=6.0",
-        "rerun-sdk>=0.29",
+        "rerun-sdk>=0.38",
         "rich>=13.0",
         "rosbags>=0.10",
         "sympy>=1.12",

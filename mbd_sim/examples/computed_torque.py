@@ -9,7 +9,7 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray
 
 from mbd_sim.analysis.inverse import InverseDynamics
-from mbd_sim.examples.control_node import ControlNode, run
+from mbd_sim.examples.control_node import AT_START, ControlNode, run
 from mbd_sim.mechanism.model import Array, Mechanism
 
 
@@ -50,7 +50,7 @@ class ComputedTorqueNode(ControlNode):
     def __init__(self) -> None:
         super().__init__("computed_torque", "six_axis_arm")
         for name, value in (("amplitude", 0.8), ("frequency", 0.25), ("bandwidth", 20.0)):
-            self.declare_parameter(name, value)
+            self.declare_parameter(name, value, AT_START)
         self.amplitude, self.frequency = (float(self.get_parameter(n).value) for n in ("amplitude", "frequency"))
         self.law = ComputedTorque(self.mechanism, float(self.get_parameter("bandwidth").value))
         self._errors = self.create_publisher(Float64MultiArray, "~/tracking_error", 10)

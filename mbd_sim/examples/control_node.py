@@ -10,6 +10,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import rclpy
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -20,6 +22,7 @@ from mbd_sim.errors import MbdSimError
 from mbd_sim.mechanism.load import load_mechanism
 from mbd_sim.mechanism.model import Array
 
+AT_START = ParameterDescriptor(read_only=True)  # a parameter that takes effect at the start alone
 NEWEST = QoSProfile(depth=1)  # a controller that is late answers the newest state, not an old one
 
 
@@ -31,7 +34,7 @@ class ControlNode(Node):  # type: ignore[misc]  # rclpy carries no types
 
     def __init__(self, name: str, mechanism: str) -> None:
         super().__init__(name)
-        self.declare_parameter("mechanism", mechanism)
+        self.declare_parameter("mechanism", mechanism, AT_START)
         self.mechanism = load_mechanism(self.get_parameter("mechanism").value)
         self.names = list(self.mechanism.coordinate_names)
         self._commands = self.create_publisher(JointState, "joint_commands", 10)
@@ -82,7 +85,7 @@ def run(make: Callable[[], Node], arguments: Sequence[str] | None = None) -> int
             executor.spin_once(timeout_sec=0.1)
         executor.shutdown()
         node.destroy_node()
-    except (MbdSimError, ValueError) as error:
+    except (MbdSimError, ValueError, InvalidParameterTypeException, InvalidParameterValueException) as error:
         print(error, file=sys.stderr)
         return 1
     finally:

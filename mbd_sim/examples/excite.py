@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 
-from mbd_sim.examples.control_node import ControlNode, end, run
+from mbd_sim.examples.control_node import AT_START, ControlNode, end, run
 from mbd_sim.mechanism.model import Array
 
 SINES = 8
@@ -28,7 +28,7 @@ class ExciteNode(ControlNode):
     def __init__(self) -> None:
         super().__init__("excite", "motor_arm")
         for name, value in (("joint", self.names[0]), ("amplitude", 0.6), ("duration", 10.0)):
-            self.declare_parameter(name, value)
+            self.declare_parameter(name, value, AT_START)
         joint = self.get_parameter("joint").value
         if joint not in self.names:
             raise ValueError(f"there is no joint '{joint}'. Choose one of {', '.join(self.names)}.")

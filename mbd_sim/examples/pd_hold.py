@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 
 import numpy as np
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.parameter import Parameter
 
 from mbd_sim.analysis.inverse import InverseDynamics
-from mbd_sim.examples.control_node import ControlNode, run
+from mbd_sim.examples.control_node import AT_START, ControlNode, run
 from mbd_sim.mechanism.model import Array, Mechanism
 
 
@@ -29,19 +32,27 @@ class PdHoldNode(ControlNode):
 
     def __init__(self) -> None:
         super().__init__("pd_hold", "double_pendulum")
+        self.declare_parameter("stiffness", 40.0, AT_START)
+        self.declare_parameter("damping", 6.0, AT_START)
+        self.add_on_set_parameters_callback(self._accept)
         self.declare_parameter("target", [2.0, 0.8])
-        self.declare_parameter("stiffness", 40.0)
-        self.declare_parameter("damping", 6.0)
         stiffness, damping = (float(self.get_parameter(name).value) for name in ("stiffness", "damping"))
         self.law = PdHold(self.mechanism, stiffness, damping)
-        if len(self.get_parameter("target").value) != len(self.names):
-            raise ValueError(f"target: write a position for each of {', '.join(self.names)}.")
         self.start()
 
     def control(self, time: float, q: Array, u: Array) -> Array:
         """To the target of this moment."""
-        target = np.array(self.get_parameter("target").value)
-        return self.law.efforts(q, u, target if target.shape == q.shape else q)
+        return self.law.efforts(q, u, np.array(self.get_parameter("target").value))
+
+    def _accept(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        """Take a target that has a finite position for each joint, and no other."""
+        for parameter in parameters:
+            if parameter.name == "target" and not (
+                len(parameter.value) == len(self.names) and np.all(np.isfinite(parameter.value))
+            ):
+                reason = f"write a finite position for each of {', '.join(self.names)}"
+                return SetParametersResult(successful=False, reason=reason)
+        return SetParametersResult(successful=True)
 
 
 def main() -> int:

@@ -13,7 +13,7 @@ import rclpy
 from rclpy.node import Node
 from sensor_msgs.msg import JointState, Joy
 
-from mbd_sim.examples.control_node import NEWEST, end, run
+from mbd_sim.examples.control_node import AT_START, NEWEST, end, run
 
 RATE = 20.0  # commands a second: often enough for the simulator's watchdog
 HELP = "1-9 joint   a d (or arrows) less, more   space none   q end"
@@ -21,11 +21,15 @@ ARROWS = {"\x1b[D": "a", "\x1b[C": "d"}
 
 
 class Hands:
-    """What the keys and sticks ask for: an effort in N or N·m for each joint, and which joint the keys move."""
+    """What the keys and sticks ask for: an effort in N or N·m for each joint, and which joint the keys move.
+
+    `pushed` are the joints that were ever pushed.
+    """
 
     def __init__(self, step: float) -> None:
         self.step = step
         self.efforts: dict[str, float] = {}
+        self.pushed: set[str] = set()
         self.chosen = 0
         self.ended = False
 
@@ -42,6 +46,7 @@ class Hands:
         elif key.isdigit() and 0 < int(key) <= len(names):
             self.chosen = int(key) - 1
         elif key in ("a", "d") and names:
+            self.pushed.add(names[self.chosen])
             self.efforts[names[self.chosen]] += self.step if key == "d" else -self.step
         elif key == " ":
             self.efforts = dict.fromkeys(names, 0.0)
@@ -50,6 +55,8 @@ class Hands:
         """Take a joystick: an axis for each joint, ±1 for ± the `largest` effort."""
         for name, value in zip(self.efforts, axes, strict=False):
             self.efforts[name] = value * largest
+            if value:
+                self.pushed.add(name)
 
     def line(self) -> str:
         """What is on, for the terminal."""
@@ -68,8 +75,8 @@ class TeleopNode(Node):  # type: ignore[misc]  # rclpy carries no types
 
     def __init__(self) -> None:
         super().__init__("teleop")
-        self.declare_parameter("effort_step", 0.5)
-        self.declare_parameter("joy_effort", 5.0)
+        self.declare_parameter("effort_step", 0.5, AT_START)
+        self.declare_parameter("joy_effort", 5.0, AT_START)
         self.hands = Hands(float(self.get_parameter("effort_step").value))
         self._commands = self.create_publisher(JointState, "joint_commands", 10)
         self.create_subscription(JointState, "joint_states", lambda state: self.hands.knows(state.name), NEWEST)
@@ -80,9 +87,11 @@ class TeleopNode(Node):  # type: ignore[misc]  # rclpy carries no types
         threading.Thread(target=self._listen, name="keyboard").start()  # is waited for: it sets the terminal right
 
     def _send(self) -> None:
-        if self.hands.efforts:
-            efforts = dict(self.hands.efforts)
-            self._commands.publish(JointState(name=list(efforts), effort=list(efforts.values())))
+        # Driven joints are in joint_states as well, but take no efforts, and a message that names one is rejected
+        # whole: therefore a message for each joint, and none for joints that were never pushed.
+        for name, effort in list(self.hands.efforts.items()):
+            if name in self.hands.pushed:
+                self._commands.publish(JointState(name=[name], effort=[effort]))
         if self.hands.ended:
             end()
 

@@ -7,17 +7,19 @@ import importlib.util
 import threading
 from pathlib import Path
 
+from mbd_sim.errors import MechanismError
 from mbd_sim.playback import export, pictures
 from mbd_sim.playback.panels import panels
 from mbd_sim.playback.table import RunTable, read_table
-from mbd_sim.recording.reader import open_recording
+from mbd_sim.recording.reader import Recording, open_recording
+from mbd_sim.recording.recompute import Recomputation, RecomputeError, is_run
 from mbd_sim.recording.verify_command import bar
 from mbd_sim.viewer.sinks import ViewerError, checked_sink
 
 
 def run_view(options: argparse.Namespace) -> int:
     """Show; returns the exit code."""
-    from mbd_sim.playback.show import first_run, show, show_table
+    from mbd_sim.playback.show import show, show_table
     from mbd_sim.viewer.stage import Look
 
     sink = checked_sink(options.save or options.rerun)
@@ -25,20 +27,32 @@ def run_view(options: argparse.Namespace) -> int:
         raise ViewerError("Rerun is not installed. Install it with: pip install rerun-sdk")
     recording = open_recording(options.recording)
     hold = _wait if sink == "serve" else _go_on
-    if first_run(recording) is None:
+    replica, why = _replica(recording)
+    if replica is None:
         with bar("read", options.quiet) as progress:
             table = read_table(recording, progress)
         address = show_table(table, sink, hold)
         _say(table.notes)
-        print(f"{options.recording}: holds no mechanism, so that only its joints are shown, as plots")
+        print(f"{options.recording}: {why}, so that only its joints are shown, as plots")
         print(f"  {len(table)} states, {len(table.names)} joints: {address}")
     else:
         look = Look(None if options.trace is None else tuple(options.trace), options.trace_time, options.reactions)
         with bar("show", options.quiet) as progress:
-            address, count, notes = show(recording, sink, options.rate, look, progress, hold)
+            address, count, notes = show(recording, replica, sink, options.rate, look, progress, hold)
         _say(notes)
         print(f"{options.recording}: {count} states: {address}")
     return 0
+
+
+def _replica(recording: Recording) -> tuple[Recomputation | None, str]:
+    """The simulation of a run of ours, or why there is none."""
+    first = next((part for part in recording.parts if is_run(part)), None)
+    if first is None or first.mechanism_text is None:
+        return None, "holds no mechanism"
+    try:
+        return Recomputation(first), ""
+    except (MechanismError, RecomputeError) as error:
+        return None, f"its mechanism cannot be built ({error})"
 
 
 def run_plot(options: argparse.Namespace) -> int:

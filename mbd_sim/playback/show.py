@@ -13,9 +13,9 @@ from mbd_sim.mechanism.rotation import of_vector
 from mbd_sim.model import Energies
 from mbd_sim.playback.table import Progress, RunTable, each
 from mbd_sim.recording import cdr
-from mbd_sim.recording.parts import Message, Part
+from mbd_sim.recording.parts import Message
 from mbd_sim.recording.reader import ABOUT, Recording
-from mbd_sim.recording.recompute import EFFORTS, ENERGIES, EVENTS, LIVE, STATES, WRENCHES, Recomputation, is_run
+from mbd_sim.recording.recompute import EFFORTS, ENERGIES, EVENTS, LIVE, STATES, WRENCHES, Recomputation
 from mbd_sim.viewer.rows import RowWriter
 from mbd_sim.viewer.stage import Look, make_stage
 from mbd_sim.viewer.told import COMMANDED, RESET, Telling
@@ -33,25 +33,31 @@ def _go_on(address: str) -> None:
 
 
 def show(
-    recording: Recording, sink: str, rate: float, look: Look, progress: Progress, hold: Hold = _go_on
+    recording: Recording,
+    replica: Recomputation,
+    sink: str,
+    rate: float,
+    look: Look,
+    progress: Progress,
+    hold: Hold = _go_on,
 ) -> tuple[str, int, list[str]]:
     """Show a run of ours; returns where to look, how many states were shown, and what was wrong with the files.
+
+    :param replica: the simulation of its first file.
 
     :param rate: states for each second of simulated time, at most.
     :param hold: called with the address when all is sent; a server ends when it returns.
     :raises ViewerError: the sink cannot be opened.
-    :raises MbdSimError: the mechanism cannot be built again, or a point to trace does not exist.
+    :raises MbdSimError: a point to trace does not exist.
     """
     from mbd_sim.viewer.presentation import Presentation
 
-    first = next(part for part in recording.parts if is_run(part))
-    replica = Recomputation(first)
     writer = RowWriter(replica.simulation.model, look.reactions)
     try:
         stage = make_stage(replica.simulation.model, writer.layout, look)
     except ValueError as error:
         raise MbdSimError(str(error)) from error
-    presentation = Presentation(stage, sink)
+    presentation = Presentation(stage, sink, live=False)
     notes: list[str] = []
     try:
         shown = _Run(recording, replica, writer, presentation, rate)
@@ -207,8 +213,3 @@ def show_table(table: RunTable, sink: str, hold: Hold = _go_on) -> str:
     finally:
         outlet.close()
     return outlet.address
-
-
-def first_run(recording: Recording) -> Part | None:
-    """The first file that says what is needed to build its mechanism again."""
-    return next((part for part in recording.parts if is_run(part) and part.mechanism_text is not None), None)

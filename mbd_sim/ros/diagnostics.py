@@ -17,6 +17,7 @@ from mbd_sim.ros.outputs import Outputs
 from mbd_sim.ros.runner import Runner
 
 PERIOD = 1.0  # s of the steady clock
+REMIND = 30.0  # s between warnings of bad timing on the console
 SLOW = 0.01  # part of the real-time factor that may be missing
 UNBALANCED = 1e-6  # part of the energies that the residual may be
 OPEN = 1e-6  # m and m/s that constraints may be off
@@ -106,7 +107,9 @@ class Diagnostics:
             problem = f"{text}, but another node publishes /clock as well: set clock_rate to 0 in all but one"
         elif missed:
             problem = f"{text}, but the schedule had to start anew {missed} times: {BUSY}"
-        if self.notes and not problem:
+        if problem:
+            self._node.get_logger().warning(problem, throttle_duration_sec=REMIND)
+        elif self.notes:
             text = "; ".join([text, *self.notes])
         return self._status("timing", problem or text, bool(problem), {
             "real_time_factor": f"{factor:.4f}",

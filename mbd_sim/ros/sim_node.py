@@ -6,6 +6,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from itertools import takewhile
 from typing import Any
 
 import rclpy
@@ -29,6 +30,7 @@ from mbd_sim.ros.simulation_services import serve_simulation_interfaces
 from mbd_sim.ros.wrenches import WrenchBuffer
 
 IMPOSSIBLE = (MbdSimError, ValueError, ImportError, InvalidParameterTypeException, InvalidParameterValueException)
+USAGE = "Parameters stand after --ros-args, each behind -p: sim_node --ros-args -p mechanism:=double_rod"
 STARVED = 3  # times a second that the schedule may start anew before the stepping thread gives up its priority
 LOOK = 0.2  # seconds between looks at signals
 
@@ -165,7 +167,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
     def _step(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         problem = self.runner.step(self.parameters["step_count"])
         response.success = not problem
-        response.message = problem or f"t = {self.simulation.time:.9g} s"
+        response.message = problem or f"t = {1e-9 * self.runner.clock_ns:.9g} s"
         return response
 
     def _parameter_changed(self, name: str, value: Any) -> None:
@@ -189,7 +191,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    arguments = sys.argv if arguments is None else arguments
+    # rclpy passes over what stands before --ros-args: `-p mechanism:=x` alone would run another mechanism.
+    if strange := list(takewhile(lambda argument: argument != "--ros-args", arguments[1:])):
+        print(f"sim_node cannot start:\nnot understood: {' '.join(strange)}. {USAGE}", file=sys.stderr)
+        return 1
+    try:
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # rclpy exports no class of its own for arguments that it cannot read
+        print(f"sim_node cannot start:\n{error}\n{USAGE}", file=sys.stderr)
+        return 1
     try:
         return _run(ended)
     finally:

@@ -16,13 +16,14 @@ from mbd_sim.viewer.extent import Extent
 from mbd_sim.viewer.guides import floor_of
 from mbd_sim.viewer.stage import Stage
 
+LIVE_TIME = 30.0  # s that plots show while data come in: hours of them would be more than anybody sees
 FIELD_OF_VIEW = np.radians(55.0)  # Rerun's own, vertical
 PANEL_ASPECT = 1.2  # width by height of the scene in a window of common shape
 
 
 def make_blueprint(stage: Stage, *, live: bool) -> rrb.Blueprint:
     """The layout for a mechanism; `live` follows what comes in, otherwise it plays again and again."""
-    upper = rrb.Horizontal(_scene(stage), _plots(stage), column_shares=[3, 2])
+    upper = rrb.Horizontal(_scene(stage), _plots(stage, live), column_shares=[3, 2])
     log = rrb.TextLogView(
         origin=paths.EVENTS,
         name="Events",
@@ -109,32 +110,35 @@ def _floor(stage: Stage) -> rrb.LineGrid3D:
     )
 
 
-def _plots(stage: Stage) -> Any:
+def _plots(stage: Stage, live: bool) -> Any:
     mechanism = stage.mechanism
     kinds = {*paths.free_kinds(mechanism), *paths.driven_kinds(mechanism)}
     joints = [
         [
-            _plot(f"{entity}/{kind}", f"{title} ({paths.UNITS[f'{entity}/{kind}']})")
+            _plot(live, f"{entity}/{kind}", f"{title} ({paths.UNITS[f'{entity}/{kind}']})")
             for kind in (paths.ANGULAR, paths.LINEAR)
             if kind in kinds
         ]
         for entity, title in ((paths.POSITION, "Position"), (paths.VELOCITY, "Velocity"), (paths.EFFORT, "Effort"))
     ]
     positions, velocities, efforts = joints
-    forces = [_plot(paths.REACTION, "Forces through joints (N)")] if stage.look.reactions else []
-    account = rrb.Tabs(_plot(paths.ACCOUNT, "Energy account (J)"), _plot(paths.STACK, "Energy stack (J)"))
+    forces = [_plot(live, paths.REACTION, "Forces through joints (N)")] if stage.look.reactions else []
+    account = rrb.Tabs(_plot(live, paths.ACCOUNT, "Energy account (J)"), _plot(live, paths.STACK, "Energy stack (J)"))
     left_over = rrb.Tabs(
-        _plot(paths.RESIDUAL, "Energy residual (log\N{SUBSCRIPT ONE}\N{SUBSCRIPT ZERO} J)"),
-        _plot(paths.RESIDUAL_PJ, "Energy residual (pJ)"),
+        _plot(live, paths.RESIDUAL, "Energy residual (log\N{SUBSCRIPT ONE}\N{SUBSCRIPT ZERO} J)"),
+        _plot(live, paths.RESIDUAL_PJ, "Energy residual (pJ)"),
     )
     upper = [rrb.Tabs(*positions), rrb.Tabs(*velocities, *efforts, *forces)] if kinds else []
     return rrb.Vertical(*upper, account, left_over)
 
 
-def _plot(entity: str, name: str) -> rrb.TimeSeriesView:
+def _plot(live: bool, entity: str, name: str) -> rrb.TimeSeriesView:
+    start = rr.TimeRangeBoundary.cursor_relative(seconds=-LIVE_TIME)
+    latest = rrb.VisibleTimeRanges(timeline=paths.TIMELINE, start=start, end=rr.TimeRangeBoundary.cursor_relative())
     return rrb.TimeSeriesView(
         origin=entity,
         name=name,
         plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
         axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
+        time_ranges=latest if live else None,
     )

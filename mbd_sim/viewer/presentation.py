@@ -32,14 +32,17 @@ FLUSH_TIMEOUT = 5.0  # s
 class Presentation:
     """One recording. `address` says where to look."""
 
-    def __init__(self, stage: Stage, sink: str) -> None:
+    def __init__(self, stage: Stage, sink: str, *, live: bool | None = None) -> None:
         """Open the sink and log what does not change.
 
+        :param live: follow what comes in, rather than play it again and again; None: where somebody watches.
         :raises ViewerError: the sink cannot be opened.
         """
         self._stage = stage
         self._recording = rr.RecordingStream(APPLICATION, batcher_config=rr.ChunkBatcherConfig.LOW_LATENCY())
-        self._outlet = Outlet(self._recording, sink, make_blueprint(stage, live=is_live(sink)))
+        self._outlet = Outlet(
+            self._recording, sink, make_blueprint(stage, live=is_live(sink) if live is None else live)
+        )
         self.address = self._outlet.address
         try:
             self._recording.send_recording_name(stage.mechanism.name)

@@ -5,12 +5,13 @@ import math
 import numpy as np
 import pytest
 import rclpy
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState, Joy
 from std_msgs.msg import Float64MultiArray
 
 from mbd_sim import Simulation
 from mbd_sim.examples.computed_torque import ComputedTorque, sway
-from mbd_sim.examples.pd_hold import PdHold
+from mbd_sim.examples.pd_hold import PdHold, PdHoldNode
 from mbd_sim.examples.swing_up import SwingUp, SwingUpNode
 from test.examples.programs import beside, lockstep
 from test.system.nodes import nanoseconds, new_domain
@@ -100,9 +101,13 @@ def test_keys_and_a_joystick_become_efforts(tmp_path):
             keyboard.stdin.flush()
             listener.until(lambda: list(listener.states[-1].effort) == efforts, f"the efforts of {keys!r}")
 
-        commands = []
-        listener.node.create_subscription(JointState, "joint_commands", commands.append, 10)
-        listener.until(lambda: commands, "the node")
+        def names_the_joints():
+            keyboard.stdin.write(b" ")
+            keyboard.stdin.flush()
+            listener.spin(0.2)
+            return "shoulder +0.00" in experiment.log.read_text()
+
+        listener.until(names_the_joints, "the node")
         press("dd", [0.5, 0.0])
         press("2\x1b[D", [0.5, -0.25])
         press(" ", [0.0, 0.0])
@@ -114,6 +119,33 @@ def test_keys_and_a_joystick_become_efforts(tmp_path):
         keyboard.stdin.flush()
         assert keyboard.wait(10) == 0
     assert "elbow -0.25" in experiment.log.read_text()
+
+
+def test_hands_on_a_mechanism_with_a_driven_joint_push_the_others(tmp_path):
+    with beside(tmp_path, {"mechanism": "moving_support_pendulum"}, "teleop", "effort_step:=0.25") as experiment:
+        keyboard, listener = experiment.program, experiment.listener
+
+        def pushed():
+            keyboard.stdin.write(b"1d")
+            keyboard.stdin.flush()
+            listener.spin(0.2)
+            return listener.states[-1].effort[0] > 0.0
+
+        listener.until(pushed, "the effort")
+        assert "rejected" not in experiment.node.text
+
+
+def test_parameters_that_do_not_fit_or_act_at_the_start_alone_are_refused():
+    rclpy.init(domain_id=new_domain())
+    try:
+        node = PdHoldNode()
+        assert not node.set_parameters([Parameter("target", value=[1.0])])[0].successful
+        assert not node.set_parameters([Parameter("target", value=[1.0, math.nan])])[0].successful
+        assert node.set_parameters([Parameter("target", value=[1.0, 0.5])])[0].successful
+        assert not node.set_parameters([Parameter("stiffness", value=80.0)])[0].successful
+        node.destroy_node()
+    finally:
+        rclpy.shutdown()
 
 
 def test_a_controller_of_another_mechanism_says_so(capfd):

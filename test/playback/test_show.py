@@ -1,17 +1,20 @@
 """Recorded runs in Rerun: what its own reader finds there, against the simulation computed again."""
 
+import random
 from collections import defaultdict
 
 import numpy as np
 import pytest
+import rclpy
 
 from mbd_sim.cli import main
 from mbd_sim.mechanism import rotation as rot
 from mbd_sim.playback.table import read_table
 from mbd_sim.recording.reader import open_recording
 from mbd_sim.recording.recompute import STATES, Recomputation
+from mbd_sim.ros.sim_node import SimNode
 from test.playback.test_table import foreign_bag
-from test.recording.runs import record_run
+from test.recording.runs import ACTIONS, drive, record_run
 from test.viewer.test_viewer import Recorded
 
 
@@ -63,3 +66,27 @@ def test_wrong_sinks_and_points_are_named(tmp_path, capsys):
     assert "no viewer sink" in capsys.readouterr().err
     assert main(["view", str(run), "--save", str(tmp_path / "run.rrd"), "--trace", "rod.tp", "--quiet"]) == 1
     assert "no point" in capsys.readouterr().err
+
+
+def test_a_folder_of_rosbag2_is_shown_across_its_files(tmp_path):
+    given = ["mechanism:=rod_pendulum", "start_paused:=true", f"record_dir:={tmp_path}", "record_format:=rosbag2"]
+    arguments = [word for pair in given for word in ("-p", pair)]
+    rclpy.init(args=["--ros-args", "--log-level", "ERROR", *arguments], domain_id=101)
+    try:
+        node = SimNode(lambda: None)
+        node.start()
+        for seed in range(3):
+            drive(node, 0.3, 2, random.Random(seed), ACTIONS)
+            assert node.recordings.split()[0]
+        node.stop()
+        node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
+    (folder,) = (path for path in tmp_path.iterdir() if path.is_dir())
+    recording = open_recording(folder)
+    assert len(recording.parts) == 4
+    assert main(["view", str(folder), "--save", str(tmp_path / "run.rrd"), "--rate", "1000", "--quiet"]) == 0
+    states = [recording.decoded(message) for message in recording.messages({"/joint_states"})]
+    angles = Recorded(tmp_path / "run.rrd").column("/joints/position/angular", "Scalars:scalars")
+    assert len(angles) > 80
+    np.testing.assert_array_equal(angles, [state.position for state in states])

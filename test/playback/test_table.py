@@ -65,13 +65,18 @@ def test_the_table_is_what_the_messages_say(recording):
     assert table.title == "double_rod"
 
 
-def test_a_run_that_is_cut_off_gives_what_there_is(recording, tmp_path):
-    cut = tmp_path / "cut.mcap"
-    cut.write_bytes(recording.read_bytes()[: recording.stat().st_size // 2])
-    whole, part = read_table(open_recording(recording)), read_table(open_recording(cut))
-    assert 10 < len(part) < len(whole)
-    np.testing.assert_array_equal(part.position, whole.position[: len(part)])
-    assert "cut off" in part.notes[0]
+def test_a_run_that_is_cut_off_gives_what_there_is(tmp_path):
+    run = record_run(tmp_path, "double_rod", seconds=10.0, seed=3, commands=4, publish_rate=1000.0)
+    whole, blocks = read_table(open_recording(run)), open_recording(run).blocks
+    assert len(blocks) > 2
+    for share in (0.9, 0.7, 0.5):
+        cut = tmp_path / f"cut_{share}.mcap"
+        cut.write_bytes(run.read_bytes()[: int(share * run.stat().st_size)])
+        part = read_table(open_recording(cut))
+        assert 10 < len(part) <= len(whole)
+        np.testing.assert_array_equal(part.position, whole.position[: len(part)])
+        assert "cut off" in part.notes[0]
+    assert len(part) < len(whole)
 
 
 def test_exports_agree_with_the_table_and_with_each_other(recording, tmp_path):

@@ -252,6 +252,7 @@ def test_two_instances_and_two_clocks_are_warned_of(tmp_path: Path) -> None:
             ),
             "both warnings",
         )
+        listener.until(lambda: all("publishes /clock as well" in node.text for node in nodes), "both consoles")
     finally:
         listener.close()
         for node in nodes:

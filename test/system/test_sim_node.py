@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import signal
+import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -13,7 +15,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from mbd_sim import Simulation
-from test.system.nodes import Listener, SimNodeProcess, as_in_the_node, nanoseconds, new_domain, running
+from test.system.nodes import PATIENCE, Listener, SimNodeProcess, as_in_the_node, nanoseconds, new_domain, running
 
 pytestmark = pytest.mark.timeout(90)
 
@@ -168,6 +170,8 @@ def test_reset_returns_to_the_start_while_the_clock_goes_on(tmp_path: Path) -> N
         listener.until(lambda: list(listener.states[-1].velocity) == [0.0, 0.0], "the start state")
         assert list(listener.states[-1].position) == [math.pi / 2, 0.0]
         assert nanoseconds(listener.states[-1].header.stamp) > 29 * 10 * STEP_NS
+        answer = listener.step().message
+        listener.until(lambda: answer == f"t = {1e-9 * listener.clocks[-1]:.9g} s", "the clock that ~/step tells")
         listener.pause(False)
         listener.spin(0.3)
         assert all(np.diff(listener.clocks) >= 0)
@@ -264,6 +268,19 @@ def test_a_wrong_start_says_what_is_wrong_and_ends(
         assert "Traceback" not in process.text
     finally:
         process.kill()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [(["-p", "mechanism:=rod_pendulum"], "-p mechanism:=rod_pendulum"), (["--ros-args", "-p", "step=1"], "step=1")],
+)
+def test_arguments_that_ros_would_pass_over_end_the_node_with_the_right_way(arguments: list[str], word: str) -> None:
+    command = [sys.executable, "-m", "mbd_sim.ros.sim_node", *arguments]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
+    assert ended.returncode == 1
+    assert word in ended.stderr
+    assert "--ros-args -p mechanism:=double_rod" in ended.stderr
+    assert "Traceback" not in ended.stderr
 
 
 def test_an_effort_that_makes_the_motion_infinite_pauses_and_reset_recovers(tmp_path: Path) -> None:

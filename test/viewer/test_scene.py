@@ -7,9 +7,12 @@ from rerun.chunk import RrdReader
 from mbd_sim import Simulation
 from mbd_sim.mechanism import rotation as rot
 from mbd_sim.mechanism.rotation import quaternions
-from mbd_sim.viewer import Viewer, blueprint, palette
+from mbd_sim.viewer import blueprint, palette
 from mbd_sim.viewer.extent import extent_of
 from mbd_sim.viewer.mailbox import Mailbox
+from mbd_sim.viewer.presentation import Presentation
+from mbd_sim.viewer.rows import RowWriter
+from mbd_sim.viewer.stage import Look, make_stage
 
 EVERY_SHAPE = """
 mechanism: every_shape
@@ -43,9 +46,8 @@ joints:
 
 def test_every_kind_of_shape_is_drawn(tmp_path):
     sim = Simulation.from_text(EVERY_SHAPE)
-    with Viewer(sim.model, str(tmp_path / "a.rrd")) as viewer:
-        viewer.offer(0.0, sim.state, sim.inputs.copy(), sim.energies)
-    assert viewer.failure is None
+    stage = make_stage(sim.model, RowWriter(sim.model).layout, Look())
+    Presentation(stage, str(tmp_path / "a.rrd")).close()
     drawn = {}
     for chunk in RrdReader(tmp_path / "a.rrd").stream().to_chunks():
         if chunk.is_static:

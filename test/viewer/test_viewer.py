@@ -16,6 +16,11 @@ from rerun.chunk import RrdReader
 from mbd_sim import Simulation
 from mbd_sim.mechanism import rotation as rot
 from mbd_sim.viewer import Viewer, ViewerError
+from mbd_sim.viewer.events import Event
+from mbd_sim.viewer.presentation import Presentation
+from mbd_sim.viewer.rows import RowWriter
+from mbd_sim.viewer.stage import Look, make_stage
+from mbd_sim.viewer.told import Telling
 
 
 class Recorded:
@@ -213,12 +218,16 @@ def test_the_recording_is_finished_where_the_simulation_is_killed(tmp_path):
 
 def test_the_trace_begins_anew_after_a_reset(tmp_path):
     sim = Simulation.from_file("rod_pendulum")
-    with Viewer(sim.model, str(tmp_path / "a.rrd"), rate=1000.0, traces=["rod", "rod.tip"]) as viewer:
-        for tick in range(20):
-            if tick == 10:
-                sim.reset()
-            viewer.offer(tick * 1e-3, sim.state, sim.inputs.copy(), sim.energies, sim.time)
-            sim.step()
+    writer, rows = RowWriter(sim.model), []
+    for tick in range(20):
+        if tick == 10:
+            sim.reset()
+        rows.append(writer.row(tick * 1e-3, sim.time, sim.state, sim.inputs, sim.energies))
+        sim.step()
+    stage = make_stage(sim.model, writer.layout, Look(traces=("rod", "rod.tip")))
+    presentation = Presentation(stage, str(tmp_path / "a.rrd"))
+    presentation.send(np.array(rows))
+    presentation.close()
     recorded = Recorded(tmp_path / "a.rrd")
     for entity in ("/world/traces/rod", "/world/traces/rod.tip"):
         lengths = np.linalg.norm(np.diff(recorded.column(entity, "LineStrips3D:strips")[:, 0], axis=1), axis=2)[:, 0]
@@ -232,12 +241,14 @@ def test_a_trace_of_an_unknown_point_is_refused(tmp_path):
 
 
 def test_events_become_lines_and_lanes(tmp_path):
-    sim = Simulation.from_file("rod_pendulum")
-    with Viewer(sim.model, str(tmp_path / "a.rrd")) as viewer:
-        offer(viewer, sim)
-        told = ["command", "command", "commands expired: efforts set to zero", "command", "paused", "running", "reset"]
-        for second, text in enumerate(told, 1):
-            viewer.event(float(second), text)
+    sim, telling = Simulation.from_file("rod_pendulum"), Telling()
+    writer = RowWriter(sim.model)
+    presentation = Presentation(make_stage(sim.model, writer.layout, Look()), str(tmp_path / "a.rrd"))
+    presentation.send(writer.row(0.0, 0.0, sim.state, sim.inputs, sim.energies)[None])
+    told = ["command", "command", "commands expired: efforts set to zero", "command", "paused", "running", "reset"]
+    events = [Event(float(second), text) for second, text in enumerate(told, 1) if telling.worth(text)]
+    presentation.tell(events)
+    presentation.close()
     recorded = Recorded(tmp_path / "a.rrd")
     log = [(at, row["TextLog:text"][0], row["TextLog:level"][0]) for at, row in recorded.rows["/events/log"]]
     assert log == [
