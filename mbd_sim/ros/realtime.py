@@ -13,6 +13,7 @@ from collections.abc import Sequence
 # A thread that wakes up waits this long at most for another one to give up the interpreter (default: 5 ms).
 SWITCH_INTERVAL = 5e-5
 RANKS = ("stepper", "outputs", "executor")  # names of threads; all others come after them
+LOOK = 0.2  # seconds between looks at signals
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4  # of Linux, sys/mman.h
 _ENDLESS = resource.RLIM_INFINITY
 
@@ -59,3 +60,12 @@ def prioritize(priority: int, ranks: Sequence[str] = RANKS) -> str:
             wanted = f"rtprio {priority} in /etc/security/limits.conf, or CAP_SYS_NICE"
             return f"ordinary scheduling: real-time priority {priority}: {error.strerror} ({wanted})"
     return ""
+
+
+def wait_for(ended: threading.Event) -> None:
+    """Wait in the main thread until a signal's handler sets the event.
+
+    A signal that another thread receives does not wake this one, in which alone Python runs its handlers.
+    """
+    while not ended.wait(LOOK):
+        pass

@@ -175,7 +175,7 @@ def _run(ended: threading.Event) -> int:
     spinning = threading.Thread(target=spin, name="executor", daemon=True)
     spinning.start()
     node.start()
-    ended.wait()
+    realtime.wait_for(ended)
     node.stop()
     over.set()
     executor.shutdown()

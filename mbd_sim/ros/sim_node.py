@@ -32,7 +32,6 @@ from mbd_sim.ros.wrenches import WrenchBuffer
 IMPOSSIBLE = (MbdSimError, ValueError, ImportError, InvalidParameterTypeException, InvalidParameterValueException)
 USAGE = "Parameters stand after --ros-args, each behind -p: sim_node --ros-args -p mechanism:=double_rod"
 STARVED = 3  # times a second that the schedule may start anew before the stepping thread gives up its priority
-LOOK = 0.2  # seconds between looks at signals
 
 
 class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
@@ -228,8 +227,7 @@ def _run(ended: threading.Event) -> int:
     spinning = threading.Thread(target=spin, name="executor", daemon=True)
     spinning.start()
     node.start()
-    while not ended.wait(LOOK):  # a signal that another thread receives does not wake this one
-        pass
+    realtime.wait_for(ended)
     node.stop()
     executor.shutdown()
     spinning.join(timeout=2.0)
