@@ -92,7 +92,7 @@ setup(
     },
     entry_points={
         "console_scripts": [
-            "mbd_sim = mbd_sim.cli:main",
+            "mbd_sim = mbd_sim.cli.main:main",
             "sim_node = mbd_sim.ros.sim_node:main",
             "replay_node = mbd_sim.ros.replay_node:main",
             *(f"example_{name} = mbd_sim.examples.{name}:main" for name in EXAMPLES),

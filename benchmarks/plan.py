@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from benchmarks.tape import Tape, tape_of
 
 if TYPE_CHECKING:
-    from mbd_sim.mechanism.model import Joint, Part, Pose
+    from mbd_sim.geometry.pose import Pose
+    from mbd_sim.mechanism.records import Joint, Part
 
 Array = NDArray[np.float64]
 GROUND = -1
@@ -87,7 +88,7 @@ def plan_of(text: str) -> Plan:
     :raises ValueError: it has something that plans do not know.
     """
     from mbd_sim import Simulation
-    from mbd_sim.mechanism.model import identity_pose
+    from mbd_sim.geometry.pose import identity_pose
 
     sim = Simulation.from_text(text)
     mechanism = sim.mechanism
@@ -110,8 +111,8 @@ def plan_of(text: str) -> Plan:
 
 def _frames(joint: Joint) -> tuple[Pose, Pose]:
     """The joint's frame with its axis along z, in the axes of the inboard part and in those of the outboard part."""
-    from mbd_sim.mechanism.model import Pose
-    from mbd_sim.mechanism.rotation import aligning_z
+    from mbd_sim.geometry.pose import Pose
+    from mbd_sim.geometry.rotation import aligning_z
 
     simple = joint.type in ("revolute", "prismatic") and not joint.drive
     if not simple or np.any(joint.damping) or joint.spring or joint.damper or joint.friction:
@@ -124,7 +125,7 @@ def _frames(joint: Joint) -> tuple[Pose, Pose]:
 
 
 def _body(joint: Joint, part: Part, parent: int, placed: Pose, frame: Pose) -> Body:
-    from mbd_sim.mechanism.rotation import to_quaternion
+    from mbd_sim.geometry.rotation import to_quaternion
 
     inertia = frame.rotation.T @ part.inertia @ frame.rotation
     return Body(

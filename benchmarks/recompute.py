@@ -9,9 +9,9 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from mbd_sim.mechanism.library import shipped
-from mbd_sim.recording.verify import verify
-from mbd_sim.recording.verify_command import verify_text
+from mbd_sim.cli.verify import verify_text
+from mbd_sim.mechanism_file.library import shipped
+from mbd_sim.recording.verification import verify
 from test.recording.runs import record_run
 
 METHODS = ["dop853", "rk4", "rosenbrock"]

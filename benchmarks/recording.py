@@ -19,9 +19,9 @@ from rclpy.node import Node
 
 from benchmarks.node_process import load, running
 from mbd_sim import Simulation
-from mbd_sim.recording.metadata import run_metadata
 from mbd_sim.recording.recorder import Recorder, new_series
-from mbd_sim.ros import states
+from mbd_sim.recording.run_metadata import run_metadata
+from mbd_sim.ros import state_messages
 from mbd_sim.ros.snapshots import Snapshot
 
 CAUGHT_UP = 4e6  # bytes that wait at most, so that nothing is dropped
@@ -73,8 +73,8 @@ def motion(mechanism: str) -> tuple[list[tuple[str, bytes]], dict[str, object], 
     node = Node("serializes")
     simulation = Simulation.from_file(mechanism)
     tellings = {
-        "joint_states": states.joint_states(node, simulation.model),
-        "energies": states.energies(node, simulation.model),
+        "joint_states": state_messages.joint_states(node, simulation.model),
+        "energies": state_messages.energies(node, simulation.model),
     }
     messages = []
     for tick in range(2000):

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any
 from mbd_sim.errors import CommandError, DivergedError, MbdSimError, MechanismError, Problem
 
 if TYPE_CHECKING:
-    from mbd_sim.ensemble import Ensemble
-    from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
-    from mbd_sim.mechanism.model import Mechanism
-    from mbd_sim.model import Energies, Model
-    from mbd_sim.simulation import Simulation
+    from mbd_sim.load import load_mechanism, parse_mechanism
+    from mbd_sim.mechanism.records import Mechanism
+    from mbd_sim.simulation.compiled_model import Energies, Model
+    from mbd_sim.simulation.ensemble import Ensemble
+    from mbd_sim.simulation.simulation import Simulation
 
 __version__ = "0.1.0"
 
@@ -40,13 +40,13 @@ __all__ = [
 ]
 
 _LAZY = {
-    "Energies": "mbd_sim.model",
-    "Ensemble": "mbd_sim.ensemble",
-    "Mechanism": "mbd_sim.mechanism.model",
-    "Model": "mbd_sim.model",
-    "Simulation": "mbd_sim.simulation",
-    "load_mechanism": "mbd_sim.mechanism.load",
-    "parse_mechanism": "mbd_sim.mechanism.load",
+    "Energies": "mbd_sim.simulation.compiled_model",
+    "Ensemble": "mbd_sim.simulation.ensemble",
+    "Mechanism": "mbd_sim.mechanism.records",
+    "Model": "mbd_sim.simulation.compiled_model",
+    "Simulation": "mbd_sim.simulation.simulation",
+    "load_mechanism": "mbd_sim.load",
+    "parse_mechanism": "mbd_sim.load",
 }
 
 

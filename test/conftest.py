@@ -1,17 +1,13 @@
-"""Settings of all tests: helpers can be imported by name, hypothesis draws the same examples in every run, and
+"""Settings of all tests: hypothesis draws the same examples in every run, and
 kernels are kept for this run only, so that tests share them and none comes from an older version.
 """
 
 import atexit
 import os
 import shutil
-import sys
 import tempfile
-from pathlib import Path
 
 from hypothesis import HealthCheck, settings
-
-sys.path.insert(0, str(Path(__file__).parent))  # kane.py and mechanisms.py
 
 if "PYTEST_XDIST_WORKER" not in os.environ:  # workers use the folder of the process that started them
     _kernels = tempfile.mkdtemp(prefix="mbd_sim_kernels_")

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.dynamics.equations import Equations
-from mbd_sim.mechanism.model import Array
+from mbd_sim.geometry.pose import Array
 
 
 class InertiaForces(NamedTuple):

@@ -8,8 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbd_sim.dynamics.equations import Equations
+from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism import constraints as c
-from mbd_sim.mechanism.model import GROUND, LABELS, Array, Attachment, Joint, Mechanism, Pose
+from mbd_sim.mechanism.records import (
+    GROUND,
+    LABELS,
+    Attachment,
+    Joint,
+    Mechanism,
+)
 
 PARALLEL = 1e-9  # of a unit vector, what two directions may differ by
 PLANAR_FREEDOMS = {"revolute": 1, "prismatic": 1, "planar": 3, "fixed": 0}

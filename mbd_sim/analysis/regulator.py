@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbd_sim.mechanism.model import Array
+from mbd_sim.geometry.pose import Array
 
 
 def lqr(a: Array, b: Array, state_cost: Array, effort_cost: Array) -> Array:

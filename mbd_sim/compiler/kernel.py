@@ -10,17 +10,17 @@ from typing import Any, cast
 import casadi as ca
 import llvmlite.ir as ir
 
-from mbd_sim.compiler.arrange import arranged
-from mbd_sim.compiler.gauss import gauss_step
-from mbd_sim.compiler.jit import MachineCode, compile_module, new_module
-from mbd_sim.compiler.linearization import linearize
-from mbd_sim.compiler.lower import instruction_count, lower
-from mbd_sim.compiler.program import Instructions
-from mbd_sim.compiler.python_call import callable_of, emit_call
-from mbd_sim.compiler.rosenbrock import rosenbrock_step
-from mbd_sim.compiler.runge_kutta import explicit_step
+from mbd_sim.compiler.fastcall import callable_of, emit_call
+from mbd_sim.compiler.gauss_step import gauss_step
+from mbd_sim.compiler.instruction_list import Instructions
+from mbd_sim.compiler.ir_types import POINTER
+from mbd_sim.compiler.linearized_system import linearize
+from mbd_sim.compiler.lowering import instruction_count, lower
+from mbd_sim.compiler.machine_code import MachineCode, compile_module, new_module
+from mbd_sim.compiler.rosenbrock_step import rosenbrock_step
+from mbd_sim.compiler.runge_kutta_step import explicit_step
+from mbd_sim.compiler.schedule import arranged
 from mbd_sim.compiler.stepping import Prepare, System, emit_advance
-from mbd_sim.compiler.types import POINTER
 from mbd_sim.integrators.gauss import Gauss
 from mbd_sim.integrators.methods import Method
 from mbd_sim.integrators.rosenbrock import Rosenbrock

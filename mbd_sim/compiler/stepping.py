@@ -8,9 +8,26 @@ from dataclasses import dataclass
 
 import llvmlite.ir as ir
 
-from mbd_sim.compiler.lanes import LaneBuilder, new_builder
-from mbd_sim.compiler.types import DOUBLE, INT, POINTER, element, integer, local_array, number
-from mbd_sim.compiler.vectors import add_squares, copy, each, load, loop, store, total, weighted
+from mbd_sim.compiler.ir_types import (
+    DOUBLE,
+    INT,
+    POINTER,
+    element,
+    integer,
+    local_array,
+    number,
+)
+from mbd_sim.compiler.ir_vectors import (
+    add_squares,
+    copy,
+    each,
+    load,
+    loop,
+    store,
+    total,
+    weighted,
+)
+from mbd_sim.compiler.simd_builder import LaneBuilder, new_builder
 from mbd_sim.integrators.estimate import Estimate
 
 TINIEST = 1e-300  # keeps 0/0 out of estimates

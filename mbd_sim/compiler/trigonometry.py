@@ -12,8 +12,13 @@ from collections.abc import Sequence
 
 import llvmlite.ir as ir
 
-from mbd_sim.compiler.lanes import LaneBuilder, lanes_of, new_builder
-from mbd_sim.compiler.types import DOUBLE, INT, integer, number
+from mbd_sim.compiler.ir_types import (
+    DOUBLE,
+    INT,
+    integer,
+    number,
+)
+from mbd_sim.compiler.simd_builder import LaneBuilder, lanes_of, new_builder
 
 _LARGEST = 2.0**20 * 1.5707963267948966
 _TWO_OVER_PI = 6.36619772367581382433e-01

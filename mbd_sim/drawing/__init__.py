@@ -6,6 +6,6 @@ seen in a `View`, laid out as lines and texts in points on a `Sheet`, and writte
 
 from __future__ import annotations
 
-from mbd_sim.drawing.draw import DrawingError, draw
+from mbd_sim.drawing.picture import DrawingError, draw
 
 __all__ = ["DrawingError", "draw"]

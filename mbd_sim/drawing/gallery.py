@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
-from mbd_sim.drawing.draw import draw
+from mbd_sim.drawing.picture import draw
 from mbd_sim.errors import MbdSimError
-from mbd_sim.mechanism.library import shipped
-from mbd_sim.mechanism.load import load_mechanism
+from mbd_sim.load import load_mechanism
+from mbd_sim.mechanism_file.library import shipped
 
 FIRST = ("open_chains", "prescribed", "constraints", "forces")  # folders of config/; others follow by name
 WATCH = "Watch:"
@@ -76,7 +76,7 @@ def picture(entry: Entry, folder: Path) -> Path:
 
     :raises DrawingError: the file cannot be written.
     """
-    from mbd_sim.simulation import Simulation
+    from mbd_sim.simulation.simulation import Simulation
 
     simulation = Simulation(load_mechanism(entry.name))
     path = folder / f"{entry.name}.svg"

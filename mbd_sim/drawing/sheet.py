@@ -6,8 +6,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mbd_sim.mechanism.model import Array
-from mbd_sim.viewer.palette import Color, mixed
+from mbd_sim.appearance.palette import Color, mixed
+from mbd_sim.geometry.pose import Array
+from mbd_sim.geometry.rotation import unit_or_zero
 
 WHITE: Color = (255, 255, 255)
 INK: Color = (44, 50, 60)
@@ -103,15 +104,9 @@ def left_of(direction: Array) -> Array:
     return np.array([-direction[1], direction[0]]) / max(float(np.hypot(*direction)), 1e-300)
 
 
-def unit(vector: Array) -> Array:
-    """The vector at length 1, or zero where it has hardly any."""
-    length = float(np.linalg.norm(vector))
-    return vector / length if length > 1e-12 else np.zeros_like(vector)
-
-
 def arrow_head(tip: Array, direction: Array, color: Color, size: float = 7.0, **where: float) -> Path:
     """A filled head whose tip is at `tip` (2,)."""
-    along = unit(direction)
+    along = unit_or_zero(direction)
     across = left_of(along)
     back = tip - size * along
     points = np.array([tip, back + 0.36 * size * across, back + 0.22 * size * along, back - 0.36 * size * across])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbd_sim.mechanism.model import Array
+from mbd_sim.geometry.pose import Array
 
 CLOSED = 1e-10  # relative to the mechanism's size, what may stay open
 FITTING = 1e-9  # relative to the speeds, what a given speed may miss

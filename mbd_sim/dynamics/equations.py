@@ -14,24 +14,35 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.articulated import Accelerations, Articulated
+from mbd_sim.dynamics.articulated_body import Accelerations, Articulated
 from mbd_sim.dynamics.assembly import Conditions
-from mbd_sim.dynamics.constraints import Constraints, State, constraints_of
-from mbd_sim.dynamics.definite import require_definite
-from mbd_sim.dynamics.elements import element_loads, require_lines
-from mbd_sim.dynamics.forces import joint_loads
-from mbd_sim.dynamics.impossible import no_value
-from mbd_sim.dynamics.inputs import InputLayout
+from mbd_sim.dynamics.assembly_errors import no_value
+from mbd_sim.dynamics.constraint_equations import Constraints, State, constraints_of
+from mbd_sim.dynamics.constraint_rows import Row
+from mbd_sim.dynamics.element_forces import element_loads, require_lines
+from mbd_sim.dynamics.initial_conditions import (
+    Start,
+    assembled_start,
+    conditions_of,
+    redundant_loops,
+)
+from mbd_sim.dynamics.input_layout import InputLayout
+from mbd_sim.dynamics.joint_forces import joint_loads
 from mbd_sim.dynamics.kinematics import LinkMotion, WorldPose, link_motions, part_poses
 from mbd_sim.dynamics.links import Layout, Link, layout, links
+from mbd_sim.dynamics.mass_matrix_check import require_definite
 from mbd_sim.dynamics.multipliers import ConstraintSolver, usual_sizes
 from mbd_sim.dynamics.reactions import joint_reactions, transmitted_wrenches
-from mbd_sim.dynamics.rows import Row
-from mbd_sim.dynamics.spatial import constant
-from mbd_sim.dynamics.start import Start, assembled_start, conditions_of, redundant_loops
-from mbd_sim.dynamics.time import require_smooth, time_functions
-from mbd_sim.dynamics.values import Values, numbers_of, values_among, with_symbols
-from mbd_sim.mechanism.model import Array, Mechanism
+from mbd_sim.dynamics.spatial_algebra import constant
+from mbd_sim.dynamics.symbolic_parameters import (
+    Values,
+    numbers_of,
+    values_among,
+    with_symbols,
+)
+from mbd_sim.dynamics.time_functions import require_smooth, time_functions
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.records import Mechanism
 
 AUDIT = ("work_applied", "work_drives", "dissipated")
 

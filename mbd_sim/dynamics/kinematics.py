@@ -9,8 +9,8 @@ import casadi as ca
 
 from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.motion import Motion, prescribed, turned_round
-from mbd_sim.dynamics.spatial import constant, motion_transform
-from mbd_sim.dynamics.time import time_functions
+from mbd_sim.dynamics.spatial_algebra import constant, motion_transform
+from mbd_sim.dynamics.time_functions import time_functions
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,15 +13,16 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.bodies import Bodies, flat_pose
-from mbd_sim.dynamics.constraints import coordinates_of
-from mbd_sim.dynamics.elements import damper_force, force_vector, spring_force
-from mbd_sim.dynamics.forces import joint_loads
+from mbd_sim.dynamics.body_symbols import Bodies, flat_pose
+from mbd_sim.dynamics.constraint_equations import coordinates_of
+from mbd_sim.dynamics.constraint_rows import constraint_rows
+from mbd_sim.dynamics.element_forces import damper_force, force_vector, spring_force
+from mbd_sim.dynamics.joint_forces import joint_loads
 from mbd_sim.dynamics.kinematics import WorldPose, joint_motion, part_poses
 from mbd_sim.dynamics.links import Link, layout, links
-from mbd_sim.dynamics.rows import constraint_rows
-from mbd_sim.dynamics.spatial import constant
-from mbd_sim.mechanism.model import GROUND, Array, Attachment, Mechanism
+from mbd_sim.dynamics.spatial_algebra import constant
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
 
 RANK = 1e-11  # of the largest singular value, what counts as none
 

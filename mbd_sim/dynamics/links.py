@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbd_sim.dynamics.joints import JOINT_TYPES, Axes, JointType
-from mbd_sim.dynamics.spatial import inertia_matrix
-from mbd_sim.mechanism.model import GROUND, Array, Joint, Mechanism, Pose, identity_pose
-from mbd_sim.mechanism.rotation import aligning_z
+from mbd_sim.dynamics.joint_motions import JOINT_TYPES, Axes, JointType
+from mbd_sim.dynamics.spatial_algebra import inertia_matrix
+from mbd_sim.geometry.pose import Array, Pose, identity_pose
+from mbd_sim.geometry.rotation import aligning_z
+from mbd_sim.mechanism.records import GROUND, Joint, Mechanism
 
 ROUND_OFF = 1e-15  # relative to a component, or to the largest one where it stands for zero
 

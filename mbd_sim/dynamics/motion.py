@@ -11,8 +11,14 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.spatial import constant, motion_cross, motion_transform, skew, zeros
-from mbd_sim.mechanism.model import Array
+from mbd_sim.dynamics.spatial_algebra import (
+    constant,
+    motion_cross,
+    motion_transform,
+    skew,
+    zeros,
+)
+from mbd_sim.geometry.pose import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.articulated import Accelerations, Articulated
+from mbd_sim.dynamics.articulated_body import Accelerations, Articulated
 from mbd_sim.dynamics.assembly import Conditions
-from mbd_sim.dynamics.constraints import Constraints, State
-from mbd_sim.dynamics.start import Start
-from mbd_sim.mechanism.model import Array
+from mbd_sim.dynamics.constraint_equations import Constraints, State
+from mbd_sim.dynamics.initial_conditions import Start
+from mbd_sim.geometry.pose import Array
 
 # Of its usual size, what a pivot may shrink to before a constraint counts as weak, as vanished, and as in danger.
 WEAK, VANISHED, NEARLY = 1e-7, 1e-13, 1e-2

@@ -9,7 +9,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from mbd_sim.mechanism.model import Array
+from mbd_sim.geometry.pose import Array
 
 POINTS = 16
 TOLERANCE = 1e-15  # of an integral, relative to that of the absolute value from 0

@@ -6,13 +6,14 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from mbd_sim.dynamics.articulated import bias_force
-from mbd_sim.dynamics.bodies import to_ground
-from mbd_sim.dynamics.constraints import Constraints
+from mbd_sim.dynamics.articulated_body import bias_force
+from mbd_sim.dynamics.body_symbols import to_ground
+from mbd_sim.dynamics.constraint_equations import Constraints
 from mbd_sim.dynamics.kinematics import LinkMotion, WorldPose
 from mbd_sim.dynamics.links import Link
-from mbd_sim.dynamics.spatial import constant
-from mbd_sim.mechanism.model import GROUND, Mechanism, Pose
+from mbd_sim.dynamics.spatial_algebra import constant
+from mbd_sim.geometry.pose import Pose
+from mbd_sim.mechanism.records import GROUND, Mechanism
 
 
 def transmitted_wrenches(

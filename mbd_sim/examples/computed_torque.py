@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from std_msgs.msg import Float64MultiArray
 
-from mbd_sim.analysis.inverse import InverseDynamics
+from mbd_sim.analysis.inverse_dynamics import InverseDynamics
 from mbd_sim.examples.control_node import AT_START, ControlNode, run
-from mbd_sim.mechanism.model import Array, Mechanism
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.records import Mechanism
 
 
 class Reference(NamedTuple):

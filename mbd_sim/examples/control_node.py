@@ -19,8 +19,8 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
 from mbd_sim.errors import MbdSimError
-from mbd_sim.mechanism.load import load_mechanism
-from mbd_sim.mechanism.model import Array
+from mbd_sim.geometry.pose import Array
+from mbd_sim.load import load_mechanism
 
 AT_START = ParameterDescriptor(read_only=True)  # a parameter that takes effect at the start alone
 NEWEST = QoSProfile(depth=1)  # a controller that is late answers the newest state, not an old one

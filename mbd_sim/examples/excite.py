@@ -8,7 +8,7 @@ import sys
 import numpy as np
 
 from mbd_sim.examples.control_node import AT_START, ControlNode, end, run
-from mbd_sim.mechanism.model import Array
+from mbd_sim.geometry.pose import Array
 
 SINES = 8
 

@@ -22,9 +22,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
 from mbd_sim.errors import MbdSimError, nearest
-from mbd_sim.mechanism.load import parse_mechanism
-from mbd_sim.mechanism.model import Array
-from mbd_sim.simulation import Simulation
+from mbd_sim.geometry.pose import Array
+from mbd_sim.load import parse_mechanism
+from mbd_sim.simulation.simulation import Simulation
 
 ITERATIONS, CONVERGED = 30, 1e-7
 NEAR = 1e-3  # of a parameter, where noise and the differences let it go no further

@@ -9,9 +9,10 @@ import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 
-from mbd_sim.analysis.inverse import InverseDynamics
+from mbd_sim.analysis.inverse_dynamics import InverseDynamics
 from mbd_sim.examples.control_node import AT_START, ControlNode, run
-from mbd_sim.mechanism.model import Array, Mechanism
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.records import Mechanism
 
 
 class PdHold:

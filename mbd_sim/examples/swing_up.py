@@ -7,11 +7,12 @@ import sys
 
 import numpy as np
 
-from mbd_sim.analysis.linear import linearize
+from mbd_sim.analysis.linearization import linearize
 from mbd_sim.analysis.regulator import lqr
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.examples.control_node import ControlNode, run
-from mbd_sim.mechanism.model import Array, Mechanism
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.records import Mechanism
 
 CATCH, LOSE = 0.35, 0.8  # rad from upright at which balancing begins, and at which it has failed
 FASTEST = 4.0  # rad/s at which it may begin

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.errors import CommandError, DivergedError, listed, nearest
-from mbd_sim.mechanism.load import load_mechanism
-from mbd_sim.mechanism.model import Array, Mechanism
-from mbd_sim.simulation import Simulation
+from mbd_sim.geometry.pose import Array
+from mbd_sim.load import load_mechanism
+from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.simulation.simulation import Simulation
 
 try:
     import gymnasium
@@ -23,7 +24,7 @@ except ModuleNotFoundError as error:
     ) from error
 
 if TYPE_CHECKING:
-    from mbd_sim.drawing.film import Film
+    from mbd_sim.drawing.animation import Film
 
 Observation = NDArray[np.float64]
 Action = NDArray[np.float32]
@@ -149,7 +150,7 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         if self.render_mode is None:
             return None
         if self._film is None:
-            from mbd_sim.drawing.film import Film
+            from mbd_sim.drawing.animation import Film
 
             self._film = Film(self.simulation.model, *self._render_size)
         return self._film.frame(self.simulation.poses())

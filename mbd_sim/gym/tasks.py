@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium
 
 from mbd_sim.gym.environment import Action
-from mbd_sim.simulation import Simulation
+from mbd_sim.simulation.simulation import Simulation
 
 EPISODE = 500  # actions: 10 s
 RAIL = 1.8  # m to both sides, beyond which the cart has left the rail

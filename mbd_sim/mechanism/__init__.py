@@ -1,1 +1,1 @@
-"""What the user describes: files, their validation, and the records made of them."""
+"""A mechanism as plain records, which everything else reads."""

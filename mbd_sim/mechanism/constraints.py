@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.expression import TimeExpression
-from mbd_sim.mechanism.model import Array, Attachment
+from mbd_sim.mechanism.records import Attachment
 
 
 @dataclass(frozen=True, eq=False)

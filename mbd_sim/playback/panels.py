@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mbd_sim.appearance import palette
+from mbd_sim.appearance.palette import Color, mixed
+from mbd_sim.appearance.residual_scale import residual_size
 from mbd_sim.errors import MbdSimError, nearest
-from mbd_sim.mechanism.model import Array
-from mbd_sim.playback.table import ENERGY_NAMES, RunTable
-from mbd_sim.viewer import palette
-from mbd_sim.viewer.audit import residual_size
-from mbd_sim.viewer.palette import Color, mixed
+from mbd_sim.geometry.pose import Array
+from mbd_sim.playback.run_table import ENERGY_NAMES, RunTable
 
 SHOWN = ("energies", "joints", "residual", "phase")
 _ENERGY_COLORS = (

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mbd_sim.mechanism.model import Array
-from mbd_sim.recording.parts import ReadingError, RecordedTopic
+from mbd_sim.geometry.pose import Array
+from mbd_sim.recording.contents import ReadingError, RecordedTopic
 
 
 class JointStates(NamedTuple):

@@ -20,11 +20,11 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Header, Metadata, MetadataIndex, Schema
 
-from mbd_sim.recording.recover import attachment_index, chunk_index, recover
-from mbd_sim.recording.rosbag2 import Contents
-from mbd_sim.recording.stream import Stream
-from mbd_sim.recording.summary import MAGIC, Summary, encoded
-from mbd_sim.recording.topics import Topic
+from mbd_sim.recording.durable_file import Stream
+from mbd_sim.recording.mcap_summary import MAGIC, Summary, encoded
+from mbd_sim.recording.recorded_topic import Topic
+from mbd_sim.recording.recovery import attachment_index, chunk_index, recover
+from mbd_sim.recording.rosbag2_metadata import Contents
 
 CHUNK = 1 << 20  # bytes of messages in a chunk at most
 RESERVE = 1 << 20  # bytes that are left free on a disk: what comes at the end of a file must find room, and

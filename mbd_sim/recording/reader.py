@@ -17,9 +17,16 @@ from typing import Any
 import yaml
 
 from mbd_sim.recording import cdr
-from mbd_sim.recording.mcap_file import read_mcap
-from mbd_sim.recording.parts import Block, DamagedError, Message, Part, ReadingError, RecordedTopic
-from mbd_sim.recording.sqlite_file import read_sqlite
+from mbd_sim.recording.contents import (
+    Block,
+    DamagedError,
+    Message,
+    Part,
+    ReadingError,
+    RecordedTopic,
+)
+from mbd_sim.recording.mcap_reader import read_mcap
+from mbd_sim.recording.sqlite_reader import read_sqlite
 
 ABOUT = "mbd_sim"  # the metadata record of a run of ours
 _READERS = {".mcap": read_mcap, ".db3": read_sqlite}
@@ -34,7 +41,7 @@ class Recording:
 
     @property
     def about(self) -> Mapping[str, str]:
-        """What `sim_node` says about the run, see `mbd_sim.recording.metadata`; empty in other recordings."""
+        """What `sim_node` says about the run, see `mbd_sim.recording.run_metadata`; empty in other recordings."""
         return next((part.metadata[ABOUT] for part in self.parts if ABOUT in part.metadata), {})
 
     @property

@@ -9,11 +9,16 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from mbd_sim.recording.files import RecordingError, Series, new_file, new_series
+from mbd_sim.recording.durable_file import Stream
+from mbd_sim.recording.file_names import (
+    RecordingError,
+    Series,
+    new_file,
+    new_series,
+)
 from mbd_sim.recording.mcap_writer import McapFile, NoRoomError, Writable
-from mbd_sim.recording.rosbag2 import Contents, bag_metadata, write_metadata
-from mbd_sim.recording.stream import Stream
-from mbd_sim.recording.topics import Topic
+from mbd_sim.recording.recorded_topic import Topic
+from mbd_sim.recording.rosbag2_metadata import Contents, bag_metadata, write_metadata
 
 __all__ = ["Recorder", "RecordingError", "Series", "Topic", "new_file", "new_series"]
 

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
-from mbd_sim.mechanism.model import Array
-from mbd_sim.model import Model
-from mbd_sim.ros.inputs import Inputs
-from mbd_sim.ros.outputs import Outputs
-from mbd_sim.ros.runner import Runner
+from mbd_sim.geometry.pose import Array
+from mbd_sim.ros.publishing_thread import Outputs
+from mbd_sim.ros.stepping_thread import Runner
+from mbd_sim.ros.subscriptions import Inputs
+from mbd_sim.simulation.compiled_model import Model
 
 PERIOD = 1.0  # s of the steady clock
 REMIND = 30.0  # s between warnings of bad timing on the console

@@ -26,7 +26,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
 from mbd_sim.errors import CommandError, MbdSimError, listed
-from mbd_sim.mechanism.model import Array
+from mbd_sim.geometry.pose import Array
 
 
 class LockstepError(MbdSimError):

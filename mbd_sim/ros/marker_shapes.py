@@ -7,10 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 from visualization_msgs.msg import Marker
 
-from mbd_sim.mechanism.model import GROUND, Array, Joint, Mechanism, Part, Pose, Shape, identity_pose
-from mbd_sim.mechanism.rotation import aligning_z
-from mbd_sim.viewer import palette
-from mbd_sim.viewer.extent import joint_radius
+from mbd_sim.appearance import palette
+from mbd_sim.appearance.extent import joint_radius
+from mbd_sim.geometry.pose import Array, Pose, identity_pose
+from mbd_sim.geometry.rotation import aligning_z
+from mbd_sim.mechanism.records import (
+    GROUND,
+    Joint,
+    Mechanism,
+    Part,
+    Shape,
+)
 
 TURNS = 8
 COIL = 20 * TURNS + 4  # points of a coil

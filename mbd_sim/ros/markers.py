@@ -9,14 +9,16 @@ from geometry_msgs.msg import Point, Pose, Vector3
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from mbd_sim.mechanism.model import GROUND, Array, Attachment
-from mbd_sim.model import Model
+from mbd_sim.appearance import palette
+from mbd_sim.appearance.extent import extent_of, tip_of
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.records import GROUND, Attachment
 from mbd_sim.ros.marker_shapes import COIL, DAMPER, Solid, coil, damper, joint_solids, part_solids, thickness
+from mbd_sim.ros.message_template import STAMP, Template, slot
 from mbd_sim.ros.snapshots import Snapshot
-from mbd_sim.ros.states import placed
-from mbd_sim.ros.template import STAMP, Template, slot
-from mbd_sim.viewer import palette, paths
-from mbd_sim.viewer.extent import extent_of, tip_of
+from mbd_sim.ros.state_messages import placed
+from mbd_sim.simulation.compiled_model import Model
+from mbd_sim.viewer import entity_paths
 
 TRACE = 150  # points of a trace: five seconds at 30 Hz
 
@@ -130,7 +132,7 @@ class Markers:
                 points = constraint.points  # type: ignore[union-attr]
                 self._line("link", "cables", points, len(points), width, palette.JOINT)
         colors = palette.part_colors(mechanism)
-        for name in paths.ends(mechanism):
+        for name in entity_paths.ends(mechanism):
             at = Attachment(name, tip_of(mechanism.parts[name]))
             self._line("trace", "traces", (at,), TRACE, 0.5 * width, colors[name])
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mbd_sim.mechanism.model import Array
+from mbd_sim.geometry.pose import Array
 
 LONG = 0.02  # seconds from which a sleep can be ended early; shorter ones are plain sleeps, which wake more punctually
 RE_ANCHOR = 0.1  # seconds of lateness after which the schedule starts anew instead of catching up in a burst

@@ -21,9 +21,9 @@ from std_srvs.srv import SetBool, Trigger
 from mbd_sim.errors import MbdSimError, listed
 from mbd_sim.recording.reader import open_recording
 from mbd_sim.ros import realtime
-from mbd_sim.ros.parameters import Declared, Parameters
+from mbd_sim.ros.node_parameters import Declared, Parameters
 from mbd_sim.ros.replay_player import Player
-from mbd_sim.ros.replay_topics import ReplayTopics
+from mbd_sim.ros.replay_publishers import ReplayTopics
 
 PARAMETERS = (
     Declared("bag", "", "the recording: an .mcap or .db3 file, or a folder of rosbag2"),

@@ -19,15 +19,21 @@ from std_srvs.srv import SetBool, Trigger
 
 from mbd_sim.errors import MbdSimError, listed
 from mbd_sim.ros import realtime
-from mbd_sim.ros.building import build, limits, recordings, viewer, wanted
-from mbd_sim.ros.commands import CommandBuffer
+from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.diagnostics import PERIOD, Diagnostics
-from mbd_sim.ros.inputs import Inputs
-from mbd_sim.ros.outputs import Outputs
-from mbd_sim.ros.parameters import Parameters
-from mbd_sim.ros.runner import Rates, Runner
+from mbd_sim.ros.node_parameters import Parameters
+from mbd_sim.ros.node_setup import (
+    build,
+    limits,
+    recordings,
+    viewer,
+    wanted,
+)
+from mbd_sim.ros.publishing_thread import Outputs
 from mbd_sim.ros.simulation_services import serve_simulation_interfaces
-from mbd_sim.ros.wrenches import WrenchBuffer
+from mbd_sim.ros.stepping_thread import Rates, Runner
+from mbd_sim.ros.subscriptions import Inputs
+from mbd_sim.ros.wrench_buffer import WrenchBuffer
 
 IMPOSSIBLE = (MbdSimError, ValueError, ImportError, InvalidParameterTypeException, InvalidParameterValueException)
 USAGE = "Parameters stand after --ros-args, each behind -p: sim_node --ros-args -p mechanism:=double_rod"

@@ -9,7 +9,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from mbd_sim.ros.runner import Runner
+from mbd_sim.ros.stepping_thread import Runner
 
 FEATURES = (
     "SIMULATION_RESET", "SIMULATION_RESET_TIME", "SIMULATION_RESET_STATE",

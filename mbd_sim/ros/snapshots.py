@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from mbd_sim.mechanism.model import Array
-from mbd_sim.recording.metadata import Moment
+from mbd_sim.geometry.pose import Array
+from mbd_sim.recording.run_metadata import Moment
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,13 +8,13 @@ from geometry_msgs.msg import Transform, TransformStamped, Vector3
 from rclpy.node import Node
 from std_msgs.msg import Header
 
-from mbd_sim.mechanism.model import GROUND
-from mbd_sim.model import Model
+from mbd_sim.mechanism.records import GROUND
 from mbd_sim.ros import qos
-from mbd_sim.ros.output import Output
+from mbd_sim.ros.message_template import STAMP, Template, slot
+from mbd_sim.ros.publisher import Output
 from mbd_sim.ros.snapshots import Snapshot
-from mbd_sim.ros.states import Telling, placed
-from mbd_sim.ros.template import STAMP, Template, slot
+from mbd_sim.ros.state_messages import Telling, placed
+from mbd_sim.simulation.compiled_model import Model
 
 
 def transforms(node: Node, model: Model, prefix: str) -> Telling:

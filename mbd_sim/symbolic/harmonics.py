@@ -8,7 +8,7 @@ from typing import Any
 
 import sympy as sp
 
-from mbd_sim.symbolic.instructions import expression, ratio
+from mbd_sim.symbolic.exact_evaluation import expression, ratio
 from mbd_sim.symbolic.polynomial import Algebra, Monomial, Polynomial
 
 Harmonic = tuple[str, tuple[tuple[int, int], ...]]  # sin or cos of a sum of multiples: (argument, factor)

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import Any
 
-from mbd_sim.symbolic.constraints import SymbolicConstraint
-from mbd_sim.symbolic.equations import Coordinate, SymbolicEquations
-from mbd_sim.symbolic.printer import escaped, write
+from mbd_sim.symbolic.latex_printer import escaped, write
+from mbd_sim.symbolic.symbolic_constraints import SymbolicConstraint
+from mbd_sim.symbolic.symbolic_equations import Coordinate, SymbolicEquations
 
 LONGEST_LINE = 420  # characters of LaTeX, about what a line of text holds
 UNITS = {"revolute": ("rad",), "prismatic": ("m",), "screw": ("rad",), "cylindrical": ("m", "rad"),

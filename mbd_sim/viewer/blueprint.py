@@ -9,12 +9,13 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.components import LinkAxis
 
+from mbd_sim.appearance import palette
+from mbd_sim.appearance.extent import Extent
+from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.constraints import Rolling
-from mbd_sim.mechanism.model import Array
-from mbd_sim.viewer import palette, paths
-from mbd_sim.viewer.extent import Extent
-from mbd_sim.viewer.guides import floor_of
-from mbd_sim.viewer.stage import Stage
+from mbd_sim.viewer import entity_paths
+from mbd_sim.viewer.constraint_entities import floor_of
+from mbd_sim.viewer.scene_description import Stage
 
 LIVE_TIME = 30.0  # s that plots show while data come in: hours of them would be more than anybody sees
 FIELD_OF_VIEW = np.radians(55.0)  # Rerun's own, vertical
@@ -25,12 +26,12 @@ def make_blueprint(stage: Stage, *, live: bool) -> rrb.Blueprint:
     """The layout for a mechanism; `live` follows what comes in, otherwise it plays again and again."""
     upper = rrb.Horizontal(_scene(stage), _plots(stage, live), column_shares=[3, 2])
     log = rrb.TextLogView(
-        origin=paths.EVENTS,
+        origin=entity_paths.EVENTS,
         name="Events",
-        columns=rrb.TextLogColumns(timeline_columns=[paths.TIMELINE], text_log_columns=["LogLevel", "Body"]),
+        columns=rrb.TextLogColumns(timeline_columns=[entity_paths.TIMELINE], text_log_columns=["LogLevel", "Body"]),
     )
-    lanes = rrb.StateTimelineView(origin=paths.STATES, name="States")
-    about = rrb.TextDocumentView(origin=paths.ABOUT, name="About")
+    lanes = rrb.StateTimelineView(origin=entity_paths.STATES, name="States")
+    about = rrb.TextDocumentView(origin=entity_paths.ABOUT, name="About")
     lower = rrb.Horizontal(rrb.Tabs(log, about), lanes, column_shares=[3, 2])
     return rrb.Blueprint(
         rrb.Vertical(upper, lower, row_shares=[10, 2]),
@@ -38,7 +39,7 @@ def make_blueprint(stage: Stage, *, live: bool) -> rrb.Blueprint:
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(
             state="collapsed",
-            timeline=paths.TIMELINE,
+            timeline=entity_paths.TIMELINE,
             play_state="following" if live else "playing",
             loop_mode=None if live else "all",  # a loop would end the following
         ),
@@ -74,17 +75,19 @@ def _scene(stage: Stage) -> rrb.Spatial3DView:
     extent = stage.extent
     position, target, up = eye(extent)
     start = rr.TimeRangeBoundary.cursor_relative(seconds=-stage.look.trace_time)
-    recent = rrb.VisibleTimeRanges(timeline=paths.TIMELINE, start=start, end=rr.TimeRangeBoundary.cursor_relative())
+    recent = rrb.VisibleTimeRanges(
+        timeline=entity_paths.TIMELINE, start=start, end=rr.TimeRangeBoundary.cursor_relative()
+    )
     rolling = [record.name for record in stage.mechanism.constraints if isinstance(record, Rolling)]
     return rrb.Spatial3DView(
-        origin=paths.WORLD,
+        origin=entity_paths.WORLD,
         name=stage.mechanism.name,
         background=rrb.Background(color=palette.BACKGROUND, kind=rrb.BackgroundKind.SolidColor),
         line_grid=_floor(stage),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital, position=position, look_target=target, eye_up=up, speed=extent.size
         ),
-        overrides={paths.trace(name): recent for name in (*stage.traces, *rolling)},
+        overrides={entity_paths.trace(name): recent for name in (*stage.traces, *rolling)},
     )
 
 
@@ -112,21 +115,27 @@ def _floor(stage: Stage) -> rrb.LineGrid3D:
 
 def _plots(stage: Stage, live: bool) -> Any:
     mechanism = stage.mechanism
-    kinds = {*paths.free_kinds(mechanism), *paths.driven_kinds(mechanism)}
+    kinds = {*entity_paths.free_kinds(mechanism), *entity_paths.driven_kinds(mechanism)}
     joints = [
         [
-            _plot(live, f"{entity}/{kind}", f"{title} ({paths.UNITS[f'{entity}/{kind}']})")
-            for kind in (paths.ANGULAR, paths.LINEAR)
+            _plot(live, f"{entity}/{kind}", f"{title} ({entity_paths.UNITS[f'{entity}/{kind}']})")
+            for kind in (entity_paths.ANGULAR, entity_paths.LINEAR)
             if kind in kinds
         ]
-        for entity, title in ((paths.POSITION, "Position"), (paths.VELOCITY, "Velocity"), (paths.EFFORT, "Effort"))
+        for entity, title in (
+            (entity_paths.POSITION, "Position"),
+            (entity_paths.VELOCITY, "Velocity"),
+            (entity_paths.EFFORT, "Effort"),
+        )
     ]
     positions, velocities, efforts = joints
-    forces = [_plot(live, paths.REACTION, "Forces through joints (N)")] if stage.look.reactions else []
-    account = rrb.Tabs(_plot(live, paths.ACCOUNT, "Energy account (J)"), _plot(live, paths.STACK, "Energy stack (J)"))
+    forces = [_plot(live, entity_paths.REACTION, "Forces through joints (N)")] if stage.look.reactions else []
+    account = rrb.Tabs(
+        _plot(live, entity_paths.ACCOUNT, "Energy account (J)"), _plot(live, entity_paths.STACK, "Energy stack (J)")
+    )
     left_over = rrb.Tabs(
-        _plot(live, paths.RESIDUAL, "Energy residual (log\N{SUBSCRIPT ONE}\N{SUBSCRIPT ZERO} J)"),
-        _plot(live, paths.RESIDUAL_PJ, "Energy residual (pJ)"),
+        _plot(live, entity_paths.RESIDUAL, "Energy residual (log\N{SUBSCRIPT ONE}\N{SUBSCRIPT ZERO} J)"),
+        _plot(live, entity_paths.RESIDUAL_PJ, "Energy residual (pJ)"),
     )
     upper = [rrb.Tabs(*positions), rrb.Tabs(*velocities, *efforts, *forces)] if kinds else []
     return rrb.Vertical(*upper, account, left_over)
@@ -134,7 +143,9 @@ def _plots(stage: Stage, live: bool) -> Any:
 
 def _plot(live: bool, entity: str, name: str) -> rrb.TimeSeriesView:
     start = rr.TimeRangeBoundary.cursor_relative(seconds=-LIVE_TIME)
-    latest = rrb.VisibleTimeRanges(timeline=paths.TIMELINE, start=start, end=rr.TimeRangeBoundary.cursor_relative())
+    latest = rrb.VisibleTimeRanges(
+        timeline=entity_paths.TIMELINE, start=start, end=rr.TimeRangeBoundary.cursor_relative()
+    )
     return rrb.TimeSeriesView(
         origin=entity,
         name=name,

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbd_sim.mechanism.model import GROUND, Array, Attachment
-from mbd_sim.mechanism.rotation import quaternions
-from mbd_sim.viewer.rows import Rows
-from mbd_sim.viewer.stage import Stage
+from mbd_sim.geometry.pose import Array
+from mbd_sim.geometry.rotation import quaternions
+from mbd_sim.mechanism.records import GROUND, Attachment
+from mbd_sim.viewer.sample_rows import Rows
+from mbd_sim.viewer.scene_description import Stage
 
 LEAST = 1e-9  # m, below which two points count as one
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote, urlsplit
 
 from mbd_sim.errors import MbdSimError
-from mbd_sim.viewer import process
+from mbd_sim.viewer import rerun_process
 
 if TYPE_CHECKING:
     from rerun import RecordingStream
@@ -66,13 +66,13 @@ class Outlet:
         address = url = _data_url(DATA_PORT)
         if sink == "serve":
             # RecordingStream.serve_grpc would listen on every network (rerun 0.41): a server of our own does not
-            port, web_port = process.free_port(DATA_PORT), process.free_port(WEB_PORT)
-            self._server = process.start_server(port, web_port)
+            port, web_port = rerun_process.free_port(DATA_PORT), rerun_process.free_port(WEB_PORT)
+            self._server = rerun_process.start_server(port, web_port)
             url = _data_url(port)
-            address = f"http://{process.LOOPBACK}:{web_port}/?url={quote(url, safe='')}"
+            address = f"http://{rerun_process.LOOPBACK}:{web_port}/?url={quote(url, safe='')}"
         elif sink == "spawn":
-            if not process.listens(process.LOOPBACK, DATA_PORT):
-                process.spawn_window(DATA_PORT)
+            if not rerun_process.listens(rerun_process.LOOPBACK, DATA_PORT):
+                rerun_process.spawn_window(DATA_PORT)
             _full_url(url)
         else:
             address = url = _full_url(sink.partition(":")[2])
@@ -82,12 +82,12 @@ class Outlet:
     def close(self) -> None:
         """Stop the server that was started for this recording; a window stays open."""
         if self._server is not None:
-            process.stop(self._server)
+            rerun_process.stop(self._server)
             self._server = None
 
 
 def _data_url(port: int) -> str:
-    return f"rerun+http://{process.LOOPBACK}:{port}/proxy"
+    return f"rerun+http://{rerun_process.LOOPBACK}:{port}/proxy"
 
 
 def _full_url(url: str) -> str:
@@ -105,6 +105,6 @@ def _full_url(url: str) -> str:
     except ValueError as error:
         raise OSError(f"{error} in '{url}'") from error
     plain = place.scheme == "rerun+http"
-    if not (process.answers(host, port) if plain else process.listens(host, port)):
+    if not (rerun_process.answers(host, port) if plain else rerun_process.listens(host, port)):
         raise OSError(f"no viewer listens at {host}:{port}. Start one with 'rerun', or use 'spawn'")
     return url

@@ -18,20 +18,20 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from mbd_sim.mechanism.model import Array
-from mbd_sim.viewer import wire
+from mbd_sim.geometry.pose import Array
+from mbd_sim.viewer import protocol
+from mbd_sim.viewer.event_filter import Telling
 from mbd_sim.viewer.mailbox import Mailbox
-from mbd_sim.viewer.rows import RowWriter
+from mbd_sim.viewer.sample_rows import RowWriter
+from mbd_sim.viewer.scene_description import TRACE_TIME, Look, make_stage
 from mbd_sim.viewer.sinks import ViewerError, checked_sink, is_live
-from mbd_sim.viewer.stage import TRACE_TIME, Look, make_stage
-from mbd_sim.viewer.told import Telling
 
 PERIOD = 0.05  # s between two batches
 BATCH = 500  # samples
 FLUSH_PERIOD = 1.0  # s
 OPEN_TIMEOUT, CLOSE_TIMEOUT = 60.0, 20.0  # s
 if TYPE_CHECKING:
-    from mbd_sim.model import Energies, Model
+    from mbd_sim.simulation.compiled_model import Energies, Model
 
 _log = logging.getLogger(__name__)
 
@@ -108,7 +108,7 @@ class Viewer:
         timer.start()
         line = b""
         with contextlib.suppress(OSError):
-            self._worker.stdin.write(wire.packed(wire.STAGE, stage))
+            self._worker.stdin.write(protocol.packed(protocol.STAGE, stage))
             self._worker.stdin.flush()
             line = self._worker.stdout.readline()
         timer.cancel()
@@ -194,11 +194,11 @@ class Viewer:
                 self._wake.clear()
                 closing, asked = self._closing, self._flushes
                 while rows := self._samples.take(BATCH):
-                    pipe.write(wire.packed(wire.ROWS, b"".join(row.data for row in rows)))
+                    pipe.write(protocol.packed(protocol.ROWS, b"".join(row.data for row in rows)))
                 while events := self._events.take(BATCH):
-                    pipe.write(wire.packed(wire.EVENTS, json.dumps(events).encode()))
+                    pipe.write(protocol.packed(protocol.EVENTS, json.dumps(events).encode()))
                 if self._waiting or (self._live and time.monotonic() - flushed > FLUSH_PERIOD):
-                    pipe.write(wire.packed(wire.FLUSH, asked.to_bytes(8, "little")))
+                    pipe.write(protocol.packed(protocol.FLUSH, asked.to_bytes(8, "little")))
                     flushed = time.monotonic()
                 pipe.flush()
             pipe.close()

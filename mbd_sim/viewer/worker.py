@@ -14,7 +14,7 @@ from typing import IO
 
 import numpy as np
 
-from mbd_sim.viewer import wire
+from mbd_sim.viewer import protocol
 
 NICE = 10  # less of the processor than the simulation, where there is not enough for both
 
@@ -35,10 +35,10 @@ def _show(source: IO[bytes], answers: IO[str]) -> int:
 
     try:
         # Rerun is loaded while the other process gets the stage ready.
-        from mbd_sim.viewer.events import Event
-        from mbd_sim.viewer.presentation import Presentation
+        from mbd_sim.viewer.event_log import Event
+        from mbd_sim.viewer.rerun_stream import Presentation
 
-        first = wire.read(source)
+        first = protocol.read(source)
         if first is None:
             return 1
         stage, sink = pickle.loads(first[1])  # noqa: S301  (from the process that started this one)
@@ -48,13 +48,13 @@ def _show(source: IO[bytes], answers: IO[str]) -> int:
         return 1
     answer(address=presentation.address)
     try:
-        while (message := wire.read(source)) is not None:
+        while (message := protocol.read(source)) is not None:
             kind, payload = message
-            if kind == wire.ROWS:
+            if kind == protocol.ROWS:
                 presentation.send(np.frombuffer(payload).reshape(-1, stage.rows.width))
-            elif kind == wire.EVENTS:
+            elif kind == protocol.EVENTS:
                 presentation.tell([Event(*event) for event in json.loads(payload)])
-            elif kind == wire.FLUSH:
+            elif kind == protocol.FLUSH:
                 presentation.flush()
                 answer(flushed=int.from_bytes(payload, "little"))
         presentation.flush()

@@ -6,20 +6,20 @@ import json
 from dataclasses import replace
 
 import casadi as ca
-import kane
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from mechanisms import SHIPPED, random_state, random_trees
 
 from mbd_sim import Simulation
 from mbd_sim.analysis.inertia_split import inertia_split
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
+from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.expression import TimeExpression
-from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
-from mbd_sim.report import report
-from mbd_sim.report_text import report_text
+from mbd_sim.report.mechanism_report import report
+from mbd_sim.report.report_text import report_text
+from test.generators.mechanisms import SHIPPED, random_state, random_trees
+from test.oracles import kane
 
 T = 0.7
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import solve_continuous_are
 
 from mbd_sim import Simulation
-from mbd_sim.analysis.linear import linearize
+from mbd_sim.analysis.linearization import linearize
 from mbd_sim.analysis.regulator import lqr
 
 

@@ -9,23 +9,22 @@ import sys
 from pathlib import Path
 
 import casadi as ca
-import mechanisms
 import numpy as np
 import pytest
-from interpreter import fma, interpret
-from mechanisms import AUDITED, FLOATING
 
-import mbd_sim
 from mbd_sim import Simulation
-from mbd_sim.compiler import jit, vectors
+from mbd_sim.compiler import ir_vectors, machine_code
 from mbd_sim.compiler import kernel as kernel_module
-from mbd_sim.compiler.arrange import arranged
 from mbd_sim.compiler.kernel import compile_kernel
+from mbd_sim.compiler.schedule import arranged
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.integrators.methods import METHODS
 from mbd_sim.integrators.tableau import EXPLICIT
-from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
-from mbd_sim.model import build_model
+from mbd_sim.load import load_mechanism, parse_mechanism
+from mbd_sim.simulation.compiled_model import build_model
+from test.generators import mechanisms
+from test.generators.mechanisms import AUDITED, FLOATING
+from test.oracles.instruction_interpreter import fma, interpret
 
 MECHANISMS = {
     "double_rod": lambda: load_mechanism("double_rod"),
@@ -63,14 +62,14 @@ def test_two_compilations_give_the_same_bits():
 def test_another_process_gets_the_same_bits():
     """Whatever the seed of hashes and wherever things stand in memory."""
     code = (
-        "from mbd_sim import Simulation; import mechanisms; "
+        "from mbd_sim import Simulation; from test.generators import mechanisms; "
         "sim = Simulation.from_text(mechanisms.FLOATING); sim.step(1000); print(sim.state.tobytes().hex())"
     )
     here = Simulation.from_text(FLOATING)
     here.step(1000)
-    paths = os.pathsep.join(map(str, (Path(mechanisms.__file__).parent, Path(mbd_sim.__file__).parents[1])))
+    root = str(Path(mechanisms.__file__).parents[2])
     for seed in ("1", "2"):
-        environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": paths}
+        environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": root}
         done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
         assert done.stdout.strip() == here.state.tobytes().hex()
 
@@ -78,8 +77,8 @@ def test_another_process_gets_the_same_bits():
 def test_a_processor_without_fused_operations_gets_the_same_bits(monkeypatch):
     """There they are calls of the C library, which rounds once as well."""
     here = run(*compile_model("audited", "dop853"), 300)
-    monkeypatch.setattr(jit.llvm, "get_host_cpu_name", lambda: "x86-64")
-    monkeypatch.setattr(jit.llvm, "get_host_cpu_features", jit.llvm.FeatureMap)
+    monkeypatch.setattr(machine_code.llvm, "get_host_cpu_name", lambda: "x86-64")
+    monkeypatch.setattr(machine_code.llvm, "get_host_cpu_features", machine_code.llvm.FeatureMap)
     assert bits(run(*compile_model("audited", "dop853"), 300)) == bits(here)
 
 
@@ -103,7 +102,7 @@ def test_how_it_is_compiled_does_not_show(monkeypatch, name, method):
         if inlined > 0 and unrolled > 40 and (name, method) != ("double_rod", "rk4"):
             continue  # large inlined loops only take long to compile
         monkeypatch.setattr(kernel_module, "INLINED", inlined)
-        monkeypatch.setattr(vectors, "UNROLLED", unrolled)
+        monkeypatch.setattr(ir_vectors, "UNROLLED", unrolled)
         found.append(bits(run(*compile_model(name, method), 300)))
     assert len(found) >= 3
     assert all(other == found[0] for other in found)
@@ -111,7 +110,7 @@ def test_how_it_is_compiled_does_not_show(monkeypatch, name, method):
 
 def by_numpy(function, *, fused=True):
     """A function as the kernel computes it."""
-    return lambda t, *vectors: interpret(arranged(function, fused=fused), None, [[t], *vectors])
+    return lambda t, *vectors: interpret(arranged(function, fused=fused), None, [[t], *ir_vectors])
 
 
 def textbook_step(rates, settle, method, y, inputs, step, h):
@@ -166,7 +165,7 @@ def test_a_step_is_the_formula_of_the_method(method):
 @pytest.mark.parametrize("bad", [0, 1, 2])
 def test_divergence_leaves_the_state_as_it_was(monkeypatch, unrolled, bad):
     """y' = y² is infinite at t = 1 from y = 1; whichever component it is, none is written."""
-    monkeypatch.setattr(vectors, "UNROLLED", unrolled)
+    monkeypatch.setattr(ir_vectors, "UNROLLED", unrolled)
     t, y, inputs = ca.SX.sym("t"), ca.SX.sym("y", 3), ca.SX.sym("e", 1)
     slopes = [ca.SX(1.0)] * 3
     slopes[bad] = y[bad] * y[bad]

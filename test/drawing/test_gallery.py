@@ -7,7 +7,7 @@ import pytest
 
 from mbd_sim.drawing import gallery
 from mbd_sim.errors import MbdSimError
-from mbd_sim.mechanism.library import shipped
+from mbd_sim.mechanism_file.library import shipped
 
 DOCS = Path(__file__).resolve().parent.parent.parent / "docs"
 

@@ -8,12 +8,17 @@ from __future__ import annotations
 
 from collections import Counter
 
-import kane
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from loops import random_mechanisms, state_near_start
-from mechanisms import (
+
+from mbd_sim.compiler.lowering import instruction_count
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.dynamics.lagrange import lagrange_equations
+from mbd_sim.errors import MechanismError
+from mbd_sim.load import load_mechanism, parse_mechanism
+from test.generators.loops import random_mechanisms, state_near_start
+from test.generators.mechanisms import (
     AUDITED,
     CART_PENDULUM,
     COLLARS,
@@ -26,12 +31,7 @@ from mechanisms import (
     random_state,
     random_trees,
 )
-
-from mbd_sim.compiler.lower import instruction_count
-from mbd_sim.dynamics.equations import derive
-from mbd_sim.dynamics.lagrange import lagrange_equations
-from mbd_sim.errors import MechanismError
-from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
+from test.oracles import kane
 
 ROUND_OFF = 1e-13
 ILL = 1e4  # times a condition of order one, beyond which 1e-10 is not to be had

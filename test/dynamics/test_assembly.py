@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import kane
 import numpy as np
 import pytest
-from mechanisms import derived
-from test_impossible import FOUR_BAR, four_bar
 
 from mbd_sim.dynamics.assembly import close_loops, independent_rows, nearest_speeds, null_space, rank_of
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
+from mbd_sim.load import load_mechanism, parse_mechanism
+from test.dynamics.test_assembly_errors import FOUR_BAR, four_bar
+from test.generators.mechanisms import derived
+from test.oracles import kane
 
 
 def closed_form(crank, open_branch):

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import casadi as ca
-import kane
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from loops import random_mechanisms, state_near_start
 
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.multipliers import GuardedFactors, minimum_degree
 from mbd_sim.errors import MechanismError
-from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
+from mbd_sim.load import load_mechanism, parse_mechanism
+from test.generators.loops import random_mechanisms, state_near_start
+from test.oracles import kane
 
 
 def symbolic(matrix):

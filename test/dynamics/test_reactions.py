@@ -5,17 +5,17 @@ from __future__ import annotations
 import json
 
 import casadi as ca
-import kane
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from loops import FREEDOMS, random_mechanisms, state_near_start
-from mechanisms import SHIPPED, accelerations, random_state
 
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.errors import MechanismError
+from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism import constraints as c
-from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
+from test.generators.loops import FREEDOMS, random_mechanisms, state_near_start
+from test.generators.mechanisms import SHIPPED, accelerations, random_state
+from test.oracles import kane
 
 T = 0.05
 

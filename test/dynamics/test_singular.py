@@ -5,15 +5,15 @@ from __future__ import annotations
 import json
 
 import casadi as ca
-import kane
 import numpy as np
 import pytest
-from mechanisms import accelerations, derived, random_state
 
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.dynamics.spatial import SpdFactors, inverse_spd
+from mbd_sim.dynamics.spatial_algebra import SpdFactors, inverse_spd
 from mbd_sim.errors import MechanismError
-from mbd_sim.mechanism.load import parse_mechanism
+from mbd_sim.load import parse_mechanism
+from test.generators.mechanisms import accelerations, derived, random_state
+from test.oracles import kane
 
 
 def refused(text):

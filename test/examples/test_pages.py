@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mbd_sim.mechanism.library import shipped
+from mbd_sim.mechanism_file.library import shipped
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 CONTROL = ROOT / "docs" / "control.md"

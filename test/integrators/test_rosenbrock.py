@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from rooted_trees import density, trees, weights
 
 from mbd_sim import Simulation
 from mbd_sim.integrators.rosenbrock import ROSENBROCK
+from test.oracles.rooted_trees import density, trees, weights
 
 ALL = pytest.mark.parametrize("method", ROSENBROCK.values(), ids=ROSENBROCK)
 

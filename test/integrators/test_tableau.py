@@ -8,10 +8,10 @@ from math import factorial
 import casadi as ca
 import numpy as np
 import pytest
-from rooted_trees import density, symmetry, trees, weights
 
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.integrators.tableau import EXPLICIT as METHODS
+from test.oracles.rooted_trees import density, symmetry, trees, weights
 
 ALL = pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from mechanisms import accelerations, derived
 
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.mechanism.load import load_mechanism
+from mbd_sim.load import load_mechanism
+from test.generators.mechanisms import accelerations, derived
 
 G = 9.81
 TOLERANCE = 1e-13

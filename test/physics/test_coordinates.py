@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import json
 
-import kane
 import numpy as np
 import pytest
-from mechanisms import accelerations
 
 from mbd_sim import Simulation
-from mbd_sim.mechanism.rotation import from_quaternion, to_quaternion, unit
+from mbd_sim.geometry.rotation import from_quaternion, to_quaternion, unit
+from test.generators.mechanisms import accelerations
+from test.oracles import kane
 
 
 def near(expected, size):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from mechanisms import accelerations
 from scipy.optimize import brentq
-from sliders import slider
 
 from mbd_sim import Simulation, load_mechanism
 from mbd_sim.dynamics.equations import derive
+from test.generators.mechanisms import accelerations
+from test.physics.sliders import slider
 
 
 def test_quadratic_drag_slows_the_puck_as_one_over_t():

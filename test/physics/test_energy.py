@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import kane
 import numpy as np
 import pytest
-from mechanisms import FLOATING, PROJECTILE, audited
 
 from mbd_sim import Simulation
+from test.generators.mechanisms import FLOATING, PROJECTILE, audited
+from test.oracles import kane
 
 
 def commanded(sim, seconds, record=None):

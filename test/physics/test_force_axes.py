@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 
-import kane
 import numpy as np
 import pytest
-from mechanisms import accelerations
 
 from mbd_sim import Simulation, parse_mechanism
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.mechanism.library import find
+from mbd_sim.mechanism_file.library import find
+from test.generators.mechanisms import accelerations
+from test.oracles import kane
 
 
 def test_a_force_in_the_axes_of_another_part_turns_with_that_part():

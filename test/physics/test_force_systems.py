@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from mechanisms import accelerations
 
 from mbd_sim import Simulation, load_mechanism
 from mbd_sim.dynamics.equations import derive
+from test.generators.mechanisms import accelerations
 
 G = 9.81
 

@@ -7,10 +7,10 @@ import functools
 import casadi as ca
 import numpy as np
 import pytest
-from mechanisms import consistent_state, random_state
 
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.mechanism.load import load_mechanism
+from mbd_sim.load import load_mechanism
+from test.generators.mechanisms import consistent_state, random_state
 
 G = 9.81
 

@@ -7,13 +7,13 @@ import re
 
 import numpy as np
 import pytest
-from mechanisms import accelerations, consistent_state, derived, violation
 
 from mbd_sim import Simulation
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.mechanism.library import shipped
-from mbd_sim.mechanism.load import load_mechanism
-from mbd_sim.mechanism.load import parse_mechanism as load_text
+from mbd_sim.load import load_mechanism
+from mbd_sim.load import parse_mechanism as load_text
+from mbd_sim.mechanism_file.library import shipped
+from test.generators.mechanisms import accelerations, consistent_state, derived, violation
 
 G = 9.81
 

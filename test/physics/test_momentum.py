@@ -5,11 +5,11 @@ Whatever acts between the parts, constraints and rolling included, is internal. 
 
 from __future__ import annotations
 
-import kane
 import numpy as np
 import pytest
 
 from mbd_sim import Simulation
+from test.oracles import kane
 
 FLOAT = "flight: {type: free, between: [ground, base], position: [0.2, 0.5, -0.3]}"
 

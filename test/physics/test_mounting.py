@@ -11,13 +11,13 @@ import json
 
 import numpy as np
 import pytest
-from loops import state_near_start
-from mechanisms import SHIPPED, accelerations, random_state
 
 from mbd_sim import Simulation
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.mechanism.load import load_mechanism, parse_mechanism
-from mbd_sim.mechanism.rotation import from_quaternion, unit
+from mbd_sim.geometry.rotation import from_quaternion, unit
+from mbd_sim.load import load_mechanism, parse_mechanism
+from test.generators.loops import state_near_start
+from test.generators.mechanisms import SHIPPED, accelerations, random_state
 
 QUATERNION = unit(np.array([0.7, -0.2, 0.5, 0.4]))
 ALONG = unit(np.array([1.0, -2.0, 0.5]))

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from mechanisms import PROJECTILE
 
 from mbd_sim import Simulation
+from test.generators.mechanisms import PROJECTILE
 
 TIGHT = 1e-11  # 3e-12 is reached, which is what the table's digits allow to see
 

@@ -9,12 +9,12 @@ import functools
 
 import numpy as np
 import pytest
-from mechanisms import accelerations, consistent_state
 
 from mbd_sim import Simulation
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.mechanism.load import load_mechanism
-from mbd_sim.mechanism.rotation import from_quaternion
+from mbd_sim.geometry.rotation import from_quaternion
+from mbd_sim.load import load_mechanism
+from test.generators.mechanisms import accelerations, consistent_state
 
 G, R = 9.81, 0.5
 UP = np.array([0.0, 0.0, 1.0])

@@ -10,10 +10,10 @@ import re
 
 import numpy as np
 import pytest
-from mechanisms import violation
 
 from mbd_sim import Simulation
-from mbd_sim.mechanism.library import shipped
+from mbd_sim.mechanism_file.library import shipped
+from test.generators.mechanisms import violation
 
 # Ground, crank, coupler and rocker in m, and their angles to start from, in degrees.
 CHANGE_POINTS = {

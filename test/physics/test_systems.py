@@ -9,17 +9,17 @@ from __future__ import annotations
 import functools
 
 import casadi as ca
-import kane
 import numpy as np
 import pytest
-from loops import state_near_start
-from mechanisms import SHIPPED, accelerations, random_state
 
 from mbd_sim import Simulation
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
-from mbd_sim.mechanism.load import load_mechanism
-from mbd_sim.mechanism.rotation import from_quaternion
+from mbd_sim.geometry.rotation import from_quaternion
+from mbd_sim.load import load_mechanism
+from test.generators.loops import state_near_start
+from test.generators.mechanisms import SHIPPED, accelerations, random_state
+from test.oracles import kane
 
 G = 9.81
 

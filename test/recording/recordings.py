@@ -6,7 +6,7 @@ import struct
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, make_reader
 
-from mbd_sim.recording.files import new_series
+from mbd_sim.recording.file_names import new_series
 from mbd_sim.recording.recorder import Recorder, Topic
 from mbd_sim.ros import qos
 

@@ -10,8 +10,8 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from mbd_sim.cli import main
-from mbd_sim.recording.recover import recover
+from mbd_sim.cli.main import main
+from mbd_sim.recording.recovery import recover
 from test.recording.recordings import messages, metadata, readable, recorder_in, whole_chunks
 
 KILLS = 100

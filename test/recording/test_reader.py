@@ -7,7 +7,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from mbd_sim.recording import cdr
-from mbd_sim.recording.parts import DamagedError, Message, ReadingError
+from mbd_sim.recording.contents import DamagedError, Message, ReadingError
 from mbd_sim.recording.reader import open_recording
 from test.recording.runs import record_run, rewrite
 

@@ -15,11 +15,11 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from mbd_sim import Simulation
 from mbd_sim.recording import recorder as module
-from mbd_sim.recording.files import Series
-from mbd_sim.recording.metadata import Moment, run_metadata
+from mbd_sim.recording.durable_file import Stream
+from mbd_sim.recording.file_names import Series
+from mbd_sim.recording.message_definitions import definition, type_hash
 from mbd_sim.recording.recorder import Recorder
-from mbd_sim.recording.schemas import definition, type_hash
-from mbd_sim.recording.stream import Stream
+from mbd_sim.recording.run_metadata import Moment, run_metadata
 from test.recording.recordings import TOPICS, messages, metadata, recorder_in, whole_chunks
 
 

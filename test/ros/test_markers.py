@@ -6,8 +6,8 @@ from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
 from mbd_sim import Simulation
-from mbd_sim.mechanism.library import shipped
-from mbd_sim.mechanism.rotation import from_quaternion
+from mbd_sim.geometry.rotation import from_quaternion
+from mbd_sim.mechanism_file.library import shipped
 from mbd_sim.ros.markers import Markers
 from mbd_sim.ros.snapshots import Snapshot
 

@@ -6,7 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from mbd_sim.recording.parts import Block, DamagedError, Message, Part, RecordedTopic
+from mbd_sim.recording.contents import (
+    Block,
+    DamagedError,
+    Message,
+    Part,
+    RecordedTopic,
+)
 from mbd_sim.recording.reader import Recording
 from mbd_sim.ros.replay_player import Player
 

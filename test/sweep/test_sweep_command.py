@@ -8,7 +8,7 @@ import pyarrow.csv
 import pyarrow.parquet
 import pytest
 
-from mbd_sim.cli import main
+from mbd_sim.cli.main import main
 
 RODS = ["sweep", "double_rod", "--quiet", "--time", "0.2", "--method", "rk4"]
 MANY = ["--vary", "l=uniform(0.5, 2)", "--vary", "joints.elbow.position=uniform(0, 90 deg)", "--draws", "600"]

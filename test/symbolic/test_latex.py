@@ -5,14 +5,14 @@ import subprocess
 import sys
 
 import pytest
-from mechanisms import SHIPPED
-from test_equations import small
 
-from mbd_sim.cli import main
-from mbd_sim.mechanism.load import load_mechanism
+from mbd_sim.cli.main import main
+from mbd_sim.load import load_mechanism
 from mbd_sim.symbolic import symbolic_equations, to_latex
 from mbd_sim.symbolic.latex import constraint_rows, entry_rows, motion_rows
-from mbd_sim.symbolic.printer import number
+from mbd_sim.symbolic.latex_printer import number
+from test.generators.mechanisms import SHIPPED
+from test.symbolic.test_symbolic_equations import small
 
 
 def parse(formula):

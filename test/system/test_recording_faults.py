@@ -18,8 +18,8 @@ from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
-from mbd_sim.cli import main
-from mbd_sim.recording.recover import recover
+from mbd_sim.cli.main import main
+from mbd_sim.recording.recovery import recover
 from test.recording.recordings import readable
 from test.system.nodes import Listener, SimNodeProcess, nanoseconds, new_domain, running
 from test.system.test_recording_services import recomputed, state_ticks

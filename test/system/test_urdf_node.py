@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -12,10 +11,8 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from mbd_sim import parse_mechanism
+from test.generators.urdf_robots import quadruped
 from test.system.nodes import as_in_the_node, running
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "mechanism"))
-from urdf_robots import quadruped
 
 pytestmark = pytest.mark.timeout(90)
 

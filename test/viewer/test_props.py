@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.mechanism import rotation as rot
-from mbd_sim.viewer import palette
-from mbd_sim.viewer.arrows import LONG, arrows, weight
-from mbd_sim.viewer.audit import residual_size
-from mbd_sim.viewer.extent import extent_of
+from mbd_sim.appearance import palette
+from mbd_sim.appearance.extent import extent_of
+from mbd_sim.appearance.residual_scale import residual_size
+from mbd_sim.geometry import rotation as rot
+from mbd_sim.viewer.arrow_entities import LONG, arrows, weight
 from mbd_sim.viewer.placement import Placement
-from mbd_sim.viewer.presentation import Presentation
-from mbd_sim.viewer.rows import Rows, RowWriter
-from mbd_sim.viewer.stage import Look, make_stage
+from mbd_sim.viewer.rerun_stream import Presentation
+from mbd_sim.viewer.sample_rows import Rows, RowWriter
+from mbd_sim.viewer.scene_description import Look, make_stage
 from test.viewer.test_viewer import Recorded
 
 TIED = """

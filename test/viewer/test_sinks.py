@@ -9,7 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from mbd_sim import Simulation
-from mbd_sim.viewer import Viewer, ViewerError, process
+from mbd_sim.viewer import Viewer, ViewerError, rerun_process
 from mbd_sim.viewer.sinks import Outlet
 
 
@@ -21,7 +21,7 @@ def model():
 @pytest.fixture
 def closed_port():
     with socket.socket() as taken:
-        taken.bind((process.LOOPBACK, 0))
+        taken.bind((rerun_process.LOOPBACK, 0))
         yield taken.getsockname()[1]
 
 
@@ -64,7 +64,7 @@ def test_connecting_to_nobody(closed_port):
 
 
 def test_connecting_to_something_else():
-    with socket.create_server((process.LOOPBACK, 0)) as mute:
+    with socket.create_server((rerun_process.LOOPBACK, 0)) as mute:
         port = mute.getsockname()[1]
         with pytest.raises(ViewerError, match="no viewer listens"):
             opened(f"connect:127.0.0.1:{port}")
@@ -80,19 +80,19 @@ def test_no_window_without_a_display(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(OSError, match="no display"):
-        process.spawn_window(process.free_port(0))
+        rerun_process.spawn_window(rerun_process.free_port(0))
 
 
 def test_no_program_to_start(monkeypatch):
     monkeypatch.setenv("PATH", "")
     monkeypatch.delenv("RERUN_CLI_PATH", raising=False)
-    monkeypatch.setattr(process.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(rerun_process.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(OSError, match="pip install rerun-sdk"):
-        process.executable()
+        rerun_process.executable()
 
 
 def test_without_rerun(model, monkeypatch):
-    monkeypatch.setattr(process.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(rerun_process.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ViewerError, match="pip install rerun-sdk"):
         Viewer(model, "serve")
 

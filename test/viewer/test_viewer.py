@@ -14,13 +14,13 @@ import rerun_cli
 from rerun.chunk import RrdReader
 
 from mbd_sim import Simulation
-from mbd_sim.mechanism import rotation as rot
+from mbd_sim.geometry import rotation as rot
 from mbd_sim.viewer import Viewer, ViewerError
-from mbd_sim.viewer.events import Event
-from mbd_sim.viewer.presentation import Presentation
-from mbd_sim.viewer.rows import RowWriter
-from mbd_sim.viewer.stage import Look, make_stage
-from mbd_sim.viewer.told import Telling
+from mbd_sim.viewer.event_filter import Telling
+from mbd_sim.viewer.event_log import Event
+from mbd_sim.viewer.rerun_stream import Presentation
+from mbd_sim.viewer.sample_rows import RowWriter
+from mbd_sim.viewer.scene_description import Look, make_stage
 
 
 class Recorded:

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mechanisms import violation
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 from mbd_sim import Simulation
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.mechanism.load import load_mechanism
+from mbd_sim.load import load_mechanism
+from test.generators.mechanisms import violation
 
 G = 9.81
 SCRIPTS = Path(__file__).parents[3] / "scripts"

@@ -1,0 +1,107 @@
+"""Inverse dynamics: the efforts that a motion takes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from mbd_sim.dynamics.articulated_body import bias_acceleration
+from mbd_sim.dynamics.assembly import null_space
+from mbd_sim.dynamics.element_forces import element_loads
+from mbd_sim.dynamics.equations import Equations, derive
+from mbd_sim.dynamics.joint_forces import joint_loads
+from mbd_sim.dynamics.kinematics import link_motions, part_poses
+from mbd_sim.dynamics.links import layout, links
+from mbd_sim.dynamics.reactions import transmitted_wrenches
+from mbd_sim.dynamics.spatial_algebra import constant
+from mbd_sim.errors import nearest
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.records import Mechanism
+
+FEASIBLE = 1e-9  # of the largest acceleration, what the efforts may miss
+
+
+class InverseDynamics:
+    """The efforts that give a mechanism wanted accelerations, at a state.
+
+    An open chain takes the recursive Newton–Euler algorithm (Featherstone 2008, sec. 5.3): accelerations outwards,
+    forces inwards, O(n). With loops and constraints the same recursion runs on the spanning tree, and its generalized
+    forces r are shared out among the `actuated` coordinates so that Nᵀ e = Nᵀ r along the free directions N (the
+    constraints do no work there): by as small efforts as possible, where more coordinates are actuated than move.
+    Springs, dampers, friction, applied forces and drives are accounted for.
+
+    >>> arm = InverseDynamics(load_mechanism("six_axis_arm"))
+    >>> holding = arm(q, np.zeros(6), np.zeros(6))  # what carries the weight
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, actuated: Sequence[str] | None = None, equations: Equations | None = None
+    ) -> None:
+        """For efforts at the `actuated` coordinates, all by default; `equations` where they have been derived.
+
+        :raises ValueError: a name that no coordinate has.
+        """
+        names = mechanism.coordinate_names
+        for name in actuated or ():
+            if name not in names:
+                raise ValueError(f"there is no coordinate '{name}'. {nearest(name, names)}")
+        self.mechanism = mechanism
+        self.actuated = names if actuated is None else tuple(actuated)
+        self._places = [names.index(name) for name in self.actuated]
+        self._tree = _tree_efforts(mechanism)
+        self._equations = equations
+        self._direct = len(self._places) == len(names) and not (mechanism.closing or mechanism.constraints)
+
+    def __call__(self, q: Array, u: Array, u_rates: Array, t: float = 0.0) -> Array:
+        """The efforts (nv,) in N and N·m for the accelerations `u_rates` (nv,); zero where nothing is actuated.
+
+        :param q: (nq,) coordinates, which meet the constraints.
+        :param u: (nv,) speeds.
+        :param t: s, where something depends on time.
+        :raises ValueError: the constraints, or joints without an effort, do not allow these accelerations.
+        """
+        efforts = np.array(self._tree(q, u, u_rates, t), dtype=float).ravel()
+        if self._direct:
+            return efforts
+        if self._equations is None:
+            self._equations = derive(self.mechanism)
+        free = null_space(self._equations.conditions.gradient(t, np.asarray(q, dtype=float)))
+        shared = np.zeros_like(efforts)
+        shared[self._places] = np.linalg.lstsq(free.T[:, self._places], free.T @ efforts, rcond=None)[0]
+        self._require_met(q, u, np.asarray(u_rates, dtype=float), t, shared)
+        return shared
+
+    def _require_met(self, q: Array, u: Array, u_rates: Array, t: float, efforts: Array) -> None:
+        assert self._equations is not None
+        (nq, nv), y = (len(q), len(u)), np.concatenate([q, u, np.zeros(3)])
+        found = np.array(self._equations.rates.call([t, y, efforts])[0]).ravel()[nq : nq + nv]
+        miss, scale = np.abs(found - u_rates), max(float(np.max(np.abs(u_rates), initial=0.0)), 1.0)
+        if not np.max(miss, initial=0.0) <= FEASIBLE * scale:
+            worst = int(np.argmax(miss))
+            raise ValueError(
+                f"no efforts at {', '.join(self.actuated) or 'no joint'} give these accelerations: "
+                f"{self.mechanism.coordinate_names[worst]} would have {found[worst]:.6g} in place of "
+                f"{u_rates[worst]:.6g}. Ask for accelerations that the constraints allow, or actuate more joints."
+            )
+
+
+def _tree_efforts(mechanism: Mechanism) -> ca.Function:
+    """(q, u, u', t) -> the efforts (nv,) of the spanning tree with its loops open."""
+    places, chain = layout(mechanism), links(mechanism)
+    t, q = ca.SX.sym("t"), ca.SX.sym("q", places.nq)
+    u, u_rates = ca.SX.sym("u", places.nv), ca.SX.sym("u'", places.nv)
+    motions = link_motions(chain, t, q, u)
+    base = constant(np.concatenate([np.zeros(3), -mechanism.gravity]))
+    accelerations: list[ca.SX] = []
+    for link, motion in zip(chain, motions, strict=True):
+        inboard = accelerations[link.parent] if link.parent >= 0 else base
+        carried = motion.transform @ inboard + bias_acceleration(motion)
+        accelerations.append(ca.sparsify(carried + motion.joint.partial_velocities @ u_rates[link.u, :]))
+    elements = element_loads(mechanism, chain, motions, part_poses(chain, t, q), t)
+    wrenches = transmitted_wrenches(chain, motions, accelerations, elements.wrenches)
+    efforts = -joint_loads(chain, q, u, ca.SX(places.nv, 1)).generalized
+    for link, motion, wrench in zip(chain, motions, wrenches, strict=True):
+        efforts[link.u, :] += motion.joint.partial_velocities.T @ wrench
+    return ca.Function("inverse_dynamics", [q, u, u_rates, t], [ca.densify(efforts)], {"cse": True})

@@ -1,0 +1,179 @@
+"""Where a mechanism is and where it goes: what the camera, the grid and the sizes of markers are made from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.mechanism.records import (
+    GROUND,
+    Joint,
+    Mechanism,
+    Part,
+    Shape,
+)
+
+if TYPE_CHECKING:
+    from mbd_sim.simulation.compiled_model import Model
+
+PREVIEW_TIME = 5.0  # s
+PREVIEW_STEPS = 5_000
+PREVIEW_FRAMES = 100
+SLIDING = ("prismatic", "cylindrical")
+
+
+@dataclass(frozen=True, eq=False)
+class Extent:
+    """The box `lower` to `upper` (3,) in ground's frame that the motion fills, in m.
+
+    `size` is the length in m of the mechanism as it starts; markers are sized by it. `normal` (3,) is the unit
+    normal of the plane of motion, None for spatial mechanisms. `travel` is from where to where in m the prismatic and
+    cylindrical joints slide.
+    """
+
+    lower: Array
+    upper: Array
+    size: float
+    normal: Array | None
+    travel: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def center(self) -> Array:
+        """The middle of the box, (3,)."""
+        return (self.lower + self.upper) / 2.0
+
+
+def extent_of(model: Model) -> Extent:
+    """Look at the start and at the first seconds of free motion, which cost milliseconds to compute.
+
+    The motion counts as far as three times the start's own box: what flies away does not take the camera along.
+    """
+    corners = {name: _corners(part) for name, part in model.mechanism.parts.items()}
+    fixed = [pose.position for pose in model.mechanism.ground_points.values()]
+    fixed += [joint.parent_pose.position for joint in model.mechanism.all_joints.values() if joint.parent == GROUND]
+    times, states = _preview(model)
+    frames = [model.pose_array(time, y) for time, y in zip(times, states, strict=True)]
+    points = [_placed(frame, model.part_names, corners) for frame in frames]
+    start = np.vstack([points[0], *fixed]) if fixed else points[0]
+    lower, upper = start.min(axis=0), start.max(axis=0)
+    size = max(float(np.max(upper - lower)), 1e-6)
+    reach = (lower + upper) / 2.0 - 1.5 * size, (lower + upper) / 2.0 + 1.5 * size
+    moved = np.clip(np.vstack(points), *reach)
+    return Extent(
+        np.minimum(lower, moved.min(axis=0)),
+        np.maximum(upper, moved.max(axis=0)),
+        size,
+        _plane(model.mechanism, model),
+        _travel(model, frames, size),
+    )
+
+
+def _preview(model: Model) -> tuple[list[float], list[Array]]:
+    """Times and states at the start and, without efforts, in the seconds after it."""
+    y, inputs, step = model.start.copy(), model.inputs.copy(), model.mechanism.step
+    times, states = [0.0], [y.copy()]
+    last = min(round(PREVIEW_TIME / step), PREVIEW_STEPS)
+    stride = max(last // PREVIEW_FRAMES, 1)
+    for first in range(0, last, stride):
+        if not model.kernel.advance(y.ctypes.data, inputs.ctypes.data, first, step, stride):
+            break
+        times.append((first + stride) * step)
+        states.append(y.copy())
+    return times, states
+
+
+def _travel(model: Model, frames: list[Array], size: float) -> dict[str, tuple[float, float]]:
+    """Slides that run away count as far as the size of the mechanism beyond their start."""
+    still = np.concatenate([np.zeros(3), np.eye(3).ravel()])
+    poses = {GROUND: np.tile(still, (len(frames), 1))}
+    poses |= {name: np.array([frame[index] for frame in frames]) for index, name in enumerate(model.part_names)}
+    found = {}
+    for name, joint in model.mechanism.all_joints.items():
+        if joint.type not in SLIDING:
+            continue
+        parent, child = (
+            poses[part][:, :3] + np.einsum("nji,j->ni", poses[part][:, 3:].reshape(-1, 3, 3), frame.position)
+            for part, frame in ((joint.parent, joint.parent_pose), (joint.child, joint.child_pose))
+        )
+        axis = joint.parent_pose.rotation @ joint.axis
+        turned = np.einsum("nji,j->ni", poses[joint.parent][:, 3:].reshape(-1, 3, 3), axis)
+        slid = np.sum((child - parent) * turned, axis=1)
+        slid = np.clip(slid, slid[0] - size, slid[0] + size)
+        found[name] = (float(slid.min()), float(slid.max()))
+    return found
+
+
+def _placed(frame: Array, names: tuple[str, ...], corners: dict[str, Array]) -> Array:
+    return np.vstack(
+        [row[:3] + corners[name] @ row[3:].reshape(3, 3) for name, row in zip(names, frame, strict=True)]
+        or [np.zeros((1, 3))]
+    )
+
+
+def _corners(part: Part) -> Array:
+    """Points (n, 3) in the part's frame that bound it."""
+    points = [part.center, *(pose.position for pose in part.points.values())]
+    for shape in part.shapes:
+        half = half_sizes(shape)
+        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+        points += list(shape.pose.position + (signs * half) @ shape.pose.rotation.T)
+    return np.array(points)
+
+
+def half_sizes(shape: Shape) -> Array:
+    """Half the size (3,) of the box around a shape, in m along the shape's own axes."""
+    match shape.kind, shape.size:
+        case (("rod" | "cylinder"), (length, radius)):
+            return np.array([radius, radius, length / 2.0])
+        case (("disc" | "ring"), (radius,)):
+            return np.array([radius, radius, 0.0])
+        case "plate", (x, y):
+            return np.array([x, y, 0.0]) / 2.0
+        case "block", (x, y, z):
+            return np.array([x, y, z]) / 2.0
+    return np.full(3, shape.size[0])
+
+
+def joint_radius(mechanism: Mechanism, joint: Joint, size: float) -> float:
+    """The radius in m of a joint's marker: a little more than the rods it joins, so that it is seen."""
+    parts = [mechanism.parts[name] for name in (joint.parent, joint.child) if name != GROUND]
+    rods = [shape.size[1] for part in parts for shape in part.shapes if shape.kind == "rod"]
+    return min(max(1.25 * max(rods, default=0.0), 0.012 * size), 0.04 * size)
+
+
+def tip_of(part: Part) -> Array:
+    """The point (3,) of a part that leaves a trace, in its frame: of its points and rod ends the farthest out.
+
+    Of parts with neither, a corner or a point on the rim, which is seen where the mass centre would be hidden.
+    """
+    ends = [pose.position for pose in part.points.values()]
+    for shape in part.shapes:
+        if shape.kind == "rod":
+            half = shape.pose.rotation[:, 2] * shape.size[0] / 2.0
+            ends += [shape.pose.position - half, shape.pose.position + half]
+    rims = {"block": (0.5, 0.5, 0.5), "plate": (0.5, 0.5), "disc": (1.0,), "ring": (1.0,)}
+    if not ends and part.shapes and (share := rims.get(part.shapes[0].kind)):
+        pose, size = part.shapes[0].pose, np.zeros(3)
+        size[: len(share)] = np.multiply(share, part.shapes[0].size)
+        return np.asarray(pose.position + pose.rotation @ size)
+    ends.append(part.center)
+    return max(ends, key=lambda point: float(np.linalg.norm(point)))
+
+
+def _plane(mechanism: Mechanism, model: Model) -> Array | None:
+    """The normal of the plane in which all joints move, at the start; None when there is no such plane."""
+    poses = {GROUND: Pose(np.zeros(3), np.eye(3)), **model.poses(0.0, model.start)}
+    axes: dict[str, list[Array]] = {"revolute": [], "prismatic": []}
+    for joint in mechanism.all_joints.values():
+        if joint.type in axes:
+            axes[joint.type].append((poses[joint.parent] @ joint.parent_pose).rotation @ joint.axis)
+        elif joint.type != "fixed":
+            return None
+    normal = axes["revolute"][0] if axes["revolute"] else np.array([0.0, 1.0, 0.0])
+    turned = all(abs(float(axis @ normal)) > 1.0 - 1e-6 for axis in axes["revolute"])
+    slid = all(abs(float(axis @ normal)) < 1e-6 for axis in axes["prismatic"])
+    return normal if turned and slid and (axes["revolute"] or axes["prismatic"]) else None

@@ -1,0 +1,1 @@
+"""The command `mbd_sim`: one module a command."""

@@ -1,0 +1,114 @@
+"""Loops, and what the stepping loops do with vectors on the stack, as IR."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
+
+import llvmlite.ir as ir
+
+from mbd_sim.compiler.ir_types import (
+    DOUBLE,
+    INT,
+    element,
+    integer,
+    number,
+)
+
+UNROLLED = 40  # components up to which state vectors are unrolled into registers
+
+Index: TypeAlias = int | ir.Value
+Terms: TypeAlias = Sequence[tuple[float, ir.Value]]
+
+
+def load(b: ir.IRBuilder, array: ir.Value, index: Index) -> ir.Value:
+    """One component."""
+    return b.load(element(b, array, index), typ=DOUBLE)
+
+
+def store(b: ir.IRBuilder, value: ir.Value, array: ir.Value, index: Index) -> None:
+    """Set one component."""
+    b.store(value, element(b, array, index))
+
+
+def loop(b: ir.IRBuilder, first: Index, beyond: Index, body: Callable[[ir.Value], object]) -> None:
+    """`body` for every index from `first` to before `beyond`."""
+    before = b.block
+    head = b.append_basic_block("head")
+    inside = b.append_basic_block("inside")
+    after = b.append_basic_block("after")
+    start, end = (integer(bound) if isinstance(bound, int) else bound for bound in (first, beyond))
+    b.branch(head)
+    b.position_at_end(head)
+    index = b.phi(INT)
+    index.add_incoming(start, before)
+    b.cbranch(b.icmp_signed("<", index, end), inside, after)
+    b.position_at_end(inside)
+    body(index)
+    following = b.add(index, integer(1))
+    index.add_incoming(following, b.block)
+    b.branch(head)
+    b.position_at_end(after)
+
+
+def each(b: ir.IRBuilder, size: int, body: Callable[[Index], object]) -> None:
+    """`body` for every component: unrolled where there are few, a loop where there are many."""
+    if size <= UNROLLED:
+        for index in range(size):
+            body(index)
+    else:
+        loop(b, 0, size, body)
+
+
+def copy(b: ir.IRBuilder, size: int, source: ir.Value, target: ir.Value) -> None:
+    """Target = source."""
+    each(b, size, lambda i: store(b, load(b, source, i), target, i))
+
+
+def weighted(weights: Sequence[float], vectors: Sequence[ir.Value]) -> Terms:
+    """The terms of Σ weights vectors, without those whose weight is zero."""
+    return [(weight, vector) for weight, vector in zip(weights, vectors, strict=False) if weight]
+
+
+def total(b: ir.IRBuilder, terms: Terms, index: Index) -> ir.Value:
+    """One component of Σ weight vector, of at least one term, summed in their order with fused multiply-adds."""
+    found = None
+    for weight, vector in terms:
+        value = load(b, vector, index)
+        if found is not None:
+            found = b.fma(number(weight), value, found)
+        else:
+            found = value if weight == 1.0 else b.fmul(number(weight), value)
+    return found
+
+
+def combine(b: ir.IRBuilder, size: int, target: ir.Value, base: ir.Value, h: ir.Value | None, terms: Terms) -> None:
+    """Target = base + h Σ weight vector, rounded once; `h` None is one."""
+
+    def component(i: Index) -> None:
+        added, start = total(b, terms, i), load(b, base, i)
+        store(b, b.fadd(start, added) if h is None else b.fma(h, added, start), target, i)
+
+    each(b, size, component)
+
+
+def combine_at_once(b: ir.IRBuilder, size: int, target: ir.Value, base: ir.Value, h: ir.Value, terms: Terms) -> None:
+    """The same where the last vector has only just been found: all others are added before it is there.
+
+    That takes a second rounding, so it is for stages and not for states.
+    """
+    *early, (weight, last) = terms
+    factor = b.fmul(h, number(weight))
+
+    def component(i: Index) -> None:
+        start = load(b, base, i)
+        if early:
+            start = b.fma(h, total(b, early, i), start)
+        store(b, b.fma(factor, load(b, last, i), start), target, i)
+
+    each(b, size, component)
+
+
+def add_squares(b: ir.IRBuilder, into: ir.Value, value: ir.Value) -> None:
+    """Add value² to the number at the address `into`."""
+    b.store(b.fma(value, value, b.load(into, typ=DOUBLE)), into)

@@ -1,0 +1,222 @@
+"""Instruction lists, CasADi's or arranged ones, to LLVM IR: one scalar instruction each, in IEEE 754 order.
+
+Only divisions by the same number become one reciprocal and products, as a division costs some ten of them. No flag
+allows LLVM to reassociate or contract, so that the same list gives the same bits on every machine. What is to be
+reassociated or fused, `arrange` writes into the list.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import casadi as ca
+import llvmlite.ir as ir
+
+from mbd_sim.compiler.instruction_list import (
+    MULTIPLY_ADD,
+    MULTIPLY_SUBTRACT,
+    SUBTRACT_PRODUCT,
+    Instructions,
+)
+from mbd_sim.compiler.ir_types import (
+    DOUBLE,
+    POINTER,
+    element,
+    local_array,
+    number,
+)
+from mbd_sim.compiler.simd_builder import LaneBuilder, new_builder
+from mbd_sim.compiler.split_functions import Work, handed_on, pieces
+from mbd_sim.compiler.trigonometry import sine_cosine
+
+Build = Callable[["_Lowering", ir.Value], ir.Value]
+Build2 = Callable[["_Lowering", ir.Value, ir.Value], ir.Value]
+Build3 = Callable[["_Lowering", ir.Value, ir.Value, ir.Value], ir.Value]
+
+_UNARY: dict[int, Build] = {
+    ca.OP_ASSIGN: lambda low, x: x,
+    ca.OP_NEG: lambda low, x: low.builder.fneg(x),
+    ca.OP_SQ: lambda low, x: low.builder.fmul(x, x),
+    ca.OP_TWICE: lambda low, x: low.builder.fadd(x, x),
+    ca.OP_INV: lambda low, x: low.builder.fdiv(number(1.0), x),
+    ca.OP_SQRT: lambda low, x: low.intrinsic("llvm.sqrt", x),
+    ca.OP_FABS: lambda low, x: low.intrinsic("llvm.fabs", x),
+    ca.OP_SIGN: lambda low, x: low.sign(x),
+    ca.OP_SIN: lambda low, x: low.sine_cosine(x)[0],
+    ca.OP_COS: lambda low, x: low.sine_cosine(x)[1],
+    ca.OP_NOT: lambda low, x: low.truth(low.builder.fcmp_ordered("==", x, number(0.0))),
+}
+_BINARY: dict[int, Build2] = {
+    ca.OP_ADD: lambda low, x, y: low.builder.fadd(x, y),
+    ca.OP_SUB: lambda low, x, y: low.builder.fsub(x, y),
+    ca.OP_MUL: lambda low, x, y: low.builder.fmul(x, y),
+    ca.OP_DIV: lambda low, x, y: low.builder.fdiv(x, y),
+    ca.OP_FMIN: lambda low, x, y: low.select("<", x, y),
+    ca.OP_FMAX: lambda low, x, y: low.select(">", x, y),
+    ca.OP_LT: lambda low, x, y: low.truth(low.builder.fcmp_ordered("<", x, y)),
+    ca.OP_LE: lambda low, x, y: low.truth(low.builder.fcmp_ordered("<=", x, y)),
+    ca.OP_EQ: lambda low, x, y: low.truth(low.builder.fcmp_ordered("==", x, y)),
+    ca.OP_NE: lambda low, x, y: low.truth(low.builder.fcmp_unordered("!=", x, y)),
+    ca.OP_IF_ELSE_ZERO: lambda low, x, y: low.if_else_zero(x, y),
+}
+_TERNARY: dict[int, Build3] = {
+    MULTIPLY_ADD: lambda low, x, y, z: low.builder.fma(x, y, z),
+    MULTIPLY_SUBTRACT: lambda low, x, y, z: low.builder.fma(x, y, low.builder.fneg(z)),
+    SUBTRACT_PRODUCT: lambda low, x, y, z: low.builder.fma(low.builder.fneg(x), y, z),
+}
+# These are the C library's own: only expressions, friction and powers need them. Their last bits depend on the library.
+_LIBRARY: dict[int, str] = {
+    ca.OP_EXP: "exp",
+    ca.OP_LOG: "log",
+    ca.OP_TAN: "tan",
+    ca.OP_ASIN: "asin",
+    ca.OP_ACOS: "acos",
+    ca.OP_ATAN: "atan",
+    ca.OP_TANH: "tanh",
+    ca.OP_POW: "pow",
+    ca.OP_CONSTPOW: "pow",
+    ca.OP_ATAN2: "atan2",
+}
+
+
+def lower(module: ir.Module, function: Instructions, inline: bool, lanes: int = 1) -> ir.Function:
+    """Emit `function` as `void name(double* in0, …, double* out0, …)`, the arguments not overlapping.
+
+    With several `lanes` each double is a vector of them, see `LaneBuilder`.
+
+    :raises NotImplementedError: the function holds an operation that has no place in a kernel.
+    """
+    inputs, outputs = function.n_in(), function.n_out()
+    emitted, builder = _define(module, function.name(), inputs + outputs, inline, lanes)
+    cut, by_reciprocal = pieces(function), shared_divisions(function)
+    if len(cut) == 1:
+        lowering, work = _Lowering(module, builder), [None] * function.sz_w()
+        lowering.run(function, by_reciprocal, cut[0], emitted.args[:inputs], emitted.args[inputs:], work)
+    else:
+        memory = local_array(builder, function.sz_w())
+        for place, (piece, kept) in enumerate(zip(cut, handed_on(function, cut), strict=True)):
+            part, inside = _define(module, f"{function.name()}.{place}", inputs + outputs + 1, False, lanes)
+            own = Work(inside, part.args[-1])
+            arguments = part.args[:inputs], part.args[inputs:-1]
+            _Lowering(module, inside).run(function, by_reciprocal, piece, *arguments, own)
+            own.hand_on(kept)
+            inside.ret_void()
+            builder.call(part, [*emitted.args, memory])
+    builder.ret_void()
+    return emitted
+
+
+def _define(module: ir.Module, name: str, arguments: int, inline: bool, lanes: int) -> tuple[ir.Function, ir.IRBuilder]:
+    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER] * arguments), name)
+    function.linkage = "internal"
+    function.attributes.add("alwaysinline" if inline else "noinline")
+    function.attributes.add("nounwind")
+    for argument in function.args:
+        argument.add_attribute("noalias")
+    return function, new_builder(function.append_basic_block("entry"), lanes)
+
+
+class _Lowering:
+    builder: ir.IRBuilder
+
+    def __init__(self, module: ir.Module, builder: ir.IRBuilder) -> None:
+        self.module, self.builder = module, builder
+        self.pairs: dict[int, tuple[ir.Value, ir.Value]] = {}
+        self.reciprocals: dict[int, ir.Value] = {}
+        self.kept: list[ir.Value] = []
+
+    def run(
+        self,
+        function: Instructions,
+        by_reciprocal: frozenset[int],
+        instructions: range,
+        inputs: Sequence[ir.Value],
+        outputs: Sequence[ir.Value],
+        work: list[ir.Value | None] | Work,
+    ) -> None:
+        for index in instructions:
+            operation = function.instruction_id(index)
+            target, source = function.instruction_output(index), function.instruction_input(index)
+            if operation == ca.OP_INPUT:
+                work[target[0]] = self.builder.load(element(self.builder, inputs[source[0]], source[1]), typ=DOUBLE)
+            elif operation == ca.OP_OUTPUT:
+                self.builder.store(work[source[0]], element(self.builder, outputs[target[0]], target[1]))
+            elif operation == ca.OP_CONST:
+                work[target[0]] = number(function.instruction_constant(index))
+            elif index in by_reciprocal:
+                inverse = self.reciprocal(work[source[0 if operation == ca.OP_INV else 1]])
+                inverted = operation == ca.OP_INV
+                work[target[0]] = inverse if inverted else self.builder.fmul(work[source[0]], inverse)
+            elif operation in _UNARY:
+                work[target[0]] = _UNARY[operation](self, work[source[0]])
+            elif operation in _BINARY:
+                work[target[0]] = _BINARY[operation](self, work[source[0]], work[source[1]])
+            elif operation in _TERNARY:
+                work[target[0]] = _TERNARY[operation](self, *(work[place] for place in source))
+            elif operation in _LIBRARY:
+                work[target[0]] = self.library(_LIBRARY[operation], *(work[place] for place in source))
+            else:
+                raise NotImplementedError(f"no kernel instruction for CasADi operation {operation}")
+
+    def intrinsic(self, name: str, *arguments: ir.Value) -> ir.Value:
+        return self.builder.call(self.module.declare_intrinsic(name, [DOUBLE]), arguments)
+
+    def library(self, name: str, *arguments: ir.Value) -> ir.Value:
+        function = self.module.globals.get(name)
+        if function is None:
+            function = ir.Function(self.module, ir.FunctionType(DOUBLE, [DOUBLE] * len(arguments)), name)
+        b = self.builder
+        if isinstance(b, LaneBuilder) and any(argument.type != DOUBLE for argument in arguments):
+            wide = [b.widened(argument) for argument in arguments]
+            return b.gathered([b.call(function, [b.lane(a, index) for a in wide]) for index in range(b.lanes)])
+        return b.call(function, arguments)
+
+    def sign(self, x: ir.Value) -> ir.Value:
+        """-1, 0 or 1, as CasADi has it, and nan for nan."""
+        above = self.truth(self.builder.fcmp_ordered(">", x, number(0.0)))
+        below = self.truth(self.builder.fcmp_ordered("<", x, number(0.0)))
+        value = self.builder.fsub(above, below)
+        return self.builder.select(self.builder.fcmp_unordered("uno", x, x), x, value)
+
+    def sine_cosine(self, angle: ir.Value) -> tuple[ir.Value, ir.Value]:
+        """Both at once, and once only for each angle."""
+        if id(angle) not in self.pairs:
+            self.pairs[id(angle)] = sine_cosine(self.module, self.builder, angle)
+            self.kept.append(angle)
+        return self.pairs[id(angle)]
+
+    def reciprocal(self, divisor: ir.Value) -> ir.Value:
+        """1 / divisor, computed once."""
+        if id(divisor) not in self.reciprocals:
+            self.reciprocals[id(divisor)] = self.builder.fdiv(number(1.0), divisor)
+            self.kept.append(divisor)
+        return self.reciprocals[id(divisor)]
+
+    def select(self, order: str, x: ir.Value, y: ir.Value) -> ir.Value:
+        return self.builder.select(self.builder.fcmp_ordered(order, x, y), x, y)
+
+    def truth(self, condition: ir.Value) -> ir.Value:
+        return self.builder.select(condition, number(1.0), number(0.0))
+
+    def if_else_zero(self, condition: ir.Value, value: ir.Value) -> ir.Value:
+        return self.builder.select(self.builder.fcmp_unordered("!=", condition, number(0.0)), value, number(0.0))
+
+
+def shared_divisions(function: Instructions) -> frozenset[int]:
+    """The instructions that divide by a number by which another one divides as well."""
+    holds = [-1] * function.sz_w()  # the instruction that made what a place of the work vector holds
+    divisions: dict[int, list[int]] = {}
+    for index in range(function.n_instructions()):
+        operation = function.instruction_id(index)
+        if operation in (ca.OP_DIV, ca.OP_INV):
+            source = function.instruction_input(index)
+            divisions.setdefault(holds[source[0] if operation == ca.OP_INV else source[1]], []).append(index)
+        if operation != ca.OP_OUTPUT:
+            holds[function.instruction_output(index)[0]] = index
+    return frozenset(index for group in divisions.values() if len(group) > 1 for index in group)
+
+
+def instruction_count(function: Instructions) -> int:
+    """Scalar instructions of a function, without loads and stores."""
+    skipped = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
+    return sum(function.instruction_id(index) not in skipped for index in range(function.n_instructions()))

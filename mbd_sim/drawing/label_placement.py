@@ -1,0 +1,63 @@
+"""Where the names stand: near what they name, and clear of lines and of each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mbd_sim.drawing.sheet import BACK, Sheet, Text
+from mbd_sim.geometry.pose import Array
+
+DISTANCES = (13.0, 18.0, 25.0, 34.0)  # pt, from the place to the edge of the text
+DIRECTIONS = 16
+STEP = 3.0  # pt, between the points at which lines are probed
+
+
+def place_names(sheet: Sheet, names: Sequence[tuple[Text, float]]) -> list[Text]:
+    """Move each text away from its place to where it hides least; those that cost more than their limit are left out.
+
+    :param names: texts at the places (2,) they name, the most important first, each with the most it may cost.
+    """
+    lines, weights = _probes(sheet)
+    placed: list[Text] = []
+    for text, limit in names:
+        best, cost = text, np.inf
+        half = 0.5 * (text.box[1] - text.box[0])
+        for number in range(DIRECTIONS):
+            angle = 2.0 * np.pi * number / DIRECTIONS
+            direction = np.array([np.cos(angle), np.sin(angle)])
+            edge = min(half[0] / max(abs(direction[0]), 1e-9), half[1] / max(abs(direction[1]), 1e-9))
+            for rank, distance in enumerate(DISTANCES):
+                candidate = replace(text, at=text.at + (distance - 6.0 + edge) * direction)
+                price = 1.1 * rank + 0.01 * number + _hidden(candidate, lines, weights, placed)
+                if price < cost:
+                    best, cost = candidate, price
+        if cost <= limit:
+            placed.append(best)
+    return placed
+
+
+def _hidden(text: Text, lines: Array, weights: Array, placed: Sequence[Text]) -> float:
+    low, high = text.box[0] - 2.0, text.box[1] + 2.0
+    covered = float(np.sum(weights[np.all((lines > low) & (lines < high), axis=1)])) if len(lines) else 0.0
+    for other in placed:
+        overlap = np.minimum(high, other.box[1]) - np.maximum(low, other.box[0])
+        if np.all(overlap > 0.0):
+            covered += 60.0 + float(np.prod(overlap))
+    return covered
+
+
+def _probes(sheet: Sheet) -> tuple[Array, Array]:
+    """Points (n, 2) along all lines, and how bad it is (n,) to cover each."""
+    points, weights = [np.zeros((0, 2))], [np.zeros(0)]
+    for path in sheet.paths:
+        corners = np.vstack([path.points, path.points[:1]]) if path.closed else path.points
+        steps = np.hypot(*np.diff(corners, axis=0).T)
+        along = np.concatenate([[0.0], np.cumsum(steps)])
+        count = max(int(along[-1] / STEP), 1) + 1
+        where = np.linspace(0.0, along[-1], count)
+        points.append(np.column_stack([np.interp(where, along, corners[:, 0]), np.interp(where, along, corners[:, 1])]))
+        weights.append(np.full(count, 0.5 if path.layer == BACK else 1.0))
+    return np.vstack(points), np.concatenate(weights)

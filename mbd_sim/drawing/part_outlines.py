@@ -1,0 +1,132 @@
+"""The parts of a mechanism on the sheet, and where they reach."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from mbd_sim.appearance.extent import half_sizes
+from mbd_sim.appearance.palette import Color, from_hex
+from mbd_sim.drawing.projection import Page
+from mbd_sim.drawing.shape_outlines import (
+    BAR,
+    capsule,
+    dot,
+    solid,
+)
+from mbd_sim.drawing.sheet import INK, MARKS, WHITE, Path, arc, dark, soft
+from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.mechanism.constraints import Surface
+from mbd_sim.mechanism.records import (
+    Joint,
+    Mechanism,
+    Part,
+    Shape,
+)
+
+ALONG = 1e-6  # relative; how exactly a rod lies along a slide
+
+
+def part_paths(page: Page, mechanism: Mechanism, part: Part, pose: Pose, color: Color) -> list[Path]:
+    """All shapes of a part, or the lines between its points where it has none."""
+    paths: list[Path] = []
+    for shape in sorted(part.shapes, key=lambda shape: shape.hole):
+        own = from_hex(shape.color) if shape.color else color
+        paths += solid(page, shape, pose, own, tube=shape.kind == "rod" and is_tube(mechanism, part, shape))
+    if part.shapes:
+        return paths
+    places = {tuple(point.position) for point in part.points.values()} | {tuple(part.center)} if part.mass else set()
+    center = pose.position + pose.rotation @ part.center
+    for place in sorted(places):
+        if not np.any(place) or not _has_joint(mechanism, part):
+            continue
+        ends = page.at(np.array([pose.position, pose.position + pose.rotation @ np.array(place)]))
+        bar = capsule(ends, 0.7 * BAR)
+        paths.append(Path(bar, edge=dark(color), fill=soft(color), closed=True, depth=page.depth(center)))
+    if part.mass:
+        paths.append(dot(page.at(center), color, page.depth(center)))
+    return paths
+
+
+def mass_center(page: Page, part: Part, pose: Pose, taken: list[Array]) -> list[Path]:
+    """The quartered circle at a part's mass centre, unless it is a dot itself or something else is there."""
+    at = page.at(pose.position + pose.rotation @ part.center)
+    dots = [shape for shape in part.shapes if shape.kind in ("particle", "sphere")]
+    hidden = any(np.allclose(shape.pose.position, part.center, atol=1e-9) for shape in dots)
+    if part.mass == 0.0 or hidden or not part.shapes or any(np.hypot(*(at - other)) < 11.0 for other in taken):
+        return []
+    quarters = [np.vstack([at, arc(at, 4.6, start, start + 0.5 * np.pi, 13)]) for start in (0.0, np.pi)]
+    return [
+        Path(arc(at, 4.6), edge=INK, fill=WHITE, width=0.9, closed=True, layer=MARKS),
+        *(Path(points, edge=None, fill=INK, closed=True, layer=MARKS) for points in quarters),
+    ]
+
+
+def corners(part: Part) -> Array:
+    """Points (n, 3) in the part's frame that bound it; the drawn sizes of particles and rods do not count."""
+    points = [np.array(part.center), *(pose.position for pose in part.points.values())] if part.mass else []
+    points += [pose.position for pose in part.points.values()]
+    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+    for shape in part.shapes:
+        half = half_sizes(shape)
+        if shape.kind == "particle":
+            half = np.zeros(3)
+        elif shape.kind == "rod":
+            half = np.array([0.0, 0.0, half[2]])
+        points += list(shape.pose.position + (signs * half) @ shape.pose.rotation.T)
+    return np.array(points or [np.zeros(3)])
+
+
+def reach(part: Part, into: Pose, axis: Array, kinds: tuple[str, ...] = ()) -> tuple[float, float] | None:
+    """How far (from, to) in m the shapes of a part go along `axis` (3,), seen in the frame `into` of the part."""
+    shapes = tuple(shape for shape in part.shapes if not kinds or shape.kind in kinds)
+    if not shapes:
+        return None
+    only = Part(part.name, 0.0, part.center, part.inertia, {}, shapes)
+    values = (corners(only) - into.position) @ into.rotation @ axis
+    return float(values.min()), float(values.max())
+
+
+def is_tube(mechanism: Mechanism, part: Part, rod: Shape) -> bool:
+    """Whether particles slide along a rod of a part: then it is drawn wide."""
+    return any(
+        joint.child in mechanism.parts and along_rod(part, joint, rod) and is_point(mechanism.parts[joint.child])
+        for joint in mechanism.all_joints.values()
+        if joint.parent == part.name and joint.type == "prismatic"
+    )
+
+
+def along_rod(part: Part, joint: Joint, rod: Shape) -> bool:
+    """Whether a slide of a part runs along one of its rods."""
+    axis, direction = joint.parent_pose.rotation @ joint.axis, rod.pose.rotation[:, 2]
+    aside = np.cross(joint.parent_pose.position - rod.pose.position, direction)
+    length = rod.size[0]
+    return bool(np.linalg.norm(np.cross(axis, direction)) < ALONG and np.linalg.norm(aside) < ALONG * length)
+
+
+def is_phantom(part: Part) -> bool:
+    """Whether a part has neither mass nor shape: it only carries coordinates, and is not to be seen."""
+    return part.mass == 0.0 and not part.shapes
+
+
+def is_point(part: Part) -> bool:
+    """Whether a part is drawn as a dot."""
+    return all(shape.kind == "particle" for shape in part.shapes)
+
+
+def extent(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array:
+    """Points (n, 3) in ground's frame that bound the mechanism."""
+    points = [poses[name].position + corners(part) @ poses[name].rotation.T for name, part in mechanism.parts.items()]
+    used = [pose.position[None] for pose in mechanism.ground_points.values()]
+    used += [joint.parent_pose.position[None] for joint in mechanism.all_joints.values() if joint.parent not in poses]
+    bases = [constraint.base for constraint in mechanism.constraints if isinstance(constraint, Surface)]
+    used += [(at.point if at.part not in poses else poses[at.part].position)[None] for at in bases]
+    return np.vstack([*points, *used] or [np.zeros((1, 3))])
+
+
+def _has_joint(mechanism: Mechanism, part: Part) -> bool:
+    turning = ("revolute", "spherical", "universal", "fixed")
+    return any(
+        part.name in (joint.parent, joint.child) and joint.type in turning for joint in mechanism.all_joints.values()
+    )

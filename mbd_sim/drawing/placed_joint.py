@@ -1,0 +1,96 @@
+"""A joint as it stands on the sheet: which part carries, which part moves, where and along what."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbd_sim.drawing.projection import Page, frame_of
+from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.mechanism.records import (
+    GROUND,
+    Joint,
+    Mechanism,
+    Part,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """A joint at a state. `carrier` and `mover` are the frames (in ground's) of the joint on its two parts.
+
+    `axis` and `second` (3,) are the joint's axes in ground's frame; the carrier is ground wherever ground is one of
+    the two. `away` (2,) is the direction on the sheet in which there is room for ground to hold the joint.
+    """
+
+    joint: Joint
+    carrier: Pose
+    mover: Pose
+    carrying: Part | None
+    moving: Part | None
+    axis: Array
+    second: Array
+    away: Array
+
+    @property
+    def grounded(self) -> bool:
+        """Whether ground holds the joint."""
+        return self.carrying is None
+
+    def elastic(self, place: int = 0) -> bool:
+        """Whether there is a spring for one of its coordinates."""
+        return bool(self.joint.stiffness[place : place + 1].any()) or self.joint.spring is not None
+
+    def damped(self, place: int = 0) -> bool:
+        """Whether there is a damper for one of its coordinates."""
+        return bool(self.joint.damping[place : place + 1].any()) or self.joint.damper is not None
+
+    @property
+    def displacement(self) -> float:
+        """How far in m the mover's frame has gone along the axis."""
+        return float((self.mover.position - self.carrier.position) @ self.axis)
+
+
+def held(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], joint: Joint) -> Held:
+    """A joint of the mechanism at the poses of its parts."""
+    first = frame_of(poses, joint.parent, joint.parent_pose)
+    second = frame_of(poses, joint.child, joint.child_pose)
+    names, frames = [joint.parent, joint.child], [first, second]
+    if joint.child == GROUND:
+        names.reverse()
+        frames.reverse()
+    parts = [mechanism.parts.get(name) for name in names]
+    center = frames[1].position
+    if parts[1] is not None:
+        center = poses[parts[1].name].position + poses[parts[1].name].rotation @ middle(parts[1])
+    return Held(
+        joint=joint,
+        carrier=frames[0],
+        mover=frames[1],
+        carrying=parts[0],
+        moving=parts[1],
+        axis=first.rotation @ joint.axis,
+        second=first.rotation @ joint.second,
+        away=_away(page, center - frames[0].position),
+    )
+
+
+def own_frame(held: Held, part: Part) -> Pose:
+    """The joint's frame in the frame of one of its parts."""
+    return held.joint.parent_pose if held.joint.parent == part.name else held.joint.child_pose
+
+
+def middle(part: Part) -> Array:
+    """The middle (3,) of a part, for symbols and names: its mass centre, or that of its shapes."""
+    if part.mass or not part.shapes:
+        return part.center
+    return np.asarray(np.mean([shape.pose.position for shape in part.shapes], axis=0))
+
+
+def _away(page: Page, toward_part: Array) -> Array:
+    """Up for what hangs or lies, down for what stands or turns about its middle."""
+    seen = page.at(toward_part)
+    stands = seen[1] > 0.35 * abs(seen[0]) or float(np.hypot(*seen)) < 1.0
+    return np.array([0.0, -1.0 if stands else 1.0])

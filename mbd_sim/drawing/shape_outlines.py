@@ -1,0 +1,177 @@
+"""The shapes of the parts as paths: rounded bars, shaded blocks and cylinders, rings around what they hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mbd_sim.appearance.palette import Color, mixed
+from mbd_sim.drawing.projection import Page
+from mbd_sim.drawing.sheet import BODIES, INK, LINE, WHITE, Path, arc, dark, soft
+from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.geometry.rotation import unit_or_zero
+from mbd_sim.mechanism.records import Shape
+
+BAR, WIDEST, TUBE = 3.6, 5.5, 9.5  # pt, half widths of rods, and of rods in which something slides
+DOT, LARGEST_DOT = 5.0, 11.0  # pt
+THIN = 0.08  # thickness of a disc by its radius
+ROUNDING = 3.0  # pt
+
+
+def solid(page: Page, shape: Shape, pose: Pose, color: Color, tube: bool = False) -> list[Path]:
+    """The paths of a shape; `pose` places the shape's part in ground's frame. Something slides in a `tube`."""
+    placed, depth = pose @ shape.pose, page.depth((pose @ shape.pose).position)
+    match shape.kind, shape.size:
+        case "rod", (length, radius):
+            half = 0.5 * length * placed.rotation[:, 2]
+            ends = page.at(np.array([placed.position - half, placed.position + half]))
+            return [_bar(ends, TUBE if tube else float(np.clip(radius * page.scale, BAR, WIDEST)), color, depth, tube)]
+        case "particle", (radius,):
+            return [dot(page.at(placed.position), color, depth, radius * page.scale)]
+        case "sphere", (radius,):
+            return _sphere(page, placed, radius, color, depth)
+        case "ring", (radius,):
+            return _ring(page, placed, radius, color)
+        case "disc", (radius,):
+            return cylinder(page, placed, THIN * radius, radius, color, shape.hole, spoke=True)
+        case "cylinder", (length, radius):
+            return cylinder(page, placed, length, radius, color, shape.hole)
+        case "plate", (x, y):
+            return _block(page, placed, np.array([x, y, 0.02 * min(x, y)]) / 2.0, color, shape.hole)
+        case "block", (x, y, z):
+            return _block(page, placed, np.array([x, y, z]) / 2.0, color, shape.hole)
+    return []
+
+
+def dot(at: Array, color: Color, depth: float, radius: float = DOT) -> Path:
+    """A particle."""
+    fill = mixed(color, INK, 0.25)
+    circle = arc(at, float(np.clip(radius, DOT, LARGEST_DOT)))
+    return Path(circle, edge=dark(color), fill=fill, closed=True, depth=depth, dot=True)
+
+
+def cylinder(
+    page: Page, pose: Pose, length: float, radius: float, color: Color, hole: bool = False, spoke: bool = False
+) -> list[Path]:
+    """A cylinder about z of `pose`, which is its centre; a `spoke` shows how it turns."""
+    axis, depth = pose.rotation[:, 2], page.depth(pose.position)
+    sign = 1.0 if axis @ page.view.toward >= 0.0 else -1.0
+    circle = pose.rotation[:, :2] @ arc(np.zeros(2), radius, count=73).T
+    near, far = (page.at((pose.position + side * sign * 0.5 * length * axis)[:, None].T + circle.T) for side in (1, -1))
+    side = Path(
+        hull(np.vstack([near, far])),
+        edge=dark(color),
+        fill=WHITE if hole else soft(color),
+        closed=True,
+        dash=(3.0, 2.0) if hole else (),
+        depth=depth,
+    )
+    paths = [side]
+    if abs(float(axis @ page.view.toward)) > 1e-3 and not page.view.planar:
+        paths.append(replace(side, points=near, fill=None if hole else _lit(page, color, sign * axis)))
+    if spoke and abs(float(axis @ page.view.toward)) > 0.2:
+        rim = pose.position + sign * 0.5 * length * axis + radius * pose.rotation[:, 0]
+        hub = pose.position + sign * 0.5 * length * axis
+        paths.append(Path(page.at(np.array([hub, rim])), edge=mixed(color, INK, 0.3), width=0.8, depth=depth))
+    return paths
+
+
+def hull(points: Array) -> Array:
+    """The convex hull (k, 2) of points (n, 2), anticlockwise."""
+    ordered = sorted({(round(float(x), 6), round(float(y), 6)) for x, y in points})
+    chains: list[list[tuple[float, float]]] = []
+    for line in (ordered, ordered[::-1]):
+        chain: list[tuple[float, float]] = []
+        for p in line:
+            while len(chain) > 1 and _turn(chain[-2], chain[-1], p) <= 0.0:
+                chain.pop()
+            chain.append(p)
+        chains.append(chain[:-1])
+    return np.array(chains[0] + chains[1] or ordered)
+
+
+def rounded(corners: Array, radius: float) -> Array:
+    """A convex polygon (n, 2), anticlockwise, with round corners."""
+    points: list[Array] = []
+    for before, corner, after in zip(np.roll(corners, 1, axis=0), corners, np.roll(corners, -1, axis=0), strict=True):
+        cut = min(radius, 0.45 * float(np.hypot(*(before - corner))), 0.45 * float(np.hypot(*(after - corner))))
+        start, stop = corner + cut * unit_or_zero(before - corner), corner + cut * unit_or_zero(after - corner)
+        s = np.linspace(0.0, 1.0, 6)[:, None]
+        points.append((1 - s) ** 2 * start + 2 * s * (1 - s) * corner + s**2 * stop)
+    return np.vstack(points)
+
+
+def capsule(ends: Array, half: float) -> Array:
+    """The outline (n, 2) of a bar with round ends between two points (2, 2)."""
+    along = unit_or_zero(ends[1] - ends[0])
+    angle = float(np.arctan2(along[1], along[0])) if along.any() else 0.0
+    quarter = 0.5 * np.pi
+    head = arc(ends[1], half, angle - quarter, angle + quarter, 25)
+    tail = arc(ends[0], half, angle + quarter, angle + 3.0 * quarter, 25)
+    return np.vstack([head, tail])
+
+
+def _bar(ends: Array, half: float, color: Color, depth: float, tube: bool) -> Path:
+    fill = mixed(color, WHITE, 0.78) if tube else soft(color)
+    return Path(capsule(ends, half), edge=dark(color), fill=fill, closed=True, depth=depth)
+
+
+def _sphere(page: Page, pose: Pose, radius: float, color: Color, depth: float) -> list[Path]:
+    at, seen = page.at(pose.position), max(radius * page.scale, DOT)
+    paths = [Path(arc(at, seen), edge=dark(color), fill=soft(color), closed=True, depth=depth)]
+    if not page.view.planar:
+        shine = arc(at + 0.3 * seen * np.array([-0.8, 1.0]), 0.32 * seen)
+        paths.append(Path(shine, edge=None, fill=mixed(color, WHITE, 0.78), closed=True, depth=depth))
+    return paths
+
+
+def _ring(page: Page, pose: Pose, radius: float, color: Color) -> list[Path]:
+    """Two halves, the far one behind what is inside the ring."""
+    circle = arc(np.zeros(2), radius, count=97)
+    points = pose.position + circle @ pose.rotation[:, :2].T
+    heights = (points - pose.position) @ page.view.toward
+    start = int(np.argmin(heights[:-1] ** 2 - 1e-9 * np.arange(96))) if np.ptp(heights) > 1e-9 * radius else 0
+    points, heights = np.roll(points[:-1], -start, axis=0), np.roll(heights[:-1], -start)
+    points, heights = np.vstack([points, points[:1]]), np.append(heights, heights[0])
+    depth, width = page.depth(pose.position), float(np.clip(0.035 * radius * page.scale, 3.5, 6.0))
+    paths = []
+    for part in (slice(0, 49), slice(48, 97)):
+        behind = 0.0 if page.view.planar else float(np.mean(heights[part]))
+        seen = page.at(points[part])
+        paths.append(Path(seen, edge=dark(color), width=width, depth=depth + behind))
+        paths.append(Path(seen, edge=soft(color), width=width - 2.0 * LINE, depth=depth + behind))
+    return (
+        sorted(paths, key=lambda path: (path.depth, -path.width)) if not page.view.planar else paths[::2] + paths[1::2]
+    )
+
+
+def _block(page: Page, pose: Pose, half: Array, color: Color, hole: bool) -> list[Path]:
+    depth = page.depth(pose.position)
+    paths = []
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            normal = sign * pose.rotation[:, axis]
+            if normal @ page.view.toward < 1e-6:
+                continue
+            a, b = (np.eye(3)[other] * half[other] for other in ((axis + 1) % 3, (axis + 2) % 3))
+            face = sign * np.eye(3)[axis] * half[axis]
+            corners = np.array([face + a + b, face - a + b, face - a - b, face + a - b])
+            seen = hull(page.at(pose.position + corners @ pose.rotation.T))
+            if len(seen) < 3:
+                continue
+            fill = WHITE if hole else soft(color) if page.view.planar else _lit(page, color, normal)
+            points = rounded(seen, ROUNDING) if page.view.planar else seen
+            paths.append(Path(points, edge=dark(color), fill=fill, closed=True, depth=depth, layer=BODIES))
+    return paths
+
+
+def _lit(page: Page, color: Color, normal: Array) -> Color:
+    """The colour of a face, lit from the upper left."""
+    light = 0.9 * page.view.up + 0.55 * page.view.toward - 0.35 * page.view.right
+    share = 0.5 + 0.5 * float(normal @ light) / float(np.linalg.norm(light))
+    return mixed(mixed(color, INK, 0.06), WHITE, 0.18 + 0.52 * share)
+
+
+def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

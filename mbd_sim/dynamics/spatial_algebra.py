@@ -1,0 +1,130 @@
+"""Six-dimensional vectors over CasADi scalars (Featherstone, *Rigid Body Dynamics Algorithms*, ch. 2).
+
+A motion vector is [ω; v] and a force vector [moment; force], both at the origin and in the axes of a link's own
+frame. Structural zeros are kept, so that planar mechanisms cost no more than planar equations.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from mbd_sim.geometry.pose import Array
+from mbd_sim.geometry.rotation import skew as numeric_skew
+
+
+def constant(matrix: Array | ca.SX) -> ca.SX:
+    """A matrix of numbers, or of numbers and symbols, with its zeros left out."""
+    return ca.sparsify(matrix if isinstance(matrix, ca.SX) else ca.SX(ca.DM(matrix)))
+
+
+def symbolic(*values: object) -> bool:
+    """Whether there are symbols among numbers and matrices of a mechanism's records."""
+    return any(isinstance(value, ca.SX) for value in values)
+
+
+def vanishes(value: float | ca.SX) -> bool:
+    """Whether a number is zero, and not a symbol that might be."""
+    return not symbolic(value) and bool(value == 0.0)
+
+
+def zeros(rows: int, columns: int = 1) -> ca.SX:
+    """A matrix of structural zeros."""
+    return ca.SX(rows, columns)
+
+
+def skew(v: ca.SX) -> ca.SX:
+    """S (3, 3) with S @ w = v × w."""
+    return ca.sparsify(
+        ca.vertcat(
+            ca.horzcat(ca.SX(1, 1), -v[2], v[1]),
+            ca.horzcat(v[2], ca.SX(1, 1), -v[0]),
+            ca.horzcat(-v[1], v[0], ca.SX(1, 1)),
+        )
+    )
+
+
+def motion_transform(rotation: ca.SX, position: ca.SX) -> ca.SX:
+    """X (6, 6) that takes motion vectors from the outer frame to an inner one placed in it (Featherstone 2.24).
+
+    :param rotation: (3, 3), inner axes in the outer frame.
+    :param position: (3,), inner origin in the outer frame.
+    """
+    turn = rotation.T
+    return ca.sparsify(
+        ca.vertcat(
+            ca.horzcat(turn, zeros(3, 3)),
+            ca.horzcat(-turn @ skew(position), turn),
+        )
+    )
+
+
+def motion_cross(v: ca.SX) -> ca.SX:
+    """C (6, 6) with C @ m = v × m for motion vectors (Featherstone 2.31)."""
+    angular, linear = skew(v[:3]), skew(v[3:])
+    return ca.sparsify(ca.vertcat(ca.horzcat(angular, zeros(3, 3)), ca.horzcat(linear, angular)))
+
+
+def inertia_matrix(mass: float, center: Array, inertia: Array) -> Array:
+    """Spatial inertia (6, 6) about the frame's origin (Featherstone 2.63).
+
+    :param center: (3,) mass centre in m.
+    :param inertia: (3, 3) about the mass centre in kg·m².
+    """
+    c = numeric_skew(center)
+    return np.block([[inertia - mass * c @ c, mass * c], [-mass * c, mass * np.eye(3)]])
+
+
+def symmetric(matrix: ca.SX) -> ca.SX:
+    """The matrix with its lower triangle mirrored from the upper one, whose instructions then serve both."""
+    upper = ca.triu(matrix)
+    return ca.triu2symm(upper)
+
+
+class SpdFactors:
+    """A symmetric positive definite matrix (n, n) as L D Lᵀ, without pivoting.
+
+    `pivots` (n,) stand in the order of the rows, each in its row's own unit. Where the matrix is not definite, a
+    pivot is not positive.
+    """
+
+    def __init__(self, matrix: ca.SX) -> None:
+        self._matrix = matrix
+        if matrix.shape[0] <= 1:
+            self.pivots = matrix.reshape((-1, 1))
+        elif matrix.is_constant():
+            inverse, numbers = inverse_spd(np.array(ca.DM(matrix)))
+            self._inverse, self.pivots = constant(inverse), ca.SX(ca.DM(numbers))
+        else:
+            factors, transposed, order = ca.ldl(matrix)
+            self.pivots = ca.SX(matrix.shape[0], 1)
+            self.pivots[order] = factors
+            self._ldl = factors, transposed, order
+
+    def solve(self, right: ca.SX) -> ca.SX:
+        """The solution (n, k) for a right side (n, k)."""
+        if self._matrix.shape[0] == 0:
+            return ca.SX(*right.shape)
+        if self._matrix.shape[0] == 1:
+            return right / self._matrix
+        if self._matrix.is_constant():
+            return ca.sparsify(self._inverse @ right)
+        return ca.sparsify(ca.ldl_solve(right, *self._ldl))
+
+
+def inverse_spd(matrix: Array) -> tuple[Array, Array]:
+    """The inverse (n, n) of a symmetric positive definite matrix by L D Lᵀ, and its pivots (n,).
+
+    Zeros stay zeros, and the units of the rows may differ by any factor. Of a matrix that is not definite the first
+    pivot that is not positive and all after it are given as zero, and the inverse is of what comes before.
+    """
+    size = len(matrix)
+    rest, lower, pivots = matrix.copy(), np.eye(size), np.zeros(size)
+    for k in range(size):
+        if not rest[k, k] > 0.0:
+            break
+        pivots[k] = rest[k, k]
+        lower[k + 1 :, k] = rest[k + 1 :, k] / pivots[k]
+        rest[k + 1 :, k + 1 :] -= np.outer(lower[k + 1 :, k], rest[k, k + 1 :])
+    unit = np.linalg.inv(lower)
+    return unit.T @ (np.divide(1.0, pivots, where=pivots > 0.0, out=np.zeros(size))[:, None] * unit), pivots

@@ -1,0 +1,123 @@
+"""Rotations as numbers: matrices and quaternions (w, x, y, z), right-handed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from mbd_sim.geometry.pose import Array
+
+
+def skew(v: Array) -> Array:
+    """The matrix (3, 3) of the cross product: `skew(v) @ w` is v × w."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def unit(v: Sequence[float] | Array) -> Array:
+    """The vector scaled to length 1, without overflow for very large or small ones."""
+    array = np.array(v, dtype=float)
+    array /= np.max(np.abs(array))
+    return array / math.sqrt(float(array @ array))
+
+
+def unit_or_zero(v: Array) -> Array:
+    """The vector scaled to length 1, or zero where its length is below 1e-12."""
+    length = float(np.linalg.norm(v))
+    return v / length if length > 1e-12 else np.zeros_like(v)
+
+
+def about(axis: Array, angle: float) -> Array:
+    """The rotation matrix (3, 3) about a unit `axis` by `angle` in rad (Rodrigues' formula)."""
+    k = skew(axis)
+    rotation: Array = np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k)
+    return rotation
+
+
+def from_quaternion(quaternion: Array) -> Array:
+    """The rotation matrix (3, 3) of a unit quaternion (w, x, y, z)."""
+    w, v = quaternion[0], quaternion[1:]
+    k = skew(v)
+    rotation: Array = np.eye(3) + 2.0 * (w * k + k @ k)
+    return rotation
+
+
+def to_quaternion(rotation: Array) -> Array:
+    """The unit quaternion (w, x, y, z) with w ≥ 0 of a rotation matrix (3, 3) (Shepperd's method)."""
+    r = rotation
+    squares = np.array([1.0 + np.trace(r), *(1.0 + 2.0 * r[i, i] - np.trace(r) for i in range(3))])
+    largest = int(np.argmax(squares))
+    if largest == 0:
+        q = np.array([squares[0], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
+    else:
+        i, j, k = largest - 1, largest % 3, (largest + 1) % 3
+        q = np.empty(4)
+        q[0] = r[k, j] - r[j, k]
+        q[1 + i], q[1 + j], q[1 + k] = squares[largest], r[j, i] + r[i, j], r[k, i] + r[i, k]
+    q /= np.linalg.norm(q)
+    return q if q[0] >= 0.0 else -q
+
+
+def of_vector(vector: Array) -> Array:
+    """The unit quaternion (w, x, y, z) of a rotation vector (3,): axis times angle in rad."""
+    angle = float(np.linalg.norm(vector))
+    half = 0.5 * np.sinc(0.5 * angle / np.pi)  # sin(angle / 2) / angle, also at zero
+    return np.array([math.cos(0.5 * angle), *(half * vector)])
+
+
+def quaternions(matrices: Array) -> Array:
+    """The unit quaternions (n, 4) in the order (x, y, z, w) of ROS and Rerun, of rotation matrices (n, 3, 3).
+
+    Of the four ways to divide, each matrix takes the one with the largest divisor (Shepperd's method).
+    """
+    m = matrices
+    xx, yy, zz = m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]
+    x, y, z = m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]
+    xy, yz, zx = m[:, 0, 1] + m[:, 1, 0], m[:, 1, 2] + m[:, 2, 1], m[:, 2, 0] + m[:, 0, 2]
+    ways = np.stack(
+        [
+            np.stack([1.0 + xx - yy - zz, xy, zx, x], axis=1),
+            np.stack([xy, 1.0 - xx + yy - zz, yz, y], axis=1),
+            np.stack([zx, yz, 1.0 - xx - yy + zz, z], axis=1),
+            np.stack([x, y, z, 1.0 + xx + yy + zz], axis=1),
+        ],
+        axis=1,
+    )
+    best = np.argmax(np.diagonal(ways, axis1=1, axis2=2), axis=1)
+    chosen: Array = ways[np.arange(len(m)), best]
+    chosen /= np.linalg.norm(chosen, axis=1, keepdims=True)
+    return chosen
+
+
+def aligning_z(axis: Array) -> Array:
+    """A rotation matrix that takes z to the unit `axis`, exactly so along the coordinate axes."""
+    if np.count_nonzero(axis) == 1:
+        index, sign = int(np.flatnonzero(axis)[0]), float(np.sign(axis[np.flatnonzero(axis)[0]]))
+        columns = np.zeros((3, 3))
+        columns[index, 2] = sign
+        columns[(index + 1) % 3, 0] = 1.0
+        columns[(index + 2) % 3, 1] = sign
+        return columns
+    x = np.cross(np.eye(3)[int(np.argmin(np.abs(axis)))], axis)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(axis, x), axis])
+
+
+def from_rpy(roll: float, pitch: float, yaw: float) -> Array:
+    """Turn about fixed x by roll, then fixed y by pitch, then fixed z by yaw (as URDF does)."""
+    x, y, z = np.eye(3)
+    return about(z, yaw) @ about(y, pitch) @ about(x, roll)
+
+
+def to_rpy(rotation: Array) -> tuple[float, float, float]:
+    """Roll, pitch and yaw of a rotation matrix; inverse of `from_rpy`.
+
+    Roll is what is left when yaw is turned back, so that the three fit together where the pitch nears a right angle.
+    """
+    r = rotation
+    yaw = np.arctan2(r[1, 0], r[0, 0])
+    pitch = np.arctan2(-r[2, 0], np.hypot(r[0, 0], r[1, 0]))
+    sine, cosine = np.sin(yaw), np.cos(yaw)
+    roll = np.arctan2(sine * r[0, 2] - cosine * r[1, 2], cosine * r[1, 1] - sine * r[0, 1])
+    return float(roll), float(pitch), float(yaw)

@@ -1,0 +1,34 @@
+"""Mechanism files and URDFs to `Mechanism` records."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism_file.builders.mechanism_builder import build
+from mbd_sim.mechanism_file.library import find
+from mbd_sim.mechanism_file.validation import validate
+from mbd_sim.mechanism_file.yaml_reader import parse_source, read_text
+from mbd_sim.urdf.overlay import with_urdf
+from mbd_sim.urdf.robot_reader import Base, urdf_source
+from mbd_sim.urdf.xml_elements import is_xml
+
+
+def load_mechanism(mechanism: str | Path, base: Base | None = None) -> Mechanism:
+    """Load a mechanism file or a URDF, given by its path, or a shipped mechanism by its name.
+
+    :param base: how the root link of a URDF is held: fixed (as by default) or free.
+    :raises MechanismError: with all problems of the file, each with its line and a remedy.
+    """
+    path = find(mechanism)
+    return parse_mechanism(read_text(path), str(path), base)
+
+
+def parse_mechanism(text: str, file: str = "<text>", base: Base | None = None) -> Mechanism:
+    """The mechanism that YAML or URDF text describes; `file` names it in errors, and `urdf` is looked for beside it.
+
+    :raises MechanismError: see `load_mechanism`.
+    """
+    source = urdf_source(text, file, base) if is_xml(text) else with_urdf(parse_source(text, file), base)
+    records, parameters = validate(source)
+    return build(records, parameters, source)

@@ -1,0 +1,74 @@
+"""The force elements of a mechanism as plain records: springs and dampers between points, forces and couples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.expression import TimeExpression
+from mbd_sim.mechanism.laws import ElasticLaw, GreenStrain, Linear, PowerLaw
+from mbd_sim.mechanism.records import GROUND, Attachment
+
+
+@dataclass(frozen=True, eq=False)
+class Spring:
+    """A spring and a damper in parallel between two points at the distance l.
+
+    The tension along their line is that of the `law` for the elongation l - `length`, plus `damping` times l'. A
+    spring with a `mass`, of which one end is on ground, moves with a velocity that grows evenly from end to end.
+    """
+
+    name: str
+    first: Attachment
+    second: Attachment
+    law: ElasticLaw | GreenStrain
+    length: float
+    damping: float
+    mass: float = 0.0
+
+    @property
+    def elastic(self) -> bool:
+        """Whether it is more than a damper."""
+        return self.law != Linear(0.0)
+
+    @property
+    def needs_line(self) -> bool:
+        """Whether its force has no direction where its ends meet."""
+        smooth = isinstance(self.law, GreenStrain) or (isinstance(self.law, Linear) and self.length == 0.0)
+        return self.damping != 0.0 or not smooth
+
+
+@dataclass(frozen=True, eq=False)
+class Damper:
+    """A damper between two points: against the rate of their distance, or, without a line, their relative velocity."""
+
+    name: str
+    first: Attachment
+    second: Attachment
+    law: PowerLaw
+    needs_line: bool
+
+    @property
+    def damping(self) -> float:
+        """The coefficient of its law."""
+        return self.law.coefficient
+
+
+@dataclass(frozen=True, eq=False)
+class AppliedForce:
+    """A force in N at a point, or, with `couple`, a moment in N·m on a part, as expressions of time.
+
+    `vector` is in the axes of the part `axes_of`, or of ground, turned by `axes` (3, 3).
+    """
+
+    name: str
+    at: Attachment
+    vector: tuple[TimeExpression, TimeExpression, TimeExpression]
+    couple: bool
+    axes_of: str
+    axes: Array
+
+    @property
+    def following(self) -> bool:
+        """Whether its axes turn."""
+        return self.axes_of != GROUND

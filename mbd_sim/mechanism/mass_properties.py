@@ -1,0 +1,69 @@
+"""Mass, mass centre and inertia dyadic of bodies and of composites (Huston & Liu, ch. 7).
+
+An inertia is a symmetric matrix (3, 3) in kg·m² about the mass centre: I = ∫ (r·r 1 - r rᵀ) dm, so its products
+are I_xy = -∫ x y dm.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbd_sim.geometry import rotation as rot
+from mbd_sim.geometry.pose import Array, Pose
+
+
+@dataclass(frozen=True, eq=False)
+class MassProperties:
+    """`mass` in kg, `center` (3,) in m, `inertia` (3, 3) in kg·m² about `center`."""
+
+    mass: float
+    center: Array
+    inertia: Array
+
+    def scaled(self, factor: float) -> MassProperties:
+        """The same body with `factor` times the mass."""
+        return MassProperties(self.mass * factor, self.center, self.inertia * factor)
+
+    def placed(self, pose: Pose) -> MassProperties:
+        """The body seen from the outer frame of `pose`."""
+        center = pose.position + pose.rotation @ self.center
+        return MassProperties(self.mass, center, pose.rotation @ self.inertia @ pose.rotation.T)
+
+    def about(self, point: Array) -> Array:
+        """The inertia (3, 3) about another point: the parallel axis theorem (Huston & Liu, sec. 7.6)."""
+        k = rot.skew(self.center - point)
+        return self.inertia - self.mass * (k @ k)
+
+
+def composite(bodies: Sequence[MassProperties]) -> MassProperties:
+    """Several bodies as one; holes have negative mass.
+
+    :raises ValueError: the holes take away all mass.
+    """
+    if not any(body.mass for body in bodies):
+        return MassProperties(0.0, np.zeros(3), np.zeros((3, 3)))
+    mass = math.fsum(body.mass for body in bodies)
+    if mass <= 1e-12 * math.fsum(abs(body.mass) for body in bodies):
+        raise ValueError(f"the holes take away all mass, {mass:g} kg are left: make them smaller or lighter")
+    center = sum((body.mass * body.center for body in bodies), np.zeros(3)) / mass
+    inertia = sum((body.about(center) for body in bodies), np.zeros((3, 3)))
+    return MassProperties(mass, center, inertia)
+
+
+def defect(inertia: Array) -> str | None:
+    """What makes a matrix no inertia of any body, or None: it needs moments ≥ 0 that meet the triangle inequality."""
+    if not np.all(np.isfinite(inertia)):
+        return None  # of parameters that are reported themselves
+    moments = np.linalg.eigvalsh(inertia)
+    slack = 1e-9 * max(float(np.max(np.abs(moments))), 1e-300)
+    text = ", ".join(f"{moment:.6g}" for moment in moments)
+    if moments[0] < -slack:
+        return f"has a negative principal moment (principal moments {text} kg·m²)"
+    if moments[0] + moments[1] < moments[2] - slack:
+        excess = "the largest principal moment exceeds the sum of the others"
+        return f"violates the triangle inequality: {excess} (principal moments {text} kg·m²)"
+    return None

@@ -1,0 +1,220 @@
+"""A mechanism as plain records: what the dynamics, the viewer and the exporters read.
+
+Frames: every part has a frame of its own, in which its points, mass centre and inertia are given. A `Pose`
+places one frame in another: `x_outer = position + rotation @ x_inner`. SI units throughout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.mechanism.expression import TimeExpression
+from mbd_sim.mechanism.laws import ElasticLaw, Friction, PowerLaw
+from mbd_sim.mechanism.source import Source
+
+if TYPE_CHECKING:
+    from mbd_sim.mechanism.constraints import Constraint
+    from mbd_sim.mechanism.force_elements import AppliedForce, Damper, Spring
+
+GROUND = "ground"
+
+LABELS: Mapping[str, tuple[str, ...]] = {
+    "revolute": ("",),
+    "prismatic": ("",),
+    "screw": ("",),
+    "cylindrical": (".displacement", ".angle"),
+    "universal": (".first", ".second"),
+    "planar": (".x", ".y", ".angle"),
+    "spherical": (".rx", ".ry", ".rz"),
+    "free": (".x", ".y", ".z", ".rx", ".ry", ".rz"),
+    "fixed": (),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A shape to draw: `kind` and `size` as in the file, centred on `pose`, rods and axial shapes along z.
+
+    `size` is (length, radius) for rods, (radius,) for discs, rings, spheres and particles, (x, y) for plates,
+    (x, y, z) for blocks and (length, radius) for cylinders.
+    """
+
+    kind: str
+    size: tuple[float, ...]
+    pose: Pose
+    color: str | None = None
+    hole: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """The URI of a surface for others to draw, its origin at `pose`, and its factors (3,) of size along its axes."""
+
+    file: str
+    pose: Pose
+    scale: tuple[float, float, float]
+    color: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A rigid body: `mass` in kg, `center` (3,) of mass and `inertia` (3, 3) about it, in the part's frame."""
+
+    name: str
+    mass: float
+    center: Array
+    inertia: Array
+    points: Mapping[str, Pose] = field(default_factory=dict)
+    shapes: tuple[Shape, ...] = ()
+    meshes: tuple[Mesh, ...] = ()
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The range of a joint coordinate; `stiffness` k is None where the limits are only described.
+
+    A stop takes k δ (1 + c δ') for the depth δ beyond it, never less than 0, with `damping` c in s/rad or s/m.
+    """
+
+    lower: float
+    upper: float
+    stiffness: float | None = None
+    damping: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint: the motion of `child` seen from `parent`, between the frames `parent_pose` and `child_pose`.
+
+    `axis` and `second` (3,) are unit vectors in the parent-side frame, or zero: the axis, a universal joint's
+    second axis, a planar joint's x direction. `position` and `velocity` are start values of the joint's q and u; a
+    spherical or free joint has its unit quaternion (w, x, y, z) and its angular velocity (3,) in the child's axes
+    there, a free one after its position and velocity (3,) in the parent-side frame. `stiffness`, `rest` and
+    `damping` have a value for each degree of freedom. A joint with a `drive` has none: its coordinates are these
+    expressions of time. A `spring` law takes the elongation q - rest, the laws `damper` and `friction` the speed; only
+    revolute and prismatic joints have them. `reversed` joints are walked from child to parent in the spanning tree.
+    `velocity_limit` is only described.
+    `held` and `held_speeds` (nv,) tell which start values loops must be assembled around; `cut` joints close loops.
+    """
+
+    name: str
+    type: str
+    parent: str
+    child: str
+    parent_pose: Pose
+    child_pose: Pose
+    axis: Array
+    second: Array
+    position: Array
+    velocity: Array
+    stiffness: Array
+    rest: Array
+    damping: Array
+    lead: float = 0.0
+    drive: tuple[TimeExpression, ...] = ()
+    limits: Limits | None = None
+    effort_limit: float | None = None
+    velocity_limit: float | None = None
+    spring: ElasticLaw | None = None
+    damper: PowerLaw | None = None
+    friction: Friction | None = None
+    held: tuple[bool, ...] = ()
+    held_speeds: tuple[bool, ...] = ()
+    cut: bool = False
+    reversed: bool = False
+
+    @property
+    def outboard(self) -> str:
+        """The part that this joint adds to the spanning tree."""
+        return self.parent if self.reversed else self.child
+
+    @property
+    def inboard(self) -> str:
+        """The part of the spanning tree that this joint starts from."""
+        return self.child if self.reversed else self.parent
+
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """A name for each degree of freedom, in the order of the generalized speeds u."""
+        return () if self.drive else self.motion_names
+
+    @property
+    def motion_names(self) -> tuple[str, ...]:
+        """A name for each way in which the joint moves, freely or driven."""
+        return tuple(f"{self.name}{label}" for label in LABELS[self.type])
+
+
+@dataclass(frozen=True, eq=False)
+class Attachment:
+    """A point (3,) of a part, or of ground, in that part's frame."""
+
+    part: str
+    point: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """A whole mechanism. `joints`, which make a tree, stand in declared order: that of q, u and the efforts.
+
+    `closing` are the joints that close loops; they have no coordinates.
+    """
+
+    name: str
+    description: str
+    parts: Mapping[str, Part]
+    joints: Mapping[str, Joint]
+    tree: tuple[str, ...]
+    ground_points: Mapping[str, Pose]
+    gravity: Array
+    method: str
+    step: float
+    parameters: Mapping[str, float]
+    source: Source
+    springs: tuple[Spring, ...] = ()
+    dampers: tuple[Damper, ...] = ()
+    applied: tuple[AppliedForce, ...] = ()
+    closing: Mapping[str, Joint] = field(default_factory=dict)
+    constraints: tuple[Constraint, ...] = ()
+
+    @property
+    def all_joints(self) -> Mapping[str, Joint]:
+        """The joints of the tree and those that close loops."""
+        return {**self.joints, **self.closing}
+
+    @property
+    def ties(self) -> tuple[Spring | Damper, ...]:
+        """What acts between two points: the springs, then the dampers."""
+        return (*self.springs, *self.dampers)
+
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """A name for each generalized speed u, in order."""
+        return tuple(name for joint in self.joints.values() for name in joint.coordinate_names)
+
+    @property
+    def driven_names(self) -> tuple[str, ...]:
+        """A name for each coordinate of the driven joints, in declared order."""
+        return tuple(name for joint in self.joints.values() if joint.drive for name in joint.motion_names)
+
+    @property
+    def mass(self) -> float:
+        """The mass of all parts, kg."""
+        return float(sum(part.mass for part in self.parts.values()))
+
+    def tree_joints(self) -> Iterator[Joint]:
+        """The joints from ground outwards: each one's inboard part comes before it."""
+        return (self.joints[name] for name in self.tree)
+
+    def effort_limits(self) -> Array:
+        """The largest effort of each degree of freedom, (nv,), infinite where none is given."""
+        limits = [
+            np.inf if joint.effort_limit is None else joint.effort_limit
+            for joint in self.joints.values()
+            for _ in joint.coordinate_names
+        ]
+        return np.array(limits, dtype=float)

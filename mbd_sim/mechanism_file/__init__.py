@@ -1,0 +1,1 @@
+"""What a user writes: mechanism files read, checked, and made into records."""

@@ -1,0 +1,1 @@
+"""From a checked mechanism file to the records of a mechanism."""

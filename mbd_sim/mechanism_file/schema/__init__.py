@@ -1,0 +1,1 @@
+"""The mechanism file as data: one class for each thing that a user may write."""

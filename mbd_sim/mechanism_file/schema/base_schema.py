@@ -1,0 +1,90 @@
+"""What the records of a mechanism file are made of."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    StringConstraints,
+    Tag,
+    WithJsonSchema,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from mbd_sim.mechanism_file.quantity import Angle, Length, Number
+
+NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"
+Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN, max_length=60)]
+
+
+def need(message: str, remedy: str) -> PydanticCustomError:
+    """What a record's own check raises: what is wrong, and what would be right."""
+    return PydanticCustomError("record", "{why}", {"why": message, "remedy": remedy})
+
+
+def _not_zero(numbers: tuple[float, ...]) -> tuple[float, ...]:
+    if not any(numbers):
+        raise need("must not be zero", f"Give for example [{', '.join(['0'] * (len(numbers) - 1))}, 1].")
+    return numbers
+
+
+Vector = tuple[Length, Length, Length]
+Direction = Annotated[tuple[Number, Number, Number], AfterValidator(_not_zero)]
+Quaternion = Annotated[tuple[Number, Number, Number, Number], AfterValidator(_not_zero)]
+Value = Annotated[Any, WithJsonSchema({"type": ["number", "string"]})]
+
+
+class Record(BaseModel):
+    """A mapping in the file: unknown keys are errors, and a key without value counts as not given."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _given(cls, data: Any) -> Any:
+        return {key: value for key, value in data.items() if value is not None} if isinstance(data, dict) else data
+
+
+def _exactly_one(record: Record, *keys: str) -> None:
+    given = [key for key in keys if getattr(record, key) is not None]
+    if len(given) != 1:
+        raise need(f"needs exactly one of {', '.join(keys)}", "Given: " + (", ".join(given) or "none") + ".")
+
+
+class Rotation(Record):
+    """An orientation: `axis` and `angle`, or roll-pitch-yaw about fixed x, y, z, or a quaternion (w, x, y, z)."""
+
+    axis: Direction | None = None
+    angle: Angle | None = None
+    rpy: tuple[Angle, Angle, Angle] | None = None
+    quaternion: Quaternion | None = None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Rotation:
+        _exactly_one(self, "axis", "rpy", "quaternion")
+        if (self.axis is None) != (self.angle is None):
+            raise need("axis and angle belong together", "Give both.")
+        return self
+
+
+class Point(Record):
+    """A named point of a part, with an orientation where a joint needs one."""
+
+    at: Vector = (0.0, 0.0, 0.0)
+    rotate: Rotation | None = None
+
+
+def written_as(value: Any) -> str:
+    """Whether a value that may be either is written as a list or as a mapping."""
+    return "list" if isinstance(value, list | tuple) else "mapping"
+
+
+PointOrVector = Annotated[
+    Annotated[Vector, Tag("list")] | Annotated[Point, Tag("mapping")],
+    Discriminator(written_as),
+]

@@ -1,0 +1,122 @@
+"""The constraints of a mechanism file, besides the joints that close loops."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, StringConstraints, model_validator
+
+from mbd_sim.mechanism.expression import TimeExpression
+from mbd_sim.mechanism_file.quantity import Number, PositiveLength, TimeFunction
+from mbd_sim.mechanism_file.schema.base_schema import Direction, Record, need
+
+Coordinate = Annotated[str, StringConstraints(min_length=1)]
+LengthOfTime = Annotated[TimeExpression, TimeFunction("m")]
+Place = Annotated[TimeExpression, TimeFunction("", ("x", "y", "z", "t"))]
+Z: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+
+class Distance(Record):
+    """A rod without mass: two points stay `length` apart, which may be an expression of time."""
+
+    type: Literal["distance"]
+    between: tuple[str, str]
+    length: LengthOfTime
+
+
+class OnPlane(Record):
+    """A point stays on the plane through `plane`, whose part carries the `normal`."""
+
+    type: Literal["on_plane"]
+    point: str
+    plane: str = "ground"
+    normal: Direction = Z
+
+
+class OnLine(Record):
+    """A point stays on the line through `line`, whose part carries the `direction`."""
+
+    type: Literal["on_line"]
+    point: str
+    line: str = "ground"
+    direction: Direction
+
+
+class OnSurface(Record):
+    """A point stays where an expression of its x, y and z (and t) in the frame of `frame` is 0; two make a curve."""
+
+    type: Literal["on_surface", "on_curve"]
+    point: str
+    frame: str = "ground"
+    equation: Place | None = None
+    equations: tuple[Place, Place] | None = None
+
+    @model_validator(mode="after")
+    def _count(self) -> OnSurface:
+        key, other = ("equation", "equations") if self.type == "on_surface" else ("equations", "equation")
+        if getattr(self, key) is None or getattr(self, other) is not None:
+            count = "one: equation" if key == "equation" else "two: equations"
+            raise need(f"needs '{key}'", f"A {self.type.removeprefix('on_')} has {count}.")
+        return self
+
+
+class Gear(Record):
+    """Two wheels in mesh: the coordinates of their joints turn as -r₁/r₂, or as r₁/r₂ where one has inner teeth."""
+
+    type: Literal["gear"]
+    joints: tuple[Coordinate, Coordinate]
+    radii: tuple[PositiveLength, PositiveLength]
+    internal: bool = False
+
+
+class Rack(Record):
+    """A rack on a pinion, or a cable on a drum: the slide of one joint is `radius` times the turn of another."""
+
+    type: Literal["rack"]
+    pinion: Coordinate
+    rack: Coordinate
+    radius: PositiveLength
+    reverse: bool = Field(False, description="the rack moves backwards where the pinion turns forwards")
+
+
+class Coupling(Record):
+    """A linear relation of joint coordinates: the sum of `terms` (factor by coordinate) stays `value`."""
+
+    type: Literal["coupling"]
+    terms: dict[Coordinate, Number] = Field(min_length=2)
+    value: Annotated[TimeExpression, TimeFunction(None)] = TimeExpression("0", {})
+
+
+class Rolling(Record):
+    """A wheel with an `axis`, or a ball without one, rolls on a plane without slipping; `wheel` is its centre."""
+
+    type: Literal["rolling"]
+    wheel: str
+    axis: Direction | None = None
+    radius: PositiveLength
+    plane: str = "ground"
+    normal: Direction = Z
+
+
+class KnifeEdge(Record):
+    """A blade at a point does not move across its `direction` (of its part) within a plane of this `normal`."""
+
+    type: Literal["knife_edge"]
+    at: str
+    direction: Direction
+    plane: str = "ground"
+    normal: Direction = Z
+
+
+class Cable(Record):
+    """A taut cable without mass from point to point, over smooth small pulleys between; its length stays."""
+
+    type: Literal["cable"]
+    through: list[str] = Field(min_length=2)
+    length: LengthOfTime
+
+
+AnyConstraint = Annotated[
+    Distance | OnPlane | OnLine | OnSurface | Gear | Rack | Coupling | Rolling | KnifeEdge | Cable,
+    Field(discriminator="type"),
+]

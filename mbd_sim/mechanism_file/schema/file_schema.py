@@ -1,0 +1,214 @@
+"""The mechanism file, as data: one class for each thing that a user may write.
+
+All numbers are SI once read. These records mirror the file; `mbd_sim.mechanism.records` holds what is made of them.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Discriminator, Field, StringConstraints, Tag, model_validator
+
+from mbd_sim.mechanism_file.quantity import (
+    Acceleration,
+    Mass,
+    MomentOfInertia,
+    Number,
+    PositiveDensity,
+    PositiveLength,
+    PositiveTime,
+)
+from mbd_sim.mechanism_file.schema.base_schema import (
+    Direction,
+    Name,
+    PointOrVector,
+    Record,
+    Rotation,
+    Value,
+    Vector,
+    need,
+    written_as,
+)
+from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraint
+from mbd_sim.mechanism_file.schema.force_schema import AnyForce
+from mbd_sim.mechanism_file.schema.joint_schema import AnyJoint
+
+Color = Annotated[str, StringConstraints(pattern=r"^#[0-9a-fA-F]{6}$")]
+
+
+class Ground(Record):
+    """The part that does not move."""
+
+    points: dict[Name, PointOrVector] = Field(default={})
+
+
+class Shape(Record):
+    """What all shapes share. Without `mass` or `density` a shape takes its share of the part's mass by size."""
+
+    mass: Mass | None = Field(None, description="the shape's own mass; 0 where it is only drawn")
+    hole: bool = Field(False, description="takes material away")
+    color: Color | None = None
+
+    @model_validator(mode="after")
+    def _one_mass(self) -> Shape:
+        if self.mass is not None and getattr(self, "density", None) is not None:
+            raise need("has both mass and density", "Give one of them.")
+        return self
+
+
+class Placed(Shape):
+    """A shape about its centre `at`, turned by `rotate`."""
+
+    at: Vector = (0.0, 0.0, 0.0)
+    rotate: Rotation | None = None
+
+
+class AxialShape(Placed):
+    """A shape about `axis` (default z)."""
+
+    axis: Direction = (0.0, 0.0, 1.0)
+
+
+class Rod(Shape):
+    """A thin uniform rod between two points; `radius` is only drawn."""
+
+    type: Literal["rod"]
+    start: Vector = Field((0.0, 0.0, 0.0), alias="from")
+    end: Vector = Field(alias="to")
+    radius: PositiveLength | None = None
+
+    @model_validator(mode="after")
+    def _length(self) -> Rod:
+        if self.start == self.end:
+            raise need("a rod needs two different ends", "Change 'from' or 'to'.")
+        return self
+
+
+class Particle(Placed):
+    """A point mass; `radius` is only drawn."""
+
+    type: Literal["particle"]
+    radius: PositiveLength | None = None
+
+
+class Disc(AxialShape):
+    """A thin uniform disc."""
+
+    type: Literal["disc"]
+    radius: PositiveLength
+
+
+class Ring(AxialShape):
+    """A thin uniform ring (hoop)."""
+
+    type: Literal["ring"]
+    radius: PositiveLength
+
+
+class Plate(AxialShape):
+    """A thin uniform rectangular plate, `size` along its own x and y, normal to `axis`."""
+
+    type: Literal["plate"]
+    size: tuple[PositiveLength, PositiveLength]
+
+
+class Block(Placed):
+    """A uniform rectangular block, `size` along x, y, z."""
+
+    type: Literal["block"]
+    size: tuple[PositiveLength, PositiveLength, PositiveLength]
+    density: PositiveDensity | None = None
+
+
+class Cylinder(AxialShape):
+    """A uniform solid cylinder."""
+
+    type: Literal["cylinder"]
+    radius: PositiveLength
+    length: PositiveLength
+    density: PositiveDensity | None = None
+
+
+class Sphere(Placed):
+    """A uniform solid sphere."""
+
+    type: Literal["sphere"]
+    radius: PositiveLength
+    density: PositiveDensity | None = None
+
+
+AnyShape = Annotated[
+    Rod | Particle | Disc | Ring | Plate | Block | Cylinder | Sphere,
+    Field(discriminator="type"),
+]
+
+
+class Mesh(Record):
+    """A file with a surface to draw, which this program does not read: its URI is told to others in URDF."""
+
+    file: Annotated[str, StringConstraints(min_length=1, max_length=1000)]
+    scale: tuple[Number, Number, Number] = (1.0, 1.0, 1.0)
+    at: Vector = (0.0, 0.0, 0.0)
+    rotate: Rotation | None = None
+    color: Color | None = None
+
+
+class Inertia(Record):
+    """Moments and products of inertia about the mass centre, in the part's axes (I_xy = -∫ x y dm)."""
+
+    xx: MomentOfInertia
+    yy: MomentOfInertia
+    zz: MomentOfInertia
+    xy: MomentOfInertia = 0.0
+    xz: MomentOfInertia = 0.0
+    yz: MomentOfInertia = 0.0
+
+
+InertiaOrMoments = Annotated[
+    Annotated[tuple[MomentOfInertia, MomentOfInertia, MomentOfInertia], Tag("list")]
+    | Annotated[Inertia, Tag("mapping")],
+    Discriminator(written_as),
+]
+
+
+class Part(Record):
+    """A rigid body: its mass, mass centre and inertia, given or computed from its shapes."""
+
+    mass: Mass | None = Field(None, description="kg; shared among the shapes by their size")
+    center: Vector | None = Field(None, description="mass centre, where it is not computed from shapes")
+    inertia: InertiaOrMoments | None = None
+    inertia_check: bool = Field(True, description="false: take an inertia that no rigid body has as it is")
+    shape: AnyShape | None = None
+    shapes: list[AnyShape] | None = None
+    meshes: list[Mesh] = Field([], description="only told to others, in URDF")
+    points: dict[Name, PointOrVector] = Field(default={})
+
+    @model_validator(mode="after")
+    def _one_of(self) -> Part:
+        if self.shape is not None and self.shapes is not None:
+            raise need("has both shape and shapes", "Move 'shape' into 'shapes'.")
+        return self
+
+
+class Integration(Record):
+    """How the equations are integrated."""
+
+    method: str = "tsitouras8"
+    step: PositiveTime = 1e-3
+
+
+class MechanismFile(Record):
+    """A mechanism file."""
+
+    mechanism: Name = Field(description="the mechanism's name")
+    description: str = ""
+    urdf: str | None = Field(None, description="a URDF file whose links and joints this file adds to")
+    base: Literal["fixed", "free"] | None = Field(None, description="how the root link of the URDF is held")
+    parameters: dict[Name, Value] = Field({}, description="named numbers, which expressions may use")
+    gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, -9.81)
+    integrator: Integration = Integration()
+    ground: Ground = Ground()
+    parts: dict[Name, Part] = Field(min_length=1)
+    joints: dict[Name, AnyJoint] = Field(min_length=1)
+    constraints: dict[Name, AnyConstraint] = Field(default={}, description="what restricts the motion besides joints")
+    forces: dict[Name, AnyForce] = Field(default={}, description="springs, dampers, forces and couples")

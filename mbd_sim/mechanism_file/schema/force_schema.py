@@ -1,0 +1,92 @@
+"""The force elements of a mechanism file: what acts between points of parts, or on a part."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from mbd_sim.mechanism.expression import TimeExpression
+from mbd_sim.mechanism_file.quantity import (
+    Length,
+    LinearDamping,
+    LinearStiffness,
+    Mass,
+    PositiveLength,
+    Quantity,
+    TimeFunction,
+)
+from mbd_sim.mechanism_file.schema.base_schema import Record, need
+from mbd_sim.mechanism_file.schema.law_schema import ForceOfElongation, ForceTable, LinearPower
+
+NaturalLength = Annotated[Length, Quantity("m", at_least=0)]
+Force = Annotated[TimeExpression, TimeFunction("N")]
+Torque = Annotated[TimeExpression, TimeFunction("N*m")]
+Axes = Annotated[str, Field(description="ground, part (of the element itself), or any part or part.point")]
+PositiveStiffness = Annotated[float, Quantity("N/m", above=0)]
+
+
+class Spring(Record):
+    """A spring with a damper in parallel, straight between two points; it pushes where it is shorter than `length`.
+
+    `force`, an expression of the elongation x in m, or `table` take the place of `stiffness`.
+    """
+
+    type: Literal["spring"]
+    between: tuple[str, str]
+    stiffness: LinearStiffness = 0.0
+    force: ForceOfElongation | None = None
+    table: ForceTable | None = None
+    length: NaturalLength = Field(0.0, description="natural length")
+    damping: LinearDamping = 0.0
+    mass: Mass = Field(0.0, description="the spring's own, where one end is on ground")
+
+    @model_validator(mode="after")
+    def _one_law(self) -> Spring:
+        given = [key for key in ("stiffness", "force", "table") if key in self.model_fields_set]
+        if len(given) > 1:
+            raise need(f"has {' and '.join(given)}", "Give one of them.")
+        return self
+
+
+class ElasticBar(Record):
+    """A bar that stretches, straight between two points, with the strain of Green and St. Venant or with small strain.
+
+    Its stiffness is E A / length.
+    """
+
+    type: Literal["elastic_bar"]
+    between: tuple[str, str]
+    stiffness: PositiveStiffness
+    length: PositiveLength
+    strain: Literal["green", "small"] = "green"
+    damping: LinearDamping = 0.0
+
+
+class Damper(LinearPower):
+    """A damper between two points: along their line, or against their relative velocity in every direction."""
+
+    type: Literal["damper"]
+    between: tuple[str, str]
+    along: Literal["line", "velocity"] = "line"
+
+
+class PointForce(Record):
+    """A force at a point, as expressions of time, in the axes of ground, its part (a follower force) or another."""
+
+    type: Literal["force"]
+    at: str
+    vector: tuple[Force, Force, Force]
+    axes: Axes = "ground"
+
+
+class Couple(Record):
+    """A couple on a part, as expressions of time, in the axes of ground, its part or another."""
+
+    type: Literal["couple"]
+    on: str
+    vector: tuple[Torque, Torque, Torque]
+    axes: Axes = "ground"
+
+
+AnyForce = Annotated[Spring | ElasticBar | Damper | PointForce | Couple, Field(discriminator="type")]

@@ -1,0 +1,257 @@
+"""The joints of a mechanism file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from mbd_sim.mechanism.expression import TimeExpression
+from mbd_sim.mechanism_file.quantity import (
+    Angle,
+    AngularVelocity,
+    Length,
+    LinearDamping,
+    LinearStiffness,
+    PositiveForce,
+    PositiveTorque,
+    Quantity,
+    TimeFunction,
+    TorsionDamping,
+    TorsionStiffness,
+    Velocity,
+)
+from mbd_sim.mechanism_file.schema.base_schema import (
+    Direction,
+    Record,
+    Rotation,
+    Vector,
+    need,
+)
+from mbd_sim.mechanism_file.schema.law_schema import (
+    ForceCurve,
+    LinearFriction,
+    LinearPower,
+    PositiveAngularVelocity,
+    PositiveVelocity,
+    TorqueCurve,
+    TorsionFriction,
+    TorsionPower,
+)
+
+
+class Limits(Record):
+    """What both kinds of limits share."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Limits:
+        lower, upper = getattr(self, "lower"), getattr(self, "upper")  # noqa: B009  (of the subclasses)
+        if lower >= upper:
+            raise need(f"lower {lower:g} is not below upper {upper:g}", "Swap them.")
+        if getattr(self, "damping") and not getattr(self, "stiffness"):  # noqa: B009
+            raise need("damping of stops without stiffness does nothing", "Add 'stiffness'.")
+        return self
+
+
+class AngleLimits(Limits):
+    """The range of a revolute joint; with `stiffness` its ends are elastic stops, with `damping` lossy ones."""
+
+    lower: Angle
+    upper: Angle
+    stiffness: TorsionStiffness | None = None
+    damping: Annotated[float, Quantity("s/rad", at_least=0)] = 0.0
+
+
+class LengthLimits(Limits):
+    """The range of a prismatic joint; with `stiffness` its ends are elastic stops, with `damping` lossy ones."""
+
+    lower: Length
+    upper: Length
+    stiffness: LinearStiffness | None = None
+    damping: Annotated[float, Quantity("s/m", at_least=0)] = 0.0
+
+
+class Joint(Record):
+    """What all joints share. `between` names two parts, or points of them as `part.point`.
+
+    Where loops must be closed, start values that are given are kept, and those with `guess` only say from where to
+    look. A joint with `cut` closes a loop and has no coordinate.
+    """
+
+    between: tuple[str, str]
+    guess: bool = Field(False, description="the start position is only a guess, from which the loops are assembled")
+    cut: bool = Field(False, description="cut this joint rather than another of its loop")
+
+
+class Driveable(Joint):
+    """A joint that is moved by springs and forces, or else by a `drive`: its coordinates as expressions of time t."""
+
+    @model_validator(mode="after")
+    def _driven_or_free(self) -> Driveable:
+        free = {
+            "position",
+            "velocity",
+            "stiffness",
+            "rest",
+            "damping",
+            "limits",
+            "effort_limit",
+            "velocity_limit",
+            "guess",
+            "cut",
+        }
+        free |= {"spring", "damper", "friction"}
+        if getattr(self, "drive") is not None and (both := sorted(free & self.model_fields_set)):  # noqa: B009
+            raise need(
+                f"has a drive and {', '.join(both)}", "A driven joint moves as its drive says: remove the others."
+            )
+        if {"stiffness", "spring"} <= self.model_fields_set:
+            raise need("has stiffness and spring", "Give one of them.")
+        return self
+
+
+class RevoluteJoint(Driveable):
+    """A hinge. Its coordinate is the right-handed angle of the second part about `axis`, of the first part's frame."""
+
+    type: Literal["revolute"]
+    axis: Direction
+    position: Angle = 0.0
+    velocity: AngularVelocity = 0.0
+    stiffness: TorsionStiffness = 0.0
+    rest: Angle = Field(0.0, description="angle at which the torsion spring is relaxed")
+    damping: TorsionDamping = 0.0
+    spring: TorqueCurve | None = None
+    damper: TorsionPower | None = None
+    friction: TorsionFriction | None = None
+    limits: AngleLimits | None = None
+    effort_limit: PositiveTorque | None = None
+    velocity_limit: PositiveAngularVelocity | None = Field(None, description="only told to others, in URDF")
+    drive: Annotated[TimeExpression, TimeFunction("rad")] | None = None
+
+
+class PrismaticJoint(Driveable):
+    """A slider. Its coordinate is the displacement of the second part along `axis`, of the first part's frame."""
+
+    type: Literal["prismatic"]
+    axis: Direction
+    position: Length = 0.0
+    velocity: Velocity = 0.0
+    stiffness: LinearStiffness = 0.0
+    rest: Length = Field(0.0, description="displacement at which the spring is relaxed")
+    damping: LinearDamping = 0.0
+    spring: ForceCurve | None = None
+    damper: LinearPower | None = None
+    friction: LinearFriction | None = None
+    limits: LengthLimits | None = None
+    effort_limit: PositiveForce | None = None
+    velocity_limit: PositiveVelocity | None = Field(None, description="only told to others, in URDF")
+    drive: Annotated[TimeExpression, TimeFunction("m")] | None = None
+
+
+class ScrewJoint(Driveable):
+    """A screw: a hinge that moves `lead` metres along its axis for each turn about it."""
+
+    type: Literal["screw"]
+    axis: Direction
+    lead: Length
+    position: Angle = 0.0
+    velocity: AngularVelocity = 0.0
+    stiffness: TorsionStiffness = 0.0
+    rest: Angle = 0.0
+    damping: TorsionDamping = 0.0
+    limits: AngleLimits | None = None
+    effort_limit: PositiveTorque | None = None
+    drive: Annotated[TimeExpression, TimeFunction("rad")] | None = None
+
+
+class CylindricalJoint(Driveable):
+    """A slider that also turns. Its coordinates are the displacement along and the angle about `axis`."""
+
+    type: Literal["cylindrical"]
+    axis: Direction
+    position: tuple[Length, Angle] = (0.0, 0.0)
+    velocity: tuple[Velocity, AngularVelocity] = (0.0, 0.0)
+    stiffness: tuple[LinearStiffness, TorsionStiffness] = (0.0, 0.0)
+    rest: tuple[Length, Angle] = (0.0, 0.0)
+    damping: tuple[LinearDamping, TorsionDamping] = (0.0, 0.0)
+    drive: tuple[Annotated[TimeExpression, TimeFunction("m")], Annotated[object, TimeFunction("rad")]] | None = None
+
+
+class UniversalJoint(Driveable):
+    """A Cardan joint: a turn about the first axis, then about the second, which the first turn carries along."""
+
+    type: Literal["universal"]
+    axes: tuple[Direction, Direction]
+    position: tuple[Angle, Angle] = (0.0, 0.0)
+    velocity: tuple[AngularVelocity, AngularVelocity] = (0.0, 0.0)
+    stiffness: tuple[TorsionStiffness, TorsionStiffness] = (0.0, 0.0)
+    rest: tuple[Angle, Angle] = (0.0, 0.0)
+    damping: tuple[TorsionDamping, TorsionDamping] = (0.0, 0.0)
+    drive: tuple[Annotated[TimeExpression, TimeFunction("rad")], Annotated[object, TimeFunction("rad")]] | None = None
+
+
+class PlanarJoint(Driveable):
+    """A part that slides and turns on a plane with normal `axis`: coordinates x, y and the angle about the normal.
+
+    `x_axis` is the direction of x; the y direction is axis × x_axis.
+    """
+
+    type: Literal["planar"]
+    axis: Direction
+    x_axis: Direction | None = None
+    position: tuple[Length, Length, Angle] = (0.0, 0.0, 0.0)
+    velocity: tuple[Velocity, Velocity, AngularVelocity] = (0.0, 0.0, 0.0)
+    stiffness: tuple[LinearStiffness, LinearStiffness, TorsionStiffness] = (0.0, 0.0, 0.0)
+    rest: tuple[Length, Length, Angle] = (0.0, 0.0, 0.0)
+    damping: tuple[LinearDamping, LinearDamping, TorsionDamping] = (0.0, 0.0, 0.0)
+    drive: (
+        tuple[
+            Annotated[TimeExpression, TimeFunction("m")],
+            Annotated[TimeExpression, TimeFunction("m")],
+            Annotated[TimeExpression, TimeFunction("rad")],
+        ]
+        | None
+    ) = None
+
+
+class SphericalJoint(Joint):
+    """A ball joint, regular in every orientation."""
+
+    type: Literal["spherical"]
+    orientation: Rotation | None = None
+    angular_velocity: tuple[AngularVelocity, AngularVelocity, AngularVelocity] = Field(
+        (0.0, 0.0, 0.0), description="in the second part's axes"
+    )
+    damping: TorsionDamping = 0.0
+
+
+class FixedJoint(Joint):
+    """A weld."""
+
+    type: Literal["fixed"]
+
+
+class FreeJoint(Joint):
+    """No connection: six degrees of freedom, with the pose of the second part seen from the first."""
+
+    type: Literal["free"]
+    position: Vector = (0.0, 0.0, 0.0)
+    orientation: Rotation | None = None
+    velocity: tuple[Velocity, Velocity, Velocity] = Field((0.0, 0.0, 0.0), description="in the first part's axes")
+    angular_velocity: tuple[AngularVelocity, AngularVelocity, AngularVelocity] = Field(
+        (0.0, 0.0, 0.0), description="in the second part's axes"
+    )
+
+
+AnyJoint = Annotated[
+    RevoluteJoint
+    | PrismaticJoint
+    | ScrewJoint
+    | CylindricalJoint
+    | UniversalJoint
+    | PlanarJoint
+    | SphericalJoint
+    | FixedJoint
+    | FreeJoint,
+    Field(discriminator="type"),
+]

@@ -1,0 +1,137 @@
+"""Laws in a mechanism file: force against elongation, and against speed, along lengths and about axes."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated
+
+from pydantic import AfterValidator, Field, model_validator
+
+from mbd_sim.mechanism.expression import ExpressionError, TimeExpression, evaluate
+from mbd_sim.mechanism.laws import ELONGATION
+from mbd_sim.mechanism_file.quantity import (
+    Angle,
+    AngularVelocity,
+    Length,
+    LinearDamping,
+    Quantity,
+    TimeFunction,
+    TorsionDamping,
+    Velocity,
+)
+from mbd_sim.mechanism_file.schema.base_schema import Record, need
+
+ForceValue = Annotated[float, Quantity("N")]
+TorqueValue = Annotated[float, Quantity("N*m")]
+FrictionForce = Annotated[float, Quantity("N", at_least=0)]
+FrictionTorque = Annotated[float, Quantity("N*m", at_least=0)]
+PositiveVelocity = Annotated[Velocity, Quantity("m/s", above=0)]
+PositiveAngularVelocity = Annotated[AngularVelocity, Quantity("rad/s", above=0)]
+Coefficient = Annotated[float, Quantity("", at_least=0)]
+
+
+def _finite_at_rest(expression: TimeExpression) -> TimeExpression:
+    try:
+        evaluate(expression.text, {**expression.names, ELONGATION: 0.0})
+    except ExpressionError as error:
+        message = f"has no finite value at {ELONGATION} = 0, from where its potential is counted"
+        raise need(message, "Write a force that is finite there.") from error
+    return expression
+
+
+def _growing(rows: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    if len(rows) < 2:
+        raise need("needs at least two rows", "Add one, as [elongation, force].")
+    for (before, _), (after, _) in pairwise(rows):
+        if after <= before:
+            raise need(f"{after:g} comes after {before:g}", "Let the elongations of the rows grow.")
+    return rows
+
+
+_Checks = AfterValidator(_finite_at_rest)
+ForceOfElongation = Annotated[TimeExpression, TimeFunction("N", (ELONGATION,)), _Checks]
+TorqueOfAngle = Annotated[TimeExpression, TimeFunction("N*m", (ELONGATION,)), _Checks]
+ForceTable = Annotated[list[tuple[Length, ForceValue]], AfterValidator(_growing)]
+TorqueTable = Annotated[list[tuple[Angle, TorqueValue]], AfterValidator(_growing)]
+
+
+def require_one(record: Record, *keys: str) -> None:
+    """Refuse a record that gives none or several of these keys."""
+    given = [key for key in keys if key in record.model_fields_set]
+    if len(given) != 1:
+        message = f"gives {' and '.join(given)}" if given else f"gives none of {', '.join(keys)}"
+        raise need(message, f"Give {'only ' if given else ''}one of {', '.join(keys)}.")
+
+
+class ForceCurve(Record):
+    """A nonlinear spring: its `force` as an expression of the elongation x in m, or a `table` of both."""
+
+    force: ForceOfElongation | None = None
+    table: ForceTable | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> ForceCurve:
+        require_one(self, "force", "table")
+        return self
+
+
+class TorqueCurve(Record):
+    """A nonlinear torsion spring: its torque as an expression of the angle x in rad, or a `table` of both."""
+
+    force: TorqueOfAngle | None = None
+    table: TorqueTable | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> TorqueCurve:
+        require_one(self, "force", "table")
+        return self
+
+
+class LinearPower(Record):
+    """A damper with the force C |v|ᵖ against the speed v."""
+
+    coefficient: Coefficient = Field(description="C in N/(m/s)^p, a plain number")
+    exponent: Coefficient = 1.0
+    regularisation: PositiveVelocity | None = None
+
+
+class TorsionPower(Record):
+    """A damper with the torque C |ω|ᵖ against the angular speed ω."""
+
+    coefficient: Coefficient = Field(description="C in N*m/(rad/s)^p, a plain number")
+    exponent: Coefficient = 1.0
+    regularisation: PositiveAngularVelocity | None = None
+
+
+class Friction(Record):
+    """What friction along lengths and about axes shares."""
+
+    @model_validator(mode="after")
+    def _stribeck(self) -> Friction:
+        coulomb, static, speed = (getattr(self, key) for key in ("coulomb", "static", "stribeck_velocity"))
+        if static is not None and static < coulomb:
+            raise need(f"static {static:g} is less than coulomb {coulomb:g}", "Sticking takes more than sliding.")
+        if (static is None) != (speed is None):
+            missing = "static" if static is None else "stribeck_velocity"
+            raise need("static and stribeck_velocity belong together", f"Add '{missing}'.")
+        return self
+
+
+class LinearFriction(Friction):
+    """Dry friction in a slider: of constant size, whatever presses the surfaces together, and smooth at rest."""
+
+    coulomb: FrictionForce
+    static: FrictionForce | None = None
+    stribeck_velocity: PositiveVelocity | None = None
+    viscous: LinearDamping = 0.0
+    regularisation: PositiveVelocity = Field(1e-2, description="speed below which friction dies away")
+
+
+class TorsionFriction(Friction):
+    """Dry friction in a hinge: of constant size, whatever loads the bearing, and smooth at rest."""
+
+    coulomb: FrictionTorque
+    static: FrictionTorque | None = None
+    stribeck_velocity: PositiveAngularVelocity | None = None
+    viscous: TorsionDamping = 0.0
+    regularisation: PositiveAngularVelocity = Field(1e-2, description="speed below which friction dies away")

@@ -1,0 +1,74 @@
+"""The data of a mechanism file as YAML text for people: a line for each thing, short ones in brackets."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import Any
+
+import yaml
+
+from mbd_sim.mechanism.source import Location
+from mbd_sim.mechanism_file.yaml_reader import UNPRINTABLE, plain_scalar
+
+WIDTH = 120
+WHOLE = 1e15  # below which a whole number is written without a point
+
+_STRING = "tag:yaml.org,2002:str"
+_RESOLVER = yaml.resolver.Resolver()
+
+
+def yaml_text(data: dict[str, Any], comments: Iterable[str] = ()) -> str:
+    """The text, from which `parse_source` reads the same data; keys without a value are left out."""
+    head = "".join(f"# {_one_line(comment)}\n" for comment in comments)
+    body: str = yaml.serialize(_node(data, ()), Dumper=yaml.SafeDumper, width=WIDTH, allow_unicode=True)
+    return head + body
+
+
+def _one_line(comment: str) -> str:
+    return " ".join(UNPRINTABLE.sub(" ", comment).split())
+
+
+def _node(value: Any, location: Location) -> yaml.Node:
+    flow = not _block(location)
+    if isinstance(value, dict):
+        given = {key: inner for key, inner in value.items() if inner is not None}
+        pairs = [(_scalar(str(key)), _node(inner, (*location, str(key)))) for key, inner in given.items()]
+        return yaml.MappingNode("tag:yaml.org,2002:map", pairs, flow_style=flow or not pairs)
+    if isinstance(value, list | tuple):
+        nodes = [_node(inner, (*location, index)) for index, inner in enumerate(value)]
+        return yaml.SequenceNode("tag:yaml.org,2002:seq", nodes, flow_style=flow or not nodes)
+    return _scalar(value)
+
+
+def _block(location: Location) -> bool:
+    """Whether what stands here takes lines of its own: sections, their entries, and the lists of parts."""
+    match location:
+        case () | ("parameters" | "parts" | "joints" | "constraints" | "forces" | "ground",):
+            return True
+        case ("ground", "points") | ("parts" | "joints" | "constraints" | "forces", _):
+            return True
+        case ("parts", _, "points" | "shapes" | "meshes"):
+            return True
+    return False
+
+
+def _scalar(value: Any) -> yaml.ScalarNode:
+    if isinstance(value, str):
+        plain = value.isprintable() and _tag(value) == _STRING and isinstance(plain_scalar(value), str)
+        return yaml.ScalarNode(_STRING, value, style=None if plain else '"')
+    text = str(value).lower() if isinstance(value, bool) else _number(value)
+    return yaml.ScalarNode(_tag(text), text)
+
+
+def _tag(text: str) -> Any:
+    """What YAML 1.1, which the writer follows, takes a text without quotes for."""
+    return _RESOLVER.resolve(yaml.ScalarNode, text, (True, False))  # type: ignore[no-untyped-call]
+
+
+def _number(value: float) -> str:
+    if isinstance(value, int):
+        return str(value)
+    if value.is_integer() and abs(value) < WHOLE:
+        return str(int(value))
+    return re.sub(r"^(-?)(inf|nan)$", r"\1.\2", repr(value))

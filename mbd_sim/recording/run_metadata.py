@@ -1,0 +1,100 @@
+"""What a recording says about the run besides its messages: all that is needed to compute it again."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import mbd_sim
+from mbd_sim.geometry.pose import Array
+from mbd_sim.simulation.simulation import Simulation
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """Everything that the motion from a tick on depends on, besides what is commanded later.
+
+    `ticks` counts the steps since the node started, `steps` those since time zero of the mechanism; `clock_ns` is the
+    node's simulated clock. `y` is the whole integrated state, `inputs` are those of the equations: efforts, wrenches
+    and live values.
+    """
+
+    ticks: int
+    clock_ns: int
+    steps: int
+    y: Array
+    inputs: Array
+    start_energy: float
+    live: Mapping[str, float]
+
+    @classmethod
+    def of(cls, simulation: Simulation, ticks: int = 0, clock_ns: int = 0) -> Moment:
+        """A copy of what a simulation is at."""
+        return cls(
+            ticks,
+            clock_ns,
+            simulation.steps,
+            simulation.state,
+            simulation.inputs.copy(),
+            simulation.start_energy,
+            simulation.live,
+        )
+
+
+def run_metadata(
+    simulation: Simulation, moment: Moment | None = None, parameters: Mapping[str, Any] | None = None
+) -> dict[str, str]:
+    """Mechanism, method, step and all of a moment (numbers hexadecimal, exact), versions and host.
+
+    The moment is that of the first message; by default what the simulation is at. `parameters` are the node's.
+    """
+    mechanism = simulation.mechanism
+    moment = moment or Moment.of(simulation)
+    return {
+        "mechanism": mechanism.name,
+        "file": mechanism.source.file,
+        "method": simulation.model.method.name,
+        "step": simulation.step_size.hex(),
+        "start": _exact(moment.y),
+        "inputs": _exact(moment.inputs),
+        "start_energy": float(moment.start_energy).hex(),
+        "first_tick": str(moment.ticks),
+        "first_step": str(moment.steps),
+        "first_clock": str(moment.clock_ns),
+        "wrenches": json.dumps(simulation.model.equations.inputs.loaded),
+        "live": json.dumps({name: value.hex() for name, value in moment.live.items()}),
+        "coordinates": json.dumps(simulation.coordinate_names),
+        "parameters": json.dumps(dict(parameters or {})),
+        "mbd_sim": mbd_sim.__version__,
+        **_host(),
+        "started": datetime.now().astimezone().isoformat(timespec="milliseconds"),
+    }
+
+
+def _exact(values: Array) -> str:
+    return json.dumps([value.hex() for value in values.tolist()])
+
+
+@cache
+def _host() -> Mapping[str, str]:
+    import llvmlite.binding as llvm
+
+    return {
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "processor": str(llvm.get_host_cpu_name()),
+        **{name: _version(name) for name in ("casadi", "llvmlite", "numpy")},
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"

@@ -1,0 +1,1 @@
+"""What `mbd_sim check` reports about a mechanism."""

@@ -1,0 +1,76 @@
+"""`mbd_sim check --inertia`: mass centre, inertia dyadic and principal axes of every part and of the whole."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from mbd_sim.geometry.pose import Pose
+from mbd_sim.mechanism.mass_properties import MassProperties, composite
+from mbd_sim.mechanism.records import Part
+
+WHOLE = "whole mechanism"
+ROUND_OFF = 1e-15
+
+
+def inertia_report(parts: Mapping[str, Part], poses: Mapping[str, Pose]) -> list[dict[str, Any]]:
+    """One record a part, in the part's frame, and one of all parts as one rigid body, in ground's frame at `poses`.
+
+    Parts without mass are left out. Principal axes (3, 3) are unit vectors, one a row, of the moments in rising order.
+    """
+    bodies = {
+        name: MassProperties(part.mass, part.center, part.inertia) for name, part in parts.items() if part.mass > 0.0
+    }
+    records = [_record(name, body) for name, body in bodies.items()]
+    if bodies:
+        records.append(_record(WHOLE, composite([body.placed(poses[name]) for name, body in bodies.items()])))
+    return records
+
+
+def _record(name: str, body: MassProperties) -> dict[str, Any]:
+    moments, axes = np.linalg.eigh(body.inertia)
+    axes = axes * np.where(axes[np.argmax(np.abs(axes), axis=0), range(3)] < 0.0, -1.0, 1.0)
+    return {
+        "name": name,
+        "mass": body.mass,
+        "center": body.center.tolist(),
+        "inertia": body.inertia.tolist(),
+        "inertia_at_origin": body.about(np.zeros(3)).tolist(),
+        "principal_moments": moments.tolist(),
+        "principal_axes": axes.T.tolist(),
+    }
+
+
+def inertia_text(records: list[dict[str, Any]]) -> str:
+    """The report in words, in kg, m and kg·m²."""
+    return "\n\n".join(_text(record) for record in records)
+
+
+def _text(record: dict[str, Any]) -> str:
+    frame = "ground's frame, at the start" if record["name"] == WHOLE else "its own frame"
+    lines = [f"{record['name']}: {record['mass']:.6g} kg, mass centre {_row(record['center'])} m, in {frame}"]
+    lines += _matrix("inertia about the mass centre", record["inertia"])
+    lines += _matrix("inertia about the origin", record["inertia_at_origin"])
+    moments = _cleaned(record["principal_moments"])
+    lines += [
+        f"  principal moment {moment:.6g}  about {_row(axis)}"
+        for moment, axis in zip(moments, record["principal_axes"], strict=True)
+    ]
+    return "\n".join(lines)
+
+
+def _matrix(title: str, rows: list[list[float]]) -> list[str]:
+    size = float(np.max(np.abs(rows)))
+    return [f"  {title if not index else '':30s} {_row(row, size)}" for index, row in enumerate(rows)]
+
+
+def _row(values: list[float], size: float = 0.0) -> str:
+    return "[" + ", ".join(f"{value:.6g}" for value in _cleaned(values, size)) + "]"
+
+
+def _cleaned(values: list[float], size: float = 0.0) -> list[float]:
+    """Without the round-off of zeros, which would hide that axes are principal ones."""
+    largest = max(size, *(abs(value) for value in values))
+    return [0.0 if abs(value) < ROUND_OFF * largest else value for value in values]

@@ -1,0 +1,172 @@
+"""What `mbd_sim check` says of a mechanism, as data."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from mbd_sim.analysis.inertia_split import inertia_split
+from mbd_sim.analysis.integrability import integrable_rows
+from mbd_sim.analysis.linearization import (
+    equilibrium,
+    is_autonomous,
+    linearize,
+    modes,
+)
+from mbd_sim.analysis.mobility import mobility
+from mbd_sim.dynamics.assembly import null_space
+from mbd_sim.dynamics.equations import Equations
+from mbd_sim.dynamics.initial_conditions import rheonomic
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.records import Joint, Part
+from mbd_sim.simulation.simulation import Simulation
+
+LINEARIZED = 4000  # instructions for the accelerations up to which they are differentiated for the report
+
+
+def report(simulation: Simulation) -> dict[str, Any]:
+    """All that the report holds, in SI units."""
+    mechanism, equations = simulation.mechanism, simulation.model.equations
+    energies = simulation.energies
+    counted = dataclasses.asdict(mobility(mechanism, equations, simulation.poses()))
+    constraints = _constraints(equations)
+    names, values = simulation.coordinate_names, simulation.model.coordinates(simulation.state)
+    at = dict(zip(names, values.tolist(), strict=True))
+    return {
+        "mechanism": mechanism.name,
+        "description": mechanism.description,
+        "file": mechanism.source.file,
+        "parts": [_part(part) for part in mechanism.parts.values()],
+        "joints": [_joint(joint, at) for joint in mechanism.all_joints.values()],
+        "spanning_tree": [f"{joint.inboard} -{joint.name}-> {joint.outboard}" for joint in mechanism.tree_joints()],
+        "closing_joints": list(mechanism.closing),
+        "mobility": counted,
+        "degrees_of_freedom": counted["degrees_of_freedom"],
+        "constraints": constraints,
+        "holonomic": all(row["holonomic"] or row["integrable"] for row in constraints),
+        "scleronomic": not rheonomic(mechanism),
+        "driven": list(mechanism.driven_names),
+        "coordinates": list(simulation.coordinate_names),
+        "mass": mechanism.mass,
+        "gravity": mechanism.gravity.tolist(),
+        "start": {"q": simulation.q.tolist(), "u": simulation.u.tolist(), **energies._asdict()},
+        "mass_matrix": _mass_matrix(simulation),
+        "inertia_forces": _inertia_forces(simulation),
+        "small_motions": _small_motions(equations, simulation.model.kernel.instructions),
+        "integrator": {
+            "method": simulation.model.method.name,
+            "order": simulation.model.method.order,
+            "step": simulation.step_size,
+            "instructions_per_evaluation": simulation.model.kernel.instructions,
+        },
+        "remarks": [
+            *(remark for joint in mechanism.all_joints.values() for remark in _remarks(joint)),
+            *(f"from the URDF, {note}" for note in mechanism.source.notes),
+        ],
+    }
+
+
+def _constraints(equations: Equations) -> list[dict[str, Any]]:
+    """One entry for each equation of loops and constraints."""
+    integrable = integrable_rows(equations)
+    return [
+        {
+            "name": row.name,
+            "holonomic": row.position is not None,
+            "integrable": integrable.get(index, True),
+            "redundant": index not in equations.start.keep,
+        }
+        for index, row in enumerate(equations.rows)
+    ]
+
+
+def _mass_matrix(simulation: Simulation) -> dict[str, Any]:
+    """Whether the coordinates are regular, and the kinetic energy by degrees of the speeds (Lidström, ch. 9)."""
+    conditions, q, u = simulation.model.equations.conditions, simulation.q, simulation.u
+    mass = conditions.mass(0.0, q)
+    free = null_space(conditions.gradient(0.0, q))
+    values = np.linalg.eigvalsh(free.T @ mass @ free)
+    forwards, backwards, constant = (_kinetic(simulation, speeds) for speeds in (u, -u, 0.0 * u))
+    return {
+        "positive_definite": bool(np.all(np.linalg.eigvalsh(mass) > 0.0)),
+        "condition": float(values[-1] / values[0]) if len(values) else 1.0,
+        "T2": 0.5 * (forwards + backwards) - constant,
+        "T1": 0.5 * (forwards - backwards),
+        "T0": constant,
+    }
+
+
+def _kinetic(simulation: Simulation, speeds: Array) -> float:
+    """The kinetic energy at the start with other speeds, J."""
+    y = simulation.state
+    y[simulation.model.u_range] = speeds
+    return simulation.model.energies(0.0, y).kinetic
+
+
+def _inertia_forces(simulation: Simulation) -> dict[str, Any] | None:
+    """What the drives add to the inertia forces at the start, or None where nothing is driven."""
+    model = simulation.model
+    if not model.driven_names or not len(simulation.u):
+        return None
+    rates = np.array(model.equations.rates.call([0.0, simulation.state, simulation.efforts])[0]).ravel()
+    split = inertia_split(model.equations)
+    terms = split.at(0.0, simulation.q, simulation.u, rates[model.u_range])
+    return {
+        **{name: values.tolist() for name, values in terms._asdict().items()},
+        "gyroscopic_matrix": split.gyroscopic_matrix(0.0, simulation.q).tolist(),
+    }
+
+
+def _small_motions(equations: Equations, instructions: int) -> dict[str, Any]:
+    """An equilibrium near the start and its natural motions, or why there are none."""
+    nv = equations.layout.nv
+    if nv == equations.start.rank or instructions > LINEARIZED:
+        reason = "nothing moves freely" if nv == equations.start.rank else "the mechanism is large"
+        return {"equilibrium": None, "reason": reason, "modes": []}
+    if not is_autonomous(equations):
+        return {"equilibrium": None, "reason": "the forces or the drives change with time", "modes": []}
+    q: Array | None = equilibrium(equations)
+    if q is None:
+        return {"equilibrium": None, "reason": "none was found near the start", "modes": []}
+    found = modes(linearize(equations, q, np.zeros(nv), np.zeros(nv)))
+    return {
+        "equilibrium": q.tolist(),
+        "reason": "",
+        "modes": [
+            {"frequency": mode.frequency, "damping": mode.damping, "growth": mode.eigenvalue.real} for mode in found
+        ],
+    }
+
+
+def _part(part: Part) -> dict[str, Any]:
+    return {
+        "name": part.name,
+        "mass": part.mass,
+        "center": part.center.tolist(),
+        "inertia": part.inertia.tolist(),
+        "shapes": [shape.kind for shape in part.shapes],
+    }
+
+
+def _joint(joint: Joint, at: Mapping[str, float]) -> dict[str, Any]:
+    return {
+        "name": joint.name,
+        "type": joint.type,
+        "parent": joint.parent,
+        "child": joint.child,
+        "axes": [axis.tolist() for axis in (joint.axis, joint.second) if axis.any()],
+        "lead": joint.lead,
+        "position": [at[name] for name in joint.motion_names if name in at],
+        "reversed": joint.reversed,
+        "coordinates": list(joint.motion_names),
+        "drive": [expression.text for expression in joint.drive],
+    }
+
+
+def _remarks(joint: Joint) -> list[str]:
+    if joint.limits is not None and joint.limits.stiffness is None:
+        return [f"the limits of '{joint.name}' are only described: give limits.stiffness to make them stops"]
+    return []

@@ -1,0 +1,90 @@
+"""Efforts on their way from topics to the simulation, with their watchdog. Knows no ROS."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mbd_sim.errors import CommandError
+from mbd_sim.geometry.pose import Array
+from mbd_sim.simulation.efforts import EffortMap
+
+
+class Due(NamedTuple):
+    """Efforts (nv,) that take effect at the next step, and why."""
+
+    reason: str
+    efforts: Array
+
+
+class CommandBuffer:
+    """Takes commands in one thread and hands the newest efforts to the stepping thread.
+
+    A command is accepted or rejected whole. Without a command for `timeout` seconds of simulated time (0: for
+    ever) the efforts go to zero, until the next command.
+    """
+
+    def __init__(self, effort_map: EffortMap, timeout: float) -> None:
+        self.map, self.timeout = effort_map, timeout
+        self.accepted = self.rejected = self.expired = 0
+        self.lapsed = False  # whether the efforts are zero because commands stopped coming
+        self._wanted = np.zeros(len(effort_map.names))
+        self._fresh = self._alive = False
+        self._last_time = 0.0
+        self._lock = threading.Lock()
+
+    def by_order(self, efforts: Sequence[float]) -> None:
+        """Take efforts for all coordinates.
+
+        :raises CommandError: rejected; nothing changes.
+        """
+        self._take(efforts)
+
+    def by_name(self, names: Sequence[str], efforts: Sequence[float]) -> None:
+        """Take efforts for some coordinates; the others keep theirs.
+
+        :raises CommandError: rejected; nothing changes.
+        """
+        if len(names) != len(efforts):
+            self.rejected += 1
+            raise CommandError(
+                f"'name' and 'effort' differ in length: {len(names)} and {len(efforts)}. Send an effort for each name."
+            )
+        if len(set(names)) != len(names):
+            self.rejected += 1
+            raise CommandError("a joint is named twice. Send one effort for each.")
+        self._take(dict(zip(names, efforts, strict=True)))
+
+    def _take(self, efforts: Mapping[str, float] | Sequence[float]) -> None:
+        with self._lock:
+            try:
+                self._wanted = self.map.merged(self._wanted, efforts)
+            except CommandError:
+                self.rejected += 1
+                raise
+            self.accepted += 1
+            self._fresh = True
+
+    def due(self, time: float) -> Due | None:
+        """What to apply from simulated `time` (s, never going back) on, or None where the efforts stay."""
+        with self._lock:
+            if self._fresh:
+                self._fresh, self._alive, self._last_time = False, True, time
+                self.lapsed = False
+                return Due("command", self.map.clamped(self._wanted))
+            if self._alive and self.timeout > 0.0 and time - self._last_time >= self.timeout:
+                self._alive = False
+                self.lapsed = True
+                self.expired += 1
+                self._wanted = np.zeros_like(self._wanted)
+                return Due("commands expired: efforts set to zero", self._wanted)
+        return None
+
+    def clear(self) -> None:
+        """Forget all commands, as after a reset."""
+        with self._lock:
+            self._wanted = np.zeros_like(self._wanted)
+            self._fresh = self._alive = self.lapsed = False

@@ -1,0 +1,95 @@
+"""What the node listens to: efforts and wrenches, each message taken or rejected as a whole."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+
+from geometry_msgs.msg import WrenchStamped
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from mbd_sim.errors import CommandError
+from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.ros import qos
+from mbd_sim.ros.command_buffer import CommandBuffer
+from mbd_sim.ros.topic_names import topic_names
+from mbd_sim.ros.wrench_buffer import Loadable, WrenchBuffer
+
+
+class Inputs:
+    """The subscriptions of a node; what they reject is told once a second at most."""
+
+    def __init__(
+        self,
+        node: Node,
+        mechanism: Mechanism,
+        commands: CommandBuffer,
+        wrenches: WrenchBuffer,
+        loadable: Loadable,
+        on_efforts: Callable[[], None],
+    ) -> None:
+        """Subscribe: `~/wrench/<part>` acts at the mass centre, `~/wrench/<part>/<point>` at a named point.
+
+        `on_efforts` is called after efforts have been taken.
+        """
+        self.commands, self.wrenches, self._on_efforts = commands, wrenches, on_efforts
+        self.last_rejection: tuple[str, CommandError] | None = None
+        self._log = node.get_logger()
+        self._told = 0.0
+        node.create_subscription(Float64MultiArray, "~/commands", self._by_order, qos.COMMAND)
+        node.create_subscription(JointState, "joint_commands", self._by_name, qos.COMMAND)
+        tokens = topic_names(mechanism.parts)
+        for part, point in loadable:
+            topic = f"~/wrench/{tokens[part]}"
+            if point is not None:
+                topic += f"/{topic_names(mechanism.parts[part].points)[point]}"
+            node.create_subscription(WrenchStamped, topic, partial(self._wrench, topic, part, point), qos.COMMAND)
+
+    @property
+    def accepted(self) -> int:
+        """Messages taken."""
+        return self.commands.accepted + self.wrenches.accepted
+
+    @property
+    def rejected(self) -> int:
+        """Messages rejected."""
+        return self.commands.rejected + self.wrenches.rejected
+
+    @property
+    def expired(self) -> int:
+        """How often commands stopped coming."""
+        return self.commands.expired + self.wrenches.expired
+
+    def _by_order(self, message: Float64MultiArray) -> None:
+        try:
+            self.commands.by_order(message.data)
+        except CommandError as error:
+            self._reject("~/commands", error)
+        else:
+            self._on_efforts()
+
+    def _by_name(self, message: JointState) -> None:
+        try:
+            self.commands.by_name(message.name, message.effort)
+        except CommandError as error:
+            self._reject("joint_commands", error)
+        else:
+            self._on_efforts()
+
+    def _wrench(self, topic: str, part: str, point: str | None, message: WrenchStamped) -> None:
+        force, torque = message.wrench.force, message.wrench.torque
+        vectors = (force.x, force.y, force.z), (torque.x, torque.y, torque.z)
+        try:
+            self.wrenches.take(part, point, message.header.frame_id, *vectors)
+        except CommandError as error:
+            self._reject(topic, error)
+
+    def _reject(self, topic: str, error: CommandError) -> None:
+        self.last_rejection = topic, error
+        now = time.monotonic()
+        if now - self._told >= 1.0:  # the logger's own throttle looks at the stack of each call
+            self._told = now
+            self._log.warning(f"{topic}: message rejected ({self.rejected} so far): {error}")

@@ -1,0 +1,1 @@
+"""A mechanism in motion: one, or many at once."""

@@ -1,0 +1,70 @@
+"""Efforts as commanded: checked as a whole, then clamped to what the joints can take."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from mbd_sim.errors import CommandError, listed, nearest
+from mbd_sim.geometry.pose import Array
+
+
+class UnknownJointError(CommandError):
+    """A command for a joint that does not exist. The nearest name is looked for only when somebody reads this."""
+
+    def __init__(self, name: str, valid: Iterable[str]) -> None:
+        super().__init__(name)
+        self.name, self._valid = name, valid
+
+    def __str__(self) -> str:
+        return f"there is no joint '{self.name}'. {nearest(self.name, self._valid)}"
+
+
+class EffortMap:
+    """Commands by order or by name to one effort for each degree of freedom, in N or N·m."""
+
+    def __init__(self, names: Sequence[str], limits: Array, driven: Sequence[str] = ()) -> None:
+        """Efforts by `names`, at most `limits` (nv,) large; the `driven` coordinates take none."""
+        self.names, self.limits, self._driven = tuple(names), limits, frozenset(driven)
+        self._index = {name: index for index, name in enumerate(self.names)}
+
+    def merged(self, current: Array, efforts: Mapping[str, float] | Sequence[float] | Array) -> Array:
+        """The efforts (nv,) after a command; those that it does not name stay as in `current`.
+
+        :raises CommandError: wrong length, an unknown name, or a value that is not a finite number.
+        """
+        merged = current.copy()
+        try:
+            if isinstance(efforts, Mapping):
+                for name, value in efforts.items():
+                    if name in self._driven:
+                        raise CommandError(f"joint '{name}' is driven: it moves as its drive says and takes no effort.")
+                    if name not in self._index:
+                        raise UnknownJointError(name, self._index)
+                    merged[self._index[name]] = value
+            elif len(efforts) != len(self.names):
+                raise CommandError(
+                    f"{_counted(len(self.names), 'effort')} expected and {len(efforts)} given. "
+                    f"Send one for each of: {listed(self.names)}."
+                )
+            else:
+                merged[:] = efforts
+        except (TypeError, ValueError) as error:
+            if isinstance(error, CommandError):
+                raise
+            raise CommandError(f"an effort is not a number ({error}).") from error
+        if not np.all(np.isfinite(merged)):
+            bad = [name for name, value in zip(self.names, merged, strict=True) if not math.isfinite(value)]
+            raise CommandError(f"the effort of {listed(bad)} is not finite.")
+        return merged
+
+    def clamped(self, efforts: Array) -> Array:
+        """The efforts within the joints' effort limits."""
+        return np.clip(efforts, -self.limits, self.limits)
+
+
+def _counted(number: int, noun: str) -> str:
+    """`1 effort`, `2 efforts`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

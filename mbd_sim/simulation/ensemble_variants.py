@@ -1,0 +1,91 @@
+"""Variants of one mechanism that share its equations of motion, and differ in values and starts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+
+import numpy as np
+
+from mbd_sim.dynamics.equations import AUDIT
+from mbd_sim.dynamics.initial_conditions import start_like
+from mbd_sim.dynamics.symbolic_parameters import (
+    Numbers,
+    UnvariedError,
+    Values,
+    numbers_of,
+    values_among,
+)
+from mbd_sim.errors import MechanismError, Problem
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism_file.override import with_values
+from mbd_sim.simulation.compiled_model import Model
+
+Change = Mapping[str, float | str]
+
+
+class Variants:
+    """One mechanism a change; equal changes share it.
+
+    `values` are those in which the equations of the others differ from those of the `first`.
+    """
+
+    def __init__(self, mechanism: Mechanism, changes: Sequence[Change]) -> None:
+        """Build them.
+
+        :raises MechanismError: a change does not fit, or the equations differ by more than values.
+        """
+        base = numbers_of(mechanism)
+        self._mechanisms: list[Mechanism] = []
+        self._numbers: list[Numbers] = []
+        self._which: list[int] = []  # of them each member has
+        known: dict[tuple[tuple[str, float | str], ...], int] = {}
+        for member, change in enumerate(changes):
+            key = tuple(sorted(change.items()))
+            if key not in known:
+                known[key] = len(self._mechanisms)
+                try:
+                    variant = with_values(mechanism, change) if change else mechanism
+                except MechanismError as error:
+                    raise _of_member(member, error) from error
+                self._mechanisms.append(variant)
+                self._numbers.append(numbers_of(variant) if change else base)
+            self._which.append(known[key])
+        try:
+            self.values: Values = values_among(self._numbers[0], self._numbers)
+        except UnvariedError as error:
+            message = f"the members cannot share one set of equations: {error}"
+            raise MechanismError([Problem(message, "Make an ensemble for each such value.")]) from error
+
+    @property
+    def first(self) -> Mechanism:
+        """The mechanism of the first member."""
+        return self._mechanisms[0]
+
+    def starts(self, model: Model) -> tuple[Array, Array]:
+        """The start states (k, n) and the values (k, m) of the members.
+
+        :raises MechanismError: the loops of a member cannot be closed.
+        """
+        equations, states, rows = model.equations, [], []
+        for number, (mechanism, numbers) in enumerate(zip(self._mechanisms, self._numbers, strict=True)):
+            values = self.values.among(numbers)
+            conditions = partial(equations.make_conditions, values)
+            try:
+                q, u = start_like(mechanism, model.layout, conditions, equations.rows)
+            except MechanismError as error:
+                raise _of_member(self._which.index(number), error) from error
+            states.append(np.concatenate([q, u, np.zeros(len(AUDIT))]))
+            rows.append(values)
+        return np.array(states)[self._which], np.array(rows)[self._which]
+
+    def effort_limits(self) -> Array:
+        """The largest effort (k, nv) of each degree of freedom."""
+        return np.array([mechanism.effort_limits() for mechanism in self._mechanisms])[self._which]
+
+
+def _of_member(member: int, error: MechanismError) -> MechanismError:
+    first, *rest = error.problems
+    head = Problem(f"member {member}: {first.message}", first.remedy, first.key, first.value, first.file, first.line)
+    return MechanismError([head, *rest])

@@ -1,0 +1,77 @@
+"""Where the chunks of a sweep are computed: by Dask, on this machine's processors or on those of a cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from mbd_sim.errors import MbdSimError
+from mbd_sim.sweep.sweep_runs import (
+    Chunk,
+    Results,
+    Settings,
+    compute,
+    gathered,
+)
+
+Progress = Callable[[int], None]
+
+
+class ScheduleError(MbdSimError):
+    """A sweep that cannot be computed where it was asked to be."""
+
+
+def sweep(settings: Settings, work: Sequence[Chunk], scheduler: str = "", progress: Progress | None = None) -> Results:
+    """Compute all chunks; `progress` hears how many runs have been computed by one of them.
+
+    :param scheduler: the address of a Dask scheduler such as tcp://host:8786; empty: processes of this machine.
+    :raises ScheduleError: Dask is not installed, or the scheduler cannot be reached.
+    """
+    if len(work) == 1 and not scheduler:
+        found = compute(settings, work[0], threads=None)
+        if progress is not None:
+            progress(len(work[0].changes))
+        return found
+    try:
+        import dask
+    except ImportError as error:
+        raise ScheduleError("a sweep of this size needs Dask: pip install 'mbd_sim[sweep]'") from error
+    tasks = [dask.delayed(compute, pure=False)(settings, chunk) for chunk in work]
+    if scheduler:
+        return gathered(_on_cluster(tasks, work, scheduler, progress))
+    with _told(work, progress):
+        return gathered(dask.compute(*tasks, scheduler="processes"))
+
+
+@contextmanager
+def _told(work: Sequence[Chunk], progress: Progress | None) -> Iterator[None]:
+    """Hear of Dask's own scheduler when a chunk is done."""
+    from dask.callbacks import Callback
+
+    def done(key: Any, result: Any, *_: Any) -> None:
+        if progress is not None and isinstance(result, Results):
+            progress(len(result.runs["run"]))
+
+    with Callback(posttask=done):
+        yield
+
+
+def _on_cluster(
+    tasks: Sequence[Any], work: Sequence[Chunk], scheduler: str, progress: Progress | None
+) -> list[Results]:
+    try:
+        from distributed import Client, as_completed
+    except ImportError as error:
+        raise ScheduleError("a Dask scheduler needs distributed: pip install 'mbd_sim[sweep]'") from error
+    try:
+        client = Client(scheduler, timeout=5)
+    except (OSError, ValueError) as error:
+        raise ScheduleError(f"there is no Dask scheduler at {scheduler}: {error}") from error
+    with client:
+        futures = client.compute(list(tasks))
+        sizes = {future.key: len(chunk.changes) for future, chunk in zip(futures, work, strict=True)}
+        for future in as_completed(futures):
+            if progress is not None:
+                progress(sizes[future.key])
+        return list(client.gather(futures))

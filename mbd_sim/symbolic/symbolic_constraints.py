@@ -1,0 +1,68 @@
+"""The independent constraints of a mechanism as simplified SymPy expressions, each with its multiplier."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+
+from mbd_sim.symbolic.latex_printer import escaped
+
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.constraint_rows import Row
+    from mbd_sim.dynamics.equations import Equations
+
+
+@dataclass(frozen=True, eq=False)
+class SymbolicConstraint:
+    """One row of G u + b = 0, whose `multiplier` λ adds Gᵀλ to the forces.
+
+    `position` is Φ(q, t), which stays zero, or None for a nonholonomic row; `gradient` (nv,) is the row of G, and
+    `drift` is b. The row belongs to `owner`, a joint that closes a loop where `closes`, and `what` describes it.
+    `load` is the unit of the multiplier, in LaTeX, and "" where that is J by the unit of an equation of the file.
+    """
+
+    owner: str
+    what: str
+    closes: bool
+    position: Any | None
+    gradient: tuple[Any, ...]
+    drift: Any
+    multiplier: Any
+    load: str = "N"
+
+
+def constraint_function(derived: Equations) -> ca.Function:
+    """(t, q, u, efforts) to Φ (m,), G (m, nv) and b (m,) of the independent rows; b only of nonholonomic ones."""
+    places, kept = derived.layout, list(derived.start.keep)
+    t, q = ca.SX.sym("t"), ca.SX.sym("q", places.nq)
+    u, efforts = ca.SX.sym("u", places.nv), ca.SX.sym("e", places.nv)
+    others = ca.SX.zeros(derived.violation.size1_in(1) - places.nq - places.nv, 1)
+    both = derived.violation(t, ca.vertcat(q, u, others))
+    velocity = both[kept, 1]
+    at_rest = ca.substitute(velocity, u, ca.SX.zeros(places.nv, 1))
+    at_rest[[place for place, index in enumerate(kept) if derived.rows[index].position is not None]] = 0
+    outputs = [both[kept, 0], ca.jacobian(velocity, u), at_rest]
+    return ca.Function("constraints", [t, q, u, efforts], [ca.sparsify(output) for output in outputs])
+
+
+def multipliers_of(rows: Sequence[Row], names: dict[Any, str]) -> tuple[Any, ...]:
+    """A symbol for each row, called after its owner and numbered where that has several."""
+    import sympy as sp
+
+    owners, made = [str(row.owner[1]) for row in rows], []
+    for place, owner in enumerate(owners):
+        several = owners.count(owner) > 1
+        number = f",{owners[: place + 1].count(owner)}" if several else ""
+        made.append(sp.Symbol(f"lambda_{owner}{number}", real=True))
+        names[made[-1]] = rf"\lambda_{{\mathrm{{{escaped(owner)}}}{number}}}"
+    return tuple(made)
+
+
+def load_unit(row: Row) -> str:
+    """The unit of a row's multiplier: N for what is in m or m/s, N m for what is in rad."""
+    if row.unit == "m":
+        return "N"
+    return r"N\,m" if row.owner[0] == "joints" else ""

@@ -1,0 +1,246 @@
+"""M(q, t) u' + h(q, u, t) = Q + Gᵀλ and the constraints, with every entry as a simplified SymPy expression."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from mbd_sim.dynamics.equations import Equations, derive
+from mbd_sim.dynamics.joint_motions import JOINT_TYPES
+from mbd_sim.dynamics.lagrange import lagrange_equations
+from mbd_sim.dynamics.links import layout
+from mbd_sim.errors import MbdSimError
+from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.symbolic.latex_printer import escaped
+from mbd_sim.symbolic.symbolic_constraints import (
+    SymbolicConstraint,
+    constraint_function,
+    load_unit,
+    multipliers_of,
+)
+
+if TYPE_CHECKING:
+    from mbd_sim.symbolic.polynomial import Algebra
+
+MOST_SPEEDS = 6
+MOST_INSTRUCTIONS = 20_000
+MOST_TERMS = 200  # of one entry, before
+MOST_OPERATIONS = 400  # of one entry, after simplification
+MOST_ALTOGETHER = 1500  # of all entries
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinate:
+    """What belongs to a joint: symbols of its coordinates, and of its speeds, their rates and efforts, in order."""
+
+    joint: str
+    type: str
+    q: tuple[Any, ...]
+    u: tuple[Any, ...]
+    u_rates: tuple[Any, ...]
+    efforts: tuple[Any, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SymbolicEquations:
+    """The equations `mass` (nv, nv) · u' + `inertial` (nv,) = `forces` (nv,) + Gᵀλ of a mechanism, in SymPy.
+
+    `names` says how each symbol is written in LaTeX. `constraints` have the rows of G, each with its λ; those that
+    they imply are named in `left_out`. SI units throughout.
+    """
+
+    mechanism: str
+    coordinates: tuple[Coordinate, ...]
+    time: Any
+    mass: tuple[tuple[Any, ...], ...]
+    inertial: tuple[Any, ...]
+    forces: tuple[Any, ...]
+    names: dict[Any, str]
+    constraints: tuple[SymbolicConstraint, ...] = ()
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def q(self) -> tuple[Any, ...]:
+        """All coordinates (nq,), in the order of the file."""
+        return tuple(symbol for coordinate in self.coordinates for symbol in coordinate.q)
+
+    @property
+    def u(self) -> tuple[Any, ...]:
+        """All speeds (nv,)."""
+        return tuple(symbol for coordinate in self.coordinates for symbol in coordinate.u)
+
+    @property
+    def u_rates(self) -> tuple[Any, ...]:
+        """Their derivatives (nv,)."""
+        return tuple(symbol for coordinate in self.coordinates for symbol in coordinate.u_rates)
+
+    @property
+    def multipliers(self) -> tuple[Any, ...]:
+        """The multiplier λ of each constraint (m,)."""
+        return tuple(constraint.multiplier for constraint in self.constraints)
+
+    @property
+    def efforts(self) -> tuple[Any, ...]:
+        """The commanded efforts (nv,)."""
+        return tuple(symbol for coordinate in self.coordinates for symbol in coordinate.efforts)
+
+
+def symbolic_equations(mechanism: Mechanism) -> SymbolicEquations:
+    """Derive the equations of a small mechanism, with the numbers of its file.
+
+    :raises MbdSimError: the mechanism is too large for its equations to be read, or nothing in it can move.
+    """
+    places = layout(mechanism)
+    _require_small(mechanism, places.nv)
+    functions = [lagrange_equations(mechanism).terms]
+    derived = derive(mechanism) if mechanism.closing or mechanism.constraints else None
+    if derived is not None:
+        functions.append(constraint_function(derived))
+    operations = sum(function.n_instructions() for function in functions)
+    if operations > MOST_INSTRUCTIONS:
+        raise _too_large(mechanism, f"their derivation takes {operations} operations")
+    import sympy as sp
+
+    from mbd_sim.symbolic.polynomial import Algebra
+
+    names: dict[Any, str] = {}
+    coordinates = tuple(_coordinate(mechanism, name, names) for name in mechanism.joints)
+    time = sp.Symbol("t", real=True)
+    algebra = Algebra()
+    symbols = [[symbol for c in coordinates for symbol in getattr(c, key)] for key in ("q", "u", "efforts")]
+    inputs = [[algebra.symbol(symbol) for symbol in group] for group in ([time], *symbols)]
+    for coordinate in coordinates:
+        _require_unit(algebra, coordinate)
+    (mass, inertial, forces), *rows = (_simplified(mechanism, algebra, function, inputs) for function in functions)
+    return SymbolicEquations(
+        mechanism=mechanism.name,
+        coordinates=tuple(c for c in coordinates if c.u),
+        time=time,
+        mass=tuple(tuple(row) for row in mass),
+        inertial=tuple(row[0] for row in inertial),
+        forces=tuple(row[0] for row in forces),
+        names=names,
+        constraints=_constraints(derived, rows[0], names, time) if derived else (),
+        left_out=tuple(row.name for k, row in enumerate(derived.rows) if k not in derived.start.keep)
+        if derived
+        else (),
+    )
+
+
+def _simplified(mechanism: Mechanism, algebra: Algebra, function: Any, inputs: list[Any]) -> list[list[list[Any]]]:
+    """The outputs of a function of scalars, row by row, as short expressions."""
+    import sympy as sp
+
+    from mbd_sim.symbolic.exact_evaluation import evaluate
+    from mbd_sim.symbolic.harmonics import shortest
+    from mbd_sim.symbolic.polynomial import TooLargeError
+    from mbd_sim.symbolic.polynomial_division import without_denominators
+
+    try:
+        outputs = evaluate(algebra, function, inputs)
+        outputs = [[without_denominators(algebra, p) for p in output] for output in outputs]
+    except TooLargeError as error:
+        raise _too_large(mechanism, str(error)) from error
+    longest = max((len(p) for output in outputs for p in output), default=0)
+    if longest > MOST_TERMS:
+        raise _too_large(mechanism, f"one of their entries has {longest} terms")
+    matrices = []
+    for number, values in enumerate(outputs):
+        rows, columns = function.size_out(number)
+        matrix = [[sp.S.Zero] * columns for _ in range(rows)]
+        known: dict[frozenset[Any], Any] = {}  # of a symmetric matrix each entry once
+        for row, column, p in _entries(function, number, values):
+            key = frozenset(p.items())
+            if key not in known:
+                known[key] = shortest(algebra, p)
+            matrix[row][column] = known[key]
+        matrices.append(matrix)
+    lengths = [int(entry.count_ops()) for matrix in matrices for row in matrix for entry in row]
+    if (longest := max(lengths, default=0)) > MOST_OPERATIONS:
+        raise _too_large(mechanism, f"one of their entries has {longest} operations")
+    if sum(lengths) > MOST_ALTOGETHER:
+        raise _too_large(mechanism, f"their entries have {sum(lengths)} operations")
+    return matrices
+
+
+def _constraints(
+    derived: Equations, matrices: list[list[list[Any]]], names: dict[Any, str], time: Any
+) -> tuple[SymbolicConstraint, ...]:
+    rows = [derived.rows[index] for index in derived.start.keep]
+    return tuple(
+        SymbolicConstraint(
+            owner=str(row.owner[1]),
+            what=row.what,
+            closes=row.owner[0] == "joints",
+            position=None if row.position is None else position,
+            gradient=tuple(gradient),
+            drift=drift if row.position is None else position.diff(time),
+            multiplier=multiplier,
+            load=load_unit(row),
+        )
+        for row, (position,), gradient, (drift,), multiplier in zip(
+            rows, *matrices, multipliers_of(rows, names), strict=True
+        )
+    )
+
+
+def _require_small(mechanism: Mechanism, speeds: int) -> None:
+    if not speeds:
+        raise MbdSimError(f"{mechanism.name} has no degree of freedom, and so no equations of motion.")
+    if speeds > MOST_SPEEDS:
+        raise _too_large(mechanism, f"it has {speeds} generalized speeds, and the most are {MOST_SPEEDS}")
+
+
+def _too_large(mechanism: Mechanism, why: str) -> MbdSimError:
+    return MbdSimError(
+        f"{mechanism.name}: the equations of motion are too long to be read: {why}. Write out those of a smaller "
+        "mechanism, or make joints of this one fixed or driven."
+    )
+
+
+def _entries(function: Any, output: int, values: list[Any]) -> list[tuple[int, int, Any]]:
+    """Row, column and value of what is not zero in an output."""
+    sparsity = function.sparsity_out(output)
+    rows, columns = sparsity.get_triplet()
+    return list(zip(rows, columns, values, strict=True))
+
+
+def _coordinate(mechanism: Mechanism, name: str, names: dict[Any, str]) -> Coordinate:
+    import sympy as sp
+
+    joint = mechanism.joints[name]
+    labels = joint.coordinate_names
+    if not labels:
+        return Coordinate(name, joint.type, (), (), (), ())
+    type_ = JOINT_TYPES[joint.type]
+
+    def symbols(letter: str, written: str, subscripts: list[str]) -> tuple[Any, ...]:
+        made = tuple(sp.Symbol(f"{letter}_{subscript}", real=True) for subscript in subscripts)
+        for symbol, subscript in zip(made, subscripts, strict=True):
+            names[symbol] = f"{written}_{{\\mathrm{{{escaped(subscript)}}}}}"
+        return made
+
+    own = [label.replace(".", ",") for label in labels]
+    if type_.quaternion is None:
+        q, u = symbols("q", "q", own), symbols("u", r"\dot{q}", own)
+        return Coordinate(name, joint.type, q, u, symbols("du", r"\ddot{q}", own), symbols("e", r"\tau", own))
+    place = [f"{name},{axis}" for axis in "xyz"]
+    turned = symbols("p", "p", [f"{name},{axis}" for axis in "wxyz"])
+    omega, omega_rate = symbols("w", r"\omega", place), symbols("dw", r"\dot{\omega}", place)
+    moments = symbols("m", r"\tau", place)
+    if type_.quaternion == 0:
+        return Coordinate(name, joint.type, turned, omega, omega_rate, moments)
+    q, v, v_rate = symbols("q", "q", place), symbols("v", "v", place), symbols("dv", r"\dot{v}", place)
+    forces = symbols("f", "F", place)
+    return Coordinate(name, joint.type, q + turned, v + omega, v_rate + omega_rate, forces + moments)
+
+
+def _require_unit(algebra: Algebra, coordinate: Coordinate) -> None:
+    """Let the algebra know that w² = 1 - x² - y² - z² for a unit quaternion."""
+    from fractions import Fraction
+
+    start = JOINT_TYPES[coordinate.type].quaternion
+    if start is None or not coordinate.q:
+        return
+    w, *vector = (algebra.generator(symbol) for symbol in coordinate.q[start:])
+    algebra.squares[w] = {(): Fraction(1)} | {((number, 2),): Fraction(-1) for number in vector}

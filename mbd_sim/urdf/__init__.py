@@ -1,0 +1,1 @@
+"""URDF read as a mechanism, and a mechanism written as URDF."""

@@ -1,0 +1,270 @@
+"""A mechanism's spanning tree as URDF, for robot_state_publisher, RViz, Rerun and every other reader of URDF.
+
+A URDF link's frame is that of its inboard joint. Where a part's own frame is another one, a link named after the
+joint stands between them, so that every part keeps its frame and its name. A joint with several coordinates becomes a
+chain of joints with one each, named as in `joint_states`, with links without mass between them.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mbd_sim.errors import listed
+from mbd_sim.geometry.pose import Array, Pose, identity_pose
+from mbd_sim.geometry.rotation import to_rpy
+from mbd_sim.mechanism.constraints import Coupling
+from mbd_sim.mechanism.expression import TIME, names_in
+from mbd_sim.mechanism.records import (
+    GROUND,
+    Joint,
+    Mechanism,
+    Mesh,
+    Part,
+    Shape,
+)
+from mbd_sim.urdf.value_reader import own_name
+
+Element = ElementTree.Element
+
+UNLIMITED = 1e6  # URDF demands numbers where a mechanism has no limit
+THICKNESS = 0.01  # of flat shapes, as a share of their size
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """A coordinate that is `multiplier` times that of `joint`, and `offset` in m or rad."""
+
+    joint: str
+    multiplier: float
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A URDF joint: its type, its axis (3,) unless it has none, and what acts in it."""
+
+    name: str
+    type: str
+    axis: Array | None = None
+    damping: float = 0.0
+    friction: float = 0.0
+    mimic: Mimic | None = None
+
+
+def to_urdf(mechanism: Mechanism) -> str:
+    """The URDF of a mechanism; a comment in it names what URDF cannot say.
+
+    Gears, racks and couplings of two coordinates become `<mimic>`, a screw a hinge that a slider mimics. A spherical
+    joint, for which URDF has no word, becomes `floating`. Beside meshes, a part's shapes are what collides.
+    """
+    robot = Element("robot", name=mechanism.name)
+    mimics = _mimics(mechanism)
+    if missing := [f"{what}: {listed(names, most=1000)}" for what, names in _left_out(mechanism, mimics).items()]:
+        robot.append(ElementTree.Comment(f" not in this file: {'; '.join(missing)} "))
+    ElementTree.SubElement(robot, "link", name=GROUND)
+    names = {GROUND, *mechanism.parts}
+    for joint in mechanism.tree_joints():
+        motions = [replace(motion, mimic=mimics.get(motion.name, motion.mimic)) for motion in _motions(joint)]
+        _add_joint(robot, joint, motions, names)
+        _add_link(robot, mechanism.parts[joint.outboard])
+    ElementTree.indent(robot)
+    return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True)
+
+
+def _motions(joint: Joint) -> list[Motion]:
+    """The URDF joints that make up a joint, from its inboard to its outboard side."""
+    turn, axes = "continuous", [joint.axis, joint.second]
+    match joint.type:
+        case "fixed":
+            return [Motion(joint.name, "fixed")]
+        case "spherical" | "free":
+            return [Motion(joint.name, "floating")]
+        case "revolute":
+            kinds = ["revolute" if joint.limits else turn]
+        case "prismatic":
+            kinds = ["prismatic"]
+        case "screw":
+            kinds = [turn]
+        case "cylindrical":
+            kinds, axes = ["prismatic", turn], [joint.axis, joint.axis]
+        case "universal":
+            kinds = [turn, turn]
+        case "planar":
+            kinds = ["prismatic", "prismatic", turn]
+            axes = [joint.second, np.cross(joint.axis, joint.second), joint.axis]
+    friction = joint.friction.coulomb if joint.friction else 0.0
+    viscous = joint.friction.viscous if joint.friction else 0.0
+    motions = [
+        Motion(name, kind, axis, float(damping) + viscous, friction)
+        for name, kind, axis, damping in zip(joint.motion_names, kinds, axes, joint.damping, strict=False)
+    ]
+    if joint.type == "screw":
+        follower = Mimic(joint.name, joint.lead / (2.0 * math.pi))
+        motions.append(Motion(f"{joint.name}.travel", "prismatic", joint.axis, mimic=follower))
+    if joint.reversed:
+        motions = [replace(motion, axis=-motion.axis) for motion in reversed(motions) if motion.axis is not None]
+    return motions
+
+
+def _mimics(mechanism: Mechanism) -> dict[str, Mimic]:
+    """What follows from constant couplings of two coordinates: no coordinate follows one that follows another."""
+    found: dict[str, Mimic] = {}
+    single = {name for joint in mechanism.joints.values() if joint.axis.any() for name in joint.coordinate_names}
+    for constraint in mechanism.constraints:
+        if not isinstance(constraint, Coupling) or len(constraint.factors) != 2 or not _is_constant(constraint):
+            continue
+        if not single.issuperset(constraint.factors):
+            continue
+        for leader, follower in (tuple(constraint.factors), tuple(constraint.factors)[::-1]):
+            leaders = {mimic.joint for mimic in found.values()}
+            if follower not in found and follower not in leaders and leader not in found:
+                factor = constraint.factors[follower]
+                offset = constraint.value.at(0.0) / factor
+                found[follower] = Mimic(leader, -constraint.factors[leader] / factor, offset)
+                break
+    return found
+
+
+def _is_constant(coupling: Coupling) -> bool:
+    return TIME not in names_in(coupling.value.text)
+
+
+def _left_out(mechanism: Mechanism, mimics: Mapping[str, Mimic]) -> dict[str, list[str]]:
+    """What URDF cannot say, by kind."""
+    joints = mechanism.joints.values()
+    mimicking = {frozenset((name, mimic.joint)) for name, mimic in mimics.items()}
+    said = [
+        constraint
+        for constraint in mechanism.constraints
+        if isinstance(constraint, Coupling) and frozenset(constraint.factors) in mimicking
+    ]
+    found = {
+        "joints that close loops": [*mechanism.closing],
+        "constraints": [constraint.name for constraint in mechanism.constraints if constraint not in said],
+        "springs, dampers and forces": [element.name for element in (*mechanism.ties, *mechanism.applied)],
+        "springs and dampers of joints": [joint.name for joint in joints if _has_law(joint)],
+        "drives": [joint.name for joint in joints if joint.drive],
+        "spherical joints, here floating": [joint.name for joint in joints if joint.type == "spherical"],
+    }
+    return {what: names for what, names in found.items() if names}
+
+
+def _has_law(joint: Joint) -> bool:
+    stops = joint.limits is not None and joint.limits.stiffness is not None
+    three_ways = joint.type in ("spherical", "free") and joint.damping.any()
+    return bool(joint.stiffness.any() or joint.spring or joint.damper or stops or three_ways)
+
+
+def _add_joint(robot: Element, joint: Joint, motions: list[Motion], names: set[str]) -> None:
+    """The joints and the links between them; `names` are those of the links so far."""
+    origin, outboard = joint.parent_pose, joint.child_pose
+    if joint.reversed:
+        origin, outboard = outboard, origin
+    moved = bool(np.any(outboard.position) or np.any(outboard.rotation != np.eye(3)))
+    parent = joint.inboard
+    for motion in motions:
+        last = motion is motions[-1]
+        child = (
+            joint.outboard if last and not moved else own_name(f"{joint.name if last else motion.name}_frame", names)
+        )
+        names.add(child)
+        _add_motion(robot, motion, joint, origin, parent, child)
+        if child != joint.outboard:
+            ElementTree.SubElement(robot, "link", name=child)
+        origin, parent = identity_pose(), child
+    if moved:
+        weld = ElementTree.SubElement(robot, "joint", name=f"{parent}_to_{joint.outboard}", type="fixed")
+        _add_ends(weld, outboard.inverse(), parent, joint.outboard)
+
+
+def _add_motion(robot: Element, motion: Motion, joint: Joint, origin: Pose, parent: str, child: str) -> None:
+    element = ElementTree.SubElement(robot, "joint", name=motion.name, type=motion.type)
+    _add_ends(element, origin, parent, child)
+    if motion.axis is None:
+        return
+    ElementTree.SubElement(element, "axis", xyz=_text(motion.axis))
+    _add_limit(element, joint, motion)
+    if motion.damping or motion.friction:
+        acting = {"damping": motion.damping, "friction": motion.friction}
+        ElementTree.SubElement(element, "dynamics", {key: _number(value) for key, value in acting.items() if value})
+    if mimic := motion.mimic:
+        law = {"multiplier": _number(mimic.multiplier), "offset": _number(mimic.offset)}
+        ElementTree.SubElement(element, "mimic", {"joint": mimic.joint, **law})
+
+
+def _add_ends(element: Element, origin: Pose, parent: str, child: str) -> None:
+    _add_origin(element, origin)
+    ElementTree.SubElement(element, "parent", link=parent)
+    ElementTree.SubElement(element, "child", link=child)
+
+
+def _add_limit(element: Element, joint: Joint, motion: Motion) -> None:
+    if motion.type == "continuous" and joint.effort_limit is None and joint.velocity_limit is None:
+        return
+    limit = ElementTree.SubElement(element, "limit")
+    for key, value in (("velocity", joint.velocity_limit), ("effort", joint.effort_limit)):
+        limit.set(key, _number(UNLIMITED if value is None else value))
+    if motion.type != "continuous":
+        limits = joint.limits if motion.name == joint.name else None
+        limit.set("lower", _number(limits.lower if limits else -UNLIMITED))
+        limit.set("upper", _number(limits.upper if limits else UNLIMITED))
+
+
+def _add_link(robot: Element, part: Part) -> None:
+    link = ElementTree.SubElement(robot, "link", name=part.name)
+    if part.mass or np.any(part.inertia):
+        inertial = ElementTree.SubElement(link, "inertial")
+        _add_origin(inertial, Pose(part.center, np.eye(3)))
+        ElementTree.SubElement(inertial, "mass", value=_number(part.mass))
+        names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+        moments = {name: _number(float(part.inertia[place])) for name, place in names.items()}
+        ElementTree.SubElement(inertial, "inertia", moments)
+    for mesh in part.meshes:
+        geometry = _add_geometry(link, "visual", part, mesh)
+        ElementTree.SubElement(geometry, "mesh", filename=mesh.file, scale=_text(np.array(mesh.scale)))
+    for shape in part.shapes:
+        if not shape.hole:
+            _add_shape(_add_geometry(link, "collision" if part.meshes else "visual", part, shape), shape)
+
+
+def _add_geometry(link: Element, tag: str, part: Part, drawn: Shape | Mesh) -> Element:
+    element = ElementTree.SubElement(link, tag)
+    _add_origin(element, drawn.pose)
+    geometry = ElementTree.SubElement(element, "geometry")
+    if drawn.color and tag == "visual":
+        red, green, blue = (int(drawn.color[place : place + 2], 16) / 255 for place in (1, 3, 5))
+        material = ElementTree.SubElement(element, "material", name=f"{part.name}_{drawn.color[1:]}")
+        ElementTree.SubElement(material, "color", rgba=_text(np.array([red, green, blue, 1.0])))
+    return geometry
+
+
+def _add_shape(geometry: Element, shape: Shape) -> None:
+    match shape.kind, shape.size:
+        case ("block", size):
+            ElementTree.SubElement(geometry, "box", size=_text(np.array(size)))
+        case ("plate", (x, y)):
+            ElementTree.SubElement(geometry, "box", size=_text(np.array([x, y, THICKNESS * max(x, y)])))
+        case ("rod" | "cylinder", (length, radius)):
+            ElementTree.SubElement(geometry, "cylinder", length=_number(length), radius=_number(radius))
+        case ("disc" | "ring", (radius,)):
+            thickness = _number(THICKNESS * radius)
+            ElementTree.SubElement(geometry, "cylinder", length=thickness, radius=_number(radius))
+        case ("sphere" | "particle", (radius,)):
+            ElementTree.SubElement(geometry, "sphere", radius=_number(radius))
+
+
+def _add_origin(element: Element, pose: Pose) -> None:
+    ElementTree.SubElement(element, "origin", xyz=_text(pose.position), rpy=_text(np.array(to_rpy(pose.rotation))))
+
+
+def _number(value: float) -> str:
+    return repr(float(value) + 0.0) if math.isfinite(value) else _number(UNLIMITED)
+
+
+def _text(values: Array) -> str:
+    return " ".join(_number(value) for value in values)

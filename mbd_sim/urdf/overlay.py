@@ -1,0 +1,129 @@
+"""A mechanism file that begins from a URDF, and adds what URDF cannot say.
+
+Entries of the same name are merged key by key, those of the file before those of the URDF. A joint that is given
+another type keeps only what it connects; one that is given a drive keeps its axis as well. A part that is given shapes
+with a mass loses the mass of the URDF.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, get_args
+
+from mbd_sim.errors import MechanismError, nearest, quoted
+from mbd_sim.mechanism.source import Location, Source
+from mbd_sim.mechanism_file.yaml_reader import read_text
+from mbd_sim.mechanism_file.yaml_writer import yaml_text
+from mbd_sim.urdf.robot_reader import Base, urdf_source
+
+BASES = get_args(Base)
+SECTIONS = ("parts", "joints", "constraints")
+INNER = ("points", "limits", "friction")  # keys that are merged key by key themselves
+
+
+def with_urdf(source: Source, base: Base | None = None) -> Source:
+    """The source with its `urdf` taken in; itself where it has none.
+
+    :param base: how the root link of the URDF is held, instead of the file's `base`.
+    :raises MechanismError: the URDF cannot be read.
+    """
+    if not isinstance(source.data, dict):
+        return source
+    urdf, written = source.data.get("urdf"), source.data.get("base")
+    if not isinstance(urdf, str):
+        if urdf is None and (written or base):
+            remedy = "Give 'urdf' too, or a joint of type free or fixed instead."
+            source.problems.append(source.problem(("base",), "only a URDF has a base, and 'urdf' is missing", remedy))
+        return source
+    if written not in (None, *BASES):
+        source.problems.append(source.problem(("base",), "unknown word", "Write fixed or free.", written))
+        written = None
+    path = Path(source.file).parent / Path(urdf).expanduser()
+    _check_path(source, path)
+    under = urdf_source(read_text(path), str(path), base or written)
+    merged = overlaid(under, source)
+    if not merged.problems:
+        merged.text = yaml_text(merged.data, [f"From {Path(source.file).name} and {path.name}.", *merged.notes])
+    return merged
+
+
+def _check_path(source: Source, path: Path) -> None:
+    try:
+        if path.is_file():
+            return
+        names = [near.name for near in path.parent.glob("*.urdf")] if path.parent.is_dir() else []
+    except (OSError, ValueError):  # a name too long, a NUL in it
+        names = []
+    remedy = nearest(path.name, names) or "Give its path from the folder of this file."
+    raise MechanismError([source.problem(("urdf",), "there is no such file", remedy, str(path))])
+
+
+def overlaid(under: Source, over: Source) -> Source:
+    """The data of two sources as one: that of `over` before that of `under`."""
+    written = {key: value for key, value in over.data.items() if key not in ("urdf", "base") and value is not None}
+    origins = dict(under.origins)
+    merged = Source(
+        data={**under.data, **written},
+        lines=over.lines,
+        file=over.file,
+        problems=[*over.problems, *under.problems],
+        origins=origins,
+        notes=under.notes,
+    )
+    for section in SECTIONS:
+        if isinstance(written.get(section), dict):
+            merged.data[section] = _section(merged, section, under.data.get(section, {}), written[section])
+    ground = written.get("ground")
+    if isinstance(ground, dict) and isinstance(ground.get("points", {}), dict):
+        points = {**under.data.get("ground", {}).get("points", {}), **ground.get("points", {})}
+        merged.data["ground"] = {**ground, "points": points}
+    return merged
+
+
+def _section(merged: Source, section: str, under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    result = dict(under)
+    for name, record in over.items():
+        location = (section, name)
+        if name not in under:
+            if section == "joints" and isinstance(record, dict) and record.get("type") is None:
+                message, remedy = f"the URDF has no joint {quoted(name)}, and 'type' is missing", nearest(name, under)
+                merged.problems.append(merged.problem(location, message, remedy))
+            else:
+                result[name] = record
+        elif isinstance(record, dict):
+            result[name] = _record(merged, location, _kept(section, under[name], record), record)
+        elif record is not None:
+            result[name] = record
+    return result
+
+
+def _kept(section: str, under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    """What stays of a record of the URDF beside that of the file."""
+    if section == "joints":
+        if over.get("type") not in (None, under["type"]):
+            return {"between": under["between"]}
+        if over.get("drive") is not None:
+            return {key: value for key, value in under.items() if key in ("type", "between", "axis")}
+    if section == "parts" and (shapes := _shapes(over)):
+        massive = any(shape.get("mass") or shape.get("density") for shape in shapes if isinstance(shape, dict))
+        replaced = ("shapes", "mass", "center", "inertia", "inertia_check") if massive else ("shapes",)
+        return {key: value for key, value in under.items() if key not in replaced}
+    return under
+
+
+def _shapes(part: dict[str, Any]) -> list[Any]:
+    found = part.get("shapes")
+    return [part["shape"]] if part.get("shape") is not None else found if isinstance(found, list) else []
+
+
+def _record(merged: Source, location: Location, under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    result = dict(under)
+    for key, value in over.items():
+        here, below = (*location, key), under.get(key)
+        if key in INNER and isinstance(value, dict) and isinstance(below, dict):
+            result[key] = {**below, **value}
+            continue
+        result[key] = value
+        for place in [place for place in merged.origins if place[: len(here)] == here]:
+            del merged.origins[place]
+    return result

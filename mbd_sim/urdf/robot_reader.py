@@ -1,0 +1,257 @@
+"""A URDF as the source of a mechanism: its links and joints become the parts and joints of a mechanism file.
+
+A joint's frame becomes a point of its parent link, named after the joint; a link keeps its frame. The root link is
+welded to ground, or flies freely, by a joint named base.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+from mbd_sim.errors import listed, nearest, quoted
+from mbd_sim.mechanism.records import GROUND
+from mbd_sim.mechanism.source import Location, Origin, Source
+from mbd_sim.mechanism_file.yaml_writer import yaml_text
+from mbd_sim.urdf.joint_reader import joint_of, mimic_of
+from mbd_sim.urdf.link_reader import Origins, color_of, part_of
+from mbd_sim.urdf.value_reader import (
+    LONGEST_NAME,
+    Reading,
+    own_name,
+    valid_names,
+)
+from mbd_sim.urdf.xml_elements import Element, parse_xml, refused
+
+Base = Literal["fixed", "free"]
+BASE = "base"  # the name of its joint
+WORLDS = (GROUND, "world")  # names of a root link that stands for ground where it has no mass
+XACRO_REMEDY = "Expand it first: xacro robot.urdf.xacro > robot.urdf (the ROS package xacro, or pip install xacro)."
+
+
+def urdf_source(text: str, file: str, base: Base | None = None) -> Source:
+    """The mechanism file that a URDF amounts to, with the places of its values.
+
+    Problems of single elements are among its `problems`, with which `validate` refuses it.
+
+    :param base: how the root link is held: `fixed` (as by default) or `free`.
+    :raises MechanismError: the text is not XML, or not a URDF.
+    """
+    robot = parse_xml(text, file)
+    _check_robot(robot, file)
+    reader = _Robot(robot, file, base)
+    source = reader.source()
+    if not source.problems:
+        source.text = yaml_text(source.data, [f"From {Path(file).name}.", *source.notes])
+    return source
+
+
+def _check_robot(robot: Element, file: str) -> None:
+    for element in robot.walk():
+        if element.tag.startswith("xacro:"):
+            message = "a xacro file is a program that writes a URDF"
+            raise refused(file, element.line, message, XACRO_REMEDY, key=element.tag)
+    if robot.tag != "robot":
+        known = {"sdf": "SDF", "mujoco": "MJCF", "COLLADA": "COLLADA", "gazebo": "SDF"}.get(robot.tag)
+        message = f"this is {known}, not URDF" if known else "this is not URDF"
+        raise refused(file, robot.line, message, "A URDF's root element is <robot>.", value=f"<{robot.tag[:60]}>")
+    if not robot.all("link"):
+        raise refused(file, robot.line, "has no <link>", "Add the links and joints of the robot.", key="robot")
+
+
+class _Robot:
+    def __init__(self, robot: Element, file: str, base: Base | None) -> None:
+        self.robot, self.base = robot, base or "fixed"
+        self.reading = Reading(file)
+        self.origins: dict[Location, Origin] = {}
+        self.links = self._named("link")
+        named = self._named("joint")
+        self.kinds = {name: joint.attributes.get("type", "") for name, joint in named.items()}
+        self.joints = self._connected(named)
+        self.part_names, self.joint_names = valid_names(self.links, "link"), valid_names(self.joints, "joint")
+        self.root = self._root()
+        self.grounded = self._is_ground()
+        if self.grounded:
+            self.part_names[str(self.root)] = GROUND
+        for written, name in [*self.part_names.items(), *self.joint_names.items()]:
+            if written != name:
+                self.reading.leave_out("names that are not valid here, as old → new", f"{written} → {name}")
+
+    def source(self) -> Source:
+        """The data, and where it stands."""
+        name = self.robot.attributes.get("name") or "robot"
+        data: dict[str, Any] = {"mechanism": valid_names([name], "robot")[name]}
+        colors = self._colors()
+        parts = {
+            self.part_names[name]: self._part(link, name, colors)
+            for name, link in self.links.items()
+            if self.part_names[name] != GROUND
+        }
+        ground: dict[str, Any] = {}
+        joints = self._base_joint() if self.root and not self.grounded else {}
+        for name, joint in self.joints.items():
+            record, place = self._joint(name, joint)
+            if place:
+                parent = self.part_names[_link(joint, "parent")]
+                holder = ground if parent == GROUND else parts[parent]
+                points = holder.setdefault("points", {})
+                points[self.joint_names[name]] = place["at"] if place.keys() == {"at"} else place
+            joints[self.joint_names[name]] = record
+        data |= {"ground": ground} if ground else {}
+        data |= {"parts": parts, "joints": joints}
+        if couplings := self._couplings():
+            data["constraints"] = couplings
+        for element in self.robot.children:
+            if element.tag not in ("link", "joint", "material"):
+                name = element.attributes.get("name") or element.attributes.get("reference") or "without a name"
+                self.reading.leave_out(f"<{element.tag}>", name)
+        return Source(
+            data=data,
+            file=self.reading.file,
+            problems=self.reading.problems,
+            origins=self.origins,
+            notes=self.reading.notes,
+        )
+
+    def _named(self, tag: str) -> dict[str, Element]:
+        found: dict[str, Element] = {}
+        for element in self.robot.all(tag):
+            name = element.attributes.get("name", "")
+            if not name:
+                self.reading.complain(element, tag, "'name' is missing", "Add it.")
+            elif name in found:
+                first = found[name].line
+                remedy = "Rename one of them."
+                self.reading.complain(element, _key(tag, name), f"is there twice, first on line {first}", remedy)
+            else:
+                found[name] = element
+        return found
+
+    def _connected(self, joints: dict[str, Element]) -> dict[str, Element]:
+        """The joints whose links are there, each link the child of one at most."""
+        connected: dict[str, Element] = {}
+        held: dict[str, str] = {}
+        for name, joint in joints.items():
+            key, problems = _key("joint", name), len(self.reading.problems)
+            for end in ("parent", "child"):
+                element = joint.first(end)
+                link = _link(joint, end)
+                if element is None or not link:
+                    self.reading.complain(joint, key, f"<{end} link=…> is missing", "Add it.")
+                elif link not in self.links:
+                    message, remedy = f"there is no link {quoted(link)}", nearest(link, self.links)
+                    self.reading.complain(element, f"{key}.{end}.link", message, remedy)
+            if len(self.reading.problems) > problems:
+                continue
+            child = _link(joint, "child")
+            if child in held:
+                message = f"the link {quoted(child)} is the child of joint {quoted(held[child])} already"
+                remedy = "URDF describes trees: close loops in a mechanism file with 'urdf:' and a joint of its own."
+                self.reading.complain(joint, f"{key}.child.link", message, remedy)
+                continue
+            held[child] = name
+            connected[name] = joint
+        return connected
+
+    def _root(self) -> str | None:
+        children = {_link(joint, "child") for joint in self.joints.values()}
+        roots = [name for name in self.links if name not in children]
+        if len(roots) == 1 and len(self._below(roots[0])) == len(self.links):
+            return roots[0]
+        if self.reading.problems:
+            return None  # of joints that are left out
+        if not roots or len(roots) == 1:
+            circle = [name for name in self.links if name not in (self._below(roots[0]) if roots else ())]
+            message, at = f"the joints go round in a circle: {listed(circle)}", self.links[circle[0]]
+            self.reading.complain(at, _key("link", circle[0]), message, "Remove a joint of it: URDF describes trees.")
+        else:
+            message = f"the robot is in pieces, as {len(roots)} links have no parent: {listed(roots)}"
+            remedy = "Connect them with joints, or keep one piece."
+            self.reading.complain(self.links[roots[1]], _key("link", roots[1]), message, remedy)
+        return None
+
+    def _below(self, root: str) -> set[str]:
+        children: dict[str, list[str]] = {}
+        for joint in self.joints.values():
+            children.setdefault(_link(joint, "parent"), []).append(_link(joint, "child"))
+        found, waiting = {root}, [root]
+        while waiting:
+            for child in children.get(waiting.pop(), []):
+                if child not in found:
+                    found.add(child)
+                    waiting.append(child)
+        return found
+
+    def _is_ground(self) -> bool:
+        """Whether the root link stands for ground; a robot that is fixed to it cannot have a free base as well."""
+        if self.root not in WORLDS or self.links[self.root].first("inertial"):
+            return False
+        if self.base == "free":
+            key = _key("link", self.root)
+            message, at = "stands for ground, to which the robot is fixed", self.links[self.root]
+            remedy = "For a free base remove this link and its joint, or make that joint floating (free)."
+            self.reading.complain(at, key, message, remedy)
+        return True
+
+    def _base_joint(self) -> dict[str, Any]:
+        assert self.root is not None
+        name = own_name(BASE, self.joint_names.values())
+        origin = self.reading.origin(self.links[self.root], _key("link", self.root))
+        self.origins[("joints", name)] = origin
+        return {name: {"type": self.base, "between": [GROUND, self.part_names[self.root]]}}
+
+    def _colors(self) -> dict[str, str]:
+        """The colours of the materials of the whole robot, by name."""
+        found: dict[str, str] = {}
+        for material in [element for element in self.robot.walk() if element.tag == "material"]:
+            name = material.attributes.get("name", "")
+            problems = len(self.reading.problems)
+            color = color_of(self.reading, material, _key("material", name))
+            if material not in self.robot.children:
+                del self.reading.problems[problems:]  # noted with its link
+            if color and name:
+                found.setdefault(name, color)
+        return found
+
+    def _part(self, link: Element, name: str, colors: dict[str, str]) -> dict[str, Any]:
+        key, inner = _key("link", name), Origins()
+        record = part_of(self.reading, link, key, colors, inner)
+        self._place(("parts", self.part_names[name]), self.reading.origin(link, key), inner)
+        return record
+
+    def _joint(self, name: str, joint: Element) -> tuple[dict[str, Any], dict[str, Any]]:
+        key, inner, own = _key("joint", name), Origins(), self.joint_names[name]
+        record, place = joint_of(self.reading, joint, key, inner)
+        self._place(("joints", own), self.reading.origin(joint, key), inner)
+        parent, child = (self.part_names[_link(joint, end)] for end in ("parent", "child"))
+        point = "points", own
+        self.origins[("ground", *point) if parent == GROUND else ("parts", parent, *point)] = self.reading.origin(
+            joint.first("origin") or joint, f"{key}.origin"
+        )
+        between = [f"{parent}.{own}" if place else parent, child]
+        return {"type": record.pop("type"), "between": between, **record}, place
+
+    def _couplings(self) -> dict[str, Any]:
+        couplings: dict[str, Any] = {}
+        for name, joint in self.joints.items():
+            key = _key("joint", name)
+            if (coupling := mimic_of(self.reading, joint, key, self.joint_names, self.kinds)) is not None:
+                own = own_name(f"{self.joint_names[name]}_mimic", couplings)
+                couplings[own] = coupling
+                self.origins[("constraints", own)] = self.reading.origin(joint, f"{key}.mimic")
+        return couplings
+
+    def _place(self, location: Location, origin: Origin, inner: Origins) -> None:
+        self.origins[location] = origin
+        self.origins |= {(*location, *rest): place for rest, place in inner.items()}
+
+
+def _key(tag: str, name: str) -> str:
+    """How a link or joint is named in errors."""
+    return f"{tag}[{name if name.isprintable() and len(name) <= LONGEST_NAME else quoted(name)}]"
+
+
+def _link(joint: Element, end: str) -> str:
+    """The link at an end of a joint, or ""."""
+    element = joint.first(end)
+    return element.attributes.get("link", "") if element else ""

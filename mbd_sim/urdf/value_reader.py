@@ -1,0 +1,128 @@
+"""What a URDF's elements hold: numbers, poses and names, with every problem noted at its line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from mbd_sim.errors import Problem, listed, quoted
+from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.geometry.rotation import from_rpy
+from mbd_sim.mechanism.records import GROUND
+from mbd_sim.mechanism.source import Origin
+from mbd_sim.mechanism_file.schema.base_schema import NAME_PATTERN
+from mbd_sim.urdf.xml_elements import Element
+
+LONGEST_NAME = 60
+
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
+
+
+class Reading:
+    """A URDF as it is read: the `problems` found so far, and what is `left_out`, by kind."""
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self.problems: list[Problem] = []
+        self._left_out: dict[str, list[str]] = {}
+
+    def origin(self, element: Element, key: str) -> Origin:
+        """Where an element stands."""
+        return Origin(self.file, element.line, key)
+
+    def complain(self, element: Element, key: str, message: str, remedy: str = "", value: str | None = None) -> None:
+        """Note a problem of an element, named by `key`."""
+        shown = "" if value is None else quoted(value)
+        self.problems.append(Problem(message, remedy, key=key, value=shown, file=self.file, line=element.line))
+
+    def leave_out(self, what: str, of: str) -> None:
+        """Note that something of a link or joint is not taken over."""
+        self._left_out.setdefault(what, []).append(of)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was left out, a sentence for each kind."""
+        return tuple(f"{what}: {listed(list(dict.fromkeys(of)))}" for what, of in self._left_out.items())
+
+    def numbers(self, element: Element, attribute: str, key: str, count: int) -> list[float] | None:
+        """The numbers of an attribute; None where there is none, or where they are wrong, which is noted."""
+        text = element.attributes.get(attribute)
+        if text is None:
+            return None
+        words, where = text.split(), f"{key}.{attribute}"
+        if wrong := [word for word in words if not _NUMBER.fullmatch(word)]:
+            remedy = "Write plain numbers."
+            if "$" in text:
+                remedy = "It is an expression of xacro: expand the file with xacro first."
+            self.complain(element, where, f"{quoted(wrong[0])} is not a number", remedy, text)
+        elif len(words) != count:
+            form = "one number" if count == 1 else f"{count} numbers separated by spaces"
+            self.complain(element, where, f"has {len(words)} of them", f"Write {form}.", text)
+        else:
+            return [float(word) + 0.0 for word in words]
+        return None
+
+    def number(self, element: Element, attribute: str, key: str) -> float | None:
+        """The number of an attribute; None as in `numbers`."""
+        found = self.numbers(element, attribute, key, 1)
+        return found[0] if found else None
+
+    def needed(self, element: Element, attribute: str, key: str) -> float | None:
+        """The number of an attribute that must be there."""
+        if attribute not in element.attributes:
+            self.complain(element, key, f"'{attribute}' is missing", "Add it.")
+        return self.number(element, attribute, key)
+
+    def pose(self, element: Element, key: str) -> tuple[list[float], list[float]]:
+        """xyz and rpy of the element's `<origin>`, zero where they are not given."""
+        origin = element.first("origin")
+        zero = [0.0, 0.0, 0.0]
+        if origin is None:
+            return zero, zero
+        xyz, rpy = (self.numbers(origin, attribute, f"{key}.origin", 3) for attribute in ("xyz", "rpy"))
+        return xyz or zero, rpy or zero
+
+
+def pose_of(xyz: list[float], rpy: list[float]) -> Pose:
+    """The pose of an `<origin>`."""
+    return Pose(np.array(xyz), from_rpy(*rpy))
+
+
+def placed(xyz: list[float], rpy: list[float]) -> dict[str, Any]:
+    """The keys of a mechanism file that place something so."""
+    return ({"at": xyz} if any(xyz) else {}) | ({"rotate": {"rpy": rpy}} if any(rpy) else {})
+
+
+def rows(array: Array) -> list[float]:
+    """An array as plain numbers, without negative zeros."""
+    return [float(value) + 0.0 for value in array]
+
+
+def valid_names(written: Iterable[str], otherwise: str) -> dict[str, str]:
+    """A valid name of its own for each written one, which it is itself where that can be."""
+    written = list(dict.fromkeys(written))
+    found = {name: name for name in written if re.match(NAME_PATTERN, name) and len(name) <= LONGEST_NAME}
+    found.pop(GROUND, None)
+    taken = {*found.values(), GROUND}
+    for name in written:
+        if name in found:
+            continue
+        plain = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_")
+        if not re.match(NAME_PATTERN, plain) or plain == GROUND:
+            plain = f"{otherwise}_{plain}".rstrip("_")
+        found[name] = own_name(plain, taken)
+        taken.add(found[name])
+    return {name: found[name] for name in written}
+
+
+def own_name(wanted: str, taken: Iterable[str]) -> str:
+    """The wanted name, cut to the longest length, with a number behind it where it is taken."""
+    taken, number, name = set(taken), 1, wanted[:LONGEST_NAME]
+    while name in taken:
+        number += 1
+        ending = f"_{number}"
+        name = wanted[: LONGEST_NAME - len(ending)] + ending
+    return name

@@ -1,0 +1,104 @@
+"""XML text to elements that know their lines.
+
+There are no entities but XML's own five, as a document type declaration is refused, and size, depth and number of
+elements are bounded: no file can exhaust the machine.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from xml.parsers import expat
+
+from mbd_sim.errors import MechanismError, Problem, quoted
+from mbd_sim.mechanism_file.yaml_reader import MAX_BYTES, MAX_DEPTH, MAX_VALUES
+
+_BEGINS_AS_XML = re.compile(r"\ufeff?\s*<(?!<)")
+_SURROGATE = re.compile("[\ud800-\udfff]")
+
+
+@dataclass(eq=False)
+class Element:
+    """An element: its tag, attributes, line, and the elements in it."""
+
+    tag: str
+    attributes: dict[str, str]
+    line: int
+    children: list[Element] = field(default_factory=list)
+
+    def all(self, tag: str) -> list[Element]:
+        """The elements right inside with this tag."""
+        return [child for child in self.children if child.tag == tag]
+
+    def first(self, tag: str) -> Element | None:
+        """The first of them, if there is one."""
+        return next(iter(self.all(tag)), None)
+
+    def walk(self) -> Iterator[Element]:
+        """This element and all within it, in the order of the file."""
+        waiting = [self]
+        while waiting:
+            element = waiting.pop()
+            yield element
+            waiting += reversed(element.children)
+
+
+def is_xml(text: str) -> bool:
+    """Whether a text is XML rather than YAML."""
+    return _BEGINS_AS_XML.match(text) is not None
+
+
+def parse_xml(text: str, file: str) -> Element:
+    """The root element.
+
+    :raises MechanismError: it is not XML, has a document type declaration, or is too large.
+    """
+    if len(text) > MAX_BYTES:
+        raise refused(file, 1, f"the text is longer than {MAX_BYTES} characters", "Remove what is not a robot.")
+    if found := _SURROGATE.search(text):
+        line = text.count("\n", 0, found.start()) + 1
+        raise refused(file, line, f"the character U+{ord(found[0]):04X} is not allowed", "Remove it.")
+    reader = _Reader(file)
+    try:
+        reader.parser.Parse(text.removeprefix("\ufeff"), True)
+    except expat.ExpatError as error:
+        message = f"not valid XML: {expat.ErrorString(error.code)}"
+        raise refused(file, error.lineno, message, "Check the tags and quotes near this line.") from error
+    return reader.root.children[0]
+
+
+def refused(file: str, line: int, message: str, remedy: str, key: str = "", value: str = "") -> MechanismError:
+    """The error for a file that cannot be read on."""
+    return MechanismError([Problem(message, remedy, key=key, value=value, file=file, line=line)])
+
+
+class _Reader:
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self.root = Element("", {}, 1)
+        self.open = [self.root]
+        self.count = 0
+        self.parser = expat.ParserCreate()
+        self.parser.StartElementHandler = self._start
+        self.parser.EndElementHandler = self._end
+        self.parser.StartDoctypeDeclHandler = self._doctype
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        line = self.parser.CurrentLineNumber
+        self.count += 1 + len(attributes)
+        if self.count > MAX_VALUES:
+            raise refused(self.file, line, f"more than {MAX_VALUES} values", "Remove what is not a robot.")
+        if len(self.open) > MAX_DEPTH:
+            raise refused(self.file, line, f"nested deeper than {MAX_DEPTH} levels", "Flatten the file.")
+        element = Element(tag, attributes, line)
+        self.open[-1].children.append(element)
+        self.open.append(element)
+
+    def _end(self, tag: str) -> None:
+        self.open.pop()
+
+    def _doctype(self, name: str, *_: object) -> None:
+        message, remedy = "a document type declaration is not allowed", "Remove it, and the entities that it declares."
+        line = self.parser.CurrentLineNumber
+        raise refused(self.file, line, message, remedy, key="DOCTYPE", value=quoted(name))

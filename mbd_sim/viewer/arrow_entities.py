@@ -1,0 +1,242 @@
+"""Forces as arrows and couples as arcs: those of the file, commanded ones, and those that joints carry.
+
+Lengths are true to scale up to `LONGEST`: an arrow of `LONG` times the mechanism's size is the weight of all parts
+(for a couple: that weight at a quarter of the size), the largest force of the expression for forces of the file, and
+the limit for efforts that have one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import rerun as rr
+
+from mbd_sim.appearance import palette
+from mbd_sim.appearance.extent import joint_radius
+from mbd_sim.appearance.palette import Color
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.expression import ExpressionError
+from mbd_sim.mechanism.force_elements import AppliedForce
+from mbd_sim.mechanism.records import Attachment, Joint
+from mbd_sim.viewer import entity_paths
+from mbd_sim.viewer.entity import Logged, Prop
+from mbd_sim.viewer.placement import Placement
+from mbd_sim.viewer.sample_rows import Rows
+from mbd_sim.viewer.scene_description import Stage
+
+LONG, LONGEST = 0.25, 0.6  # of the mechanism's size
+SWEEP, WIDEST = np.radians(240.0), np.radians(330.0)  # of the arc of a couple
+SHORTEST = 2e-3  # of what is drawn at full length, below which nothing is drawn
+AHEAD = 5.0  # s of an expression that are looked at for its largest value
+ARC = 25  # points
+
+
+def arrows(stage: Stage) -> Iterator[Prop]:
+    """All forces and couples that can be told from the samples."""
+    for force in stage.mechanism.applied:
+        yield _Applied(stage, force)
+    for part in stage.wrenches:
+        yield _Wrench(stage, part)
+    for joint in stage.mechanism.joints.values():
+        if joint.type in EFFORTS and not joint.drive:
+            yield _Effort(stage, joint)
+    if stage.look.reactions:
+        for index, joint in enumerate(stage.mechanism.all_joints.values()):
+            yield _Reaction(stage, index, joint)
+
+
+def weight(stage: Stage) -> float:
+    """What an arrow at full length means in N, if nothing else is known: the weight of all parts.
+
+    Without gravity, what gives the mechanism an acceleration of its size each second squared.
+    """
+    mechanism = stage.mechanism
+    return mechanism.mass * (float(np.linalg.norm(mechanism.gravity)) or stage.extent.size) or 1.0
+
+
+@dataclass(frozen=True)
+class _Style:
+    entity: str
+    color: Color
+    size: float  # of the mechanism, m
+    full: float  # N or N·m that are drawn at full length
+    radius: float = 0.1  # of an arc, of the size
+
+    def static(self, couple: bool) -> Logged:
+        radius = 0.008 * self.size
+        if couple:
+            yield f"{self.entity}/couple", rr.LineStrips3D.from_fields(radii=[0.7 * radius], colors=[self.color])
+        else:
+            yield f"{self.entity}/force", rr.Arrows3D.from_fields(radii=[radius], colors=[self.color])
+
+    def force(self, origins: Array, vectors: Array) -> Logged:
+        """Arrows from origins (n, 3), for vectors (n, 3) in N."""
+        drawn, length = self._seen(vectors)
+        share = np.minimum(LONG * length / self.full, LONGEST) * self.size / np.where(drawn, length, 1.0)
+        counts = drawn.astype(int)
+        columns = rr.Arrows3D.columns(
+            origins=origins[drawn].reshape(-1, 3), vectors=(share[:, None] * vectors)[drawn].reshape(-1, 3)
+        )
+        yield f"{self.entity}/force", columns.partition(counts)
+
+    def couple(self, centers: Array, vectors: Array) -> Logged:
+        """Arcs about centers (n, 3), for couples (n, 3) in N·m."""
+        drawn, length = self._seen(vectors)
+        strips = [
+            arc(center, vector / size, min(SWEEP * size / self.full, WIDEST), self.radius * self.size)
+            for center, vector, size in zip(centers[drawn], vectors[drawn], length[drawn], strict=True)
+        ]
+        columns = rr.LineStrips3D.columns(strips=strips).partition(drawn.astype(int))
+        yield f"{self.entity}/couple", columns
+
+    def _seen(self, vectors: Array) -> tuple[Array, Array]:
+        length = np.linalg.norm(vectors, axis=1)
+        return length > SHORTEST * self.full, length
+
+
+class _Applied:
+    """A force or a couple of the file: its expressions of time, at the times of the samples."""
+
+    def __init__(self, stage: Stage, force: AppliedForce) -> None:
+        self._force = force
+        most = float(np.linalg.norm([self._vector(time) for time in np.linspace(0.0, AHEAD, 101)], axis=1).max())
+        self._style = _Style(
+            f"{entity_paths.WORLD}/forces/{force.name}", palette.APPLIED, stage.extent.size, most or 1.0
+        )
+
+    def static(self) -> Logged:
+        yield from self._style.static(self._force.couple)
+
+    def columns(self, rows: Rows, placement: Placement) -> Logged:
+        values = np.array([self._vector(time) for time in rows.motion_times.tolist()])
+        vectors = placement.direction(self._force.axes_of, values)
+        at = placement.point(self._force.at)
+        yield from self._style.couple(at, vectors) if self._force.couple else self._style.force(at, vectors)
+
+    def _vector(self, time: float) -> Array:
+        try:
+            return np.asarray(self._force.axes @ [component.at(time) for component in self._force.vector])
+        except ExpressionError:
+            return np.zeros(3)
+
+
+class _Wrench:
+    """What is commanded on a part."""
+
+    def __init__(self, stage: Stage, part: str) -> None:
+        self._part, self._place, rows = part, stage.wrenches[part], stage.rows
+        self._start = rows.places["inputs"].start
+        entity, full, size = f"{entity_paths.WORLD}/wrenches/{part}", weight(stage), stage.extent.size
+        self._force = _Style(entity, palette.COMMANDED, size, full)
+        self._couple = _Style(entity, palette.COMMANDED, size, 0.25 * full * size)
+
+    def static(self) -> Logged:
+        yield from self._force.static(couple=False)
+        yield from self._couple.static(couple=True)
+
+    def columns(self, rows: Rows, placement: Placement) -> Logged:
+        force, couple, own_force, own_couple, point = np.split(rows.of("inputs")[:, self._place], 5, axis=1)
+        turned = placement.turned(self._part)
+        origin = placement.point(Attachment(self._part, np.zeros(3)))
+        at = origin + np.einsum("nij,nj->ni", turned, point)
+        yield from self._force.force(at, force + np.einsum("nij,nj->ni", turned, own_force))
+        yield from self._couple.couple(at, couple + np.einsum("nij,nj->ni", turned, own_couple))
+
+
+class _Along(NamedTuple):
+    """Of a coordinate: whether its effort is a couple, about which axis, and whether that is one of the child's."""
+
+    couple: bool
+    axis: Callable[[Joint], Array]
+    on_child: bool = False
+
+
+def _unit(index: int) -> Callable[[Joint], Array]:
+    return lambda joint: np.eye(3)[index]
+
+
+_FORCE, _COUPLE = _Along(False, lambda joint: joint.axis), _Along(True, lambda joint: joint.axis)
+_SHIFTED = tuple(_Along(False, _unit(index)) for index in range(3))
+_TURNED = tuple(_Along(True, _unit(index), on_child=True) for index in range(3))
+EFFORTS: dict[str, tuple[_Along, ...]] = {
+    "revolute": (_COUPLE,),
+    "screw": (_COUPLE,),
+    "prismatic": (_FORCE,),
+    "cylindrical": (_FORCE, _COUPLE),
+    # A universal joint's second axis does not move in the second part.
+    "universal": (_COUPLE, _Along(True, lambda joint: joint.second, on_child=True)),
+    "planar": (
+        _Along(False, lambda joint: joint.second),
+        _Along(False, lambda joint: np.cross(joint.axis, joint.second)),
+        _COUPLE,
+    ),
+    "spherical": _TURNED,
+    "free": (*_SHIFTED, *_TURNED),
+}
+
+
+class _Effort:
+    """What is commanded on a joint, as it acts on its second part."""
+
+    def __init__(self, stage: Stage, joint: Joint) -> None:
+        self._joint, self._place = joint, stage.u[joint.name]
+        self._axes = EFFORTS[joint.type]
+        entity, size, limit = f"{entity_paths.WORLD}/efforts/{joint.name}", stage.extent.size, joint.effort_limit
+        radius = max(2.6 * joint_radius(stage.mechanism, joint, size) / size, 0.06)
+        self._force = _Style(entity, palette.COMMANDED, size, limit or weight(stage))
+        self._couple = _Style(entity, palette.COMMANDED, size, limit or 0.25 * weight(stage) * size, radius)
+
+    def static(self) -> Logged:
+        for couple in sorted({along.couple for along in self._axes}):
+            yield from (self._couple if couple else self._force).static(couple)
+
+    def columns(self, rows: Rows, placement: Placement) -> Logged:
+        at = placement.point(Attachment(self._joint.child, self._joint.child_pose.position))
+        force, couple = self.vectors(rows, placement)
+        kinds = {along.couple for along in self._axes}
+        if False in kinds:
+            yield from self._force.force(at, force)
+        if True in kinds:
+            yield from self._couple.couple(at, couple)
+
+    def vectors(self, rows: Rows, placement: Placement) -> tuple[Array, Array]:
+        """The force and the couple (n, 3) on the second part, in ground's axes."""
+        joint, sums = self._joint, (np.zeros((len(rows), 3)), np.zeros((len(rows), 3)))
+        for along, values in zip(self._axes, rows.of("inputs")[:, self._place].T, strict=True):
+            part, frame = (joint.child, joint.child_pose) if along.on_child else (joint.parent, joint.parent_pose)
+            direction = placement.direction(part, frame.rotation @ along.axis(joint))
+            sums[int(along.couple)][:] += direction * values[:, None]
+        return sums
+
+
+class _Reaction:
+    """The force through a joint on its second part."""
+
+    def __init__(self, stage: Stage, index: int, joint: Joint) -> None:
+        self._index, self._joint = index, joint
+        entity = f"{entity_paths.WORLD}/reactions/{joint.name}"
+        self._style = _Style(entity, palette.REACTION, stage.extent.size, weight(stage))
+
+    def static(self) -> Logged:
+        yield from self._style.static(couple=False)
+
+    def columns(self, rows: Rows, placement: Placement) -> Logged:
+        forces = rows.of("reactions")[:, 6 * self._index : 6 * self._index + 3]
+        at = placement.point(Attachment(self._joint.child, self._joint.child_pose.position))
+        yield from self._style.force(at, forces)
+
+
+def arc(center: Array, axis: Array, sweep: float, radius: float) -> Array:
+    """(n, 3): an arc about a unit `axis` with the head of an arrow, right-handed."""
+    x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    x /= np.linalg.norm(x)
+    y = np.cross(axis, x)
+    turn = np.linspace(0.0, sweep, ARC)
+    points = radius * (np.outer(np.cos(turn), x) + np.outer(np.sin(turn), y))
+    back = sweep - min(0.35, 0.6 * sweep)
+    outward = np.cos(back) * x + np.sin(back) * y
+    barbs = [scale * radius * outward for scale in (1.18, 0.82)]
+    return np.asarray(center + np.vstack([points, barbs[0], points[-1], barbs[1]]))

@@ -1,0 +1,142 @@
+"""What constraints look like: rods and cables, wires and surfaces, and where wheels touch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import rerun as rr
+
+from mbd_sim.appearance import palette
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.constraints import Cable, Distance, Flat, KnifeEdge, Rolling, Surface
+from mbd_sim.mechanism.records import GROUND, Attachment
+from mbd_sim.viewer import entity_paths
+from mbd_sim.viewer.entity import Logged, Prop
+from mbd_sim.viewer.placement import Placement
+from mbd_sim.viewer.sample_rows import Rows
+from mbd_sim.viewer.scene_description import Stage, Wires
+from mbd_sim.viewer.trace_entities import Trail
+
+HALF = 0.7  # of the mechanism's size: how far a line that a point keeps to is drawn
+FLAT = 0.05  # sine of the angle between a wheel and the plane that it lies on
+
+
+def guides(stage: Stage) -> Iterator[Prop]:
+    """All constraints that can be seen."""
+    size = stage.extent.size
+    for wires in stage.wires:
+        yield _Wired(wires, size)
+    for record in stage.mechanism.constraints:
+        entity = f"{entity_paths.WORLD}/constraints/{record.name}"
+        match record:
+            case Distance(first=first, second=second):
+                yield _Rope(entity, (first, second), 0.007 * size, palette.CLOSING)
+            case Cable(points=points):
+                yield _Rope(entity, points, 0.005 * size, palette.ROPE)
+            case Rolling():
+                yield _Contact(record, size)
+            case Flat():
+                yield _Guided(entity, record, size)
+            case KnifeEdge(point=point) | Surface(point=point):
+                yield _Dot(entity, point, size)
+
+
+class _Wired:
+    """A curve, or lines on a surface, in the frame of the part that carries it."""
+
+    def __init__(self, wires: Wires, size: float) -> None:
+        self._wires, self._size = wires, size
+
+    def static(self) -> Logged:
+        width, color = (-0.7, palette.WIRE) if self._wires.surface else (0.006 * self._size, palette.CLOSING)
+        lines = rr.LineStrips3D(list(self._wires.lines), radii=[width], colors=[color])
+        if self._wires.lines:
+            yield f"{entity_paths.part(self._wires.part)}/wires/{self._wires.name}", lines
+
+    def columns(self, rows: Rows, placement: Placement) -> Logged:
+        yield from ()
+
+
+class _Rope:
+    """Straight from point to point."""
+
+    def __init__(self, entity: str, points: tuple[Attachment, ...], radius: float, color: palette.Color) -> None:
+        self._entity, self._points, self._radius, self._color = entity, points, radius, color
+
+    def static(self) -> Logged:
+        yield self._entity, rr.LineStrips3D.from_fields(radii=[self._radius], colors=[self._color])
+        yield f"{self._entity}/ends", rr.Points3D.from_fields(radii=[1.8 * self._radius], colors=[self._color])
+
+    def columns(self, rows: Rows, placement: Placement) -> Logged:
+        places = np.stack([placement.point(at) for at in self._points], axis=1)
+        yield self._entity, rr.LineStrips3D.columns(strips=list(places))
+        ends = rr.Points3D.columns(positions=places.reshape(-1, 3)).partition([len(self._points)] * len(rows))
+        yield f"{self._entity}/ends", ends
+
+
+class _Dot:
+    """A point that keeps to something."""
+
+    def __init__(self, entity: str, point: Attachment, size: float) -> None:
+        self._entity, self._point, self._size = entity, point, size
+
+    def static(self) -> Logged:
+        yield self._entity, rr.Points3D.from_fields(radii=[0.014 * self._size], colors=[palette.CLOSING])
+
+    def columns(self, rows: Rows, placement: Placement) -> Logged:
+        yield self._entity, rr.Points3D.columns(positions=placement.point(self._point))
+
+
+class _Guided(_Dot):
+    """A point on a plane, or on a line, which is drawn in the frame of the part that carries it."""
+
+    def __init__(self, entity: str, record: Flat, size: float) -> None:
+        super().__init__(entity, record.point, size)
+        self._record = record
+
+    def static(self) -> Logged:
+        yield from super().static()
+        if len(self._record.normals) == 2:
+            base, way = self._record.base, HALF * self._size * np.cross(*self._record.normals)
+            line = rr.LineStrips3D([[base.point - way, base.point + way]], radii=[-1.0], colors=[palette.WIRE])
+            yield f"{entity_paths.part(base.part)}/lines/{self._record.name}", line
+
+
+class _Contact:
+    """Where a wheel or a ball touches its plane, and the track that it leaves there."""
+
+    def __init__(self, record: Rolling, size: float) -> None:
+        self._record, self._size = record, size
+        self._entity = f"{entity_paths.WORLD}/contacts/{record.name}"
+        self._track = Trail(entity_paths.trace(record.name), palette.CONTACT, 0.003 * size)
+
+    def static(self) -> Logged:
+        yield self._entity, rr.Points3D.from_fields(radii=[0.014 * self._size], colors=[palette.CONTACT])
+        yield from self._track.static()
+
+    def columns(self, rows: Rows, placement: Placement) -> Logged:
+        touched = contact(self._record, placement)
+        yield self._entity, rr.Points3D.columns(positions=touched)
+        yield from self._track.columns_through(rows, touched)
+
+
+def contact(record: Rolling, placement: Placement) -> Array:
+    """(n, 3): the point of a disc, or a ball, that is nearest to its plane."""
+    center = placement.point(record.center)
+    down = -placement.direction(record.plane.part, record.normal)
+    if record.axis is not None:
+        axis = placement.direction(record.center.part, record.axis)
+        down = down - np.sum(down * axis, axis=1, keepdims=True) * axis
+        down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), FLAT)
+    return np.asarray(center + record.radius * down)
+
+
+def floor_of(stage: Stage) -> tuple[Array, Array] | None:
+    """A point (3,) and the normal (3,) of the first plane of ground that something rolls or slides on."""
+    for record in stage.mechanism.constraints:
+        if isinstance(record, Rolling) and record.plane.part == GROUND:
+            return record.plane.point, record.normal
+        if isinstance(record, Flat) and record.base.part == GROUND and len(record.normals) == 1:
+            return record.base.point, record.normals[0]
+    return None

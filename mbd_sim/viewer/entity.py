@@ -1,0 +1,21 @@
+"""What stands on the stage besides the parts: each prop is logged once, and moves by columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Protocol
+
+from mbd_sim.viewer.placement import Placement
+from mbd_sim.viewer.sample_rows import Rows
+
+Logged = Iterator[tuple[str, Any]]  # an entity, and what of Rerun goes there
+
+
+class Prop(Protocol):
+    """Something in the scene, or a line in a plot."""
+
+    def static(self) -> Logged:
+        """What does not change: shapes, styles, names."""
+
+    def columns(self, rows: Rows, placement: Placement) -> Logged:
+        """What changes, a row for each sample."""

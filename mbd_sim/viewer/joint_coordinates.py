@@ -1,0 +1,32 @@
+"""The coordinates of joints over many samples at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mbd_sim.geometry.pose import Array
+from mbd_sim.viewer.sample_rows import Rows
+from mbd_sim.viewer.scene_description import Stage
+
+
+def coordinates(stage: Stage, rows: Rows) -> Array:
+    """(n, nv): a position for each generalized speed, as `Model.coordinates` gives it for one state."""
+    y = rows.of("y")
+    found = [np.empty((len(rows), 0))]
+    for name, where in stage.q.items():
+        values = y[:, where]
+        if name in stage.quaternions:
+            offset = stage.quaternions[name] - where.start
+            values = np.hstack([values[:, :offset], rotation_vectors(values[:, offset:])])
+        found.append(values)
+    return np.hstack(found)
+
+
+def rotation_vectors(quaternions: Array) -> Array:
+    """Axes times angles (n, 3), at most π long, of unit quaternions (n, 4) in the order (w, x, y, z)."""
+    turned = np.where(quaternions[:, :1] >= 0.0, quaternions, -quaternions)
+    w, v = turned[:, 0], turned[:, 1:]
+    sine = np.linalg.norm(v, axis=1)
+    safe = np.where(sine > 1e-9, sine, 1.0)
+    factor = np.where(sine > 1e-9, 2.0 * np.arctan2(sine, w) / safe, 2.0)
+    return np.asarray(v * factor[:, None])

@@ -1,0 +1,111 @@
+"""A sample of a motion as one row of numbers: what the simulation's side hands over, and the viewer's side reads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbd_sim.geometry.pose import Array
+
+if TYPE_CHECKING:
+    from mbd_sim.simulation.compiled_model import Energies, Model
+
+AUDIT = 7  # numbers of `Energies`
+FIELDS = ("times", "audit", "y", "inputs", "poses", "drives", "reactions")
+
+
+@dataclass(frozen=True)
+class RowLayout:
+    """Where the fields of a row stand; all in SI units.
+
+    `times` are that of the timeline and that of the mechanism; `audit` the fields of `Energies`; `poses` the position
+    and the rotation, column by column, of each of `parts`; `drives` the positions, speeds and forces of the driven
+    coordinates; `reactions` the force and moment through each joint, those of the tree first.
+    """
+
+    state: int
+    inputs: int
+    parts: int
+    driven: int
+    joints: int
+
+    @cached_property
+    def places(self) -> Mapping[str, slice]:
+        """The place of each of `FIELDS`."""
+        sizes = (2, AUDIT, self.state, self.inputs, 12 * self.parts, 3 * self.driven, 6 * self.joints)
+        stops = np.cumsum(sizes).tolist()
+        return {name: slice(stop - size, stop) for name, size, stop in zip(FIELDS, sizes, stops, strict=True)}
+
+    @cached_property
+    def width(self) -> int:
+        """How many numbers a row has."""
+        return int(self.places[FIELDS[-1]].stop)
+
+
+class RowWriter:
+    """Makes rows from the states of a model, with as little work as possible: the simulation may be waiting."""
+
+    def __init__(self, model: Model, reactions: bool = False) -> None:
+        joints = len(model.mechanism.all_joints) if reactions else 0
+        self.layout = RowLayout(
+            len(model.start), len(model.inputs), len(model.part_names), len(model.driven_names), joints
+        )
+        self._model, self._reactions = model, reactions
+        self._audit, self._y, self._inputs, self._poses, self._drives, self._forces = (
+            self.layout.places[name] for name in FIELDS[1:]
+        )
+
+    def row(self, time: float, motion_time: float, y: Array, inputs: Array, energies: Energies) -> Array:
+        """A row (width,); `inputs` may end after the efforts where nothing else is commanded."""
+        model, row = self._model, np.empty(self.layout.width)
+        if len(inputs) < len(model.inputs):
+            inputs = np.concatenate([inputs, model.inputs[len(inputs) :]])
+        row[0], row[1] = time, motion_time
+        row[self._audit] = energies
+        row[self._y], row[self._inputs] = y, inputs
+        row[self._poses] = model.pose_array(motion_time, y, inputs).ravel()
+        if self.layout.driven:
+            row[self._drives] = model.drives(motion_time, y, inputs).ravel()
+        if self._reactions:
+            found = model.reactions(motion_time, y, inputs).values()
+            row[self._forces] = np.concatenate([part for reaction in found for part in reaction])
+        return row
+
+
+class Rows:
+    """Samples (n, width) by their fields."""
+
+    def __init__(self, layout: RowLayout, values: Array) -> None:
+        self._layout, self.values = layout, values
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def of(self, field: str) -> Array:
+        """A field, (n, its size)."""
+        return self.values[:, self._layout.places[field]]
+
+    @property
+    def times(self) -> Array:
+        """On the timeline, (n,)."""
+        return self.values[:, 0]
+
+    @property
+    def motion_times(self) -> Array:
+        """The mechanism's own, (n,)."""
+        return self.values[:, 1]
+
+    @cached_property
+    def positions(self) -> Array:
+        """Of the parts in ground's frame, (n, parts, 3)."""
+        return self.of("poses").reshape(len(self), -1, 12)[:, :, :3]
+
+    @cached_property
+    def rotations(self) -> Array:
+        """Of the parts in ground's frame, (n, parts, 3, 3)."""
+        columns = self.of("poses").reshape(len(self), -1, 12)[:, :, 3:]
+        return columns.reshape(len(self), -1, 3, 3).transpose(0, 1, 3, 2)

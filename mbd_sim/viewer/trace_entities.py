@@ -1,0 +1,57 @@
+"""The ways that points leave behind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import rerun as rr
+
+from mbd_sim.appearance import palette
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.records import Attachment
+from mbd_sim.viewer import entity_paths
+from mbd_sim.viewer.entity import Logged, Prop
+from mbd_sim.viewer.placement import Placement
+from mbd_sim.viewer.sample_rows import Rows
+from mbd_sim.viewer.scene_description import Stage
+
+
+def traces(stage: Stage) -> Iterator[Prop]:
+    """The chosen ones."""
+    colors = palette.part_colors(stage.mechanism)
+    for name, at in stage.traces.items():
+        yield _Trace(name, at, colors.get(at.part, palette.JOINT), 0.005 * stage.extent.size)
+
+
+class Trail:
+    """Each row is the way from the sample before; the view shows those of the last second or so.
+
+    Where the motion begins anew, as after a reset, so does the way.
+    """
+
+    def __init__(self, entity: str, color: palette.Color, radius: float) -> None:
+        self.entity, self._color, self._radius = entity, color, radius
+        self._end, self._time = np.zeros(3), np.inf
+
+    def static(self) -> Logged:
+        """Its style."""
+        yield self.entity, rr.LineStrips3D.from_fields(colors=[self._color], radii=[self._radius])
+
+    def columns_through(self, rows: Rows, points: Array) -> Logged:
+        """Through points (n, 3)."""
+        times = np.concatenate([[self._time], rows.motion_times])
+        before = np.vstack([self._end, points[:-1]])
+        anew = np.diff(times) <= 0.0
+        before[anew] = points[anew]
+        self._end, self._time = points[-1], float(times[-1])
+        yield self.entity, rr.LineStrips3D.columns(strips=list(np.stack([before, points], axis=1)))
+
+
+class _Trace(Trail):
+    def __init__(self, name: str, at: Attachment, color: palette.Color, radius: float) -> None:
+        super().__init__(entity_paths.trace(name), color, radius)
+        self._at = at
+
+    def columns(self, rows: Rows, placement: Placement) -> Logged:
+        yield from self.columns_through(rows, placement.point(self._at))

@@ -1,0 +1,120 @@
+"""Small motions against textbook frequencies, and the linearization against differences of the motion itself."""
+
+import numpy as np
+import pytest
+
+from mbd_sim import Simulation
+from mbd_sim.analysis.linearization import (
+    equilibrium,
+    is_autonomous,
+    linearize,
+    modes,
+)
+
+G = 9.81
+
+
+def small_motions(simulation):
+    equations = simulation.model.equations
+    q = equilibrium(equations)
+    assert q is not None
+    still = np.zeros(equations.layout.nv)
+    return q, modes(linearize(equations, q, still, still))
+
+
+def test_rod_pendulum():
+    """ω² = 3 g / 2 l."""
+    q, (mode,) = small_motions(Simulation.from_file("rod_pendulum"))
+    assert q == pytest.approx([0.0], abs=1e-9)
+    assert mode.frequency == pytest.approx(np.sqrt(1.5 * G) / (2 * np.pi), rel=1e-12)
+    assert mode.damping == 0.0
+
+
+def test_double_rod():
+    """ω² g/l: 3 ± 6/√7 … from det(K - ω² M) = 0 of two equal rods."""
+    mass = np.array([[4 / 3, 1 / 2], [1 / 2, 1 / 3]])
+    stiffness = G * np.diag([3 / 2, 1 / 2])
+    exact = np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, stiffness))) / (2 * np.pi)
+    _, found = small_motions(Simulation.from_file("double_rod"))
+    assert [mode.frequency for mode in found] == pytest.approx(sorted(exact), rel=1e-12)
+
+
+def test_a_bead_in_a_spun_tube_rests_where_gravity_and_rotation_balance():
+    """cos θ = g / r Ω², and ω = Ω sin θ (Huston & Liu 8.5)."""
+    simulation = Simulation.from_file("spun_tube_particle")
+    p = simulation.mechanism.parameters
+    angle = np.arccos(G / (p["r"] * p["omega"] ** 2))
+    q, (mode,) = small_motions(simulation)
+    assert abs(q[0]) == pytest.approx(angle, rel=1e-9)
+    assert mode.frequency == pytest.approx(p["omega"] * np.sin(angle) / (2 * np.pi), rel=1e-9)
+
+
+DAMPED = """
+mechanism: damped
+parts: {mass: {mass: 2}}
+joints: {rail: {type: prismatic, between: [ground, mass], axis: [1, 0, 0], stiffness: 50, damping: DAMPING}}
+"""
+
+
+@pytest.mark.parametrize("damping", [0.0, 3.0, 15.0])
+def test_damping_ratio(damping):
+    _, (mode,) = small_motions(Simulation.from_text(DAMPED.replace("DAMPING", str(damping))))
+    assert mode.frequency == pytest.approx(5.0 / (2 * np.pi), rel=1e-12)
+    assert mode.damping == pytest.approx(damping / (2 * np.sqrt(50 * 2)), abs=1e-12)
+
+
+def test_beyond_critical_damping_nothing_oscillates():
+    _, found = small_motions(Simulation.from_text(DAMPED.replace("DAMPING", "30")))
+    roots = np.sort(np.abs(np.roots([2, 30, 50])))
+    assert [mode.frequency for mode in found] == [0.0, 0.0]
+    assert [-mode.eigenvalue.real for mode in found] == pytest.approx(roots, rel=1e-10)
+
+
+def test_a_closed_loop_hangs_and_swings():
+    """A02 with N = 2 hangs as a pendulum of one degree: ω² = ((N+1)/2 + N) g / ((N+1)/3 + N)."""
+    _, (mode,) = small_motions(Simulation.from_file("a02_four_bars"))
+    assert mode.frequency == pytest.approx(np.sqrt(3.5 * G / 3.0) / (2 * np.pi), rel=1e-9)
+
+
+def test_a_rolling_disc_stands_unstably():
+    """Its lean grows as θ'' = 4 g θ / 5 r, while place, heading and spin are neutral."""
+    simulation = Simulation.from_file("rolling_disc")
+    _, found = small_motions(simulation)
+    growing = [mode for mode in found if mode.eigenvalue]
+    rate = np.sqrt(4 * G / (5 * simulation.mechanism.parameters["r"]))
+    assert sorted(mode.eigenvalue.real for mode in growing) == pytest.approx([-rate, rate], rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["four_bar", "double_rod", "spherical_top", "rolling_disc"])
+def test_the_linearization_is_the_derivative_of_the_motion(name):
+    """About a moving state: how displaced states move on, projected onto the free directions."""
+    simulation = Simulation.from_file(name, step=1e-3)
+    simulation.run(0.2)
+    equations, nv = simulation.model.equations, simulation.model.layout.nv
+    conditions, q, u = equations.conditions, simulation.q.copy(), simulation.u.copy()
+    efforts = np.zeros(nv)
+    linear = linearize(equations, q, u, efforts)
+    h = 1e-6
+    k = linear.displacements.shape[1]
+
+    def speeds_rate(displacement, change):
+        moved = conditions.moved(q, linear.displacements @ displacement)
+        gradient, drift = conditions.gradient(0.0, moved), conditions.drift(0.0, moved)
+        speeds = u + linear.speeds @ change
+        if len(gradient):
+            speeds = speeds - np.linalg.pinv(gradient) @ (gradient @ speeds + drift)
+        y = np.concatenate([moved, speeds, np.zeros(3)])
+        rates = np.array(equations.rates.call([0.0, y, efforts])[0]).ravel()
+        return np.linalg.pinv(linear.speeds) @ rates[len(q) : len(q) + nv]
+
+    size = max(np.max(np.abs(linear.a)), 1.0)
+    for column in range(linear.a.shape[1]):
+        step = np.zeros(linear.a.shape[1])
+        step[column] = h
+        ahead, behind = (speeds_rate(sign * step[:k], sign * step[k:]) for sign in (1.0, -1.0))
+        assert linear.a[k:, column] == pytest.approx((ahead - behind) / (2 * h), abs=1e-6 * size)
+
+
+def test_what_depends_on_time_is_not_linearized():
+    assert is_autonomous(Simulation.from_file("spun_tube_particle").model.equations)
+    assert not is_autonomous(Simulation.from_file("moving_support_pendulum").model.equations)

@@ -1,0 +1,122 @@
+"""The command `mbd_sim`, as it is typed."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mbd_sim.cli.main import main
+
+
+def answer(capsys, *arguments):
+    code = main(arguments)
+    printed = capsys.readouterr()
+    return code, printed.out, printed.err
+
+
+def test_check_says_what_was_understood(capsys):
+    code, out, _ = answer(capsys, "check", "double_rod")
+    assert code == 0
+    for words in (
+        "upper",
+        "Degrees of freedom  2  (coordinates: shoulder, elbow)",
+        "6·2 - 10 = 2 (Kutzbach)",
+        "2 kg",
+        "kinetic 0 J",
+    ):
+        assert words in out
+    assert "natural motion    0.426553 Hz" in out and "tsitouras8 (order 8)" in out
+
+
+def test_check_explains_a_closed_loop(capsys):
+    _, out, _ = answer(capsys, "check", "four_bar")
+    for words in (
+        "closes a loop",
+        "3 coordinates - rank 2 of 5 equations = 1",
+        "in the plane 1",
+        "holonomic, scleronomic",
+    ):
+        assert words in out
+    assert "redundant         rocker_pin: displacement along y; tilt of the axis, 1; tilt of the axis, 2" in out
+
+
+def test_check_tells_rolling_from_sliding(capsys):
+    _, disc, _ = answer(capsys, "check", "rolling_disc")
+    assert "nonholonomic, scleronomic" in disc and "not integrable" in disc
+    _, wheel, _ = answer(capsys, "check", "upright_wheel")
+    assert "holonomic (those of velocity can be integrated)" in wheel
+
+
+def test_check_as_json_holds_the_same_numbers(capsys):
+    code, out, _ = answer(capsys, "check", "tumbling", "--json")
+    found = json.loads(out)
+    assert code == 0
+    assert (found["degrees_of_freedom"], found["mass"], found["gravity"]) == (6, 1.0, [0.0, 0.0, 0.0])
+    assert found["start"]["kinetic"] == pytest.approx(0.5 * (1 * 0.01**2 + 2 * 2**2 + 3 * 0.01**2), rel=1e-15)
+
+
+def test_check_remarks_on_limits_that_do_nothing(capsys, tmp_path):
+    file = tmp_path / "limited.yaml"
+    text = Path("config/open_chains/rod_pendulum.yaml").read_text(encoding="utf-8")
+    file.write_text(text + "    limits: {lower: -2, upper: 2}\n", encoding="utf-8")
+    _, out, _ = answer(capsys, "check", str(file))
+    assert "limits of 'pin' are only described" in out
+
+
+def test_run_reports_steps_speed_and_residual(capsys):
+    code, out, _ = answer(capsys, "run", "rod_pendulum", "--time", "3", "--quiet")
+    assert code == 0
+    assert "3 s in 3000 steps of 0.001 s (tsitouras8)" in out
+    assert "× real time" in out
+    assert "-1.4972379" in out
+
+
+def test_run_with_method_step_and_effort(capsys):
+    code, out, _ = answer(
+        capsys,
+        "run",
+        "rod_pendulum",
+        "--time",
+        "1",
+        "--quiet",
+        "--method",
+        "rk4",
+        "--step",
+        "0.01",
+        "--effort",
+        "pin=2",
+    )
+    assert code == 0
+    assert "100 steps of 0.01 s (rk4)" in out
+    applied = float(out.split("applied ")[1].split(",")[0])
+    assert applied != 0.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["check", "dubble_rod"], "Did you mean 'double_rod'?"),
+        (["run", "double_rod", "--effort", "elbw=1"], "Did you mean 'elbow'?"),
+        (["run", "double_rod", "--effort", "elbow=x"], "write JOINT=VALUE"),
+        (["run", "double_rod", "--method", "rk5"], "no method 'rk5'"),
+        (["run", "double_rod", "--time", "0.1", "--rerun", "spwan"], "no viewer sink 'spwan'"),
+        (["run", "double_rod", "--effort", "elbow=1e306", "--quiet"], "became infinite"),
+    ],
+)
+def test_a_wrong_call_is_answered_in_one_piece(capsys, arguments, words):
+    code, _, err = answer(capsys, *arguments)
+    assert code == 1
+    assert words in err
+    assert "Traceback" not in err
+
+
+def test_the_command_itself_prints_the_schema_and_urdf():
+    command = str(Path(sys.executable).with_name("mbd_sim"))
+    schema = json.loads(subprocess.run([command, "schema"], check=True, capture_output=True, text=True).stdout)
+    assert "joints" in schema["properties"]
+    urdf = subprocess.run([command, "urdf", "double_rod"], check=True, capture_output=True, text=True).stdout
+    assert '<robot name="double_rod">' in urdf
+    names = subprocess.run([command, "list"], check=True, capture_output=True, text=True).stdout
+    assert "tumbling" in names

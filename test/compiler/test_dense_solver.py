@@ -1,0 +1,56 @@
+"""The dense solver in machine code against numpy's, and what it does where there is no solution."""
+
+from __future__ import annotations
+
+import ctypes
+
+import llvmlite.ir as ir
+import numpy as np
+import pytest
+
+from mbd_sim.compiler.dense_solver import emit_dense_solver
+from mbd_sim.compiler.ir_types import POINTER
+from mbd_sim.compiler.machine_code import compile_module, new_module
+
+
+def solver(size):
+    """x = solve(matrix, right), compiled."""
+    module = new_module()
+    emitted = emit_dense_solver(module, size)
+    both = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER] * 4), "both")
+    matrix, rows, right, x = both.args
+    builder = ir.IRBuilder(both.append_basic_block("entry"))
+    builder.call(emitted.factorize, [matrix, rows])
+    builder.call(emitted.solve, [matrix, rows, right, x])
+    builder.ret_void()
+    code = compile_module(module)
+    call = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)(code.address("both"))
+
+    def solve(matrix, right):
+        own, rows, x = np.asfortranarray(matrix, dtype=float).copy(order="F"), np.empty(size), np.empty(size)
+        call(own.ctypes.data, rows.ctypes.data, right.ctypes.data, x.ctypes.data)
+        assert code is not None
+        return x
+
+    return solve
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 7, 40])
+def test_it_agrees_with_numpy(size):
+    random, solve = np.random.default_rng(size), solver(size)
+    for _ in range(20):
+        matrix, right = random.standard_normal((size, size)), random.standard_normal(size)
+        assert solve(matrix, right) == pytest.approx(np.linalg.solve(matrix, right), rel=1e-9, abs=1e-11)
+
+
+def test_rows_are_exchanged():
+    """No pivot stands on the diagonal, and then a tiny one that would ruin everything."""
+    solve = solver(3)
+    matrix, right = np.array([[0.0, 0.0, 2.0], [4.0, 0.0, 0.0], [0.0, 8.0, 0.0]]), np.array([2.0, 4.0, 8.0])
+    assert solve(matrix, right).tolist() == [1.0, 1.0, 1.0]
+    matrix[0, 0] = 1e-20
+    assert solve(matrix, right) == pytest.approx([1.0, 1.0, 1.0], rel=1e-15)
+
+
+def test_a_singular_matrix_gives_what_is_not_finite():
+    assert not np.all(np.isfinite(solver(2)(np.ones((2, 2)), np.array([1.0, 2.0]))))

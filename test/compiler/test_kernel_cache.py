@@ -1,0 +1,114 @@
+"""Kernels on disk: found again, never trusted when damaged, harmless when the disk is not there."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mbd_sim import Simulation
+from mbd_sim.compiler import kernel_cache, machine_code
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("MBD_SIM_CACHE", str(tmp_path / "kernels"))
+    return tmp_path / "kernels"
+
+
+def test_what_is_stored_is_found(folder):
+    assert kernel_cache.load("name") is None
+    kernel_cache.store("name", b"code")
+    assert kernel_cache.load("name") == b"code"
+    assert [path.name for path in folder.iterdir()] == ["name"]
+    assert folder.stat().st_mode & 0o777 == 0o700
+
+
+def test_names_depend_on_every_text():
+    assert kernel_cache.key("ab", "c") != kernel_cache.key("a", "bc") != kernel_cache.key("a", "bc", "")
+    assert kernel_cache.key("a", "b") == kernel_cache.key("a", "b")
+
+
+@pytest.mark.parametrize("damage", [b"", b"short", b"\0" * 36])
+def test_a_damaged_file_counts_as_missing(folder, damage):
+    kernel_cache.store("name", b"code")
+    (folder / "name").write_bytes(damage)
+    assert kernel_cache.load("name") is None
+
+
+def test_a_flipped_bit_is_noticed(folder):
+    kernel_cache.store("name", b"code")
+    content = bytearray((folder / "name").read_bytes())
+    content[-1] ^= 1
+    (folder / "name").write_bytes(content)
+    assert kernel_cache.load("name") is None
+
+
+@pytest.mark.parametrize("none", ["", "0", "off"])
+def test_without_a_folder_nothing_is_kept(monkeypatch, none):
+    monkeypatch.setenv("MBD_SIM_CACHE", none)
+    kernel_cache.store("name", b"code")
+    assert kernel_cache.folder() is None and kernel_cache.load("name") is None
+
+
+def test_a_place_that_cannot_be_written_does_no_harm(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("not a folder")
+    monkeypatch.setenv("MBD_SIM_CACHE", str(tmp_path / "file" / "kernels"))
+    kernel_cache.store("name", b"code")
+    assert kernel_cache.load("name") is None
+    assert Simulation.from_file("rod_pendulum").steps == 0
+
+
+def test_the_default_is_the_users_cache(monkeypatch):
+    monkeypatch.delenv("MBD_SIM_CACHE", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", "/somewhere")
+    assert kernel_cache.folder() == Path("/somewhere/mbd_sim/kernels")
+
+
+def test_those_not_used_for_longest_go_first(folder, monkeypatch):
+    monkeypatch.setattr(kernel_cache, "LARGEST", 3 * 132)
+    for number, name in enumerate("abc"):
+        kernel_cache.store(name, b"x" * 100)
+        os.utime(folder / name, (number, number))
+    assert kernel_cache.load("a") is not None  # which marks it as used
+    kernel_cache.store("d", b"x" * 100)
+    assert sorted(path.name for path in folder.iterdir()) == ["a", "c", "d"]
+
+
+def test_a_mechanism_is_compiled_once(folder, monkeypatch):
+    first = Simulation.from_file("double_rod")
+    monkeypatch.setattr(machine_code, "_compiled", lambda *_: pytest.fail("compiled again"))
+    second = Simulation.from_file("double_rod")
+    first.step(500)
+    second.step(500)
+    assert first.state.tobytes() == second.state.tobytes()
+
+
+def test_other_processors_have_kernels_of_their_own(folder, monkeypatch):
+    Simulation.from_file("rod_pendulum")
+    monkeypatch.setattr(machine_code.llvm, "get_host_cpu_name", lambda: "x86-64")
+    Simulation.from_file("rod_pendulum")
+    assert len(list(folder.iterdir())) == 2
+
+
+def test_another_process_finds_it_and_gets_the_same_bits(folder):
+    program = (
+        "from mbd_sim import Simulation; s = Simulation.from_file('four_bar'); s.step(300); print(s.state.tolist())"
+    )
+    answers = [
+        subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+        for _ in range(2)
+    ]
+    assert answers[0] == answers[1]
+    assert len(list(folder.iterdir())) == 1
+
+
+def test_processes_that_store_at_once_do_no_harm(folder):
+    program = "from mbd_sim.compiler import cache\nfor _ in range(200): cache.store('name', b'code' * 1000)"
+    writers = [subprocess.Popen([sys.executable, "-c", program]) for _ in range(3)]
+    while any(writer.poll() is None for writer in writers):
+        assert kernel_cache.load("name") in (None, b"code" * 1000)
+    assert all(writer.returncode == 0 for writer in writers)
+    assert kernel_cache.load("name") == b"code" * 1000
+    assert [path.name for path in folder.iterdir()] == ["name"]

@@ -1,0 +1,20 @@
+"""The scale below the picture."""
+
+import pytest
+
+from mbd_sim.drawing.legend import length_text, nice_length
+
+
+@pytest.mark.parametrize(
+    ("most", "length"), [(1.0, 1.0), (0.99, 0.5), (4.9, 2.0), (5.0, 5.0), (0.0073, 0.005), (730, 500)]
+)
+def test_the_scale_has_a_round_length(most, length):
+    assert nice_length(most) == pytest.approx(length, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("length", "text"),
+    [(2000, "2 km"), (1.0, "1 m"), (0.5, "50 cm"), (0.01, "1 cm"), (0.005, "5 mm"), (2e-6, "2e-06 m")],
+)
+def test_a_length_has_the_unit_that_reads_best(length, text):
+    assert length_text(length) == text

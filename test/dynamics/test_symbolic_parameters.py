@@ -1,0 +1,83 @@
+import casadi as ca
+import numpy as np
+import pytest
+
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.dynamics.symbolic_parameters import (
+    UnvariedError,
+    Values,
+    numbers_of,
+    values_among,
+)
+from mbd_sim.load import load_mechanism, parse_mechanism
+from mbd_sim.mechanism_file.override import with_values
+from test.generators.mechanisms import SHIPPED
+
+SLOW = ("stewart", "four_bars", "a02", "a04", "scissor", "tricycle", "bricard", "rssr")
+NAMES = [name for name in SHIPPED if not any(slow in name for slow in SLOW)]
+
+
+def all_free(mechanism) -> Values:
+    """Every number that can be a symbol as one."""
+    numbers = numbers_of(mechanism)
+    count = np.arange(len(numbers.free))
+    return Values(numbers, count, count, numbers.free)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_with_every_number_a_symbol_the_equations_are_the_same(name):
+    mechanism = load_mechanism(name)
+    plain, free = derive(mechanism), derive(mechanism, (), all_free(mechanism))
+    random = np.random.default_rng(4)
+    y = plain.start_state + 0.05 * random.normal(size=plain.start_state.size)
+    if plain.settle is not None:
+        y = np.array(plain.settle(0.1, y)).ravel()
+    efforts = random.normal(size=plain.layout.nv)
+    inputs = np.concatenate([efforts, free.values.base])
+    expected = np.array(plain.rates.call([0.1, y, efforts])[0]).ravel()
+    found = np.array(free.rates.call([0.1, y, inputs])[0]).ravel()
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
+    for one, other in ((plain.energies, free.energies), (plain.poses, free.poses), (plain.violation, free.violation)):
+        there = np.array(one(0.1, y)).ravel()
+        assert np.array(other(0.1, y, inputs)).ravel() == pytest.approx(there, rel=1e-11, abs=1e-11)
+
+
+CHANGES = {
+    "double_rod": {"l": 1.3, "m": 0.7, "gravity[2]": -3.0, "joints.elbow.damping": 0.4},
+    "four_bar": {"crank": 0.45, "density": 2.0},
+    "cart_pendulum_spring": {"gravity[2]": -5.0},
+    "stick_slip": {},
+    "slider_crank": {},
+}
+
+
+@pytest.mark.parametrize("name", [name for name, changes in CHANGES.items() if changes])
+def test_the_values_of_another_mechanism_give_its_equations(name):
+    base = load_mechanism(name)
+    other = with_values(base, CHANGES[name])
+    values = values_among(numbers_of(base), [numbers_of(other)])
+    free, plain = derive(base, (), values), derive(other)
+    given = values.of(numbers_of(other))
+    y = plain.start_state
+    rates = np.array(plain.rates.call([0.0, y, np.zeros(plain.layout.nv)])[0]).ravel()
+    found = np.array(free.rates.call([0.0, y, np.concatenate([np.zeros(plain.layout.nv), given])])[0]).ravel()
+    assert found == pytest.approx(rates, rel=1e-12, abs=1e-12 * np.abs(rates).max())
+
+
+def test_equal_numbers_share_a_value():
+    base = load_mechanism("double_rod")
+    values = values_among(numbers_of(base), [numbers_of(with_values(base, {"m": 2.0}))])
+    assert len(values.base) < len(values.places)
+    assert ca.SX(values.symbols).shape == (len(values.base), 1)
+
+
+def test_what_is_built_into_the_equations_cannot_vary():
+    base = load_mechanism("double_rod")
+    turned = parse_mechanism(base.source.text.replace("axis: [0, -1, 0]", "axis: [0, 1, 0]"))
+    with pytest.raises(UnvariedError, match="axis"):
+        values_among(numbers_of(base), [numbers_of(turned)])
+    values = values_among(numbers_of(base), [numbers_of(with_values(base, {"m": 2.0}))])
+    with pytest.raises(UnvariedError, match="not among the values"):
+        values.of(numbers_of(with_values(base, {"l": 2.0})))
+    with pytest.raises(UnvariedError, match="others"):
+        values.of(numbers_of(load_mechanism("four_bar")))

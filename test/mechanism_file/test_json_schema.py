@@ -1,0 +1,119 @@
+"""The JSON Schema that editors use agrees with what the program accepts."""
+
+import copy
+import json
+
+import jsonschema
+import pytest
+
+from mbd_sim.load import parse_mechanism
+from mbd_sim.mechanism_file.library import shipped
+from mbd_sim.mechanism_file.validation import json_schema
+from mbd_sim.mechanism_file.yaml_reader import parse_source
+from test.generators.mechanism_texts import PENDULUM, changed, problems_of
+
+VALIDATOR = jsonschema.Draft202012Validator(json_schema())
+
+
+def accepts(text):
+    return VALIDATOR.is_valid(parse_source(text).data)
+
+
+def test_it_is_a_json_schema_of_the_draft_it_names():
+    schema = json.loads(json.dumps(json_schema()))
+    assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    jsonschema.Draft202012Validator.check_schema(schema)
+
+
+def test_changing_a_copy_does_not_change_the_schema():
+    before = copy.deepcopy(json_schema())
+    json_schema()["properties"].clear()
+    assert json_schema() == before
+
+
+@pytest.mark.parametrize("path", shipped().values(), ids=shipped())
+def test_shipped_files_satisfy_it(path):
+    data = parse_source(path.read_text(encoding="utf-8")).data
+    assert [error.message for error in VALIDATOR.iter_errors(data)] == []
+
+
+ALL_KEYS = """
+mechanism: all
+description: text
+parameters: {l: 2 m, k: "l/2", n: 3}
+gravity: [0, 0, -1 g0]
+integrator: {method: rk4, step: 1 ms}
+ground: {points: {a: [0, 0, l], b: {at: [0, 0, 1], rotate: {axis: [0, 0, 1], angle: 3 deg}}}}
+parts:
+  one:
+    mass: 3
+    shapes:
+      - {type: rod, from: [0, 0, 0], to: [1, 0, 0], mass: 1, radius: 0.1, color: "#123456"}
+      - {type: particle, at: [0, 0, 1], rotate: {rpy: [0, 0, 1]}, mass: 1, radius: 1}
+      - {type: ring, radius: 1, axis: [0, 1, 0], mass: 1}
+      - {type: disc, radius: 1, hole: false, mass: 1}
+      - {type: plate, size: [1, 1], mass: 1}
+      - {type: cylinder, radius: 1, length: 1, density: 1}
+      - {type: sphere, radius: 1, density: 1}
+      - {type: block, size: [1, 1, 1]}
+  two: {mass: 20, center: [0, 0, 1], inertia: {xx: 1, yy: 1, zz: 1, xy: 0, xz: 0, yz: 0}}
+  three: {mass: 1, inertia: [1, 1, 1], points: {p: {rotate: {quaternion: [1, 0, 0, 0]}}}}
+  four: {shape: {type: block, size: [1, 2, 3], density: 1}}
+  five: {mass: 1}
+  six: {mass: 1, inertia: [1, 1, 1]}
+joints:
+  r: {type: revolute, between: [ground.a, one], axis: [1, 0, 0], position: 1, velocity: 1, stiffness: 1, rest: 1,
+      damping: 1, limits: {lower: -1, upper: 1, stiffness: 1}, effort_limit: 1}
+  p: {type: prismatic, between: [one, two], axis: [1, 0, 0], position: 1, velocity: 1, stiffness: 1, rest: 1,
+      damping: 1, limits: {lower: -1, upper: 1}, effort_limit: 1, damper: {coefficient: 1, exponent: 2, regularisation: 1}}
+  l: {type: prismatic, between: [two, five], axis: [1, 0, 0], spring: {force: 3*x}, friction: {coulomb: 1, static: 2,
+      stribeck_velocity: 1, viscous: 1, regularisation: 1}, limits: {lower: -1, upper: 1, stiffness: 1, damping: 1}}
+  h: {type: revolute, between: [two, six], axis: [1, 0, 0], spring: {table: [[0, 0], [1 deg, 1]]}, damper: {coefficient: 1},
+      friction: {coulomb: 1}}
+  x: {type: fixed, between: [three.p, two]}
+  f: {type: free, between: [ground.b, four], position: [1, 2, 3], orientation: {rpy: [1, 2, 3]}, velocity: [1, 2, 3],
+      angular_velocity: [1, 2, 3]}
+forces:
+  s: {type: spring, between: [ground, four], stiffness: 1, length: 1, damping: 1, mass: 1}
+  e: {type: spring, between: [one, four], force: n*x**3}
+  t: {type: spring, between: [one, four], table: [[0, 1], [1, "n*2"]]}
+  b: {type: elastic_bar, between: [one, four], stiffness: 1, length: 1, strain: small, damping: 1}
+  d: {type: damper, between: [one, four], coefficient: 1, exponent: 2, along: velocity, regularisation: 1}
+  f: {type: force, at: three.p, vector: [t, 0, 0], axes: ground.b}
+  c: {type: couple, on: four, vector: [0, "sin(t)", 0], axes: three}
+"""
+
+
+def test_a_file_with_every_key_satisfies_it_and_loads():
+    assert [error.message for error in VALIDATOR.iter_errors(parse_source(ALL_KEYS).data)] == []
+    text = ALL_KEYS.replace("  one:\n    mass: 3\n", "  one:\n    mass: 30\n")
+    assert set(parse_mechanism(text).tree) == {"r", "p", "l", "h", "x", "f"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("mechanism: pendulum", "mechanism: two words"),
+        ("mechanism: pendulum\n", ""),
+        ("    mass: m", "    mass: -1"),
+        ("    mass: m", "    mass: [1]"),
+        ("    mass: m", "    mas: m"),
+        ("  rod:\n", "  rod: {}\n  the rod:\n"),
+        ("  l: 1.5 m", "  l: [1]"),
+        ("type: rod", "type: cone"),
+        ("to: [0, 0, -l]}\n    points", "to: [0, 0]}\n    points"),
+        ("{tip: [0, 0, -l]}", "{tip: [0, 0, 0, 0]}"),
+        ("type: revolute", "type: hinge"),
+        ("[ground, rod]", "[rod]"),
+        ("    axis: [0, -1, 0]\n", ""),
+        ("position: 90 deg", "position: [1]"),
+        ("position: 90 deg", "limits: {lower: 1}"),
+        ("position: 90 deg", "friction: {static: 1}"),
+        ("position: 90 deg", "spring: {table: [[0, 1, 2], [1, 2, 3]]}"),
+    ],
+)
+def test_what_it_refuses_the_program_refuses(old, new):
+    assert accepts(PENDULUM)
+    broken = changed((old, new))
+    assert not accepts(broken)
+    assert problems_of(broken)

@@ -1,0 +1,63 @@
+"""Mechanisms found by path and by shipped name."""
+
+import pytest
+
+from mbd_sim.errors import MechanismError
+from mbd_sim.load import load_mechanism
+from mbd_sim.mechanism_file.library import config_directory, find, shipped
+
+
+def refusal(mechanism):
+    with pytest.raises(MechanismError) as caught:
+        find(mechanism)
+    (problem,) = caught.value.problems
+    assert problem.key == "mechanism" and problem.value and problem.remedy
+    return problem
+
+
+def test_everything_below_config_ships_under_the_name_of_its_file():
+    files = list(config_directory().rglob("*.yaml"))
+    assert files and sorted(shipped().values()) == sorted(files)
+    assert all(path.stem == name for name, path in shipped().items())
+
+
+@pytest.mark.parametrize("name", sorted(shipped()))
+def test_every_shipped_mechanism_loads_and_bears_the_name_of_its_file(name):
+    mechanism = load_mechanism(name)
+    assert mechanism.name == name and mechanism.description
+    assert set(mechanism.tree) == set(mechanism.joints) and len(mechanism.tree) == len(mechanism.parts)
+
+
+def test_a_mechanism_is_found_by_name_and_by_path(tmp_path):
+    assert find("rod_pendulum") == config_directory() / "open_chains" / "rod_pendulum.yaml"
+    own = tmp_path / "own.yaml"
+    own.write_text("x")
+    assert find(own) == find(str(own)) == own
+
+
+def test_a_misspelt_name_is_answered_with_the_nearest():
+    problem = refusal("duble_rod")
+    assert problem.message == "no mechanism of this name ships" and problem.value == "'duble_rod'"
+    assert problem.remedy.startswith("Did you mean 'double_rod'?") and "path of a .yaml or .urdf file" in problem.remedy
+
+
+def test_a_misspelt_path_is_answered_with_the_nearest_file(tmp_path):
+    (tmp_path / "pendulum.yaml").write_text("x")
+    problem = refusal(tmp_path / "pendulun.yaml")
+    assert problem.message == "there is no such file"
+    assert problem.remedy == f"Did you mean '{tmp_path / 'pendulum.yaml'}'?"
+    assert refusal(tmp_path / "none" / "pendulum.yaml").remedy == "Check the path."
+
+
+@pytest.mark.parametrize(
+    "name", ["", ".", "a\x00.yaml", "x" * 5000, "x" * 5000 + ".yaml", "~nobody-has-this-name/x.yaml"]
+)
+def test_what_can_be_no_path_is_refused(name):
+    refusal(name)
+
+
+def test_a_folder_is_refused(tmp_path):
+    assert refusal(tmp_path).remedy == "Give a .yaml or .urdf file in it."
+    folder = tmp_path / "folder.yaml"
+    folder.mkdir()
+    assert refusal(folder).message == "is a folder"

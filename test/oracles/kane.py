@@ -1,0 +1,369 @@
+"""Kane's equations in plain numpy, straight from a mechanism's records: an oracle that shares nothing with the engine.
+
+Every quantity is a jet: its value and its first and second time derivatives, by the rules of differentiation.
+Partial velocities are the velocities at unit speeds (Huston & Liu, sec. 11.4), and the equations are
+Σ m a·v_r + (I α + ω × I ω)·ω_r = Q_r.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbd_sim.mechanism.laws import GreenStrain
+from test.oracles.jets import Jet, expression_jet
+from test.oracles.kane_laws import dry_friction, elastic, power_law
+from test.oracles.kane_rows import forbidden
+
+GROUND = "ground"
+
+
+def cross_matrix(v):
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+@dataclass
+class Motion:
+    """A part's mass centre and rotation in ground's frame, as jets."""
+
+    center: Jet
+    rotation: Jet
+    origin: Jet
+
+    @property
+    def omega(self):
+        """Angular velocity in the part's axes: Rᵀ R' = ω×."""
+        spin = self.rotation.d[0].T @ self.rotation.d[1]
+        return 0.5 * np.array([spin[2, 1] - spin[1, 2], spin[0, 2] - spin[2, 0], spin[1, 0] - spin[0, 1]])
+
+    @property
+    def alpha(self):
+        """Angular acceleration in the part's axes: Rᵀ R'' = ω× ω× + α×."""
+        spin = self.rotation.d[0].T @ self.rotation.d[2]
+        return 0.5 * np.array([spin[2, 1] - spin[1, 2], spin[0, 2] - spin[2, 0], spin[1, 0] - spin[0, 1]])
+
+
+SIZES = {
+    "revolute": (1, 1),
+    "prismatic": (1, 1),
+    "screw": (1, 1),
+    "cylindrical": (2, 2),
+    "universal": (2, 2),
+    "planar": (3, 3),
+    "spherical": (4, 3),
+    "fixed": (0, 0),
+    "free": (7, 6),
+}
+
+
+def places(mechanism):
+    """Where each joint's coordinates and speeds stand, in declared order, and how many there are."""
+    found, nq, nv = {}, 0, 0
+    for name, joint in mechanism.joints.items():
+        more_q, more_v = (0, 0) if joint.drive else SIZES[joint.type]
+        found[name] = (slice(nq, nq + more_q), slice(nv, nv + more_v))
+        nq, nv = nq + more_q, nv + more_v
+    return found, nq, nv
+
+
+def _driven(expression, t):
+    """A drive's value and derivatives."""
+    return expression_jet(expression, t=Jet(t, 1.0))
+
+
+def _turn(axis, x):
+    k = cross_matrix(axis)
+    turned = np.eye(3) + np.sin(x.d[0]) * k + (1.0 - np.cos(x.d[0])) * k @ k
+    return Jet(np.zeros(3)), Jet(turned, turned @ k * x.d[1], turned @ (k @ k * x.d[1] ** 2 + k * x.d[2]))
+
+
+def _slide(axis, x):
+    return x.linear(lambda value: axis * value), Jet(np.eye(3))
+
+
+def _then(first, second):
+    return first[0] + first[1] @ second[0], first[1] @ second[1]
+
+
+def _ball(p, omega, omega_rate):
+    def rates(p, omega):
+        return 0.5 * np.concatenate([[-p[1:] @ omega], p[0] * omega + np.cross(p[1:], omega)])
+
+    p1 = rates(p, omega)
+    jet = Jet(p, p1, rates(p1, omega) + rates(p, omega_rate))
+    k, w = jet.linear(lambda v: cross_matrix(v[1:])), jet.linear(lambda v: v[0])
+    return Jet(np.eye(3)) + (w * k + k @ k).linear(lambda m: 2.0 * m)
+
+
+def _joint_jets(joint, q, u, u_rate, t):
+    """The child-side frame seen from the parent-side frame: position and rotation."""
+    if joint.type == "fixed":
+        return Jet(np.zeros(3)), Jet(np.eye(3))
+    if joint.type == "spherical":
+        return Jet(np.zeros(3)), _ball(q, u, u_rate)
+    if joint.type == "free":
+        return Jet(q[:3], u[:3], u_rate[:3]), _ball(q[3:], u[3:], u_rate[3:])
+    if joint.drive:
+        x = [_driven(expression, t) for expression in joint.drive]
+    else:
+        x = [Jet(*values) for values in zip(q, u, u_rate, strict=True)]
+    axis, second = joint.axis, joint.second
+    match joint.type:
+        case "prismatic":
+            return _slide(axis, x[0])
+        case "revolute":
+            return _turn(axis, x[0])
+        case "screw":
+            return _then(_slide(axis, x[0].linear(lambda v: v * joint.lead / (2.0 * np.pi))), _turn(axis, x[0]))
+        case "cylindrical":
+            return _then(_slide(axis, x[0]), _turn(axis, x[1]))
+        case "universal":
+            return _then(_turn(axis, x[0]), _turn(second, x[1]))
+        case "planar":
+            along = _then(_slide(second, x[0]), _slide(np.cross(axis, second), x[1]))
+            return _then(along, _turn(axis, x[2]))
+    raise AssertionError(joint.type)
+
+
+def motions(mechanism, q, u, u_rate=None, t=0.0):
+    """The motion of every part, by name."""
+    where, _, nv = places(mechanism)
+    u_rate = np.zeros(nv) if u_rate is None else u_rate
+    frames = {GROUND: (Jet(np.zeros(3)), Jet(np.eye(3)))}
+    waiting = dict(mechanism.joints)
+    while waiting:
+        for name, joint in list(waiting.items()):
+            if (joint.parent in frames) == (joint.child in frames):
+                continue
+            in_q, in_u = where[name]
+            position, rotation = _joint_jets(joint, q[in_q], u[in_u], u_rate[in_u], t)
+            a, b = joint.parent_pose, joint.child_pose
+            # child part seen from the parent part: (a) (joint) (b)⁻¹
+            rotation = Jet(a.rotation) @ rotation @ Jet(b.rotation.T)
+            position = Jet(a.position) + Jet(a.rotation) @ position + -(rotation @ Jet(b.position))
+            inner, outer = joint.parent, joint.child
+            if joint.child in frames:
+                position, rotation = -(rotation.transposed @ position), rotation.transposed
+                inner, outer = outer, inner
+            origin, axes = frames[inner]
+            frames[outer] = (origin + axes @ position, axes @ rotation)
+            del waiting[name]
+    return {
+        name: Motion(frames[name][0] + frames[name][1] @ Jet(part.center), frames[name][1], frames[name][0])
+        for name, part in mechanism.parts.items()
+    }
+
+
+def joint_forces(mechanism, q, u, efforts):
+    """Generalized forces (nv,) of efforts, springs, dampers and stops, and the potential energy of the springs."""
+    where, _, _ = places(mechanism)
+    forces, potential = np.array(efforts, dtype=float), 0.0
+    for name, joint in mechanism.joints.items():
+        in_q, in_u = where[name]
+        for place, row in enumerate(range(in_u.start, in_u.stop)):
+            forces[row] -= joint.damping[place] * u[row]
+            if joint.type not in ("spherical", "free"):
+                stretch = q[in_q.start + place] - joint.rest[place]
+                forces[row] -= joint.stiffness[place] * stretch
+                potential += 0.5 * joint.stiffness[place] * stretch**2
+                if joint.spring is not None:
+                    force, energy = elastic(joint.spring, stretch)
+                    forces[row] -= force
+                    potential += energy
+        if joint.damper is not None:
+            forces[in_u.start] -= power_law(joint.damper, u[in_u.start])
+        if joint.friction is not None:
+            forces[in_u.start] -= dry_friction(joint.friction, u[in_u.start])
+        if joint.limits is not None and joint.limits.stiffness:
+            x = q[in_q.start]
+            excess = x - min(max(x, joint.limits.lower), joint.limits.upper)
+            deeper = np.sign(excess) * u[in_u.start]
+            forces[in_u.start] -= joint.limits.stiffness * excess * max(0.0, 1.0 + joint.limits.damping * deeper)
+            potential += 0.5 * joint.limits.stiffness * excess**2
+    return forces, potential
+
+
+def _velocity_of(moving, at):
+    """Of a point of a part: its position and velocity in ground's frame."""
+    if at.part == GROUND:
+        return at.point, np.zeros(3)
+    frame = moving[at.part]
+    return tuple(frame.origin.d[i] + frame.rotation.d[i] @ at.point for i in (0, 1))
+
+
+def element_forces(mechanism, moving, t):
+    """(part, point or None, force or moment (3,) in ground's axes) of every force element, and the springs' energy."""
+    found, energy = [], 0.0
+    for spring in mechanism.springs:
+        (a, a1), (b, b1) = (_velocity_of(moving, at) for at in (spring.first, spring.second))
+        line, length = b - a, np.linalg.norm(b - a)
+        along = line / length
+        stretch = length - spring.length
+        if isinstance(spring.law, GreenStrain):
+            k, natural = spring.law.stiffness, spring.law.length
+            force = k * stretch * (1.0 + stretch / natural) * (1.0 + stretch / (2.0 * natural))
+            stored = 0.5 * k * stretch**2 * (1.0 + stretch / (2.0 * natural)) ** 2
+        else:
+            force, stored = elastic(spring.law, stretch)
+        tension = force + spring.damping * along @ (b1 - a1)
+        weight = spring.mass * mechanism.gravity / 2.0
+        found += [(spring.first, False, tension * along + weight), (spring.second, False, weight - tension * along)]
+        energy += stored - weight @ (a + b)
+    for damper in mechanism.dampers:
+        (a, a1), (b, b1) = (_velocity_of(moving, at) for at in (damper.first, damper.second))
+        force = power_law(damper.law, b1 - a1)
+        if damper.needs_line:
+            along = (b - a) / np.linalg.norm(b - a)
+            force = along * power_law(damper.law, along @ (b1 - a1))
+        found += [(damper.first, False, force), (damper.second, False, -force)]
+    for applied in mechanism.applied:
+        vector = np.array([expression.at(t) for expression in applied.vector])
+        vector = applied.axes @ vector
+        if applied.axes_of != GROUND:
+            vector = moving[applied.axes_of].rotation.d[0] @ vector
+        found.append((applied.at, applied.couple, vector))
+    return found, energy
+
+
+RANK = 1e-9  # of the largest singular value, what counts as none
+
+
+@dataclass
+class Equations:
+    """M u' = f + Gᵀ λ with G u' + γ = 0: u', the energies, and the condition of M scaled to a unit diagonal.
+
+    `gradient` is G (m, nv), `bias` γ (m,), and `misses` (m,) what the velocities are off.
+    """
+
+    mass: np.ndarray
+    forces: np.ndarray
+    kinetic: float
+    potential: float
+    gradient: np.ndarray
+    bias: np.ndarray
+    misses: np.ndarray
+
+    @property
+    def accelerations(self):
+        """Free accelerations, and the smallest change of them, measured by M, that meets the constraints (Gauss)."""
+        free = np.linalg.solve(self.mass, self.forces)
+        if not self.gradient.size:
+            return free
+        unit, rows, sizes = self._unit
+        defect = (self.gradient @ free + self.bias) / sizes
+        return free - unit @ np.linalg.lstsq(rows, defect, rcond=RANK)[0]
+
+    @property
+    def _unit(self):
+        """Speeds (nv, nv) that have a unit mass matrix, and G of these with rows of unit length, and their sizes."""
+        unit = np.linalg.inv(np.linalg.cholesky(self.scaled)).T / self.scale[:, None]
+        rows = self.gradient @ unit
+        sizes = np.linalg.norm(rows, axis=1)
+        sizes[sizes < 1e-13 * np.max(sizes, initial=0.0)] = np.inf
+        return unit, rows / sizes[:, None], sizes
+
+    @property
+    def stiffness(self):
+        """The condition of G M⁻¹ Gᵀ, with rows of unit length, on its range."""
+        if not self.gradient.size:
+            return 1.0
+        values = np.linalg.svd(self._unit[1])[1]
+        return (values[0] / values[values > RANK * values[0]].min()) ** 2
+
+    @property
+    def condition(self):
+        return np.linalg.cond(self.scaled)
+
+    @property
+    def scale(self):
+        return np.sqrt(np.diag(self.mass))
+
+    @property
+    def scaled(self):
+        return self.mass / np.outer(self.scale, self.scale)
+
+
+def equations(mechanism, q, u, efforts, t=0.0):
+    """Kane's equations at one state."""
+    _, _, nv = places(mechanism)
+    at_rest = motions(mechanism, q, u, t=t)
+    still = motions(mechanism, q, np.zeros(nv), t=t)
+    unit = [motions(mechanism, q, direction, t=t) for direction in np.eye(nv)]
+    mass, forces = np.zeros((nv, nv)), np.zeros(nv)
+    kinetic = 0.0
+    spring_forces, potential = joint_forces(mechanism, q, u, efforts)
+    forces += spring_forces
+    acting, energy = element_forces(mechanism, at_rest, t)
+    potential += energy
+    for at, couple, vector in acting:
+        for row, direction in enumerate(unit):
+            if at.part == GROUND:
+                continue
+            if couple:
+                partial = at_rest[at.part].rotation.d[0] @ (direction[at.part].omega - still[at.part].omega)
+            else:
+                partial = _velocity_of(direction, at)[1] - _velocity_of(still, at)[1]
+            forces[row] += partial @ vector
+    for name, part in mechanism.parts.items():
+        motion = at_rest[name]
+        partial_v = np.array([m[name].center.d[1] - still[name].center.d[1] for m in unit]).reshape(nv, 3)
+        partial_w = np.array([m[name].omega - still[name].omega for m in unit]).reshape(nv, 3)
+        w = motion.omega
+        mass += part.mass * partial_v @ partial_v.T + partial_w @ part.inertia @ partial_w.T
+        forces += partial_v @ (part.mass * (mechanism.gravity - motion.center.d[2]))
+        forces -= partial_w @ (part.inertia @ motion.alpha + np.cross(w, part.inertia @ w))
+        velocity = motion.center.d[1]
+        kinetic += 0.5 * part.mass * velocity @ velocity + 0.5 * w @ part.inertia @ w
+        potential -= part.mass * mechanism.gravity @ motion.center.d[0]
+    for spring in mechanism.springs:
+        for at in (spring.first, spring.second):  # of a spring with mass one end rests, and the other has a third of it
+            if at.part == GROUND or not spring.mass:
+                continue
+            partial = np.array([_velocity_of(m, at)[1] - _velocity_of(still, at)[1] for m in unit]).reshape(nv, 3)
+            frame = at_rest[at.part]
+            forces -= partial @ (frame.origin.d[2] + frame.rotation.d[2] @ at.point) * spring.mass / 3.0
+            mass += partial @ partial.T * spring.mass / 3.0
+            velocity = _velocity_of(at_rest, at)[1]
+            kinetic += velocity @ velocity * spring.mass / 6.0
+    gradient, bias, misses = constraint_rows(mechanism, q, u, t)
+    return Equations(mass, forces, kinetic, potential, gradient, bias, misses)
+
+
+def coordinate_jets(mechanism, q, u, t):
+    """The jets of all joint coordinates by name at u' = 0; angular velocities have none."""
+    where, _, _ = places(mechanism)
+    found = {}
+    for name, joint in mechanism.joints.items():
+        in_q, in_u = where[name]
+        values = [_driven(expression, t) for expression in joint.drive]
+        if not values and joint.type != "spherical":
+            values = [Jet(x, x1) for x, x1 in zip(q[in_q], u[in_u], strict=False)]
+            values = values[:3] if joint.type == "free" else values
+        found |= dict(zip(joint.motion_names, values, strict=False))
+    return found
+
+
+def constraint_rows(mechanism, q, u, t):
+    """G (m, nv), γ (m,), and the velocities (m,) that should be zero; G by unit speeds."""
+    nv = places(mechanism)[2]
+
+    def velocities(speeds):
+        rows = forbidden(mechanism, motions(mechanism, q, speeds, t=t), coordinate_jets(mechanism, q, speeds, t), t)
+        return [np.concatenate([np.zeros(0), *(np.atleast_1d(row.d[place]) for row in rows)]) for place in (0, 1)]
+
+    value, rate = velocities(u)
+    still = velocities(np.zeros(nv))[0]
+    gradient = np.array([velocities(direction)[0] - still for direction in np.eye(nv)]).reshape(nv, len(still)).T
+    return gradient, rate, value
+
+
+def momentum(mechanism, q, u):
+    """Linear momentum (3,), and angular momentum (3,) about ground's origin."""
+    linear, angular = np.zeros(3), np.zeros(3)
+    for name, motion in motions(mechanism, q, u).items():
+        part = mechanism.parts[name]
+        linear += part.mass * motion.center.d[1]
+        angular += part.mass * np.cross(motion.center.d[0], motion.center.d[1])
+        angular += motion.rotation.d[0] @ part.inertia @ motion.omega
+    return linear, angular

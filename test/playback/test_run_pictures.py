@@ -1,0 +1,72 @@
+"""Pictures and pages of recorded runs: not empty, and of what was asked for."""
+
+import re
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from mbd_sim.cli.main import main
+from mbd_sim.playback.panels import panels
+from mbd_sim.playback.run_table import read_table
+from mbd_sim.recording.reader import open_recording
+from test.playback.test_run_table import foreign_bag
+from test.recording.runs import record_run
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    return record_run(tmp_path_factory.mktemp("pictures"), "double_rod", seconds=1.0, seed=3, commands=6)
+
+
+def test_panels_hold_the_table(recording):
+    table = read_table(open_recording(recording))
+    found = {(panel.title, panel.y_label): panel for panel in panels(table)}
+    assert {title for title, _ in found} == {
+        "Energies", "Position", "Velocity", "Effort", "Energy residual", "Phase portrait",
+    }  # fmt: skip
+    (residual,) = found["Energy residual", "J"].lines
+    assert np.all(residual.y[~np.isnan(residual.y)] > 0.0)
+    for row, line in enumerate(found["Phase portrait", "velocity, rad/s"].lines):
+        kept = ~np.isnan(line.x)
+        assert np.count_nonzero(~kept) == len(table.resets)
+        np.testing.assert_array_equal(line.x[kept], table.position[:, row])
+        np.testing.assert_array_equal(line.y[kept], table.velocity[:, row])
+
+
+def test_a_picture_is_not_empty(recording, tmp_path):
+    path = tmp_path / "run.png"
+    assert main(["plot", str(recording), "--out", str(path), "--show", "energies,phase", "--quiet"]) == 0
+    pixels = imread(path)
+    assert min(pixels.shape[:2]) > 500
+    assert np.mean(np.any(pixels[..., :3] < 0.9, axis=-1)) > 0.01
+
+
+def test_vectors_carry_the_words(recording, tmp_path):
+    path = tmp_path / "run.svg"
+    assert main(["plot", str(recording), "--out", str(path), "--show", "residual", "--quiet"]) == 0
+    assert ElementTree.parse(path).getroot().tag.endswith("svg")
+    text = path.read_text(encoding="utf-8")
+    assert "Energy residual" in text
+    assert "Position" not in text
+
+
+def test_a_page_needs_no_network_and_holds_the_numbers(recording, tmp_path):
+    path = tmp_path / "run.html"
+    assert main(["plot", str(recording), "--out", str(path), "--show", "joints", "--quiet"]) == 0
+    page = path.read_text(encoding="utf-8")
+    assert not re.search(r"<script[^>]+src=", page)
+    assert len(page) > 1_000_000  # the library is in it
+    names = re.findall(r'"name":"(\w+)"', page)
+    assert names.count("shoulder") >= 2
+
+
+def test_what_cannot_be_shown_is_said(recording, tmp_path, capsys):
+    arguments = ["plot", str(recording), "--out", str(tmp_path / "run.png"), "--quiet", "--show"]
+    assert main([*arguments, "enegies"]) == 1
+    assert "Did you mean 'energies'" in capsys.readouterr().err
+    bag = foreign_bag(tmp_path / "robot.mcap")
+    assert main(["plot", str(bag), "--out", str(tmp_path / "run.png"), "--quiet", "--show", "residual"]) == 1
+    assert "holds nothing to show of 'residual'" in capsys.readouterr().err
+    assert main(["plot", str(bag), "--out", str(tmp_path / "run.png"), "--quiet"]) == 0

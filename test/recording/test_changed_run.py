@@ -1,0 +1,110 @@
+"""Recorded runs computed again with a change."""
+
+import numpy as np
+import pytest
+
+from mbd_sim import Simulation
+from mbd_sim.cli.main import main
+from mbd_sim.recording import cdr
+from mbd_sim.recording.changed_run import what_if
+from mbd_sim.recording.reader import open_recording
+from mbd_sim.recording.recomputation import Recomputation
+from mbd_sim.recording.run_start import RecomputeError
+from mbd_sim.recording.verification import verify
+from test.recording.runs import record_run
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return record_run(tmp_path_factory.mktemp("run"), "double_rod", seconds=2.0, seed=1, commands=12)
+
+
+def rerun(path, **changes):
+    return what_if(Recomputation(open_recording(path).parts[0], **changes))
+
+
+def test_without_a_change_nothing_deviates(run):
+    found = rerun(run)
+    for series in (*found.coordinates.values(), found.energies):
+        assert [one.largest[0] for one in series] == [0.0] * len(series)
+
+
+def test_a_changed_value_gives_the_run_of_a_changed_file(tmp_path):
+    path = record_run(tmp_path, "double_rod", seconds=0.5, commands=1, seed=1)  # one command, before the first step
+    found = rerun(path, changes={"joints.elbow.damping": 0.2})
+    efforts = [cdr.numbers(m.payload).values for m in open_recording(path).messages() if "applied_efforts" in m.topic]
+    simulation = Simulation.from_text(open_recording(path).mechanism_text.replace("elbow:", "elbow:\n    damping: 0.2"))
+    simulation.set_efforts(efforts[0])
+    simulation.step(240)
+    elbow = {one.name: one for one in found.coordinates["position"]}["elbow position"]
+    at = int(np.flatnonzero(np.isclose(elbow.times, 0.24))[0])
+    assert elbow.changed[at] == pytest.approx(simulation.q[1], abs=1e-13)  # of a kernel without wrenches
+    assert elbow.recorded[at] != elbow.changed[at]
+    size, moment = elbow.largest
+    assert size == np.max(np.abs(elbow.recorded - elbow.changed)) and moment in elbow.times
+
+
+def test_another_method_and_step_give_nearly_the_same_motion(run):
+    found = rerun(run, method="rk4", step=0.0005)
+    assert found.replica.simulation.model.method.name == "rk4"
+    assert all(0.0 < one.largest[0] < 1e-9 for one in found.coordinates["position"])
+    coarse = rerun(run, step=0.002)
+    assert all(one.largest[0] > 0.0 for one in coarse.coordinates["velocity"])
+
+
+def test_a_changed_run_is_a_recording_that_holds(run, tmp_path, capsys):
+    for number, options in enumerate((["--set", "l=0.9", "--set", "gravity[2]=-1.62"], ["--step", "0.0005"])):
+        out = tmp_path / f"{number}.mcap"
+        assert main(["rerun-with", str(run), *options, "--out", str(out), "--quiet"]) == 0
+        (found,) = verify(out)
+        assert found.holds and found.compared["joint_states"] > 150
+        assert found.steps == 2000 * (1 + number)
+    assert "largest deviation" in capsys.readouterr().out
+    assert main(["rerun-with", str(run), "--step", "0.0005", "--out", str(run), "--quiet"]) == 1
+
+
+def test_both_runs_are_in_the_picture_and_the_table(run, tmp_path, capsys):
+    picture = tmp_path / "x.png"
+    assert main(["rerun-with", str(run), "--set", "joints.elbow.damping=0.2", "--plot", str(picture), "--quiet"]) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG") and picture.stat().st_size > 20_000
+    out = capsys.readouterr().out
+    assert "with joints.elbow.damping = 0.2" in out and "elbow position" in out and "t = " in out
+
+
+def test_a_page_holds_both_runs_and_its_library(run, tmp_path):
+    pytest.importorskip("plotly")
+    page = tmp_path / "x.html"
+    assert main(["rerun-with", str(run), "--set", "joints.elbow.damping=0.2", "--plot", str(page), "--quiet"]) == 0
+    text = page.read_text(encoding="utf-8")
+    assert "joints.elbow.damping = 0.2" in text and "elbow velocity" in text and "<script src=" not in text
+
+
+def test_a_picture_of_another_kind_is_an_error(run, tmp_path, capsys):
+    path = tmp_path / "x.docx"
+    assert main(["rerun-with", str(run), "--set", "l=0.9", "--plot", str(path), "--quiet"]) == 1
+    assert "x.docx cannot be drawn" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ([], "nothing is changed"),
+        (["--set", "joints.elbw.damping=1"], "elbow"),
+        (["--set", "damping"], "write KEY=VALUE"),
+        (["--method", "rk5"], "there is no method 'rk5'"),
+    ],
+)
+def test_a_change_that_cannot_be_made_is_named(run, capsys, options, words):
+    assert main(["rerun-with", str(run), *options, "--quiet"]) == 1
+    assert words in capsys.readouterr().err
+
+
+def test_a_recording_of_something_else_is_named(tmp_path):
+    from mcap.writer import Writer
+
+    with (tmp_path / "x.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        writer.finish()
+    with pytest.raises(RecomputeError, match=r"x.mcap: is no recording of sim_node"):
+        rerun(tmp_path / "x.mcap")

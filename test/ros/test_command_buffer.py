@@ -1,0 +1,82 @@
+"""Efforts on their way to the simulation: accepted or rejected whole, clamped, expiring."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mbd_sim.errors import CommandError
+from mbd_sim.ros.command_buffer import CommandBuffer
+from mbd_sim.simulation.efforts import EffortMap
+
+
+@pytest.fixture
+def buffer() -> CommandBuffer:
+    return CommandBuffer(EffortMap(["hip", "knee", "ankle"], np.array([np.inf, 5.0, np.inf])), timeout=0.5)
+
+
+def test_nothing_is_due_before_a_command(buffer):
+    assert buffer.due(0.0) is None
+
+
+def test_a_command_is_due_once_and_clamped(buffer):
+    buffer.by_order([1.0, -7.0, 3.0])
+    due = buffer.due(0.0)
+    assert (due.reason, due.efforts.tolist()) == ("command", [1.0, -5.0, 3.0])
+    assert buffer.due(0.001) is None
+
+
+def test_names_leave_the_other_efforts_and_add_up_between_two_steps(buffer):
+    buffer.by_order([1.0, 2.0, 3.0])
+    buffer.by_name(["ankle"], [9.0])
+    buffer.by_name(["hip"], [-1.0])
+    assert buffer.due(0.0).efforts.tolist() == [-1.0, 2.0, 9.0]
+    assert buffer.accepted == 3
+
+
+@pytest.mark.parametrize(
+    ("names", "efforts", "words"),
+    [
+        (None, [1.0], "3 efforts expected and 1 given. Send one for each of: hip, knee, ankle."),
+        (None, [1.0, math.nan, 2.0], "the effort of knee is not finite."),
+        (["hip", "nee"], [1.0, 2.0], "there is no joint 'nee'. Did you mean 'knee'?"),
+        (["hip"], [math.inf], "the effort of hip is not finite."),
+        (["hip"], [], "'name' and 'effort' differ in length: 1 and 0."),
+        (["hip", "hip"], [1.0, 2.0], "a joint is named twice"),
+    ],
+)
+def test_a_bad_command_is_rejected_whole_and_counted(buffer, names, efforts, words):
+    buffer.by_order([1.0, 2.0, 3.0])
+    with pytest.raises(CommandError) as caught:
+        buffer.by_order(efforts) if names is None else buffer.by_name(names, efforts)
+    assert words in str(caught.value)
+    assert (buffer.accepted, buffer.rejected) == (1, 1)
+    assert buffer.due(0.0).efforts.tolist() == [1.0, 2.0, 3.0]
+
+
+def test_efforts_expire_once_after_the_timeout_and_the_next_command_recovers(buffer):
+    buffer.by_order([1.0, 2.0, 3.0])
+    buffer.due(10.0)
+    assert buffer.due(10.499) is None
+    expired = buffer.due(10.5)
+    assert "expired" in expired.reason
+    assert expired.efforts.tolist() == [0.0, 0.0, 0.0]
+    assert buffer.due(20.0) is None
+    buffer.by_name(["knee"], [1.0])
+    assert buffer.due(20.0).efforts.tolist() == [0.0, 1.0, 0.0]
+    assert (buffer.accepted, buffer.expired) == (2, 1)
+
+
+def test_a_timeout_of_zero_never_expires(buffer):
+    buffer.timeout = 0.0
+    buffer.by_order([1.0, 2.0, 3.0])
+    buffer.due(0.0)
+    assert buffer.due(1e9) is None
+
+
+def test_clear_forgets_the_efforts(buffer):
+    buffer.by_order([1.0, 2.0, 3.0])
+    buffer.clear()
+    assert buffer.due(0.0) is None
+    buffer.by_name(["hip"], [1.0])
+    assert buffer.due(0.0).efforts.tolist() == [1.0, 0.0, 0.0]

@@ -1,0 +1,140 @@
+"""When recordings begin, end and split; real recorders, and moments as the stepping thread would give them."""
+
+import time
+
+import numpy as np
+import pytest
+
+from mbd_sim.recording.recorder import RecordingError
+from mbd_sim.recording.run_metadata import Moment
+from mbd_sim.ros.node_recordings import Limits, Recordings
+from test.recording.recordings import messages, metadata, recorder_in
+
+
+def at(tick):
+    return Moment(tick, tick * 1_000_000, tick, np.zeros(4), np.zeros(2), 0.0, {})
+
+
+class Stepping:
+    """Recordings, and the order of things as in a node: what is put, and moments where they are asked for."""
+
+    def __init__(self, folder, limits=None):
+        self.tick, self.asked, self.complaints = 0, 0, []
+        self.recordings = Recordings(
+            lambda: recorder_in(folder, begun=False),
+            lambda moment: {"first_tick": str(moment.ticks)},
+            self._ask,
+            self.complaints.append,
+            limits or Limits(),
+        )
+
+    def _ask(self):
+        self.asked += 1
+
+    def go(self, ticks):
+        for _ in range(ticks):
+            for _ in range(self.asked):
+                self.asked -= 1
+                self.recordings.at(at(self.tick))
+            self.recordings.put("vital", bytes(100), self.tick * 1_000_000, self.tick)
+            self.recordings.look(self.tick * 1_000_000)
+            self.tick += 1
+
+
+def ticks(folder):
+    """The ticks in each file, in the order of their first one."""
+    return sorted([message.sequence for _, message in messages(path)] for path in folder.iterdir())
+
+
+def test_what_comes_between_start_and_stop_is_recorded(tmp_path):
+    node = Stepping(tmp_path)
+    node.go(10)
+    assert node.recordings.start()[0]
+    node.go(10)
+    assert not node.recordings.start()[0]
+    assert node.recordings.stop()[0]
+    node.go(10)
+    assert node.recordings.stop() == (False, "not recording")
+    assert node.recordings.split() == (False, "not recording")
+    node.recordings.close()
+    assert ticks(tmp_path) == [list(range(10, 20))]
+
+
+def test_the_last_of_what_is_latched_comes_first_in_each_file(tmp_path):
+    node = Stepping(tmp_path)
+    node.recordings.put("text", b"old old ", 0, 0, latched=True)
+    node.recordings.put("text", b"new new ", 1, 1, latched=True)
+    node.go(5)
+    node.recordings.start(at(5))
+    node.go(5)
+    node.recordings.split()
+    node.go(5)
+    node.recordings.close()
+    for path in tmp_path.iterdir():
+        (topic, first), *others = messages(path)
+        assert (topic, first.data) == ("/text", b"new new ")
+        assert first.sequence == others[0][1].sequence == int(metadata(path)["first_tick"])
+
+
+def test_a_file_lasts_for_the_duration_that_is_wished(tmp_path):
+    node = Stepping(tmp_path, Limits(duration=0.25))
+    node.recordings.start(at(0))
+    node.go(1000)
+    node.recordings.close()
+    found = ticks(tmp_path)
+    assert [tick for file in found for tick in file] == list(range(1000))
+    assert [len(file) for file in found[:-1]] == [251] * (len(found) - 1) and len(found) == 4
+
+
+def test_a_file_that_has_become_too_large_is_followed_by_another(tmp_path):
+    node = Stepping(tmp_path, Limits(size=2000))
+    node.recordings.start(at(0))
+    while len(list(tmp_path.iterdir())) < 3:
+        node.go(10)
+        time.sleep(2e-3)
+    node.recordings.close()
+    found = ticks(tmp_path)
+    assert [tick for file in found for tick in file] == list(range(node.tick))
+    *full, _ = sorted(tmp_path.iterdir(), key=lambda path: int(metadata(path)["first_tick"]))
+    assert all(path.stat().st_size >= 2000 for path in full)
+
+
+def test_a_recording_that_fails_is_told_once_and_another_can_be_started(tmp_path, monkeypatch):
+    node = Stepping(tmp_path)
+    node.recordings.start(at(0))
+    node.go(1)
+    recorder = node.recordings.recorder
+    recorder._end("the disk is gone")
+    node.go(10)
+    assert node.complaints == ["the disk is gone"]
+    assert node.recordings.start()[0]
+    node.go(10)
+    node.recordings.close()
+    assert ticks(tmp_path)[-1] == list(range(11, 21))
+
+
+def test_a_folder_that_cannot_be_written_is_an_answer_and_no_error(tmp_path):
+    node = Stepping(tmp_path)
+
+    def refuse():
+        raise RecordingError("cannot record to 'x'")
+
+    node.recordings._open_recorder = refuse
+    assert node.recordings.start() == (False, "cannot record to 'x'")
+    node.go(1)
+    node.recordings.close()
+
+
+def test_nothing_begins_once_the_node_ends(tmp_path):
+    node = Stepping(tmp_path)
+    node.recordings.close()
+    assert node.recordings.start() == (False, "the node is ending")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_recording_that_holds_nothing_is_a_whole_file(tmp_path, begun):
+    node = Stepping(tmp_path)
+    node.recordings.start(at(3) if begun else None)
+    node.recordings.close()
+    assert ticks(tmp_path) == [[]]

@@ -1,0 +1,90 @@
+import numpy as np
+import pytest
+
+from mbd_sim import Simulation
+from mbd_sim.errors import CommandError, MechanismError
+from mbd_sim.load import load_mechanism
+from mbd_sim.mechanism_file.override import with_values
+
+
+def test_a_live_value_moves_the_mechanism_as_one_built_with_it():
+    changes = {"gravity[2]": -3.0, "parameters.m": 2.0, "joints.elbow.damping": 0.3}
+    live = Simulation.from_file("double_rod", live=["gravity[2]", "parameters.*", "joints.*.damping"])
+    assert live.live == {
+        "gravity[2]": -9.81, "parameters.m": 1.0, "parameters.l": 1.0,
+        "joints.shoulder.damping": 0.0, "joints.elbow.damping": 0.0,
+    }  # fmt: skip
+    live.set_live(changes)
+    live.reset()
+    built = Simulation(with_values(load_mechanism("double_rod"), changes))
+    live.run(2.0)
+    built.run(2.0)
+    assert live.q == pytest.approx(built.q, abs=1e-11)
+    assert live.energies == pytest.approx(built.energies, abs=1e-10)
+
+
+def test_a_change_on_the_way_keeps_the_audit():
+    sim = Simulation.from_file("cart_pendulum_spring", live=["gravity[2]", "joints.*"])
+    sim.run(1.0)
+    sim.set_live({"gravity[2]": -4.0})
+    assert abs(sim.energies.residual) < 1e-12
+    sim.run(2.0)
+    assert abs(sim.energies.residual) < 1e-11
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"parameters.k": 1.0}, "not a live value"),
+        ({"parameters.m": -1.0}, "at least 0"),
+        ({"parameters.l": float("nan")}, "finite"),
+        ({"parameters.l": 2.0, "gravity[2]": float("inf")}, "finite"),
+    ],
+)
+def test_a_change_that_does_not_fit_is_rejected_whole(changes, words):
+    sim = Simulation.from_file("double_rod", live=["gravity[2]", "parameters.*"])
+    before, inputs = sim.live, sim.inputs.copy()
+    with pytest.raises(CommandError, match=words):
+        sim.set_live(changes)
+    assert sim.live == before
+    assert np.array_equal(sim.inputs, inputs)
+
+
+def test_a_change_must_not_open_loops():
+    sim = Simulation.from_file("four_bar", live=["parameters.crank", "parameters.density"])
+    sim.run(0.5)
+    with pytest.raises(CommandError, match="open the loops by"):
+        sim.set_live({"parameters.crank": 0.6})
+    sim.set_live({"parameters.density": 1.5})
+    sim.run(1.0)
+    assert sim.violation.position < 1e-11
+
+
+def test_lengths_of_loops_may_change_before_a_new_start():
+    sim = Simulation.from_file("four_bar", live=["parameters.crank"])
+    values = sim._live.changed({"parameters.crank": 0.45})[1]
+    q, u = sim.model.consistent(sim.q, sim.u, values)
+    other = Simulation(with_values(load_mechanism("four_bar"), {"crank": 0.45}))
+    assert np.abs(other.model.equations.conditions.position(0.0, q)).max() < 1e-10
+    assert np.abs(other.model.equations.conditions.gradient(0.0, q) @ u).max() < 1e-10
+
+
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [
+        ("joints.elbow.axis[0]", "built into the equations"),
+        ("joints.elbow.type", "not a number"),
+        ("joints.elbow.position", "do not depend on it"),
+        ("joints.elbw.damping", "elbow"),
+    ],
+)
+def test_what_cannot_be_live_says_why(key, words):
+    with pytest.raises(MechanismError, match=words):
+        Simulation.from_file("double_rod", live=[key])
+
+
+@pytest.mark.parametrize("name", ["duffing", "box_kite"])
+def test_patterns_pass_over_the_numbers_inside_expressions(name):
+    sim = Simulation.from_file(name, live=["forces.*", "gravity[*]"])
+    assert not any("names" in key for key in sim.live)
+    sim.run(0.01)

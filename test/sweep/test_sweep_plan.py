@@ -1,0 +1,79 @@
+import numpy as np
+import pytest
+
+from mbd_sim.errors import CommandError
+from mbd_sim.load import load_mechanism
+from mbd_sim.sweep.sweep_plan import (
+    Grid,
+    Random,
+    plan,
+    variation,
+)
+
+
+@pytest.fixture(scope="module")
+def rods():
+    return load_mechanism("double_rod")
+
+
+def test_variations_are_read_with_units(rods):
+    assert variation("l=0.5:2:4", rods) == Grid("l", (0.5, 1.0, 1.5, 2.0))
+    assert variation("joints.elbow.position = 0 deg, 180 deg", rods) == Grid("joints.elbow.position", (0.0, np.pi))
+    assert variation("m=uniform(500 g, 2*m)", rods) == Random("m", "uniform", 0.5, 2.0)
+    assert variation("efforts.elbow=1e0", rods) == Grid("efforts.elbow", (1.0,))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("l", "varies nothing"),
+        ("l=", "varies nothing"),
+        ("l=1:2", "START:STOP:COUNT"),
+        ("l=1:2:x", "no number of values"),
+        ("l=a,b", "'a' .*unknown"),
+        ("l=gauss(1, 2)", "no law 'gauss'"),
+        ("l=uniform(1)", "low, high"),
+        ("l=loguniform(-1, 2)", "0 < low"),
+        ("l=normal(1, -2)", "not negative"),
+        ("joints.elbw.damping=1", "elbow"),
+        ("joints.elbow.type=1", "not a number"),
+        ("efforts.elbw=1", "no joint 'elbw'"),
+    ],
+)
+def test_what_cannot_be_varied_says_why(rods, text, words):
+    with pytest.raises(CommandError, match=words):
+        variation(text, rods)
+
+
+def test_a_plan_has_every_combination_each_drawn_anew(rods):
+    planned = plan(
+        [Grid("l", (1.0, 2.0)), Random("m", "uniform", 0.0, 1.0), Grid("k", (3.0, 4.0, 5.0))], draws=2, seed=1
+    )
+    assert planned.names == ("l", "m", "k")
+    assert planned.values.shape == (12, 3)
+    assert planned.values[:, 0].tolist() == [1.0] * 6 + [2.0] * 6
+    assert planned.values[:6, 2].tolist() == [3.0, 3.0, 4.0, 4.0, 5.0, 5.0]
+    assert len(set(planned.values[:, 1])) == 12
+    assert np.array_equal(
+        planned.values,
+        plan([Grid("l", (1.0, 2.0)), Random("m", "uniform", 0.0, 1.0), Grid("k", (3.0, 4.0, 5.0))], 2, 1).values,
+    )
+    assert planned.changes(3, 4) == [dict(zip(planned.names, planned.values[3], strict=True))]
+
+
+def test_laws_draw_what_they_say():
+    drawn = plan([Random("a", "normal", 2.0, 0.5), Random("b", "loguniform", 1.0, 100.0)], draws=20_000).values
+    assert drawn[:, 0].mean() == pytest.approx(2.0, abs=0.02)
+    assert drawn[:, 0].std() == pytest.approx(0.5, abs=0.02)
+    assert np.log10(drawn[:, 1]).mean() == pytest.approx(1.0, abs=0.02)
+    assert drawn[:, 1].min() >= 1.0
+    assert drawn[:, 1].max() <= 100.0
+
+
+def test_a_plan_is_not_too_large_and_varies_nothing_twice():
+    with pytest.raises(CommandError, match="twice"):
+        plan([Grid("l", (1.0,)), Grid("l", (2.0,))])
+    with pytest.raises(CommandError, match="runs are not"):
+        plan([Grid("l", (1.0,) * 5000), Grid("m", (1.0,) * 5000)])
+    with pytest.raises(CommandError, match="runs are not"):
+        plan([Grid("l", (1.0,))], draws=0)

@@ -1,0 +1,77 @@
+import numpy as np
+import pytest
+
+from mbd_sim import Simulation
+from mbd_sim.load import load_mechanism
+from mbd_sim.mechanism_file.override import with_values
+from mbd_sim.sweep.sweep_runs import (
+    CHUNK,
+    Settings,
+    chunks,
+    compute,
+    gathered,
+)
+
+
+def settings(name="double_rod", **more):
+    source = load_mechanism(name).source
+    return Settings(source.text, source.file, until=0.5, every=0.01, **more)
+
+
+def test_a_row_holds_what_a_single_run_ends_with():
+    changes = [{"l": 0.7, "efforts.elbow": 1.5}, {"l": 1.3, "efforts.elbow": 0.0}]
+    found = compute(settings(), chunks(changes)[0]).runs
+    for row, change in enumerate(changes):
+        single = Simulation(with_values(load_mechanism("double_rod"), {"l": change["l"]}))
+        single.set_efforts({"elbow": change["efforts.elbow"]})
+        angles = []
+        for _ in range(51):
+            angles.append(single.q[1])
+            single.step(10)
+        single.reset()
+        single.set_efforts({"elbow": change["efforts.elbow"]})
+        single.run(0.5)
+        assert found["run"][row] == row
+        assert found["l"][row] == change["l"]
+        assert found["elbow.position"][row] == pytest.approx(single.q[1], abs=1e-11)
+        assert found["elbow.velocity"][row] == pytest.approx(single.u[1], abs=1e-10)
+        assert found["elbow.least"][row] == pytest.approx(min(angles), abs=1e-11)
+        assert found["elbow.most"][row] == pytest.approx(max(angles), abs=1e-11)
+        assert found["work_applied"][row] == pytest.approx(single.energies.work_applied, abs=1e-10)
+    assert found["finite"].all()
+    assert np.abs(found["residual"]).max() < 1e-11
+
+
+def test_histories_have_a_row_for_each_time():
+    found = compute(settings("rod_pendulum", histories=True), chunks([{"gravity[2]": -9.81}, {"gravity[2]": -1.6}])[0])
+    table = found.histories
+    assert table["time"].tolist() == pytest.approx(np.tile(np.arange(51) * 0.01, 2).tolist())
+    assert table["run"].tolist() == [0] * 51 + [1] * 51
+    name = load_mechanism("rod_pendulum").coordinate_names[0]
+    assert table[name][50] == found.runs[f"{name}.position"][0]
+
+
+def test_runs_that_share_no_equations_are_computed_one_by_one():
+    changes = [{"joints.elbow.axis[1]": -1.0}, {"joints.elbow.axis[1]": 1.0}]
+    found = compute(settings(), chunks(changes)[0])
+    assert found.runs["finite"].all()
+    assert found.runs["elbow.position"][0] == pytest.approx(-found.runs["elbow.position"][1], abs=1e-10)
+
+
+def test_a_run_that_cannot_be_built_is_told_and_the_others_go_on():
+    found = compute(settings("four_bar"), chunks([{"crank": 0.5}, {"crank": 5.0}, {"crank": 0.4}])[0])
+    assert found.runs["finite"].tolist() == [True, False, True]
+    assert np.isnan(found.runs["residual"][1])
+    assert len(found.problems) == 1
+    assert "run 1" in found.problems[0]
+    assert "stays open" in found.problems[0]
+
+
+def test_chunks_are_put_together_in_order():
+    changes = [{"gravity[2]": -float(n)} for n in range(CHUNK + 3)]
+    work = chunks(changes)
+    assert [len(chunk.changes) for chunk in work] == [CHUNK, 3]
+    quick = Settings(**{**vars(settings("rod_pendulum")), "until": 0.01})
+    table = gathered([compute(quick, chunk) for chunk in work]).runs
+    assert table["run"].tolist() == list(range(CHUNK + 3))
+    assert table["gravity[2]"].tolist() == [-float(n) for n in range(CHUNK + 3)]
