@@ -1,5 +1,6 @@
-"""Settings of all tests: hypothesis draws the same examples in every run, and
-kernels are kept for this run only, so that tests share them and none comes from an older version.
+"""Settings of all tests: hypothesis draws the same examples in every run, and the tests of one run share compiled kernels.
+
+`MBD_SIM_TEST_KERNELS` names a folder that keeps the kernels from one run to the next.
 """
 
 import atexit
@@ -9,7 +10,9 @@ import tempfile
 
 from hypothesis import HealthCheck, settings
 
-if "PYTEST_XDIST_WORKER" not in os.environ:  # workers use the folder of the process that started them
+if "MBD_SIM_TEST_KERNELS" in os.environ:
+    os.environ["MBD_SIM_CACHE"] = os.environ["MBD_SIM_TEST_KERNELS"]
+elif "PYTEST_XDIST_WORKER" not in os.environ:  # workers use the folder of the process that started them
     _kernels = tempfile.mkdtemp(prefix="mbd_sim_kernels_")
     os.environ["MBD_SIM_CACHE"] = _kernels
     atexit.register(shutil.rmtree, _kernels, ignore_errors=True)
