@@ -110,7 +110,7 @@ def test_how_it_is_compiled_does_not_show(monkeypatch, name, method):
 
 def by_numpy(function, *, fused=True):
     """A function as the kernel computes it."""
-    return lambda t, *vectors: interpret(arranged(function, fused=fused), None, [[t], *ir_vectors])
+    return lambda t, *vectors: interpret(arranged(function, fused=fused), None, [[t], *vectors])
 
 
 def textbook_step(rates, settle, method, y, inputs, step, h):

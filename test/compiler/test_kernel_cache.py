@@ -105,7 +105,9 @@ def test_another_process_finds_it_and_gets_the_same_bits(folder):
 
 
 def test_processes_that_store_at_once_do_no_harm(folder):
-    program = "from mbd_sim.compiler import cache\nfor _ in range(200): cache.store('name', b'code' * 1000)"
+    program = (
+        "from mbd_sim.compiler import kernel_cache\nfor _ in range(200): kernel_cache.store('name', b'code' * 1000)"
+    )
     writers = [subprocess.Popen([sys.executable, "-c", program]) for _ in range(3)]
     while any(writer.poll() is None for writer in writers):
         assert kernel_cache.load("name") in (None, b"code" * 1000)
