@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.mechanism.records import (
     GROUND,
     Joint,
@@ -88,19 +88,19 @@ def _preview(model: Model) -> tuple[list[float], list[Array]]:
 
 def _travel(model: Model, frames: list[Array], size: float) -> dict[str, tuple[float, float]]:
     """Slides that run away count as far as the size of the mechanism beyond their start."""
-    still = np.concatenate([np.zeros(3), np.eye(3).ravel()])
-    poses = {GROUND: np.tile(still, (len(frames), 1))}
-    poses |= {name: np.array([frame[index] for frame in frames]) for index, name in enumerate(model.part_names)}
+    rows = np.array(frames)
+    poses = {name: unpack_poses(rows[:, index]) for index, name in enumerate(model.part_names)}
+    poses[GROUND] = np.zeros((len(frames), 3)), np.tile(np.eye(3), (len(frames), 1, 1))
     found = {}
     for name, joint in model.mechanism.all_joints.items():
         if joint.type not in SLIDING:
             continue
         parent, child = (
-            poses[part][:, :3] + np.einsum("nji,j->ni", poses[part][:, 3:].reshape(-1, 3, 3), frame.position)
+            poses[part][0] + poses[part][1] @ frame.position
             for part, frame in ((joint.parent, joint.parent_pose), (joint.child, joint.child_pose))
         )
         axis = joint.parent_pose.rotation @ joint.axis
-        turned = np.einsum("nji,j->ni", poses[joint.parent][:, 3:].reshape(-1, 3, 3), axis)
+        turned = poses[joint.parent][1] @ axis
         slid = np.sum((child - parent) * turned, axis=1)
         slid = np.clip(slid, slid[0] - size, slid[0] + size)
         found[name] = (float(slid.min()), float(slid.max()))
@@ -108,10 +108,9 @@ def _travel(model: Model, frames: list[Array], size: float) -> dict[str, tuple[f
 
 
 def _placed(frame: Array, names: tuple[str, ...], corners: dict[str, Array]) -> Array:
-    return np.vstack(
-        [row[:3] + corners[name] @ row[3:].reshape(3, 3) for name, row in zip(names, frame, strict=True)]
-        or [np.zeros((1, 3))]
-    )
+    poses = zip(names, *unpack_poses(frame), strict=True)
+    placed = [position + corners[name] @ rotation.T for name, position, rotation in poses]
+    return np.vstack(placed or [np.zeros((1, 3))])
 
 
 def _corners(part: Part) -> Array:

@@ -121,7 +121,7 @@ def derive(mechanism: Mechanism, loaded: Sequence[str] = (), values: Values | No
     if not np.all(finite := np.isfinite(np.array(bias).ravel())):
         raise no_value(plain, everything.rows, ~finite)
     require_lines(plain, np.array(lengths).ravel())
-    require_definite(plain, links(plain), np.array(pivots).ravel(), np.array(poses_at).reshape(-1, 4, 3))
+    require_definite(plain, links(plain), np.array(pivots).ravel(), np.array(poses_at).reshape(-1, 12))
 
     kept = everything.only(start.keep)
     loading = (loads.generalized, elements.wrenches, mechanism.gravity)

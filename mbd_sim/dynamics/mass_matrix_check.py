@@ -9,7 +9,7 @@ import numpy as np
 
 from mbd_sim.dynamics.links import Link
 from mbd_sim.errors import MechanismError, Problem
-from mbd_sim.geometry.pose import Array
+from mbd_sim.geometry.pose import Array, unpack_poses
 from mbd_sim.mechanism.records import Mechanism
 
 ROUND_OFF = 1e-13  # of an inertia, what its computation may leave of a zero
@@ -23,13 +23,14 @@ def require_definite(mechanism: Mechanism, chain: Sequence[Link], pivots: Array,
 
     :raises MechanismError: the joints to blame are named.
     :param pivots: (nv,), each joint's in the order of its type's `turns`.
-    :param poses: (links, 4, 3) position and axes of each link's part in ground's frame.
+    :param poses: the pose rows (links, 12) of each link's part in ground's frame, see `unpack_poses`.
     """
+    positions, rotations = unpack_poses(poses)
     carried = [_Load(0.0, np.zeros(3), 0.0)] * len(chain)
     spoiled = [False] * len(chain)
     problems: list[Problem] = []
     for index in reversed(range(len(chain))):
-        link, position, rotation = chain[index], poses[index, 0], poses[index, 1:].T
+        link, position, rotation = chain[index], positions[index], rotations[index]
         part = mechanism.parts[link.joint.outboard]
         carried[index] += _Load(part.mass, position + rotation @ part.center, float(np.trace(part.inertia)))
         if not spoiled[index] and link.u.stop > link.u.start:

@@ -28,3 +28,14 @@ class Pose:
 def identity_pose() -> Pose:
     """A frame that coincides with its outer frame."""
     return Pose(np.zeros(3), np.eye(3))
+
+
+def pack_poses(positions: Array, rotations: Array) -> Array:
+    """Pose rows (..., 12), as kernels write them: the position in m, then the rotation matrix column by column."""
+    columns = np.swapaxes(rotations, -1, -2)
+    return np.concatenate([positions, columns.reshape(*columns.shape[:-2], 9)], axis=-1)
+
+
+def unpack_poses(rows: Array) -> tuple[Array, Array]:
+    """Positions (..., 3) in m and rotation matrices (..., 3, 3), as views of pose rows (..., 12): see `pack_poses`."""
+    return rows[..., :3], np.swapaxes(rows[..., 3:].reshape(*rows.shape[:-1], 3, 3), -1, -2)

@@ -11,7 +11,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from mbd_sim.appearance import palette
 from mbd_sim.appearance.extent import extent_of, tip_of
-from mbd_sim.geometry.pose import Array
+from mbd_sim.geometry.pose import Array, pack_poses, unpack_poses
 from mbd_sim.mechanism.records import GROUND, Attachment
 from mbd_sim.ros.marker_shapes import COIL, DAMPER, Solid, coil, damper, joint_solids, part_solids, thickness
 from mbd_sim.ros.message_template import STAMP, Template, slot
@@ -49,10 +49,9 @@ class _Places:
         """(n, 3) from the poses (parts + 1, 12) of `model.pose_array` and of ground."""
         if not self._parts:
             return np.empty((0, 3))
-        rows = poses[self._parts]
-        # Column by column: a row vector times the stored matrix is the matrix times the vector.
-        turned: Array = np.einsum("ni,nij->nj", np.array(self._points), rows[:, 3:].reshape(-1, 3, 3))
-        return rows[:, :3] + turned
+        positions, rotations = unpack_poses(poses[self._parts])
+        turned: Array = np.einsum("nij,nj->ni", rotations, np.array(self._points))
+        return positions + turned
 
 
 @dataclass(eq=False)
@@ -90,13 +89,12 @@ class Markers:
 
     def payload(self, snapshot: Snapshot) -> bytes:
         """The message at a snapshot, serialized."""
-        ground = np.concatenate([np.zeros(3), np.eye(3).ravel()])
+        ground = pack_poses(np.zeros(3), np.eye(3))
         poses = np.vstack([self.model.pose_array(snapshot.time, snapshot.y, snapshot.inputs), ground])
-        rows = poses[self._part_of]
-        turn = rows[:, 3:].reshape(-1, 3, 3).transpose(0, 2, 1)
-        positions = rows[:, :3] + np.einsum("nij,nj->ni", turn, self._local)
-        turned = (turn @ self._local_turn).transpose(0, 2, 1).reshape(-1, 9)
-        for view, pose in zip(self._poses, placed(np.hstack([positions, turned])), strict=True):
+        origins, rotations = unpack_poses(poses[self._part_of])
+        positions = origins + np.einsum("nij,nj->ni", rotations, self._local)
+        solids = pack_poses(positions, rotations @ self._local_turn)
+        for view, pose in zip(self._poses, placed(solids), strict=True):
             view[:] = pose
         places = self._places.of(poses)
         anew, self._time = snapshot.time < self._time, snapshot.time

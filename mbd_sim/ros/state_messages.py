@@ -11,7 +11,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout
 
-from mbd_sim.geometry.pose import Array
+from mbd_sim.geometry.pose import Array, unpack_poses
 from mbd_sim.geometry.rotation import quaternions
 from mbd_sim.mechanism.records import GROUND
 from mbd_sim.ros import qos
@@ -110,8 +110,8 @@ def _part_pose(node: Node, model: Model, name: str, topic: str, prefix: str) -> 
 
 def placed(poses: Array) -> Array:
     """(n, 7): position and quaternion (x, y, z, w), as ROS has them, of rows (n, 12) of `Model.pose_array`."""
-    matrices = poses[:, 3:].reshape(-1, 3, 3).transpose(0, 2, 1)
-    return np.hstack([poses[:, :3], quaternions(matrices)])
+    positions, rotations = unpack_poses(poses)
+    return np.hstack([positions, quaternions(rotations)])
 
 
 def wrench_labels(part: str) -> tuple[str, ...]:

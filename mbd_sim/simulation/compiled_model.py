@@ -15,7 +15,7 @@ from mbd_sim.dynamics.equations import AUDIT, derive
 from mbd_sim.dynamics.joint_motions import JOINT_TYPES
 from mbd_sim.dynamics.symbolic_parameters import Values
 from mbd_sim.errors import MechanismError, Problem, nearest
-from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.geometry.rotation import unit
 from mbd_sim.integrators.methods import METHODS, Method
 from mbd_sim.mechanism.records import Mechanism
@@ -116,14 +116,15 @@ class Model:
         return Energies(kinetic, potential, dissipated, work_applied, work_drives, total, residual)
 
     def pose_array(self, time: float, y: Array, inputs: Array | None = None) -> Array:
-        """(parts, 12): position and rotation, column by column, of each of `part_names` in ground's frame."""
+        """The pose rows (parts, 12) of `part_names` in ground's frame: see `mbd_sim.geometry.pose.unpack_poses`."""
         return self._read("poses", time, y, np.empty((len(self.part_names), 12)), inputs)
 
     def poses(self, time: float, y: Array, inputs: Array | None = None) -> Mapping[str, Pose]:
         """The pose of each part in ground's frame."""
+        positions, rotations = unpack_poses(self.pose_array(time, y, inputs))
         return {
-            name: Pose(row[:3].copy(), row[3:].reshape(3, 3).T.copy())
-            for name, row in zip(self.part_names, self.pose_array(time, y, inputs), strict=True)
+            name: Pose(position.copy(), rotation.copy())
+            for name, position, rotation in zip(self.part_names, positions, rotations, strict=True)
         }
 
     def drives(self, time: float, y: Array, inputs: Array) -> Array:

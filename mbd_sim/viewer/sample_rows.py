@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbd_sim.geometry.pose import Array
+from mbd_sim.geometry.pose import Array, unpack_poses
 
 if TYPE_CHECKING:
     from mbd_sim.simulation.compiled_model import Energies, Model
@@ -102,10 +102,9 @@ class Rows:
     @cached_property
     def positions(self) -> Array:
         """Of the parts in ground's frame, (n, parts, 3)."""
-        return self.of("poses").reshape(len(self), -1, 12)[:, :, :3]
+        return unpack_poses(self.of("poses").reshape(len(self), -1, 12))[0]
 
     @cached_property
     def rotations(self) -> Array:
         """Of the parts in ground's frame, (n, parts, 3, 3)."""
-        columns = self.of("poses").reshape(len(self), -1, 12)[:, :, 3:]
-        return columns.reshape(len(self), -1, 3, 3).transpose(0, 1, 3, 2)
+        return unpack_poses(self.of("poses").reshape(len(self), -1, 12))[1]

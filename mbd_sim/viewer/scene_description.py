@@ -10,7 +10,7 @@ import numpy as np
 
 from mbd_sim.appearance.extent import Extent, extent_of, tip_of
 from mbd_sim.errors import nearest
-from mbd_sim.geometry.pose import Array, Pose, identity_pose
+from mbd_sim.geometry.pose import Array, Pose, identity_pose, unpack_poses
 from mbd_sim.mechanism.attachments import end_of
 from mbd_sim.mechanism.constraints import Surface
 from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
@@ -73,10 +73,8 @@ class Stage:
     @property
     def start_poses(self) -> Mapping[str, Pose]:
         """Where the parts are at the start, and ground."""
-        placed = {
-            name: Pose(row[:3], row[3:].reshape(3, 3).T) for name, row in zip(self.part_names, self.start, strict=True)
-        }
-        return {GROUND: identity_pose(), **placed}
+        poses = (Pose(*pose) for pose in zip(*unpack_poses(self.start), strict=True))
+        return {GROUND: identity_pose(), **dict(zip(self.part_names, poses, strict=True))}
 
     def at_start(self, at: Attachment) -> Array:
         """A point (3,) in ground's frame at the start."""
