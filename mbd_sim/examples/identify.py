@@ -24,6 +24,7 @@ from std_msgs.msg import Float64MultiArray, String
 from mbd_sim.errors import MbdSimError, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.load import parse_mechanism
+from mbd_sim.simulation.events import EventKind, parse_event
 from mbd_sim.simulation.simulation import Simulation
 
 ITERATIONS, CONVERGED = 30, 1e-7
@@ -69,7 +70,7 @@ def read(path: str | Path) -> Run:
             if kind not in TYPES:
                 continue
             content = deserialize_message(message.data, TYPES[kind])
-            if kind == "events" and content.data == "reset":
+            if kind == "events" and parse_event(content.data).kind is EventKind.RESET:
                 break
             if kind == "applied_efforts":
                 efforts.append((message.sequence, np.array(content.data)))

@@ -24,7 +24,8 @@ from mbd_sim.recording.recomputation import (
     Recomputation,
 )
 from mbd_sim.simulation.compiled_model import Energies
-from mbd_sim.viewer.event_filter import COMMANDED, RESET, Telling
+from mbd_sim.simulation.events import Event, EventKind, parse_event
+from mbd_sim.viewer.event_filter import EventFilter
 from mbd_sim.viewer.sample_rows import RowWriter
 from mbd_sim.viewer.scene_description import Look, make_stage
 
@@ -89,7 +90,7 @@ class _Run:
         self._tick = replica.first_tick
         # Of the mechanism's own steps behind the ticks.
         self._lag = self._tick - int(replica.part.metadata[ABOUT].get("first_step", "0"))
-        self._telling, self._frame = Telling(), -1
+        self._event_filter, self._frame = EventFilter(), -1
         self._rows: list[Array] = []
         self._pending: tuple[Message, cdr.JointStates] | None = None
         self._y = replica.simulation.state
@@ -123,24 +124,22 @@ class _Run:
         time, simulation = message.time_ns * 1e-9, self._replica.simulation
         if role == LIVE:
             simulation.restore(self._y, max(self._tick - self._lag, 0))
-        text = COMMANDED
-        if role == EVENTS:
-            text = cdr.text(message.payload)
-            if text == RESET:
-                self._lag, self._frame = self._tick, -1
-        if role != EVENTS or text == RESET:
+        event = parse_event(cdr.text(message.payload)) if role == EVENTS else Event(EventKind.COMMAND)
+        if event.kind is EventKind.RESET:
+            self._lag, self._frame = self._tick, -1
+        if role != EVENTS or event.kind is EventKind.RESET:
             try:
                 self._replica.apply(message)
             except CommandError as error:
-                text = f"warning: {error}"
-        if role != LIVE and self._telling.worth(text):
-            self._tell(time, text)
+                event = Event(EventKind.WARNING, str(error))
+        if role != LIVE and self._event_filter.accepts(event.kind):
+            self._log(time, event)
 
-    def _tell(self, time: float, text: str) -> None:
-        from mbd_sim.viewer.event_log import Event
+    def _log(self, time: float, event: Event) -> None:
+        from mbd_sim.viewer.event_log import LoggedEvent
 
         self._send()
-        self._presentation.tell([Event(time, text)])
+        self._presentation.tell([LoggedEvent(time, event.kind, event.text)])
 
     def _emit(self, energies: Energies | None) -> None:
         """Show the state that waits; where its energies are not recorded they are computed, without the work."""

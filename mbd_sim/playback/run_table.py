@@ -21,8 +21,8 @@ from mbd_sim.recording.recomputation import (
     STATES,
     roles,
 )
+from mbd_sim.simulation.events import EventKind, parse_event
 from mbd_sim.viewer import entity_paths
-from mbd_sim.viewer.event_filter import RESET
 
 ENERGY_NAMES = ("kinetic", "potential", "dissipated", "work_applied", "work_drives", "total", "residual")
 Progress = Callable[[float], None]  # hears the part that is done, from 0 to 1
@@ -100,7 +100,7 @@ def read_table(recording: Recording, progress: Progress = lambda done: None) -> 
                 audit[len(stamps) - 1] = cdr.numbers(message.payload).values
         elif known.get(message.topic) == EVENTS:
             events.append((message.time_ns, cdr.text(message.payload)))
-            if events[-1][1] == RESET:
+            if parse_event(events[-1][1]).kind is EventKind.RESET:
                 resets.append(len(stamps))
     if not states:
         raise PlaybackError(f"{recording.path}: holds no joint states that can be read.")

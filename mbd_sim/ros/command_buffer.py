@@ -11,12 +11,13 @@ import numpy as np
 from mbd_sim.errors import CommandError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.efforts import EffortMap
+from mbd_sim.simulation.events import EventKind
 
 
 class Due(NamedTuple):
     """Efforts (nv,) that take effect at the next step, and why."""
 
-    reason: str
+    kind: EventKind
     efforts: Array
 
 
@@ -74,13 +75,13 @@ class CommandBuffer:
             if self._fresh:
                 self._fresh, self._alive, self._last_time = False, True, time
                 self.lapsed = False
-                return Due("command", self.map.clamped(self._wanted))
+                return Due(EventKind.COMMAND, self.map.clamped(self._wanted))
             if self._alive and self.timeout > 0.0 and time - self._last_time >= self.timeout:
                 self._alive = False
                 self.lapsed = True
                 self.expired += 1
                 self._wanted = np.zeros_like(self._wanted)
-                return Due("commands expired: efforts set to zero", self._wanted)
+                return Due(EventKind.EXPIRED, self._wanted)
         return None
 
     def clear(self) -> None:

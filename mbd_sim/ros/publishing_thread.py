@@ -24,16 +24,14 @@ from mbd_sim.ros.markers import Markers
 from mbd_sim.ros.message_template import STAMP, Template
 from mbd_sim.ros.node_recordings import Recordings
 from mbd_sim.ros.publisher import Output
-from mbd_sim.ros.snapshots import Event, Item, Snapshot
+from mbd_sim.ros.snapshots import Item, Snapshot
 from mbd_sim.ros.transforms import transforms
 from mbd_sim.simulation.compiled_model import Energies, Model
+from mbd_sim.simulation.events import ERRORS, AppliedEfforts, AppliedWrench, ChangedValues, Event, EventKind
 from mbd_sim.urdf.export import to_urdf
 from mbd_sim.viewer import Viewer
 
-ERRORS = ("diverged", "failed")  # what events begin with that are errors
-WARNING = "warning"  # and what those begin with that warn
 LATCHED = ("robot_description", "live_values")  # topics whose last message each file of a recording begins with
-SILENT = ("command",)  # events that only carry what took effect
 
 
 @dataclass(frozen=True)
@@ -170,28 +168,29 @@ class Outputs:
             self._marker_output.publish(self._markers.payload(snapshot))
 
     def _event(self, event: Event) -> None:
-        if event.efforts is not None:
-            self._effort_values[:] = event.efforts
-            self._send("applied_efforts", self._efforts.payload(), event.clock_ns, event.ticks)
-        if event.wrench is not None:
-            part, numbers = event.wrench
-            template, values = self._wrenches[part]
-            values[:] = numbers
-            self._send("applied_wrenches", template.payload(), event.clock_ns, event.ticks)
-        if event.live is not None:
-            self._send_live(event.live, event.clock_ns, event.ticks)
+        match event.payload:
+            case AppliedEfforts(values):
+                self._effort_values[:] = values
+                self._send("applied_efforts", self._efforts.payload(), event.clock_ns, event.ticks)
+            case AppliedWrench(part, inputs):
+                template, numbers = self._wrenches[part]
+                numbers[:] = inputs
+                self._send("applied_wrenches", template.payload(), event.clock_ns, event.ticks)
+            case ChangedValues(_, all_values) if all_values is not None:
+                self._send_live(all_values, event.clock_ns, event.ticks)
         if self.viewer is not None:
-            self.viewer.event(event.clock_ns * 1e-9, event.text)
-        if event.text in SILENT:
+            self.viewer.event(event.clock_ns * 1e-9, event)
+        if event.kind is EventKind.COMMAND:  # its numbers are published; its text would say nothing more
             return
-        self._send("events", serialize_message(String(data=event.text)), event.clock_ns, event.ticks)
+        text = event.text
+        self._send("events", serialize_message(String(data=text)), event.clock_ns, event.ticks)
         # Two calls, on two lines: rclpy allows a line of code one severity only.
-        if event.text.startswith(ERRORS):
-            self._log.error(event.text)
-        elif event.text.startswith(WARNING):
-            self._log.warning(event.text)
+        if event.kind in ERRORS:
+            self._log.error(text)
+        elif event.kind is EventKind.WARNING:
+            self._log.warning(text)
         else:
-            self._log.info(event.text)
+            self._log.info(text)
 
     def _send_live(self, live: Mapping[str, float], time_ns: int, ticks: int) -> None:
         template, values = state_messages.labelled(list(live))

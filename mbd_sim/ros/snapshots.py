@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from mbd_sim.geometry.pose import Array
 from mbd_sim.recording.run_metadata import Moment
+from mbd_sim.simulation.events import Event
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,22 +26,6 @@ class Snapshot:
     state: bool
     clock: bool
     repeated: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """Something that happened between two steps, and what took effect: efforts, a part's wrench, live values.
-
-    A wrench is given by its numbers among the inputs of the equations, see `InputLayout`.
-    """
-
-    ticks: int
-    clock_ns: int
-    time: float
-    text: str
-    efforts: Array | None = None
-    wrench: tuple[str, Array] | None = None
-    live: Mapping[str, float] | None = None
 
 
 Item = Snapshot | Event | Moment | None  # what the stepping thread hands out; None ends it

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from queue import SimpleQueue
 
 from mbd_sim.errors import CommandError, DivergedError
-from mbd_sim.geometry.pose import Array
 from mbd_sim.recording.run_metadata import Moment
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.pacing import Pacer
-from mbd_sim.ros.snapshots import Counters, Event, Item, Snapshot
+from mbd_sim.ros.snapshots import Counters, Item, Snapshot
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
+from mbd_sim.simulation.events import AppliedEfforts, AppliedWrench, ChangedValues, Event, EventKind, Payload
 from mbd_sim.simulation.simulation import Simulation
 from mbd_sim.simulation.step_advice import TOLERATED
 
@@ -133,8 +133,7 @@ class Runner:
         try:
             self._step_on()
         except Exception as error:
-            self.problem = f"failed: {error!r}"
-            self._tell(self.problem)
+            self.problem = self._report(EventKind.FAILED, repr(error)).text
             raise
 
     def _step_on(self) -> None:
@@ -192,8 +191,7 @@ class Runner:
             self.simulation.step(steps)
         except DivergedError as error:
             self._set_paused(True)
-            self.problem = f"diverged: {error}"
-            self._tell(self.problem)
+            self.problem = self._report(EventKind.DIVERGED, str(error)).text
             return str(error)
         self.ticks += steps
         self._warn()
@@ -210,11 +208,12 @@ class Runner:
         due = self.commands.due(time_now)
         if due is not None:
             self.simulation.set_efforts(due.efforts)
-            self._tell(due.reason, efforts=due.efforts)
+            self._report(due.kind, AppliedEfforts(due.efforts))
         for pushed in self.wrenches.due(time_now):
             pushed.wrench.apply(self.simulation)
             part = pushed.wrench.part
-            self._tell(pushed.reason, wrench=(part, self.simulation.inputs[self.wrenches.place(part)].copy()))
+            inputs = self.simulation.inputs[self.wrenches.place(part)].copy()
+            self._report(pushed.kind, AppliedWrench(part, inputs))
 
     def _warn(self) -> None:
         """Say that the step is too large, once, and again where it has become ten times worse."""
@@ -222,7 +221,7 @@ class Runner:
         if estimate > self._bearable:
             self._bearable = 10.0 * estimate
             self.advice = self.simulation.step_advice or ""
-            self._tell(f"warning: {self.advice}")
+            self._report(EventKind.WARNING, self.advice)
 
     def _emit(self, state: bool, clock: bool, repeated: bool = False) -> None:
         if self.output.qsize() >= MOST_WAITING:
@@ -245,19 +244,15 @@ class Runner:
             repeated=repeated,
         )
 
-    def _tell(
-        self,
-        text: str,
-        efforts: Array | None = None,
-        wrench: tuple[str, Array] | None = None,
-        live: Mapping[str, float] | None = None,
-    ) -> None:
-        self.output.put(Event(self.ticks, self.clock_ns, self.simulation.time, text, efforts, wrench, live))
+    def _report(self, kind: EventKind, payload: Payload = None) -> Event:
+        event = Event(kind, payload, self.ticks, self.clock_ns)
+        self.output.put(event)
+        return event
 
     def _set_paused(self, paused: bool) -> None:
         if paused != self.paused:
             self.paused = paused
-            self._tell("paused" if paused else "running")
+            self._report(EventKind.PAUSED if paused else EventKind.RUNNING)
             self._emit(state=True, clock=True)
 
     def _reset(self, rewind_clock: bool, state: bool) -> str:
@@ -271,7 +266,7 @@ class Runner:
             self.wrenches.clear()
         if rewind_clock:
             self._clock_offset = self.ticks
-        self._tell("reset" if state else "clock set to zero")
+        self._report(EventKind.RESET if state else EventKind.CLOCK_RESET)
         self._emit(state=True, clock=True)
         return ""
 
@@ -280,8 +275,7 @@ class Runner:
             self.simulation.set_live(changes)
         except CommandError as error:
             return str(error)
-        told = ", ".join(f"{name} = {value!r}" for name, value in changes.items())
-        self._tell(f"live values: {told}", live=self.simulation.live)
+        self._report(EventKind.LIVE_VALUES, ChangedValues(dict(changes), self.simulation.live))
         return ""
 
     def _step_paused(self, steps: int) -> str:

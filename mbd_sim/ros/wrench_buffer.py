@@ -11,6 +11,7 @@ import numpy as np
 from mbd_sim.errors import CommandError, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import GROUND, Mechanism
+from mbd_sim.simulation.events import EventKind
 from mbd_sim.simulation.simulation import Simulation
 from mbd_sim.simulation.wrenches import WrenchMap
 
@@ -48,7 +49,7 @@ class Wrench:
 class DueWrench:
     """A wrench that takes effect at the next step, and why."""
 
-    reason: str
+    kind: EventKind
     wrench: Wrench
 
 
@@ -101,14 +102,12 @@ class WrenchBuffer:
             newest[wrench.part] = wrench
         for part, wrench in newest.items():
             self._since[part] = time
-            yield DueWrench("command", wrench)
+            yield DueWrench(EventKind.COMMAND, wrench)
         if self._since and self.timeout > 0.0:
             for part in [part for part, since in self._since.items() if time - since >= self.timeout]:
                 del self._since[part]
                 self.expired += 1
-                yield DueWrench(
-                    f"commands expired: wrench on {part} set to zero", Wrench(part, np.zeros(3), np.zeros(3))
-                )
+                yield DueWrench(EventKind.EXPIRED, Wrench(part, np.zeros(3), np.zeros(3)))
 
     def clear(self) -> None:
         """Forget all wrenches, as after a reset."""

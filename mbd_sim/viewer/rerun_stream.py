@@ -14,7 +14,7 @@ from mbd_sim.viewer.arrow_entities import arrows
 from mbd_sim.viewer.blueprint import make_blueprint
 from mbd_sim.viewer.constraint_entities import guides
 from mbd_sim.viewer.entity import Prop
-from mbd_sim.viewer.event_log import Event
+from mbd_sim.viewer.event_log import LoggedEvent
 from mbd_sim.viewer.joint_entities import pins
 from mbd_sim.viewer.part_entities import about, parts
 from mbd_sim.viewer.placement import Placement
@@ -72,7 +72,7 @@ class Presentation:
             for entity, columns in prop.columns(rows, placement):
                 self._columns(entity, rows.times, columns)
 
-    def tell(self, told: Sequence[Event]) -> None:
+    def tell(self, told: Sequence[LoggedEvent]) -> None:
         """Show events."""
         for entity, times, columns in event_log.columns(told):
             self._columns(entity, times, columns)

@@ -19,8 +19,9 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from mbd_sim.geometry.pose import Array
+from mbd_sim.simulation.events import Event, EventKind, parse_event
 from mbd_sim.viewer import protocol
-from mbd_sim.viewer.event_filter import Telling
+from mbd_sim.viewer.event_filter import EventFilter
 from mbd_sim.viewer.mailbox import Mailbox
 from mbd_sim.viewer.sample_rows import RowWriter
 from mbd_sim.viewer.scene_description import TRACE_TIME, Look, make_stage
@@ -75,9 +76,9 @@ class Viewer:
                 raise ValueError(f"the {what} must be a positive number, not {value!r}")
         if importlib.util.find_spec("rerun") is None:
             raise ViewerError("Rerun is not installed. Install it with: pip install rerun-sdk")
-        self._rate, self._frame, self._own_time, self._telling = rate, -1, -math.inf, Telling()
+        self._rate, self._frame, self._own_time, self._event_filter = rate, -1, -math.inf, EventFilter()
         self._samples: Mailbox[Array] = Mailbox(capacity)
-        self._events: Mailbox[tuple[float, str]] = Mailbox(capacity)
+        self._events: Mailbox[tuple[float, EventKind, str]] = Mailbox(capacity)
         self._writer = RowWriter(model, reactions)
         look = Look(None if traces is None else tuple(traces), trace_time, reactions)
         self.failure: ViewerError | None = None
@@ -134,10 +135,12 @@ class Viewer:
             self._frame, self._own_time = frame, own
             self._samples.put(self._writer.row(time, own, y, inputs, energies))
 
-    def event(self, time: float, text: str) -> None:
-        """Write a line to the log; of commands in a row only the first is told."""
-        if self._telling.worth(text):
-            self._events.put((time, text))
+    def event(self, time: float, event: Event | str) -> None:
+        """Add an event to the log at a time in s; of consecutive commands only the first is shown."""
+        if isinstance(event, str):
+            event = parse_event(event)
+        if self._event_filter.accepts(event.kind):
+            self._events.put((time, event.kind, event.text))
 
     def flush(self, timeout: float = 60.0) -> None:
         """Wait until what was offered so far is sent: for whoever offers faster than it can be sent.

@@ -35,7 +35,8 @@ def _show(source: IO[bytes], answers: IO[str]) -> int:
 
     try:
         # Rerun is loaded while the other process gets the stage ready.
-        from mbd_sim.viewer.event_log import Event
+        from mbd_sim.simulation.events import EventKind
+        from mbd_sim.viewer.event_log import LoggedEvent
         from mbd_sim.viewer.rerun_stream import Presentation
 
         first = protocol.read(source)
@@ -53,7 +54,8 @@ def _show(source: IO[bytes], answers: IO[str]) -> int:
             if kind == protocol.ROWS:
                 presentation.send(np.frombuffer(payload).reshape(-1, stage.rows.width))
             elif kind == protocol.EVENTS:
-                presentation.tell([Event(*event) for event in json.loads(payload)])
+                events = json.loads(payload)
+                presentation.tell([LoggedEvent(time, EventKind(kind), text) for time, kind, text in events])
             elif kind == protocol.FLUSH:
                 presentation.flush()
                 answer(flushed=int.from_bytes(payload, "little"))

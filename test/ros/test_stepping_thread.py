@@ -8,9 +8,10 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.pacing import RE_ANCHOR, Histogram, Pacer
-from mbd_sim.ros.snapshots import Event, Snapshot
+from mbd_sim.ros.snapshots import Snapshot
 from mbd_sim.ros.stepping_thread import Rates, Runner
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
+from mbd_sim.simulation.events import AppliedWrench, Event
 
 
 @pytest.fixture
@@ -64,7 +65,7 @@ def test_a_command_takes_effect_between_two_steps_and_tells_which(make):
     wait_for(lambda: runner.ticks > 100)
     runner.stop()
     (event,) = [item for item in collected(runner) if isinstance(item, Event)]
-    assert (event.ticks, event.text, event.efforts.tolist()) == (0, "command", [2.0])
+    assert (event.ticks, event.text, event.payload.values.tolist()) == (0, "command", [2.0])
 
 
 def test_requests_are_served_while_paused_and_while_running(make):
@@ -199,9 +200,9 @@ def test_live_values_and_wrenches_are_told_with_their_tick(make):
         (10, "live values: gravity[2] = -1.6"),
         (10, "command"),
     ]
-    assert events[0].live == {"gravity[2]": -1.6}
-    part, numbers = events[1].wrench
-    assert (part, numbers[:3].tolist()) == ("rod", [3.0, 0.0, 0.0])
+    assert events[0].payload.all_values == {"gravity[2]": -1.6}
+    assert isinstance(events[1].payload, AppliedWrench)
+    assert (events[1].payload.part, events[1].payload.inputs[:3].tolist()) == ("rod", [3.0, 0.0, 0.0])
 
 
 def test_only_the_clock_goes_back_where_the_state_is_to_stay(make):

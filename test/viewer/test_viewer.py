@@ -15,9 +15,10 @@ from rerun.chunk import RrdReader
 
 from mbd_sim import Simulation
 from mbd_sim.geometry import rotation as rot
+from mbd_sim.simulation.events import parse_event
 from mbd_sim.viewer import Viewer, ViewerError
-from mbd_sim.viewer.event_filter import Telling
-from mbd_sim.viewer.event_log import Event
+from mbd_sim.viewer.event_filter import EventFilter
+from mbd_sim.viewer.event_log import LoggedEvent
 from mbd_sim.viewer.rerun_stream import Presentation
 from mbd_sim.viewer.sample_rows import RowWriter
 from mbd_sim.viewer.scene_description import Look, make_stage
@@ -241,13 +242,14 @@ def test_a_trace_of_an_unknown_point_is_refused(tmp_path):
 
 
 def test_events_become_lines_and_lanes(tmp_path):
-    sim, telling = Simulation.from_file("rod_pendulum"), Telling()
+    sim, event_filter = Simulation.from_file("rod_pendulum"), EventFilter()
     writer = RowWriter(sim.model)
     presentation = Presentation(make_stage(sim.model, writer.layout, Look()), str(tmp_path / "a.rrd"))
     presentation.send(writer.row(0.0, 0.0, sim.state, sim.inputs, sim.energies)[None])
-    told = ["command", "command", "commands expired: efforts set to zero", "command", "paused", "running", "reset"]
-    events = [Event(float(second), text) for second, text in enumerate(told, 1) if telling.worth(text)]
-    presentation.tell(events)
+    texts = ["command", "command", "commands expired: efforts set to zero", "command", "paused", "running", "reset"]
+    events = [(float(second), parse_event(text)) for second, text in enumerate(texts, 1)]
+    shown = [(time, event) for time, event in events if event_filter.accepts(event.kind)]
+    presentation.tell([LoggedEvent(time, event.kind, event.text) for time, event in shown])
     presentation.close()
     recorded = Recorded(tmp_path / "a.rrd")
     log = [(at, row["TextLog:text"][0], row["TextLog:level"][0]) for at, row in recorded.rows["/events/log"]]
