@@ -1,1 +1,1 @@
-"""The command `mbd_sim`: one module a command."""
+"""The command `mbd_sim`: one module for each subcommand, listed in `main.COMMANDS`."""

@@ -1,53 +1,97 @@
-"""`mbd_sim run`: a simulation as fast as possible, with a progress bar and a summary."""
+"""`mbd_sim run`: run a mechanism as fast as possible, with a progress bar and a summary."""
 
 from __future__ import annotations
 
+import argparse
 import time
+from typing import TYPE_CHECKING
 
-from mbd_sim.simulation.simulation import Simulation
-from mbd_sim.viewer import Viewer
+from mbd_sim.cli.common import (
+    SECONDS,
+    ProgressBar,
+    add_duration,
+    add_mechanism,
+    add_method_and_step,
+    add_quiet,
+    split_assignment,
+)
+from mbd_sim.errors import MbdSimError
 
-SHOWN_RATE = 60.0  # states per simulated second that a viewer gets
-OPEN = 1e-6  # m and m/s, from where on constraints count as not met
-WAITING = 10_000  # states after which the viewer may catch up, so that it drops none
+if TYPE_CHECKING:
+    from mbd_sim.simulation.simulation import Simulation
+
+HELP = "run a mechanism as fast as possible, without ROS"
+DESCRIPTION = "Run a mechanism as fast as possible, without ROS, and report speed, energy residual and final state."
+
+SHOWN_RATE = 60.0  # states per simulated second that go to the viewer
+CHUNK = 20_000  # steps per call without a viewer
+FLUSH_INTERVAL = 10_000  # states after which the run waits for the viewer, so that its queue drops none
+VIOLATION_LIMIT = 1e-6  # m and m/s, above which a violated constraint is worth a warning
 
 
-def run(simulation: Simulation, duration: float, *, rerun: str | None = None, quiet: bool = False) -> str:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    add_mechanism(parser)
+    add_duration(parser)
+    add_method_and_step(parser, "from the file")
+    parser.add_argument(
+        "--effort",
+        action="append",
+        default=[],
+        metavar="JOINT=VALUE",
+        help="constant effort on a joint, in N or N·m; repeatable",
+    )
+    parser.add_argument("--rerun", metavar="SINK", help="show the run in Rerun: spawn, serve, connect, or a file.rrd")
+    add_quiet(parser)
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Run the mechanism and print the summary."""
+    from mbd_sim.simulation.simulation import Simulation
+
+    simulation = Simulation.from_file(options.mechanism, method=options.method, step=options.step)
+    simulation.set_efforts(dict(_effort(text) for text in options.effort))
+    print(simulate(simulation, options.time, rerun=options.rerun, quiet=options.quiet))
+    return 0
+
+
+def simulate(simulation: Simulation, duration: float, *, rerun: str | None = None, quiet: bool = False) -> str:
     """Run for `duration` s and return a summary; `rerun` names a sink of the viewer.
 
-    :raises DivergedError: the motion became infinite.
+    :raises DivergedError: the state became infinite.
     """
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from mbd_sim.viewer import Viewer
 
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed:.1f} s"),
-        TimeRemainingColumn(),
-    )
     viewer = Viewer(simulation.model, rerun, rate=SHOWN_RATE) if rerun else None
-    chunk = max(1, round(1.0 / (SHOWN_RATE * simulation.step_size))) if viewer else 20_000
+    chunk = max(1, round(1.0 / (SHOWN_RATE * simulation.step_size))) if viewer else CHUNK
     last = round(duration / simulation.step_size)
-    stepping, shown = 0.0, 0
+    seconds_stepping, shown = 0.0, 0
     try:
-        with Progress(*columns, disable=quiet, transient=True) as progress:
-            task = progress.add_task(simulation.mechanism.name, total=duration)
+        with ProgressBar(simulation.mechanism.name, quiet, total=duration, amount=SECONDS) as progress:
             if viewer is not None:
                 viewer.offer(simulation.time, simulation.state, simulation.inputs.copy(), simulation.energies)
             while simulation.steps < last:
                 began = time.perf_counter()
                 simulation.advance(min(chunk, last - simulation.steps))
-                stepping += time.perf_counter() - began
-                progress.update(task, completed=simulation.time)
+                seconds_stepping += time.perf_counter() - began
+                progress.show(simulation.time)
                 if viewer is not None:
                     viewer.offer(simulation.time, simulation.state, simulation.inputs.copy(), simulation.energies)
                     shown += 1
-                    if shown % WAITING == 0:
+                    if shown % FLUSH_INTERVAL == 0:
                         viewer.flush()
     finally:
         if viewer is not None:
             viewer.close()
-    return _summary(simulation, stepping)
+    return _summary(simulation, seconds_stepping)
+
+
+def _effort(text: str) -> tuple[str, float]:
+    try:
+        name, value = split_assignment(text) or ("", "")
+        return name, float(value)
+    except ValueError:
+        raise MbdSimError(f"--effort {text}: write JOINT=VALUE, for example elbow=2.5") from None
 
 
 def _summary(simulation: Simulation, seconds: float) -> str:
@@ -88,6 +132,6 @@ def _constraints(simulation: Simulation) -> list[str]:
         return []
     position, velocity = simulation.violation
     lines = [f"  constraints      off by {position:.3g} m, {velocity:.3g} m/s (or rad) at most"]
-    if max(position, velocity) > OPEN:
+    if max(position, velocity) > VIOLATION_LIMIT:
         lines.append("  WARNING          a constraint does not hold: take a smaller step or look at redundant ones")
     return lines

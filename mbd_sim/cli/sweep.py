@@ -1,32 +1,84 @@
-"""`mbd_sim sweep`: a mechanism run many times with other values."""
+"""`mbd_sim sweep`: run a mechanism many times with varied values."""
 
 from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mbd_sim import __version__
-from mbd_sim.load import load_mechanism
-from mbd_sim.sweep.execution import Progress, sweep
-from mbd_sim.sweep.result_tables import require_kind, write
-from mbd_sim.sweep.sweep_picture import draw, require_column
-from mbd_sim.sweep.sweep_plan import plan, variation
-from mbd_sim.sweep.sweep_runs import (
-    Results,
-    Settings,
-    chunks,
-    result_names,
+from mbd_sim.cli.common import (
+    COUNT,
+    ProgressBar,
+    add_duration,
+    add_mechanism,
+    add_method_and_step,
+    add_quiet,
+    positive_number,
 )
 
-FRAMES = 1000  # looks at the extremes of a run, if not told otherwise
-MOST_SHOWN = 5  # problems
+if TYPE_CHECKING:
+    from mbd_sim.sweep.sweep_runs import Results
+
+HELP = "run a mechanism many times with varied values"
+DESCRIPTION = (
+    "Run a mechanism many times with varied values: every combination of the given values, random samples, or both."
+)
+
+SAMPLES = 1000  # of each run, from which its extremes are taken, unless --every is given
+MAX_PROBLEMS = 5  # printed
 
 
-def run_sweep(options: argparse.Namespace) -> int:
-    """Plan, compute, write and draw; returns the exit code."""
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    add_mechanism(parser)
+    parser.add_argument(
+        "--vary",
+        action="append",
+        default=[],
+        metavar="NAME=VALUES",
+        required=True,
+        help="vary a value of the file, such as parameters.l or joints.elbow.position, or a constant effort, such as "
+        "efforts.elbow; repeatable. VALUES: 0.5:2:20 (20 values from 0.5 to 2), 0.5,1,2 (these values), or a "
+        "distribution to sample: uniform(0.5, 2), loguniform(0.5, 2), normal(mean, deviation)",
+    )
+    parser.add_argument("--draws", type=int, default=1, metavar="N", help="random samples per combination (default 1)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the random samples (default 0)")
+    add_duration(parser)
+    parser.add_argument(
+        "--every",
+        type=positive_number,
+        metavar="S",
+        help=f"sampling interval of the results in seconds (default: TIME / {SAMPLES})",
+    )
+    add_method_and_step(parser, "from the file")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write a table with a row per run: .parquet or .csv")
+    parser.add_argument(
+        "--histories", type=Path, metavar="FILE", help="write a table of all coordinates over time: .parquet or .csv"
+    )
+    parser.add_argument("--plot", type=Path, metavar="PICTURE", help="plot one result over the varied values")
+    parser.add_argument(
+        "--show", metavar="RESULT", help="result to plot, such as elbow.most (default: the first coordinate's maximum)"
+    )
+    parser.add_argument(
+        "--scheduler",
+        default="",
+        metavar="ADDRESS",
+        help="Dask scheduler, such as tcp://host:8786 (default: local processes)",
+    )
+    add_quiet(parser)
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Plan the runs, compute them, write and plot the results; returns 1 if any run failed."""
+    from mbd_sim.load import load_mechanism
+    from mbd_sim.sweep.execution import sweep
+    from mbd_sim.sweep.result_tables import require_kind, write
+    from mbd_sim.sweep.sweep_picture import draw, require_column
+    from mbd_sim.sweep.sweep_plan import plan, variation
+    from mbd_sim.sweep.sweep_runs import Settings, chunks, result_names
+
     for path in (options.out, options.histories):
         if path is not None:
             require_kind(path)
@@ -36,7 +88,7 @@ def run_sweep(options: argparse.Namespace) -> int:
         text=mechanism.source.text,
         file=mechanism.source.file,
         until=options.time,
-        every=options.every or options.time / FRAMES,
+        every=options.every or options.time / SAMPLES,
         method=options.method,
         step=options.step,
         histories=options.histories is not None,
@@ -45,27 +97,17 @@ def run_sweep(options: argparse.Namespace) -> int:
     require_column(result_names(mechanism), shown)
     work = chunks(planned.changes(0, len(planned.values)))
     began = time.perf_counter()
-    with _bar(len(planned.values), options.quiet) as progress:
-        results = sweep(settings, work, options.scheduler, progress)
-    took = time.perf_counter() - began
+    with ProgressBar("runs", options.quiet, total=len(planned.values), amount=COUNT) as progress:
+        results = sweep(settings, work, options.scheduler, progress.advance)
+    seconds = time.perf_counter() - began
     metadata = {"mbd_sim": __version__, "mechanism.yaml": settings.text, "until": repr(settings.until)}
     for path, table in ((options.out, results.runs), (options.histories, results.histories)):
         if path is not None and table:
             write(path, table, metadata)
     if options.plot is not None:
         draw(options.plot, results.runs, planned.names, shown, f"{mechanism.name} after {options.time:g} s")
-    print(_summary(mechanism.name, results, took, [options.out, options.histories, options.plot]))
+    print(_summary(mechanism.name, results, seconds, [options.out, options.histories, options.plot]))
     return 1 if results.problems else 0
-
-
-@contextmanager
-def _bar(total: int, quiet: bool) -> Iterator[Progress]:
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, disable=quiet, transient=True) as progress:
-        task = progress.add_task("runs", total=total)
-        yield lambda done: progress.advance(task, done)
 
 
 def _summary(name: str, results: Results, took: float, paths: list[Path | None]) -> str:
@@ -74,7 +116,7 @@ def _summary(name: str, results: Results, took: float, paths: list[Path | None])
     lines = [f"{name}: {runs} runs in {took:.3g} s ({1e3 * took / runs:.3g} ms a run)"]
     if lost:
         lines.append(f"  {lost} of them could not be built or became infinite: column 'finite'")
-    lines += [f"  {problem}" for problem in results.problems[:MOST_SHOWN]]
-    if len(results.problems) > MOST_SHOWN:
-        lines.append(f"  … and {len(results.problems) - MOST_SHOWN} more")
+    lines += [f"  {problem}" for problem in results.problems[:MAX_PROBLEMS]]
+    if len(results.problems) > MAX_PROBLEMS:
+        lines.append(f"  … and {len(results.problems) - MAX_PROBLEMS} more")
     return "\n".join([*lines, *(f"  wrote {path}" for path in paths if path is not None and path.exists())])

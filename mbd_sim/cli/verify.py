@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
+from mbd_sim.cli.common import MCAP_OR_BAG, ProgressBar, add_quiet, add_recordings, positive_number
 from mbd_sim.errors import listed
-from mbd_sim.recording.verification import Difference, Verification, verify
+
+if TYPE_CHECKING:
+    from mbd_sim.recording.verification import Difference, Verification
+
+HELP = "recompute recorded runs and compare them bit for bit"
+DESCRIPTION = (
+    "Recompute recorded runs from the mechanism, initial state and commands that they contain, and compare every "
+    "recorded state. The exit code is 1 if any differs."
+)
 
 NOUNS = {
     "joint_states": "joint states", "energies": "energies", "constraint_violation": "constraint violations",
@@ -15,16 +23,31 @@ NOUNS = {
 }  # fmt: skip
 
 
-def run_verify(options: argparse.Namespace) -> int:
-    """Verify all and print what was found; returns 0 where every recorded state holds, else 1."""
-    good = True
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    add_recordings(parser, MCAP_OR_BAG)
+    parser.add_argument(
+        "--tolerance",
+        type=positive_number,
+        metavar="X",
+        help="accept deviations up to X * (1 + |value|), comparing one recorded state to the next (default: bit for "
+        "bit; 1e-9 for recordings from another machine or version)",
+    )
+    add_quiet(parser)
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Verify all recordings and print a report on each; returns 1 if any recorded state differs."""
+    from mbd_sim.recording.verification import verify
+
+    all_hold = True
     for path in options.recordings:
-        with bar(f"verify {path.name}", options.quiet) as progress:
-            found = verify(path, options.tolerance, progress)
-        for verification in found:
+        with ProgressBar(f"verify {path.name}", options.quiet) as progress:
+            verifications = verify(path, options.tolerance, progress.show)
+        for verification in verifications:
             print(verify_text(verification))
-            good &= verification.holds
-    return 0 if good else 1
+            all_hold &= verification.holds
+    return 0 if all_hold else 1
 
 
 def verify_text(found: Verification) -> str:
@@ -87,14 +110,3 @@ def _told(difference: Difference) -> str:
         f"{difference.topic}, {difference.name}, step {difference.tick}, t = {difference.time:.9g} s: "
         f"recorded {recorded!r} ({recorded.hex()}), computed {computed!r} ({computed.hex()})"
     )
-
-
-@contextmanager
-def bar(title: str, quiet: bool) -> Iterator[Callable[[float], None]]:
-    """A progress bar that hears the part that is done, from 0 to 1."""
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*columns, disable=quiet, transient=True) as progress:
-        task = progress.add_task(title, total=1.0)
-        yield lambda done: progress.update(task, completed=done)

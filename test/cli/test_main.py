@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from mbd_sim.cli.main import main
+from mbd_sim import __version__
+from mbd_sim.cli.main import COMMANDS, main
 
 
 def answer(capsys, *arguments):
@@ -120,3 +121,34 @@ def test_the_command_itself_prints_the_schema_and_urdf():
     assert '<robot name="double_rod">' in urdf
     names = subprocess.run([command, "list"], check=True, capture_output=True, text=True).stdout
     assert "tumbling" in names
+
+
+def test_every_module_of_cli_is_a_command():
+    folder = Path(sys.modules[main.__module__].__file__).parent
+    modules = {path.stem for path in folder.glob("*.py")} - {"__init__", "main", "common"}
+    assert {command.__name__.rpartition(".")[2] for command in COMMANDS.values()} == modules
+
+
+@pytest.mark.parametrize("arguments", [[], *([name] for name in COMMANDS)])
+def test_help_loads_nothing_heavy(arguments):
+    heavy = ["rclpy", "rerun", "scipy", "casadi", "llvmlite", "numpy", "pydantic", "rich", "yaml", "mcap"]
+    code = (
+        "import sys; from mbd_sim.cli.main import main\n"
+        f"try: main({[*arguments, '--help']!r})\n"
+        f"except SystemExit: print('loaded', [name for name in {heavy!r} if name in sys.modules])"
+    )
+    printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert printed.startswith(f"usage: mbd_sim{' ' * bool(arguments)}{''.join(arguments)} ")
+    assert printed.endswith("loaded []\n")
+
+
+def test_the_package_runs_as_a_module():
+    command = [sys.executable, "-m", "mbd_sim", "--version"]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == f"mbd_sim {__version__}\n"
+
+
+@pytest.mark.parametrize(("text", "words"), [("x", "is not a number"), ("-1", "is not a positive number")])
+def test_wrong_numbers_are_usage_errors(capsys, text, words):
+    with pytest.raises(SystemExit, match="2"):
+        main(["run", "double_rod", "--time", text])
+    assert words in capsys.readouterr().err

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.cli.run import run
+from mbd_sim.cli.run import simulate
 from mbd_sim.errors import DivergedError
 from mbd_sim.integrators.methods import METHODS
 from mbd_sim.mechanism_file.library import shipped
@@ -113,8 +113,8 @@ def test_a_method_of_higher_order_is_advised_beside_a_smaller_step():
 
 
 def test_a_run_says_so():
-    assert "WARNING" not in run(Simulation.from_file("double_rod"), 1.0, quiet=True)
-    said = run(Simulation.from_file("double_rod", method="euler"), 1.0, quiet=True)
+    assert "WARNING" not in simulate(Simulation.from_file("double_rod"), 1.0, quiet=True)
+    said = simulate(Simulation.from_file("double_rod", method="euler"), 1.0, quiet=True)
     assert re.search(r"WARNING +a step of 0.001 s is too large for double_rod: .* Try step", said)
 
 

@@ -104,5 +104,5 @@ def test_constraints_that_depend_on_time_have_their_drift():
 
 
 def test_sympy_is_loaded_only_to_derive():
-    code = "import sys, mbd_sim.symbolic, mbd_sim.cli; print('sympy' in sys.modules)"
+    code = "import sys, mbd_sim.symbolic, mbd_sim.cli.main; print('sympy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"

@@ -1,0 +1,65 @@
+"""`mbd_sim check`: report on a mechanism without running it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+from mbd_sim.cli.common import add_mechanism
+
+HELP = "report parts, joints, degrees of freedom, constraints and energies of a mechanism"
+DESCRIPTION = "Validate and assemble a mechanism, and report its parts, joints, degrees of freedom and energies."
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    add_mechanism(parser)
+    parser.add_argument("--json", action="store_true", help="print the report as JSON")
+    parser.add_argument(
+        "--inertia",
+        action="store_true",
+        help="add the center of mass, inertia tensor and principal axes of each part and of the whole mechanism",
+    )
+    parser.add_argument("--draw", metavar="PICTURE", help="draw the initial configuration into a .png or .svg file")
+    parser.add_argument(
+        "--latex",
+        action="store_true",
+        help="print the equations of motion as LaTeX instead of the report (small mechanisms)",
+    )
+    parser.add_argument("--cost", action="store_true", help="add the number of instructions of a time step, by kind")
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Print the report, or the equations as LaTeX."""
+    from mbd_sim.simulation.simulation import Simulation
+
+    simulation = Simulation.from_file(options.mechanism)
+    if options.draw:
+        from mbd_sim.drawing import draw
+
+        draw(simulation.mechanism, simulation.poses(), options.draw)
+    if options.latex:
+        from mbd_sim.symbolic import symbolic_equations, to_latex
+
+        print(to_latex(symbolic_equations(simulation.mechanism)))
+        return 0
+
+    from mbd_sim.analysis.instruction_cost import cost, cost_text
+    from mbd_sim.report.inertia_report import inertia_report, inertia_text
+    from mbd_sim.report.mechanism_report import report
+    from mbd_sim.report.report_text import report_text
+
+    content = report(simulation)
+    if options.inertia:
+        content["inertia"] = inertia_report(simulation.mechanism.parts, simulation.poses())
+    if options.cost:
+        content["cost"] = cost(simulation.model.equations, simulation.model.method)
+    if options.json:
+        print(json.dumps(content, indent=2))
+        return 0
+    print(report_text(content))
+    if options.inertia:
+        print(f"\n{inertia_text(content['inertia'])}")
+    if options.cost:
+        print(f"\n{cost_text(content['cost'])}")
+    return 0

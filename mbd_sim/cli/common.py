@@ -1,0 +1,114 @@
+"""Arguments and output that several subcommands share."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+if TYPE_CHECKING:
+    from mbd_sim.playback.run_table import RunTable
+
+PERCENT = "{task.percentage:.0f} %"  # how a progress bar prints what is completed
+SECONDS = "{task.completed:.1f} s"
+COUNT = "{task.completed:.0f}/{task.total:.0f}"
+
+MCAP_OR_BAG = "an .mcap file or a rosbag2 folder"
+ANY_RECORDING = "an .mcap or .db3 file, or a rosbag2 folder"
+
+
+def add_mechanism(parser: argparse.ArgumentParser) -> None:
+    """Declare the argument `mechanism`."""
+    parser.add_argument(
+        "mechanism", metavar="FILE", help="a mechanism file, a URDF file, or a shipped mechanism's name"
+    )
+
+
+def add_recording(parser: argparse.ArgumentParser, kinds: str) -> None:
+    """Declare the argument `recording`; `kinds` says which ones are accepted."""
+    parser.add_argument("recording", metavar="RUN", type=Path, help=kinds)
+
+
+def add_recordings(parser: argparse.ArgumentParser, kinds: str) -> None:
+    """Declare the argument `recordings`, one or more."""
+    parser.add_argument("recordings", metavar="RUN", type=Path, nargs="+", help=f"{kinds}; one or more")
+
+
+def add_duration(parser: argparse.ArgumentParser) -> None:
+    """Declare `--time`."""
+    parser.add_argument(
+        "--time", type=positive_number, default=10.0, metavar="S", help="seconds to simulate (default 10)"
+    )
+
+
+def add_method_and_step(parser: argparse.ArgumentParser, default: str) -> None:
+    """Declare `--method` and `--step`; `default` says where they come from when they are not given."""
+    parser.add_argument("--method", help=f"integration method (default: {default})")
+    parser.add_argument("--step", type=positive_number, metavar="S", help=f"time step in seconds (default: {default})")
+
+
+def add_quiet(parser: argparse.ArgumentParser) -> None:
+    """Declare `--quiet`."""
+    parser.add_argument("--quiet", action="store_true", help="show no progress bar")
+
+
+def positive_number(text: str) -> float:
+    """An argument's positive, finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
+    return value
+
+
+def split_assignment(text: str) -> tuple[str, str] | None:
+    """NAME and VALUE of NAME=VALUE; None if either is missing."""
+    name, _, value = text.partition("=")
+    return (name, value) if name and value else None
+
+
+class ProgressBar:
+    """A progress bar on the terminal, shown while its `with` block runs; with `quiet`, nothing is shown."""
+
+    def __init__(self, title: str, quiet: bool, *, total: float = 1.0, amount: str = PERCENT) -> None:
+        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+        columns = (TextColumn("{task.description}"), BarColumn(), TextColumn(amount), TimeRemainingColumn())
+        self._display = Progress(*columns, disable=quiet, transient=True)
+        self._task = self._display.add_task(title, total=total)
+
+    def __enter__(self) -> Self:
+        self._display.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._display.stop()
+
+    def show(self, completed: float) -> None:
+        """Show how much of the total is completed."""
+        self._display.update(self._task, completed=completed)
+
+    def advance(self, amount: float) -> None:
+        """Add to what is completed."""
+        self._display.advance(self._task, amount)
+
+
+def read_run_table(path: Path, quiet: bool) -> RunTable:
+    """Read a recording's states as a table, with a progress bar; print the notes about them."""
+    from mbd_sim.playback.run_table import read_table
+    from mbd_sim.recording.reader import open_recording
+
+    recording = open_recording(path)
+    with ProgressBar("read", quiet) as progress:
+        table = read_table(recording, progress.show)
+    print_notes(table.notes)
+    return table
+
+
+def print_notes(notes: Iterable[str]) -> None:
+    """Print each on a line of its own."""
+    for note in notes:
+        print(f"note: {note}")

@@ -1,0 +1,23 @@
+"""`mbd_sim list`: the mechanisms that ship with the package."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+HELP = "list the shipped mechanisms"
+DESCRIPTION = "List the mechanisms that ship with the package: their names and a line about each."
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare no arguments."""
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Print the list."""
+    from mbd_sim.load import load_mechanism
+    from mbd_sim.mechanism_file.library import shipped
+
+    for name, path in shipped().items():
+        print(f"{name:24s} {load_mechanism(Path(path)).description.splitlines()[0]}")
+    return 0

@@ -1,0 +1,39 @@
+"""`mbd_sim plot`: a recorded run as a picture."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from mbd_sim.cli.common import ANY_RECORDING, add_quiet, add_recording, read_run_table
+
+HELP = "plot energies, joints, residual and phase portrait of a recorded run"
+DESCRIPTION = "Plot a recorded run as a picture, or as an HTML page with zoomable plots."
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    add_recording(parser, ANY_RECORDING)
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE", help="file to write: .png, .svg, .pdf or .html"
+    )
+    parser.add_argument(
+        "--show",
+        metavar="PANELS",
+        default="",
+        help="comma-separated choice of energies, joints, residual and phase (default: all that the recording allows)",
+    )
+    add_quiet(parser)
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Draw the plots."""
+    from mbd_sim.playback import run_pictures, table_export
+    from mbd_sim.playback.panels import panels
+
+    table_export.require_kind(options.out, run_pictures.KINDS)
+    table = read_run_table(options.recording, options.quiet)
+    chosen = panels(table, [name.strip() for name in options.show.split(",") if name.strip()])
+    run_pictures.draw(options.out, table, chosen)
+    print(f"wrote {options.out}: {', '.join(dict.fromkeys(panel.title.lower() for panel in chosen))}")
+    return 0

@@ -1,0 +1,21 @@
+"""`mbd_sim schema`: the JSON Schema of mechanism files."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+HELP = "print the JSON Schema of mechanism files, for editors"
+DESCRIPTION = "Print the JSON Schema of mechanism files, with which editors complete and check them."
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare no arguments."""
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Print the schema."""
+    from mbd_sim.mechanism_file.validation import json_schema
+
+    print(json.dumps(json_schema(), indent=2))
+    return 0

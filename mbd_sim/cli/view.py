@@ -1,0 +1,102 @@
+"""`mbd_sim view`: a recorded run in Rerun."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import threading
+from typing import TYPE_CHECKING
+
+from mbd_sim.cli.common import ANY_RECORDING, ProgressBar, add_quiet, add_recording, positive_number, print_notes
+
+if TYPE_CHECKING:
+    from mbd_sim.recording.reader import Recording
+    from mbd_sim.recording.recomputation import Recomputation
+
+HELP = "show a recorded run in Rerun"
+DESCRIPTION = (
+    "Show a recorded run in Rerun: the moving mechanism with plots and events. If the recording contains no mechanism, "
+    "only the joints are plotted."
+)
+
+RATE = 200.0  # states per second shown by default
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    add_recording(parser, ANY_RECORDING)
+    parser.add_argument("--save", metavar="FILE.rrd", help="write a file instead of opening a window")
+    parser.add_argument(
+        "--rerun", metavar="SINK", default="spawn", help="spawn (default), serve, connect, or a file.rrd"
+    )
+    parser.add_argument(
+        "--rate", type=positive_number, default=RATE, metavar="HZ", help=f"states per second (default {RATE:g})"
+    )
+    parser.add_argument(
+        "--trace",
+        action="append",
+        metavar="POINT",
+        help="draw the path of a part or part.point; repeatable (default: the ends of chains)",
+    )
+    parser.add_argument(
+        "--trace-time",
+        type=positive_number,
+        default=1.0,
+        metavar="S",
+        help="length of the paths in seconds (default 1)",
+    )
+    parser.add_argument("--reactions", action="store_true", help="draw the joint reactions as arrows")
+    add_quiet(parser)
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Show the recording; with `--rerun serve`, until Ctrl-C."""
+    from mbd_sim.playback.recording_view import show, show_table
+    from mbd_sim.playback.run_table import read_table
+    from mbd_sim.recording.reader import open_recording
+    from mbd_sim.viewer.scene_description import Look
+    from mbd_sim.viewer.sinks import ViewerError, checked_sink
+
+    sink = checked_sink(options.save or options.rerun)
+    if importlib.util.find_spec("rerun") is None:
+        raise ViewerError("Rerun is not installed. Install it with: pip install rerun-sdk")
+    recording = open_recording(options.recording)
+    when_open = _serve_until_interrupted if sink == "serve" else _return_at_once
+    recomputation, reason = _recomputation(recording)
+    if recomputation is None:
+        with ProgressBar("read", options.quiet) as progress:
+            table = read_table(recording, progress.show)
+        address = show_table(table, sink, when_open)
+        print_notes(table.notes)
+        print(f"{options.recording}: {reason}, so that only its joints are shown, as plots")
+        print(f"  {len(table)} states, {len(table.names)} joints: {address}")
+    else:
+        look = Look(None if options.trace is None else tuple(options.trace), options.trace_time, options.reactions)
+        with ProgressBar("show", options.quiet) as progress:
+            address, count, notes = show(recording, recomputation, sink, options.rate, look, progress.show, when_open)
+        print_notes(notes)
+        print(f"{options.recording}: {count} states: {address}")
+    return 0
+
+
+def _recomputation(recording: Recording) -> tuple[Recomputation | None, str]:
+    """The simulation of a recorded run, or the reason why there is none."""
+    from mbd_sim.errors import MechanismError
+    from mbd_sim.recording.recomputation import Recomputation, RecomputeError, is_run
+
+    first = next((part for part in recording.parts if is_run(part)), None)
+    if first is None or first.mechanism_text is None:
+        return None, "holds no mechanism"
+    try:
+        return Recomputation(first), ""
+    except (MechanismError, RecomputeError) as error:
+        return None, f"its mechanism cannot be built ({error})"
+
+
+def _return_at_once(address: str) -> None:
+    """A window or a file needs no server."""
+
+
+def _serve_until_interrupted(address: str) -> None:
+    print(f"{address}\nCtrl-C ends the server", flush=True)
+    threading.Event().wait()
