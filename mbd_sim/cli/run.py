@@ -106,8 +106,8 @@ def _summary(simulation: Simulation, seconds: float) -> str:
         [
             f"{simulation.mechanism.name}: {simulation.time:g} s in {simulation.steps} steps "
             f"of {simulation.step_size:g} s ({simulation.model.method.name})",
-            f"  took             {seconds:.3g} s: {simulation.time / max(seconds, 1e-9):,.0f} × real time, "
-            f"{1e6 * seconds / steps:.3g} µs a step",
+            f"  computed in      {seconds:.3g} s: {simulation.time / max(seconds, 1e-9):,.0f} × real time, "
+            f"{1e6 * seconds / steps:.3g} µs per step",
             f"  energy residual  {energies.residual:.3g} J of {energies.total:.6g} J total "
             f"(applied {energies.work_applied:.6g}, drives {energies.work_drives:.6g}, "
             f"dissipated {energies.dissipated:.6g})",
@@ -120,18 +120,18 @@ def _summary(simulation: Simulation, seconds: float) -> str:
 
 
 def _accuracy(simulation: Simulation) -> list[str]:
-    """The estimated error of a step, with a warning where it is large."""
+    """The largest estimated error of a step, with a warning if it is too large."""
     advice = simulation.step_advice
-    lines = [f"  error of a step  {simulation.error_estimate:.1g} of 1 + |q|, 1 + |u| at most, as estimated"]
+    lines = [f"  step error       at most {simulation.error_estimate:.1g}, estimated, relative to 1 + |q| and 1 + |u|"]
     return lines if advice is None else [*lines, f"  WARNING          {advice}"]
 
 
 def _constraints(simulation: Simulation) -> list[str]:
-    """How far loops and constraints are off, redundant ones included, with a warning where that is much."""
+    """The violation of loops and constraints, including redundant ones, with a warning if it is too large."""
     if not simulation.model.equations.rows:
         return []
     position, velocity = simulation.violation
-    lines = [f"  constraints      off by {position:.3g} m, {velocity:.3g} m/s (or rad) at most"]
+    lines = [f"  constraints      violated by at most {position:.3g} m, {velocity:.3g} m/s (or rad, rad/s)"]
     if max(position, velocity) > VIOLATION_LIMIT:
-        lines.append("  WARNING          a constraint does not hold: take a smaller step or look at redundant ones")
+        lines.append("  WARNING          a constraint is violated: reduce the step, or check the redundant constraints")
     return lines

@@ -110,12 +110,12 @@ def execute(options: argparse.Namespace) -> int:
     return 1 if results.problems else 0
 
 
-def _summary(name: str, results: Results, took: float, paths: list[Path | None]) -> str:
+def _summary(name: str, results: Results, seconds: float, paths: list[Path | None]) -> str:
     runs = len(results.runs["run"])
-    lost = runs - int(results.runs["finite"].sum())
-    lines = [f"{name}: {runs} runs in {took:.3g} s ({1e3 * took / runs:.3g} ms a run)"]
-    if lost:
-        lines.append(f"  {lost} of them could not be built or became infinite: column 'finite'")
+    failed = runs - int(results.runs["finite"].sum())
+    lines = [f"{name}: {runs} runs in {seconds:.3g} s ({1e3 * seconds / runs:.3g} ms per run)"]
+    if failed:
+        lines.append(f"  {failed} of them could not be built or diverged: see column 'finite'")
     lines += [f"  {problem}" for problem in results.problems[:MAX_PROBLEMS]]
     if len(results.problems) > MAX_PROBLEMS:
         lines.append(f"  … and {len(results.problems) - MAX_PROBLEMS} more")
