@@ -1,4 +1,4 @@
-"""Constraint forces and projections: the mass matrix eliminated first, then G M⁻¹ Gᵀ (DESIGN.md, sec. 4)."""
+"""Constraint forces and projections: the mass matrix eliminated first, then G M⁻¹ Gᵀ."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""End states of SYSTEMS.md, computed apart from this project, with the default method at 1 ms.
+"""End states that were computed independently of this project, against the default method at 1 ms.
 
-The table has twelve digits. What is reached was measured. test_systems.py has the other systems.
+The reference values have twelve digits; the tolerances are what was measured. test_systems.py has the other systems.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import pytest
 from mbd_sim import Simulation
 from test.generators.mechanisms import PROJECTILE
 
-TIGHT = 1e-11  # 3e-12 is reached, which is what the table's digits allow to see
+TIGHT = 1e-11  # 3e-12 is reached, which is the resolution of the reference values
 
 
 def relative(found, expected):

@@ -1,4 +1,4 @@
-"""The shipped open chains and prescribed motions of SYSTEMS.md, each against its textbook.
+"""The shipped open chains and prescribed motions, each against its textbook.
 
 Accelerations at random states, times and efforts against the closed form; the reference end states; what is
 conserved; and the energy audit after a minute, with the work of the drives.
@@ -233,7 +233,7 @@ def end(name, until):
     return sim
 
 
-# The table of SYSTEMS.md has twelve digits, in the coordinates of the files but for sums of relative angles.
+# Reference values of twelve digits, in the coordinates of the files except for sums of relative angles.
 END_STATES = {
     "triple_rod_torsion": (
         3.0,
