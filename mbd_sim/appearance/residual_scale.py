@@ -9,7 +9,7 @@ from mbd_sim.geometry.pose import Array
 LEAST = 1e-18  # J
 
 
-def residual_size(audit: Array) -> Array:
+def residual_magnitude(audit: Array) -> Array:
     """The size (n,) in J of the residual in rows (n, 7) of `Energies`.
 
     It is never less than the rounding of the energies that it is the difference of: below that it says nothing, and a

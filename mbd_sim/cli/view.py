@@ -54,7 +54,7 @@ def execute(options: argparse.Namespace) -> int:
     from mbd_sim.playback.recording_view import show, show_table
     from mbd_sim.playback.run_table import read_table
     from mbd_sim.recording.reader import open_recording
-    from mbd_sim.viewer.scene_description import Look
+    from mbd_sim.viewer.scene_description import DisplayOptions
     from mbd_sim.viewer.sinks import ViewerError, checked_sink
 
     sink = checked_sink(options.save or options.rerun)
@@ -71,7 +71,9 @@ def execute(options: argparse.Namespace) -> int:
         print(f"{options.recording}: {reason}, so that only its joints are shown, as plots")
         print(f"  {len(table)} states, {len(table.names)} joints: {address}")
     else:
-        look = Look(None if options.trace is None else tuple(options.trace), options.trace_time, options.reactions)
+        look = DisplayOptions(
+            None if options.trace is None else tuple(options.trace), options.trace_time, options.reactions
+        )
         with ProgressBar("show", options.quiet) as progress:
             address, count, notes = show(recording, recomputation, sink, options.rate, look, progress.show, when_open)
         print_notes(notes)

@@ -9,7 +9,7 @@ import numpy as np
 
 from mbd_sim.appearance import palette
 from mbd_sim.appearance.palette import Color, mixed
-from mbd_sim.appearance.residual_scale import residual_size
+from mbd_sim.appearance.residual_scale import residual_magnitude
 from mbd_sim.errors import MbdSimError, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.playback.run_table import ENERGY_NAMES, RunTable
@@ -108,7 +108,7 @@ def _phase(table: RunTable) -> Iterator[Panel]:
 
 def _residual(table: RunTable) -> Iterator[Panel]:
     if table.energies is not None:
-        line = Line("|residual|", table.times, residual_size(table.energies), palette.RESIDUAL)
+        line = Line("|residual|", table.times, residual_magnitude(table.energies), palette.RESIDUAL)
         yield Panel("Energy residual", "time, s", "J", (line,), logarithmic=True)
 
 

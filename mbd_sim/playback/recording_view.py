@@ -27,10 +27,10 @@ from mbd_sim.simulation.compiled_model import Energies
 from mbd_sim.simulation.events import Event, EventKind, parse_event
 from mbd_sim.viewer.event_filter import EventFilter
 from mbd_sim.viewer.sample_rows import RowWriter
-from mbd_sim.viewer.scene_description import Look, make_stage
+from mbd_sim.viewer.scene_description import DisplayOptions, describe_scene
 
 if TYPE_CHECKING:
-    from mbd_sim.viewer.rerun_stream import Presentation
+    from mbd_sim.viewer.rerun_stream import RerunStream
 
 Hold = Callable[[str], None]
 BATCH = 1000  # samples that are sent at once
@@ -46,7 +46,7 @@ def show(
     replica: Recomputation,
     sink: str,
     rate: float,
-    look: Look,
+    options: DisplayOptions,
     progress: Progress,
     hold: Hold = _go_on,
 ) -> tuple[str, int, list[str]]:
@@ -59,33 +59,33 @@ def show(
     :raises ViewerError: the sink cannot be opened.
     :raises MbdSimError: a point to trace does not exist.
     """
-    from mbd_sim.viewer.rerun_stream import Presentation
+    from mbd_sim.viewer.rerun_stream import RerunStream
 
-    writer = RowWriter(replica.simulation.model, look.reactions)
+    writer = RowWriter(replica.simulation.model, options.reactions)
     try:
-        stage = make_stage(replica.simulation.model, writer.layout, look)
+        scene = describe_scene(replica.simulation.model, writer.layout, options)
     except ValueError as error:
         raise MbdSimError(str(error)) from error
-    presentation = Presentation(stage, sink, live=False)
+    stream = RerunStream(scene, sink, live=False)
     notes: list[str] = []
     try:
-        shown = _Run(recording, replica, writer, presentation, rate)
+        shown = _Run(recording, replica, writer, stream, rate)
         for message in each(recording, progress, notes):
             shown.take(message)
         count = shown.finish()
-        hold(presentation.address)
+        hold(stream.address)
     finally:
-        presentation.close()
-    return presentation.address, count, notes
+        stream.close()
+    return stream.address, count, notes
 
 
 class _Run:
     """Goes through a recording; the simulation only keeps the inputs that were commanded, and takes no steps."""
 
     def __init__(
-        self, recording: Recording, replica: Recomputation, writer: RowWriter, presentation: Presentation, rate: float
+        self, recording: Recording, replica: Recomputation, writer: RowWriter, stream: RerunStream, rate: float
     ) -> None:
-        self._replica, self._writer, self._presentation, self._rate = replica, writer, presentation, rate
+        self._replica, self._writer, self._stream, self._rate = replica, writer, stream, rate
         self._step = replica.recorded_step
         self._tick = replica.first_tick
         # Of the mechanism's own steps behind the ticks.
@@ -117,7 +117,7 @@ class _Run:
         """Send what waits; returns the number of states."""
         self._emit(None)
         self._send()
-        self._presentation.flush()
+        self._stream.flush()
         return self._count
 
     def _command(self, message: Message, role: str) -> None:
@@ -139,7 +139,7 @@ class _Run:
         from mbd_sim.viewer.event_log import LoggedEvent
 
         self._send()
-        self._presentation.tell([LoggedEvent(time, event.kind, event.text)])
+        self._stream.send_events([LoggedEvent(time, event.kind, event.text)])
 
     def _emit(self, energies: Energies | None) -> None:
         """Show the state that waits; where its energies are not recorded they are computed, without the work."""
@@ -164,7 +164,7 @@ class _Run:
 
     def _send(self) -> None:
         if self._rows:
-            self._presentation.send(np.array(self._rows))
+            self._stream.send_samples(np.array(self._rows))
             self._rows.clear()
 
 

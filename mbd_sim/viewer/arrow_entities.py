@@ -22,10 +22,10 @@ from mbd_sim.mechanism.expression import ExpressionError
 from mbd_sim.mechanism.force_elements import AppliedForce
 from mbd_sim.mechanism.records import Attachment, Joint
 from mbd_sim.viewer import entity_paths
-from mbd_sim.viewer.entity import Logged, Prop
-from mbd_sim.viewer.placement import Placement
+from mbd_sim.viewer.entity import Entity, LoggedItems
+from mbd_sim.viewer.part_poses import PartPoses
 from mbd_sim.viewer.sample_rows import Rows
-from mbd_sim.viewer.scene_description import Stage
+from mbd_sim.viewer.scene_description import SceneDescription
 
 LONG, LONGEST = 0.25, 0.6  # of the mechanism's size
 SWEEP, WIDEST = np.radians(240.0), np.radians(330.0)  # of the arc of a couple
@@ -34,45 +34,45 @@ AHEAD = 5.0  # s of an expression that are looked at for its largest value
 ARC = 25  # points
 
 
-def arrows(stage: Stage) -> Iterator[Prop]:
+def arrow_entities(scene: SceneDescription) -> Iterator[Entity]:
     """All forces and couples that can be told from the samples."""
-    for force in stage.mechanism.applied:
-        yield _Applied(stage, force)
-    for part in stage.wrenches:
-        yield _Wrench(stage, part)
-    for joint in stage.mechanism.joints.values():
+    for force in scene.mechanism.applied:
+        yield _Applied(scene, force)
+    for part in scene.wrenches:
+        yield _Wrench(scene, part)
+    for joint in scene.mechanism.joints.values():
         if joint.type in EFFORTS and not joint.drive:
-            yield _Effort(stage, joint)
-    if stage.look.reactions:
-        for index, joint in enumerate(stage.mechanism.all_joints.values()):
-            yield _Reaction(stage, index, joint)
+            yield _Effort(scene, joint)
+    if scene.options.reactions:
+        for index, joint in enumerate(scene.mechanism.all_joints.values()):
+            yield _Reaction(scene, index, joint)
 
 
-def weight(stage: Stage) -> float:
+def weight(scene: SceneDescription) -> float:
     """What an arrow at full length means in N, if nothing else is known: the weight of all parts.
 
     Without gravity, what gives the mechanism an acceleration of its size each second squared.
     """
-    mechanism = stage.mechanism
-    return mechanism.mass * (float(np.linalg.norm(mechanism.gravity)) or stage.extent.size) or 1.0
+    mechanism = scene.mechanism
+    return mechanism.mass * (float(np.linalg.norm(mechanism.gravity)) or scene.extent.size) or 1.0
 
 
 @dataclass(frozen=True)
 class _Style:
-    entity: str
+    path: str
     color: Color
     size: float  # of the mechanism, m
     full: float  # N or N·m that are drawn at full length
     radius: float = 0.1  # of an arc, of the size
 
-    def static(self, couple: bool) -> Logged:
+    def static(self, couple: bool) -> LoggedItems:
         radius = 0.008 * self.size
         if couple:
-            yield f"{self.entity}/couple", rr.LineStrips3D.from_fields(radii=[0.7 * radius], colors=[self.color])
+            yield f"{self.path}/couple", rr.LineStrips3D.from_fields(radii=[0.7 * radius], colors=[self.color])
         else:
-            yield f"{self.entity}/force", rr.Arrows3D.from_fields(radii=[radius], colors=[self.color])
+            yield f"{self.path}/force", rr.Arrows3D.from_fields(radii=[radius], colors=[self.color])
 
-    def force(self, origins: Array, vectors: Array) -> Logged:
+    def force(self, origins: Array, vectors: Array) -> LoggedItems:
         """Arrows from origins (n, 3), for vectors (n, 3) in N."""
         drawn, length = self._seen(vectors)
         share = np.minimum(LONG * length / self.full, LONGEST) * self.size / np.where(drawn, length, 1.0)
@@ -80,9 +80,9 @@ class _Style:
         columns = rr.Arrows3D.columns(
             origins=origins[drawn].reshape(-1, 3), vectors=(share[:, None] * vectors)[drawn].reshape(-1, 3)
         )
-        yield f"{self.entity}/force", columns.partition(counts)
+        yield f"{self.path}/force", columns.partition(counts)
 
-    def couple(self, centers: Array, vectors: Array) -> Logged:
+    def couple(self, centers: Array, vectors: Array) -> LoggedItems:
         """Arcs about centers (n, 3), for couples (n, 3) in N·m."""
         drawn, length = self._seen(vectors)
         strips = [
@@ -90,7 +90,7 @@ class _Style:
             for center, vector, size in zip(centers[drawn], vectors[drawn], length[drawn], strict=True)
         ]
         columns = rr.LineStrips3D.columns(strips=strips).partition(drawn.astype(int))
-        yield f"{self.entity}/couple", columns
+        yield f"{self.path}/couple", columns
 
     def _seen(self, vectors: Array) -> tuple[Array, Array]:
         length = np.linalg.norm(vectors, axis=1)
@@ -100,20 +100,20 @@ class _Style:
 class _Applied:
     """A force or a couple of the file: its expressions of time, at the times of the samples."""
 
-    def __init__(self, stage: Stage, force: AppliedForce) -> None:
+    def __init__(self, scene: SceneDescription, force: AppliedForce) -> None:
         self._force = force
-        most = float(np.linalg.norm([self._vector(time) for time in np.linspace(0.0, AHEAD, 101)], axis=1).max())
+        limit = float(np.linalg.norm([self._vector(time) for time in np.linspace(0.0, AHEAD, 101)], axis=1).max())
         self._style = _Style(
-            f"{entity_paths.WORLD}/forces/{force.name}", palette.APPLIED, stage.extent.size, most or 1.0
+            f"{entity_paths.WORLD}/forces/{force.name}", palette.APPLIED, scene.extent.size, limit or 1.0
         )
 
-    def static(self) -> Logged:
+    def static(self) -> LoggedItems:
         yield from self._style.static(self._force.couple)
 
-    def columns(self, rows: Rows, placement: Placement) -> Logged:
+    def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         values = np.array([self._vector(time) for time in rows.motion_times.tolist()])
-        vectors = placement.direction(self._force.axes_of, values)
-        at = placement.point(self._force.at)
+        vectors = poses.direction(self._force.axes_of, values)
+        at = poses.point(self._force.at)
         yield from self._style.couple(at, vectors) if self._force.couple else self._style.force(at, vectors)
 
     def _vector(self, time: float) -> Array:
@@ -126,21 +126,21 @@ class _Applied:
 class _Wrench:
     """What is commanded on a part."""
 
-    def __init__(self, stage: Stage, part: str) -> None:
-        self._part, self._place, rows = part, stage.wrenches[part], stage.rows
-        self._start = rows.places["inputs"].start
-        entity, full, size = f"{entity_paths.WORLD}/wrenches/{part}", weight(stage), stage.extent.size
-        self._force = _Style(entity, palette.COMMANDED, size, full)
-        self._couple = _Style(entity, palette.COMMANDED, size, 0.25 * full * size)
+    def __init__(self, scene: SceneDescription, part: str) -> None:
+        self._part, self._place, rows = part, scene.wrenches[part], scene.rows
+        self._start = rows.slices["inputs"].start
+        path, full, size = f"{entity_paths.WORLD}/wrenches/{part}", weight(scene), scene.extent.size
+        self._force = _Style(path, palette.COMMANDED, size, full)
+        self._couple = _Style(path, palette.COMMANDED, size, 0.25 * full * size)
 
-    def static(self) -> Logged:
+    def static(self) -> LoggedItems:
         yield from self._force.static(couple=False)
         yield from self._couple.static(couple=True)
 
-    def columns(self, rows: Rows, placement: Placement) -> Logged:
+    def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         force, couple, own_force, own_couple, point = np.split(rows.of("inputs")[:, self._place], 5, axis=1)
-        turned = placement.turned(self._part)
-        origin = placement.point(Attachment(self._part, np.zeros(3)))
+        turned = poses.rotations(self._part)
+        origin = poses.point(Attachment(self._part, np.zeros(3)))
         at = origin + np.einsum("nij,nj->ni", turned, point)
         yield from self._force.force(at, force + np.einsum("nij,nj->ni", turned, own_force))
         yield from self._couple.couple(at, couple + np.einsum("nij,nj->ni", turned, own_couple))
@@ -181,33 +181,33 @@ EFFORTS: dict[str, tuple[_Along, ...]] = {
 class _Effort:
     """What is commanded on a joint, as it acts on its second part."""
 
-    def __init__(self, stage: Stage, joint: Joint) -> None:
-        self._joint, self._place = joint, stage.u[joint.name]
+    def __init__(self, scene: SceneDescription, joint: Joint) -> None:
+        self._joint, self._place = joint, scene.u[joint.name]
         self._axes = EFFORTS[joint.type]
-        entity, size, limit = f"{entity_paths.WORLD}/efforts/{joint.name}", stage.extent.size, joint.effort_limit
-        radius = max(2.6 * joint_radius(stage.mechanism, joint, size) / size, 0.06)
-        self._force = _Style(entity, palette.COMMANDED, size, limit or weight(stage))
-        self._couple = _Style(entity, palette.COMMANDED, size, limit or 0.25 * weight(stage) * size, radius)
+        path, size, limit = f"{entity_paths.WORLD}/efforts/{joint.name}", scene.extent.size, joint.effort_limit
+        radius = max(2.6 * joint_radius(scene.mechanism, joint, size) / size, 0.06)
+        self._force = _Style(path, palette.COMMANDED, size, limit or weight(scene))
+        self._couple = _Style(path, palette.COMMANDED, size, limit or 0.25 * weight(scene) * size, radius)
 
-    def static(self) -> Logged:
+    def static(self) -> LoggedItems:
         for couple in sorted({along.couple for along in self._axes}):
             yield from (self._couple if couple else self._force).static(couple)
 
-    def columns(self, rows: Rows, placement: Placement) -> Logged:
-        at = placement.point(Attachment(self._joint.child, self._joint.child_pose.position))
-        force, couple = self.vectors(rows, placement)
+    def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
+        at = poses.point(Attachment(self._joint.child, self._joint.child_pose.position))
+        force, couple = self.vectors(rows, poses)
         kinds = {along.couple for along in self._axes}
         if False in kinds:
             yield from self._force.force(at, force)
         if True in kinds:
             yield from self._couple.couple(at, couple)
 
-    def vectors(self, rows: Rows, placement: Placement) -> tuple[Array, Array]:
+    def vectors(self, rows: Rows, poses: PartPoses) -> tuple[Array, Array]:
         """The force and the couple (n, 3) on the second part, in ground's axes."""
         joint, sums = self._joint, (np.zeros((len(rows), 3)), np.zeros((len(rows), 3)))
         for along, values in zip(self._axes, rows.of("inputs")[:, self._place].T, strict=True):
             part, frame = (joint.child, joint.child_pose) if along.on_child else (joint.parent, joint.parent_pose)
-            direction = placement.direction(part, frame.rotation @ along.axis(joint))
+            direction = poses.direction(part, frame.rotation @ along.axis(joint))
             sums[int(along.couple)][:] += direction * values[:, None]
         return sums
 
@@ -215,17 +215,17 @@ class _Effort:
 class _Reaction:
     """The force through a joint on its second part."""
 
-    def __init__(self, stage: Stage, index: int, joint: Joint) -> None:
+    def __init__(self, scene: SceneDescription, index: int, joint: Joint) -> None:
         self._index, self._joint = index, joint
-        entity = f"{entity_paths.WORLD}/reactions/{joint.name}"
-        self._style = _Style(entity, palette.REACTION, stage.extent.size, weight(stage))
+        path = f"{entity_paths.WORLD}/reactions/{joint.name}"
+        self._style = _Style(path, palette.REACTION, scene.extent.size, weight(scene))
 
-    def static(self) -> Logged:
+    def static(self) -> LoggedItems:
         yield from self._style.static(couple=False)
 
-    def columns(self, rows: Rows, placement: Placement) -> Logged:
+    def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         forces = rows.of("reactions")[:, 6 * self._index : 6 * self._index + 3]
-        at = placement.point(Attachment(self._joint.child, self._joint.child_pose.position))
+        at = poses.point(Attachment(self._joint.child, self._joint.child_pose.position))
         yield from self._style.force(at, forces)
 
 

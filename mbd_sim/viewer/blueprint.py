@@ -15,16 +15,16 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.constraints import Rolling
 from mbd_sim.viewer import entity_paths
 from mbd_sim.viewer.constraint_entities import floor_of
-from mbd_sim.viewer.scene_description import Stage
+from mbd_sim.viewer.scene_description import SceneDescription
 
 LIVE_TIME = 30.0  # s that plots show while data come in: hours of them would be more than anybody sees
 FIELD_OF_VIEW = np.radians(55.0)  # Rerun's own, vertical
 PANEL_ASPECT = 1.2  # width by height of the scene in a window of common shape
 
 
-def make_blueprint(stage: Stage, *, live: bool) -> rrb.Blueprint:
+def make_blueprint(scene: SceneDescription, *, live: bool) -> rrb.Blueprint:
     """The layout for a mechanism; `live` follows what comes in, otherwise it plays again and again."""
-    upper = rrb.Horizontal(_scene(stage), _plots(stage, live), column_shares=[3, 2])
+    upper = rrb.Horizontal(_scene_view(scene), _plots(scene, live), column_shares=[3, 2])
     log = rrb.TextLogView(
         origin=entity_paths.EVENTS,
         name="Events",
@@ -71,36 +71,36 @@ def eye(extent: Extent) -> tuple[Array, Array, Array]:
     return extent.center + distance * direction, extent.center, up
 
 
-def _scene(stage: Stage) -> rrb.Spatial3DView:
-    extent = stage.extent
+def _scene_view(scene: SceneDescription) -> rrb.Spatial3DView:
+    extent = scene.extent
     position, target, up = eye(extent)
-    start = rr.TimeRangeBoundary.cursor_relative(seconds=-stage.look.trace_time)
+    start = rr.TimeRangeBoundary.cursor_relative(seconds=-scene.options.trace_time)
     recent = rrb.VisibleTimeRanges(
         timeline=entity_paths.TIMELINE, start=start, end=rr.TimeRangeBoundary.cursor_relative()
     )
-    rolling = [record.name for record in stage.mechanism.constraints if isinstance(record, Rolling)]
+    rolling = [record.name for record in scene.mechanism.constraints if isinstance(record, Rolling)]
     return rrb.Spatial3DView(
         origin=entity_paths.WORLD,
-        name=stage.mechanism.name,
+        name=scene.mechanism.name,
         background=rrb.Background(color=palette.BACKGROUND, kind=rrb.BackgroundKind.SolidColor),
-        line_grid=_floor(stage),
+        line_grid=_floor(scene),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital, position=position, look_target=target, eye_up=up, speed=extent.size
         ),
-        overrides={entity_paths.trace(name): recent for name in (*stage.traces, *rolling)},
+        overrides={entity_paths.trace(name): recent for name in (*scene.traces, *rolling)},
     )
 
 
-def _floor(stage: Stage) -> rrb.LineGrid3D:
+def _floor(scene: SceneDescription) -> rrb.LineGrid3D:
     """A grid with lines at 1, 2 or 5 times a power of ten metres.
 
     It lies in the plane that something rolls or slides on, or else level, a little below the lowest point.
     """
-    extent = stage.extent
+    extent = scene.extent
     coarse = extent.size / 4.0
     power = 10.0 ** np.floor(np.log10(coarse))
     spacing = float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= coarse * (1.0 + 1e-9)))
-    point, normal = floor_of(stage) or (
+    point, normal = floor_of(scene) or (
         np.array([0.0, 0.0, extent.lower[2] - 0.1 * extent.size]),
         np.array([0.0, 0.0, 1.0]),
     )
@@ -113,23 +113,23 @@ def _floor(stage: Stage) -> rrb.LineGrid3D:
     )
 
 
-def _plots(stage: Stage, live: bool) -> Any:
-    mechanism = stage.mechanism
+def _plots(scene: SceneDescription, live: bool) -> Any:
+    mechanism = scene.mechanism
     kinds = {*entity_paths.free_kinds(mechanism), *entity_paths.driven_kinds(mechanism)}
     joints = [
         [
-            _plot(live, f"{entity}/{kind}", f"{title} ({entity_paths.UNITS[f'{entity}/{kind}']})")
+            _plot(live, f"{path}/{kind}", f"{title} ({entity_paths.UNITS[f'{path}/{kind}']})")
             for kind in (entity_paths.ANGULAR, entity_paths.LINEAR)
             if kind in kinds
         ]
-        for entity, title in (
+        for path, title in (
             (entity_paths.POSITION, "Position"),
             (entity_paths.VELOCITY, "Velocity"),
             (entity_paths.EFFORT, "Effort"),
         )
     ]
     positions, velocities, efforts = joints
-    forces = [_plot(live, entity_paths.REACTION, "Forces through joints (N)")] if stage.look.reactions else []
+    forces = [_plot(live, entity_paths.REACTION, "Forces through joints (N)")] if scene.options.reactions else []
     account = rrb.Tabs(
         _plot(live, entity_paths.ACCOUNT, "Energy account (J)"), _plot(live, entity_paths.STACK, "Energy stack (J)")
     )
@@ -141,13 +141,13 @@ def _plots(stage: Stage, live: bool) -> Any:
     return rrb.Vertical(*upper, account, left_over)
 
 
-def _plot(live: bool, entity: str, name: str) -> rrb.TimeSeriesView:
+def _plot(live: bool, path: str, name: str) -> rrb.TimeSeriesView:
     start = rr.TimeRangeBoundary.cursor_relative(seconds=-LIVE_TIME)
     latest = rrb.VisibleTimeRanges(
         timeline=entity_paths.TIMELINE, start=start, end=rr.TimeRangeBoundary.cursor_relative()
     )
     return rrb.TimeSeriesView(
-        origin=entity,
+        origin=path,
         name=name,
         plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
         axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),

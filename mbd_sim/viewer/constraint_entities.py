@@ -12,90 +12,90 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.constraints import Cable, Distance, Flat, KnifeEdge, Rolling, Surface
 from mbd_sim.mechanism.records import GROUND, Attachment
 from mbd_sim.viewer import entity_paths
-from mbd_sim.viewer.entity import Logged, Prop
-from mbd_sim.viewer.placement import Placement
+from mbd_sim.viewer.entity import Entity, LoggedItems
+from mbd_sim.viewer.part_poses import PartPoses
 from mbd_sim.viewer.sample_rows import Rows
-from mbd_sim.viewer.scene_description import Stage, Wires
-from mbd_sim.viewer.trace_entities import Trail
+from mbd_sim.viewer.scene_description import ConstraintLines, SceneDescription
+from mbd_sim.viewer.trace_entities import Trace
 
 HALF = 0.7  # of the mechanism's size: how far a line that a point keeps to is drawn
 FLAT = 0.05  # sine of the angle between a wheel and the plane that it lies on
 
 
-def guides(stage: Stage) -> Iterator[Prop]:
+def constraint_entities(scene: SceneDescription) -> Iterator[Entity]:
     """All constraints that can be seen."""
-    size = stage.extent.size
-    for wires in stage.wires:
-        yield _Wired(wires, size)
-    for record in stage.mechanism.constraints:
-        entity = f"{entity_paths.WORLD}/constraints/{record.name}"
+    size = scene.extent.size
+    for constraint_lines in scene.constraint_lines:
+        yield _ConstraintLines(constraint_lines, size)
+    for record in scene.mechanism.constraints:
+        path = f"{entity_paths.WORLD}/constraints/{record.name}"
         match record:
             case Distance(first=first, second=second):
-                yield _Rope(entity, (first, second), 0.007 * size, palette.CLOSING)
+                yield _StraightLine(path, (first, second), 0.007 * size, palette.CLOSING)
             case Cable(points=points):
-                yield _Rope(entity, points, 0.005 * size, palette.ROPE)
+                yield _StraightLine(path, points, 0.005 * size, palette.ROPE)
             case Rolling():
-                yield _Contact(record, size)
+                yield _RollingContact(record, size)
             case Flat():
-                yield _Guided(entity, record, size)
+                yield _PointOnLine(path, record, size)
             case KnifeEdge(point=point) | Surface(point=point):
-                yield _Dot(entity, point, size)
+                yield _Point(path, point, size)
 
 
-class _Wired:
+class _ConstraintLines:
     """A curve, or lines on a surface, in the frame of the part that carries it."""
 
-    def __init__(self, wires: Wires, size: float) -> None:
-        self._wires, self._size = wires, size
+    def __init__(self, constraint_lines: ConstraintLines, size: float) -> None:
+        self._wires, self._size = constraint_lines, size
 
-    def static(self) -> Logged:
+    def static(self) -> LoggedItems:
         width, color = (-0.7, palette.WIRE) if self._wires.surface else (0.006 * self._size, palette.CLOSING)
         lines = rr.LineStrips3D(list(self._wires.lines), radii=[width], colors=[color])
         if self._wires.lines:
             yield f"{entity_paths.part(self._wires.part)}/wires/{self._wires.name}", lines
 
-    def columns(self, rows: Rows, placement: Placement) -> Logged:
+    def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         yield from ()
 
 
-class _Rope:
+class _StraightLine:
     """Straight from point to point."""
 
-    def __init__(self, entity: str, points: tuple[Attachment, ...], radius: float, color: palette.Color) -> None:
-        self._entity, self._points, self._radius, self._color = entity, points, radius, color
+    def __init__(self, path: str, points: tuple[Attachment, ...], radius: float, color: palette.Color) -> None:
+        self._path, self._points, self._radius, self._color = path, points, radius, color
 
-    def static(self) -> Logged:
-        yield self._entity, rr.LineStrips3D.from_fields(radii=[self._radius], colors=[self._color])
-        yield f"{self._entity}/ends", rr.Points3D.from_fields(radii=[1.8 * self._radius], colors=[self._color])
+    def static(self) -> LoggedItems:
+        yield self._path, rr.LineStrips3D.from_fields(radii=[self._radius], colors=[self._color])
+        yield f"{self._path}/ends", rr.Points3D.from_fields(radii=[1.8 * self._radius], colors=[self._color])
 
-    def columns(self, rows: Rows, placement: Placement) -> Logged:
-        places = np.stack([placement.point(at) for at in self._points], axis=1)
-        yield self._entity, rr.LineStrips3D.columns(strips=list(places))
-        ends = rr.Points3D.columns(positions=places.reshape(-1, 3)).partition([len(self._points)] * len(rows))
-        yield f"{self._entity}/ends", ends
+    def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
+        slices = np.stack([poses.point(at) for at in self._points], axis=1)
+        yield self._path, rr.LineStrips3D.columns(strips=list(slices))
+        ends = rr.Points3D.columns(positions=slices.reshape(-1, 3)).partition([len(self._points)] * len(rows))
+        yield f"{self._path}/ends", ends
 
 
-class _Dot:
+class _Point:
     """A point that keeps to something."""
 
-    def __init__(self, entity: str, point: Attachment, size: float) -> None:
-        self._entity, self._point, self._size = entity, point, size
+    def __init__(self, path: str, point: Attachment, size: float) -> None:
+        self._path, self._point, self._size = path, point, size
 
-    def static(self) -> Logged:
-        yield self._entity, rr.Points3D.from_fields(radii=[0.014 * self._size], colors=[palette.CLOSING])
+    def static(self) -> LoggedItems:
+        yield self._path, rr.Points3D.from_fields(radii=[0.014 * self._size], colors=[palette.CLOSING])
 
-    def columns(self, rows: Rows, placement: Placement) -> Logged:
-        yield self._entity, rr.Points3D.columns(positions=placement.point(self._point))
+    def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
+        yield self._path, rr.Points3D.columns(positions=poses.point(self._point))
 
 
-class _Guided(_Dot):
+class _PointOnLine(_Point):
     """A point on a plane, or on a line, which is drawn in the frame of the part that carries it."""
 
-    def __init__(self, entity: str, record: Flat, size: float) -> None:
-        super().__init__(entity, record.point, size)
+    def __init__(self, path: str, record: Flat, size: float) -> None:
+        super().__init__(path, record.point, size)
         self._record = record
 
-    def static(self) -> Logged:
+    def static(self) -> LoggedItems:
         yield from super().static()
         if len(self._record.normals) == 2:
             base, way = self._record.base, HALF * self._size * np.cross(*self._record.normals)
@@ -103,38 +103,38 @@ class _Guided(_Dot):
             yield f"{entity_paths.part(base.part)}/lines/{self._record.name}", line
 
 
-class _Contact:
+class _RollingContact:
     """Where a wheel or a ball touches its plane, and the track that it leaves there."""
 
     def __init__(self, record: Rolling, size: float) -> None:
         self._record, self._size = record, size
-        self._entity = f"{entity_paths.WORLD}/contacts/{record.name}"
-        self._track = Trail(entity_paths.trace(record.name), palette.CONTACT, 0.003 * size)
+        self._path = f"{entity_paths.WORLD}/contacts/{record.name}"
+        self._track = Trace(entity_paths.trace(record.name), palette.CONTACT, 0.003 * size)
 
-    def static(self) -> Logged:
-        yield self._entity, rr.Points3D.from_fields(radii=[0.014 * self._size], colors=[palette.CONTACT])
+    def static(self) -> LoggedItems:
+        yield self._path, rr.Points3D.from_fields(radii=[0.014 * self._size], colors=[palette.CONTACT])
         yield from self._track.static()
 
-    def columns(self, rows: Rows, placement: Placement) -> Logged:
-        touched = contact(self._record, placement)
-        yield self._entity, rr.Points3D.columns(positions=touched)
+    def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
+        touched = contact(self._record, poses)
+        yield self._path, rr.Points3D.columns(positions=touched)
         yield from self._track.columns_through(rows, touched)
 
 
-def contact(record: Rolling, placement: Placement) -> Array:
+def contact(record: Rolling, poses: PartPoses) -> Array:
     """(n, 3): the point of a disc, or a ball, that is nearest to its plane."""
-    center = placement.point(record.center)
-    down = -placement.direction(record.plane.part, record.normal)
+    center = poses.point(record.center)
+    down = -poses.direction(record.plane.part, record.normal)
     if record.axis is not None:
-        axis = placement.direction(record.center.part, record.axis)
+        axis = poses.direction(record.center.part, record.axis)
         down = down - np.sum(down * axis, axis=1, keepdims=True) * axis
         down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), FLAT)
     return np.asarray(center + record.radius * down)
 
 
-def floor_of(stage: Stage) -> tuple[Array, Array] | None:
+def floor_of(scene: SceneDescription) -> tuple[Array, Array] | None:
     """A point (3,) and the normal (3,) of the first plane of ground that something rolls or slides on."""
-    for record in stage.mechanism.constraints:
+    for record in scene.mechanism.constraints:
         if isinstance(record, Rolling) and record.plane.part == GROUND:
             return record.plane.point, record.normal
         if isinstance(record, Flat) and record.base.part == GROUND and len(record.normals) == 1:

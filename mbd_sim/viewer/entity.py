@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, Protocol
 
-from mbd_sim.viewer.placement import Placement
+from mbd_sim.viewer.part_poses import PartPoses
 from mbd_sim.viewer.sample_rows import Rows
 
-Logged = Iterator[tuple[str, Any]]  # an entity, and what of Rerun goes there
+LoggedItems = Iterator[tuple[str, Any]]  # an entity, and what of Rerun goes there
 
 
-class Prop(Protocol):
+class Entity(Protocol):
     """Something in the scene, or a line in a plot."""
 
-    def static(self) -> Logged:
+    def static(self) -> LoggedItems:
         """What does not change: shapes, styles, names."""
 
-    def columns(self, rows: Rows, placement: Placement) -> Logged:
+    def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         """What changes, a row for each sample."""

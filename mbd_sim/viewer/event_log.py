@@ -10,7 +10,7 @@ import rerun as rr
 
 from mbd_sim.simulation.events import ERRORS, EventKind
 from mbd_sim.viewer import entity_paths
-from mbd_sim.viewer.entity import Logged
+from mbd_sim.viewer.entity import LoggedItems
 
 RUN, COMMANDS = f"{entity_paths.STATES}/run", f"{entity_paths.STATES}/commands"
 STYLES = {
@@ -48,7 +48,7 @@ def level(kind: EventKind) -> str:
     return str(rr.TextLogLevel.WARN if kind in _WARNINGS else rr.TextLogLevel.INFO)
 
 
-def static() -> Logged:
+def static() -> LoggedItems:
     """The colors of the lanes."""
     for entity, styles in STYLES.items():
         yield entity, rr.StateConfiguration(values=list(styles), colors=list(styles.values()))

@@ -6,17 +6,17 @@ import numpy as np
 
 from mbd_sim.geometry.pose import Array
 from mbd_sim.viewer.sample_rows import Rows
-from mbd_sim.viewer.scene_description import Stage
+from mbd_sim.viewer.scene_description import SceneDescription
 
 
-def coordinates(stage: Stage, rows: Rows) -> Array:
+def coordinates(scene: SceneDescription, rows: Rows) -> Array:
     """(n, nv): a position for each generalized speed, as `Model.coordinates` gives it for one state."""
     y = rows.of("y")
     found = [np.empty((len(rows), 0))]
-    for name, where in stage.q.items():
+    for name, where in scene.q.items():
         values = y[:, where]
-        if name in stage.quaternions:
-            offset = stage.quaternions[name] - where.start
+        if name in scene.quaternions:
+            offset = scene.quaternions[name] - where.start
             values = np.hstack([values[:, :offset], rotation_vectors(values[:, offset:])])
         found.append(values)
     return np.hstack(found)

@@ -31,10 +31,10 @@ class Mailbox(Generic[Item]):
         self._items.append((self._written, item))
         self._written += 1
 
-    def take(self, most: int) -> list[Item]:
+    def take(self, limit: int) -> list[Item]:
         """Take out at most so many items, oldest first."""
         taken: list[Item] = []
-        while len(taken) < most:
+        while len(taken) < limit:
             try:
                 number, item = self._items.popleft()
             except IndexError:

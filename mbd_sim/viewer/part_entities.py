@@ -13,74 +13,74 @@ from mbd_sim.geometry.rotation import quaternions
 from mbd_sim.mechanism.records import GROUND, Part
 from mbd_sim.viewer import entity_paths, rerun_shapes
 from mbd_sim.viewer.arrow_entities import LONG, weight
-from mbd_sim.viewer.entity import Logged, Prop
-from mbd_sim.viewer.placement import Placement
+from mbd_sim.viewer.entity import Entity, LoggedItems
+from mbd_sim.viewer.part_poses import PartPoses
 from mbd_sim.viewer.sample_rows import Rows
-from mbd_sim.viewer.scene_description import Stage
+from mbd_sim.viewer.scene_description import SceneDescription
 
 
-def parts(stage: Stage) -> Iterator[Prop]:
+def part_entities(scene: SceneDescription) -> Iterator[Entity]:
     """Ground and all parts."""
-    yield _Ground(stage)
-    colors = palette.part_colors(stage.mechanism)
-    for index, name in enumerate(stage.part_names):
-        yield _Part(stage.mechanism.parts[name], index, colors[name], stage.extent.size)
+    yield _Ground(scene)
+    colors = palette.part_colors(scene.mechanism)
+    for index, name in enumerate(scene.part_names):
+        yield _Part(scene.mechanism.parts[name], index, colors[name], scene.extent.size)
 
 
 class _Ground:
-    def __init__(self, stage: Stage) -> None:
-        self._size = stage.extent.size
+    def __init__(self, scene: SceneDescription) -> None:
+        self._size = scene.extent.size
 
-    def static(self) -> Logged:
+    def static(self) -> LoggedItems:
         size, colors = self._size, [palette.AXIS_X, palette.AXIS_Y, palette.AXIS_Z]
         axes = rr.Arrows3D(vectors=0.12 * size * np.eye(3), radii=0.003 * size, colors=colors)
         yield f"{entity_paths.part(GROUND)}/axes", axes
 
-    def columns(self, rows: Rows, placement: Placement) -> Logged:
+    def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         yield from ()
 
 
 class _Part:
     def __init__(self, part: Part, index: int, color: Color, size: float) -> None:
         self._part, self._index, self._color, self._size = part, index, color, size
-        self._entity = entity_paths.part(part.name)
+        self._path = entity_paths.part(part.name)
 
-    def static(self) -> Logged:
-        part, entity = self._part, self._entity
+    def static(self) -> LoggedItems:
+        part, path = self._part, self._path
         for index, shape in enumerate(part.shapes):
             own = palette.from_hex(shape.color) if shape.color else palette.lit(self._color)
-            yield f"{entity}/{index}_{shape.kind}", rerun_shapes.solid(shape, own)
+            yield f"{path}/{index}_{shape.kind}", rerun_shapes.solid(shape, own)
             if not shape.hole and (mark := rerun_shapes.mark(shape, own)) is not None:
-                yield f"{entity}/{index}_{shape.kind}/mark", mark
+                yield f"{path}/{index}_{shape.kind}/mark", mark
         if not part.shapes and part.mass:
-            yield f"{entity}/center", rerun_shapes.sphere(part.center, 0.02 * self._size, palette.lit(self._color))
+            yield f"{path}/center", rerun_shapes.sphere(part.center, 0.02 * self._size, palette.lit(self._color))
             ends = [pose.position for pose in part.points.values()] or [part.center]
             strips = [np.array([np.zeros(3), end]) for end in ends if np.any(end)]
             if strips:
                 lines = rr.LineStrips3D(strips, radii=0.006 * self._size, colors=[self._color])
-                yield f"{entity}/points", lines
+                yield f"{path}/points", lines
 
-    def columns(self, rows: Rows, placement: Placement) -> Logged:
+    def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         turned = quaternions(rows.rotations[:, self._index])
         moved = rr.Transform3D.columns(translation=rows.positions[:, self._index], quaternion=turned)
-        yield self._entity, moved
+        yield self._path, moved
 
 
-def about(stage: Stage) -> rr.TextDocument:
+def about(scene: SceneDescription) -> rr.TextDocument:
     """What is to be seen, and at which scale."""
-    mechanism = stage.mechanism
+    mechanism = scene.mechanism
     free = len(mechanism.coordinate_names)
     lines = [
         f"# {mechanism.name}",
         mechanism.description.strip(),
         f"{len(mechanism.parts)} parts of {mechanism.mass:.4g} kg, {free} coordinates, "
         f"{len(mechanism.closing) + len(mechanism.constraints)} loops and constraints; "
-        f"{stage.method} with a step of {1e3 * mechanism.step:g} ms, if not told otherwise.",
+        f"{scene.method} with a step of {1e3 * mechanism.step:g} ms, if not told otherwise.",
         "| colour | meaning |\n|---|---|\n"
         "| yellow | driven joints |\n| pink | joints and rods that close loops |\n| grey, white | other joints |\n"
         "| red arrows | forces of the file |\n| green arrows | commanded efforts and wrenches |\n"
         "| blue arrows | forces through joints, where asked for |",
-        f"An arrow of {LONG * stage.extent.size:.3g} m is {weight(stage):.3g} N, if its force has no scale of its own: "
+        f"An arrow of {LONG * scene.extent.size:.3g} m is {weight(scene):.3g} N, if its force has no scale of its own: "
         "the largest value of its expression, or the effort limit of its joint.",
     ]
     return rr.TextDocument("\n\n".join(lines), media_type=rr.MediaType.MARKDOWN)

@@ -10,10 +10,10 @@ import struct
 from typing import IO
 
 HEADER = struct.Struct("<cQ")
-STAGE, ROWS, EVENTS, FLUSH = b"S", b"R", b"E", b"F"
+SCENE, ROWS, EVENTS, FLUSH = b"S", b"R", b"E", b"F"
 
 
-def packed(kind: bytes, payload: bytes) -> bytes:
+def pack(kind: bytes, payload: bytes) -> bytes:
     """A message."""
     return HEADER.pack(kind, len(payload)) + payload
 

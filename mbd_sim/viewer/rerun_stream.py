@@ -10,72 +10,80 @@ import rerun as rr
 
 from mbd_sim.geometry.pose import Array
 from mbd_sim.viewer import entity_paths, event_log
-from mbd_sim.viewer.arrow_entities import arrows
+from mbd_sim.viewer.arrow_entities import arrow_entities
 from mbd_sim.viewer.blueprint import make_blueprint
-from mbd_sim.viewer.constraint_entities import guides
-from mbd_sim.viewer.entity import Prop
+from mbd_sim.viewer.constraint_entities import constraint_entities
+from mbd_sim.viewer.entity import Entity
 from mbd_sim.viewer.event_log import LoggedEvent
-from mbd_sim.viewer.joint_entities import pins
-from mbd_sim.viewer.part_entities import about, parts
-from mbd_sim.viewer.placement import Placement
-from mbd_sim.viewer.plot_entities import plots
+from mbd_sim.viewer.joint_entities import joint_entities
+from mbd_sim.viewer.part_entities import about, part_entities
+from mbd_sim.viewer.part_poses import PartPoses
+from mbd_sim.viewer.plot_entities import plot_entities
 from mbd_sim.viewer.sample_rows import Rows
-from mbd_sim.viewer.scene_description import Stage
+from mbd_sim.viewer.scene_description import SceneDescription
 from mbd_sim.viewer.sinks import Outlet, is_live
-from mbd_sim.viewer.spring_entities import ties
-from mbd_sim.viewer.trace_entities import traces
+from mbd_sim.viewer.spring_entities import spring_entities
+from mbd_sim.viewer.trace_entities import trace_entities
 
 APPLICATION = "mbd_sim"
 FLUSH_TIMEOUT = 5.0  # s
 
 
-class Presentation:
+class RerunStream:
     """One recording. `address` says where to look."""
 
-    def __init__(self, stage: Stage, sink: str, *, live: bool | None = None) -> None:
+    def __init__(self, scene: SceneDescription, sink: str, *, live: bool | None = None) -> None:
         """Open the sink and log what does not change.
 
         :param live: follow what comes in, rather than play it again and again; None: where somebody watches.
         :raises ViewerError: the sink cannot be opened.
         """
-        self._stage = stage
+        self._scene = scene
         self._recording = rr.RecordingStream(APPLICATION, batcher_config=rr.ChunkBatcherConfig.LOW_LATENCY())
         self._outlet = Outlet(
-            self._recording, sink, make_blueprint(stage, live=is_live(sink) if live is None else live)
+            self._recording, sink, make_blueprint(scene, live=is_live(sink) if live is None else live)
         )
         self.address = self._outlet.address
         try:
-            self._recording.send_recording_name(stage.mechanism.name)
+            self._recording.send_recording_name(scene.mechanism.name)
             self._recording.log(entity_paths.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-            self._recording.log(entity_paths.ABOUT, about(stage), static=True)
-            sources = (parts, pins, ties, guides, traces, arrows, plots)
-            self._props: list[Prop] = [prop for source in sources for prop in source(stage)]
-            for prop in self._props:
-                for entity, what in prop.static():
-                    self._recording.log(entity, what, static=True)
-            for entity, what in event_log.static():
-                self._recording.log(entity, what, static=True)
+            self._recording.log(entity_paths.ABOUT, about(scene), static=True)
+            sources = (
+                part_entities,
+                joint_entities,
+                spring_entities,
+                constraint_entities,
+                trace_entities,
+                arrow_entities,
+                plot_entities,
+            )
+            self._entities: list[Entity] = [item for source in sources for item in source(scene)]
+            for item in self._entities:
+                for path, what in item.static():
+                    self._recording.log(path, what, static=True)
+            for path, what in event_log.static():
+                self._recording.log(path, what, static=True)
         except BaseException:
             self._outlet.close()
             raise
         self._begun = False
 
-    def send(self, values: Array) -> None:
+    def send_samples(self, values: Array) -> None:
         """Show samples, the rows (n, width) of `RowLayout`, in the order of their times."""
-        rows = Rows(self._stage.rows, values)
-        placement = Placement(self._stage, rows)
+        rows = Rows(self._scene.rows, values)
+        poses = PartPoses(self._scene, rows)
         if not self._begun:
             self._begun = True
-            for entity, state in ((event_log.RUN, "running"), (event_log.COMMANDS, "none")):
-                self._columns(entity, rows.times[:1], rr.StateChange.columns(state=[state]))
-        for prop in self._props:
-            for entity, columns in prop.columns(rows, placement):
-                self._columns(entity, rows.times, columns)
+            for path, state in ((event_log.RUN, "running"), (event_log.COMMANDS, "none")):
+                self._columns(path, rows.times[:1], rr.StateChange.columns(state=[state]))
+        for item in self._entities:
+            for path, columns in item.columns(rows, poses):
+                self._columns(path, rows.times, columns)
 
-    def tell(self, told: Sequence[LoggedEvent]) -> None:
+    def send_events(self, events: Sequence[LoggedEvent]) -> None:
         """Show events."""
-        for entity, times, columns in event_log.columns(told):
-            self._columns(entity, times, columns)
+        for path, times, columns in event_log.columns(events):
+            self._columns(path, times, columns)
 
     def flush(self) -> None:
         """Pass on what is in the buffers.
@@ -89,6 +97,6 @@ class Presentation:
         self._recording.disconnect()
         self._outlet.close()
 
-    def _columns(self, entity: str, times: np.ndarray, columns: Any) -> None:
+    def _columns(self, path: str, times: np.ndarray, columns: Any) -> None:
         index = rr.TimeColumn(entity_paths.TIMELINE, duration=times)
-        rr.send_columns(entity, indexes=[index], columns=columns, recording=self._recording, strict=True)
+        rr.send_columns(path, indexes=[index], columns=columns, recording=self._recording, strict=True)

@@ -14,7 +14,7 @@ from mbd_sim.geometry.pose import Array, unpack_poses
 if TYPE_CHECKING:
     from mbd_sim.simulation.compiled_model import Energies, Model
 
-AUDIT = 7  # numbers of `Energies`
+ENERGY_NUMBERS = 7  # numbers of `Energies`
 FIELDS = ("times", "audit", "y", "inputs", "poses", "drives", "reactions")
 
 
@@ -34,16 +34,16 @@ class RowLayout:
     joints: int
 
     @cached_property
-    def places(self) -> Mapping[str, slice]:
+    def slices(self) -> Mapping[str, slice]:
         """The place of each of `FIELDS`."""
-        sizes = (2, AUDIT, self.state, self.inputs, 12 * self.parts, 3 * self.driven, 6 * self.joints)
+        sizes = (2, ENERGY_NUMBERS, self.state, self.inputs, 12 * self.parts, 3 * self.driven, 6 * self.joints)
         stops = np.cumsum(sizes).tolist()
         return {name: slice(stop - size, stop) for name, size, stop in zip(FIELDS, sizes, stops, strict=True)}
 
     @cached_property
     def width(self) -> int:
         """How many numbers a row has."""
-        return int(self.places[FIELDS[-1]].stop)
+        return int(self.slices[FIELDS[-1]].stop)
 
 
 class RowWriter:
@@ -55,8 +55,8 @@ class RowWriter:
             len(model.start), len(model.inputs), len(model.part_names), len(model.driven_names), joints
         )
         self._model, self._reactions = model, reactions
-        self._audit, self._y, self._inputs, self._poses, self._drives, self._forces = (
-            self.layout.places[name] for name in FIELDS[1:]
+        self._energies, self._y, self._inputs, self._poses, self._drives, self._forces = (
+            self.layout.slices[name] for name in FIELDS[1:]
         )
 
     def row(self, time: float, motion_time: float, y: Array, inputs: Array, energies: Energies) -> Array:
@@ -65,7 +65,7 @@ class RowWriter:
         if len(inputs) < len(model.inputs):
             inputs = np.concatenate([inputs, model.inputs[len(inputs) :]])
         row[0], row[1] = time, motion_time
-        row[self._audit] = energies
+        row[self._energies] = energies
         row[self._y], row[self._inputs] = y, inputs
         row[self._poses] = model.pose_array(motion_time, y, inputs).ravel()
         if self.layout.driven:
@@ -87,7 +87,7 @@ class Rows:
 
     def of(self, field: str) -> Array:
         """A field, (n, its size)."""
-        return self.values[:, self._layout.places[field]]
+        return self.values[:, self._layout.slices[field]]
 
     @property
     def times(self) -> Array:

@@ -24,7 +24,7 @@ TRACE_TIME = 1.0  # s
 
 
 @dataclass(frozen=True)
-class Look:
+class DisplayOptions:
     """What a person may choose.
 
     `traces` of points (`part` or `part.point`; None: the ends of the chains), how long they stay in s of simulated
@@ -37,7 +37,7 @@ class Look:
 
 
 @dataclass(frozen=True, eq=False)
-class Wires:
+class ConstraintLines:
     """Lines (n, 3) in a part's frame that a curve or a surface is drawn with."""
 
     name: str
@@ -47,7 +47,7 @@ class Wires:
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class SceneDescription:
     """A mechanism made ready to be shown.
 
     `q` and `u` say where the coordinates and speeds of each joint stand in the state, `wrenches` where the commanded
@@ -66,9 +66,9 @@ class Stage:
     part_names: tuple[str, ...]
     start: Array
     traces: Mapping[str, Attachment]
-    wires: tuple[Wires, ...]
+    constraint_lines: tuple[ConstraintLines, ...]
     method: str
-    look: Look
+    options: DisplayOptions
 
     @property
     def start_poses(self) -> Mapping[str, Pose]:
@@ -82,13 +82,13 @@ class Stage:
         return pose.position + pose.rotation @ at.point
 
 
-def make_stage(model: Model, rows: RowLayout, look: Look) -> Stage:
+def describe_scene(model: Model, rows: RowLayout, options: DisplayOptions) -> SceneDescription:
     """Look at a model.
 
     :raises ValueError: a trace names a part or point that does not exist.
     """
     mechanism = model.mechanism
-    return Stage(
+    return SceneDescription(
         mechanism=mechanism,
         extent=extent_of(model),
         rows=rows,
@@ -100,32 +100,32 @@ def make_stage(model: Model, rows: RowLayout, look: Look) -> Stage:
         quaternions=dict(model.quaternions),
         part_names=tuple(model.part_names),
         start=model.pose_array(0.0, model.start),
-        traces=_traces(mechanism, look.traces),
-        wires=tuple(_wires(model)),
+        traces=_traces(mechanism, options.traces),
+        constraint_lines=tuple(_wires(model)),
         method=model.method.name,
-        look=look,
+        options=options,
     )
 
 
 def _traces(mechanism: Mechanism, wanted: Sequence[str] | None) -> Mapping[str, Attachment]:
     if wanted is None:
         return {name: Attachment(name, tip_of(mechanism.parts[name])) for name in entity_paths.ends(mechanism)}
-    places = {name: part.points for name, part in mechanism.parts.items()}
+    slices = {name: part.points for name, part in mechanism.parts.items()}
     found: dict[str, Attachment] = {}
     for text in wanted:
         try:
-            part, pose = end_of(text, places)
+            part, pose = end_of(text, slices)
         except LookupError as error:
             message, remedy = error.args
-            raise ValueError(f"traces: {message}. {remedy or nearest(text, places)}") from error
+            raise ValueError(f"traces: {message}. {remedy or nearest(text, slices)}") from error
         point = pose.position if "." in text else tip_of(mechanism.parts[part])
         found[text] = Attachment(part, np.array(point))
     return found
 
 
-def _wires(model: Model) -> list[Wires]:
+def _wires(model: Model) -> list[ConstraintLines]:
     """The curves and surfaces that points keep to, as they are at the start."""
-    found: list[Wires] = []
+    found: list[ConstraintLines] = []
     for record in model.mechanism.constraints:
         if isinstance(record, Surface):
             from mbd_sim.appearance.implicit_curves import curve, surface
@@ -137,5 +137,5 @@ def _wires(model: Model) -> list[Wires]:
             one = len(record.equations) == 1
             drawn = surface(record, on, base, np.array([0.55, -1.0, 0.5])) if one else curve(record, on, base)
             lines = tuple(wire.points for wire in drawn if wire.kind != "outline" and len(wire.points) > 1)
-            found.append(Wires(record.name, record.base.part, lines, surface=one))
+            found.append(ConstraintLines(record.name, record.base.part, lines, surface=one))
     return found

@@ -11,47 +11,47 @@ from mbd_sim.appearance import palette
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Attachment
 from mbd_sim.viewer import entity_paths
-from mbd_sim.viewer.entity import Logged, Prop
-from mbd_sim.viewer.placement import Placement
+from mbd_sim.viewer.entity import Entity, LoggedItems
+from mbd_sim.viewer.part_poses import PartPoses
 from mbd_sim.viewer.sample_rows import Rows
-from mbd_sim.viewer.scene_description import Stage
+from mbd_sim.viewer.scene_description import SceneDescription
 
 
-def traces(stage: Stage) -> Iterator[Prop]:
+def trace_entities(scene: SceneDescription) -> Iterator[Entity]:
     """The chosen ones."""
-    colors = palette.part_colors(stage.mechanism)
-    for name, at in stage.traces.items():
-        yield _Trace(name, at, colors.get(at.part, palette.JOINT), 0.005 * stage.extent.size)
+    colors = palette.part_colors(scene.mechanism)
+    for name, at in scene.traces.items():
+        yield _PointTrace(name, at, colors.get(at.part, palette.JOINT), 0.005 * scene.extent.size)
 
 
-class Trail:
+class Trace:
     """Each row is the way from the sample before; the view shows those of the last second or so.
 
     Where the motion begins anew, as after a reset, so does the way.
     """
 
-    def __init__(self, entity: str, color: palette.Color, radius: float) -> None:
-        self.entity, self._color, self._radius = entity, color, radius
+    def __init__(self, path: str, color: palette.Color, radius: float) -> None:
+        self.path, self._color, self._radius = path, color, radius
         self._end, self._time = np.zeros(3), np.inf
 
-    def static(self) -> Logged:
+    def static(self) -> LoggedItems:
         """Its style."""
-        yield self.entity, rr.LineStrips3D.from_fields(colors=[self._color], radii=[self._radius])
+        yield self.path, rr.LineStrips3D.from_fields(colors=[self._color], radii=[self._radius])
 
-    def columns_through(self, rows: Rows, points: Array) -> Logged:
+    def columns_through(self, rows: Rows, points: Array) -> LoggedItems:
         """Through points (n, 3)."""
         times = np.concatenate([[self._time], rows.motion_times])
         before = np.vstack([self._end, points[:-1]])
         anew = np.diff(times) <= 0.0
         before[anew] = points[anew]
         self._end, self._time = points[-1], float(times[-1])
-        yield self.entity, rr.LineStrips3D.columns(strips=list(np.stack([before, points], axis=1)))
+        yield self.path, rr.LineStrips3D.columns(strips=list(np.stack([before, points], axis=1)))
 
 
-class _Trace(Trail):
+class _PointTrace(Trace):
     def __init__(self, name: str, at: Attachment, color: palette.Color, radius: float) -> None:
         super().__init__(entity_paths.trace(name), color, radius)
         self._at = at
 
-    def columns(self, rows: Rows, placement: Placement) -> Logged:
-        yield from self.columns_through(rows, placement.point(self._at))
+    def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
+        yield from self.columns_through(rows, poses.point(self._at))

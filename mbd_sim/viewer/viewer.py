@@ -24,7 +24,7 @@ from mbd_sim.viewer import protocol
 from mbd_sim.viewer.event_filter import EventFilter
 from mbd_sim.viewer.mailbox import Mailbox
 from mbd_sim.viewer.sample_rows import RowWriter
-from mbd_sim.viewer.scene_description import TRACE_TIME, Look, make_stage
+from mbd_sim.viewer.scene_description import TRACE_TIME, DisplayOptions, describe_scene
 from mbd_sim.viewer.sinks import ViewerError, checked_sink, is_live
 
 PERIOD = 0.05  # s between two batches
@@ -80,16 +80,16 @@ class Viewer:
         self._samples: Mailbox[Array] = Mailbox(capacity)
         self._events: Mailbox[tuple[float, EventKind, str]] = Mailbox(capacity)
         self._writer = RowWriter(model, reactions)
-        look = Look(None if traces is None else tuple(traces), trace_time, reactions)
+        options = DisplayOptions(None if traces is None else tuple(traces), trace_time, reactions)
         self.failure: ViewerError | None = None
-        self._told = False
+        self._reported_by_worker = False
         self._waiting: dict[int, threading.Event] = {}
         self._flushes, self._wake, self._closing = 0, threading.Event(), False
         self._live = is_live(sink)
         self._worker = _started()
         try:
-            stage = make_stage(model, self._writer.layout, look)
-            self.address = self._opened(pickle.dumps((stage, sink)), sink)
+            scene = describe_scene(model, self._writer.layout, options)
+            self.address = self._open_worker(pickle.dumps((scene, sink)), sink)
         except BaseException:
             self._worker.kill()
             self._worker.communicate()
@@ -102,14 +102,14 @@ class Viewer:
             thread.start()
         atexit.register(self.close)
 
-    def _opened(self, stage: bytes, sink: str) -> str:
+    def _open_worker(self, scene: bytes, sink: str) -> str:
         """Hand over the stage; returns the address."""
         assert self._worker.stdin is not None and self._worker.stdout is not None
         timer = threading.Timer(OPEN_TIMEOUT, self._worker.kill)
         timer.start()
         line = b""
         with contextlib.suppress(OSError):
-            self._worker.stdin.write(protocol.packed(protocol.STAGE, stage))
+            self._worker.stdin.write(protocol.pack(protocol.SCENE, scene))
             self._worker.stdin.flush()
             line = self._worker.stdout.readline()
         timer.cancel()
@@ -197,11 +197,11 @@ class Viewer:
                 self._wake.clear()
                 closing, asked = self._closing, self._flushes
                 while rows := self._samples.take(BATCH):
-                    pipe.write(protocol.packed(protocol.ROWS, b"".join(row.data for row in rows)))
+                    pipe.write(protocol.pack(protocol.ROWS, b"".join(row.data for row in rows)))
                 while events := self._events.take(BATCH):
-                    pipe.write(protocol.packed(protocol.EVENTS, json.dumps(events).encode()))
+                    pipe.write(protocol.pack(protocol.EVENTS, json.dumps(events).encode()))
                 if self._waiting or (self._live and time.monotonic() - flushed > FLUSH_PERIOD):
-                    pipe.write(protocol.packed(protocol.FLUSH, asked.to_bytes(8, "little")))
+                    pipe.write(protocol.pack(protocol.FLUSH, asked.to_bytes(8, "little")))
                     flushed = time.monotonic()
                 pipe.flush()
             pipe.close()
@@ -217,7 +217,7 @@ class Viewer:
             for line in self._worker.stdout:
                 answer = json.loads(line)
                 if "failed" in answer:
-                    self._fail(answer["failed"], told_by_worker=True)
+                    self._fail(answer["failed"], by_worker=True)
                 self._release(int(answer.get("flushed", 0)))
         if not self._closing:
             self._fail(f"its process ended ({self._worker.wait()})")
@@ -227,9 +227,9 @@ class Viewer:
         for key in [key for key in self._waiting if key <= number]:
             self._waiting.pop(key).set()
 
-    def _fail(self, reason: str, *, told_by_worker: bool = False) -> None:
-        if self.failure is None or (told_by_worker and not self._told):
-            self._told = told_by_worker
+    def _fail(self, reason: str, *, by_worker: bool = False) -> None:
+        if self.failure is None or (by_worker and not self._reported_by_worker):
+            self._reported_by_worker = by_worker
             self.failure = ViewerError(f"the viewer at {self.address} takes no more data: {reason}")
             _log.error("%s", self.failure)
         self._release(self._flushes)

@@ -37,34 +37,34 @@ def _show(source: IO[bytes], answers: IO[str]) -> int:
         # Rerun is loaded while the other process gets the stage ready.
         from mbd_sim.simulation.events import EventKind
         from mbd_sim.viewer.event_log import LoggedEvent
-        from mbd_sim.viewer.rerun_stream import Presentation
+        from mbd_sim.viewer.rerun_stream import RerunStream
 
         first = protocol.read(source)
         if first is None:
             return 1
-        stage, sink = pickle.loads(first[1])  # noqa: S301  (from the process that started this one)
-        presentation = Presentation(stage, sink)
+        scene, sink = pickle.loads(first[1])  # noqa: S301  (from the process that started this one)
+        stream = RerunStream(scene, sink)
     except Exception as error:  # whatever it is, the simulation's side tells it
         answer(failed=str(error) or repr(error))
         return 1
-    answer(address=presentation.address)
+    answer(address=stream.address)
     try:
         while (message := protocol.read(source)) is not None:
             kind, payload = message
             if kind == protocol.ROWS:
-                presentation.send(np.frombuffer(payload).reshape(-1, stage.rows.width))
+                stream.send_samples(np.frombuffer(payload).reshape(-1, scene.rows.width))
             elif kind == protocol.EVENTS:
                 events = json.loads(payload)
-                presentation.tell([LoggedEvent(time, EventKind(kind), text) for time, kind, text in events])
+                stream.send_events([LoggedEvent(time, EventKind(kind), text) for time, kind, text in events])
             elif kind == protocol.FLUSH:
-                presentation.flush()
+                stream.flush()
                 answer(flushed=int.from_bytes(payload, "little"))
-        presentation.flush()
+        stream.flush()
     except Exception as error:
         answer(failed=str(error) or repr(error))
-        presentation.close()
+        stream.close()
         return 1
-    presentation.close()
+    stream.close()
     return 0
 
 

@@ -11,9 +11,9 @@ from mbd_sim.geometry import rotation as rot
 from mbd_sim.geometry.rotation import quaternions
 from mbd_sim.viewer import blueprint
 from mbd_sim.viewer.mailbox import Mailbox
-from mbd_sim.viewer.rerun_stream import Presentation
+from mbd_sim.viewer.rerun_stream import RerunStream
 from mbd_sim.viewer.sample_rows import RowWriter
-from mbd_sim.viewer.scene_description import Look, make_stage
+from mbd_sim.viewer.scene_description import DisplayOptions, describe_scene
 
 EVERY_SHAPE = """
 mechanism: every_shape
@@ -47,8 +47,8 @@ joints:
 
 def test_every_kind_of_shape_is_drawn(tmp_path):
     sim = Simulation.from_text(EVERY_SHAPE)
-    stage = make_stage(sim.model, RowWriter(sim.model).layout, Look())
-    Presentation(stage, str(tmp_path / "a.rrd")).close()
+    scene = describe_scene(sim.model, RowWriter(sim.model).layout, DisplayOptions())
+    RerunStream(scene, str(tmp_path / "a.rrd")).close()
     drawn = {}
     for chunk in RrdReader(tmp_path / "a.rrd").stream().to_chunks():
         if chunk.is_static:

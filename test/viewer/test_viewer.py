@@ -19,9 +19,9 @@ from mbd_sim.simulation.events import parse_event
 from mbd_sim.viewer import Viewer, ViewerError
 from mbd_sim.viewer.event_filter import EventFilter
 from mbd_sim.viewer.event_log import LoggedEvent
-from mbd_sim.viewer.rerun_stream import Presentation
+from mbd_sim.viewer.rerun_stream import RerunStream
 from mbd_sim.viewer.sample_rows import RowWriter
-from mbd_sim.viewer.scene_description import Look, make_stage
+from mbd_sim.viewer.scene_description import DisplayOptions, describe_scene
 
 
 class Recorded:
@@ -225,10 +225,10 @@ def test_the_trace_begins_anew_after_a_reset(tmp_path):
             sim.reset()
         rows.append(writer.row(tick * 1e-3, sim.time, sim.state, sim.inputs, sim.energies))
         sim.step()
-    stage = make_stage(sim.model, writer.layout, Look(traces=("rod", "rod.tip")))
-    presentation = Presentation(stage, str(tmp_path / "a.rrd"))
-    presentation.send(np.array(rows))
-    presentation.close()
+    scene = describe_scene(sim.model, writer.layout, DisplayOptions(trace_entities=("rod", "rod.tip")))
+    stream = RerunStream(scene, str(tmp_path / "a.rrd"))
+    stream.send_samples(np.array(rows))
+    stream.close()
     recorded = Recorded(tmp_path / "a.rrd")
     for entity in ("/world/traces/rod", "/world/traces/rod.tip"):
         lengths = np.linalg.norm(np.diff(recorded.column(entity, "LineStrips3D:strips")[:, 0], axis=1), axis=2)[:, 0]
@@ -238,19 +238,19 @@ def test_the_trace_begins_anew_after_a_reset(tmp_path):
 
 def test_a_trace_of_an_unknown_point_is_refused(tmp_path):
     with pytest.raises(ValueError, match="no point"):
-        Viewer(Simulation.from_file("rod_pendulum").model, str(tmp_path / "a.rrd"), traces=["rod.tp"])
+        Viewer(Simulation.from_file("rod_pendulum").model, str(tmp_path / "a.rrd"), trace_entities=["rod.tp"])
 
 
 def test_events_become_lines_and_lanes(tmp_path):
     sim, event_filter = Simulation.from_file("rod_pendulum"), EventFilter()
     writer = RowWriter(sim.model)
-    presentation = Presentation(make_stage(sim.model, writer.layout, Look()), str(tmp_path / "a.rrd"))
-    presentation.send(writer.row(0.0, 0.0, sim.state, sim.inputs, sim.energies)[None])
+    stream = RerunStream(describe_scene(sim.model, writer.layout, DisplayOptions()), str(tmp_path / "a.rrd"))
+    stream.send_samples(writer.row(0.0, 0.0, sim.state, sim.inputs, sim.energies)[None])
     texts = ["command", "command", "commands expired: efforts set to zero", "command", "paused", "running", "reset"]
     events = [(float(second), parse_event(text)) for second, text in enumerate(texts, 1)]
     shown = [(time, event) for time, event in events if event_filter.accepts(event.kind)]
-    presentation.tell([LoggedEvent(time, event.kind, event.text) for time, event in shown])
-    presentation.close()
+    stream.send_events([LoggedEvent(time, event.kind, event.text) for time, event in shown])
+    stream.close()
     recorded = Recorded(tmp_path / "a.rrd")
     log = [(at, row["TextLog:text"][0], row["TextLog:level"][0]) for at, row in recorded.rows["/events/log"]]
     assert log == [

@@ -8,16 +8,16 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.rotation import quaternions
 from mbd_sim.mechanism.records import GROUND, Attachment
 from mbd_sim.viewer.sample_rows import Rows
-from mbd_sim.viewer.scene_description import Stage
+from mbd_sim.viewer.scene_description import SceneDescription
 
-LEAST = 1e-9  # m, below which two points count as one
+MIN_LENGTH = 1e-9  # m, below which two points count as one
 
 
-class Placement:
+class PartPoses:
     """Where the parts are in each of n samples."""
 
-    def __init__(self, stage: Stage, rows: Rows) -> None:
-        self._index = {name: index for index, name in enumerate(stage.part_names)}
+    def __init__(self, scene: SceneDescription, rows: Rows) -> None:
+        self._index = {name: index for index, name in enumerate(scene.part_names)}
         self._rows = rows
 
     def point(self, at: Attachment) -> Array:
@@ -35,21 +35,21 @@ class Placement:
         turned: Array = np.einsum("nij,nj->ni", self._rows.rotations[:, self._index[part]], along)
         return turned
 
-    def turned(self, part: str) -> Array:
+    def rotations(self, part: str) -> Array:
         """The axes (n, 3, 3) of a part."""
         if part == GROUND:
             return np.broadcast_to(np.eye(3), (len(self._rows), 3, 3))
         return self._rows.rotations[:, self._index[part]]
 
 
-def along(starts: Array, stops: Array, across: Array) -> tuple[Array, Array]:
+def line_transforms(starts: Array, stops: Array, across: Array) -> tuple[Array, Array]:
     """Lengths (n,) from start to stop, and the quaternions (n, 4) x, y, z, w that turn z to there.
 
     x comes as near to `across` (3,) as it can, so that what is drawn does not spin about its line.
     """
     way = stops - starts
     length = np.linalg.norm(way, axis=1)
-    some = length > LEAST
+    some = length > MIN_LENGTH
     z = np.where(some[:, None], way / np.where(some, length, 1.0)[:, None], [0.0, 0.0, 1.0])
     x = across - (z @ across)[:, None] * z
     short = np.linalg.norm(x, axis=1) < 1e-3
@@ -60,9 +60,9 @@ def along(starts: Array, stops: Array, across: Array) -> tuple[Array, Array]:
     return length, quaternions(np.stack([x, np.cross(z, x), z], axis=2))
 
 
-def across(stage: Stage, direction: Array) -> Array:
+def transverse_direction(scene: SceneDescription, direction: Array) -> Array:
     """A direction (3,) across what starts along `direction`: the normal of the plane of motion where there is one."""
-    normal = stage.extent.normal
+    normal = scene.extent.normal
     if normal is not None:
         return normal
     return np.asarray(np.eye(3)[int(np.argmin(np.abs(direction)))])

@@ -6,13 +6,13 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.appearance import palette
 from mbd_sim.appearance.extent import extent_of
-from mbd_sim.appearance.residual_scale import residual_size
+from mbd_sim.appearance.residual_scale import residual_magnitude
 from mbd_sim.geometry import rotation as rot
-from mbd_sim.viewer.arrow_entities import LONG, arrows, weight
-from mbd_sim.viewer.placement import Placement
-from mbd_sim.viewer.rerun_stream import Presentation
+from mbd_sim.viewer.arrow_entities import LONG, arrow_entities, weight
+from mbd_sim.viewer.part_poses import PartPoses
+from mbd_sim.viewer.rerun_stream import RerunStream
 from mbd_sim.viewer.sample_rows import Rows, RowWriter
-from mbd_sim.viewer.scene_description import Look, make_stage
+from mbd_sim.viewer.scene_description import DisplayOptions, describe_scene
 from test.viewer.test_viewer import Recorded
 
 TIED = """
@@ -27,23 +27,23 @@ forces:
 """
 
 
-def show(sim, tmp_path, look=None, seconds=0.4, each=10):
+def show(sim, tmp_path, options=None, seconds=0.4, each=10):
     """Run, show, and read back; with what `sim` itself said at each moment."""
-    path, look = tmp_path / "a.rrd", look or Look()
-    writer = RowWriter(sim.model, look.reactions)
-    stage = make_stage(sim.model, writer.layout, look)
-    presentation = Presentation(stage, str(path))
+    path, options = tmp_path / "a.rrd", options or DisplayOptions()
+    writer = RowWriter(sim.model, options.reactions)
+    scene = describe_scene(sim.model, writer.layout, options)
+    stream = RerunStream(scene, str(path))
     rows, moments = [], []
     while sim.time <= seconds:
         rows.append(writer.row(sim.time, sim.time, sim.state, sim.inputs.copy(), sim.energies))
-        moments.append((sim.time, sim.poses(), sim.reactions() if look.reactions else None))
+        moments.append((sim.time, sim.poses(), sim.reactions() if options.reactions else None))
         sim.step(each)
     half = len(rows) // 2
     for batch in (rows[:half], rows[half:]):  # with a seam
-        presentation.send(np.array(batch))
-    presentation.flush()
-    presentation.close()
-    return Recorded(path), moments, stage
+        stream.send_samples(np.array(batch))
+    stream.flush()
+    stream.close()
+    return Recorded(path), moments, scene
 
 
 def static_color(recorded, entity):
@@ -71,7 +71,7 @@ def test_a_coil_reaches_from_end_to_end_and_its_damper_stands_between(tmp_path):
 
 
 def test_arrows_of_the_files_forces_follow_their_expressions(tmp_path):
-    recorded, moments, stage = show(Simulation.from_text(TIED), tmp_path)
+    recorded, moments, scene = show(Simulation.from_text(TIED), tmp_path)
     entity = "/world/forces/push/force"
     times = recorded.times(entity)
     drawn = {}
@@ -80,7 +80,7 @@ def test_arrows_of_the_files_forces_follow_their_expressions(tmp_path):
         drawn[round(time, 6)] = vectors[0] if vectors else np.zeros(3)
     assert drawn[0.0] @ np.ones(3) == 0.0  # nothing, rather than an arrow without length
     for time in times:
-        expected = LONG * stage.extent.size * np.sin(4.0 * time)
+        expected = LONG * scene.extent.size * np.sin(4.0 * time)
         np.testing.assert_allclose(drawn[round(time, 6)], [expected, 0.0, 0.0], rtol=2e-3, atol=2e-3)
     assert len(times) == len(moments)
 
@@ -89,11 +89,11 @@ def test_reactions_efforts_and_wrenches_are_arrows_to_scale(tmp_path):
     sim = Simulation.from_file("double_rod", wrenches=["lower"])
     sim.set_efforts({"elbow": 2.0})
     sim.set_wrench("lower", force=(3.0, 0.0, -4.0), at="tip" if "tip" in sim.mechanism.parts["lower"].points else None)
-    recorded, moments, stage = show(sim, tmp_path, Look(reactions=True))
-    size = LONG * stage.extent.size / weight(stage)
+    recorded, moments, scene = show(sim, tmp_path, DisplayOptions(reactions=True))
+    size = LONG * scene.extent.size / weight(scene)
     vectors = recorded.column("/world/reactions/elbow/force", "Arrows3D:vectors")[:, 0]
     expected = np.array([reactions["elbow"].force for _, _, reactions in moments])
-    short = np.linalg.norm(expected, axis=1) * size < 0.6 * stage.extent.size
+    short = np.linalg.norm(expected, axis=1) * size < 0.6 * scene.extent.size
     assert np.count_nonzero(short) > 10
     np.testing.assert_allclose(vectors[short], size * expected[short], rtol=1e-5, atol=1e-6)
     magnitudes = recorded.column("/joints/reaction", "Scalars:scalars")
@@ -106,8 +106,8 @@ def test_reactions_efforts_and_wrenches_are_arrows_to_scale(tmp_path):
 
 
 def test_driven_and_closing_joints_are_told_apart(tmp_path):
-    recorded, _, stage = show(Simulation.from_file("scissor_lift"), tmp_path, seconds=0.05)
-    mechanism = stage.mechanism
+    recorded, _, scene = show(Simulation.from_file("scissor_lift"), tmp_path, seconds=0.05)
+    mechanism = scene.mechanism
     found = {
         name: static_color(
             recorded, f"/world/{'ground' if joint.parent == 'ground' else f'parts/{joint.parent}'}/joints/{name}"
@@ -127,8 +127,8 @@ def test_driven_and_closing_joints_are_told_apart(tmp_path):
 
 
 def test_a_wheel_touches_its_plane_below_its_centre(tmp_path):
-    recorded, moments, stage = show(Simulation.from_file("rolling_disc"), tmp_path)
-    (rolling,) = stage.mechanism.constraints
+    recorded, moments, scene = show(Simulation.from_file("rolling_disc"), tmp_path)
+    (rolling,) = scene.mechanism.constraints
     touched = recorded.column(f"/world/contacts/{rolling.name}", "Points3D:positions")[:, 0]
     heights = (touched - rolling.plane.point) @ rolling.normal
     np.testing.assert_allclose(heights, 0.0, atol=1e-6)
@@ -140,8 +140,8 @@ def test_a_wheel_touches_its_plane_below_its_centre(tmp_path):
 
 
 def test_a_cable_runs_through_its_points(tmp_path):
-    recorded, moments, stage = show(Simulation.from_file("swinging_atwood"), tmp_path)
-    (cable,) = stage.mechanism.constraints
+    recorded, moments, scene = show(Simulation.from_file("swinging_atwood"), tmp_path)
+    (cable,) = scene.mechanism.constraints
     strips = recorded.column(f"/world/constraints/{cable.name}", "LineStrips3D:strips")[:, 0]
     assert strips.shape == (len(moments), len(cable.points), 3)
     lengths = np.linalg.norm(np.diff(strips, axis=1), axis=2).sum(axis=1)
@@ -150,13 +150,13 @@ def test_a_cable_runs_through_its_points(tmp_path):
 
 def test_a_curve_lies_on_its_surfaces_and_passes_through_the_bead(tmp_path):
     sim = Simulation.from_file("bead_on_wire")
-    recorded, _, stage = show(sim, tmp_path, seconds=0.05)
-    (wires,) = stage.wires
+    recorded, _, scene = show(sim, tmp_path, seconds=0.05)
+    (wires,) = scene.constraint_lines
     (entity,) = [path for path in recorded.static if "/wires/" in path]
     strips = recorded.static[entity]["LineStrips3D:strips"][0]
     assert sum(len(strip) for strip in strips) == sum(len(line) for line in wires.lines) > 20
-    bead = stage.at_start(stage.mechanism.constraints[0].point)
-    assert min(np.linalg.norm(np.array(strip) - bead, axis=1).min() for strip in strips) < 0.05 * stage.extent.size
+    bead = scene.at_start(scene.mechanism.constraints[0].point)
+    assert min(np.linalg.norm(np.array(strip) - bead, axis=1).min() for strip in strips) < 0.05 * scene.extent.size
 
 
 def test_slides_travel_as_far_as_they_will(tmp_path):
@@ -169,13 +169,13 @@ def test_slides_travel_as_far_as_they_will(tmp_path):
 
 def test_no_residual_is_smaller_than_the_rounding_of_what_it_is_made_from():
     audit = np.array([[10.0, -4.0, 0.0, 0.0, 0.0, 6.0, 0.0], [10.0, -4.0, 0.0, 0.0, 0.0, 6.0, -1e-9], [0.0] * 7])
-    np.testing.assert_allclose(residual_size(audit), [5.0 * np.finfo(float).eps, 1e-9, 1e-18])
+    np.testing.assert_allclose(residual_magnitude(audit), [5.0 * np.finfo(float).eps, 1e-9, 1e-18])
 
 
 @pytest.mark.parametrize("name", ["follower_force", "driveline", "stewart", "insect_on_sphere", "tricycle"])
 def test_stages_of_all_kinds_can_be_set(tmp_path, name):
-    recorded, moments, stage = show(Simulation.from_file(name), tmp_path, seconds=0.03, each=5)
-    for part in stage.part_names:
+    recorded, moments, scene = show(Simulation.from_file(name), tmp_path, seconds=0.03, each=5)
+    for part in scene.part_names:
         assert len(recorded.rows[f"/world/parts/{part}"]) == len(moments)
 
 
@@ -193,11 +193,11 @@ def test_drawn_efforts_have_the_power_of_the_equations(name):
     spin = (later.rotation - before.rotation) / 1e-8 @ before.rotation.T
     omega = np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
     writer = RowWriter(sim.model)
-    stage = make_stage(sim.model, writer.layout, Look())
-    (drawn,) = arrows(stage)
+    scene = describe_scene(sim.model, writer.layout, DisplayOptions())
+    (drawn,) = arrow_entities(scene)
     for index, speed in enumerate(sim.u):
         sim.set_efforts(np.eye(len(sim.u))[index])
         row = writer.row(sim.time, sim.time, sim.state, sim.inputs, sim.energies)
         rows = Rows(writer.layout, row[None])
-        force, couple = drawn.vectors(rows, Placement(stage, rows))
+        force, couple = drawn.vectors(rows, PartPoses(scene, rows))
         assert force[0] @ velocity + couple[0] @ omega == pytest.approx(speed, rel=1e-3, abs=1e-4)
