@@ -12,14 +12,12 @@ from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism import constraints as c
 from mbd_sim.mechanism.records import (
     GROUND,
-    LABELS,
     Attachment,
     Joint,
     Mechanism,
 )
 
 PARALLEL = 1e-9  # of a unit vector, what two directions may differ by
-PLANAR_FREEDOMS = {"revolute": 1, "prismatic": 1, "planar": 3, "fixed": 0}
 
 
 @dataclass(frozen=True)
@@ -68,17 +66,17 @@ def mobility(mechanism: Mechanism, equations: Equations, poses: Mapping[str, Pos
 
 
 def _freedoms(joint: Joint) -> int:
-    return 0 if joint.drive else len(LABELS[joint.type])
+    return 0 if joint.drive else joint.kind.nv
 
 
 def _planar(mechanism: Mechanism, poses: Mapping[str, Pose]) -> int | None:
     """Kutzbach's count in the plane, where the mechanism moves in one and nothing else can."""
     joints = list(mechanism.all_joints.values())
-    if any(joint.type not in PLANAR_FREEDOMS for joint in joints):
+    if any(joint.kind.planar_freedoms is None for joint in joints):
         return None
     axes = {j.name: poses[j.parent].rotation @ j.parent_pose.rotation @ j.axis for j in joints if j.axis.any()}
-    slides = [axes[j.name] for j in joints if j.type == "prismatic"]
-    normals = [axes[j.name] for j in joints if j.type in ("revolute", "planar")]
+    slides = [axes[j.name] for j in joints if j.name in axes and not j.kind.rotates]
+    normals = [axes[j.name] for j in joints if j.kind.rotates]
     normals += [np.cross(slides[0], slide) for slide in slides if not _along(slides[0], slide)]
     if not normals:
         return None
@@ -90,7 +88,7 @@ def _planar(mechanism: Mechanism, poses: Mapping[str, Pose]) -> int | None:
         if (count := _planar_equations(constraint, poses, normal)) is None:
             return None
         equations += count
-    taken = sum(3 if joint.drive else 3 - PLANAR_FREEDOMS[joint.type] for joint in joints)
+    taken = sum(3 - (0 if joint.drive else joint.kind.planar_freedoms or 0) for joint in joints)
     return 3 * len(mechanism.parts) - taken - equations
 
 

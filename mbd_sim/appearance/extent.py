@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 PREVIEW_TIME = 5.0  # s
 PREVIEW_STEPS = 5_000
 PREVIEW_FRAMES = 100
-SLIDING = ("prismatic", "cylindrical")
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +92,7 @@ def _travel(model: Model, frames: list[Array], size: float) -> dict[str, tuple[f
     poses[GROUND] = np.zeros((len(frames), 3)), np.tile(np.eye(3), (len(frames), 1, 1))
     found = {}
     for name, joint in model.mechanism.all_joints.items():
-        if joint.type not in SLIDING:
+        if not joint.kind.slides_along_axis:
             continue
         parent, child = (
             poses[part][0] + poses[part][1] @ frame.position

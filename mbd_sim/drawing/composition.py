@@ -33,7 +33,6 @@ MOST = np.array([500.0, 400.0])  # pt, what the mechanism may fill
 LEAST_WIDTH = 330.0  # pt, of the whole picture
 CLOSEST = 1.5  # times the scale at which the mechanism itself would fill the picture
 MARGIN, TITLE = 16.0, 26.0  # pt
-ROUND = ("revolute", "spherical", "universal")  # joints whose symbols hide a mass centre
 PART_NAME, JOINT_NAME = 10.0, 9.0  # pt
 MOST_HIDDEN = 8.0  # points of lines that the name of a joint may cover
 
@@ -89,7 +88,8 @@ def mechanism_sheet(
         sheet.add(*joint_paths(page, joint, size))
     if page.view.planar:
         sheet.paths = [_flat(path) for path in sheet.paths]
-    taken += [page.at(joint.carrier.position) for joint in joints if joint.joint.type in ROUND]
+    round_joints = [joint for joint in joints if joint.joint.kind.keeps_point and joint.joint.kind.connects]
+    taken += [page.at(joint.carrier.position) for joint in round_joints]  # their symbols hide a mass center
     for name, part in mechanism.parts.items():
         sheet.add(*mass_center(page, part, poses[name], taken))
     sheet.add(*force_paths(page, mechanism, poses))
@@ -112,7 +112,7 @@ def _names(
         if not is_phantom(part)
     ]
     for joint in joints:
-        if joint.joint.type not in ("free", "fixed") and not slides_phantom(joint):
+        if joint.joint.kind.connects and not slides_phantom(joint):
             at = page.at(name_place(page, joint, size))
             names.append((Text(_spaced(joint.joint.name), at, JOINT_NAME, GREY, italic=True), MOST_HIDDEN))
     return names

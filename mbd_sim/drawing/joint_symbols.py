@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import assert_never
 
 import numpy as np
 
@@ -75,8 +76,10 @@ def joint_paths(page: Page, held: Held, size: float) -> list[Path]:
             paths = [*base, *ball(at, held.away, depth, BODIES)]
         case "fixed":
             paths = _weld(page, held)
-        case _:
+        case "free":
             paths = []
+        case _:
+            assert_never(held.joint.type)
     return [*paths, *_drive(page, held)]
 
 
@@ -123,9 +126,9 @@ def _hinge(page: Page, held: Held, size: float) -> list[Path]:
 
 def name_place(page: Page, held: Held, size: float) -> Array:
     """The point (3,) in ground's frame that the name of a joint is near to."""
-    if held.joint.type in ("prismatic", "cylindrical") and held.grounded:
+    if held.joint.kind.slides_along_axis and held.grounded:
         return guide_end(page, held, size)
-    if held.joint.type in ("prismatic", "cylindrical", "planar"):
+    if held.joint.kind.slides:
         return held.mover.position
     if held.joint.type == "revolute" and not page.view.planar:
         nearest = max(_ends(held), key=lambda along: along * page.depth(held.axis))

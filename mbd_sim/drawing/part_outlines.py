@@ -126,7 +126,6 @@ def extent(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array:
 
 
 def _has_joint(mechanism: Mechanism, part: Part) -> bool:
-    turning = ("revolute", "spherical", "universal", "fixed")
     return any(
-        part.name in (joint.parent, joint.child) and joint.type in turning for joint in mechanism.all_joints.values()
+        part.name in (joint.parent, joint.child) and joint.kind.keeps_point for joint in mechanism.all_joints.values()
     )

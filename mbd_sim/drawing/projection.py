@@ -71,12 +71,12 @@ def plane_normal(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array | Non
     slides: list[Array] = []
     for joint in mechanism.all_joints.values():
         axis = frame_of(poses, joint.parent, joint.parent_pose).rotation @ joint.axis
-        if joint.type in ("revolute", "planar"):
-            turns.append(axis)
-        elif joint.type == "prismatic":
-            slides.append(axis)
-        elif joint.type != "fixed":
+        if joint.kind.planar_freedoms is None:
             return None
+        if joint.kind.rotates:
+            turns.append(axis)
+        elif joint.kind.slides:
+            slides.append(axis)
     if not turns and not slides:
         return None
     # With slides alone several planes may do: the vertical one through x first.

@@ -6,9 +6,10 @@ one is a velocity that stays zero.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import assert_never
 
 import casadi as ca
 import numpy as np
@@ -180,26 +181,26 @@ def loop_equations(joint: Joint, first: Frame, second: Frame, base: ca.SX) -> It
         for name, one, other in (("x", 1, 2), ("y", 2, 0), ("z", 0, 1)):
             yield f"rotation about {name}", ca.dot(first.rotation[:, one], second.rotation[:, other])
 
-    parts: Mapping[str, tuple[Callable[[], Iterator[tuple[str, ca.SX]]], ...]] = {
-        "spherical": (shared_point,),
-        "universal": (shared_point,),
-        "revolute": (shared_point, parallel),
-        "fixed": (shared_point, same_axes),
-        "prismatic": (shared_line, same_axes),
-        "cylindrical": (shared_line, parallel),
-        "screw": (shared_line, parallel),
-        "planar": (parallel,),
-    }
-    for part in parts[joint.type]:
-        yield from part()
-    if joint.type == "universal":
-        cosine = float(joint.axis @ joint.second)
-        cross = ca.dot(along(joint.axis), ca.sparsify(second.rotation @ constant(joint.second)))
-        yield "angle of the axes", cross - cosine
-    if joint.type == "planar":
-        yield "displacement along the normal", ca.dot(along(axis), gap)
-    if joint.type == "screw":
-        yield "advance", _advance(joint, first, second)[0]
+    for condition in joint.kind.loop_conditions:
+        match condition:
+            case "coincident points":
+                yield from shared_point()
+            case "point on axis":
+                yield from shared_line()
+            case "point in plane":
+                yield "displacement along the normal", ca.dot(along(axis), gap)
+            case "parallel axes":
+                yield from parallel()
+            case "equal orientations":
+                yield from same_axes()
+            case "constant angle between axes":
+                cosine = float(joint.axis @ joint.second)
+                cross = ca.dot(along(joint.axis), ca.sparsify(second.rotation @ constant(joint.second)))
+                yield "angle of the axes", cross - cosine
+            case "advance by the lead":
+                yield "advance", _advance(joint, first, second)[0]
+            case _:
+                assert_never(condition)
 
 
 def _advance(joint: Joint, first: Frame, second: Frame) -> tuple[ca.SX, ca.SX]:
@@ -221,9 +222,11 @@ def _advance(joint: Joint, first: Frame, second: Frame) -> tuple[ca.SX, ca.SX]:
 
 def senses(joint: Joint, first: Frame, second: Frame) -> list[ca.SX]:
     """What is positive where a loop is closed the right way round, not with an axis or a nut turned over."""
-    axes = {"fixed": np.eye(3), "prismatic": np.eye(3), "spherical": np.zeros((0, 3)), "universal": np.zeros((0, 3))}
-    found = [
-        ca.dot(first.rotation @ constant(axis), second.rotation @ constant(axis))
-        for axis in axes.get(joint.type, joint.axis[None, :])
-    ]
-    return [*found, _advance(joint, first, second)[1]] if joint.type == "screw" else found
+    conditions = joint.kind.loop_conditions
+    axes = np.zeros((0, 3))
+    if "equal orientations" in conditions:
+        axes = np.eye(3)
+    elif "parallel axes" in conditions:
+        axes = joint.axis[None, :]
+    found = [ca.dot(first.rotation @ constant(axis), second.rotation @ constant(axis)) for axis in axes]
+    return [*found, _advance(joint, first, second)[1]] if "advance by the lead" in conditions else found

@@ -279,8 +279,8 @@ def _settled(chain: Sequence[Link], q: ca.SX) -> ca.SX:
     """Coordinates with unit quaternions."""
     settled = ca.SX(q)
     for link in chain:
-        if link.type.quaternion is not None and not link.joint.drive:
-            first = link.q.start + link.type.quaternion
+        if (offset := link.joint.kind.quaternion) is not None and not link.joint.drive:
+            first = link.q.start + offset
             p = q[first : first + 4]
             settled[first : first + 4] = p / ca.sqrt(ca.dot(p, p))
     return settled

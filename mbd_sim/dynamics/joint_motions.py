@@ -1,14 +1,15 @@
-"""The types of joints: how many coordinates each has, and how it moves (Featherstone, table 4.1)."""
+"""How each type of joint moves, as a function of its coordinates q and speeds u (Featherstone, table 4.1)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import casadi as ca
 
 from mbd_sim.dynamics import motion as m
 from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.joint_types import JointType
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,20 +26,7 @@ class Axes:
     lead: float = 0.0
 
 
-@dataclass(frozen=True)
-class JointType:
-    """The sizes of a joint type and its motion.
-
-    `quaternion` is where in q a unit quaternion starts; `turns` tells for each pivot of the joint's elimination
-    whether it is a moment of inertia or a mass. `axial` joints are turned round by turning their axis round.
-    """
-
-    nq: int
-    nv: int
-    motion: Callable[[Axes, ca.SX, ca.SX], m.Motion]
-    turns: tuple[bool, ...]
-    quaternion: int | None = None
-    axial: bool = False
+JointMotion = Callable[[Axes, ca.SX, ca.SX], m.Motion]
 
 
 def _universal(axes: Axes, q: ca.SX, u: ca.SX) -> m.Motion:
@@ -54,16 +42,14 @@ def _planar(axes: Axes, q: ca.SX, u: ca.SX) -> m.Motion:
     return m.compose(plane, m.turning(axes.axis, q[2], u[2]))
 
 
-TURN, SLIDE = (True,), (False,)
-
-JOINT_TYPES: dict[str, JointType] = {
-    "revolute": JointType(1, 1, lambda axes, q, u: m.turning(axes.axis, q, u), TURN, axial=True),
-    "prismatic": JointType(1, 1, lambda axes, q, u: m.sliding(axes.axis, q, u), SLIDE, axial=True),
-    "screw": JointType(1, 1, lambda axes, q, u: m.screwing(axes.axis, axes.lead, q, u), TURN, axial=True),
-    "cylindrical": JointType(2, 2, _cylindrical, SLIDE + TURN, axial=True),
-    "universal": JointType(2, 2, _universal, TURN * 2),
-    "planar": JointType(3, 3, _planar, SLIDE * 2 + TURN),
-    "spherical": JointType(4, 3, lambda axes, q, u: m.orienting(q, u), TURN * 3, quaternion=0),
-    "free": JointType(7, 6, lambda axes, q, u: m.flying(q, u), TURN * 3 + SLIDE * 3, quaternion=3),
-    "fixed": JointType(0, 0, lambda axes, q, u: m.at_rest(), (), axial=True),
+JOINT_MOTIONS: Mapping[JointType, JointMotion] = {
+    "revolute": lambda axes, q, u: m.turning(axes.axis, q, u),
+    "prismatic": lambda axes, q, u: m.sliding(axes.axis, q, u),
+    "screw": lambda axes, q, u: m.screwing(axes.axis, axes.lead, q, u),
+    "cylindrical": _cylindrical,
+    "universal": _universal,
+    "planar": _planar,
+    "spherical": lambda axes, q, u: m.orienting(q, u),
+    "free": lambda axes, q, u: m.flying(q, u),
+    "fixed": lambda axes, q, u: m.at_rest(),
 }

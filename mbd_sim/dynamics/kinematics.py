@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from mbd_sim.dynamics.joint_motions import JOINT_MOTIONS
 from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.motion import Motion, prescribed, turned_round
 from mbd_sim.dynamics.spatial_algebra import constant, motion_transform
@@ -24,14 +25,15 @@ class LinkMotion:
 
 def joint_motion(link: Link, t: ca.SX, q: ca.SX, u: ca.SX) -> Motion:
     """The motion of a link's joint, from its coordinates and speeds or from its drive."""
+    move = JOINT_MOTIONS[link.joint.type]
     if link.joint.drive:
         position, speeds, speed_rates = time_functions(link.joint.drive, t)
-        motion = link.type.motion(link.axes, position, speeds)
-        if link.joint.reversed and not link.type.axial:
+        motion = move(link.axes, position, speeds)
+        if link.joint.reversed and not link.joint.kind.axial:
             motion = turned_round(motion)
         return prescribed(motion, speeds, speed_rates)
-    motion = link.type.motion(link.axes, q[link.q, :], u[link.u, :])
-    return turned_round(motion) if link.joint.reversed and not link.type.axial else motion
+    motion = move(link.axes, q[link.q, :], u[link.u, :])
+    return turned_round(motion) if link.joint.reversed and not link.joint.kind.axial else motion
 
 
 def link_motions(links: Sequence[Link], t: ca.SX, q: ca.SX, u: ca.SX) -> list[LinkMotion]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbd_sim.dynamics.joint_motions import JOINT_TYPES, Axes, JointType
+from mbd_sim.dynamics.joint_motions import Axes
 from mbd_sim.dynamics.spatial_algebra import inertia_matrix
 from mbd_sim.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.geometry.rotation import aligning_z
@@ -26,7 +26,6 @@ class Link:
     """
 
     joint: Joint
-    type: JointType
     parent: int
     base: Pose
     axes: Axes
@@ -52,8 +51,7 @@ def layout(mechanism: Mechanism) -> Layout:
     u: dict[str, slice] = {}
     nq = nv = 0
     for joint in mechanism.joints.values():
-        type_ = JOINT_TYPES[joint.type]
-        more_q, more_v = (0, 0) if joint.drive else (type_.nq, type_.nv)
+        more_q, more_v = (0, 0) if joint.drive else (joint.kind.nq, joint.kind.nv)
         q[joint.name], u[joint.name] = slice(nq, nq + more_q), slice(nv, nv + more_v)
         nq, nv = nq + more_q, nv + more_v
     return Layout(q, u, nq, nv)
@@ -70,7 +68,7 @@ def links(mechanism: Mechanism) -> list[Link]:
         if joint.reversed:
             inboard_pose, outboard_pose = outboard_pose, inboard_pose
         turn, axes = _aligned(joint)
-        type_, part = JOINT_TYPES[joint.type], mechanism.parts[joint.outboard]
+        part = mechanism.parts[joint.outboard]
         placed = (outboard_pose @ turn).inverse()
         center = _cleaned(placed.position + placed.rotation @ part.center)
         inertia = _cleaned(placed.rotation @ part.inertia @ placed.rotation.T)
@@ -78,7 +76,6 @@ def links(mechanism: Mechanism) -> list[Link]:
         result.append(
             Link(
                 joint=joint,
-                type=type_,
                 parent=index[joint.inboard],
                 base=Pose(_cleaned(base.position), _cleaned(base.rotation)),
                 axes=axes,
@@ -109,7 +106,7 @@ def _of_springs(mechanism: Mechanism, part: str, placed: Pose) -> Array:
 
 def _aligned(joint: Joint) -> tuple[Pose, Axes]:
     """A turn of the joint's frames after which its axes are coordinate axes, and the axes then."""
-    axis = -joint.axis if joint.reversed and JOINT_TYPES[joint.type].axial else joint.axis
+    axis = -joint.axis if joint.reversed and joint.kind.axial else joint.axis
     third = np.cross(axis, joint.second)
     if max(np.count_nonzero(axis), np.count_nonzero(joint.second)) <= 1:
         return identity_pose(), Axes(axis, joint.second, third, joint.lead)

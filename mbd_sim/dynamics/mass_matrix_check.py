@@ -10,7 +10,7 @@ import numpy as np
 from mbd_sim.dynamics.links import Link
 from mbd_sim.errors import MechanismError, Problem
 from mbd_sim.geometry.pose import Array, unpack_poses
-from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism.records import Joint, Mechanism
 
 ROUND_OFF = 1e-13  # of an inertia, what its computation may leave of a zero
 
@@ -22,7 +22,7 @@ def require_definite(mechanism: Mechanism, chain: Sequence[Link], pivots: Array,
     round-off of what the joint carries, so that neither units nor the size of other parts matter.
 
     :raises MechanismError: the joints to blame are named.
-    :param pivots: (nv,), each joint's in the order of its type's `turns`.
+    :param pivots: (nv,), each joint's in the order of its coordinates, a free joint's rotations first.
     :param poses: the pose rows (links, 12) of each link's part in ground's frame, see `unpack_poses`.
     """
     positions, rotations = unpack_poses(poses)
@@ -35,7 +35,7 @@ def require_definite(mechanism: Mechanism, chain: Sequence[Link], pivots: Array,
         carried[index] += _Load(part.mass, position + rotation @ part.center, float(np.trace(part.inertia)))
         if not spoiled[index] and link.u.stop > link.u.start:
             origin = position - rotation @ link.part.rotation.T @ link.part.position
-            scale = np.where(link.type.turns, carried[index].moment_about(origin), carried[index].mass)
+            scale = np.where(_is_moment(link.joint), carried[index].moment_about(origin), carried[index].mass)
             spoiled[index] = bool(np.any(~(pivots[link.u] > ROUND_OFF * scale)))
             if spoiled[index]:
                 message = "this joint moves no inertia of its own: its coordinate has no equation of motion"
@@ -50,6 +50,13 @@ def require_definite(mechanism: Mechanism, chain: Sequence[Link], pivots: Array,
             spoiled[link.parent] |= spoiled[index]
     if problems:
         raise MechanismError(sorted(problems, key=lambda problem: problem.line))
+
+
+def _is_moment(joint: Joint) -> list[bool]:
+    """Whether each pivot of a joint is a moment of inertia rather than a mass."""
+    rotations = [coordinate.rotation for coordinate in joint.kind.coordinates]
+    # A free joint is not eliminated by the recursion: its pivots are in the order [ω; v] of motion vectors.
+    return sorted(rotations, reverse=True) if joint.type == "free" else rotations
 
 
 @dataclass(frozen=True, eq=False)

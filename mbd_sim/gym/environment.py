@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 Observation = NDArray[np.float64]
 Action = NDArray[np.float32]
-TURNING = {"revolute": (0,), "universal": (0, 1), "cylindrical": (1,), "planar": (2,), "screw": (0,)}
 
 
 class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  # mypy skips Gymnasium
@@ -181,7 +180,6 @@ def _angles(mechanism: Mechanism, simulation: Simulation) -> NDArray[np.bool_]:
     """Which of q (nq,) are angles that come round."""
     angles = np.zeros(simulation.q.size, dtype=bool)
     for name, joint in mechanism.joints.items():
-        if not joint.drive:
-            start = simulation.model.layout.q[name].start
-            angles[[start + place for place in TURNING.get(joint.type, ())]] = True
+        if not joint.drive and joint.kind.quaternion is None:
+            angles[simulation.model.layout.q[name]] = [coordinate.rotation for coordinate in joint.kind.coordinates]
     return angles

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.expression import TimeExpression
+from mbd_sim.mechanism.joint_types import JOINT_KINDS, JointCoordinate, JointKind, JointType
 from mbd_sim.mechanism.laws import ElasticLaw, Friction, PowerLaw
 from mbd_sim.mechanism.source import Source
 
@@ -22,18 +23,6 @@ if TYPE_CHECKING:
     from mbd_sim.mechanism.force_elements import AppliedForce, Damper, Spring
 
 GROUND = "ground"
-
-LABELS: Mapping[str, tuple[str, ...]] = {
-    "revolute": ("",),
-    "prismatic": ("",),
-    "screw": ("",),
-    "cylindrical": (".displacement", ".angle"),
-    "universal": (".first", ".second"),
-    "planar": (".x", ".y", ".angle"),
-    "spherical": (".rx", ".ry", ".rz"),
-    "free": (".x", ".y", ".z", ".rx", ".ry", ".rz"),
-    "fixed": (),
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +92,7 @@ class Joint:
     """
 
     name: str
-    type: str
+    type: JointType
     parent: str
     child: str
     parent_pose: Pose
@@ -129,6 +118,11 @@ class Joint:
     reversed: bool = False
 
     @property
+    def kind(self) -> JointKind:
+        """What its type is."""
+        return JOINT_KINDS[self.type]
+
+    @property
     def outboard(self) -> str:
         """The part that this joint adds to the spanning tree."""
         return self.parent if self.reversed else self.child
@@ -146,7 +140,21 @@ class Joint:
     @property
     def motion_names(self) -> tuple[str, ...]:
         """A name for each way in which the joint moves, freely or driven."""
-        return tuple(f"{self.name}{label}" for label in LABELS[self.type])
+        return tuple(f"{self.name}{label}" for label in self.kind.labels)
+
+    def direction(self, coordinate: JointCoordinate) -> Array:
+        """The direction (3,) about or along which a coordinate moves, in the frame that the coordinate names."""
+        match coordinate.direction:
+            case "axis":
+                return self.axis
+            case "second":
+                return self.second
+            case "third":
+                return np.asarray(np.cross(self.axis, self.second))
+            case "x" | "y" | "z" as letter:
+                return np.asarray(np.eye(3)["xyz".index(letter)])
+            case _:
+                assert_never(coordinate.direction)
 
 
 @dataclass(frozen=True, eq=False)

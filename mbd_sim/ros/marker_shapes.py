@@ -105,18 +105,19 @@ def _shape(part: str, shape: Shape, color: palette.Color) -> list[Solid]:
 
 def joint_solids(mechanism: Mechanism, joint: Joint, size: float) -> list[Solid]:
     """A pin along a revolute axis, a guide along a prismatic one, a ball for the others; none where nothing holds."""
-    if joint.type in ("fixed", "free"):
+    if not joint.kind.connects:
         return []
     radius = joint_radius(mechanism, joint, size)
     color = palette.STEEL if joint.parent == GROUND else palette.JOINT
     pose = joint.parent_pose
-    if joint.type not in ("revolute", "prismatic"):
-        return [Solid(joint.parent, "joints", Marker.SPHERE, pose, (2.6 * radius,) * 3, color)]
+    match joint.type:
+        case "revolute":
+            scale = (2.0 * radius, 2.0 * radius, 4.0 * radius)
+        case "prismatic":
+            scale = (0.6 * radius, 0.6 * radius, 0.5 * size)
+        case _:
+            return [Solid(joint.parent, "joints", Marker.SPHERE, pose, (2.6 * radius,) * 3, color)]
     along = Pose(pose.position, pose.rotation @ aligning_z(joint.axis))
-    if joint.type == "revolute":
-        scale = (2.0 * radius, 2.0 * radius, 4.0 * radius)
-    else:
-        scale = (0.6 * radius, 0.6 * radius, 0.5 * size)
     return [Solid(joint.parent, "joints", Marker.CYLINDER, along, scale, color)]
 
 

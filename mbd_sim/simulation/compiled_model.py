@@ -12,7 +12,6 @@ import numpy as np
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
 from mbd_sim.dynamics.equations import AUDIT, derive
-from mbd_sim.dynamics.joint_motions import JOINT_TYPES
 from mbd_sim.dynamics.symbolic_parameters import Values
 from mbd_sim.errors import MechanismError, Problem, nearest
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
@@ -93,7 +92,7 @@ class Model:
         self.quaternions = {
             name: self.layout.q[name].start + offset
             for name, joint in mechanism.joints.items()
-            if (offset := JOINT_TYPES[joint.type].quaternion) is not None and not joint.drive
+            if (offset := joint.kind.quaternion) is not None and not joint.drive
         }
 
     @property

@@ -6,13 +6,12 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import Any
 
+from mbd_sim.mechanism.joint_types import JOINT_KINDS
 from mbd_sim.symbolic.latex_printer import escaped, write
 from mbd_sim.symbolic.symbolic_constraints import SymbolicConstraint
 from mbd_sim.symbolic.symbolic_equations import Coordinate, SymbolicEquations
 
 LONGEST_LINE = 420  # characters of LaTeX, about what a line of text holds
-UNITS = {"revolute": ("rad",), "prismatic": ("m",), "screw": ("rad",), "cylindrical": ("m", "rad"),
-         "universal": ("rad", "rad"), "planar": ("m", "m", "rad")}  # fmt: skip
 
 
 def to_latex(equations: SymbolicEquations) -> str:
@@ -173,12 +172,13 @@ def _row_meaning(row: SymbolicConstraint, names: dict[Any, str]) -> str:
 
 def _meaning(coordinate: Coordinate, names: dict[Any, str]) -> Iterator[str]:
     joint = rf"joint \texttt{{{escaped(coordinate.joint)}}}"
-    if coordinate.type in UNITS:
-        for q, effort, unit in zip(coordinate.q, coordinate.efforts, UNITS[coordinate.type], strict=True):
-            what, load = ("angle", r"N\,m") if unit == "rad" else ("displacement", "N")
-            yield f"${names[q]}$ is the {what} of {joint}, {unit}, and ${names[effort]}$ its effort, {load};"
+    kind = JOINT_KINDS[coordinate.type]
+    if kind.quaternion is None:
+        for q, effort, freedom in zip(coordinate.q, coordinate.efforts, kind.coordinates, strict=False):
+            what, load = ("angle", r"N\,m") if freedom.rotation else ("displacement", "N")
+            yield f"${names[q]}$ is the {what} of {joint}, {freedom.unit}, and ${names[effort]}$ its effort, {load};"
         return
-    if coordinate.type == "free":
+    if kind.quaternion:  # after a position
         yield f"$q$ is the position of the second part of {joint}, m, $v$ its velocity, m/s, and $F$ its force, N;"
     rates = r"$\dot{p} = \tfrac{1}{2}\, p \circ (0, \omega)$"
     yield f"$p$ is the unit quaternion $(w, x, y, z)$ of {joint}, with {rates};"

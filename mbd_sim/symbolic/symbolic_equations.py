@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from mbd_sim.dynamics.equations import Equations, derive
-from mbd_sim.dynamics.joint_motions import JOINT_TYPES
 from mbd_sim.dynamics.lagrange import lagrange_equations
 from mbd_sim.dynamics.links import layout
 from mbd_sim.errors import MbdSimError
+from mbd_sim.mechanism.joint_types import JOINT_KINDS, JointType
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.symbolic.latex_printer import escaped
 from mbd_sim.symbolic.symbolic_constraints import (
@@ -34,7 +34,7 @@ class Coordinate:
     """What belongs to a joint: symbols of its coordinates, and of its speeds, their rates and efforts, in order."""
 
     joint: str
-    type: str
+    type: JointType
     q: tuple[Any, ...]
     u: tuple[Any, ...]
     u_rates: tuple[Any, ...]
@@ -212,7 +212,7 @@ def _coordinate(mechanism: Mechanism, name: str, names: dict[Any, str]) -> Coord
     labels = joint.coordinate_names
     if not labels:
         return Coordinate(name, joint.type, (), (), (), ())
-    type_ = JOINT_TYPES[joint.type]
+    quaternion = joint.kind.quaternion
 
     def symbols(letter: str, written: str, subscripts: list[str]) -> tuple[Any, ...]:
         made = tuple(sp.Symbol(f"{letter}_{subscript}", real=True) for subscript in subscripts)
@@ -221,14 +221,14 @@ def _coordinate(mechanism: Mechanism, name: str, names: dict[Any, str]) -> Coord
         return made
 
     own = [label.replace(".", ",") for label in labels]
-    if type_.quaternion is None:
+    if quaternion is None:
         q, u = symbols("q", "q", own), symbols("u", r"\dot{q}", own)
         return Coordinate(name, joint.type, q, u, symbols("du", r"\ddot{q}", own), symbols("e", r"\tau", own))
     place = [f"{name},{axis}" for axis in "xyz"]
     turned = symbols("p", "p", [f"{name},{axis}" for axis in "wxyz"])
     omega, omega_rate = symbols("w", r"\omega", place), symbols("dw", r"\dot{\omega}", place)
     moments = symbols("m", r"\tau", place)
-    if type_.quaternion == 0:
+    if quaternion == 0:
         return Coordinate(name, joint.type, turned, omega, omega_rate, moments)
     q, v, v_rate = symbols("q", "q", place), symbols("v", "v", place), symbols("dv", r"\dot{v}", place)
     forces = symbols("f", "F", place)
@@ -239,7 +239,7 @@ def _require_unit(algebra: Algebra, coordinate: Coordinate) -> None:
     """Let the algebra know that w² = 1 - x² - y² - z² for a unit quaternion."""
     from fractions import Fraction
 
-    start = JOINT_TYPES[coordinate.type].quaternion
+    start = JOINT_KINDS[coordinate.type].quaternion
     if start is None or not coordinate.q:
         return
     w, *vector = (algebra.generator(symbol) for symbol in coordinate.q[start:])

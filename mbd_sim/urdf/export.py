@@ -11,6 +11,7 @@ import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import assert_never
 
 import numpy as np
 
@@ -78,37 +79,41 @@ def to_urdf(mechanism: Mechanism) -> str:
 
 def _motions(joint: Joint) -> list[Motion]:
     """The URDF joints that make up a joint, from its inboard to its outboard side."""
-    turn, axes = "continuous", [joint.axis, joint.second]
     match joint.type:
         case "fixed":
             return [Motion(joint.name, "fixed")]
         case "spherical" | "free":
             return [Motion(joint.name, "floating")]
-        case "revolute":
-            kinds = ["revolute" if joint.limits else turn]
-        case "prismatic":
-            kinds = ["prismatic"]
+        case "revolute" | "prismatic" | "cylindrical" | "universal" | "planar":
+            motions = _single_motions(joint)
         case "screw":
-            kinds = [turn]
-        case "cylindrical":
-            kinds, axes = ["prismatic", turn], [joint.axis, joint.axis]
-        case "universal":
-            kinds = [turn, turn]
-        case "planar":
-            kinds = ["prismatic", "prismatic", turn]
-            axes = [joint.second, np.cross(joint.axis, joint.second), joint.axis]
-    friction = joint.friction.coulomb if joint.friction else 0.0
-    viscous = joint.friction.viscous if joint.friction else 0.0
-    motions = [
-        Motion(name, kind, axis, float(damping) + viscous, friction)
-        for name, kind, axis, damping in zip(joint.motion_names, kinds, axes, joint.damping, strict=False)
-    ]
-    if joint.type == "screw":
-        follower = Mimic(joint.name, joint.lead / (2.0 * math.pi))
-        motions.append(Motion(f"{joint.name}.travel", "prismatic", joint.axis, mimic=follower))
+            follower = Mimic(joint.name, joint.lead / (2.0 * math.pi))
+            motions = [
+                *_single_motions(joint),
+                Motion(f"{joint.name}.travel", "prismatic", joint.axis, mimic=follower),
+            ]
+        case _:
+            assert_never(joint.type)
     if joint.reversed:
         motions = [replace(motion, axis=-motion.axis) for motion in reversed(motions) if motion.axis is not None]
     return motions
+
+
+def _single_motions(joint: Joint) -> list[Motion]:
+    """A URDF joint for each coordinate."""
+    friction = joint.friction.coulomb if joint.friction else 0.0
+    viscous = joint.friction.viscous if joint.friction else 0.0
+    rotation = "revolute" if joint.type == "revolute" and joint.limits else "continuous"
+    return [
+        Motion(
+            name,
+            rotation if coordinate.rotation else "prismatic",
+            joint.direction(coordinate),
+            float(damping) + viscous,
+            friction,
+        )
+        for name, coordinate, damping in zip(joint.motion_names, joint.kind.coordinates, joint.damping, strict=True)
+    ]
 
 
 def _mimics(mechanism: Mechanism) -> dict[str, Mimic]:
@@ -156,7 +161,7 @@ def _left_out(mechanism: Mechanism, mimics: Mapping[str, Mimic]) -> dict[str, li
 
 def _has_law(joint: Joint) -> bool:
     stops = joint.limits is not None and joint.limits.stiffness is not None
-    three_ways = joint.type in ("spherical", "free") and joint.damping.any()
+    three_ways = joint.kind.quaternion is not None and joint.damping.any()
     return bool(joint.stiffness.any() or joint.spring or joint.damper or stops or three_ways)
 
 

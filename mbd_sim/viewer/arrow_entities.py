@@ -7,9 +7,8 @@ the limit for efforts that have one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
@@ -41,7 +40,7 @@ def arrow_entities(scene: SceneDescription) -> Iterator[Entity]:
     for part in scene.wrenches:
         yield _Wrench(scene, part)
     for joint in scene.mechanism.joints.values():
-        if joint.type in EFFORTS and not joint.drive:
+        if joint.kind.coordinates and not joint.drive:
             yield _Effort(scene, joint)
     if scene.options.reactions:
         for index, joint in enumerate(scene.mechanism.all_joints.values()):
@@ -146,69 +145,36 @@ class _Wrench:
         yield from self._couple.couple(at, couple + np.einsum("nij,nj->ni", turned, own_couple))
 
 
-class _Along(NamedTuple):
-    """Of a coordinate: whether its effort is a couple, about which axis, and whether that is one of the child's."""
-
-    couple: bool
-    axis: Callable[[Joint], Array]
-    on_child: bool = False
-
-
-def _unit(index: int) -> Callable[[Joint], Array]:
-    return lambda joint: np.eye(3)[index]
-
-
-_FORCE, _COUPLE = _Along(False, lambda joint: joint.axis), _Along(True, lambda joint: joint.axis)
-_SHIFTED = tuple(_Along(False, _unit(index)) for index in range(3))
-_TURNED = tuple(_Along(True, _unit(index), on_child=True) for index in range(3))
-EFFORTS: dict[str, tuple[_Along, ...]] = {
-    "revolute": (_COUPLE,),
-    "screw": (_COUPLE,),
-    "prismatic": (_FORCE,),
-    "cylindrical": (_FORCE, _COUPLE),
-    # A universal joint's second axis does not move in the second part.
-    "universal": (_COUPLE, _Along(True, lambda joint: joint.second, on_child=True)),
-    "planar": (
-        _Along(False, lambda joint: joint.second),
-        _Along(False, lambda joint: np.cross(joint.axis, joint.second)),
-        _COUPLE,
-    ),
-    "spherical": _TURNED,
-    "free": (*_SHIFTED, *_TURNED),
-}
-
-
 class _Effort:
     """What is commanded on a joint, as it acts on its second part."""
 
     def __init__(self, scene: SceneDescription, joint: Joint) -> None:
         self._joint, self._place = joint, scene.u[joint.name]
-        self._axes = EFFORTS[joint.type]
+        self._couples = {coordinate.rotation for coordinate in joint.kind.coordinates}
         path, size, limit = f"{entity_paths.WORLD}/efforts/{joint.name}", scene.extent.size, joint.effort_limit
         radius = max(2.6 * joint_radius(scene.mechanism, joint, size) / size, 0.06)
         self._force = _Style(path, palette.COMMANDED, size, limit or weight(scene))
         self._couple = _Style(path, palette.COMMANDED, size, limit or 0.25 * weight(scene) * size, radius)
 
     def static(self) -> LoggedItems:
-        for couple in sorted({along.couple for along in self._axes}):
+        for couple in sorted(self._couples):
             yield from (self._couple if couple else self._force).static(couple)
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         at = poses.point(Attachment(self._joint.child, self._joint.child_pose.position))
         force, couple = self.vectors(rows, poses)
-        kinds = {along.couple for along in self._axes}
-        if False in kinds:
+        if False in self._couples:
             yield from self._force.force(at, force)
-        if True in kinds:
+        if True in self._couples:
             yield from self._couple.couple(at, couple)
 
     def vectors(self, rows: Rows, poses: PartPoses) -> tuple[Array, Array]:
         """The force and the couple (n, 3) on the second part, in ground's axes."""
         joint, sums = self._joint, (np.zeros((len(rows), 3)), np.zeros((len(rows), 3)))
-        for along, values in zip(self._axes, rows.of("inputs")[:, self._place].T, strict=True):
-            part, frame = (joint.child, joint.child_pose) if along.on_child else (joint.parent, joint.parent_pose)
-            direction = poses.direction(part, frame.rotation @ along.axis(joint))
-            sums[int(along.couple)][:] += direction * values[:, None]
+        for coordinate, values in zip(joint.kind.coordinates, rows.of("inputs")[:, self._place].T, strict=True):
+            part, frame = (joint.child, joint.child_pose) if coordinate.on_child else (joint.parent, joint.parent_pose)
+            direction = poses.direction(part, frame.rotation @ joint.direction(coordinate))
+            sums[int(coordinate.rotation)][:] += direction * values[:, None]
         return sums
 
 

@@ -41,13 +41,7 @@ def trace(name: str) -> str:
 
 def kinds(joint: Joint) -> list[str]:
     """Whether each of a joint's coordinates is an angle or a displacement, as in `Joint.motion_names`."""
-    by_type = {
-        "prismatic": [LINEAR],
-        "cylindrical": [LINEAR, ANGULAR],
-        "planar": [LINEAR, LINEAR, ANGULAR],
-        "free": [LINEAR] * 3 + [ANGULAR] * 3,
-    }
-    return by_type.get(joint.type, [ANGULAR] * len(joint.motion_names))
+    return [ANGULAR if coordinate.rotation else LINEAR for coordinate in joint.kind.coordinates]
 
 
 def free_kinds(mechanism: Mechanism) -> list[str]:

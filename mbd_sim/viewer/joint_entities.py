@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import assert_never
 
 import numpy as np
 import rerun as rr
@@ -25,7 +26,7 @@ AXIS = 9.0  # radii, half the length of the line along an axis
 def joint_entities(scene: SceneDescription) -> Iterator[Entity]:
     """All joints that hold something: not fixed and free ones, nor those of parts that cannot be seen."""
     for joint in scene.mechanism.all_joints.values():
-        if joint.type not in ("fixed", "free") and not (joint.type in _RAILS and _phantom(scene, joint)):
+        if joint.kind.connects and not (joint.kind.slides and _phantom(scene, joint)):
             yield _JointEntity(scene, joint)
 
 
@@ -36,9 +37,6 @@ def color_of(scene: SceneDescription, joint: Joint) -> Color:
     if joint.name in scene.mechanism.closing:
         return palette.CLOSING
     return palette.STEEL if joint.parent == GROUND else palette.JOINT
-
-
-_RAILS = ("prismatic", "cylindrical", "planar")
 
 
 def _phantom(scene: SceneDescription, joint: Joint) -> bool:
@@ -79,12 +77,16 @@ class _JointEntity:
                 yield f"{self._path}/second", rerun_shapes.cylinder(second, 4.0 * radius, 0.8 * radius, self._color)
             case "planar":
                 yield self._path, self._square(along)
-            case _:
+            case "spherical":
                 yield self._path, rerun_shapes.sphere(along.position, 1.4 * radius, self._color)
                 ring = rerun_shapes.torus(
                     joint.parent_pose, 1.5 * radius, 0.25 * radius, palette.mixed(self._color, (0, 0, 0), 0.4)
                 )
                 yield f"{self._path}/socket", ring
+            case "fixed" | "free":
+                return
+            case _:
+                assert_never(joint.type)
 
     def _pin(self, along: Pose) -> LoggedItems:
         """A pin with its axis; on ground between two cheeks, and with a collar where it is driven."""

@@ -10,7 +10,7 @@ from mbd_sim import Simulation
 from mbd_sim.errors import MechanismError
 from mbd_sim.integrators.methods import METHODS
 from mbd_sim.load import parse_mechanism
-from mbd_sim.mechanism.records import LABELS
+from mbd_sim.mechanism.joint_types import JOINT_KINDS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "mechanism_file.md").read_text(encoding="utf-8")
 FILES = re.findall(r"```yaml\n(mechanism:.*?)```", PAGE, re.DOTALL)
@@ -35,7 +35,7 @@ def test_it_names_every_integration_method(name):
     assert f"`{name}` (" in PAGE
 
 
-@pytest.mark.parametrize("kind", LABELS)
+@pytest.mark.parametrize("kind", JOINT_KINDS)
 def test_it_names_the_coordinates_of_every_joint_type(kind):
     row = next(line for line in PAGE.splitlines() if line.startswith(f"| `{kind}` |"))
-    assert re.findall(r"`name([.\w]*)`", row) == list(LABELS[kind])
+    assert re.findall(r"`name([.\w]*)`", row) == list(JOINT_KINDS[kind].labels)

@@ -150,7 +150,7 @@ class _Reader:
             if joint is None:
                 message = f"there is no joint coordinate {quoted(coordinate)}"
                 self._problems.append(self._source.problem(where, message, nearest(coordinate, known)))
-            elif joint.type in ("spherical", "free") and coordinate.rsplit(".", 1)[1].startswith("r"):
+            elif joint.kind.quaternion is not None and coordinate.rsplit(".", 1)[1].startswith("r"):
                 message = f"{quoted(coordinate)} is a component of an angular velocity: it has no coordinate to couple"
                 remedy = "Couple joints that turn about axes: revolute, universal, cylindrical, planar or screw."
                 self._problems.append(self._source.problem(where, message, remedy))

@@ -9,7 +9,8 @@ import numpy as np
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.expression import TimeExpression
-from mbd_sim.mechanism.records import LABELS, Joint, Limits
+from mbd_sim.mechanism.joint_types import JOINT_KINDS
+from mbd_sim.mechanism.records import Joint, Limits
 from mbd_sim.mechanism_file.builders.law_builder import damper_of, friction_of, law_of
 from mbd_sim.mechanism_file.builders.rotation_builder import rotation_matrix
 from mbd_sim.mechanism_file.schema import joint_schema as schema
@@ -20,7 +21,7 @@ PARALLEL = 1e-6  # sine of the angle below which two axes count as parallel
 
 def joint_of(name: str, record: schema.AnyJoint, parent: str, parent_pose: Pose, child: str, child_pose: Pose) -> Joint:
     """The joint between two placed frames."""
-    count = len(LABELS[record.type])
+    count = JOINT_KINDS[record.type].nv
     axis, second = _axes(record)
     position, velocity = _start(record)
     limits, drive = getattr(record, "limits", None), getattr(record, "drive", None)

@@ -1,0 +1,141 @@
+"""The types of joints: the coordinates of each, and what it keeps together where it closes a loop.
+
+`JOINT_KINDS` is the only table of what a joint type is. How each type moves is in `mbd_sim.dynamics.joint_motions`,
+and its keys in a mechanism file are in `mbd_sim.mechanism_file.schema.joint_schema`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+JointType = Literal[
+    "revolute", "prismatic", "screw", "cylindrical", "universal", "planar", "spherical", "free", "fixed"
+]
+Direction = Literal["axis", "second", "third", "x", "y", "z"]
+LoopCondition = Literal[
+    "coincident points",
+    "point on axis",
+    "point in plane",
+    "parallel axes",
+    "equal orientations",
+    "constant angle between axes",
+    "advance by the lead",
+]
+
+
+@dataclass(frozen=True)
+class JointCoordinate:
+    """A degree of freedom of a joint: a rotation about a direction, or a translation along it.
+
+    `label` follows the joint's name in the name of the coordinate. `direction` is a vector of the joint (see
+    `Joint.direction`), in the axes of the parent-side frame, or of the child-side frame with `on_child`: that along
+    which a positive effort acts on the child.
+    """
+
+    label: str
+    rotation: bool
+    direction: Direction
+    on_child: bool = False
+
+    @property
+    def unit(self) -> str:
+        """The SI unit of the coordinate."""
+        return "rad" if self.rotation else "m"
+
+    @property
+    def effort_unit(self) -> str:
+        """The SI unit of its generalized force."""
+        return "N·m" if self.rotation else "N"
+
+
+@dataclass(frozen=True)
+class JointKind:
+    """What a joint type is.
+
+    `coordinates` are its degrees of freedom in the order of the generalized speeds u. `loop_conditions` is what it
+    keeps together where it closes a loop (Nikravesh, sec. 7.2). `quaternion` is the index in q of the first
+    component of a unit quaternion (w, x, y, z), which stands in place of three angles. An `axial` joint seen from the
+    other side is the same joint with its axis reversed. `planar_freedoms` is the number of degrees of freedom in a
+    planar mechanism, None where the joint leads out of every plane.
+    """
+
+    coordinates: tuple[JointCoordinate, ...]
+    loop_conditions: tuple[LoopCondition, ...]
+    quaternion: int | None = None
+    axial: bool = False
+    planar_freedoms: int | None = None
+
+    @property
+    def nv(self) -> int:
+        """The number of generalized speeds."""
+        return len(self.coordinates)
+
+    @property
+    def nq(self) -> int:
+        """The number of generalized coordinates q: a quaternion has one more than the speeds."""
+        return self.nv + (self.quaternion is not None)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What follows the joint's name in the name of each coordinate."""
+        return tuple(coordinate.label for coordinate in self.coordinates)
+
+    @property
+    def rotates(self) -> bool:
+        """Whether a coordinate is a rotation."""
+        return any(coordinate.rotation for coordinate in self.coordinates)
+
+    @property
+    def connects(self) -> bool:
+        """Whether the joint moves and still restricts a motion: all but fixed and free joints."""
+        return 0 < self.nv < 6
+
+    @property
+    def slides(self) -> bool:
+        """Whether the joint guides a translation, along an axis or on a plane."""
+        return self.connects and any(not coordinate.rotation for coordinate in self.coordinates)
+
+    @property
+    def slides_along_axis(self) -> bool:
+        """Whether a coordinate is the displacement along the axis."""
+        return any(not coordinate.rotation and coordinate.direction == "axis" for coordinate in self.coordinates)
+
+    @property
+    def keeps_point(self) -> bool:
+        """Whether a point of one part stays at a point of the other."""
+        return "coincident points" in self.loop_conditions
+
+
+def _about(direction: Direction, label: str = "", on_child: bool = False) -> JointCoordinate:
+    return JointCoordinate(label, True, direction, on_child)
+
+
+def _along(direction: Direction, label: str = "") -> JointCoordinate:
+    return JointCoordinate(label, False, direction)
+
+
+_ROTATION_VECTOR = (_about("x", ".rx", True), _about("y", ".ry", True), _about("z", ".rz", True))
+
+JOINT_KINDS: Mapping[JointType, JointKind] = {
+    "revolute": JointKind((_about("axis"),), ("coincident points", "parallel axes"), axial=True, planar_freedoms=1),
+    "prismatic": JointKind((_along("axis"),), ("point on axis", "equal orientations"), axial=True, planar_freedoms=1),
+    "screw": JointKind((_about("axis"),), ("point on axis", "parallel axes", "advance by the lead"), axial=True),
+    "cylindrical": JointKind(
+        (_along("axis", ".displacement"), _about("axis", ".angle")), ("point on axis", "parallel axes"), axial=True
+    ),
+    # The first rotation carries the second axis along, which therefore does not move in the child.
+    "universal": JointKind(
+        (_about("axis", ".first"), _about("second", ".second", on_child=True)),
+        ("coincident points", "constant angle between axes"),
+    ),
+    "planar": JointKind(
+        (_along("second", ".x"), _along("third", ".y"), _about("axis", ".angle")),
+        ("parallel axes", "point in plane"),
+        planar_freedoms=3,
+    ),
+    "spherical": JointKind(_ROTATION_VECTOR, ("coincident points",), quaternion=0),
+    "free": JointKind((_along("x", ".x"), _along("y", ".y"), _along("z", ".z"), *_ROTATION_VECTOR), (), quaternion=3),
+    "fixed": JointKind((), ("coincident points", "equal orientations"), axial=True, planar_freedoms=0),
+}
