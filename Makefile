@@ -12,10 +12,13 @@ ARGS ?=
 
 .PHONY: setup run test lint gallery bench clean
 
-setup: $(VENV)/ready
+setup: $(VENV)/ready $(VENV)/interfaces
 
 $(VENV)/ready: setup.py scripts/setup_venv
 	scripts/setup_venv $(VENV)
+
+$(VENV)/interfaces: $(VENV)/ready $(wildcard test/ros_interfaces/*.py test/ros_interfaces/*/*/*)
+	$(BIN)/python -m test.ros_interfaces.build $@
 
 run: setup
 	@$(BIN)/sim_node --ros-args $(ARGS)

@@ -2,17 +2,43 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 
 import pytest
 
+from test.ros_interfaces import build
 from test.system.nodes import SimNodeProcess, as_in_the_node, nanoseconds, new_domain, running
 
 pytestmark = pytest.mark.timeout(90)
+INSTALLED = build.installed()  # asked before a fixture adds the built packages to the path
 
 
-def test_the_services_of_simulation_interfaces(tmp_path: Path) -> None:
-    pytest.importorskip("simulation_interfaces")
+@pytest.fixture(scope="module")
+def packages(tmp_path_factory: pytest.TempPathFactory) -> Path | None:
+    """The folder of the interface packages that `make setup` has built, or that is built now; None if installed."""
+    if INSTALLED:
+        return None
+    if reason := build.missing_tools():
+        pytest.skip(reason)
+    folder = Path(sys.prefix) / "interfaces"
+    if not folder.exists():
+        folder = tmp_path_factory.mktemp("interfaces") / "packages"
+        build.build(folder)
+    return folder
+
+
+@pytest.fixture
+def variables(packages: Path | None, monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
+    """Environment variables with which a node finds the packages; this process finds them, too."""
+    if packages is None:
+        return {}
+    monkeypatch.syspath_prepend(packages)
+    return {"PYTHONPATH": os.pathsep.join([str(packages), *filter(None, [os.environ.get("PYTHONPATH")])])}
+
+
+def test_the_services_of_simulation_interfaces(tmp_path: Path, variables: dict[str, str]) -> None:
     from simulation_interfaces.msg import Result, SimulationState, SimulatorFeatures
     from simulation_interfaces.srv import (
         GetSimulationState,
@@ -22,7 +48,7 @@ def test_the_services_of_simulation_interfaces(tmp_path: Path) -> None:
         StepSimulation,
     )
 
-    with running(tmp_path, start_paused=True) as (process, listener):
+    with running(tmp_path, variables=variables, start_paused=True) as (process, listener):
 
         def state() -> int:
             return int(listener.call(GetSimulationState, "get_simulation_state").state.state)
@@ -56,11 +82,12 @@ def test_the_services_of_simulation_interfaces(tmp_path: Path) -> None:
         assert process.process.wait(20) == 0
 
 
-def test_transforms_of_all_parts(tmp_path: Path) -> None:
-    tf2_msgs = pytest.importorskip("tf2_msgs.msg")
-    with running(tmp_path, tf=True, frame_prefix="left/") as (_, listener):
+def test_transforms_of_all_parts(tmp_path: Path, variables: dict[str, str]) -> None:
+    from tf2_msgs.msg import TFMessage
+
+    with running(tmp_path, variables=variables, tf=True, frame_prefix="left/") as (_, listener):
         heard: list[object] = []
-        listener.node.create_subscription(tf2_msgs.TFMessage, "/tf", heard.append, 10)
+        listener.node.create_subscription(TFMessage, "/tf", heard.append, 10)
         listener.until(lambda: heard, "/tf")
         simulation = as_in_the_node("double_rod")
         (upper, lower) = heard[-1].transforms  # type: ignore[attr-defined]
@@ -70,13 +97,11 @@ def test_transforms_of_all_parts(tmp_path: Path) -> None:
         assert [at.x, at.y, at.z] == simulation.poses()["lower"].position.tolist()
 
 
+@pytest.mark.skipif(INSTALLED, reason="tf2_msgs is installed")
 def test_transforms_without_their_package_are_answered_with_its_name(tmp_path: Path) -> None:
+    process = SimNodeProcess(new_domain(), tmp_path, {"tf": True})
     try:
-        import tf2_msgs  # noqa: F401
-    except ImportError:
-        process = SimNodeProcess(new_domain(), tmp_path, {"tf": True})
-        try:
-            assert process.process.wait(20) == 1
-            assert "tf2_msgs" in process.text and "Traceback" not in process.text
-        finally:
-            process.kill()
+        assert process.process.wait(20) == 1
+        assert "tf2_msgs" in process.text and "Traceback" not in process.text
+    finally:
+        process.kill()
