@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
+from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import ErrorDetails
 
 from mbd_sim.errors import MechanismError, Problem, listed, nearest, quoted
@@ -19,11 +20,11 @@ from mbd_sim.mechanism.source import Location, Source
 from mbd_sim.mechanism_file.builders.mechanism_builder import assemble, in_order
 from mbd_sim.mechanism_file.library import SUFFIXES
 from mbd_sim.mechanism_file.quantity import parse_value, split_unit
-from mbd_sim.mechanism_file.schema.base_schema import NAME_PATTERN
-from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraint
-from mbd_sim.mechanism_file.schema.file_schema import Ground, MechanismFile, Part
-from mbd_sim.mechanism_file.schema.force_schema import AnyForce
-from mbd_sim.mechanism_file.schema.joint_schema import AnyJoint
+from mbd_sim.mechanism_file.schema.base_schema import NAME_PATTERN, SUFFIX
+from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
+from mbd_sim.mechanism_file.schema.file_schema import GroundSpec, MechanismFile, PartSpec
+from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
+from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
 
 # What a user may call the types that a file knows by another name.
 _SYNONYMS = {
@@ -140,8 +141,8 @@ def _beyond_the_schema(source: Source, context: dict[str, Any]) -> list[Problem]
     keys = ("parts", "joints", "forces", "constraints", "ground")
     written_parts, written_joints, written_forces, written_constraints, ground = map(source.data.get, keys)
     records = {"ground": {} if ground is None else ground}
-    accepted_ground = _accepted(records, TypeAdapter(Ground), context).get("ground")
-    parts = _accepted(written_parts, TypeAdapter(Part), context)
+    accepted_ground = _accepted(records, TypeAdapter(GroundSpec), context).get("ground")
+    parts = _accepted(written_parts, TypeAdapter(PartSpec), context)
     joints: dict[str, Any] = {}
     forces: dict[str, Any] = {}
     unreadable, all_joints = [] if accepted_ground else ["ground"], False
@@ -149,16 +150,16 @@ def _beyond_the_schema(source: Source, context: dict[str, Any]) -> list[Problem]
         unreadable += [name for name in written_parts if name not in parts]
         ends = {name: joint.get("between") for name, joint in written_joints.items() if isinstance(joint, dict)}
         welds = {name: {"type": "fixed", "between": between} for name, between in ends.items()}
-        as_written = _accepted(written_joints, TypeAdapter(AnyJoint), context)
+        as_written = _accepted(written_joints, TypeAdapter(AnyJointSpec), context)
         # of joints that are refused, the ends can still be checked
-        joints = _accepted(welds, TypeAdapter(AnyJoint), context) | as_written
+        joints = _accepted(welds, TypeAdapter(AnyJointSpec), context) | as_written
         all_joints = as_written.keys() == written_joints.keys()
     if isinstance(written_forces, dict):
         plain = {name: _plain_force(force) for name, force in written_forces.items() if isinstance(force, dict)}
         for records in (plain, written_forces):  # likewise
-            forces |= _accepted(records, TypeAdapter(AnyForce), context)
-    constraints = _accepted(written_constraints, TypeAdapter(AnyConstraint), context)
-    frame = accepted_ground or Ground()
+            forces |= _accepted(records, TypeAdapter(AnyForceSpec), context)
+    constraints = _accepted(written_constraints, TypeAdapter(AnyConstraintSpec), context)
+    frame = accepted_ground or GroundSpec()
     return assemble(parts, joints, forces, constraints, frame, source, unreadable, all_joints).problems
 
 
@@ -280,9 +281,17 @@ def _in_file(source: Source, loc: tuple[int | str, ...]) -> tuple[Location, Any]
     return location, value
 
 
+class _PlainNames(GenerateJsonSchema):
+    """Names definitions as users know the things, without the suffix of our classes."""
+
+    def normalize_name(self, name: str) -> str:
+        """The name of a definition."""
+        return super().normalize_name(name.removesuffix(SUFFIX))
+
+
 @functools.cache
 def _json_schema() -> dict[str, Any]:
-    schema = MechanismFile.model_json_schema(by_alias=True)
+    schema = MechanismFile.model_json_schema(by_alias=True, schema_generator=_PlainNames)
     _forbid_other_names(schema)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "mbd_sim mechanism"}
 

@@ -14,7 +14,7 @@ from mbd_sim.dynamics.constraint_rows import loop_ends, loop_equations, senses
 from mbd_sim.dynamics.joint_motions import JOINT_MOTIONS
 from mbd_sim.dynamics.links import links
 from mbd_sim.mechanism.joint_types import JOINT_KINDS, JointType, LoopCondition
-from mbd_sim.mechanism_file.schema.joint_schema import AnyJoint
+from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
 from mbd_sim.urdf.export import to_urdf
 from mbd_sim.viewer.joint_entities import joint_entities
 from mbd_sim.viewer.sample_rows import RowWriter
@@ -68,7 +68,7 @@ joints:
 
 
 def test_the_schema_the_table_and_the_motions_have_the_same_types():
-    specifications = get_args(get_args(AnyJoint)[0])
+    specifications = get_args(get_args(AnyJointSpec)[0])
     in_files = [get_args(specification.model_fields["type"].annotation)[0] for specification in specifications]
     assert set(in_files) == set(JOINT_KINDS) == set(JOINT_MOTIONS) == set(get_args(JointType)) == set(KEYS)
     assert len(in_files) == len(JOINT_KINDS)

@@ -29,7 +29,7 @@ _ENDS = {
 
 
 def constraint_records(
-    records: Mapping[str, schema.AnyConstraint],
+    records: Mapping[str, schema.AnyConstraintSpec],
     places: Places,
     joints: Mapping[str, Joint | None],
     source: Source,
@@ -49,23 +49,23 @@ class _Reader:
     ) -> None:
         self._places, self._joints, self._source, self._problems = places, joints, source, problems
 
-    def read(self, name: str, record: schema.AnyConstraint) -> c.Constraint | None:
+    def read(self, name: str, record: schema.AnyConstraintSpec) -> c.Constraint | None:
         where: Location = ("constraints", name)
         match record:
-            case schema.Gear(joints=names, radii=(first, second), internal=internal):
+            case schema.GearSpec(joints=names, radii=(first, second), internal=internal):
                 factors = {names[0]: first, names[1]: -second if internal else second}
                 return self._coupled(name, factors, ("joints", names), "gear")
-            case schema.Rack(pinion=pinion, rack=rack, radius=radius, reverse=reverse):
+            case schema.RackSpec(pinion=pinion, rack=rack, radius=radius, reverse=reverse):
                 factors = {pinion: radius if reverse else -radius, rack: 1.0}
                 return self._coupled(name, factors, ("", (pinion, rack)), "rack")
-            case schema.Coupling(terms=terms, value=value):
+            case schema.CouplingSpec(terms=terms, value=value):
                 return self._coupled(name, terms, ("terms", tuple(terms)), "coupling", value)
-            case schema.Distance(between=ends, length=length):
+            case schema.DistanceSpec(between=ends, length=length):
                 frames = [self._frame((*where, "between", i), text) for i, text in enumerate(ends)]
                 if not (points := self._apart((*where, "between"), frames)) or self._without_length(where, length):
                     return None
                 return c.Distance(name, points[0], points[1], length)
-            case schema.Cable(through=texts, length=length):
+            case schema.CableSpec(through=texts, length=length):
                 frames = [self._frame((*where, "through", i), text) for i, text in enumerate(texts)]
                 points = self._apart((*where, "through"), frames)
                 if not points or self._without_length(where, length):
@@ -73,7 +73,7 @@ class _Reader:
                 return c.Cable(name, tuple(points), length)
         return self._guided(name, record)
 
-    def _guided(self, name: str, record: schema.AnyConstraint) -> c.Constraint | None:
+    def _guided(self, name: str, record: schema.AnyConstraintSpec) -> c.Constraint | None:
         """A point of one part led by a frame of another."""
         where: Location = ("constraints", name)
         ends = [(key, getattr(record, key)) for key in _ENDS[record.type]]
@@ -84,17 +84,17 @@ class _Reader:
         point, base = points
         turned, axes = frames[0][1].rotation, frames[1][1].rotation
         match record:
-            case schema.OnPlane(normal=normal):
+            case schema.OnPlaneSpec(normal=normal):
                 return c.Flat(name, point, base, (axes @ rot.unit(normal))[None, :], "on_plane")
-            case schema.OnLine(direction=direction):
+            case schema.OnLineSpec(direction=direction):
                 across = rot.aligning_z(rot.unit(direction))[:, :2]
                 return c.Flat(name, point, base, (axes @ across).T, "on_line")
-            case schema.OnSurface(type=kind, equation=one, equations=two):
+            case schema.OnSurfaceSpec(type=kind, equation=one, equations=two):
                 return c.Surface(name, point, base, axes, (one,) if one else two or (), kind)
-            case schema.Rolling(axis=axis, radius=radius, normal=normal):
+            case schema.RollingSpec(axis=axis, radius=radius, normal=normal):
                 turning = None if axis is None else turned @ rot.unit(axis)
                 return c.Rolling(name, point, turning, radius, base, axes @ rot.unit(normal))
-            case schema.KnifeEdge(direction=direction, normal=normal):
+            case schema.KnifeEdgeSpec(direction=direction, normal=normal):
                 return c.KnifeEdge(name, point, turned @ rot.unit(direction), base, axes @ rot.unit(normal))
         raise TypeError(record)
 

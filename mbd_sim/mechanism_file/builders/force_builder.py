@@ -18,7 +18,7 @@ from mbd_sim.mechanism_file.builders.law_builder import REACH, curve, damper_of
 from mbd_sim.mechanism_file.schema import force_schema as schema
 
 Places = Mapping[str, Mapping[str, Pose] | None]
-Tie = schema.Spring | schema.ElasticBar | schema.Damper
+Tie = schema.SpringSpec | schema.ElasticBarSpec | schema.DamperSpec
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class ForceElements:
 
 
 def force_elements(
-    records: Mapping[str, schema.AnyForce], places: Places, source: Source, problems: list[Problem]
+    records: Mapping[str, schema.AnyForceSpec], places: Places, source: Source, problems: list[Problem]
 ) -> ForceElements:
     """The force elements of a file; what is wrong with the others is added to `problems`."""
     springs: list[Spring] = []
@@ -42,7 +42,7 @@ def force_elements(
             ends = _ends(name, record, places, source, problems)
             if ends is None:
                 continue
-            if isinstance(record, schema.Damper):
+            if isinstance(record, schema.DamperSpec):
                 dampers.append(Damper(name, *ends, damper_of(record), record.along == "line"))
             else:
                 springs.append(_spring(name, record, ends, source, problems))
@@ -67,14 +67,14 @@ def _ends(
 
 def _spring(
     name: str,
-    record: schema.Spring | schema.ElasticBar,
+    record: schema.SpringSpec | schema.ElasticBarSpec,
     ends: tuple[Attachment, Attachment],
     source: Source,
     problems: list[Problem],
 ) -> Spring:
     law = _law(record)
     location: Location = ("forces", name)
-    if isinstance(record, schema.ElasticBar):
+    if isinstance(record, schema.ElasticBarSpec):
         return Spring(name, *ends, law, record.length, record.damping)
     if law == Linear(0.0) and not record.damping:
         remedy = "Give it 'stiffness', 'force' or 'table', or 'damping'."
@@ -86,8 +86,8 @@ def _spring(
     return Spring(name, *ends, law, record.length, record.damping, record.mass)
 
 
-def _law(record: schema.Spring | schema.ElasticBar) -> ElasticLaw | GreenStrain:
-    if isinstance(record, schema.ElasticBar):
+def _law(record: schema.SpringSpec | schema.ElasticBarSpec) -> ElasticLaw | GreenStrain:
+    if isinstance(record, schema.ElasticBarSpec):
         green = record.strain == "green"
         return GreenStrain(record.stiffness, record.length) if green else Linear(record.stiffness)
     if record.force is None and record.table is None:
@@ -97,13 +97,13 @@ def _law(record: schema.Spring | schema.ElasticBar) -> ElasticLaw | GreenStrain:
 
 def _applied(
     name: str,
-    record: schema.PointForce | schema.Couple,
+    record: schema.PointForceSpec | schema.CoupleSpec,
     places: Places,
     source: Source,
     problems: list[Problem],
 ) -> AppliedForce | None:
     location: Location = ("forces", name)
-    key, text = ("on", record.on) if isinstance(record, schema.Couple) else ("at", record.at)
+    key, text = ("on", record.on) if isinstance(record, schema.CoupleSpec) else ("at", record.at)
     at = _frame(text, (*location, key), places, source, problems)
     own = record.axes == "part"  # a word of the file's language, even where a part is called so
     axes = at if own else _frame(record.axes, (*location, "axes"), places, source, problems)
@@ -113,7 +113,7 @@ def _applied(
         problems.append(source.problem((*location, key), "acts on ground, which does not move", "Name a part."))
         return None
     rotation = np.eye(3) if own else axes[1].rotation
-    return AppliedForce(name, at[0], record.vector, isinstance(record, schema.Couple), axes[0].part, rotation)
+    return AppliedForce(name, at[0], record.vector, isinstance(record, schema.CoupleSpec), axes[0].part, rotation)
 
 
 def _frame(

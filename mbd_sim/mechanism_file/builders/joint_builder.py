@@ -14,12 +14,14 @@ from mbd_sim.mechanism.records import Joint, Limits
 from mbd_sim.mechanism_file.builders.law_builder import damper_of, friction_of, law_of
 from mbd_sim.mechanism_file.builders.rotation_builder import rotation_matrix
 from mbd_sim.mechanism_file.schema import joint_schema as schema
-from mbd_sim.mechanism_file.schema.base_schema import Rotation
+from mbd_sim.mechanism_file.schema.base_schema import RotationSpec
 
 PARALLEL = 1e-6  # sine of the angle below which two axes count as parallel
 
 
-def joint_of(name: str, record: schema.AnyJoint, parent: str, parent_pose: Pose, child: str, child_pose: Pose) -> Joint:
+def joint_of(
+    name: str, record: schema.AnyJointSpec, parent: str, parent_pose: Pose, child: str, child_pose: Pose
+) -> Joint:
     """The joint between two placed frames."""
     count = JOINT_KINDS[record.type].nv
     axis, second = _axes(record)
@@ -59,46 +61,46 @@ def parallel(first: tuple[float, ...], second: tuple[float, ...]) -> str:
     return "the two directions are parallel" if sine < PARALLEL else ""
 
 
-def _axes(record: schema.AnyJoint) -> tuple[Array, Array]:
+def _axes(record: schema.AnyJointSpec) -> tuple[Array, Array]:
     match record:
-        case schema.UniversalJoint(axes=(first, second)):
+        case schema.UniversalJointSpec(axes=(first, second)):
             return rot.unit(first), rot.unit(second)
-        case schema.PlanarJoint(axis=normal, x_axis=x_axis):
+        case schema.PlanarJointSpec(axis=normal, x_axis=x_axis):
             axis = rot.unit(normal)
             if x_axis is None:
                 return axis, rot.aligning_z(axis)[:, 0]
             along = rot.unit(x_axis)
             return axis, rot.unit(along - axis * (axis @ along))
-        case schema.SphericalJoint() | schema.FixedJoint() | schema.FreeJoint():
+        case schema.SphericalJointSpec() | schema.FixedJointSpec() | schema.FreeJointSpec():
             return np.zeros(3), np.zeros(3)
     return rot.unit(record.axis), np.zeros(3)
 
 
-def _start(record: schema.AnyJoint) -> tuple[Array, Array]:
+def _start(record: schema.AnyJointSpec) -> tuple[Array, Array]:
     match record:
-        case schema.FixedJoint():
+        case schema.FixedJointSpec():
             return np.zeros(0), np.zeros(0)
-        case schema.SphericalJoint():
+        case schema.SphericalJointSpec():
             return _quaternion(record.orientation), np.array(record.angular_velocity)
-        case schema.FreeJoint():
+        case schema.FreeJointSpec():
             position = np.concatenate([np.array(record.position), _quaternion(record.orientation)])
             return position, np.array([*record.velocity, *record.angular_velocity])
     return np.atleast_1d(np.array(record.position)), np.atleast_1d(np.array(record.velocity))
 
 
-def _given(record: schema.AnyJoint, count: int, linear: str, angular: str, held: bool) -> tuple[bool, ...]:
+def _given(record: schema.AnyJointSpec, count: int, linear: str, angular: str, held: bool) -> tuple[bool, ...]:
     """For each degree of freedom, whether its start value is written and to be held."""
     written = record.model_fields_set
-    if isinstance(record, schema.FreeJoint):
+    if isinstance(record, schema.FreeJointSpec):
         return (held and linear in written,) * 3 + (held and angular in written,) * 3
     return (held and bool({linear, angular} & written),) * count
 
 
-def _quaternion(orientation: Rotation | None) -> Array:
+def _quaternion(orientation: RotationSpec | None) -> Array:
     return rot.to_quaternion(rotation_matrix(orientation))
 
 
-def _each(record: schema.AnyJoint, key: str, count: int) -> Array:
+def _each(record: schema.AnyJointSpec, key: str, count: int) -> Array:
     """A value for each degree of freedom, of a list, of one number for all, or 0."""
     return np.array(np.broadcast_to(np.array(getattr(record, key, 0.0), dtype=float), (count,)))
 

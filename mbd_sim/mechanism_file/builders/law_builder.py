@@ -13,7 +13,7 @@ SLOW = 1e-2  # m/s or rad/s, the regularisation of powers below 1, which are inf
 ALMOST_NOTHING = 1e-9  # m/s or rad/s, that of the others
 
 
-def law_of(record: schema.ForceCurve | schema.TorqueCurve) -> ElasticLaw:
+def law_of(record: schema.ForceCurveSpec | schema.TorqueCurveSpec) -> ElasticLaw:
     """The law of a spring in a joint."""
     return curve(record.force, record.table, -REACH, REACH)
 
@@ -28,13 +28,13 @@ def curve(
     return tabulated(elongations, forces)
 
 
-def damper_of(record: schema.LinearPower | schema.TorsionPower) -> PowerLaw:
+def damper_of(record: schema.LinearPowerSpec | schema.TorsionPowerSpec) -> PowerLaw:
     """The law of a damper."""
     slow = record.regularisation or (SLOW if record.exponent < 1.0 else ALMOST_NOTHING)
     return PowerLaw(record.coefficient, record.exponent, slow)
 
 
-def friction_of(record: schema.LinearFriction | schema.TorsionFriction) -> Friction:
+def friction_of(record: schema.LinearFrictionSpec | schema.TorsionFrictionSpec) -> Friction:
     """The law of dry friction."""
     static = record.coulomb if record.static is None else record.static
     stribeck = math.inf if record.stribeck_velocity is None else record.stribeck_velocity

@@ -28,9 +28,9 @@ from mbd_sim.mechanism_file.builders.force_builder import ForceElements, force_e
 from mbd_sim.mechanism_file.builders.joint_builder import joint_of, parallel
 from mbd_sim.mechanism_file.builders.rotation_builder import rotation_matrix
 from mbd_sim.mechanism_file.schema import base_schema, file_schema
-from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraint
-from mbd_sim.mechanism_file.schema.force_schema import AnyForce
-from mbd_sim.mechanism_file.schema.joint_schema import AnyJoint
+from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
+from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
+from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
 
 
 def build(file: file_schema.MechanismFile, parameters: Mapping[str, float], source: Source) -> Mechanism:
@@ -94,11 +94,11 @@ class Assembly:
 
 
 def assemble(
-    parts: Mapping[str, file_schema.Part],
-    joints: Mapping[str, AnyJoint],
-    forces: Mapping[str, AnyForce],
-    constraints: Mapping[str, AnyConstraint],
-    ground: file_schema.Ground,
+    parts: Mapping[str, file_schema.PartSpec],
+    joints: Mapping[str, AnyJointSpec],
+    forces: Mapping[str, AnyForceSpec],
+    constraints: Mapping[str, AnyConstraintSpec],
+    ground: file_schema.GroundSpec,
     source: Source,
     unreadable: Collection[str] = (),
     all_joints: bool = True,
@@ -126,13 +126,13 @@ def assemble(
 def _poses(points: Mapping[str, Any]) -> dict[str, Pose]:
     return {
         name: Pose(np.array(point.at), rotation_matrix(point.rotate))
-        if isinstance(point, base_schema.Point)
+        if isinstance(point, base_schema.PointSpec)
         else Pose(np.array(point), np.eye(3))
         for name, point in points.items()
     }
 
 
-def _part(name: str, record: file_schema.Part, source: Source, problems: list[Problem]) -> Part:
+def _part(name: str, record: file_schema.PartSpec, source: Source, problems: list[Problem]) -> Part:
     shapes = [record.shape] if record.shape is not None else list(record.shapes or [])
     mass, center, tensor = record.mass, np.zeros(3), np.zeros((3, 3))
     location: Location = ("parts", name)
@@ -178,7 +178,7 @@ def _part(name: str, record: file_schema.Part, source: Source, problems: list[Pr
     )
 
 
-def _tensor(record: file_schema.Inertia | tuple[float, float, float] | None) -> Any:
+def _tensor(record: file_schema.InertiaSpec | tuple[float, float, float] | None) -> Any:
     if record is None:
         return np.zeros((3, 3))
     if isinstance(record, tuple):
@@ -194,7 +194,7 @@ def _tensor(record: file_schema.Inertia | tuple[float, float, float] | None) -> 
 
 def _joint(
     name: str,
-    record: AnyJoint,
+    record: AnyJointSpec,
     places: Mapping[str, Mapping[str, Pose] | None],
     source: Source,
     problems: list[Problem],

@@ -6,10 +6,10 @@ import numpy as np
 
 from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.rotation import about, from_quaternion, from_rpy, unit
-from mbd_sim.mechanism_file.schema.base_schema import Rotation
+from mbd_sim.mechanism_file.schema.base_schema import RotationSpec
 
 
-def rotation_matrix(rotation: Rotation | None) -> Array:
+def rotation_matrix(rotation: RotationSpec | None) -> Array:
     """The matrix of a rotation as written in a file."""
     if rotation is None:
         return np.eye(3)

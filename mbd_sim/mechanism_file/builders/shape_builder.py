@@ -32,54 +32,54 @@ def _round(radius_squared: float, length: float, share: float) -> tuple[float, f
     return (across, across, share * radius_squared)
 
 
-def _solid(shape: file_schema.Shape) -> _Solid:
+def _solid(shape: file_schema.ShapeSpec) -> _Solid:
     match shape:
-        case file_schema.Rod(start=a, end=b):
+        case file_schema.RodSpec(start=a, end=b):
             length = math.dist(a, b)
             return _Solid(1, length, _box(0.0, 0.0, length))
-        case file_schema.Disc(radius=r):
+        case file_schema.DiscSpec(radius=r):
             return _Solid(2, math.pi * r * r, _round(r * r, 0.0, 0.5))
-        case file_schema.Ring(radius=r):
+        case file_schema.RingSpec(radius=r):
             return _Solid(1, 2.0 * math.pi * r, _round(r * r, 0.0, 1.0))
-        case file_schema.Plate(size=(x, y)):
+        case file_schema.PlateSpec(size=(x, y)):
             return _Solid(2, x * y, _box(x, y, 0.0))
-        case file_schema.Block(size=(x, y, z)):
+        case file_schema.BlockSpec(size=(x, y, z)):
             return _Solid(3, x * y * z, _box(x, y, z))
-        case file_schema.Cylinder(radius=r, length=length):
+        case file_schema.CylinderSpec(radius=r, length=length):
             return _Solid(3, math.pi * r * r * length, _round(r * r, length, 0.5))
-        case file_schema.Sphere(radius=r):
+        case file_schema.SphereSpec(radius=r):
             moment = 0.4 * r * r
             return _Solid(3, 4.0 / 3.0 * math.pi * r**3, (moment, moment, moment))
     return _Solid(0, 1.0, (0.0, 0.0, 0.0))
 
 
-def pose_of(shape: file_schema.Shape) -> Pose:
+def pose_of(shape: file_schema.ShapeSpec) -> Pose:
     """The centre and axes of a shape in the part's frame: its own z is the axis of rods and axial shapes."""
     match shape:
-        case file_schema.Rod(start=a, end=b):
+        case file_schema.RodSpec(start=a, end=b):
             start, end = np.array(a), np.array(b)
             return Pose((start + end) / 2.0, rot.aligning_z(rot.unit(tuple(end - start))))
-        case file_schema.AxialShape(at=at, rotate=rotate, axis=axis):
+        case file_schema.AxialShapeSpec(at=at, rotate=rotate, axis=axis):
             return Pose(np.array(at), rotation_matrix(rotate) @ rot.aligning_z(rot.unit(axis)))
-        case file_schema.Placed(at=at, rotate=rotate):
+        case file_schema.PlacedShapeSpec(at=at, rotate=rotate):
             return Pose(np.array(at), rotation_matrix(rotate))
     raise TypeError(type(shape).__name__)
 
 
-def drawn(shape: file_schema.Shape) -> Shape:
+def drawn(shape: file_schema.ShapeSpec) -> Shape:
     """The shape as a record to draw."""
     size: tuple[float, ...]
     match shape:
-        case file_schema.Rod(start=a, end=b, radius=r):
+        case file_schema.RodSpec(start=a, end=b, radius=r):
             length = math.dist(a, b)
             size = (length, 0.02 * length if r is None else r)
-        case file_schema.Particle(radius=r):
+        case file_schema.ParticleSpec(radius=r):
             size = (0.05 if r is None else r,)
-        case file_schema.Disc(radius=r) | file_schema.Ring(radius=r) | file_schema.Sphere(radius=r):
+        case file_schema.DiscSpec(radius=r) | file_schema.RingSpec(radius=r) | file_schema.SphereSpec(radius=r):
             size = (r,)
-        case file_schema.Cylinder(length=length, radius=r):
+        case file_schema.CylinderSpec(length=length, radius=r):
             size = (length, r)
-        case file_schema.Plate(size=size) | file_schema.Block(size=size):
+        case file_schema.PlateSpec(size=size) | file_schema.BlockSpec(size=size):
             pass
         case _:
             raise TypeError(type(shape).__name__)
@@ -87,7 +87,7 @@ def drawn(shape: file_schema.Shape) -> Shape:
     return Shape(kind, size, pose_of(shape), shape.color, shape.hole)
 
 
-def of_shapes(shapes: Sequence[file_schema.Shape], mass: float | None) -> MassProperties:
+def of_shapes(shapes: Sequence[file_schema.ShapeSpec], mass: float | None) -> MassProperties:
     """Mass properties of a part made of shapes.
 
     :param mass: kg of the whole part, shared in proportion to size by the shapes without mass and density.
@@ -120,6 +120,6 @@ def of_shapes(shapes: Sequence[file_schema.Shape], mass: float | None) -> MassPr
     return composite(bodies)
 
 
-def _own_mass(shape: file_schema.Shape, solid: _Solid) -> float | None:
+def _own_mass(shape: file_schema.ShapeSpec, solid: _Solid) -> float | None:
     density = getattr(shape, "density", None)
     return density * solid.measure if density is not None else shape.mass

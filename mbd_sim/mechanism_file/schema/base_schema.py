@@ -18,6 +18,7 @@ from pydantic_core import PydanticCustomError
 
 from mbd_sim.mechanism_file.quantity import Angle, Length, Number
 
+SUFFIX = "Spec"  # of the names of these classes, which JSON Schema leaves out
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"
 Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN, max_length=60)]
 
@@ -39,10 +40,15 @@ Quaternion = Annotated[tuple[Number, Number, Number, Number], AfterValidator(_no
 Value = Annotated[Any, WithJsonSchema({"type": ["number", "string"]})]
 
 
-class Record(BaseModel):
+class Spec(BaseModel):
     """A mapping in the file: unknown keys are errors, and a key without value counts as not given."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=False)
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        arbitrary_types_allowed=False,
+        model_title_generator=lambda model: model.__name__.removesuffix(SUFFIX),
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -50,13 +56,13 @@ class Record(BaseModel):
         return {key: value for key, value in data.items() if value is not None} if isinstance(data, dict) else data
 
 
-def _exactly_one(record: Record, *keys: str) -> None:
+def _exactly_one(record: Spec, *keys: str) -> None:
     given = [key for key in keys if getattr(record, key) is not None]
     if len(given) != 1:
         raise need(f"needs exactly one of {', '.join(keys)}", "Given: " + (", ".join(given) or "none") + ".")
 
 
-class Rotation(Record):
+class RotationSpec(Spec):
     """An orientation: `axis` and `angle`, or roll-pitch-yaw about fixed x, y, z, or a quaternion (w, x, y, z)."""
 
     axis: Direction | None = None
@@ -65,18 +71,18 @@ class Rotation(Record):
     quaternion: Quaternion | None = None
 
     @model_validator(mode="after")
-    def _one_form(self) -> Rotation:
+    def _one_form(self) -> RotationSpec:
         _exactly_one(self, "axis", "rpy", "quaternion")
         if (self.axis is None) != (self.angle is None):
             raise need("axis and angle belong together", "Give both.")
         return self
 
 
-class Point(Record):
+class PointSpec(Spec):
     """A named point of a part, with an orientation where a joint needs one."""
 
     at: Vector = (0.0, 0.0, 0.0)
-    rotate: Rotation | None = None
+    rotate: RotationSpec | None = None
 
 
 def written_as(value: Any) -> str:
@@ -85,6 +91,6 @@ def written_as(value: Any) -> str:
 
 
 PointOrVector = Annotated[
-    Annotated[Vector, Tag("list")] | Annotated[Point, Tag("mapping")],
+    Annotated[Vector, Tag("list")] | Annotated[PointSpec, Tag("mapping")],
     Discriminator(written_as),
 ]

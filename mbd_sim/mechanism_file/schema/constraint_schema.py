@@ -8,7 +8,7 @@ from pydantic import Field, StringConstraints, model_validator
 
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism_file.quantity import Number, PositiveLength, TimeFunction
-from mbd_sim.mechanism_file.schema.base_schema import Direction, Record, need
+from mbd_sim.mechanism_file.schema.base_schema import Direction, Spec, need
 
 Coordinate = Annotated[str, StringConstraints(min_length=1)]
 LengthOfTime = Annotated[TimeExpression, TimeFunction("m")]
@@ -16,7 +16,7 @@ Place = Annotated[TimeExpression, TimeFunction("", ("x", "y", "z", "t"))]
 Z: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
 
-class Distance(Record):
+class DistanceSpec(Spec):
     """A rod without mass: two points stay `length` apart, which may be an expression of time."""
 
     type: Literal["distance"]
@@ -24,7 +24,7 @@ class Distance(Record):
     length: LengthOfTime
 
 
-class OnPlane(Record):
+class OnPlaneSpec(Spec):
     """A point stays on the plane through `plane`, whose part carries the `normal`."""
 
     type: Literal["on_plane"]
@@ -33,7 +33,7 @@ class OnPlane(Record):
     normal: Direction = Z
 
 
-class OnLine(Record):
+class OnLineSpec(Spec):
     """A point stays on the line through `line`, whose part carries the `direction`."""
 
     type: Literal["on_line"]
@@ -42,7 +42,7 @@ class OnLine(Record):
     direction: Direction
 
 
-class OnSurface(Record):
+class OnSurfaceSpec(Spec):
     """A point stays where an expression of its x, y and z (and t) in the frame of `frame` is 0; two make a curve."""
 
     type: Literal["on_surface", "on_curve"]
@@ -52,7 +52,7 @@ class OnSurface(Record):
     equations: tuple[Place, Place] | None = None
 
     @model_validator(mode="after")
-    def _count(self) -> OnSurface:
+    def _count(self) -> OnSurfaceSpec:
         key, other = ("equation", "equations") if self.type == "on_surface" else ("equations", "equation")
         if getattr(self, key) is None or getattr(self, other) is not None:
             count = "one: equation" if key == "equation" else "two: equations"
@@ -60,7 +60,7 @@ class OnSurface(Record):
         return self
 
 
-class Gear(Record):
+class GearSpec(Spec):
     """Two wheels in mesh: the coordinates of their joints turn as -r₁/r₂, or as r₁/r₂ where one has inner teeth."""
 
     type: Literal["gear"]
@@ -69,7 +69,7 @@ class Gear(Record):
     internal: bool = False
 
 
-class Rack(Record):
+class RackSpec(Spec):
     """A rack on a pinion, or a cable on a drum: the slide of one joint is `radius` times the turn of another."""
 
     type: Literal["rack"]
@@ -79,7 +79,7 @@ class Rack(Record):
     reverse: bool = Field(False, description="the rack moves backwards where the pinion turns forwards")
 
 
-class Coupling(Record):
+class CouplingSpec(Spec):
     """A linear relation of joint coordinates: the sum of `terms` (factor by coordinate) stays `value`."""
 
     type: Literal["coupling"]
@@ -87,7 +87,7 @@ class Coupling(Record):
     value: Annotated[TimeExpression, TimeFunction(None)] = TimeExpression("0", {})
 
 
-class Rolling(Record):
+class RollingSpec(Spec):
     """A wheel with an `axis`, or a ball without one, rolls on a plane without slipping; `wheel` is its centre."""
 
     type: Literal["rolling"]
@@ -98,7 +98,7 @@ class Rolling(Record):
     normal: Direction = Z
 
 
-class KnifeEdge(Record):
+class KnifeEdgeSpec(Spec):
     """A blade at a point does not move across its `direction` (of its part) within a plane of this `normal`."""
 
     type: Literal["knife_edge"]
@@ -108,7 +108,7 @@ class KnifeEdge(Record):
     normal: Direction = Z
 
 
-class Cable(Record):
+class CableSpec(Spec):
     """A taut cable without mass from point to point, over smooth small pulleys between; its length stays."""
 
     type: Literal["cable"]
@@ -116,7 +116,16 @@ class Cable(Record):
     length: LengthOfTime
 
 
-AnyConstraint = Annotated[
-    Distance | OnPlane | OnLine | OnSurface | Gear | Rack | Coupling | Rolling | KnifeEdge | Cable,
+AnyConstraintSpec = Annotated[
+    DistanceSpec
+    | OnPlaneSpec
+    | OnLineSpec
+    | OnSurfaceSpec
+    | GearSpec
+    | RackSpec
+    | CouplingSpec
+    | RollingSpec
+    | KnifeEdgeSpec
+    | CableSpec,
     Field(discriminator="type"),
 ]

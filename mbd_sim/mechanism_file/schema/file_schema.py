@@ -22,27 +22,27 @@ from mbd_sim.mechanism_file.schema.base_schema import (
     Direction,
     Name,
     PointOrVector,
-    Record,
-    Rotation,
+    RotationSpec,
+    Spec,
     Value,
     Vector,
     need,
     written_as,
 )
-from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraint
-from mbd_sim.mechanism_file.schema.force_schema import AnyForce
-from mbd_sim.mechanism_file.schema.joint_schema import AnyJoint
+from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
+from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
+from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
 
 Color = Annotated[str, StringConstraints(pattern=r"^#[0-9a-fA-F]{6}$")]
 
 
-class Ground(Record):
+class GroundSpec(Spec):
     """The part that does not move."""
 
     points: dict[Name, PointOrVector] = Field(default={})
 
 
-class Shape(Record):
+class ShapeSpec(Spec):
     """What all shapes share. Without `mass` or `density` a shape takes its share of the part's mass by size."""
 
     mass: Mass | None = Field(None, description="the shape's own mass; 0 where it is only drawn")
@@ -50,26 +50,26 @@ class Shape(Record):
     color: Color | None = None
 
     @model_validator(mode="after")
-    def _one_mass(self) -> Shape:
+    def _one_mass(self) -> ShapeSpec:
         if self.mass is not None and getattr(self, "density", None) is not None:
             raise need("has both mass and density", "Give one of them.")
         return self
 
 
-class Placed(Shape):
+class PlacedShapeSpec(ShapeSpec):
     """A shape about its centre `at`, turned by `rotate`."""
 
     at: Vector = (0.0, 0.0, 0.0)
-    rotate: Rotation | None = None
+    rotate: RotationSpec | None = None
 
 
-class AxialShape(Placed):
+class AxialShapeSpec(PlacedShapeSpec):
     """A shape about `axis` (default z)."""
 
     axis: Direction = (0.0, 0.0, 1.0)
 
 
-class Rod(Shape):
+class RodSpec(ShapeSpec):
     """A thin uniform rod between two points; `radius` is only drawn."""
 
     type: Literal["rod"]
@@ -78,41 +78,41 @@ class Rod(Shape):
     radius: PositiveLength | None = None
 
     @model_validator(mode="after")
-    def _length(self) -> Rod:
+    def _length(self) -> RodSpec:
         if self.start == self.end:
             raise need("a rod needs two different ends", "Change 'from' or 'to'.")
         return self
 
 
-class Particle(Placed):
+class ParticleSpec(PlacedShapeSpec):
     """A point mass; `radius` is only drawn."""
 
     type: Literal["particle"]
     radius: PositiveLength | None = None
 
 
-class Disc(AxialShape):
+class DiscSpec(AxialShapeSpec):
     """A thin uniform disc."""
 
     type: Literal["disc"]
     radius: PositiveLength
 
 
-class Ring(AxialShape):
+class RingSpec(AxialShapeSpec):
     """A thin uniform ring (hoop)."""
 
     type: Literal["ring"]
     radius: PositiveLength
 
 
-class Plate(AxialShape):
+class PlateSpec(AxialShapeSpec):
     """A thin uniform rectangular plate, `size` along its own x and y, normal to `axis`."""
 
     type: Literal["plate"]
     size: tuple[PositiveLength, PositiveLength]
 
 
-class Block(Placed):
+class BlockSpec(PlacedShapeSpec):
     """A uniform rectangular block, `size` along x, y, z."""
 
     type: Literal["block"]
@@ -120,7 +120,7 @@ class Block(Placed):
     density: PositiveDensity | None = None
 
 
-class Cylinder(AxialShape):
+class CylinderSpec(AxialShapeSpec):
     """A uniform solid cylinder."""
 
     type: Literal["cylinder"]
@@ -129,7 +129,7 @@ class Cylinder(AxialShape):
     density: PositiveDensity | None = None
 
 
-class Sphere(Placed):
+class SphereSpec(PlacedShapeSpec):
     """A uniform solid sphere."""
 
     type: Literal["sphere"]
@@ -137,23 +137,23 @@ class Sphere(Placed):
     density: PositiveDensity | None = None
 
 
-AnyShape = Annotated[
-    Rod | Particle | Disc | Ring | Plate | Block | Cylinder | Sphere,
+AnyShapeSpec = Annotated[
+    RodSpec | ParticleSpec | DiscSpec | RingSpec | PlateSpec | BlockSpec | CylinderSpec | SphereSpec,
     Field(discriminator="type"),
 ]
 
 
-class Mesh(Record):
+class MeshSpec(Spec):
     """A file with a surface to draw, which this program does not read: its URI is told to others in URDF."""
 
     file: Annotated[str, StringConstraints(min_length=1, max_length=1000)]
     scale: tuple[Number, Number, Number] = (1.0, 1.0, 1.0)
     at: Vector = (0.0, 0.0, 0.0)
-    rotate: Rotation | None = None
+    rotate: RotationSpec | None = None
     color: Color | None = None
 
 
-class Inertia(Record):
+class InertiaSpec(Spec):
     """Moments and products of inertia about the mass centre, in the part's axes (I_xy = -∫ x y dm)."""
 
     xx: MomentOfInertia
@@ -166,38 +166,38 @@ class Inertia(Record):
 
 InertiaOrMoments = Annotated[
     Annotated[tuple[MomentOfInertia, MomentOfInertia, MomentOfInertia], Tag("list")]
-    | Annotated[Inertia, Tag("mapping")],
+    | Annotated[InertiaSpec, Tag("mapping")],
     Discriminator(written_as),
 ]
 
 
-class Part(Record):
+class PartSpec(Spec):
     """A rigid body: its mass, mass centre and inertia, given or computed from its shapes."""
 
     mass: Mass | None = Field(None, description="kg; shared among the shapes by their size")
     center: Vector | None = Field(None, description="mass centre, where it is not computed from shapes")
     inertia: InertiaOrMoments | None = None
     inertia_check: bool = Field(True, description="false: take an inertia that no rigid body has as it is")
-    shape: AnyShape | None = None
-    shapes: list[AnyShape] | None = None
-    meshes: list[Mesh] = Field([], description="only told to others, in URDF")
+    shape: AnyShapeSpec | None = None
+    shapes: list[AnyShapeSpec] | None = None
+    meshes: list[MeshSpec] = Field([], description="only told to others, in URDF")
     points: dict[Name, PointOrVector] = Field(default={})
 
     @model_validator(mode="after")
-    def _one_of(self) -> Part:
+    def _one_of(self) -> PartSpec:
         if self.shape is not None and self.shapes is not None:
             raise need("has both shape and shapes", "Move 'shape' into 'shapes'.")
         return self
 
 
-class Integration(Record):
+class IntegrationSpec(Spec):
     """How the equations are integrated."""
 
     method: str = "tsitouras8"
     step: PositiveTime = 1e-3
 
 
-class MechanismFile(Record):
+class MechanismFile(Spec):
     """A mechanism file."""
 
     mechanism: Name = Field(description="the mechanism's name")
@@ -206,9 +206,11 @@ class MechanismFile(Record):
     base: Literal["fixed", "free"] | None = Field(None, description="how the root link of the URDF is held")
     parameters: dict[Name, Value] = Field({}, description="named numbers, which expressions may use")
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, -9.81)
-    integrator: Integration = Integration()
-    ground: Ground = Ground()
-    parts: dict[Name, Part] = Field(min_length=1)
-    joints: dict[Name, AnyJoint] = Field(min_length=1)
-    constraints: dict[Name, AnyConstraint] = Field(default={}, description="what restricts the motion besides joints")
-    forces: dict[Name, AnyForce] = Field(default={}, description="springs, dampers, forces and couples")
+    integrator: IntegrationSpec = IntegrationSpec()
+    ground: GroundSpec = GroundSpec()
+    parts: dict[Name, PartSpec] = Field(min_length=1)
+    joints: dict[Name, AnyJointSpec] = Field(min_length=1)
+    constraints: dict[Name, AnyConstraintSpec] = Field(
+        default={}, description="what restricts the motion besides joints"
+    )
+    forces: dict[Name, AnyForceSpec] = Field(default={}, description="springs, dampers, forces and couples")

@@ -16,8 +16,8 @@ from mbd_sim.mechanism_file.quantity import (
     Quantity,
     TimeFunction,
 )
-from mbd_sim.mechanism_file.schema.base_schema import Record, need
-from mbd_sim.mechanism_file.schema.law_schema import ForceOfElongation, ForceTable, LinearPower
+from mbd_sim.mechanism_file.schema.base_schema import Spec, need
+from mbd_sim.mechanism_file.schema.law_schema import ForceOfElongation, ForceTable, LinearPowerSpec
 
 NaturalLength = Annotated[Length, Quantity("m", at_least=0)]
 Force = Annotated[TimeExpression, TimeFunction("N")]
@@ -26,7 +26,7 @@ Axes = Annotated[str, Field(description="ground, part (of the element itself), o
 PositiveStiffness = Annotated[float, Quantity("N/m", above=0)]
 
 
-class Spring(Record):
+class SpringSpec(Spec):
     """A spring with a damper in parallel, straight between two points; it pushes where it is shorter than `length`.
 
     `force`, an expression of the elongation x in m, or `table` take the place of `stiffness`.
@@ -42,14 +42,14 @@ class Spring(Record):
     mass: Mass = Field(0.0, description="the spring's own, where one end is on ground")
 
     @model_validator(mode="after")
-    def _one_law(self) -> Spring:
+    def _one_law(self) -> SpringSpec:
         given = [key for key in ("stiffness", "force", "table") if key in self.model_fields_set]
         if len(given) > 1:
             raise need(f"has {' and '.join(given)}", "Give one of them.")
         return self
 
 
-class ElasticBar(Record):
+class ElasticBarSpec(Spec):
     """A bar that stretches, straight between two points, with the strain of Green and St. Venant or with small strain.
 
     Its stiffness is E A / length.
@@ -63,7 +63,7 @@ class ElasticBar(Record):
     damping: LinearDamping = 0.0
 
 
-class Damper(LinearPower):
+class DamperSpec(LinearPowerSpec):
     """A damper between two points: along their line, or against their relative velocity in every direction."""
 
     type: Literal["damper"]
@@ -71,7 +71,7 @@ class Damper(LinearPower):
     along: Literal["line", "velocity"] = "line"
 
 
-class PointForce(Record):
+class PointForceSpec(Spec):
     """A force at a point, as expressions of time, in the axes of ground, its part (a follower force) or another."""
 
     type: Literal["force"]
@@ -80,7 +80,7 @@ class PointForce(Record):
     axes: Axes = "ground"
 
 
-class Couple(Record):
+class CoupleSpec(Spec):
     """A couple on a part, as expressions of time, in the axes of ground, its part or another."""
 
     type: Literal["couple"]
@@ -89,4 +89,6 @@ class Couple(Record):
     axes: Axes = "ground"
 
 
-AnyForce = Annotated[Spring | ElasticBar | Damper | PointForce | Couple, Field(discriminator="type")]
+AnyForceSpec = Annotated[
+    SpringSpec | ElasticBarSpec | DamperSpec | PointForceSpec | CoupleSpec, Field(discriminator="type")
+]

@@ -23,28 +23,28 @@ from mbd_sim.mechanism_file.quantity import (
 )
 from mbd_sim.mechanism_file.schema.base_schema import (
     Direction,
-    Record,
-    Rotation,
+    RotationSpec,
+    Spec,
     Vector,
     need,
 )
 from mbd_sim.mechanism_file.schema.law_schema import (
-    ForceCurve,
-    LinearFriction,
-    LinearPower,
+    ForceCurveSpec,
+    LinearFrictionSpec,
+    LinearPowerSpec,
     PositiveAngularVelocity,
     PositiveVelocity,
-    TorqueCurve,
-    TorsionFriction,
-    TorsionPower,
+    TorqueCurveSpec,
+    TorsionFrictionSpec,
+    TorsionPowerSpec,
 )
 
 
-class Limits(Record):
+class LimitsSpec(Spec):
     """What both kinds of limits share."""
 
     @model_validator(mode="after")
-    def _ordered(self) -> Limits:
+    def _ordered(self) -> LimitsSpec:
         lower, upper = getattr(self, "lower"), getattr(self, "upper")  # noqa: B009  (of the subclasses)
         if lower >= upper:
             raise need(f"lower {lower:g} is not below upper {upper:g}", "Swap them.")
@@ -53,7 +53,7 @@ class Limits(Record):
         return self
 
 
-class AngleLimits(Limits):
+class AngleLimitsSpec(LimitsSpec):
     """The range of a revolute joint; with `stiffness` its ends are elastic stops, with `damping` lossy ones."""
 
     lower: Angle
@@ -62,7 +62,7 @@ class AngleLimits(Limits):
     damping: Annotated[float, Quantity("s/rad", at_least=0)] = 0.0
 
 
-class LengthLimits(Limits):
+class LengthLimitsSpec(LimitsSpec):
     """The range of a prismatic joint; with `stiffness` its ends are elastic stops, with `damping` lossy ones."""
 
     lower: Length
@@ -71,7 +71,7 @@ class LengthLimits(Limits):
     damping: Annotated[float, Quantity("s/m", at_least=0)] = 0.0
 
 
-class Joint(Record):
+class JointSpec(Spec):
     """What all joints share. `between` names two parts, or points of them as `part.point`.
 
     Where loops must be closed, start values that are given are kept, and those with `guess` only say from where to
@@ -83,11 +83,11 @@ class Joint(Record):
     cut: bool = Field(False, description="cut this joint rather than another of its loop")
 
 
-class Driveable(Joint):
+class DriveableJointSpec(JointSpec):
     """A joint that is moved by springs and forces, or else by a `drive`: its coordinates as expressions of time t."""
 
     @model_validator(mode="after")
-    def _driven_or_free(self) -> Driveable:
+    def _driven_or_free(self) -> DriveableJointSpec:
         free = {
             "position",
             "velocity",
@@ -110,7 +110,7 @@ class Driveable(Joint):
         return self
 
 
-class RevoluteJoint(Driveable):
+class RevoluteJointSpec(DriveableJointSpec):
     """A hinge. Its coordinate is the right-handed angle of the second part about `axis`, of the first part's frame."""
 
     type: Literal["revolute"]
@@ -120,16 +120,16 @@ class RevoluteJoint(Driveable):
     stiffness: TorsionStiffness = 0.0
     rest: Angle = Field(0.0, description="angle at which the torsion spring is relaxed")
     damping: TorsionDamping = 0.0
-    spring: TorqueCurve | None = None
-    damper: TorsionPower | None = None
-    friction: TorsionFriction | None = None
-    limits: AngleLimits | None = None
+    spring: TorqueCurveSpec | None = None
+    damper: TorsionPowerSpec | None = None
+    friction: TorsionFrictionSpec | None = None
+    limits: AngleLimitsSpec | None = None
     effort_limit: PositiveTorque | None = None
     velocity_limit: PositiveAngularVelocity | None = Field(None, description="only told to others, in URDF")
     drive: Annotated[TimeExpression, TimeFunction("rad")] | None = None
 
 
-class PrismaticJoint(Driveable):
+class PrismaticJointSpec(DriveableJointSpec):
     """A slider. Its coordinate is the displacement of the second part along `axis`, of the first part's frame."""
 
     type: Literal["prismatic"]
@@ -139,16 +139,16 @@ class PrismaticJoint(Driveable):
     stiffness: LinearStiffness = 0.0
     rest: Length = Field(0.0, description="displacement at which the spring is relaxed")
     damping: LinearDamping = 0.0
-    spring: ForceCurve | None = None
-    damper: LinearPower | None = None
-    friction: LinearFriction | None = None
-    limits: LengthLimits | None = None
+    spring: ForceCurveSpec | None = None
+    damper: LinearPowerSpec | None = None
+    friction: LinearFrictionSpec | None = None
+    limits: LengthLimitsSpec | None = None
     effort_limit: PositiveForce | None = None
     velocity_limit: PositiveVelocity | None = Field(None, description="only told to others, in URDF")
     drive: Annotated[TimeExpression, TimeFunction("m")] | None = None
 
 
-class ScrewJoint(Driveable):
+class ScrewJointSpec(DriveableJointSpec):
     """A screw: a hinge that moves `lead` metres along its axis for each turn about it."""
 
     type: Literal["screw"]
@@ -159,12 +159,12 @@ class ScrewJoint(Driveable):
     stiffness: TorsionStiffness = 0.0
     rest: Angle = 0.0
     damping: TorsionDamping = 0.0
-    limits: AngleLimits | None = None
+    limits: AngleLimitsSpec | None = None
     effort_limit: PositiveTorque | None = None
     drive: Annotated[TimeExpression, TimeFunction("rad")] | None = None
 
 
-class CylindricalJoint(Driveable):
+class CylindricalJointSpec(DriveableJointSpec):
     """A slider that also turns. Its coordinates are the displacement along and the angle about `axis`."""
 
     type: Literal["cylindrical"]
@@ -177,7 +177,7 @@ class CylindricalJoint(Driveable):
     drive: tuple[Annotated[TimeExpression, TimeFunction("m")], Annotated[object, TimeFunction("rad")]] | None = None
 
 
-class UniversalJoint(Driveable):
+class UniversalJointSpec(DriveableJointSpec):
     """A Cardan joint: a turn about the first axis, then about the second, which the first turn carries along."""
 
     type: Literal["universal"]
@@ -190,7 +190,7 @@ class UniversalJoint(Driveable):
     drive: tuple[Annotated[TimeExpression, TimeFunction("rad")], Annotated[object, TimeFunction("rad")]] | None = None
 
 
-class PlanarJoint(Driveable):
+class PlanarJointSpec(DriveableJointSpec):
     """A part that slides and turns on a plane with normal `axis`: coordinates x, y and the angle about the normal.
 
     `x_axis` is the direction of x; the y direction is axis × x_axis.
@@ -214,44 +214,44 @@ class PlanarJoint(Driveable):
     ) = None
 
 
-class SphericalJoint(Joint):
+class SphericalJointSpec(JointSpec):
     """A ball joint, regular in every orientation."""
 
     type: Literal["spherical"]
-    orientation: Rotation | None = None
+    orientation: RotationSpec | None = None
     angular_velocity: tuple[AngularVelocity, AngularVelocity, AngularVelocity] = Field(
         (0.0, 0.0, 0.0), description="in the second part's axes"
     )
     damping: TorsionDamping = 0.0
 
 
-class FixedJoint(Joint):
+class FixedJointSpec(JointSpec):
     """A weld."""
 
     type: Literal["fixed"]
 
 
-class FreeJoint(Joint):
+class FreeJointSpec(JointSpec):
     """No connection: six degrees of freedom, with the pose of the second part seen from the first."""
 
     type: Literal["free"]
     position: Vector = (0.0, 0.0, 0.0)
-    orientation: Rotation | None = None
+    orientation: RotationSpec | None = None
     velocity: tuple[Velocity, Velocity, Velocity] = Field((0.0, 0.0, 0.0), description="in the first part's axes")
     angular_velocity: tuple[AngularVelocity, AngularVelocity, AngularVelocity] = Field(
         (0.0, 0.0, 0.0), description="in the second part's axes"
     )
 
 
-AnyJoint = Annotated[
-    RevoluteJoint
-    | PrismaticJoint
-    | ScrewJoint
-    | CylindricalJoint
-    | UniversalJoint
-    | PlanarJoint
-    | SphericalJoint
-    | FixedJoint
-    | FreeJoint,
+AnyJointSpec = Annotated[
+    RevoluteJointSpec
+    | PrismaticJointSpec
+    | ScrewJointSpec
+    | CylindricalJointSpec
+    | UniversalJointSpec
+    | PlanarJointSpec
+    | SphericalJointSpec
+    | FixedJointSpec
+    | FreeJointSpec,
     Field(discriminator="type"),
 ]

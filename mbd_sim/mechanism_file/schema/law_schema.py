@@ -19,7 +19,7 @@ from mbd_sim.mechanism_file.quantity import (
     TorsionDamping,
     Velocity,
 )
-from mbd_sim.mechanism_file.schema.base_schema import Record, need
+from mbd_sim.mechanism_file.schema.base_schema import Spec, need
 
 ForceValue = Annotated[float, Quantity("N")]
 TorqueValue = Annotated[float, Quantity("N*m")]
@@ -55,7 +55,7 @@ ForceTable = Annotated[list[tuple[Length, ForceValue]], AfterValidator(_growing)
 TorqueTable = Annotated[list[tuple[Angle, TorqueValue]], AfterValidator(_growing)]
 
 
-def require_one(record: Record, *keys: str) -> None:
+def require_one(record: Spec, *keys: str) -> None:
     """Refuse a record that gives none or several of these keys."""
     given = [key for key in keys if key in record.model_fields_set]
     if len(given) != 1:
@@ -63,31 +63,31 @@ def require_one(record: Record, *keys: str) -> None:
         raise need(message, f"Give {'only ' if given else ''}one of {', '.join(keys)}.")
 
 
-class ForceCurve(Record):
+class ForceCurveSpec(Spec):
     """A nonlinear spring: its `force` as an expression of the elongation x in m, or a `table` of both."""
 
     force: ForceOfElongation | None = None
     table: ForceTable | None = None
 
     @model_validator(mode="after")
-    def _one(self) -> ForceCurve:
+    def _one(self) -> ForceCurveSpec:
         require_one(self, "force", "table")
         return self
 
 
-class TorqueCurve(Record):
+class TorqueCurveSpec(Spec):
     """A nonlinear torsion spring: its torque as an expression of the angle x in rad, or a `table` of both."""
 
     force: TorqueOfAngle | None = None
     table: TorqueTable | None = None
 
     @model_validator(mode="after")
-    def _one(self) -> TorqueCurve:
+    def _one(self) -> TorqueCurveSpec:
         require_one(self, "force", "table")
         return self
 
 
-class LinearPower(Record):
+class LinearPowerSpec(Spec):
     """A damper with the force C |v|ᵖ against the speed v."""
 
     coefficient: Coefficient = Field(description="C in N/(m/s)^p, a plain number")
@@ -95,7 +95,7 @@ class LinearPower(Record):
     regularisation: PositiveVelocity | None = None
 
 
-class TorsionPower(Record):
+class TorsionPowerSpec(Spec):
     """A damper with the torque C |ω|ᵖ against the angular speed ω."""
 
     coefficient: Coefficient = Field(description="C in N*m/(rad/s)^p, a plain number")
@@ -103,11 +103,11 @@ class TorsionPower(Record):
     regularisation: PositiveAngularVelocity | None = None
 
 
-class Friction(Record):
+class FrictionSpec(Spec):
     """What friction along lengths and about axes shares."""
 
     @model_validator(mode="after")
-    def _stribeck(self) -> Friction:
+    def _stribeck(self) -> FrictionSpec:
         coulomb, static, speed = (getattr(self, key) for key in ("coulomb", "static", "stribeck_velocity"))
         if static is not None and static < coulomb:
             raise need(f"static {static:g} is less than coulomb {coulomb:g}", "Sticking takes more than sliding.")
@@ -117,7 +117,7 @@ class Friction(Record):
         return self
 
 
-class LinearFriction(Friction):
+class LinearFrictionSpec(FrictionSpec):
     """Dry friction in a slider: of constant size, whatever presses the surfaces together, and smooth at rest."""
 
     coulomb: FrictionForce
@@ -127,7 +127,7 @@ class LinearFriction(Friction):
     regularisation: PositiveVelocity = Field(1e-2, description="speed below which friction dies away")
 
 
-class TorsionFriction(Friction):
+class TorsionFrictionSpec(FrictionSpec):
     """Dry friction in a hinge: of constant size, whatever loads the bearing, and smooth at rest."""
 
     coulomb: FrictionTorque
