@@ -1,4 +1,4 @@
-"""A system of differential equations compiled for many members at once, each a lane of vectors."""
+"""A system of differential equations compiled for many members at once, each one lane of vectors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from mbd_sim.integrators.tableau import Tableau
 Array = NDArray[np.float64]
 Advance = Callable[[Mapping[str, Array], int, float, int, range], None]
 
-LANES = 8  # members a group: docs/ensembles.md
+LANES = 8  # members in a group; docs/ensembles.md has the measurements
 
 _ADDRESS, _INT, _DOUBLE = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
@@ -30,7 +30,7 @@ _ADDRESS, _INT, _DOUBLE = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 class MemberKernel:
     """`advance(y, inputs, estimates, alive, first, h, steps, from, to)`: see `emit_advance_members`.
 
-    It does not hold the interpreter's lock.
+    It releases the interpreter's lock.
     """
 
     advance: Callable[..., None]
@@ -39,52 +39,53 @@ class MemberKernel:
 
 
 def compile_members(
-    rates: ca.Function, settle: ca.Function | None, method: Tableau, watched: int, lanes: int = LANES
+    rates: ca.Function, projection: ca.Function | None, method: Tableau, error_size: int, lanes: int = LANES
 ) -> MemberKernel:
-    """Compile y' = rates(t, y, inputs) for groups of members; see `compile_kernel`."""
+    """Compile y' = rates(t, y, inputs) for groups of members: see `compile_kernel` and `System`."""
     module = new_module()
-    system = emit_system(module, rates, arranged(rates), settle, method, watched, lanes)
+    system = emit_system(module, rates, arranged(rates), projection, method, error_size, lanes)
     emit_advance_members(module, system, explicit_step(method), lanes, rates.nnz_in(2))
     code = compile_module(module)
     signature = ctypes.CFUNCTYPE(None, *[_ADDRESS] * 4, _INT, _DOUBLE, *[_INT] * 3)
     return MemberKernel(signature(code.address("advance_members")), lanes, code)
 
 
-class Groups:
-    """The numbers of many members in memory, and what advances them.
+class MemberGroups:
+    """The arrays of many members, and the function that advances them.
 
-    `y` (k, n), `inputs` (k, m), `estimates` (k, 1) and `alive` (k, 1) are kept in groups, in which each number of all
-    members stands together.
+    `y` (k, n), `inputs` (k, m), `estimates` (k, 1) and `alive` (k, 1) are stored in groups of `lanes` members as
+    (groups, n, lanes), so that one component of all members of a group is contiguous.
     """
 
     def __init__(self, count: int, lanes: int, sizes: Mapping[str, int], advance: Advance) -> None:
+        """Allocate the arrays for `count` members; `sizes` has the number of components of each array."""
         self.count, self._lanes, self._advance = count, lanes, advance
         groups = -(-count // lanes)
         self._arrays = {name: np.zeros((groups, size, lanes)) for name, size in sizes.items()}
 
     def get(self, name: str) -> Array:
-        """A copy, one row a member."""
+        """A copy of an array with one row for each member."""
         array = self._arrays[name]
         return array.transpose(0, 2, 1).reshape(-1, array.shape[1])[: self.count].copy()
 
     def put(self, name: str, rows: Array) -> None:
-        """Set, one row a member."""
+        """Set an array from one row for each member."""
         array = self._arrays[name]
         padded = np.concatenate([rows, np.repeat(rows[-1:], array.shape[0] * self._lanes - self.count, axis=0)])
         array[:] = padded.reshape(array.shape[0], self._lanes, -1).transpose(0, 2, 1)
 
     def shares(self, threads: int) -> list[range]:
-        """The groups, shared out among threads as evenly as they go."""
+        """The groups, divided among threads as evenly as possible."""
         groups = len(self._arrays["y"])
         cuts = np.linspace(0, groups, min(threads, groups) + 1).astype(int).tolist()
         return [range(start, end) for start, end in pairwise(cuts)]
 
     def advance(self, first: int, h: float, steps: int, groups: range) -> None:
-        """Advance some groups by some steps of h from a step on."""
+        """Advance some groups by a number of steps of size h in s, beginning with step `first`."""
         self._advance(self._arrays, first, h, steps, groups)
 
 
-def in_lanes(kernel: MemberKernel) -> Advance:
+def advance_lanes(kernel: MemberKernel) -> Advance:
     """Advance each group as one vector."""
 
     def advance(arrays: Mapping[str, Array], first: int, h: float, steps: int, groups: range) -> None:
@@ -94,15 +95,15 @@ def in_lanes(kernel: MemberKernel) -> Advance:
     return advance
 
 
-def one_by_one(kernel: Kernel) -> Advance:
-    """Advance each member, in a group of its own, by the kernel of a single simulation."""
+def advance_one_by_one(kernel: Kernel) -> Advance:
+    """Advance each member, in a group by itself, with the kernel of a single simulation."""
 
     def advance(arrays: Mapping[str, Array], first: int, h: float, steps: int, groups: range) -> None:
         y, inputs, estimates, alive = (arrays[name] for name in ("y", "inputs", "estimates", "alive"))
         for group in groups:
             if alive[group, 0, 0]:
-                own = y[group].ctypes.data, inputs[group].ctypes.data
-                done = kernel.estimating_advance(*own, first, h, steps, estimates[group].ctypes.data)
-                alive[group, 0, 0] = float(done)
+                addresses = y[group].ctypes.data, inputs[group].ctypes.data
+                finite = kernel.estimating_advance(*addresses, first, h, steps, estimates[group].ctypes.data)
+                alive[group, 0, 0] = float(finite)
 
     return advance

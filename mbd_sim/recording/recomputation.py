@@ -17,7 +17,8 @@ from mbd_sim.recording.contents import Message, Part, RecordedTopic
 from mbd_sim.recording.reader import ABOUT
 from mbd_sim.recording.run_start import RecomputeError, beginning
 from mbd_sim.simulation.compiled_model import Model
-from mbd_sim.simulation.simulation import OPENED, Simulation
+from mbd_sim.simulation.live_values import LARGEST_GAP
+from mbd_sim.simulation.simulation import Simulation
 
 __all__ = ["Mismatch", "Recomputation", "RecomputeError", "is_run", "joint_rows", "roles"]
 
@@ -184,7 +185,7 @@ class Recomputation:
         if recorded is not None:
             inputs[: values.start] = recorded[: values.start]
         simulation.restore(start, steps, inputs)
-        if (gap := simulation.violation.position) > OPENED:
+        if (gap := simulation.violation.position) > LARGEST_GAP:
             raise ValueError(f"with these changes its loops are open by {gap:.3g} in the middle of the run")
         simulation.restore(start, steps, inputs, simulation.energies.total)
         self._base_step = steps

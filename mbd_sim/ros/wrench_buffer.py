@@ -71,11 +71,11 @@ class WrenchBuffer:
     @property
     def loaded(self) -> tuple[str, ...]:
         """The parts that take wrenches."""
-        return tuple(self._map.places)
+        return tuple(self._map.slices)
 
     def place(self, part: str) -> slice:
         """Where the wrench on a part stands among the inputs of the equations."""
-        return self._map.places[part]
+        return self._map.slices[part]
 
     def take(self, part: str, point: str | None, frame: str, force: Sequence[float], couple: Sequence[float]) -> None:
         """Take a wrench on a part, in the axes of `frame`: a part's name, or ground, world or nothing.

@@ -1,4 +1,4 @@
-"""A mechanism compiled: everything that can be computed from a state. It has no state of its own."""
+"""A compiled mechanism: everything that can be computed from a state. It holds no state itself."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from mbd_sim.mechanism.records import Mechanism
 
 
 class Energies(NamedTuple):
-    """The energy audit, all in J.
+    """The energy audit, all in J; `total` is kinetic + potential.
 
-    `residual = total - total at the start - work_applied - work_drives + dissipated` is the error of the
+    `residual = total - total at the start - work_applied - work_drives + dissipated` measures the error of the
     integration: it is zero for an exact solution.
     """
 
@@ -37,14 +37,14 @@ class Energies(NamedTuple):
 
 
 class Violation(NamedTuple):
-    """How far the constraints are off at most: in position, m or 1, and in velocity, m/s or 1/s."""
+    """The largest violation of the constraints: in position (m or 1) and in velocity (m/s or 1/s)."""
 
     position: float
     velocity: float
 
 
-class Drive(NamedTuple):
-    """A driven coordinate: m or rad, and their rate; and the force or moment that its drive exerts, N or N·m."""
+class DriveState(NamedTuple):
+    """A driven coordinate in m or rad, its velocity, and the force or moment in N or N·m that its drive exerts."""
 
     position: float
     velocity: float
@@ -52,11 +52,11 @@ class Drive(NamedTuple):
 
 
 class Reaction(NamedTuple):
-    """What goes through a joint: `force` (3,) in N and `moment` (3,) in N·m on its second part, in ground's axes.
+    """What a joint transmits: `force` (3,) in N and `moment` (3,) in N·m on its child, in ground's axes.
 
-    The moment is about the joint's point on the second part. Springs, efforts and drives of the joint are part of it,
-    and so is what a gear, rack or coupling exerts: those act on the coordinates of joints, as a couple or a force
-    between the parts of each, and put no load of their own on the bearings. Redundant equations carry nothing.
+    The moment is about the joint's point on the child. Springs, efforts and drives of the joint are included, and so
+    is what a gear, rack or coupling exerts: it acts on the coordinates of the joints as a couple or a force between
+    the parts of each joint, and puts no additional load on the bearings. Redundant equations carry no force.
     """
 
     force: Array
@@ -64,10 +64,10 @@ class Reaction(NamedTuple):
 
 
 class Model:
-    """The compiled equations of a mechanism, for one method. Safe to use from several threads.
+    """The compiled equations of a mechanism, for one method of integration. Safe to use from several threads.
 
-    The integrated state y is q (nq,), u (nv,) and the audit's three energies. `inputs` are what the equations take
-    from outside where nothing is commanded, see `InputLayout`; they are meant where a method is given none.
+    The integrated state y consists of q (nq,), u (nv,) and the three energies of the audit. `inputs` are the external
+    inputs without any command, see `InputLayout`; they are used where a method is called without inputs.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class Model:
 
     @property
     def degrees_of_freedom(self) -> int:
-        """How many of the speeds are independent."""
+        """The number of independent speeds."""
         return self.layout.nv - self.equations.start.rank
 
     def _read(self, name: str, time: float, y: Array, out: Array, inputs: Array | None) -> Array:
@@ -107,7 +107,7 @@ class Model:
         return out
 
     def energies(self, time: float, y: Array, start_total: float = 0.0, inputs: Array | None = None) -> Energies:
-        """The audit at a state; `start_total` is T + V at the start."""
+        """The energy audit at a state; `start_total` is T + V at the start, in J."""
         kinetic, potential = self._read("energies", time, y, np.empty(2), inputs).tolist()
         work_applied, work_drives, dissipated = y[-len(AUDIT) :].tolist()
         total = kinetic + potential
@@ -127,26 +127,26 @@ class Model:
         }
 
     def drives(self, time: float, y: Array, inputs: Array) -> Array:
-        """(3, n): the coordinates of `driven_names`, their speeds, and the forces that the drives exert, SI units."""
+        """(3, n): the coordinates of `driven_names`, their speeds, and the forces of the drives, in SI units."""
         return self._read("drives", time, y, np.empty((3, len(self.driven_names))), inputs)
 
     def violation(self, time: float, y: Array, inputs: Array | None = None) -> Violation:
-        """How far the constraints are off."""
+        """The largest violation of the constraints."""
         out = self._read("violation", time, y, np.zeros((2, len(self.equations.rows))), inputs)
         return Violation(*np.max(np.abs(out), axis=1, initial=0.0).tolist())
 
     def multipliers(self, time: float, y: Array, inputs: Array) -> Mapping[str, Array]:
-        """The multipliers λ of each loop and constraint by name, one a row: M u' + h = Q + Gᵀ λ. Redundant rows have 0.
+        """The Lagrange multipliers λ of each loop and constraint by name, one for each equation: M u' + h = Q + Gᵀ λ.
 
-        A distance constraint's is the force in N that pushes its ends apart; a rolling constraint's are the normal
-        force and the two of friction.
+        The multiplier of a distance constraint is the force in N that pushes its ends apart. Those of a rolling
+        constraint are the normal force and the two components of friction. Redundant equations have 0.
         """
         values = np.array(self.equations.multipliers(time, y, inputs)).ravel()
         names = [str(row.owner[1]) for row in self.equations.rows]
         return {name: values[[other == name for other in names]] for name in dict.fromkeys(names)}
 
     def reactions(self, time: float, y: Array, inputs: Array) -> Mapping[str, Reaction]:
-        """What goes through each joint, those of the tree first, then those that close loops."""
+        """What each joint transmits: the joints of the spanning tree first, then those that close loops."""
         found = np.array(self._reactions(time, y, inputs)).T
         names = [*self.mechanism.joints, *self.mechanism.closing]
         return {name: Reaction(row[:3], row[3:]) for name, row in zip(names, found, strict=True)}
@@ -156,9 +156,10 @@ class Model:
         return self.equations.reactions()
 
     def consistent(self, q: Array, u: Array, values: Array | None = None) -> tuple[Array, Array]:
-        """The state at t = 0 that meets the constraints, near a given one; `values` are those among the inputs.
+        """The state (q, u) at t = 0 nearest to a given one that meets the constraints.
 
-        :raises ValueError: no state near it does.
+        :param values: (n,) the live values or ensemble values among the inputs; by default those of the file.
+        :raises ValueError: no position near it closes the loops.
         """
         if not self.equations.rows:
             return q, u
@@ -166,12 +167,17 @@ class Model:
         closing = close_loops(conditions, 0.0, q, np.ones(self.layout.nv, dtype=bool))
         if not closing.closed:
             raise ValueError(
-                f"no position near these coordinates closes the loops: {np.max(np.abs(closing.gaps)):.3g} stay open"
+                f"no position near these coordinates closes the loops: a gap of {np.max(np.abs(closing.gaps)):.3g} "
+                "remains"
             )
         return closing.q, nearest_speeds(conditions, 0.0, closing.q, u)
 
+    def project(self, y: Array, values: Array | None = None) -> None:
+        """Move a state y in place to the nearest one at t = 0 that meets the constraints: see `consistent`."""
+        y[self.q_range], y[self.u_range] = self.consistent(y[self.q_range], y[self.u_range], values)
+
     def normalize(self, y: Array) -> None:
-        """Give the quaternions of a state unit length.
+        """Scale the quaternions of a state y to unit length, in place.
 
         :raises ValueError: one of them is zero.
         """
@@ -181,7 +187,7 @@ class Model:
             y[start : start + 4] = unit(y[start : start + 4])
 
     def coordinates(self, y: Array) -> Array:
-        """(nv,): a position for each of `coordinate_names`; free joints give x, y, z and the rotation vector in rad."""
+        """(nv,): a position for each of `coordinate_names`; a free joint has x, y, z and its rotation vector in rad."""
         if not self.quaternions:
             return y[self.q_range]
         values = np.empty(self.layout.nv)
@@ -195,7 +201,7 @@ class Model:
 
 
 def rotation_vector(quaternion: Array) -> Array:
-    """Axis times angle (3,), at most π long, of a unit quaternion (w, x, y, z)."""
+    """Axis times angle (3,) in rad, at most π long, of a unit quaternion (w, x, y, z)."""
     w, v = (quaternion[0], quaternion[1:]) if quaternion[0] >= 0.0 else (-quaternion[0], -quaternion[1:])
     sine = float(np.linalg.norm(v))
     return v * (2.0 * np.arctan2(sine, w) / sine if sine > 1e-9 else 2.0)
@@ -204,8 +210,10 @@ def rotation_vector(quaternion: Array) -> Array:
 def build_model(
     mechanism: Mechanism, method: str | None = None, loaded: Sequence[str] = (), values: Values | None = None
 ) -> Model:
-    """Compile a mechanism, with its own method or the one named; see `derive` for the others.
+    """Compile a mechanism, with the method of its file or the one named.
 
+    :param loaded: parts on which external wrenches can act.
+    :param values: numbers of the mechanism that become inputs instead of constants: see `derive`.
     :raises MechanismError: the method is unknown, or the equations are singular at the start.
     """
     name = method or mechanism.method

@@ -1,4 +1,4 @@
-"""Efforts as commanded: checked as a whole, then clamped to what the joints can take."""
+"""Effort commands: checked as a whole, then clamped to the effort limits of the joints."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mbd_sim.geometry.pose import Array
 
 
 class UnknownJointError(CommandError):
-    """A command for a joint that does not exist. The nearest name is looked for only when somebody reads this."""
+    """A command for a joint that does not exist. The nearest name is searched only when the text is needed."""
 
     def __init__(self, name: str, valid: Iterable[str]) -> None:
         super().__init__(name)
@@ -23,10 +23,10 @@ class UnknownJointError(CommandError):
 
 
 class EffortMap:
-    """Commands by order or by name to one effort for each degree of freedom, in N or N·m."""
+    """Commands by order or by name, as one effort (N or N·m) for each degree of freedom."""
 
     def __init__(self, names: Sequence[str], limits: Array, driven: Sequence[str] = ()) -> None:
-        """Efforts by `names`, at most `limits` (nv,) large; the `driven` coordinates take none."""
+        """Efforts of `names`, with absolute values up to `limits` (nv,); `driven` coordinates take no effort."""
         self.names, self.limits, self._driven = tuple(names), limits, frozenset(driven)
         self._index = {name: index for index, name in enumerate(self.names)}
 
@@ -39,11 +39,7 @@ class EffortMap:
         try:
             if isinstance(efforts, Mapping):
                 for name, value in efforts.items():
-                    if name in self._driven:
-                        raise CommandError(f"joint '{name}' is driven: it moves as its drive says and takes no effort.")
-                    if name not in self._index:
-                        raise UnknownJointError(name, self._index)
-                    merged[self._index[name]] = value
+                    merged[self._place(name)] = value
             elif len(efforts) != len(self.names):
                 raise CommandError(
                     f"{_counted(len(self.names), 'effort')} expected and {len(efforts)} given. "
@@ -61,8 +57,15 @@ class EffortMap:
         return merged
 
     def clamped(self, efforts: Array) -> Array:
-        """The efforts within the joints' effort limits."""
+        """The efforts within the effort limits of the joints."""
         return np.clip(efforts, -self.limits, self.limits)
+
+    def _place(self, name: str) -> int:
+        if name in self._driven:
+            raise CommandError(f"joint '{name}' is driven: its drive prescribes the motion, so it takes no effort.")
+        if name not in self._index:
+            raise UnknownJointError(name, self._index)
+        return self._index[name]
 
 
 def _counted(number: int, noun: str) -> str:

@@ -1,34 +1,34 @@
-"""Many copies of a mechanism in motion, each with its own values, start and efforts, advanced together."""
+"""Many copies of one mechanism in motion, each with its own values, start and efforts, advanced together."""
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from operator import index
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.compiler.ensemble_kernel import (
-    Groups,
+    MemberGroups,
+    advance_lanes,
+    advance_one_by_one,
     compile_members,
-    in_lanes,
-    one_by_one,
 )
-from mbd_sim.compiler.fastcall import LARGEST
 from mbd_sim.errors import CommandError, DivergedError, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.tableau import Tableau
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.simulation.argument_checks import require_finite, step_at, step_count, step_size
 from mbd_sim.simulation.compiled_model import Model, build_model
 from mbd_sim.simulation.ensemble_variants import Change, Variants
+from mbd_sim.simulation.options import EnsembleOptions
 
-PIECE = 2000  # steps after which the others are looked at, and progress is told
+RUN_CHUNK = 2000  # steps between two calls of `progress` in `run`
 
 
 class EnsembleEnergies(NamedTuple):
@@ -44,11 +44,11 @@ class EnsembleEnergies(NamedTuple):
 
 
 class Ensemble:
-    """k members of one mechanism, advanced by the same fixed step: eight to a vector, split over threads.
+    """k members of one mechanism, advanced by the same fixed step: eight to a vector, shared among threads.
 
-    Arrays have one row a member: `q` (k, nq), `u` (k, nv). A member goes through the same operations as a `Simulation`
-    with the same values among its inputs, bit for bit. One whose state would become infinite stays where it was when
-    `step` was last called, and is no longer `alive`.
+    Arrays have one row for each member: `q` (k, nq), `u` (k, nv). A member takes the same operations as a `Simulation`
+    with the same values among its inputs, bit for bit. A member whose state would become infinite keeps the state that
+    it had before that call of `step`, and is no longer `alive`.
 
     >>> rods = Ensemble.from_file("double_rod", [{"l": 0.5}, {"l": 1.0}, {"l": 2.0, "joints.elbow.damping": 0.1}])
     >>> rods.run(until=1.0)
@@ -65,30 +65,30 @@ class Ensemble:
         step: float | None = None,
         threads: int | None = None,
     ) -> None:
-        """Compile a mechanism for `members`: how many, or for each one what differs from the file, by key.
+        """Compile a mechanism for `members`: their number, or the changes of each one from the file, by key.
 
-        :param members: a change names values of the file as `with_values` does, starts such as
-            `joints.elbow.position` among them.
+        :param members: a change gives values of the file by key as for `with_values`, including initial values such
+            as `joints.elbow.position`.
         :param method: and `step` (s) replace those of the file.
-        :param threads: at most so many at once; all processors, if not given.
-        :raises MechanismError: a change does not fit, or acts on what is built into the equations, such as the
-            direction of an axis; the member is named.
+        :param threads: the largest number of threads; by default the number of available processors.
+        :raises MechanismError: a change does not fit, or concerns what is built into the equations, such as the
+            direction of an axis; the error names the member.
+        :raises ValueError: there are no members, or the step is not a positive number.
         """
         changes: Sequence[Change] = [{}] * index(members) if isinstance(members, int) else list(members)
         if not changes:
             raise ValueError("an ensemble has at least one member")
         self.mechanism = mechanism
-        self.step_size = mechanism.step if step is None else float(step)
-        if not (math.isfinite(self.step_size) and self.step_size > 0.0):
-            raise ValueError(f"the step must be a positive number of seconds, not {step!r}")
+        self.step_size = step_size(step, mechanism.step)
         variants = Variants(mechanism, changes)
         self.model: Model = build_model(variants.first, method, (), variants.values)
         self._limits = variants.effort_limits()
         self._starts, values = variants.starts(self.model)
-        self._groups: Groups = _groups(self.model, len(changes))
-        self._of_values = self.model.equations.inputs.of_values
+        self._groups: MemberGroups = _member_groups(self.model, len(changes))
+        layout = self.model.equations.inputs
+        self._effort_inputs, self._value_inputs = layout.efforts, layout.of_values
         inputs = np.tile(self.model.inputs, (len(changes), 1))
-        inputs[:, self._of_values] = values
+        inputs[:, self._value_inputs] = values
         self._groups.put("inputs", inputs)
         self._threads = threads or len(os.sched_getaffinity(0))
         self.steps = 0
@@ -96,19 +96,13 @@ class Ensemble:
 
     @classmethod
     def from_file(
-        cls,
-        mechanism: str | Path,
-        members: int | Sequence[Change],
-        *,
-        method: str | None = None,
-        step: float | None = None,
-        threads: int | None = None,
-    ) -> Ensemble:
-        """Load a mechanism file, or a shipped mechanism by name, and compile it.
+        cls, mechanism: str | Path, members: int | Sequence[Change], **options: Unpack[EnsembleOptions]
+    ) -> Self:
+        """Load a mechanism file, or a shipped mechanism by name, and compile it; `options` as in `Ensemble`.
 
-        :raises MechanismError: with all problems of the file, or what a member has that does not fit.
+        :raises MechanismError: with all problems of the file, or with what does not fit in a member.
         """
-        return cls(load_mechanism(mechanism), members, method=method, step=step, threads=threads)
+        return cls(load_mechanism(mechanism), members, **options)
 
     def __len__(self) -> int:
         return self._groups.count
@@ -120,7 +114,7 @@ class Ensemble:
 
     @property
     def state(self) -> Array:
-        """The integrated states (k, n): q, u, and the audit's energies."""
+        """The integrated states (k, n): q, u, and the energies of the audit."""
         return self._groups.get("y")
 
     @property
@@ -135,39 +129,41 @@ class Ensemble:
 
     @property
     def alive(self) -> NDArray[np.bool_]:
-        """Which members (k,) have a finite state still."""
+        """Whether the state of each member (k,) has stayed finite."""
         return np.asarray(self._groups.get("alive")[:, 0] != 0.0)
 
     @property
     def error_estimates(self) -> Array:
-        """Of each member (k,), see `Simulation.error_estimate`."""
+        """The error estimate of each member (k,): see `Simulation.error_estimate`."""
         return self._groups.get("estimates")[:, 0]
 
     @property
     def energies(self) -> EnsembleEnergies:
         """The energy audit of each member, in J."""
-        found = [
+        rows = [
             self.model.energies(self.time, y, start, inputs)
             for y, start, inputs in zip(self.state, self._start_energies, self._groups.get("inputs"), strict=True)
         ]
-        return EnsembleEnergies(*np.array(found).T)
+        return EnsembleEnergies(*np.array(rows).T)
 
     def reset(self, q: Array | None = None, u: Array | None = None) -> None:
-        """Back to time zero and the start states, or to the given ones (k, nq) and (k, nv); efforts become zero.
+        """Return to time zero and the start states, or to the given ones (k, nq) and (k, nv); zero the efforts.
 
-        Given states are led to the nearest ones that the constraints allow.
+        Given states are projected to the nearest ones that meet the constraints.
 
         :raises ValueError: wrong shape, a value that is not finite, or loops that cannot be closed near a state.
         """
         states = self._starts.copy()
         inputs = self._groups.get("inputs")
-        inputs[:, self.model.equations.inputs.efforts] = 0.0
+        inputs[:, self._effort_inputs] = 0.0
         for given, where, symbol in ((q, self.model.q_range, "q"), (u, self.model.u_range, "u")):
             if given is not None:
-                states[:, where] = _checked(given, states[:, where].shape, symbol)
+                rows = np.broadcast_to(np.asarray(given, dtype=float), states[:, where].shape)
+                states[:, where] = require_finite(rows, symbol)
         if q is not None or u is not None:
-            for row, values in zip(states, inputs[:, self._of_values], strict=True):
-                self._lead_back(row, values)
+            for y, values in zip(states, inputs[:, self._value_inputs], strict=True):
+                self.model.normalize(y)
+                self.model.project(y, values)
         self._groups.put("y", states)
         self._groups.put("inputs", inputs)
         self._groups.put("estimates", np.zeros((len(self), 1)))
@@ -177,13 +173,14 @@ class Ensemble:
         self._start_energies = np.asarray(self.energies.total)
 
     def set_efforts(self, efforts: Array | Mapping[str, float | Array]) -> None:
-        """Set the efforts (k, nv), or (nv,) for all; or some by name, each one number or (k,). They are clamped.
+        """Set the efforts (k, nv) in N and N·m, or (nv,) for all members; or some by name, one number or (k,) each.
+
+        They are clamped to the joints' effort limits.
 
         :raises CommandError: wrong shape, an unknown name, or a value that is not finite; nothing is changed then.
         """
         inputs = self._groups.get("inputs")
-        where = self.model.equations.inputs.efforts
-        new = inputs[:, where].copy()
+        new = inputs[:, self._effort_inputs].copy()
         try:
             if isinstance(efforts, Mapping):
                 names = list(self.model.coordinate_names)
@@ -197,21 +194,20 @@ class Ensemble:
             if isinstance(error, CommandError):
                 raise
             raise CommandError(
-                f"efforts for {len(self)} members of {new.shape[1]} joints do not fit: {error}"
+                f"the efforts do not fit {len(self)} members with {new.shape[1]} joints: {error}"
             ) from error
         if not np.all(np.isfinite(new)):
             raise CommandError("an effort is not finite.")
-        inputs[:, where] = np.clip(new, -self._limits, self._limits)
+        inputs[:, self._effort_inputs] = np.clip(new, -self._limits, self._limits)
         self._groups.put("inputs", inputs)
 
     def step(self, n: int = 1) -> None:
         """Advance all members by n steps.
 
-        :raises TypeError, ValueError: n is not a whole number from 0 on.
+        :raises TypeError: n is not an integer.
+        :raises ValueError: n is negative.
         """
-        n = index(n)
-        if not 0 <= n <= LARGEST:
-            raise ValueError(f"cannot take {n} steps")
+        n = step_count(n)
         shares = self._groups.shares(self._threads)
         if len(shares) == 1:
             self._groups.advance(self.steps, self.step_size, n, shares[0])
@@ -223,41 +219,30 @@ class Ensemble:
         self.steps += n
 
     def run(self, until: float, progress: Callable[[float], None] | None = None) -> None:
-        """Advance to the step nearest to time `until` in s; `progress` hears the time now and then."""
-        if not math.isfinite(until):
-            raise ValueError(f"cannot run until t = {until} s")
-        last = round(until / self.step_size)
+        """Advance to the step nearest to time `until` in s; `progress` is called with the time every 2000 steps.
+
+        :raises ValueError: the time is not finite.
+        """
+        last = step_at(until, self.step_size)
         while self.steps < last:
-            self.step(min(last - self.steps, PIECE))
+            self.step(min(last - self.steps, RUN_CHUNK))
             if progress is not None:
                 progress(self.time)
 
     def require_alive(self) -> None:
-        """Refuse to go on where members are lost.
+        """Raise an error if a member is no longer `alive`.
 
-        :raises DivergedError: members became infinite; the first one is named.
+        :raises DivergedError: it names the first such member.
         """
         lost = np.flatnonzero(~self.alive)
         if len(lost):
             raise DivergedError(f"{self.mechanism.name}: {len(lost)} members became infinite, first member {lost[0]}")
 
-    def _lead_back(self, y: Array, values: Array) -> None:
-        where_q, where_u = self.model.q_range, self.model.u_range
-        self.model.normalize(y)
-        y[where_q], y[where_u] = self.model.consistent(y[where_q], y[where_u], values)
 
-
-def _groups(model: Model, count: int) -> Groups:
+def _member_groups(model: Model, count: int) -> MemberGroups:
     sizes = {"y": len(model.start), "inputs": len(model.inputs), "estimates": 1, "alive": 1}
-    if not isinstance(model.method, Tableau):  # implicit methods go their own way for each member
-        return Groups(count, 1, sizes, one_by_one(model.kernel))
+    if not isinstance(model.method, Tableau):  # each member needs its own number of iterations
+        return MemberGroups(count, 1, sizes, advance_one_by_one(model.kernel))
     equations = model.equations
     kernel = compile_members(equations.rates, equations.settle, model.method, model.u_range.stop)
-    return Groups(count, kernel.lanes, sizes, in_lanes(kernel))
-
-
-def _checked(values: Array, shape: tuple[int, ...], symbol: str) -> Array:
-    array = np.broadcast_to(np.asarray(values, dtype=float), shape)
-    if not np.all(np.isfinite(array)):
-        raise ValueError(f"{symbol} holds a value that is not finite")
-    return array
+    return MemberGroups(count, kernel.lanes, sizes, advance_lanes(kernel))

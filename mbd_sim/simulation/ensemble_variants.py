@@ -1,4 +1,4 @@
-"""Variants of one mechanism that share its equations of motion, and differ in values and starts."""
+"""Variants of one mechanism that share its equations of motion and differ in values and initial state."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ Change = Mapping[str, float | str]
 
 
 class Variants:
-    """One mechanism a change; equal changes share it.
+    """One mechanism for each change; members with equal changes share it.
 
-    `values` are those in which the equations of the others differ from those of the `first`.
+    `values` are the numbers in which the equations of the variants differ.
     """
 
     def __init__(self, mechanism: Mechanism, changes: Sequence[Change]) -> None:
-        """Build them.
+        """Build the variants.
 
         :raises MechanismError: a change does not fit, or the equations differ by more than values.
         """
         base = numbers_of(mechanism)
         self._mechanisms: list[Mechanism] = []
         self._numbers: list[Numbers] = []
-        self._which: list[int] = []  # of them each member has
+        self._variant_of: list[int] = []  # for each member
         known: dict[tuple[tuple[str, float | str], ...], int] = {}
         for member, change in enumerate(changes):
             key = tuple(sorted(change.items()))
@@ -51,7 +51,7 @@ class Variants:
                     raise _of_member(member, error) from error
                 self._mechanisms.append(variant)
                 self._numbers.append(numbers_of(variant) if change else base)
-            self._which.append(known[key])
+            self._variant_of.append(known[key])
         try:
             self.values: Values = values_among(self._numbers[0], self._numbers)
         except UnvariedError as error:
@@ -64,7 +64,7 @@ class Variants:
         return self._mechanisms[0]
 
     def starts(self, model: Model) -> tuple[Array, Array]:
-        """The start states (k, n) and the values (k, m) of the members.
+        """The start states (k, n) and the values (k, m) of the k members.
 
         :raises MechanismError: the loops of a member cannot be closed.
         """
@@ -75,14 +75,14 @@ class Variants:
             try:
                 q, u = start_like(mechanism, model.layout, conditions, equations.rows)
             except MechanismError as error:
-                raise _of_member(self._which.index(number), error) from error
+                raise _of_member(self._variant_of.index(number), error) from error
             states.append(np.concatenate([q, u, np.zeros(len(AUDIT))]))
             rows.append(values)
-        return np.array(states)[self._which], np.array(rows)[self._which]
+        return np.array(states)[self._variant_of], np.array(rows)[self._variant_of]
 
     def effort_limits(self) -> Array:
-        """The largest effort (k, nv) of each degree of freedom."""
-        return np.array([mechanism.effort_limits() for mechanism in self._mechanisms])[self._which]
+        """The largest absolute effort (k, nv) of each degree of freedom, in N or N·m."""
+        return np.array([mechanism.effort_limits() for mechanism in self._mechanisms])[self._variant_of]
 
 
 def _of_member(member: int, error: MechanismError) -> MechanismError:

@@ -1,4 +1,4 @@
-"""Values of a mechanism that change while it runs, without a new kernel."""
+"""Live values: numbers of a mechanism file that change during a run, without another kernel."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.override import matching, value_of, with_values
 
-_PROBES = (1.01, 0.99)  # times a value, to see what depends on it
-_FROM_ZERO = (1e-3, -1e-3)
+LARGEST_GAP = 1e-6  # violation of the constraints that a change of live values may leave, m or 1
+_PROBE_FACTORS = (1.01, 0.99)  # applied to a value to find what depends on it
+_PROBES_OF_ZERO = (1e-3, -1e-3)
 
 
 class LiveValues:
     """The live values of a mechanism by their keys in its file, see `with_values`; `current` are in SI units."""
 
     def __init__(self, mechanism: Mechanism, names: Sequence[str]) -> None:
-        """Find out on which numbers of the equations the named values act.
+        """Find the numbers of the equations that depend on the named values.
 
-        :param names: keys, or patterns such as `joints.*.damping`, of which only those count that can be live.
+        :param names: keys, or patterns such as `joints.*.damping`, which stand for those matches that can be live.
         :raises MechanismError: a key does not exist, or its value is built into the equations.
         """
         self._mechanism = mechanism
@@ -34,23 +35,24 @@ class LiveValues:
         found: dict[str, Numbers] = {}
         problems: list[Problem] = []
         for name in names:
-            patterned = "*" in name
-            for key in matching(mechanism, [name]) if patterned else [name]:
+            is_pattern = "*" in name
+            for key in matching(mechanism, [name]) if is_pattern else [name]:
                 try:
                     found[key] = _probed(mechanism, key, base)
                 except UnvariedError as error:
-                    if not patterned:
-                        remedy = "Change the file, and start anew."
-                        problems.append(Problem(f"cannot change while it runs: {error}", remedy, key=key))
+                    if not is_pattern:
+                        remedy = "Change the file, and start again."
+                        problems.append(Problem(f"cannot change during a run: {error}", remedy, key=key))
         if problems:
             raise MechanismError(problems)
         self.current: dict[str, float] = {key: value_of(mechanism, key) or 0.0 for key in found}
         self.values: Values = values_among(base, list(found.values()))
 
     def changed(self, changes: Mapping[str, float]) -> tuple[dict[str, float], Array]:
-        """All values by key after a change, and those among the inputs of the equations.
+        """All live values by key after a change, and the values (n,) among the inputs of the equations.
 
-        :raises CommandError: an unknown key, a value that does not fit, or that acts on more than when it was probed.
+        :raises CommandError: an unknown key, a value that does not fit, or one on which other numbers depend than
+            when it was probed.
         """
         for key in changes:
             if key not in self.current:
@@ -63,28 +65,41 @@ class LiveValues:
                 "; ".join(f"{p.key}: {p.message}. {p.remedy}".strip() for p in error.problems)
             ) from error
         except UnvariedError as error:
-            raise CommandError(f"{', '.join(changes)}: {error}. Change the file, and start anew.") from error
+            raise CommandError(f"{', '.join(changes)}: {error}. Change the file, and start again.") from error
+
+
+def require_closed(changes: Mapping[str, float], gap: float, before: float) -> None:
+    """Refuse changes that open loops.
+
+    :param gap: the largest violation of the constraints in position with the changes, m or 1.
+    :param before: the same without them.
+    :raises CommandError: the gap is too large for the next step to close it.
+    """
+    if gap > max(LARGEST_GAP, 10.0 * before):
+        raise CommandError(
+            f"{', '.join(changes)}: this would open the loops by {gap:.3g}. Start again with the new value."
+        )
 
 
 def _probed(mechanism: Mechanism, key: str, base: Numbers) -> Numbers:
-    """The numbers with another value at a key.
+    """The numbers of the mechanism with another value at a key.
 
-    :raises UnvariedError: it is not a number, or acts on what is built into the equations, or on nothing in them.
-    :raises MechanismError: there is no such key.
+    :raises UnvariedError: the value is not a number, is built into the equations, or the equations do not depend on it.
+    :raises MechanismError: the key does not exist.
     """
     value = value_of(mechanism, key)
     if value is None:
         raise UnvariedError("it is not a number")
-    tries = [factor * value for factor in _PROBES] if value else list(_FROM_ZERO)
-    for attempt, probe in enumerate(tries):
+    probes = [factor * value for factor in _PROBE_FACTORS] if value else list(_PROBES_OF_ZERO)
+    refusal = None
+    for probe in probes:
         try:
             numbers = numbers_of(with_values(mechanism, {key: probe}))
         except MechanismError as error:
-            if attempt + 1 == len(tries):
-                raise UnvariedError(f"no value near {value:g} is possible: {error.problems[0].message}") from error
+            refusal = error
             continue
-        values = values_among(base, [numbers])
-        if not len(values.base):
+        if not len(values_among(base, [numbers]).base):
             raise UnvariedError("the equations of motion do not depend on it")
         return numbers
-    raise AssertionError("there is a last try")
+    assert refusal is not None
+    raise UnvariedError(f"no value near {value:g} is possible: {refusal.problems[0].message}") from refusal

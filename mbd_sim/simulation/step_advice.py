@@ -1,4 +1,4 @@
-"""What to change where a step is too large for a mechanism: for its accuracy, or for the method's stability."""
+"""Advice for a step that is too large: for the accuracy of a mechanism's motion, or for the method's stability."""
 
 from __future__ import annotations
 
@@ -6,45 +6,62 @@ import math
 
 import numpy as np
 
+from mbd_sim.errors import DivergedError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.integrators.tableau import Tableau
 from mbd_sim.simulation.compiled_model import Model
 
-TOLERATED = 1e-5  # estimated error of a step, as a part of 1 + |q| and 1 + |u|; shipped mechanisms stay below 1e-6
-AIM = 1e-7  # error of a step that a proposed step size should have
-MARGIN = 0.5  # of the largest stable step, what is proposed
-HOPELESS = 100.0  # times smaller than now: such a step is not proposed beside another method
+TOLERATED = 1e-5  # estimated error of a step relative to 1 + |q| and 1 + |u|; shipped mechanisms stay below 1e-6
+TARGET = 1e-7  # error of a step at which the proposed step size aims
+MARGIN = 0.5  # the proposed step as a fraction of the largest stable one
+USELESS = 100.0  # a step smaller by more than this factor is not proposed if another method is
 
 
 def step_advice(model: Model, time: float, y: Array, inputs: Array, step: float, estimate: float) -> str | None:
-    """A sentence that names a better step or method, or None where the estimated error of a step is small enough."""
+    """A sentence that names a better step or method, or None if the estimated error of a step is small enough.
+
+    :param step: the step size in s.
+    :param estimate: the estimated error of a step, see `Simulation.error_estimate`.
+    """
     if estimate <= TOLERATED:
         return None
     method = model.method
-    lost = not estimate < 1.0  # then the state itself means nothing any more
-    fastest = fastest_rate(model, 0.0, model.start, inputs) if lost else fastest_rate(model, time, y, inputs)
+    meaningless = not estimate < 1.0  # then the state says nothing about the mechanism
+    fastest = fastest_rate(model, 0.0, model.start, inputs) if meaningless else fastest_rate(model, time, y, inputs)
     stiff = step * fastest > method.reach
-    better = step * (AIM / estimate) ** (1.0 / (method.order + 1)) if math.isfinite(estimate) else 0.1 * step
+    better = step * (TARGET / estimate) ** (1.0 / (method.order + 1)) if math.isfinite(estimate) else 0.1 * step
     if stiff:
         better = min(better, MARGIN * method.reach / fastest)
-    others = []
+    proposals = []
     if stiff or (not math.isfinite(estimate) and not isinstance(method, Rosenbrock)):
-        others.append("method rosenbrock")
+        proposals.append("method rosenbrock")
     elif method.order < 8 and isinstance(method, Tableau):
-        others.append("method tsitouras8")
-    if not others or better * HOPELESS >= step:
-        others.insert(0, f"step {round_down(better):g}")
-    size = f"is estimated at {estimate:.1g}" if math.isfinite(estimate) else "is beyond all bounds"
-    why = f", as it has rates of {fastest:.1g}/s" if stiff else ""
+        proposals.append("method tsitouras8")
+    if not proposals or better * USELESS >= step:
+        proposals.insert(0, f"step {round_down(better):g}")
+    size = f"is estimated at {estimate:.1g}" if math.isfinite(estimate) else "is unbounded"
+    rates = f", which has rates of {fastest:.1g}/s" if stiff else ""
     return (
-        f"a step of {step:g} s is too large for {model.mechanism.name}{why}: the error of a step {size}. "
-        f"Try {' or '.join(others)}."
+        f"a step of {step:g} s is too large for {model.mechanism.name}{rates}: the error of a step {size}. "
+        f"Try {' or '.join(proposals)}."
+    )
+
+
+def divergence(model: Model, time: float, n: int, step: float, advice: str | None) -> DivergedError:
+    """The error for a state that becomes infinite within n steps of size `step` from `time` on, both in s."""
+    remedy = advice or f"Use a smaller step than {step:g} s."
+    causes = "efforts, stiffnesses, initial values and drives"
+    if model.equations.rows:
+        causes += ", and that the loops can follow the motion"
+    return DivergedError(
+        f"{model.mechanism.name}: the state became infinite between t = {time:g} s and {time + n * step:g} s. "
+        f"{remedy[0].upper()}{remedy[1:]} Otherwise check the {causes}."
     )
 
 
 def fastest_rate(model: Model, time: float, y: Array, inputs: Array) -> float:
-    """The largest eigenvalue of ∂f/∂y by size, 1/s, from differences; 0 where it cannot be found."""
+    """The largest |eigenvalue| of ∂f/∂(q, u) in 1/s, by finite differences; 0 if it cannot be found."""
     size = model.u_range.stop
 
     def rates(state: Array) -> Array:
@@ -62,6 +79,6 @@ def fastest_rate(model: Model, time: float, y: Array, inputs: Array) -> float:
 
 
 def round_down(value: float) -> float:
-    """The next number below of the form 1, 2 or 5 times a power of ten."""
+    """The largest number of the form 1, 2 or 5 times a power of ten that does not exceed a positive value."""
     power = 10.0 ** math.floor(math.log10(value))
     return next(lead for lead in (5.0, 2.0, 1.0) if lead * power <= value * (1.0 + 1e-9)) * power

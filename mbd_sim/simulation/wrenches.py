@@ -1,4 +1,4 @@
-"""External forces and couples on parts, as commanded: checked as a whole."""
+"""Commands of external forces and couples on parts, checked as a whole."""
 
 from __future__ import annotations
 
@@ -14,15 +14,25 @@ from mbd_sim.mechanism.records import Mechanism
 AXES = ("ground", "part")
 
 
+def require_parts(names: Sequence[str], mechanism: Mechanism) -> None:
+    """Refuse parts that do not exist.
+
+    :raises CommandError: with the nearest name.
+    """
+    for name in names:
+        if name not in mechanism.parts:
+            raise CommandError(f"there is no part '{name}'. {nearest(name, mechanism.parts)}")
+
+
 class WrenchMap:
-    """Wrenches on the loaded parts of a mechanism, in the order in which the equations take them."""
+    """Wrenches on the loaded parts of a mechanism, as inputs of its equations."""
 
     def __init__(self, mechanism: Mechanism, layout: InputLayout) -> None:
         self._parts, self._layout = mechanism.parts, layout
 
     @property
-    def places(self) -> Mapping[str, slice]:
-        """Where the wrench on each loaded part stands among the inputs."""
+    def slices(self) -> Mapping[str, slice]:
+        """The slice of the inputs that holds the wrench on each loaded part."""
         return self._layout.wrenches
 
     def numbers(
@@ -33,25 +43,25 @@ class WrenchMap:
         at: str | Sequence[float] | Array | None,
         axes: str,
     ) -> Array:
-        """The inputs of a wrench on a part; see `Simulation.set_wrench`.
+        """The inputs (15,) of a wrench on a part, see `ExternalWrench`; for the arguments see `Simulation.set_wrench`.
 
-        :raises CommandError: the part takes none, an unknown point or axes, or what is not three finite numbers.
+        :raises CommandError: the part takes no wrench, a point or axes do not exist, or a vector is not three finite
+            numbers.
         """
-        if part not in self.places:
+        if part not in self.slices:
             raise CommandError(self._unknown(part))
         if axes not in AXES:
             raise CommandError(f"the axes of a wrench are 'ground' or 'part', not {axes!r}.")
-        pair = np.concatenate([_three(force, "force"), _three(couple, "couple")])
-        none = np.zeros(6)
-        halves = (pair, none) if axes == "ground" else (none, pair)
-        return np.concatenate([*halves, self._point(part, at)])
+        wrench = np.concatenate([_vector(force, "force"), _vector(couple, "couple")])
+        in_ground, in_part = (wrench, np.zeros(6)) if axes == "ground" else (np.zeros(6), wrench)
+        return np.concatenate([in_ground, in_part, self._point(part, at)])
 
     def _point(self, part: str, at: str | Sequence[float] | Array | None) -> Array:
         record = self._parts[part]
         if at is None:
             return record.center
         if not isinstance(at, str):
-            return _three(at, "point")
+            return _vector(at, "point")
         if at not in record.points:
             raise CommandError(f"part '{part}' has no point '{at}'. {nearest(at, record.points)}")
         return record.points[at].position
@@ -59,16 +69,16 @@ class WrenchMap:
     def _unknown(self, part: str) -> str:
         if part in self._parts:
             return f"part '{part}' takes no wrench. Build the simulation with wrenches=['{part}']."
-        return f"there is no part '{part}'. {nearest(part, self.places)}"
+        return f"there is no part '{part}'. {nearest(part, self.slices)}"
 
 
-def _three(values: Sequence[float] | Array, what: str) -> Array:
+def _vector(values: Sequence[float] | Array, name: str) -> Array:
     try:
         array = np.array(values, dtype=float)
     except (TypeError, ValueError) as error:
-        raise CommandError(f"the {what} is not three numbers ({error}).") from error
+        raise CommandError(f"the {name} is not three numbers ({error}).") from error
     if array.shape != (3,):
-        raise CommandError(f"the {what} has the shape {array.shape}. Give three numbers.")
+        raise CommandError(f"the {name} has the shape {array.shape}. Give three numbers.")
     if not np.all(np.isfinite(array)):
-        raise CommandError(f"the {what} holds a number that is not finite.")
+        raise CommandError(f"the {name} contains a number that is not finite.")
     return array

@@ -134,3 +134,32 @@ def test_copies_are_refused():
     """They would step the original's state."""
     with pytest.raises(TypeError, match="build another one"):
         copy.deepcopy(Simulation.from_file("rod_pendulum"))
+
+
+class Counting(Simulation):
+    """A simulation that counts its calls of `step`."""
+
+    calls = 0
+
+    def step(self, n=1):
+        self.calls += 1
+        super().step(n)
+
+
+def test_a_subclass_may_override_step():
+    simulation, plain = Counting.from_file("double_rod"), Simulation.from_file("double_rod")
+    simulation.step(3)
+    simulation.run(until=0.1)
+    plain.run(until=0.1)
+    assert simulation.calls == 2
+    assert state(simulation) == state(plain)
+
+
+def test_a_subclass_without_a_step_keeps_the_compiled_one():
+    class Named(Simulation):
+        name = "named"
+
+    simulation = Named.from_file("rod_pendulum")
+    simulation.step(2)
+    assert simulation.steps == 2
+    assert type(simulation.step) is type(Simulation.from_file("rod_pendulum").step) is type(len)

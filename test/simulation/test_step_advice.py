@@ -13,7 +13,7 @@ from mbd_sim.errors import DivergedError
 from mbd_sim.integrators.methods import METHODS
 from mbd_sim.mechanism_file.library import shipped
 from mbd_sim.simulation.step_advice import (
-    AIM,
+    TARGET,
     TOLERATED,
     fastest_rate,
     round_down,
@@ -87,7 +87,7 @@ def test_explicit_methods_warn_of_a_stiff_mechanism(method):
     simulation.step(1)
     assert np.all(np.isfinite(simulation.state))
     assert re.search(
-        r"too large for grain_on_a_rod, as it has rates of 1e\+07/s.* Try method rosenbrock", simulation.step_advice
+        r"too large for grain_on_a_rod, which has rates of 1e\+07/s.* Try method rosenbrock", simulation.step_advice
     )
     before = simulation.state
     with pytest.raises(DivergedError, match="Try method rosenbrock"):
@@ -103,7 +103,7 @@ def test_the_step_that_is_advised_is_small_enough(method):
     better = Simulation.from_file("double_rod", method=method, step=advised)
     better.run(until=5.0)
     assert better.step_advice is None
-    assert AIM / 1e4 < better.error_estimate < TOLERATED
+    assert TARGET / 1e4 < better.error_estimate < TOLERATED
 
 
 def test_a_method_of_higher_order_is_advised_beside_a_smaller_step():

@@ -1,0 +1,59 @@
+"""The arrays of one running simulation, which its compiled kernel reads and writes in place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from mbd_sim.geometry.pose import Array
+from mbd_sim.simulation.compiled_model import Model
+
+
+class KernelMemory:
+    """State, inputs and step counter of a simulation.
+
+    Compiled code keeps the addresses of these arrays. They are written in place and never replaced.
+    """
+
+    def __init__(self, model: Model, step_size: float) -> None:
+        """Allocate the arrays: the start state of the `model`, its inputs without commands, and a step size in s."""
+        self._kernel = model.kernel
+        self.y, self.inputs = model.start.copy(), model.inputs.copy()
+        self._counter, self._step_size = np.zeros(1, dtype=np.int64), np.array([step_size])
+        self._error_estimate = np.zeros(1)
+
+    @property
+    def steps(self) -> int:
+        """Steps since time zero."""
+        return int(self._counter[0])
+
+    @property
+    def error_estimate(self) -> float:
+        """The largest estimated error of a step since time zero: see `Simulation.error_estimate`."""
+        return float(self._error_estimate[0])
+
+    def advance(self, n: int) -> bool:
+        """Advance by n steps; False where the new state would not be finite, and then nothing is changed."""
+        addresses = self.y.ctypes.data, self.inputs.ctypes.data
+        step_size, estimate = float(self._step_size[0]), self._error_estimate.ctypes.data
+        if not self._kernel.estimating_advance(*addresses, self.steps, step_size, n, estimate):
+            return False
+        self._counter[0] += n
+        return True
+
+    def compiled_step(self, fallback: Callable[..., None]) -> Callable[..., None]:
+        """`step(n=1)` as compiled code, which calls `fallback` with the same arguments wherever a step fails."""
+        arrays = (self._counter, self._step_size, self.y, self.inputs, self._error_estimate)
+        return self._kernel.stepper(fallback, [array.ctypes.data for array in arrays], arrays)
+
+    def load(self, y: Array, inputs: Array, steps: int) -> None:
+        """Replace the state (n,), the inputs (m,) and the step counter; the error estimate starts from zero again."""
+        self.y[:], self.inputs[:], self._counter[0], self._error_estimate[0] = y, inputs, steps, 0.0
+
+
+def read_only(array: Array) -> Array:
+    """A view that cannot be written through."""
+    view = array[:]
+    view.flags.writeable = False
+    return view
