@@ -1,0 +1,106 @@
+"""The pages: links and anchors resolve, paths exist, and imports follow the order of docs/architecture.md."""
+
+import ast
+import functools
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted(ROOT.glob("docs/*.md")),
+    *sorted(ROOT.glob("examples/*/README.md")),
+    ROOT / "benchmarks" / "preface.md",
+]
+GUIDES = [ROOT / "CONTRIBUTING.md", ROOT / "docs" / "architecture.md", ROOT / "docs" / "engine.md"]
+SOURCES = [path for folder in ("mbd_sim", "test", "config") for path in (ROOT / folder).rglob("*.*")]
+LINK = re.compile(r"\]\((?!https?:|mailto:)([^)\s]+)\)")
+ANY_CODE = re.compile(r"^```.*?^```$|`[^`\n]*`", re.MULTILINE | re.DOTALL)
+
+
+def name_of(path):
+    return str(path.relative_to(ROOT))
+
+
+@functools.cache
+def anchors(page):
+    """The anchors that GitHub gives to the headings of a page."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    found = set()
+    for heading in re.findall(r"^#+ +(.*)$", text, re.MULTILINE):
+        plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading).strip().lower()
+        slug = re.sub(r"[^\w\- ]", "", plain).replace(" ", "-")
+        repeats = sum(other == slug or re.fullmatch(re.escape(slug) + r"-\d+", other) is not None for other in found)
+        found.add(slug if not repeats else f"{slug}-{repeats}")
+    return found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_links_and_anchors_resolve(page):
+    # benchmarks/preface.md is the beginning of docs/benchmarks.md.
+    folder = ROOT / "docs" if page.name == "preface.md" else page.parent
+    broken = []
+    for link in LINK.findall(ANY_CODE.sub("", page.read_text(encoding="utf-8"))):
+        path, _, anchor = link.partition("#")
+        target = (folder / path).resolve() if path else page
+        if not target.exists() or (anchor and anchor not in anchors(target)):
+            broken.append(link)
+    assert not broken
+
+
+@pytest.mark.parametrize("page", GUIDES, ids=name_of)
+def test_paths_in_the_guides_exist(page):
+    """Words in backticks that begin with a folder of the repository or the package are paths, with * as in the shell."""
+    text = page.read_text(encoding="utf-8")
+    code = re.findall(r"`([^`\n]+)`", re.sub(r"^```.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL))
+    tops = {path.name for path in [*ROOT.iterdir(), *(ROOT / "mbd_sim").iterdir()]}
+    missing = []
+    for word in {word for span in code for word in span.split()}:
+        if "/" in word and word.split("/")[0] in tops and "<" not in word and "…" not in word:
+            path = word.split("::")[0]
+            if not [*ROOT.glob(path), *(ROOT / "mbd_sim").glob(path)]:
+                missing.append(word)
+    assert not missing
+
+
+def test_documents_that_sources_mention_exist():
+    named = re.compile(r"(?<![\w/.])((?:[\w-]+/)*[\w-]+\.(?:md|rst))\b")
+    folders = (ROOT, ROOT / "docs", ROOT / "benchmarks")
+    missing = {
+        (name_of(path), page)
+        for path in SOURCES
+        if path.suffix in {".py", ".yaml"} and path != Path(__file__)
+        for page in named.findall(path.read_text(encoding="utf-8"))
+        if not any((folder / page).exists() for folder in (*folders, path.parent))
+    }
+    assert not missing
+
+
+def layers():
+    """Folders and modules of the package, in the order of the table in docs/architecture.md."""
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    return [name.removesuffix(".py") for name in re.findall(r"^\| `mbd_sim/([\w.]+)/?` \|", text, re.MULTILINE)]
+
+
+def test_every_folder_of_the_package_is_described():
+    there = {
+        path.stem for path in (ROOT / "mbd_sim").iterdir() if (path / "__init__.py").exists() or path.suffix == ".py"
+    }
+    assert set(layers()) == there - {"__init__", "__main__"}
+
+
+def test_imports_follow_the_order_of_the_folders():
+    order, wrong = layers(), []
+    for path in (ROOT / "mbd_sim").rglob("*.py"):
+        here = path.relative_to(ROOT / "mbd_sim").parts[0].removesuffix(".py")
+        if here not in order:
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("mbd_sim."):
+                there = node.module.split(".")[1]
+                if order.index(there) > order.index(here):
+                    wrong.append(f"{name_of(path)} imports {node.module}")
+    assert not wrong
