@@ -13,19 +13,19 @@ from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import unit_or_zero
 from mbd_sim.mechanism.constraints import Surface
 
-Pair = Callable[[Array], tuple[Array, Array]]  # a point (3,) to two values (2,) and their gradients (2, 3)
+EquationPair = Callable[[Array], tuple[Array, Array]]  # a point (3,) to two values (2,) and their gradients (2, 3)
 
 REACH = 1.3  # of a picture of a curve or surface, by the distance of its point from its frame
-FINE = 0.04  # step from point to point, by the reach
-MOST = 500  # steps each way
-LEVELS, MERIDIANS = 7, 8  # lines of a surface, besides its outline
-CORRECTIONS = 8
-SINGULAR = 1e-12  # sin² of the angle between two gradients, what counts as none
-LEAST = 1e-9  # of a step, what is left after them
+STEP = 0.04  # step from point to point, by the reach
+MAX_STEPS = 500  # steps each way
+LEVEL_LINES, MERIDIANS = 7, 8  # lines of a surface, besides its outline
+MAX_ITERATIONS = 8
+MIN_SINE_SQUARED = 1e-12  # sin² of the angle between two gradients, what counts as none
+TOLERANCE = 1e-9  # of a step, what is left after them
 
 
 @dataclass(frozen=True, eq=False)
-class Wire:
+class CurveLine:
     """A line through `points` (n, 3) in m: a `wire`, or of a surface, part of its `net` or of its `outline`.
 
     Lines of a net are `front` where they are on the side toward the eye.
@@ -36,22 +36,22 @@ class Wire:
     front: bool = True
 
 
-def curve(record: Surface, point: Array, base: Pose) -> list[Wire]:
+def curve_lines(record: Surface, point: Array, base: Pose) -> list[CurveLine]:
     """The curve through a point (3,) that two equations leave, in ground's frame; `base` is that of the equations.
 
     It is followed as far as `REACH` times the distance of the point from the base.
     """
     x, values = _equations(record, base)
-    return _whole(x, values, point, base)
+    return _through_point(x, values, point, base)
 
 
-def section(record: Surface, point: Array, base: Pose, normal: Array) -> list[Wire]:
+def section_lines(record: Surface, point: Array, base: Pose, normal: Array) -> list[CurveLine]:
     """The curve in which the plane through a point (3,) across a normal (3,) cuts a surface, as far as a curve."""
     x, values = _equations(record, base)
-    return _whole(x, ca.vertcat(values, ca.dot(ca.DM(normal), x - ca.DM(point))), point, base)
+    return _through_point(x, ca.vertcat(values, ca.dot(ca.DM(normal), x - ca.DM(point))), point, base)
 
 
-def surface(record: Surface, point: Array, base: Pose, toward: Array) -> list[Wire]:
+def surface_lines(record: Surface, point: Array, base: Pose, toward: Array) -> list[CurveLine]:
     """A surface near a point (3,) by lines on it, and by its outline as seen from `toward` (3,).
 
     Around the third axis of its frame the lines are level lines and meridians; where level lines are open, they
@@ -59,62 +59,68 @@ def surface(record: Surface, point: Array, base: Pose, toward: Array) -> list[Wi
     """
     x, values = _equations(record, base)
     reach = _reach(point, base)
-    near, slope = _near(base, reach), ca.jacobian(values, x)
+    within_reach, slope = _within_reach(base, reach), ca.jacobian(values, x)
 
     def cut(at: Array, normal: Array) -> Array:
         plane = ca.dot(ca.DM(normal), x - ca.DM(at))
-        return follow(_pair(x, ca.vertcat(values, plane)), at, FINE * reach, near)
+        return follow_curve(_equation_pair(x, ca.vertcat(values, plane)), at, STEP * reach, within_reach)
 
-    lines = [line for line in _net(cut, point, base, reach) if len(line) > 2]
-    seen = _pair(x, ca.vertcat(values, ca.dot(slope.T, ca.DM(toward))))
+    lines = [line for line in _grid(cut, point, base, reach) if len(line) > 2]
+    seen = _equation_pair(x, ca.vertcat(values, ca.dot(slope.T, ca.DM(toward))))
     outlines: list[Array] = []
     for line in lines:
-        turning = line[int(np.argmin(np.abs(_facing(x, slope, line) @ toward)))]
-        start = _corrected(seen, turning, 0.2 * reach)
-        if start is not None and near(start) and all(_distance(o, start) > 2.0 * FINE * reach for o in outlines):
-            outlines.append(follow(seen, start, FINE * reach, near))
-    return [*_sides(x, slope, lines, toward), *_wires(outlines, "outline")]
+        turning = line[int(np.argmin(np.abs(_gradients(x, slope, line) @ toward)))]
+        start = _nearest_solution(seen, turning, 0.2 * reach)
+        if (
+            start is not None
+            and within_reach(start)
+            and all(_distance(o, start) > 2.0 * STEP * reach for o in outlines)
+        ):
+            outlines.append(follow_curve(seen, start, STEP * reach, within_reach))
+    return [*_visible_and_hidden(x, slope, lines, toward), *_curve_lines(outlines, "outline")]
 
 
-def _whole(x: ca.SX, values: ca.SX, point: Array, base: Pose) -> list[Wire]:
+def _through_point(x: ca.SX, values: ca.SX, point: Array, base: Pose) -> list[CurveLine]:
     reach = _reach(point, base)
-    return _wires([follow(_pair(x, values), point, FINE * reach, _near(base, reach))], "wire")
+    return _curve_lines(
+        [follow_curve(_equation_pair(x, values), point, STEP * reach, _within_reach(base, reach))], "wire"
+    )
 
 
-def _net(cut: Callable[[Array, Array], Array], point: Array, base: Pose, reach: float) -> list[Array]:
+def _grid(cut: Callable[[Array, Array], Array], point: Array, base: Pose, reach: float) -> list[Array]:
     """Lines (n, 3) on a surface through and around a point; `cut` gives that through a point across a normal."""
     first, second, up = base.rotation.T
 
     def meridian(at: Array) -> Array:
         across = np.cross(up, at - base.position)
-        return cut(at, unit_or_zero(across) if np.linalg.norm(across) > FINE * reach else second)
+        return cut(at, unit_or_zero(across) if np.linalg.norm(across) > STEP * reach else second)
 
     meridians = [meridian(point)]
-    levels = [cut(at, up) for at in _spaced(meridians[0], LEVELS)]
+    levels = [cut(at, up) for at in _evenly_spaced(meridians[0], LEVEL_LINES)]
     longest = max(levels, key=_length)
     if len(longest) > 2 and np.array_equal(longest[0], longest[-1]):
-        for at in _spaced(longest, MERIDIANS):
-            if all(_distance(line, at) > FINE * reach for line in meridians):
+        for at in _evenly_spaced(longest, MERIDIANS):
+            if all(_distance(line, at) > STEP * reach for line in meridians):
                 meridians.append(meridian(at))
         return [*levels, *meridians]
     one, other = cut(point, first), cut(point, second)
     return [
-        *(cut(at, second) for at in _spaced(one, MERIDIANS)),
-        *(cut(at, first) for at in _spaced(other, MERIDIANS)),
+        *(cut(at, second) for at in _evenly_spaced(one, MERIDIANS)),
+        *(cut(at, first) for at in _evenly_spaced(other, MERIDIANS)),
     ]
 
 
-def follow(pair: Pair, start: Array, step: float, near: Callable[[Array], bool]) -> Array:
+def follow_curve(pair: EquationPair, start: Array, step: float, within_reach: Callable[[Array], bool]) -> Array:
     """Points (n, 3), about `step` m apart, along the curve on which both values are zero, both ways from `start`."""
     halves: list[list[Array]] = []
     for sign in (1.0, -1.0):
         points, along = [start], None
-        while len(points) < MOST:
+        while len(points) < MAX_STEPS:
             slopes = pair(points[-1])[1]
             tangent = unit_or_zero(np.cross(unit_or_zero(slopes[0]), unit_or_zero(slopes[1])))
             tangent = tangent * (sign if along is None else 1.0 if tangent @ along >= 0.0 else -1.0)
-            following = _corrected(pair, points[-1] + step * tangent, step) if tangent.any() else None
-            if following is None or not near(following):
+            following = _nearest_solution(pair, points[-1] + step * tangent, step) if tangent.any() else None
+            if following is None or not within_reach(following):
                 break
             if len(points) > 3 and np.linalg.norm(following - start) < 0.75 * step:
                 return np.array([*points, start])
@@ -124,19 +130,19 @@ def follow(pair: Pair, start: Array, step: float, near: Callable[[Array], bool])
     return np.array([*halves[1][:0:-1], *halves[0]])
 
 
-def _corrected(pair: Pair, point: Array, step: float) -> Array | None:
+def _nearest_solution(pair: EquationPair, point: Array, step: float) -> Array | None:
     """The nearest point (3,) at which both values are zero, by Newton's method; None where there is none near."""
     at = np.array(point)
-    for _ in range(CORRECTIONS):
+    for _ in range(MAX_ITERATIONS):
         values, slopes = pair(at)
         if not (np.all(np.isfinite(values)) and np.all(np.isfinite(slopes))):
             return None
         (a, b), (_, d) = slopes @ slopes.T
-        if (size := a * d - b * b) <= SINGULAR * a * d:
+        if (size := a * d - b * b) <= MIN_SINE_SQUARED * a * d:
             return None
         change = slopes.T @ np.array([d * values[0] - b * values[1], a * values[1] - b * values[0]]) / size
         at = at - change
-        if np.linalg.norm(change) <= LEAST * step:
+        if np.linalg.norm(change) <= TOLERANCE * step:
             return at if np.linalg.norm(at - point) <= step else None
     return None
 
@@ -149,7 +155,7 @@ def _equations(record: Surface, base: Pose) -> tuple[ca.SX, ca.SX]:
     return x, ca.vertcat(*(function_of(equation, names) for equation in record.equations))
 
 
-def _pair(x: ca.SX, values: ca.SX) -> Pair:
+def _equation_pair(x: ca.SX, values: ca.SX) -> EquationPair:
     function = ca.Function("pair", [x], [ca.densify(values), ca.densify(ca.jacobian(values, x))])
 
     def pair(point: Array) -> tuple[Array, Array]:
@@ -159,31 +165,32 @@ def _pair(x: ca.SX, values: ca.SX) -> Pair:
     return pair
 
 
-def _facing(x: ca.SX, slope: ca.SX, line: Array) -> Array:
+def _gradients(x: ca.SX, slope: ca.SX, line: Array) -> Array:
     """The gradients (n, 3) along a line (n, 3)."""
     return np.array(ca.Function("slope", [x], [ca.densify(slope.T)]).map(len(line))(line.T)).T
 
 
-def _sides(x: ca.SX, slope: ca.SX, lines: Sequence[Array], toward: Array) -> list[Wire]:
-    """The lines of a surface, cut where they pass to its other side."""
+def _visible_and_hidden(x: ca.SX, slope: ca.SX, lines: Sequence[Array], toward: Array) -> list[CurveLine]:
+    """The lines of a surface, split where they pass to the side that faces away from the eye."""
     if not lines:
         return []
-    signs = [_facing(x, slope, line) @ toward > 0.0 for line in lines]
+    signs = [_gradients(x, slope, line) @ toward > 0.0 for line in lines]
     every, depth = np.concatenate(signs), np.concatenate(lines) @ toward
-    positive = not every.any() or every.all() or depth[every].mean() >= depth[~every].mean()
-    wires = []
+    front_sign = not every.any() or every.all() or depth[every].mean() >= depth[~every].mean()
+    found = []
     for line, sign in zip(lines, signs, strict=True):
         for piece in np.split(np.arange(len(line)), np.flatnonzero(np.diff(sign)) + 1):
-            reached = line[piece[0] : piece[-1] + 2]
-            wires += [Wire(reached, "net", bool(every.all() or sign[piece[0]] == positive))] if len(reached) > 1 else []
-    return wires
+            points = line[piece[0] : piece[-1] + 2]
+            if len(points) > 1:
+                found.append(CurveLine(points, "net", bool(every.all() or sign[piece[0]] == front_sign)))
+    return found
 
 
-def _wires(lines: Sequence[Array], kind: str) -> list[Wire]:
-    return [Wire(line, kind) for line in lines if len(line) > 1]
+def _curve_lines(lines: Sequence[Array], kind: str) -> list[CurveLine]:
+    return [CurveLine(line, kind) for line in lines if len(line) > 1]
 
 
-def _spaced(line: Array, count: int) -> list[Array]:
+def _evenly_spaced(line: Array, count: int) -> list[Array]:
     """Points (3,) along a line, evenly, without its ends."""
     places = np.linspace(0, len(line) - 1, count + 1 if len(line) > count else 2).round().astype(int)
     return [line[place] for place in places[:-1] + (places[1] - places[0]) // 2]
@@ -201,5 +208,5 @@ def _reach(point: Array, base: Pose) -> float:
     return REACH * (float(np.linalg.norm(point - base.position)) or 1.0)
 
 
-def _near(base: Pose, reach: float) -> Callable[[Array], bool]:
+def _within_reach(base: Pose, reach: float) -> Callable[[Array], bool]:
     return lambda point: bool(np.linalg.norm(point - base.position) <= reach)

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.drawing.composition import Scene, mechanism_sheet
-from mbd_sim.drawing.curve_paths import wires_of
-from mbd_sim.drawing.part_outlines import extent
+from mbd_sim.drawing.composition import Composition, mechanism_sheet
+from mbd_sim.drawing.curve_paths import constraint_curves
+from mbd_sim.drawing.part_outlines import bounding_points
 from mbd_sim.drawing.picture import POINTS, pixels
 from mbd_sim.drawing.projection import Page, view_of
 from mbd_sim.geometry.pose import Array, Pose
@@ -20,7 +20,7 @@ STROKE = 0.5  # m to both sides, of joints without limits that slide
 MARGIN = 1.12
 
 
-class Film:
+class Animation:
     """Frames of a mechanism, in a window that holds whatever it can reach."""
 
     def __init__(self, model: Model, width: int = 600, height: int = 400) -> None:
@@ -29,34 +29,37 @@ class Film:
         start = model.poses(0.0, model.start)
         self._view = view_of(self._mechanism, start)
         across = np.column_stack([self._view.right, self._view.up])
-        seen = [extent(self._mechanism, poses) @ across for poses in (start, *_reached(model))]
-        low, high = np.min([s.min(axis=0) for s in seen], axis=0), np.max([s.max(axis=0) for s in seen], axis=0)
-        self._own = max(float(np.max(np.ptp(seen[0], axis=0))), 1e-9)  # what the symbols are in proportion to
+        projected = [bounding_points(self._mechanism, poses) @ across for poses in (start, *_reachable_poses(model))]
+        low, high = (
+            np.min([s.min(axis=0) for s in projected], axis=0),
+            np.max([s.max(axis=0) for s in projected], axis=0),
+        )
+        self._own = max(float(np.max(np.ptp(projected[0], axis=0))), 1e-9)  # what the symbols are in proportion to
         scale = float(np.min(self._size / np.maximum((high - low) * MARGIN, 0.2 * self._own)))
         self._page = Page(self._view, scale)
         self._shift = 0.5 * self._size - 0.5 * (low + high) * scale
 
     def frame(self, poses: Mapping[str, Pose]) -> NDArray[np.uint8]:
         """(height, width, 3): the mechanism with its parts at `poses`, in ground's frame in m."""
-        wires = wires_of(self._mechanism, poses, self._view)
-        sheet = mechanism_sheet(self._page, self._mechanism, poses, self._own, wires)
-        return pixels(Scene(sheet.moved(self._shift), self._size), POINTS)
+        curves = constraint_curves(self._mechanism, poses, self._view)
+        sheet = mechanism_sheet(self._page, self._mechanism, poses, self._own, curves)
+        return pixels(Composition(sheet.translated(self._shift), self._size), POINTS)
 
 
-def _reached(model: Model) -> list[Mapping[str, Pose]]:
+def _reachable_poses(model: Model) -> list[Mapping[str, Pose]]:
     """The poses in some of the configurations that the joints and the loops allow."""
     rng, found = np.random.default_rng(0), []
     y = model.start.copy()
     for _ in range(SAMPLES):
         try:
-            y[model.q_range] = model.consistent(_drawn(model, rng), np.zeros(model.layout.nv))[0]
+            y[model.q_range] = model.consistent(_random_configuration(model, rng), np.zeros(model.layout.nv))[0]
         except ValueError:  # no closed loop near it
             continue
         found.append(model.poses(0.0, y))
     return found
 
 
-def _drawn(model: Model, rng: np.random.Generator) -> Array:
+def _random_configuration(model: Model, rng: np.random.Generator) -> Array:
     q = model.start[model.q_range].copy()
     for name, joint in model.mechanism.joints.items():
         where = model.layout.q[name]

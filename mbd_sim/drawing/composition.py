@@ -8,124 +8,127 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mbd_sim.appearance.implicit_curves import Wire
+from mbd_sim.appearance.implicit_curves import CurveLine
 from mbd_sim.appearance.palette import part_colors
 from mbd_sim.drawing import legend
 from mbd_sim.drawing.constraint_symbols import constraint_paths
-from mbd_sim.drawing.curve_paths import wire_paths, wires_of
-from mbd_sim.drawing.joint_symbols import joint_paths, name_place
-from mbd_sim.drawing.label_placement import place_names
-from mbd_sim.drawing.load_symbols import between_paths, force_paths
+from mbd_sim.drawing.curve_paths import constraint_curves, curve_paths
+from mbd_sim.drawing.joint_symbols import joint_paths, label_point
+from mbd_sim.drawing.label_placement import place_labels
+from mbd_sim.drawing.load_symbols import force_paths, two_point_paths
 from mbd_sim.drawing.part_outlines import (
-    extent,
-    is_phantom,
+    bounding_points,
+    is_invisible,
     mass_center,
     part_paths,
 )
-from mbd_sim.drawing.placed_joint import Held, held, middle
+from mbd_sim.drawing.placed_joint import PlacedJoint, middle, place_joint
 from mbd_sim.drawing.projection import Page, view_of
-from mbd_sim.drawing.sheet import FRONT, GREY, INK, Path, Sheet, Text, arc, dark
-from mbd_sim.drawing.slider_symbols import slides_phantom
+from mbd_sim.drawing.sheet import FRONT, GRAY, INK, Sheet, SheetPath, SheetText, arc, outline_color
+from mbd_sim.drawing.slider_symbols import carries_coordinate_only
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.records import Mechanism, Part
 
-MOST = np.array([500.0, 400.0])  # pt, what the mechanism may fill
-LEAST_WIDTH = 330.0  # pt, of the whole picture
-CLOSEST = 1.5  # times the scale at which the mechanism itself would fill the picture
+MAX_SIZE = np.array([500.0, 400.0])  # pt, what the mechanism may fill
+MIN_WIDTH = 330.0  # pt, of the whole picture
+MAX_ENLARGEMENT = 1.5  # times the scale at which the mechanism itself would fill the picture
 MARGIN, TITLE = 16.0, 26.0  # pt
 PART_NAME, JOINT_NAME = 10.0, 9.0  # pt
-MOST_HIDDEN = 8.0  # points of lines that the name of a joint may cover
+MAX_COVERED = 8.0  # points of lines that the name of a joint may cover
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class Composition:
     """A finished sheet from (0, 0) to `size` (2,), in points."""
 
     sheet: Sheet
     size: Array
 
 
-def scene(mechanism: Mechanism, poses: Mapping[str, Pose], title: str | None = None) -> Scene:
+def compose(mechanism: Mechanism, poses: Mapping[str, Pose], title: str | None = None) -> Composition:
     """Lay out a mechanism at the poses of its parts."""
     view = view_of(mechanism, poses)
-    wires = wires_of(mechanism, poses, view)
-    spread = extent(mechanism, poses) @ np.column_stack([view.right, view.up])
+    curves = constraint_curves(mechanism, poses, view)
+    spread = bounding_points(mechanism, poses) @ np.column_stack([view.right, view.up])
     size = max(float(np.max(np.ptp(spread, axis=0))), 0.0) or 1.0
-    scale = float(np.min(MOST)) / size
+    scale = float(np.min(MAX_SIZE)) / size
     for _ in range(5):  # lines and symbols have sizes in points, so that the scale is found by trying
-        sheet = mechanism_sheet(Page(view, scale), mechanism, poses, size, wires)
+        sheet = mechanism_sheet(Page(view, scale), mechanism, poses, size, curves)
         low, high = sheet.bounds()
-        scale *= float(np.clip(np.min(MOST / np.maximum(high - low, 1.0)), 0.2, 5.0))
-        scale = min(scale, CLOSEST * float(np.max(MOST)) / size)  # what is seen may be a dot without a size
+        scale *= float(np.clip(np.min(MAX_SIZE / np.maximum(high - low, 1.0)), 0.2, 5.0))
+        scale = min(scale, MAX_ENLARGEMENT * float(np.max(MAX_SIZE)) / size)  # what is seen may be a dot without a size
     page = Page(view, scale)
-    sheet = mechanism_sheet(page, mechanism, poses, size, wires)
-    joints = [held(page, mechanism, poses, joint) for joint in mechanism.all_joints.values()]
-    sheet.texts += place_names(sheet, _names(page, mechanism, poses, joints, size))
+    sheet = mechanism_sheet(page, mechanism, poses, size, curves)
+    joints = [place_joint(page, mechanism, poses, joint) for joint in mechanism.all_joints.values()]
+    sheet.texts += place_labels(sheet, _joint_and_part_labels(page, mechanism, poses, joints, size))
     low, high = sheet.bounds()
-    width = max(float((high - low)[0]) + 2.0 * MARGIN, LEAST_WIDTH)
+    width = max(float((high - low)[0]) + 2.0 * MARGIN, MIN_WIDTH)
     base = legend.HEIGHT + 0.5 * MARGIN
-    sheet = sheet.moved(np.array([0.5 * width, base]) - [0.5 * (low + high)[0], low[1]])
+    sheet = sheet.translated(np.array([0.5 * width, base]) - [0.5 * (low + high)[0], low[1]])
     legend.add_strip(sheet, page, mechanism.gravity, width)
     height = base + float((high - low)[1]) + MARGIN
     if title:
-        sheet.texts.append(Text(title, np.array([0.5 * width, height + 0.25 * TITLE]), 13.0, INK))
+        sheet.texts.append(SheetText(title, np.array([0.5 * width, height + 0.25 * TITLE]), 13.0, INK))
         height += TITLE
-    return Scene(sheet, np.ceil([width, height]))  # whole points keep SVG short
+    return Composition(sheet, np.ceil([width, height]))  # whole points keep SVG short
 
 
 def mechanism_sheet(
-    page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], size: float, wires: Sequence[Wire]
+    page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], size: float, curves: Sequence[CurveLine]
 ) -> Sheet:
     """The mechanism alone, without names; `size` in m sets how large its symbols are."""
     sheet, colors = Sheet(), part_colors(mechanism)
-    joints = [held(page, mechanism, poses, joint) for joint in mechanism.all_joints.values()]
+    joints = [place_joint(page, mechanism, poses, joint) for joint in mechanism.all_joints.values()]
     for name, part in mechanism.parts.items():
         sheet.add(*part_paths(page, mechanism, part, poses[name], colors[name]))
-    taken = [np.mean(path.points[:-1], axis=0) for path in sheet.paths if path.dot]
-    sheet.add(*wire_paths(page, wires))
-    sheet.add(*between_paths(page, mechanism, poses), *constraint_paths(page, mechanism, poses, size))
+    occupied = [np.mean(path.points[:-1], axis=0) for path in sheet.paths if path.particle]
+    sheet.add(*curve_paths(page, curves))
+    sheet.add(*two_point_paths(page, mechanism, poses), *constraint_paths(page, mechanism, poses, size))
     for joint in joints:
         sheet.add(*joint_paths(page, joint, size))
     if page.view.planar:
-        sheet.paths = [_flat(path) for path in sheet.paths]
+        sheet.paths = [_without_depth(path) for path in sheet.paths]
     round_joints = [joint for joint in joints if joint.joint.kind.keeps_point and joint.joint.kind.connects]
-    taken += [page.at(joint.carrier.position) for joint in round_joints]  # their symbols hide a mass center
+    occupied += [page.project(joint.carrier_frame.position) for joint in round_joints]  # hidden by their symbols
     for name, part in mechanism.parts.items():
-        sheet.add(*mass_center(page, part, poses[name], taken))
+        sheet.add(*mass_center(page, part, poses[name], occupied))
     sheet.add(*force_paths(page, mechanism, poses))
     return sheet
 
 
-def _flat(path: Path) -> Path:
+def _without_depth(path: SheetPath) -> SheetPath:
     """Without depth: seen along the common axis, things lie in the order of the file, and springs and pins on top."""
-    return replace(path, depth=0.0, layer=FRONT if path.dot else path.layer)
+    return replace(path, depth=0.0, layer=FRONT if path.particle else path.layer)
 
 
-def _names(
-    page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], joints: Sequence[Held], size: float
-) -> list[tuple[Text, float]]:
+def _joint_and_part_labels(
+    page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], joints: Sequence[PlacedJoint], size: float
+) -> list[tuple[SheetText, float]]:
     """The names of the parts, and where there is room those of the joints that move."""
     colors = part_colors(mechanism)
     names = [
-        (Text(_spaced(name), _place_of(page, part, poses[name]), PART_NAME, dark(colors[name])), math.inf)
+        (
+            SheetText(_spaced(name), _label_point(page, part, poses[name]), PART_NAME, outline_color(colors[name])),
+            math.inf,
+        )
         for name, part in mechanism.parts.items()
-        if not is_phantom(part)
+        if not is_invisible(part)
     ]
     for joint in joints:
-        if joint.joint.kind.connects and not slides_phantom(joint):
-            at = page.at(name_place(page, joint, size))
-            names.append((Text(_spaced(joint.joint.name), at, JOINT_NAME, GREY, italic=True), MOST_HIDDEN))
+        if joint.joint.kind.connects and not carries_coordinate_only(joint):
+            at = page.project(label_point(page, joint, size))
+            names.append((SheetText(_spaced(joint.joint.name), at, JOINT_NAME, GRAY, italic=True), MAX_COVERED))
     return names
 
 
-def _place_of(page: Page, part: Part, pose: Pose) -> Array:
+def _label_point(page: Page, part: Part, pose: Pose) -> Array:
     """The place (2,) on the sheet that the name of a part is near to: of a ring, on it."""
     if part.shapes and all(shape.kind == "ring" for shape in part.shapes):
         ring = pose @ part.shapes[0].pose
         circle = arc(np.zeros(2), part.shapes[0].size[0]) @ ring.rotation[:, :2].T
-        seen = page.at(ring.position + circle)
-        return np.asarray(seen[int(np.argmax(seen @ [0.6, 0.8]))])
-    return page.at(pose.position + pose.rotation @ middle(part))
+        projected = page.project(ring.position + circle)
+        return np.asarray(projected[int(np.argmax(projected @ [0.6, 0.8]))])
+    return page.project(pose.position + pose.rotation @ middle(part))
 
 
 def _spaced(name: str) -> str:

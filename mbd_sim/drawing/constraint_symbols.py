@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from mbd_sim.drawing.gear_symbols import coupling_paths
-from mbd_sim.drawing.ground_symbols import hatched
-from mbd_sim.drawing.load_symbols import place
+from mbd_sim.drawing.ground_symbols import hatched_line
+from mbd_sim.drawing.load_symbols import point_of
 from mbd_sim.drawing.projection import Page
-from mbd_sim.drawing.sheet import BACK, BODIES, FRONT, GREY, INK, LINE, WHITE, Path, left_of
+from mbd_sim.drawing.sheet import BACK, FRONT, GRAY, INK, WHITE, SheetPath, left_of
+from mbd_sim.drawing.spring_symbols import cable_paths
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import aligning_z, unit_or_zero
 from mbd_sim.mechanism.constraints import Coupling, KnifeEdge
@@ -22,9 +23,9 @@ BLADE, THICK = 26.0, 3.4  # pt, half length and half width of an edge
 HALF = 0.6  # of a plane or a line, by the size of the mechanism
 
 
-def constraint_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], size: float) -> list[Path]:
+def constraint_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], size: float) -> list[SheetPath]:
     """What is to be seen of the constraints, besides rods of constant length, and curves and surfaces."""
-    paths: list[Path] = []
+    paths: list[SheetPath] = []
     planes: set[tuple[float, ...]] = set()
     for constraint in mechanism.constraints:
         points = getattr(constraint, "points", None)
@@ -43,11 +44,11 @@ def constraint_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]
         normals = _normals(constraint)
         if len(normals):
             turned = normals @ _rotation(poses, base).T
-            plane = (*turned[0].round(6), round(float(place(poses, base) @ turned[0]) / size, 6))
+            plane = (*turned[0].round(6), round(float(point_of(poses, base) @ turned[0]) / size, 6))
             if len(normals) == 1 and plane in planes:
                 continue
             planes.add(plane)
-            paths += _flat(page, place(poses, base), place(poses, on), turned, size, base.part == GROUND)
+            paths += _flat(page, point_of(poses, base), point_of(poses, on), turned, size, base.part == GROUND)
     return paths
 
 
@@ -58,47 +59,43 @@ def _normals(constraint: Any) -> Array:
     return np.atleast_2d(constraint.normal) if hasattr(constraint, "normal") else np.zeros((0, 3))
 
 
-def _flat(page: Page, base: Array, on: Array, normals: Array, size: float, grounded: bool) -> list[Path]:
+def _flat(page: Page, base: Array, on: Array, normals: Array, size: float, grounded: bool) -> list[SheetPath]:
     """A plane (one normal) or a line (two), near the point that keeps to it."""
     foot = on - sum(((on - base) @ normal) * normal for normal in normals)
     if len(normals) == 2:
         along = unit_or_zero(np.cross(normals[0], normals[1]))
-        ends = page.at(np.array([foot - HALF * size * along, foot + HALF * size * along]))
-        return [Path(ends, edge=GREY, width=1.4, dash=(7.0, 3.0), layer=BACK, depth=page.depth(foot))]
+        ends = page.project(np.array([foot - HALF * size * along, foot + HALF * size * along]))
+        return [SheetPath(ends, edge=GRAY, width=1.4, dash=(7.0, 3.0), layer=BACK, depth=page.depth(foot))]
     normal = unit_or_zero(normals[0])
     if abs(float(normal @ page.view.toward)) < 1e-6:
         along = np.cross(page.view.toward, normal)
-        ends = page.at(np.array([foot - HALF * size * along, foot + HALF * size * along]))
-        plain = [Path(ends, edge=INK, width=1.4, layer=BACK)]
-        return hatched(ends[0], ends[1], -page.seen(normal)) if grounded else plain
+        ends = page.project(np.array([foot - HALF * size * along, foot + HALF * size * along]))
+        plain = [SheetPath(ends, edge=INK, width=1.4, layer=BACK)]
+        return hatched_line(ends[0], ends[1], -page.direction(normal)) if grounded else plain
     if page.view.planar:
         return []
     across = HALF * size * aligning_z(normal)[:, :2]
     corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) @ across.T
-    return [Path(page.at(foot + corners), edge=GREY, fill=SHEET, width=0.8, closed=True, layer=BACK)]
+    return [SheetPath(page.project(foot + corners), edge=GRAY, fill=SHEET, width=0.8, closed=True, layer=BACK)]
 
 
-def _blade(page: Page, poses: Mapping[str, Pose], edge: KnifeEdge) -> list[Path]:
+def _blade(page: Page, poses: Mapping[str, Pose], edge: KnifeEdge) -> list[SheetPath]:
     """A lens along the edge, pointed at both ends."""
-    along = page.seen(_rotation(poses, edge.point) @ unit_or_zero(edge.direction))
+    along = page.direction(_rotation(poses, edge.point) @ unit_or_zero(edge.direction))
     half = BLADE * float(np.hypot(*along))
     if half < 2.0 * THICK:
         return []
     turn = np.linspace(0.0, np.pi, 13)
     sides = np.concatenate([np.sin(turn), -np.sin(turn)]) * THICK
     lengths = np.concatenate([-np.cos(turn), np.cos(turn)]) * half
-    at = place(poses, edge.point)
-    points = page.at(at) + np.outer(lengths, unit_or_zero(along)) + np.outer(sides, left_of(along))
-    return [Path(points, edge=WHITE, fill=INK, width=0.8, closed=True, layer=FRONT, depth=page.depth(at))]
+    at = point_of(poses, edge.point)
+    points = page.project(at) + np.outer(lengths, unit_or_zero(along)) + np.outer(sides, left_of(along))
+    return [SheetPath(points, edge=WHITE, fill=INK, width=0.8, closed=True, layer=FRONT, depth=page.depth(at))]
 
 
-def _cable(page: Page, poses: Mapping[str, Pose], points: tuple[Attachment, ...]) -> list[Path]:
-    run = np.array([place(poses, at) for at in points])
-    seen, depth = page.at(run), page.depth(run.mean(axis=0))
-    return [
-        Path(seen, edge=WHITE, width=3.0, layer=BODIES, depth=depth),
-        Path(seen, edge=INK, width=LINE, layer=BODIES, depth=depth),
-    ]
+def _cable(page: Page, poses: Mapping[str, Pose], points: tuple[Attachment, ...]) -> list[SheetPath]:
+    line = np.array([point_of(poses, at) for at in points])
+    return cable_paths(page, line, page.depth(line.mean(axis=0)))
 
 
 def _rotation(poses: Mapping[str, Pose], at: Attachment) -> Array:

@@ -5,46 +5,51 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from mbd_sim.appearance.implicit_curves import (
-    Wire,
-    curve,
-    section,
-    surface,
+    CurveLine,
+    curve_lines,
+    section_lines,
+    surface_lines,
 )
 from mbd_sim.appearance.palette import mixed
-from mbd_sim.drawing.load_symbols import place
+from mbd_sim.drawing.load_symbols import point_of
 from mbd_sim.drawing.projection import Page, View
-from mbd_sim.drawing.sheet import BACK, GREY, INK, STEEL, WHITE, Path
+from mbd_sim.drawing.sheet import BACK, GRAY, INK, STEEL, WHITE, SheetPath
 from mbd_sim.geometry.pose import Pose, identity_pose
 from mbd_sim.mechanism.constraints import Surface
 from mbd_sim.mechanism.records import GROUND, Mechanism
 
 
-def wires_of(mechanism: Mechanism, poses: Mapping[str, Pose], view: View) -> list[Wire]:
+def constraint_curves(mechanism: Mechanism, poses: Mapping[str, Pose], view: View) -> list[CurveLine]:
     """The lines of all curves and surfaces, in ground's frame in m."""
-    wires: list[Wire] = []
+    curves: list[CurveLine] = []
     for record in mechanism.constraints:
         if isinstance(record, Surface):
-            point, carrier = place(poses, record.point), record.base.part
-            turned = (identity_pose() if carrier == GROUND else poses[carrier]).rotation @ record.axes
-            base = Pose(place(poses, record.base), turned)
+            point, carrier_frame = point_of(poses, record.point), record.base.part
+            turned = (identity_pose() if carrier_frame == GROUND else poses[carrier_frame]).rotation @ record.axes
+            base = Pose(point_of(poses, record.base), turned)
             if len(record.equations) > 1:
-                wires += curve(record, point, base)
+                curves += curve_lines(record, point, base)
             elif view.planar:
-                wires += section(record, point, base, view.toward)
+                curves += section_lines(record, point, base, view.toward)
             else:
-                wires += surface(record, point, base, view.toward)
-    return wires
+                curves += surface_lines(record, point, base, view.toward)
+    return curves
 
 
-def wire_paths(page: Page, wires: Sequence[Wire]) -> list[Path]:
+def curve_paths(page: Page, curves: Sequence[CurveLine]) -> list[SheetPath]:
     """A curve as a wire, a surface as thin lines, paler on its far side."""
-    paths: list[Path] = []
-    for wire in sorted(wires, key=lambda wire: (wire.kind != "net", wire.front)):
-        seen = page.at(wire.points)
-        if wire.kind == "outline":
-            paths.append(Path(seen, edge=GREY, width=1.3, layer=BACK))
-        elif wire.kind == "net":
-            paths.append(Path(seen, edge=STEEL if wire.front else mixed(STEEL, WHITE, 0.6), width=0.7, layer=BACK))
+    paths: list[SheetPath] = []
+    for curve in sorted(curves, key=lambda curve: (curve.kind != "net", curve.front)):
+        projected = page.project(curve.points)
+        if curve.kind == "outline":
+            paths.append(SheetPath(projected, edge=GRAY, width=1.3, layer=BACK))
+        elif curve.kind == "net":
+            paths.append(
+                SheetPath(projected, edge=STEEL if curve.front else mixed(STEEL, WHITE, 0.6), width=0.7, layer=BACK)
+            )
         else:
-            paths += [Path(seen, edge=INK, width=3.2, layer=BACK), Path(seen, edge=STEEL, width=1.6, layer=BACK)]
+            paths += [
+                SheetPath(projected, edge=INK, width=3.2, layer=BACK),
+                SheetPath(projected, edge=STEEL, width=1.6, layer=BACK),
+            ]
     return paths

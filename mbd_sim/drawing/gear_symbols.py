@@ -7,26 +7,27 @@ from collections.abc import Mapping
 import numpy as np
 
 from mbd_sim.appearance.extent import half_sizes
-from mbd_sim.drawing.part_outlines import reach
-from mbd_sim.drawing.placed_joint import Held, held, own_frame
+from mbd_sim.appearance.polylines import circle
+from mbd_sim.drawing.placed_joint import PlacedJoint, frame_on_part, place_joint
 from mbd_sim.drawing.projection import Page
-from mbd_sim.drawing.sheet import BODIES, FRONT, INK, WHITE, Path
+from mbd_sim.drawing.sheet import AXIS_DASH, BODIES, FRONT, INK, SheetPath
+from mbd_sim.drawing.spring_symbols import cable_paths
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import aligning_z, unit_or_zero
 from mbd_sim.mechanism.constraints import Coupling
 from mbd_sim.mechanism.records import Mechanism
 
-TEETH, TOOTH = 7.0, 2.6  # pt, from tooth to tooth, and half their height
-PITCH_LINE = (9.0, 2.5, 1.5, 2.5)  # pt
+TOOTH_SPACING, TOOTH = 7.0, 2.6  # pt, from tooth to tooth, and half their height
+
 PARALLEL = 1e-6
 FITTING = 0.2  # relative, how near the radius of a wheel must be to the pitch radius
 NUDGE = 0.02  # toward the eye, by the radius
 
 
-def coupling_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], coupling: Coupling) -> list[Path]:
+def coupling_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], coupling: Coupling) -> list[SheetPath]:
     """Two wheels, or a wheel and a rack or cable; other couplings, and wheels on skew axes, are not to be seen."""
     joints = {
-        joint.name: held(page, mechanism, poses, joint)
+        joint.name: place_joint(page, mechanism, poses, joint)
         for joint in mechanism.all_joints.values()
         if joint.name in coupling.factors and joint.type in ("revolute", "prismatic")
     }
@@ -41,63 +42,67 @@ def coupling_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], 
     return []
 
 
-def _gears(page: Page, first: Held, second: Held, ratio: float) -> list[Path]:
-    """Pitch circles that touch: r1 + r2, or |r1 - r2| with inner teeth, is the distance of the axes."""
+def _gears(page: Page, first: PlacedJoint, second: PlacedJoint, ratio: float) -> list[SheetPath]:
+    """Pitch circles that touch: r1 + r2, or |r1 - r2| with internal teeth, equals the distance of the axes."""
     facing = float(first.axis @ second.axis)
-    line = second.carrier.position - first.carrier.position
-    apart = float(np.linalg.norm(line - (line @ first.axis) * first.axis))
-    together = abs(1.0 + ratio * np.sign(facing))
-    if abs(facing) < 1.0 - PARALLEL or apart == 0.0 or together < PARALLEL:
+    line = second.carrier_frame.position - first.carrier_frame.position
+    distance = float(np.linalg.norm(line - (line @ first.axis) * first.axis))
+    distance_by_radius = abs(1.0 + ratio * np.sign(facing))
+    if abs(facing) < 1.0 - PARALLEL or distance == 0.0 or distance_by_radius < PARALLEL:
         return []
-    radius = apart / together
+    radius = distance / distance_by_radius
     return [*_wheel(page, first, abs(ratio) * radius), *_wheel(page, second, radius)]
 
 
-def _wheel(page: Page, held: Held, radius: float) -> list[Path]:
-    """A pitch circle with teeth, on the part's wheel where it has one of about that radius."""
-    frame, center = aligning_z(held.axis), held.mover.position
-    for shape in held.moving.shapes if held.moving else ():
-        pose = held.mover @ own_frame(held, held.moving).inverse() @ shape.pose if held.moving else held.mover
-        size = half_sizes(shape)
-        fits = shape.kind in ("cylinder", "disc", "ring") and abs(size[0] - radius) < FITTING * radius
-        if fits and abs(float(pose.rotation[:, 2] @ held.axis)) > 1.0 - PARALLEL:
-            center = (
-                pose.position
-                + (size[2] if shape.kind == "cylinder" else 0.0) * np.sign(page.depth(held.axis)) * held.axis
-            )
-    count = max(round(2.0 * np.pi * radius * page.scale / TEETH), 8)
-    turn = np.linspace(0.0, 2.0 * np.pi, 73)
-    circle = center + radius * np.column_stack([np.cos(turn), np.sin(turn)]) @ frame[:, :2].T
-    outward = np.array([[np.cos(a), np.sin(a)] for a in 2.0 * np.pi * np.arange(count) / count]) @ frame[:, :2].T
+def _wheel(page: Page, placed: PlacedJoint, radius: float) -> list[SheetPath]:
+    """A pitch circle with teeth, on the face of the part's wheel if it has one of about that radius."""
+    center = _wheel_center(page, placed, radius)
+    plane = aligning_z(placed.axis)[:, :2].T
+    count = max(round(2.0 * np.pi * radius * page.scale / TOOTH_SPACING), 8)
+    pitch_circle = center + radius * circle(np.linspace(0.0, 2.0 * np.pi, 73)) @ plane
+    outward = circle(2.0 * np.pi * np.arange(count) / count) @ plane
     half = TOOTH / page.scale
     teeth = [np.array([center + (radius - half) * out, center + (radius + half) * out]) for out in outward]
-    return _strokes(page, circle, teeth, page.depth(center) + NUDGE * radius)
+    return _pitch_line_and_teeth(page, pitch_circle, teeth, page.depth(center) + NUDGE * radius)
 
 
-def _rack(page: Page, pinion: Held, rack: Held, radius: float) -> list[Path]:
-    """The pitch circle of the pinion, and the pitch line of the rack where its part reaches it, or else a cable."""
+def _wheel_center(page: Page, placed: PlacedJoint, radius: float) -> Array:
+    """The center (3,) of the face toward the eye of a part's wheel; the joint's point where there is no such wheel."""
+    part, center = placed.mover_part, placed.mover_frame.position
+    if part is None:
+        return center
+    for shape in part.shapes:
+        pose = placed.mover_frame @ frame_on_part(placed, part).inverse() @ shape.pose
+        size = half_sizes(shape)
+        fits = shape.kind in ("cylinder", "disc", "ring") and abs(size[0] - radius) < FITTING * radius
+        if fits and abs(float(pose.rotation[:, 2] @ placed.axis)) > 1.0 - PARALLEL:
+            half_width = size[2] if shape.kind == "cylinder" else 0.0
+            center = pose.position + half_width * np.sign(page.depth(placed.axis)) * placed.axis
+    return center
+
+
+def _rack(page: Page, pinion: PlacedJoint, rack: PlacedJoint, radius: float) -> list[SheetPath]:
+    """The pinion's pitch circle and the rack's pitch line where its part reaches the pinion, otherwise a cable."""
     along = rack.axis
-    contact = pinion.carrier.position + radius * np.cross(along, pinion.axis)
-    body, into = rack.moving, rack.mover
-    span = reach(body, own_frame(rack, body), into.rotation.T @ along) if body is not None else None
-    low, high = (into.position @ along + (span or (0.0, 0.0)) - contact @ along) if body is not None else (0.0, 0.0)
+    contact = pinion.carrier_frame.position + radius * np.cross(along, pinion.axis)
+    low, high = 0.0, 0.0
+    if rack.mover_part is not None:
+        low, high = rack.mover_frame.position @ along + (rack.mover_span(along) or (0.0, 0.0)) - contact @ along
     if abs(float(along @ pinion.axis)) > PARALLEL:
         return []
     depth = page.depth(contact) + NUDGE * abs(radius)
     if low <= 0.0 <= high:
         half, out = TOOTH / page.scale, unit_or_zero(np.cross(along, pinion.axis))
-        count = max(round((high - low) * page.scale / TEETH), 1)
-        places = [contact + at * along for at in low + (high - low) * (np.arange(count) + 0.5) / count]
-        teeth = [np.array([at - half * out, at + half * out]) for at in places]
+        count = max(round((high - low) * page.scale / TOOTH_SPACING), 1)
+        feet = [contact + at * along for at in low + (high - low) * (np.arange(count) + 0.5) / count]
+        teeth = [np.array([foot - half * out, foot + half * out]) for foot in feet]
         line = contact + np.outer([low, high], along)
-        return [*_wheel(page, pinion, abs(radius)), *_strokes(page, line, teeth, depth)]
+        return [*_wheel(page, pinion, abs(radius)), *_pitch_line_and_teeth(page, line, teeth, depth)]
     end = contact + (low if low > 0.0 else high) * along
-    run = page.at(np.array([contact, end]))
-    widths = ((WHITE, 3.0), (INK, 1.1))
-    return [Path(run, edge=edge, width=width, layer=BODIES, depth=depth) for edge, width in widths]
+    return cable_paths(page, np.array([contact, end]), depth)
 
 
-def _strokes(page: Page, line: Array, teeth: list[Array], depth: float) -> list[Path]:
+def _pitch_line_and_teeth(page: Page, line: Array, teeth: list[Array], depth: float) -> list[SheetPath]:
     layer = FRONT if page.view.planar else BODIES
-    marks = [Path(page.at(tooth), edge=INK, width=0.9, layer=layer, depth=depth) for tooth in teeth]
-    return [Path(page.at(line), edge=INK, width=0.7, dash=PITCH_LINE, layer=layer, depth=depth), *marks]
+    marks = [SheetPath(page.project(tooth), edge=INK, width=0.9, layer=layer, depth=depth) for tooth in teeth]
+    return [SheetPath(page.project(line), edge=INK, width=0.7, dash=AXIS_DASH, layer=layer, depth=depth), *marks]

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mbd_sim.drawing.sheet import BACK, Sheet, Text
+from mbd_sim.drawing.sheet import BACK, Sheet, SheetText
 from mbd_sim.geometry.pose import Array
 
 DISTANCES = (13.0, 18.0, 25.0, 34.0)  # pt, from the place to the edge of the text
@@ -15,13 +15,13 @@ DIRECTIONS = 16
 STEP = 3.0  # pt, between the points at which lines are probed
 
 
-def place_names(sheet: Sheet, names: Sequence[tuple[Text, float]]) -> list[Text]:
+def place_labels(sheet: Sheet, names: Sequence[tuple[SheetText, float]]) -> list[SheetText]:
     """Move each text away from its place to where it hides least; those that cost more than their limit are left out.
 
     :param names: texts at the places (2,) they name, the most important first, each with the most it may cost.
     """
     lines, weights = _probes(sheet)
-    placed: list[Text] = []
+    placed: list[SheetText] = []
     for text, limit in names:
         best, cost = text, np.inf
         half = 0.5 * (text.box[1] - text.box[0])
@@ -39,7 +39,7 @@ def place_names(sheet: Sheet, names: Sequence[tuple[Text, float]]) -> list[Text]
     return placed
 
 
-def _hidden(text: Text, lines: Array, weights: Array, placed: Sequence[Text]) -> float:
+def _hidden(text: SheetText, lines: Array, weights: Array, placed: Sequence[SheetText]) -> float:
     low, high = text.box[0] - 2.0, text.box[1] + 2.0
     covered = float(np.sum(weights[np.all((lines > low) & (lines < high), axis=1)])) if len(lines) else 0.0
     for other in placed:

@@ -11,7 +11,7 @@ from mbd_sim.appearance.palette import (
     mixed,
 )
 from mbd_sim.drawing.projection import Page
-from mbd_sim.drawing.sheet import GREY, INK, MARKS, Path, Sheet, Text, arc, arrow_head
+from mbd_sim.drawing.sheet import GRAY, INK, MARKS, Sheet, SheetPath, SheetText, arc, arrow_head
 from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.rotation import unit_or_zero
 
@@ -45,41 +45,45 @@ def _add_axes(sheet: Sheet, page: Page, origin: Array) -> None:
     colors = [mixed(color, INK, 0.3) for color in (AXIS_X, AXIS_Y, AXIS_Z)]
     order = np.argsort(np.eye(3) @ page.view.toward)
     for index in order:
-        seen = page.seen(np.eye(3)[index])
+        projected = page.direction(np.eye(3)[index])
         label = "xyz"[index]
-        if np.hypot(*seen) < 1e-6:
+        if np.hypot(*projected) < 1e-6:
             _add_end_on(sheet, origin, float(page.view.toward[index]) > 0.0, colors[index])
-            sheet.texts.append(Text(label, origin + np.array([-10.0, -8.0]), SIZE, colors[index], italic=True))
+            sheet.texts.append(SheetText(label, origin + np.array([-10.0, -8.0]), SIZE, colors[index], italic=True))
             continue
-        tip = origin + ARM * seen
-        sheet.add(Path(np.array([origin, tip - 4.0 * unit_or_zero(seen)]), edge=colors[index], width=1.4, layer=MARKS))
-        sheet.add(arrow_head(tip, seen, colors[index]))
-        sheet.texts.append(Text(label, tip + 8.0 * unit_or_zero(seen), SIZE, colors[index], italic=True))
+        tip = origin + ARM * projected
+        sheet.add(
+            SheetPath(
+                np.array([origin, tip - 4.0 * unit_or_zero(projected)]), edge=colors[index], width=1.4, layer=MARKS
+            )
+        )
+        sheet.add(arrow_head(tip, projected, colors[index]))
+        sheet.texts.append(SheetText(label, tip + 8.0 * unit_or_zero(projected), SIZE, colors[index], italic=True))
 
 
 def _add_gravity(sheet: Sheet, page: Page, gravity: Array, at: Array) -> None:
     if not gravity.any():
         return
-    seen = page.seen(unit_or_zero(gravity))
-    if np.hypot(*seen) < 0.05:
+    projected = page.direction(unit_or_zero(gravity))
+    if np.hypot(*projected) < 0.05:
         _add_end_on(sheet, at, float(gravity @ page.view.toward) > 0.0, INK)
-        sheet.texts.append(Text("g", at + np.array([13.0, 1.0]), SIZE + 1.0, italic=True))
+        sheet.texts.append(SheetText("g", at + np.array([13.0, 1.0]), SIZE + 1.0, italic=True))
         return
-    along = unit_or_zero(seen)
+    along = unit_or_zero(projected)
     start, tip = at - 17.0 * along, at + 17.0 * along
-    sheet.add(Path(np.array([start, tip - 5.0 * along]), width=1.8, layer=MARKS), arrow_head(tip, along, INK, 8.5))
-    sheet.texts.append(Text("g", at + np.array([10.0, 3.0]), SIZE + 1.0, italic=True))
+    sheet.add(SheetPath(np.array([start, tip - 5.0 * along]), width=1.8, layer=MARKS), arrow_head(tip, along, INK, 8.5))
+    sheet.texts.append(SheetText("g", at + np.array([10.0, 3.0]), SIZE + 1.0, italic=True))
 
 
 def _add_end_on(sheet: Sheet, at: Array, toward: bool, color: tuple[int, int, int]) -> None:
     """An arrow seen from its end: a dot where it comes, a cross where it goes."""
-    sheet.add(Path(arc(at, 5.0), edge=color, fill=(255, 255, 255), width=1.2, closed=True, layer=MARKS))
+    sheet.add(SheetPath(arc(at, 5.0), edge=color, fill=(255, 255, 255), width=1.2, closed=True, layer=MARKS))
     if toward:
-        sheet.add(Path(arc(at, 1.5), edge=None, fill=color, closed=True, layer=MARKS))
+        sheet.add(SheetPath(arc(at, 1.5), edge=None, fill=color, closed=True, layer=MARKS))
         return
     for angle in (0.25 * np.pi, 0.75 * np.pi):
         half = 5.0 * np.array([np.cos(angle), np.sin(angle)])
-        sheet.add(Path(np.array([at - half, at + half]), edge=color, width=1.0, layer=MARKS))
+        sheet.add(SheetPath(np.array([at - half, at + half]), edge=color, width=1.0, layer=MARKS))
 
 
 def _add_scale(sheet: Sheet, page: Page, right: Array, most: float) -> None:
@@ -87,5 +91,5 @@ def _add_scale(sheet: Sheet, page: Page, right: Array, most: float) -> None:
     left = right - np.array([length * page.scale, 0.0])
     tick = np.array([0.0, 3.5])
     for line in ([left, right], [left - tick, left + tick], [right - tick, right + tick]):
-        sheet.add(Path(np.array(line), edge=GREY, width=1.2, layer=MARKS))
-    sheet.texts.append(Text(length_text(length), (left + right) / 2.0 + np.array([0.0, 9.0]), SIZE - 1.0, GREY))
+        sheet.add(SheetPath(np.array(line), edge=GRAY, width=1.2, layer=MARKS))
+    sheet.texts.append(SheetText(length_text(length), (left + right) / 2.0 + np.array([0.0, 9.0]), SIZE - 1.0, GRAY))

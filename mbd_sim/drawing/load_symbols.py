@@ -10,10 +10,10 @@ import numpy as np
 
 from mbd_sim.appearance.palette import DISSIPATED
 from mbd_sim.drawing.ground_symbols import wall
-from mbd_sim.drawing.joint_symbols import turn_arrow
+from mbd_sim.drawing.joint_symbols import turning_arrow
 from mbd_sim.drawing.placed_joint import middle
 from mbd_sim.drawing.projection import Page
-from mbd_sim.drawing.sheet import BODIES, MARKS, Path, arrow_head, dark
+from mbd_sim.drawing.sheet import BODIES, MARKS, SheetPath, arrow_head, outline_color
 from mbd_sim.drawing.spring_symbols import link, spring_and_damper
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import unit_or_zero
@@ -22,11 +22,11 @@ from mbd_sim.mechanism.force_elements import AppliedForce
 from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
 
 LENGTH = 46.0  # pt, of the arrow of any force
-FORCE = dark(DISSIPATED)
+FORCE = outline_color(DISSIPATED)
 MOMENTS = (0.0, 0.05, 0.1, 0.25, 0.5, 1.0)  # s; the first at which a force is not zero is drawn
 
 
-def between(mechanism: Mechanism) -> Iterator[Any]:
+def two_point_elements(mechanism: Mechanism) -> Iterator[Any]:
     """All records of the mechanism that connect two points, whatever their kind."""
     for member in fields(mechanism):
         records = getattr(mechanism, member.name)
@@ -36,13 +36,13 @@ def between(mechanism: Mechanism) -> Iterator[Any]:
                 yield record
 
 
-def between_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> list[Path]:
+def two_point_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> list[SheetPath]:
     """Springs, dampers, and rods that only keep a distance."""
-    paths: list[Path] = []
-    for record in between(mechanism):
-        first, second = (place(poses, at) for at in (record.first, record.second))
+    paths: list[SheetPath] = []
+    for record in two_point_elements(mechanism):
+        first, second = (point_of(poses, at) for at in (record.first, record.second))
         depth = page.depth((first + second) / 2.0)
-        ends = page.at(first), page.at(second)
+        ends = page.project(first), page.project(second)
         elastic, damped = bool(getattr(record, "elastic", 0.0)), bool(getattr(record, "damping", 0.0))
         if elastic or damped:
             paths += spring_and_damper(*ends, elastic, damped, BODIES, depth)
@@ -54,9 +54,9 @@ def between_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -
     return paths
 
 
-def force_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> list[Path]:
+def force_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> list[SheetPath]:
     """Arrows of the applied forces and couples, in the direction they have at the start."""
-    paths: list[Path] = []
+    paths: list[SheetPath] = []
     for element in mechanism.applied:
         pose = poses[element.at.part]
         vector = _vector(element)
@@ -66,23 +66,23 @@ def force_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> 
             continue
         center = pose.position + pose.rotation @ middle(mechanism.parts[element.at.part])
         if element.couple:
-            paths += turn_arrow(page, center, vector, 24.0, FORCE)
+            paths += turning_arrow(page, center, vector, 24.0, FORCE)
             continue
-        at = place(poses, element.at)
-        seen = unit_or_zero(page.seen(unit_or_zero(vector)))
-        start = page.at(at)
-        if seen @ (page.at(center) - start) > 1e-9:  # it pushes: the tip is at the point
-            start = start - (LENGTH + 6.0) * seen
-        start = start + 3.0 * seen
-        tip = start + LENGTH * seen
+        at = point_of(poses, element.at)
+        projected = unit_or_zero(page.direction(unit_or_zero(vector)))
+        start = page.project(at)
+        if projected @ (page.project(center) - start) > 1e-9:  # it pushes: the tip is at the point
+            start = start - (LENGTH + 6.0) * projected
+        start = start + 3.0 * projected
+        tip = start + LENGTH * projected
         paths += [
-            Path(np.array([start, tip - 5.0 * seen]), edge=FORCE, width=1.9, layer=MARKS),
-            arrow_head(tip, seen, FORCE, 9.0),
+            SheetPath(np.array([start, tip - 5.0 * projected]), edge=FORCE, width=1.9, layer=MARKS),
+            arrow_head(tip, projected, FORCE, 9.0),
         ]
     return paths
 
 
-def place(poses: Mapping[str, Pose], at: Attachment) -> Array:
+def point_of(poses: Mapping[str, Pose], at: Attachment) -> Array:
     """A point (3,) in ground's frame."""
     return at.point if at.part == GROUND else poses[at.part].position + poses[at.part].rotation @ at.point
 

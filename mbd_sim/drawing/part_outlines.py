@@ -15,7 +15,7 @@ from mbd_sim.drawing.shape_outlines import (
     dot,
     solid,
 )
-from mbd_sim.drawing.sheet import INK, MARKS, WHITE, Path, arc, dark, soft
+from mbd_sim.drawing.sheet import INK, MARKS, WHITE, SheetPath, arc, fill_color, outline_color
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.constraints import Surface
 from mbd_sim.mechanism.records import (
@@ -25,12 +25,12 @@ from mbd_sim.mechanism.records import (
     Shape,
 )
 
-ALONG = 1e-6  # relative; how exactly a rod lies along a slide
+ROD_TOLERANCE = 1e-6  # relative; how exactly a rod lies along a slide
 
 
-def part_paths(page: Page, mechanism: Mechanism, part: Part, pose: Pose, color: Color) -> list[Path]:
+def part_paths(page: Page, mechanism: Mechanism, part: Part, pose: Pose, color: Color) -> list[SheetPath]:
     """All shapes of a part, or the lines between its points where it has none."""
-    paths: list[Path] = []
+    paths: list[SheetPath] = []
     for shape in sorted(part.shapes, key=lambda shape: shape.hole):
         own = from_hex(shape.color) if shape.color else color
         paths += solid(page, shape, pose, own, tube=shape.kind == "rod" and is_tube(mechanism, part, shape))
@@ -41,25 +41,27 @@ def part_paths(page: Page, mechanism: Mechanism, part: Part, pose: Pose, color: 
     for place in sorted(places):
         if not np.any(place) or not _has_joint(mechanism, part):
             continue
-        ends = page.at(np.array([pose.position, pose.position + pose.rotation @ np.array(place)]))
+        ends = page.project(np.array([pose.position, pose.position + pose.rotation @ np.array(place)]))
         bar = capsule(ends, 0.7 * BAR)
-        paths.append(Path(bar, edge=dark(color), fill=soft(color), closed=True, depth=page.depth(center)))
+        paths.append(
+            SheetPath(bar, edge=outline_color(color), fill=fill_color(color), closed=True, depth=page.depth(center))
+        )
     if part.mass:
-        paths.append(dot(page.at(center), color, page.depth(center)))
+        paths.append(dot(page.project(center), color, page.depth(center)))
     return paths
 
 
-def mass_center(page: Page, part: Part, pose: Pose, taken: list[Array]) -> list[Path]:
+def mass_center(page: Page, part: Part, pose: Pose, occupied: list[Array]) -> list[SheetPath]:
     """The quartered circle at a part's mass centre, unless it is a dot itself or something else is there."""
-    at = page.at(pose.position + pose.rotation @ part.center)
+    at = page.project(pose.position + pose.rotation @ part.center)
     dots = [shape for shape in part.shapes if shape.kind in ("particle", "sphere")]
     hidden = any(np.allclose(shape.pose.position, part.center, atol=1e-9) for shape in dots)
-    if part.mass == 0.0 or hidden or not part.shapes or any(np.hypot(*(at - other)) < 11.0 for other in taken):
+    if part.mass == 0.0 or hidden or not part.shapes or any(np.hypot(*(at - other)) < 11.0 for other in occupied):
         return []
     quarters = [np.vstack([at, arc(at, 4.6, start, start + 0.5 * np.pi, 13)]) for start in (0.0, np.pi)]
     return [
-        Path(arc(at, 4.6), edge=INK, fill=WHITE, width=0.9, closed=True, layer=MARKS),
-        *(Path(points, edge=None, fill=INK, closed=True, layer=MARKS) for points in quarters),
+        SheetPath(arc(at, 4.6), edge=INK, fill=WHITE, width=0.9, closed=True, layer=MARKS),
+        *(SheetPath(points, edge=None, fill=INK, closed=True, layer=MARKS) for points in quarters),
     ]
 
 
@@ -78,7 +80,7 @@ def corners(part: Part) -> Array:
     return np.array(points or [np.zeros(3)])
 
 
-def reach(part: Part, into: Pose, axis: Array, kinds: tuple[str, ...] = ()) -> tuple[float, float] | None:
+def span_along(part: Part, into: Pose, axis: Array, kinds: tuple[str, ...] = ()) -> tuple[float, float] | None:
     """How far (from, to) in m the shapes of a part go along `axis` (3,), seen in the frame `into` of the part."""
     shapes = tuple(shape for shape in part.shapes if not kinds or shape.kind in kinds)
     if not shapes:
@@ -102,10 +104,12 @@ def along_rod(part: Part, joint: Joint, rod: Shape) -> bool:
     axis, direction = joint.parent_pose.rotation @ joint.axis, rod.pose.rotation[:, 2]
     aside = np.cross(joint.parent_pose.position - rod.pose.position, direction)
     length = rod.size[0]
-    return bool(np.linalg.norm(np.cross(axis, direction)) < ALONG and np.linalg.norm(aside) < ALONG * length)
+    return bool(
+        np.linalg.norm(np.cross(axis, direction)) < ROD_TOLERANCE and np.linalg.norm(aside) < ROD_TOLERANCE * length
+    )
 
 
-def is_phantom(part: Part) -> bool:
+def is_invisible(part: Part) -> bool:
     """Whether a part has neither mass nor shape: it only carries coordinates, and is not to be seen."""
     return part.mass == 0.0 and not part.shapes
 
@@ -115,7 +119,7 @@ def is_point(part: Part) -> bool:
     return all(shape.kind == "particle" for shape in part.shapes)
 
 
-def extent(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array:
+def bounding_points(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array:
     """Points (n, 3) in ground's frame that bound the mechanism."""
     points = [poses[name].position + corners(part) @ poses[name].rotation.T for name, part in mechanism.parts.items()]
     used = [pose.position[None] for pose in mechanism.ground_points.values()]

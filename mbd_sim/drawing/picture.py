@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Mapping
-from pathlib import Path as FilePath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.appearance.palette import Color
-from mbd_sim.drawing.composition import Scene, scene
-from mbd_sim.drawing.sheet import Path, Text
+from mbd_sim.drawing.composition import Composition, compose
+from mbd_sim.drawing.sheet import SheetPath, SheetText
 from mbd_sim.errors import MbdSimError, quoted
 from mbd_sim.geometry.pose import Pose
 from mbd_sim.mechanism.records import Mechanism
@@ -27,7 +27,7 @@ class DrawingError(MbdSimError):
     """A picture that cannot be written."""
 
 
-def draw(mechanism: Mechanism, poses: Mapping[str, Pose], path: str | FilePath, *, title: str | None = None) -> None:
+def draw(mechanism: Mechanism, poses: Mapping[str, Pose], path: str | Path, *, title: str | None = None) -> None:
     """Draw a mechanism into a file, as PNG or SVG by its suffix.
 
     A mechanism that moves in one plane is drawn in it, any other one in an oblique view from above.
@@ -36,13 +36,13 @@ def draw(mechanism: Mechanism, poses: Mapping[str, Pose], path: str | FilePath, 
     :param title: a line above the picture.
     :raises DrawingError: the suffix is neither `.png` nor `.svg`, or the file cannot be written.
     """
-    path = FilePath(path)
+    path = Path(path)
     if path.suffix.lower() not in FORMATS:
         raise DrawingError(
             f"cannot draw {quoted(str(path))}: the suffix is {quoted(path.suffix) if path.suffix else 'missing'}. "
             f"Write a file name that ends in {' or '.join(FORMATS)}."
         )
-    picture = scene(mechanism, poses, title)
+    picture = compose(mechanism, poses, title)
     try:
         path.open("ab").close()  # told before Matplotlib is loaded
         _write(picture, path)
@@ -52,13 +52,13 @@ def draw(mechanism: Mechanism, poses: Mapping[str, Pose], path: str | FilePath, 
         ) from error
 
 
-def _write(picture: Scene, path: FilePath) -> None:
+def _write(picture: Composition, path: Path) -> None:
     with _figure(picture, RESOLUTION) as figure:
         metadata = {"Date": None, "Creator": "mbd_sim"} if path.suffix.lower() == ".svg" else {"Software": "mbd_sim"}
         figure.savefig(path, dpi=RESOLUTION, metadata=metadata)
 
 
-def pixels(picture: Scene, resolution: float = POINTS) -> NDArray[np.uint8]:
+def pixels(picture: Composition, resolution: float = POINTS) -> NDArray[np.uint8]:
     """(height, width, 3): a picture in dots, `resolution` of them an inch."""
     with _figure(picture, resolution) as figure:
         figure.canvas.draw()
@@ -66,7 +66,7 @@ def pixels(picture: Scene, resolution: float = POINTS) -> NDArray[np.uint8]:
 
 
 @contextlib.contextmanager
-def _figure(picture: Scene, resolution: float) -> Iterator[Any]:
+def _figure(picture: Composition, resolution: float) -> Iterator[Any]:
     """Matplotlib's figure of a picture, within Matplotlib's own settings."""
     from matplotlib import style
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -79,14 +79,14 @@ def _figure(picture: Scene, resolution: float) -> Iterator[Any]:
         axes.set_axis_off()
         axes.set_xlim(0.0, float(picture.size[0]))
         axes.set_ylim(0.0, float(picture.size[1]))
-        for order, item in enumerate(picture.sheet.in_order()):
+        for order, item in enumerate(picture.sheet.back_to_front()):
             axes.add_patch(_patch(item, order))
         for text in picture.sheet.texts:
             _add_text(axes, text, len(picture.sheet.paths))
         yield figure
 
 
-def _patch(item: Path, order: int) -> Any:
+def _patch(item: SheetPath, order: int) -> Any:
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
 
@@ -106,7 +106,7 @@ def _patch(item: Path, order: int) -> Any:
     )
 
 
-def _add_text(axes: Any, text: Text, order: int) -> None:
+def _add_text(axes: Any, text: SheetText, order: int) -> None:
     from matplotlib.patheffects import withStroke
 
     axes.text(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mbd_sim.drawing.part_outlines import span_along
 from mbd_sim.drawing.projection import Page, frame_of
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.records import (
@@ -18,7 +19,7 @@ from mbd_sim.mechanism.records import (
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class PlacedJoint:
     """A joint at a state. `carrier` and `mover` are the frames (in ground's) of the joint on its two parts.
 
     `axis` and `second` (3,) are the joint's axes in ground's frame; the carrier is ground wherever ground is one of
@@ -26,18 +27,18 @@ class Held:
     """
 
     joint: Joint
-    carrier: Pose
-    mover: Pose
-    carrying: Part | None
-    moving: Part | None
+    carrier_frame: Pose
+    mover_frame: Pose
+    carrier_part: Part | None
+    mover_part: Part | None
     axis: Array
     second: Array
-    away: Array
+    support_direction: Array
 
     @property
     def grounded(self) -> bool:
         """Whether ground holds the joint."""
-        return self.carrying is None
+        return self.carrier_part is None
 
     def elastic(self, place: int = 0) -> bool:
         """Whether there is a spring for one of its coordinates."""
@@ -47,13 +48,31 @@ class Held:
         """Whether there is a damper for one of its coordinates."""
         return bool(self.joint.damping[place : place + 1].any()) or self.joint.damper is not None
 
+    def mover_span(self, direction: Array, kinds: tuple[str, ...] = ()) -> tuple[float, float] | None:
+        """The smallest and largest coordinate in m of the moving part along `direction` (3,), from the mover's frame.
+
+        Only shapes of the given `kinds` count, all where none is given; None where there is no such shape.
+        """
+        return self._span(self.mover_part, self.mover_frame, direction, kinds)
+
+    def carrier_span(self, direction: Array) -> tuple[float, float] | None:
+        """The same of the carrying part, from the carrier's frame."""
+        return self._span(self.carrier_part, self.carrier_frame, direction, ())
+
+    def _span(
+        self, part: Part | None, frame: Pose, direction: Array, kinds: tuple[str, ...]
+    ) -> tuple[float, float] | None:
+        if part is None:
+            return None
+        return span_along(part, frame_on_part(self, part), frame.rotation.T @ direction, kinds)
+
     @property
     def displacement(self) -> float:
         """How far in m the mover's frame has gone along the axis."""
-        return float((self.mover.position - self.carrier.position) @ self.axis)
+        return float((self.mover_frame.position - self.carrier_frame.position) @ self.axis)
 
 
-def held(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], joint: Joint) -> Held:
+def place_joint(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], joint: Joint) -> PlacedJoint:
     """A joint of the mechanism at the poses of its parts."""
     first = frame_of(poses, joint.parent, joint.parent_pose)
     second = frame_of(poses, joint.child, joint.child_pose)
@@ -65,21 +84,21 @@ def held(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], joint: Joi
     center = frames[1].position
     if parts[1] is not None:
         center = poses[parts[1].name].position + poses[parts[1].name].rotation @ middle(parts[1])
-    return Held(
+    return PlacedJoint(
         joint=joint,
-        carrier=frames[0],
-        mover=frames[1],
-        carrying=parts[0],
-        moving=parts[1],
+        carrier_frame=frames[0],
+        mover_frame=frames[1],
+        carrier_part=parts[0],
+        mover_part=parts[1],
         axis=first.rotation @ joint.axis,
         second=first.rotation @ joint.second,
-        away=_away(page, center - frames[0].position),
+        support_direction=_support_direction(page, center - frames[0].position),
     )
 
 
-def own_frame(held: Held, part: Part) -> Pose:
+def frame_on_part(placed: PlacedJoint, part: Part) -> Pose:
     """The joint's frame in the frame of one of its parts."""
-    return held.joint.parent_pose if held.joint.parent == part.name else held.joint.child_pose
+    return placed.joint.parent_pose if placed.joint.parent == part.name else placed.joint.child_pose
 
 
 def middle(part: Part) -> Array:
@@ -89,8 +108,8 @@ def middle(part: Part) -> Array:
     return np.asarray(np.mean([shape.pose.position for shape in part.shapes], axis=0))
 
 
-def _away(page: Page, toward_part: Array) -> Array:
+def _support_direction(page: Page, toward_part: Array) -> Array:
     """Up for what hangs or lies, down for what stands or turns about its middle."""
-    seen = page.at(toward_part)
-    stands = seen[1] > 0.35 * abs(seen[0]) or float(np.hypot(*seen)) < 1.0
+    projected = page.project(toward_part)
+    stands = projected[1] > 0.35 * abs(projected[0]) or float(np.hypot(*projected)) < 1.0
     return np.array([0.0, -1.0 if stands else 1.0])

@@ -11,7 +11,7 @@ from mbd_sim.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.mechanism.records import GROUND, Mechanism
 
 AZIMUTH, ELEVATION = np.radians(-62.0), np.radians(24.0)  # of the eye, for spatial mechanisms
-ROUND_OFF = 1e-6
+TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Page:
     view: View
     scale: float
 
-    def at(self, points: Array) -> Array:
+    def project(self, points: Array) -> Array:
         """Points (..., 3) in ground's frame in m to places (..., 2) on the sheet in points."""
         return np.asarray(points @ np.column_stack([self.view.right, self.view.up]) * self.scale)
 
@@ -42,7 +42,11 @@ class Page:
         """How far in m a point (3,) is toward the eye."""
         return float(point @ self.view.toward)
 
-    def seen(self, direction: Array) -> Array:
+    def to_space(self, direction: Array) -> Array:
+        """The direction (3,) in the plane of the picture, in ground's frame, of a direction (2,) on the sheet."""
+        return np.asarray(direction @ np.array([self.view.right, self.view.up]))
+
+    def direction(self, direction: Array) -> Array:
         """The direction (2,) on the sheet of a direction (3,), as long as it is seen."""
         return np.asarray(direction @ np.column_stack([self.view.right, self.view.up]))
 
@@ -55,11 +59,11 @@ def view_of(mechanism: Mechanism, poses: Mapping[str, Pose]) -> View:
         right = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
         return View(right, np.cross(toward, right), toward, planar=False)
     vertical = np.array([0.0, 0.0, 1.0])
-    if np.linalg.norm(np.cross(normal, vertical)) < ROUND_OFF:
+    if np.linalg.norm(np.cross(normal, vertical)) < TOLERANCE:
         return View(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), vertical, planar=True)
     right = np.cross(vertical, normal)
     right /= np.linalg.norm(right)
-    first = right[np.flatnonzero(np.abs(right) > ROUND_OFF)[0]]  # x to the right, or else y
+    first = right[np.flatnonzero(np.abs(right) > TOLERANCE)[0]]  # x to the right, or else y
     toward = normal if first > 0.0 else -normal
     right = right if first > 0.0 else -right
     return View(right, np.cross(toward, right), toward, planar=True)
@@ -81,8 +85,8 @@ def plane_normal(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array | Non
         return None
     # With slides alone several planes may do: the vertical one through x first.
     for normal in turns[:1] or list(np.eye(3)[[1, 2, 0]]) + [unit for s in slides if (unit := _across(s)) is not None]:
-        turned = all(float(np.linalg.norm(np.cross(axis, normal))) < ROUND_OFF for axis in turns)
-        if turned and all(abs(float(axis @ normal)) < ROUND_OFF for axis in slides):
+        turned = all(float(np.linalg.norm(np.cross(axis, normal))) < TOLERANCE for axis in turns)
+        if turned and all(abs(float(axis @ normal)) < TOLERANCE for axis in slides):
             return np.asarray(normal)
     return None
 
@@ -95,4 +99,4 @@ def frame_of(poses: Mapping[str, Pose], part: str, frame: Pose) -> Pose:
 def _across(axis: Array) -> Array | None:
     across = np.cross([0.0, 0.0, 1.0], axis)
     length = float(np.linalg.norm(across))
-    return across / length if length > ROUND_OFF else None
+    return across / length if length > TOLERANCE else None

@@ -8,27 +8,27 @@ import numpy as np
 
 from mbd_sim.appearance.palette import Color, mixed
 from mbd_sim.drawing.projection import Page
-from mbd_sim.drawing.sheet import BODIES, INK, LINE, WHITE, Path, arc, dark, soft
+from mbd_sim.drawing.sheet import BODIES, INK, LINE, WHITE, SheetPath, arc, fill_color, outline_color
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import unit_or_zero
 from mbd_sim.mechanism.records import Shape
 
-BAR, WIDEST, TUBE = 3.6, 5.5, 9.5  # pt, half widths of rods, and of rods in which something slides
-DOT, LARGEST_DOT = 5.0, 11.0  # pt
+BAR, MAX_BAR, TUBE = 3.6, 5.5, 9.5  # pt, half widths of rods, and of rods in which something slides
+DOT, MAX_DOT = 5.0, 11.0  # pt
 THIN = 0.08  # thickness of a disc by its radius
 ROUNDING = 3.0  # pt
 
 
-def solid(page: Page, shape: Shape, pose: Pose, color: Color, tube: bool = False) -> list[Path]:
+def solid(page: Page, shape: Shape, pose: Pose, color: Color, tube: bool = False) -> list[SheetPath]:
     """The paths of a shape; `pose` places the shape's part in ground's frame. Something slides in a `tube`."""
     placed, depth = pose @ shape.pose, page.depth((pose @ shape.pose).position)
     match shape.kind, shape.size:
         case "rod", (length, radius):
             half = 0.5 * length * placed.rotation[:, 2]
-            ends = page.at(np.array([placed.position - half, placed.position + half]))
-            return [_bar(ends, TUBE if tube else float(np.clip(radius * page.scale, BAR, WIDEST)), color, depth, tube)]
+            ends = page.project(np.array([placed.position - half, placed.position + half]))
+            return [_bar(ends, TUBE if tube else float(np.clip(radius * page.scale, BAR, MAX_BAR)), color, depth, tube)]
         case "particle", (radius,):
-            return [dot(page.at(placed.position), color, depth, radius * page.scale)]
+            return [dot(page.project(placed.position), color, depth, radius * page.scale)]
         case "sphere", (radius,):
             return _sphere(page, placed, radius, color, depth)
         case "ring", (radius,):
@@ -44,25 +44,27 @@ def solid(page: Page, shape: Shape, pose: Pose, color: Color, tube: bool = False
     return []
 
 
-def dot(at: Array, color: Color, depth: float, radius: float = DOT) -> Path:
+def dot(at: Array, color: Color, depth: float, radius: float = DOT) -> SheetPath:
     """A particle."""
     fill = mixed(color, INK, 0.25)
-    circle = arc(at, float(np.clip(radius, DOT, LARGEST_DOT)))
-    return Path(circle, edge=dark(color), fill=fill, closed=True, depth=depth, dot=True)
+    circle = arc(at, float(np.clip(radius, DOT, MAX_DOT)))
+    return SheetPath(circle, edge=outline_color(color), fill=fill, closed=True, depth=depth, particle=True)
 
 
 def cylinder(
     page: Page, pose: Pose, length: float, radius: float, color: Color, hole: bool = False, spoke: bool = False
-) -> list[Path]:
+) -> list[SheetPath]:
     """A cylinder about z of `pose`, which is its centre; a `spoke` shows how it turns."""
     axis, depth = pose.rotation[:, 2], page.depth(pose.position)
     sign = 1.0 if axis @ page.view.toward >= 0.0 else -1.0
     circle = pose.rotation[:, :2] @ arc(np.zeros(2), radius, count=73).T
-    near, far = (page.at((pose.position + side * sign * 0.5 * length * axis)[:, None].T + circle.T) for side in (1, -1))
-    side = Path(
+    near, far = (
+        page.project((pose.position + side * sign * 0.5 * length * axis)[:, None].T + circle.T) for side in (1, -1)
+    )
+    side = SheetPath(
         hull(np.vstack([near, far])),
-        edge=dark(color),
-        fill=WHITE if hole else soft(color),
+        edge=outline_color(color),
+        fill=WHITE if hole else fill_color(color),
         closed=True,
         dash=(3.0, 2.0) if hole else (),
         depth=depth,
@@ -73,7 +75,7 @@ def cylinder(
     if spoke and abs(float(axis @ page.view.toward)) > 0.2:
         rim = pose.position + sign * 0.5 * length * axis + radius * pose.rotation[:, 0]
         hub = pose.position + sign * 0.5 * length * axis
-        paths.append(Path(page.at(np.array([hub, rim])), edge=mixed(color, INK, 0.3), width=0.8, depth=depth))
+        paths.append(SheetPath(page.project(np.array([hub, rim])), edge=mixed(color, INK, 0.3), width=0.8, depth=depth))
     return paths
 
 
@@ -112,21 +114,21 @@ def capsule(ends: Array, half: float) -> Array:
     return np.vstack([head, tail])
 
 
-def _bar(ends: Array, half: float, color: Color, depth: float, tube: bool) -> Path:
-    fill = mixed(color, WHITE, 0.78) if tube else soft(color)
-    return Path(capsule(ends, half), edge=dark(color), fill=fill, closed=True, depth=depth)
+def _bar(ends: Array, half: float, color: Color, depth: float, tube: bool) -> SheetPath:
+    fill = mixed(color, WHITE, 0.78) if tube else fill_color(color)
+    return SheetPath(capsule(ends, half), edge=outline_color(color), fill=fill, closed=True, depth=depth)
 
 
-def _sphere(page: Page, pose: Pose, radius: float, color: Color, depth: float) -> list[Path]:
-    at, seen = page.at(pose.position), max(radius * page.scale, DOT)
-    paths = [Path(arc(at, seen), edge=dark(color), fill=soft(color), closed=True, depth=depth)]
+def _sphere(page: Page, pose: Pose, radius: float, color: Color, depth: float) -> list[SheetPath]:
+    at, projected = page.project(pose.position), max(radius * page.scale, DOT)
+    paths = [SheetPath(arc(at, projected), edge=outline_color(color), fill=fill_color(color), closed=True, depth=depth)]
     if not page.view.planar:
-        shine = arc(at + 0.3 * seen * np.array([-0.8, 1.0]), 0.32 * seen)
-        paths.append(Path(shine, edge=None, fill=mixed(color, WHITE, 0.78), closed=True, depth=depth))
+        shine = arc(at + 0.3 * projected * np.array([-0.8, 1.0]), 0.32 * projected)
+        paths.append(SheetPath(shine, edge=None, fill=mixed(color, WHITE, 0.78), closed=True, depth=depth))
     return paths
 
 
-def _ring(page: Page, pose: Pose, radius: float, color: Color) -> list[Path]:
+def _ring(page: Page, pose: Pose, radius: float, color: Color) -> list[SheetPath]:
     """Two halves, the far one behind what is inside the ring."""
     circle = arc(np.zeros(2), radius, count=97)
     points = pose.position + circle @ pose.rotation[:, :2].T
@@ -138,15 +140,15 @@ def _ring(page: Page, pose: Pose, radius: float, color: Color) -> list[Path]:
     paths = []
     for part in (slice(0, 49), slice(48, 97)):
         behind = 0.0 if page.view.planar else float(np.mean(heights[part]))
-        seen = page.at(points[part])
-        paths.append(Path(seen, edge=dark(color), width=width, depth=depth + behind))
-        paths.append(Path(seen, edge=soft(color), width=width - 2.0 * LINE, depth=depth + behind))
+        projected = page.project(points[part])
+        paths.append(SheetPath(projected, edge=outline_color(color), width=width, depth=depth + behind))
+        paths.append(SheetPath(projected, edge=fill_color(color), width=width - 2.0 * LINE, depth=depth + behind))
     return (
         sorted(paths, key=lambda path: (path.depth, -path.width)) if not page.view.planar else paths[::2] + paths[1::2]
     )
 
 
-def _block(page: Page, pose: Pose, half: Array, color: Color, hole: bool) -> list[Path]:
+def _block(page: Page, pose: Pose, half: Array, color: Color, hole: bool) -> list[SheetPath]:
     depth = page.depth(pose.position)
     paths = []
     for axis in range(3):
@@ -157,12 +159,14 @@ def _block(page: Page, pose: Pose, half: Array, color: Color, hole: bool) -> lis
             a, b = (np.eye(3)[other] * half[other] for other in ((axis + 1) % 3, (axis + 2) % 3))
             face = sign * np.eye(3)[axis] * half[axis]
             corners = np.array([face + a + b, face - a + b, face - a - b, face + a - b])
-            seen = hull(page.at(pose.position + corners @ pose.rotation.T))
-            if len(seen) < 3:
+            projected = hull(page.project(pose.position + corners @ pose.rotation.T))
+            if len(projected) < 3:
                 continue
-            fill = WHITE if hole else soft(color) if page.view.planar else _lit(page, color, normal)
-            points = rounded(seen, ROUNDING) if page.view.planar else seen
-            paths.append(Path(points, edge=dark(color), fill=fill, closed=True, depth=depth, layer=BODIES))
+            fill = WHITE if hole else fill_color(color) if page.view.planar else _lit(page, color, normal)
+            points = rounded(projected, ROUNDING) if page.view.planar else projected
+            paths.append(
+                SheetPath(points, edge=outline_color(color), fill=fill, closed=True, depth=depth, layer=BODIES)
+            )
     return paths
 
 

@@ -12,17 +12,18 @@ from mbd_sim.geometry.rotation import unit_or_zero
 
 WHITE: Color = (255, 255, 255)
 INK: Color = (44, 50, 60)
-GREY: Color = (120, 128, 140)
+GRAY: Color = (120, 128, 140)
 STEEL: Color = (196, 202, 210)
 
 # From the back to the front; within a layer the depth decides, then the order in which things were added.
 BACK, BODIES, FRONT, MARKS = 0, 1, 2, 3
 
 LINE = 1.1  # pt
+AXIS_DASH = (9.0, 2.5, 1.5, 2.5)  # pt, of axes and pitch lines
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class SheetPath:
     """A line through `points` (n, 2), in points; `depth` in m grows toward the eye. A `dot` is a particle."""
 
     points: Array
@@ -33,11 +34,11 @@ class Path:
     dash: tuple[float, ...] = ()
     layer: int = BODIES
     depth: float = 0.0
-    dot: bool = False
+    particle: bool = False
 
 
 @dataclass(frozen=True, eq=False)
-class Text:
+class SheetText:
     """A text centred on `at` (2,), `size` in points."""
 
     text: str
@@ -57,10 +58,10 @@ class Text:
 class Sheet:
     """The paths and texts of a picture."""
 
-    paths: list[Path] = field(default_factory=list)
-    texts: list[Text] = field(default_factory=list)
+    paths: list[SheetPath] = field(default_factory=list)
+    texts: list[SheetText] = field(default_factory=list)
 
-    def add(self, *paths: Path) -> None:
+    def add(self, *paths: SheetPath) -> None:
         """Put paths on the sheet."""
         self.paths += paths
 
@@ -71,24 +72,24 @@ class Sheet:
         every = np.vstack(corners or [np.zeros((1, 2))])
         return every.min(axis=0), every.max(axis=0)
 
-    def moved(self, by: Array) -> Sheet:
+    def translated(self, by: Array) -> Sheet:
         """The same at another place."""
         return Sheet(
             [replace(path, points=path.points + by) for path in self.paths],
             [replace(text, at=text.at + by) for text in self.texts],
         )
 
-    def in_order(self) -> list[Path]:
+    def back_to_front(self) -> list[SheetPath]:
         """The paths from the back to the front."""
         return sorted(self.paths, key=lambda path: (path.layer, path.depth))
 
 
-def soft(color: Color) -> Color:
+def fill_color(color: Color) -> Color:
     """The fill of a part drawn in `color`."""
     return mixed(color, WHITE, 0.5)
 
 
-def dark(color: Color) -> Color:
+def outline_color(color: Color) -> Color:
     """The outline of a part drawn in `color`, and its name."""
     return mixed(color, INK, 0.55)
 
@@ -104,11 +105,11 @@ def left_of(direction: Array) -> Array:
     return np.array([-direction[1], direction[0]]) / max(float(np.hypot(*direction)), 1e-300)
 
 
-def arrow_head(tip: Array, direction: Array, color: Color, size: float = 7.0, **where: float) -> Path:
+def arrow_head(tip: Array, direction: Array, color: Color, size: float = 7.0, **where: float) -> SheetPath:
     """A filled head whose tip is at `tip` (2,)."""
     along = unit_or_zero(direction)
     across = left_of(along)
     back = tip - size * along
     points = np.array([tip, back + 0.36 * size * across, back + 0.22 * size * along, back - 0.36 * size * across])
     layer, depth = int(where.get("layer", MARKS)), where.get("depth", 0.0)
-    return Path(points, edge=None, fill=color, closed=True, layer=layer, depth=depth)
+    return SheetPath(points, edge=None, fill=color, closed=True, layer=layer, depth=depth)

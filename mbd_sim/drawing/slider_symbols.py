@@ -4,172 +4,166 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbd_sim.drawing.ground_symbols import hatched, wall
+from mbd_sim.drawing.ground_symbols import hatched_line, wall
 from mbd_sim.drawing.part_outlines import (
-    ALONG,
+    ROD_TOLERANCE,
     along_rod,
-    is_phantom,
+    is_invisible,
     is_point,
-    reach,
 )
-from mbd_sim.drawing.placed_joint import Held, own_frame
+from mbd_sim.drawing.placed_joint import PlacedJoint
 from mbd_sim.drawing.projection import Page
 from mbd_sim.drawing.shape_outlines import DOT, rounded
-from mbd_sim.drawing.sheet import BACK, BODIES, FRONT, INK, STEEL, WHITE, Path, left_of
-from mbd_sim.drawing.spring_symbols import friction, spring_and_damper
+from mbd_sim.drawing.sheet import BACK, BODIES, FRONT, INK, STEEL, WHITE, SheetPath, left_of
+from mbd_sim.drawing.spring_symbols import friction_teeth, spring_and_damper
 from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.rotation import unit_or_zero
-from mbd_sim.mechanism.records import Part
 
 SLIDER = np.array([11.0, 6.0])  # pt, half sizes
 GUIDE = 0.36  # half length of a guide in ground, by the size of the mechanism
 BODY = ("block", "cylinder", "sphere", "plate", "disc")
 
 
-def slide(page: Page, held: Held, size: float) -> list[Path]:
+def slider_paths(page: Page, placed: PlacedJoint, size: float) -> list[SheetPath]:
     """A prismatic or cylindrical joint; `size` in m is that of the mechanism."""
-    seen = unit_or_zero(page.seen(held.axis))
-    if not seen.any():
+    along = unit_or_zero(page.direction(placed.axis))
+    if not along.any():
         return []
-    position, depth = held.displacement, page.depth(held.mover.position)
-    low, high = guide_range(held, size)
-    span = _span(held)
-    at = page.at(held.mover.position)
-    paths: list[Path] = []
-    if not _in_rod(held):
-        inside = (position + span[0], position + span[1]) if span else (position, position)
-        paths += _guide(page, held, (low, *inside, high), seen)
-    if span is None and not _in_tube(held):
+    depth = page.depth(placed.mover_frame.position)
+    paths: list[SheetPath] = []
+    if not _on_rod(placed):
+        paths += _guide(page, placed, size, along)
+    if _body_span(placed) is None and not _in_tube(placed):
         corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * SLIDER
-        box = at + corners @ np.array([seen, left_of(seen)])
-        paths.append(Path(rounded(box, 2.5), fill=WHITE, closed=True, width=1.2, depth=depth))
-    if held.joint.friction is not None:
-        paths += _rubbing(page, held, seen, depth)
-    elastic, damped = held.elastic(), held.damped()
-    if elastic or damped:
-        anchor = high if position > high + ALONG * size else low
-        sign = 1.0 if position > anchor else -1.0
-        start = page.at(held.carrier.position + anchor * held.axis)
-        face = position + (span[0] if sign > 0.0 else span[1]) if span else position
-        depth = page.depth(held.carrier.position + 0.5 * (anchor + face) * held.axis)
-        gap = SLIDER[0] if not _in_tube(held) else DOT
-        inset = (
-            abs(span[0] if sign > 0.0 else span[1]) * page.scale * float(np.hypot(*page.seen(held.axis)))
-            if span
-            else gap
-        )
-        paths += spring_and_damper(start, at - sign * max(inset, DOT) * seen, elastic, damped, BODIES, depth)
-        paths += wall(start, -sign * seen, depth) if held.grounded else []
+        box = page.project(placed.mover_frame.position) + corners @ np.array([along, left_of(along)])
+        paths.append(SheetPath(rounded(box, 2.5), fill=WHITE, closed=True, width=1.2, depth=depth))
+    if placed.joint.friction is not None:
+        paths.append(_rough_faces(page, placed, along, depth))
+    if placed.elastic() or placed.damped():
+        paths += _spring_along_guide(page, placed, size, along)
     return paths
 
 
-def slides_phantom(held: Held) -> bool:
-    """Whether a slide is there only for the sake of a coordinate: from or to a part that is not to be seen."""
-    loose = held.joint.type == "prismatic" and not (held.elastic() or held.damped() or held.joint.friction)
-    return loose and not held.joint.drive and any(part and is_phantom(part) for part in (held.carrying, held.moving))
+def _spring_along_guide(page: Page, placed: PlacedJoint, size: float, along: Array) -> list[SheetPath]:
+    """The joint's spring and damper, from the lower end of the guide (or the upper, beyond it) to the sliding body."""
+    position, span = placed.displacement, _body_span(placed)
+    low, high = guide_range(placed, size)
+    anchor = high if position > high + ROD_TOLERANCE * size else low
+    sign = 1.0 if position > anchor else -1.0
+    start = page.project(placed.carrier_frame.position + anchor * placed.axis)
+    near_face = (span[0] if sign > 0.0 else span[1]) if span else 0.0
+    depth = page.depth(placed.carrier_frame.position + 0.5 * (anchor + position + near_face) * placed.axis)
+    if span:
+        inset = abs(near_face) * page.scale * float(np.hypot(*page.direction(placed.axis)))
+    else:
+        inset = DOT if _in_tube(placed) else SLIDER[0]
+    stop = page.project(placed.mover_frame.position) - sign * max(inset, DOT) * along
+    paths = spring_and_damper(start, stop, placed.elastic(), placed.damped(), BODIES, depth)
+    return [*paths, *(wall(start, -sign * along, depth) if placed.grounded else [])]
 
 
-def table(page: Page, held: Held, size: float) -> list[Path]:
+def carries_coordinate_only(placed: PlacedJoint) -> bool:
+    """Whether a slide connects an invisible part and has no symbol of its own: it only provides a coordinate."""
+    joint = placed.joint
+    if joint.type != "prismatic" or joint.drive or joint.friction or placed.elastic() or placed.damped():
+        return False
+    return any(part is not None and is_invisible(part) for part in (placed.carrier_part, placed.mover_part))
+
+
+def planar_joint_paths(page: Page, placed: PlacedJoint, size: float) -> list[SheetPath]:
     """A planar joint: the springs and dampers along its two directions, from walls in ground."""
-    third = np.cross(held.axis, held.second)
-    paths: list[Path] = []
-    for place, direction in enumerate((held.second, third)):
-        seen, depth = unit_or_zero(page.seen(direction)), page.depth(held.mover.position)
-        elastic, damped = held.elastic(place), held.damped(place)
-        span = (
-            reach(held.moving, own_frame(held, held.moving), held.mover.rotation.T @ direction) if held.moving else None
-        )
-        inset = abs(span[0]) * page.scale if span else DOT
-        if not seen.any() or not (elastic or damped):
+    third = np.cross(placed.axis, placed.second)
+    paths: list[SheetPath] = []
+    for index, direction in enumerate((placed.second, third)):
+        along, depth = unit_or_zero(page.direction(direction)), page.depth(placed.mover_frame.position)
+        elastic, damped = placed.elastic(index), placed.damped(index)
+        if not along.any() or not (elastic or damped):
             continue
-        at = page.at(held.mover.position)
-        start = at - (inset + max(GUIDE * size * page.scale, 60.0)) * seen
-        paths += spring_and_damper(start, at - inset * seen, elastic, damped, BODIES, depth)
-        paths += wall(start, -seen, depth) if held.grounded else []
+        span = placed.mover_span(direction)
+        inset = abs(span[0]) * page.scale if span else DOT
+        at = page.project(placed.mover_frame.position)
+        start = at - (inset + max(GUIDE * size * page.scale, 60.0)) * along
+        paths += spring_and_damper(start, at - inset * along, elastic, damped, BODIES, depth)
+        paths += wall(start, -along, depth) if placed.grounded else []
     return paths
 
 
-def guide_end(page: Page, held: Held, size: float) -> Array:
-    """The point (3,) in ground's frame where a guide in ground ends."""
-    end = held.carrier.position + guide_range(held, size)[1] * held.axis
+def guide_end(page: Page, placed: PlacedJoint, size: float) -> Array:
+    """The point (3,) in ground's frame at which a guide in ground ends."""
+    end = placed.carrier_frame.position + guide_range(placed, size)[1] * placed.axis
     if not page.view.planar:
         return np.asarray(end)
-    side = _side(unit_or_zero(page.seen(held.axis)))
-    return np.asarray(
-        end + _half_height(page, held, side) / page.scale * (side @ np.array([page.view.right, page.view.up]))
-    )
+    side = _ground_side(unit_or_zero(page.direction(placed.axis)))
+    return np.asarray(end + _half_height(page, placed, side) / page.scale * page.to_space(side))
 
 
-def _side(seen: Array) -> Array:
-    """The side (2,) of a guide on which ground is: below, or to the left of an upright one."""
-    return left_of(seen) if left_of(seen)[1] < -1e-9 else -left_of(seen)
+def _ground_side(along: Array) -> Array:
+    """The side (2,) of a guide along `along` (2,) on which ground is: below, or to the left of an upright guide."""
+    return left_of(along) if left_of(along)[1] < -1e-9 else -left_of(along)
 
 
-def _guide(page: Page, held: Held, where: tuple[float, float, float, float], seen: Array) -> list[Path]:
-    """The guide on both sides of the body, from and to `where` in m along the axis."""
-    points = [held.carrier.position + along * held.axis for along in where]
-    if held.grounded and page.view.planar:
-        side = _side(seen)
-        offset = _half_height(page, held, side) * side
-        return hatched(page.at(points[0]) + offset, page.at(points[3]) + offset, side)
+def _guide(page: Page, placed: PlacedJoint, size: float, along: Array) -> list[SheetPath]:
+    """A hatched line in ground in a planar view, otherwise a rod on both sides of the sliding body."""
+    low, high = guide_range(placed, size)
+    span = _body_span(placed) or (0.0, 0.0)
+    faces = placed.displacement + span[0], placed.displacement + span[1]
+    points = [placed.carrier_frame.position + position * placed.axis for position in (low, *faces, high)]
+    if placed.grounded and page.view.planar:
+        side = _ground_side(along)
+        offset = _half_height(page, placed, side) * side
+        return hatched_line(page.project(points[0]) + offset, page.project(points[3]) + offset, side)
     layer = BACK if page.view.planar else BODIES
-    paths: list[Path] = []
+    paths: list[SheetPath] = []
     for end, face, sign in ((points[0], points[1], -1.0), (points[3], points[2], 1.0)):
-        line, depth = page.at(np.array([end, face])), page.depth((end + face) / 2.0)
-        paths += [Path(line, edge=INK, width=4.0, layer=layer, depth=depth)]
-        paths += [Path(line, edge=STEEL, width=2.0, layer=layer, depth=depth)]
-        paths += wall(page.at(end), sign * seen, depth, layer) if held.grounded else []
+        line, depth = page.project(np.array([end, face])), page.depth((end + face) / 2.0)
+        paths += [SheetPath(line, edge=INK, width=4.0, layer=layer, depth=depth)]
+        paths += [SheetPath(line, edge=STEEL, width=2.0, layer=layer, depth=depth)]
+        paths += wall(page.project(end), sign * along, depth, layer) if placed.grounded else []
     return paths
 
 
-def _rubbing(page: Page, held: Held, seen: Array, depth: float) -> list[Path]:
-    """Teeth of a saw between the body and its guide."""
-    side, span = _side(seen), _span(held) or (0.0, 0.0)
-    at, shown = page.at(held.mover.position), float(np.hypot(*page.seen(held.axis)))
-    low, high = (value * page.scale * shown for value in span) if span[1] > span[0] else (-SLIDER[0], SLIDER[0])
-    across = side @ np.array([page.view.right, page.view.up])
-    under = None
-    if held.moving is not None:
-        under = reach(held.moving, own_frame(held, held.moving), held.mover.rotation.T @ across, BODY)
-    foot = at + (under[1] * page.scale if under else float(SLIDER[1])) * side
-    return [friction(foot + low * seen, foot + high * seen, side, FRONT if page.view.planar else BODIES, depth)]
+def _rough_faces(page: Page, placed: PlacedJoint, along: Array, depth: float) -> SheetPath:
+    """The sign of friction: saw teeth between the body and its guide."""
+    side, span = _ground_side(along), _body_span(placed) or (0.0, 0.0)
+    at, foreshortening = page.project(placed.mover_frame.position), float(np.hypot(*page.direction(placed.axis)))
+    low, high = (-SLIDER[0], SLIDER[0])
+    if span[1] > span[0]:
+        low, high = (value * page.scale * foreshortening for value in span)
+    below = placed.mover_span(page.to_space(side), BODY)
+    foot = at + (below[1] * page.scale if below else float(SLIDER[1])) * side
+    return friction_teeth(foot + low * along, foot + high * along, side, FRONT if page.view.planar else BODIES, depth)
 
 
-def _half_height(page: Page, held: Held, side: Array) -> float:
-    """How far in points the sliding body goes to a side (2,) of the guide."""
-    direction = side @ np.array([page.view.right, page.view.up])
-    span = None
-    if held.moving is not None:
-        span = reach(held.moving, own_frame(held, held.moving), held.mover.rotation.T @ direction, BODY)
+def _half_height(page: Page, placed: PlacedJoint, side: Array) -> float:
+    """The extent in points of the sliding body from the axis toward a side (2,) of the guide."""
+    span = placed.mover_span(page.to_space(side), BODY)
     return max(span[1] * page.scale, 3.0) if span else float(SLIDER[1]) + 0.6
 
 
-def guide_range(held: Held, size: float) -> tuple[float, float]:
-    """From where to where in m along the axis the guide goes."""
-    if held.carrying is not None:
-        span = reach(held.carrying, own_frame(held, held.carrying), held.carrier.rotation.T @ held.axis)
-        if span is not None and span[1] - span[0] > 0.02 * size:
-            return span
-    body = _span(held)
-    at, half = held.displacement, GUIDE * size * (1.0 if held.grounded else 0.6)
+def guide_range(placed: PlacedJoint, size: float) -> tuple[float, float]:
+    """Where the guide begins and ends, in m along the axis from the joint's point on the carrier."""
+    carrier = placed.carrier_span(placed.axis)
+    if carrier is not None and carrier[1] - carrier[0] > 0.02 * size:
+        return carrier
+    body = _body_span(placed)
+    at, half = placed.displacement, GUIDE * size * (1.0 if placed.grounded else 0.6)
     half = max(half, max(-body[0], body[1]) + 0.4 * size) if body else half
-    if held.joint.limits is not None:
-        return min(held.joint.limits.lower, at) - 0.05 * size, max(held.joint.limits.upper, at) + 0.05 * size
+    if placed.joint.limits is not None:
+        return min(placed.joint.limits.lower, at) - 0.05 * size, max(placed.joint.limits.upper, at) + 0.05 * size
     return at - half, at + half
 
 
-def _span(held: Held) -> tuple[float, float] | None:
-    """From where to where in m along the axis the sliding body goes; None where it has no body to be seen."""
-    if held.moving is None:
-        return None
-    return reach(held.moving, own_frame(held, held.moving), held.mover.rotation.T @ held.axis, BODY)
+def _body_span(placed: PlacedJoint) -> tuple[float, float] | None:
+    """The ends of the sliding body along the axis, in m from the joint's point on it; None where it has no body."""
+    return placed.mover_span(placed.axis, BODY)
 
 
-def _in_rod(held: Held) -> bool:
+def _on_rod(placed: PlacedJoint) -> bool:
     """Whether a rod of the carrying part is the guide."""
-    part: Part | None = held.carrying
-    return part is not None and any(s.kind == "rod" and along_rod(part, held.joint, s) for s in part.shapes)
+    part = placed.carrier_part
+    return part is not None and any(s.kind == "rod" and along_rod(part, placed.joint, s) for s in part.shapes)
 
 
-def _in_tube(held: Held) -> bool:
-    return _in_rod(held) and held.moving is not None and is_point(held.moving)
+def _in_tube(placed: PlacedJoint) -> bool:
+    """Whether a particle slides along a rod, which is then drawn as a tube around it."""
+    return _on_rod(placed) and placed.mover_part is not None and is_point(placed.mover_part)

@@ -24,7 +24,7 @@ except ModuleNotFoundError as error:
     ) from error
 
 if TYPE_CHECKING:
-    from mbd_sim.drawing.animation import Film
+    from mbd_sim.drawing.animation import Animation
 
 Observation = NDArray[np.float64]
 Action = NDArray[np.float32]
@@ -88,7 +88,7 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         self.frame_skip, self.horizon, self.start_noise = frame_skip, horizon, start_noise
         self.start = dict(start or {})
         self.render_mode, self._render_size = render_mode, render_size
-        self._film: Film | None = None
+        self._animation: Animation | None = None
         self.metadata = self.metadata | {"render_fps": round(1.0 / (frame_skip * self.simulation.step_size))}
         self.actuated = tuple(record.coordinate_names if actuated is None else actuated)
         limits = self._limits(effort_limits or {}).astype(np.float32)
@@ -148,11 +148,11 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         """(height, width, 3): the mechanism as `mbd_sim check --draw` draws it; None without a render mode."""
         if self.render_mode is None:
             return None
-        if self._film is None:
-            from mbd_sim.drawing.animation import Film
+        if self._animation is None:
+            from mbd_sim.drawing.animation import Animation
 
-            self._film = Film(self.simulation.model, *self._render_size)
-        return self._film.frame(self.simulation.poses())
+            self._animation = Animation(self.simulation.model, *self._render_size)
+        return self._animation.frame(self.simulation.poses())
 
     def _observation(self) -> Observation:
         q, u, angles = self.simulation.q, self.simulation.u, self._angles

@@ -128,14 +128,16 @@ def _wires(model: Model) -> list[ConstraintLines]:
     found: list[ConstraintLines] = []
     for record in model.mechanism.constraints:
         if isinstance(record, Surface):
-            from mbd_sim.appearance.implicit_curves import curve, surface
+            from mbd_sim.appearance.implicit_curves import curve_lines, surface_lines
 
             poses = {GROUND: identity_pose(), **model.poses(0.0, model.start)}
             point = poses[record.point.part] @ Pose(record.point.point, np.eye(3))
             on = (poses[record.base.part].inverse() @ point).position
             base = Pose(record.base.point, record.axes)
             one = len(record.equations) == 1
-            drawn = surface(record, on, base, np.array([0.55, -1.0, 0.5])) if one else curve(record, on, base)
+            drawn = (
+                surface_lines(record, on, base, np.array([0.55, -1.0, 0.5])) if one else curve_lines(record, on, base)
+            )
             lines = tuple(wire.points for wire in drawn if wire.kind != "outline" and len(wire.points) > 1)
             found.append(ConstraintLines(record.name, record.base.part, lines, surface=one))
     return found

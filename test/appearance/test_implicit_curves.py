@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.appearance.implicit_curves import follow
-from mbd_sim.drawing.composition import scene
-from mbd_sim.drawing.curve_paths import wires_of
+from mbd_sim.appearance.implicit_curves import follow_curve
+from mbd_sim.drawing.composition import compose
+from mbd_sim.drawing.curve_paths import constraint_curves
 from mbd_sim.drawing.projection import view_of
 
 SURFACE = """
@@ -20,7 +20,7 @@ constraints: {kept: {type: on_surface, point: p, frame: FRAME, equation: EQUATIO
 
 def wires(simulation):
     mechanism, poses = simulation.mechanism, simulation.poses()
-    return wires_of(mechanism, poses, view_of(mechanism, poses))
+    return constraint_curves(mechanism, poses, view_of(mechanism, poses))
 
 
 def drawn_surface(place, equation, frame="ground"):
@@ -86,7 +86,7 @@ constraints: {bowl: {type: on_surface, point: p, equation: z - x**2 + y}}
     (cut,) = wires(simulation)
     np.testing.assert_allclose(cut.points[:, 1], 0.0, atol=1e-12)
     np.testing.assert_allclose(cut.points[:, 2], cut.points[:, 0] ** 2, atol=1e-9)
-    assert np.all(np.isfinite(scene(simulation.mechanism, simulation.poses()).size))
+    assert np.all(np.isfinite(compose(simulation.mechanism, simulation.poses()).size))
 
 
 def test_a_curve_ends_where_it_has_no_direction_or_no_value():
@@ -95,7 +95,7 @@ def test_a_curve_ends_where_it_has_no_direction_or_no_value():
         root = np.sqrt(x) if x >= 0.0 else np.nan
         return np.array([y - root, z]), np.array([[-0.5 / root if root else np.nan, 1.0, 0.0], [0.0, 0.0, 1.0]])
 
-    line = follow(ending, np.array([1.0, 1.0, 0.0]), 0.05, lambda point: point[0] < 2.0)
+    line = follow_curve(ending, np.array([1.0, 1.0, 0.0]), 0.05, lambda point: point[0] < 2.0)
     assert len(line) > 20 and np.all(line[:, 0] > 0.0) and np.all(line[:, 0] < 2.0)
-    flat = follow(lambda point: (np.zeros(2), np.zeros((2, 3))), np.zeros(3), 0.1, lambda point: True)
+    flat = follow_curve(lambda point: (np.zeros(2), np.zeros((2, 3))), np.zeros(3), 0.1, lambda point: True)
     np.testing.assert_array_equal(flat, np.zeros((1, 3)))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mbd_sim.drawing.composition import scene
-from mbd_sim.drawing.part_outlines import is_phantom
+from mbd_sim.drawing.composition import compose
+from mbd_sim.drawing.part_outlines import is_invisible
 from mbd_sim.drawing.projection import plane_normal, view_of
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism_file.library import shipped
@@ -42,7 +42,7 @@ forces:
 
 def drawn(text):
     simulation = Simulation.from_text(text)
-    return scene(simulation.mechanism, simulation.poses())
+    return compose(simulation.mechanism, simulation.poses())
 
 
 def overlaps(first, second):
@@ -61,12 +61,12 @@ def test_every_kind_of_joint_shape_and_force_is_drawn_with_its_name():
 @pytest.mark.parametrize("name", sorted(shipped()))
 def test_every_shipped_mechanism_fits_its_sheet_and_names_do_not_cover_each_other(name):
     simulation = Simulation.from_file(name)
-    picture = scene(simulation.mechanism, simulation.poses())
+    picture = compose(simulation.mechanism, simulation.poses())
     low, high = picture.sheet.bounds()
     assert np.all(low >= -0.5) and np.all(high <= picture.size + 0.5)
     assert picture.size[0] <= 680.0
     parts = [text for text in picture.sheet.texts if text.text.replace(" ", "_") in simulation.mechanism.parts]
-    assert len(parts) >= sum(not is_phantom(part) for part in simulation.mechanism.parts.values())
+    assert len(parts) >= sum(not is_invisible(part) for part in simulation.mechanism.parts.values())
     for index, first in enumerate(parts):
         assert not any(overlaps(first, other) for other in parts[index + 1 :])
 
@@ -129,9 +129,9 @@ def test_gravity_across_the_picture_is_an_arrow_seen_from_its_end():
     flat = load_mechanism("planar_puck")
     assert flat.gravity[2] < 0.0
     simulation = Simulation(flat)
-    texts = [text.text for text in scene(flat, simulation.poses()).sheet.texts]
+    texts = [text.text for text in compose(flat, simulation.poses()).sheet.texts]
     assert "g" in texts
-    assert "g" not in [text.text for text in scene(*_without_gravity()).sheet.texts]
+    assert "g" not in [text.text for text in compose(*_without_gravity()).sheet.texts]
 
 
 def _without_gravity():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.drawing.composition import scene
+from mbd_sim.drawing.composition import compose
 from mbd_sim.drawing.gear_symbols import coupling_paths
 from mbd_sim.drawing.projection import Page, view_of
 
@@ -103,7 +103,7 @@ def test_laws_in_joints_have_symbols(joint, law, slant):
     def count(text):
         text = text.replace("RAIL", "").replace("HINGE", "").replace("SLANT", str(slant))
         simulation = Simulation.from_text(text)
-        return len(scene(simulation.mechanism, simulation.poses()).sheet.paths)
+        return len(compose(simulation.mechanism, simulation.poses()).sheet.paths)
 
     assert count(LAWS.replace(joint, law)) > count(LAWS)
 
@@ -111,5 +111,5 @@ def test_laws_in_joints_have_symbols(joint, law, slant):
 def test_a_blade_points_along_its_edge():
     simulation = Simulation.from_file("knife_edge")
     without = Simulation.from_text(simulation.mechanism.source.text.split("constraints:")[0])
-    pictures = [scene(s.mechanism, s.poses()).sheet.paths for s in (simulation, without)]
+    pictures = [compose(s.mechanism, s.poses()).sheet.paths for s in (simulation, without)]
     assert len(pictures[0]) == len(pictures[1]) + 1

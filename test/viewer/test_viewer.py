@@ -225,7 +225,7 @@ def test_the_trace_begins_anew_after_a_reset(tmp_path):
             sim.reset()
         rows.append(writer.row(tick * 1e-3, sim.time, sim.state, sim.inputs, sim.energies))
         sim.step()
-    scene = describe_scene(sim.model, writer.layout, DisplayOptions(trace_entities=("rod", "rod.tip")))
+    scene = describe_scene(sim.model, writer.layout, DisplayOptions(traces=("rod", "rod.tip")))
     stream = RerunStream(scene, str(tmp_path / "a.rrd"))
     stream.send_samples(np.array(rows))
     stream.close()
@@ -238,7 +238,7 @@ def test_the_trace_begins_anew_after_a_reset(tmp_path):
 
 def test_a_trace_of_an_unknown_point_is_refused(tmp_path):
     with pytest.raises(ValueError, match="no point"):
-        Viewer(Simulation.from_file("rod_pendulum").model, str(tmp_path / "a.rrd"), trace_entities=["rod.tp"])
+        Viewer(Simulation.from_file("rod_pendulum").model, str(tmp_path / "a.rrd"), traces=["rod.tp"])
 
 
 def test_events_become_lines_and_lanes(tmp_path):
