@@ -50,7 +50,7 @@ def test_a_wheel_is_found_where_its_shape_is():
     drawn = paths(simulation)
     (counter,) = (path for path in drawn if path.dash and np.ptp(path.points[:, 1]) > 150.0)
     start = simulation.poses()["counter"]
-    center = page.at(start.position + start.rotation @ [0.2, 0.0, 0.0])
+    center = page.project(start.position + start.rotation @ [0.2, 0.0, 0.0])
     assert np.linalg.norm(np.mean(counter.points[:-1], axis=0) - center) < 20.0
 
 
