@@ -34,6 +34,20 @@ class MbdSimError(Exception):
     """Base of every error that this package raises on purpose."""
 
 
+class InputError(MbdSimError, ValueError):
+    """A value that a user gave and that cannot be used: what is wrong with it, and the remedy.
+
+    `value` is the value to show, None where the message says enough.
+    """
+
+    def __init__(self, message: str, remedy: str = "", value: object = None) -> None:
+        super().__init__(message, remedy, value)
+        self.message, self.remedy, self.value = message, remedy, value
+
+    def __str__(self) -> str:
+        return f"{self.message}. {self.remedy}" if self.remedy else self.message
+
+
 class MechanismError(MbdSimError):
     """A mechanism file that cannot be used; `problems` holds all that is wrong with it."""
 

@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Print the schema."""
-    from mbd_sim.mechanism_file.validation import json_schema
+    from mbd_sim.mechanism_file.json_schema import json_schema
 
     print(json.dumps(json_schema(), indent=2))
     return 0

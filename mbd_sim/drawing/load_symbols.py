@@ -15,9 +15,9 @@ from mbd_sim.drawing.placed_joint import middle
 from mbd_sim.drawing.projection import Page
 from mbd_sim.drawing.sheet import BODIES, MARKS, SheetPath, arrow_head, outline_color
 from mbd_sim.drawing.spring_symbols import link, spring_and_damper
+from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import unit_or_zero
-from mbd_sim.mechanism.expression import ExpressionError
 from mbd_sim.mechanism.force_elements import AppliedForce
 from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
 
@@ -91,7 +91,7 @@ def _vector(element: AppliedForce) -> Array:
     for moment in MOMENTS:
         try:
             vector = np.array([expression.at(moment) for expression in element.vector])
-        except ExpressionError:
+        except InputError:
             continue
         if vector.any():
             return vector

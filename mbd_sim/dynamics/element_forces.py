@@ -17,9 +17,9 @@ from mbd_sim.dynamics.law_expressions import elastic, power_law
 from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.spatial_algebra import constant, vanishes
 from mbd_sim.dynamics.time_functions import time_functions
-from mbd_sim.errors import MechanismError, Problem
+from mbd_sim.errors import InputError, MechanismError, Problem
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.expression import ExpressionError, evaluate
+from mbd_sim.mechanism.expression import evaluate
 from mbd_sim.mechanism.force_elements import AppliedForce, Damper, Spring
 from mbd_sim.mechanism.laws import ELONGATION, Expressed, GreenStrain, Linear
 from mbd_sim.mechanism.records import Attachment, Mechanism
@@ -132,7 +132,7 @@ def _without_value(mechanism: Mechanism, lengths: Array) -> Iterator[Problem]:
         if isinstance(law, Expressed):
             try:
                 evaluate(law.force.text, {**law.force.names, ELONGATION: elongation})
-            except ExpressionError:
+            except InputError:
                 message = f"has no finite value at the start, where {ELONGATION} = {elongation:g}"
                 yield mechanism.source.problem(location, message, "Write a force for every elongation that occurs.")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from mbd_sim.errors import nearest, quoted
+from mbd_sim.errors import InputError, nearest, quoted
 from mbd_sim.geometry.pose import Pose, identity_pose
 
 
@@ -12,15 +12,15 @@ def end_of(text: str, places: Mapping[str, Mapping[str, Pose] | None]) -> tuple[
     """The part that a text names, and the frame on it: the part's own where no point is named.
 
     :param places: the points of each part, or None where any name may stand.
-    :raises LookupError: there is no such part or point; its arguments are the message and the remedy.
+    :raises InputError: there is no such part or point.
     """
     part, dot, point = (word.strip() for word in text.partition("."))
     if not part:
-        raise LookupError(f"no part is named before the '.' of {quoted(text)}", "Write part.point.")
+        raise InputError(f"no part is named before the '.' of {quoted(text)}", "Write part.point.")
     if part not in places:
         owners = [f"{name}.{part}" for name, points in places.items() if not dot and part in (points or {})]
         remedy = f"Did you mean its point '{owners[0]}'?" if owners else nearest(part, places)
-        raise LookupError(f"there is no part {quoted(part)}", remedy)
+        raise InputError(f"there is no part {quoted(part)}", remedy)
     points = places[part]
     if not dot or points is None:
         return part, identity_pose()
@@ -29,5 +29,5 @@ def end_of(text: str, places: Mapping[str, Mapping[str, Pose] | None]) -> tuple[
         missing = (
             f"'{part}' has no point {quoted(point)}" if point else f"no point is named after the '.' of {quoted(text)}"
         )
-        raise LookupError(missing, known)
+        raise InputError(missing, known)
     return part, points[point]

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from mbd_sim.errors import nearest, quoted
+from mbd_sim.errors import InputError, nearest, quoted
 
 MAX_LENGTH = 500
 TIME = "t"
@@ -29,14 +29,6 @@ _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
 }
 # Numbers, names and operators: nothing else reaches Python's parser.
 _TOKENS = re.compile(r"(?>\s+|(?>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])|[^\W\d]\w*|[-+*/(),^])*+")
-
-
-class ExpressionError(ValueError):
-    """An expression that cannot be read or has no value; `remedy` says what would help."""
-
-    def __init__(self, message: str, remedy: str = "") -> None:
-        super().__init__(message)
-        self.remedy = remedy
 
 
 @dataclass(frozen=True)
@@ -60,7 +52,7 @@ class TimeExpression:
     def at(self, time: float) -> float:
         """Its value.
 
-        :raises ExpressionError: it has none that is finite.
+        :raises InputError: it has none that is finite.
         """
         return evaluate(self.text, {**self.names, TIME: time})
 
@@ -68,7 +60,7 @@ class TimeExpression:
 def names_in(text: str) -> set[str]:
     """The names that an expression refers to, without constants and functions.
 
-    :raises ExpressionError: not an arithmetic expression.
+    :raises InputError: not an arithmetic expression.
     """
     tree = _parse(text)
     called = {node.func.id for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
@@ -78,40 +70,40 @@ def names_in(text: str) -> set[str]:
 def evaluate(text: str, names: Mapping[str, float]) -> float:
     """The value of an arithmetic expression such as `m*l**2/12` (`^` may stand for `**`).
 
-    :raises ExpressionError: not arithmetic, an unknown name, or no finite value.
+    :raises InputError: not arithmetic, an unknown name, or no finite value.
     """
     try:
         value = float(walk(text, names, NUMBERS))
     except ZeroDivisionError as error:
-        raise ExpressionError("division by zero", "Check what it divides by.") from error
-    except ExpressionError:
+        raise InputError("division by zero", "Check what it divides by.") from error
+    except InputError:
         raise
     except (ValueError, OverflowError) as error:
-        raise ExpressionError("has no finite value", _OUT_OF_RANGE) from error
+        raise InputError("has no finite value", _OUT_OF_RANGE) from error
     except RecursionError as error:
-        raise ExpressionError("is nested too deeply", "Split it into parameters.") from error
+        raise InputError("is nested too deeply", "Split it into parameters.") from error
     if not math.isfinite(value):
-        raise ExpressionError("has no finite value", _OUT_OF_RANGE)
+        raise InputError("has no finite value", _OUT_OF_RANGE)
     return value
 
 
 def walk(text: str, names: Mapping[str, Any], arithmetic: Arithmetic) -> Any:
     """The value of an expression in an arithmetic of one's own.
 
-    :raises ExpressionError: not arithmetic, or an unknown name.
+    :raises InputError: not arithmetic, or an unknown name.
     """
     return _value(_parse(text).body, names, arithmetic)
 
 
 def _parse(text: str) -> ast.Expression:
     if len(text) > MAX_LENGTH:
-        raise ExpressionError(f"is longer than {MAX_LENGTH} characters", "Split it into parameters.")
+        raise InputError(f"is longer than {MAX_LENGTH} characters", "Split it into parameters.")
     if not _TOKENS.fullmatch(text) or re.fullmatch(r"\d+,\d+", text.strip()):
-        raise ExpressionError(_NO_VALUE, "Write decimals with a point." if re.search(r"\d,\d", text) else _EXAMPLES)
+        raise InputError(_NO_VALUE, "Write decimals with a point." if re.search(r"\d,\d", text) else _EXAMPLES)
     try:
         return ast.parse(text.strip().replace("^", "**"), mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise ExpressionError(_NO_VALUE, _EXAMPLES) from error
+        raise InputError(_NO_VALUE, _EXAMPLES) from error
 
 
 _OUT_OF_RANGE = "Check the numbers that it is made of."
@@ -128,7 +120,7 @@ def _value(node: ast.expr, names: Mapping[str, Any], arithmetic: Arithmetic) -> 
                 return names[name]
             if name in CONSTANTS:
                 return CONSTANTS[name]
-            raise ExpressionError(f"unknown name {quoted(name)}", nearest(name, [*names, *CONSTANTS]))
+            raise InputError(f"unknown name {quoted(name)}", nearest(name, [*names, *CONSTANTS]))
         case ast.UnaryOp(op=ast.USub(), operand=operand):
             return -_value(operand, names, arithmetic)
         case ast.UnaryOp(op=ast.UAdd(), operand=operand):
@@ -139,14 +131,14 @@ def _value(node: ast.expr, names: Mapping[str, Any], arithmetic: Arithmetic) -> 
             return arithmetic.power(_value(left, names, arithmetic), _value(right, names, arithmetic))
         case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
             if name in names:
-                raise ExpressionError(f"'{name}' is no function", f"To multiply, write {name}*(...).")
+                raise InputError(f"'{name}' is no function", f"To multiply, write {name}*(...).")
             if name not in arithmetic.functions:
-                raise ExpressionError(f"unknown function {quoted(name)}", nearest(name, arithmetic.functions))
+                raise InputError(f"unknown function {quoted(name)}", nearest(name, arithmetic.functions))
             count, function = arithmetic.functions[name]
             if len(args) != count:
                 values = f"{count} value{'s' if count > 1 else ''}"
-                raise ExpressionError(
+                raise InputError(
                     f"{name}() takes {values}, not {len(args)}", f"Write {name}({'a, b'[: 3 * count - 2]})."
                 )
             return function(*(_value(arg, names, arithmetic) for arg in args))
-    raise ExpressionError("only numbers, names, + - * / ** ( ) and functions may stand here", _EXAMPLES)
+    raise InputError("only numbers, names, + - * / ** ( ) and functions may stand here", _EXAMPLES)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mbd_sim.errors import InputError
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.geometry.pose import Array, Pose
 
@@ -42,13 +43,13 @@ class MassProperties:
 def composite(bodies: Sequence[MassProperties]) -> MassProperties:
     """Several bodies as one; holes have negative mass.
 
-    :raises ValueError: the holes take away all mass.
+    :raises InputError: the holes take away all mass.
     """
     if not any(body.mass for body in bodies):
         return MassProperties(0.0, np.zeros(3), np.zeros((3, 3)))
     mass = math.fsum(body.mass for body in bodies)
     if mass <= 1e-12 * math.fsum(abs(body.mass) for body in bodies):
-        raise ValueError(f"the holes take away all mass, {mass:g} kg are left: make them smaller or lighter")
+        raise InputError(f"the holes take away all mass, {mass:g} kg are left", "Make them smaller or lighter.")
     center = sum((body.mass * body.center for body in bodies), np.zeros(3)) / mass
     inertia = sum((body.about(center) for body in bodies), np.zeros((3, 3)))
     return MassProperties(mass, center, inertia)

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass, field
 from typing import Any
 
-from mbd_sim.errors import Problem, quoted
+from mbd_sim.errors import InputError, Problem, quoted
 
 Location = tuple[str | int, ...]
 
@@ -58,6 +58,10 @@ class Source:
         origin = self.origin(location)
         shown = "" if value is None else quoted(value)
         return Problem(message, remedy, key=origin.key, value=shown, file=origin.file, line=origin.line)
+
+    def problem_of(self, location: Location, error: InputError) -> Problem:
+        """A `Problem` at a location of this file, from what is wrong with the value there."""
+        return self.problem(location, error.message, error.remedy, error.value)
 
 
 def dotted(location: Location) -> str:

@@ -1,4 +1,4 @@
-"""Values of a mechanism's file replaced, named as errors name them: `parameters.l`, `joints.elbow.damping`."""
+"""Replaces values of a mechanism's file by their keys, as error messages write them: `joints.elbow.damping`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from mbd_sim.errors import MechanismError, Problem, nearest
+from mbd_sim.errors import InputError, MechanismError, Problem, nearest
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.source import Location, Source, dotted
 from mbd_sim.mechanism_file.builders.mechanism_builder import build
@@ -21,20 +21,18 @@ _SECTIONS = ("gravity", "parameters", "parts", "joints", "forces", "constraints"
 
 
 def with_values(mechanism: Mechanism, changes: Mapping[str, float | str]) -> Mechanism:
-    """The mechanism with other values, in SI units or as the file would have them: `0.5`, `"30 deg"`, `"2*l"`.
+    """The mechanism with other values, each a number in SI units or a text as in the file: `"30 deg"`, `"2*l"`.
 
-    A parameter of the file may be called by its name alone.
-
-    :raises MechanismError: there is no such key, or a value does not fit.
+    :param changes: the values by their keys; a parameter of the file may be given by its name alone.
+    :raises MechanismError: a key does not exist, or a value is not valid there.
     """
     data, lines = copy.copy(mechanism.source.data), mechanism.source.lines
     problems = []
     for name, value in changes.items():
         try:
-            data = _set(data, location_of(mechanism, name), value)
-        except LookupError as error:
-            message, remedy = error.args
-            problems.append(Problem(message, remedy, key=name, file=mechanism.source.file))
+            data = _replaced(data, location_of(mechanism, name), value)
+        except InputError as error:
+            problems.append(_problem(mechanism, name, error))
     if problems:
         raise MechanismError(problems)
     source = Source(data, lines, mechanism.source.file, mechanism.source.text)
@@ -42,58 +40,59 @@ def with_values(mechanism: Mechanism, changes: Mapping[str, float | str]) -> Mec
     return build(file, parameters, source)
 
 
-def location_of(mechanism: Mechanism, name: str) -> Location:
-    """Where in the file a name points to.
+def location_of(mechanism: Mechanism, key: str) -> Location:
+    """The location in the file's data that a key names.
 
-    :raises LookupError: it cannot be a key; the error holds a message and a remedy.
+    :raises InputError: it is not a key of a mechanism file.
     """
     data = mechanism.source.data
     location: list[str | int] = []
     position = 0
-    while position < len(name):
-        found = _STEP.match(name, position)
-        if found is None or (position == 0 and found[3]):
-            raise LookupError("is not a key of a mechanism file", "Write for example joints.elbow.damping.")
-        location.append(int(found[3]) if found[3] else found[1] or found[2])
-        position = found.end()
+    while position < len(key):
+        step = _STEP.match(key, position)
+        if step is None or (position == 0 and step[3]):
+            raise InputError("is not a key of a mechanism file", "Write for example joints.elbow.damping.")
+        location.append(int(step[3]) if step[3] else step[1] or step[2])
+        position = step.end()
     if len(location) == 1 and location[0] in (data.get("parameters") or {}):
         return ("parameters", *location)
     if not location or location[0] not in _SECTIONS:
         first = str(location[0]) if location else ""
-        raise LookupError("names nothing in the file", nearest(first, [*(data.get("parameters") or {}), *_SECTIONS]))
+        raise InputError("names nothing in the file", nearest(first, [*(data.get("parameters") or {}), *_SECTIONS]))
     return tuple(location)
 
 
-def value_of(mechanism: Mechanism, name: str) -> float | None:
-    """The number in SI units that a key has now, also where the file leaves it out; None where it is not a number.
+def value_of(mechanism: Mechanism, key: str) -> float | None:
+    """The number in SI units that a key has now, given or by default; None if its value is not a number.
 
     :raises MechanismError: there is no such key.
     """
     try:
-        location = location_of(mechanism, name)
+        location = location_of(mechanism, key)
         if location[0] == "parameters" and len(location) == 2:
-            return mechanism.parameters[str(location[1])]
-        found: Any = validate(mechanism.source)[0]
+            return float(_entry(mechanism.parameters, location[1]))
+        value: Any = validate(mechanism.source)[0]
         for step in location:
-            found = _inside(found, step)
-    except LookupError as error:
-        message, remedy = error.args if len(error.args) == 2 else ("names nothing in the file", "")
-        raise MechanismError([Problem(message, remedy, key=name, file=mechanism.source.file)]) from error
-    return float(found) if isinstance(found, int | float) and not isinstance(found, bool) else None
+            value = _entry(value, step)
+    except InputError as error:
+        raise MechanismError([_problem(mechanism, key, error)]) from error
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
 def matching(mechanism: Mechanism, patterns: Collection[str]) -> list[str]:
-    """The keys of numbers of the file that match any of some patterns such as `joints.*.damping`, in its order."""
+    """The keys of the file's numbers that match any of the patterns, such as `joints.*.damping`, in its order."""
     file, _ = validate(mechanism.source)
-    names = [f"parameters.{name}" for name in mechanism.parameters]
-    names += [dotted(location) for location in _numbers(file, ()) if location[0] != "parameters"]
-    return [
-        name for name in names if any(fnmatch.fnmatchcase(name, pattern.replace("[", "[[]")) for pattern in patterns)
-    ]
+    keys = [f"parameters.{name}" for name in mechanism.parameters]
+    keys += [dotted(location) for location in _numbers(file, ()) if location[0] != "parameters"]
+    return [key for key in keys if any(fnmatch.fnmatchcase(key, pattern.replace("[", "[[]")) for pattern in patterns)]
+
+
+def _problem(mechanism: Mechanism, key: str, error: InputError) -> Problem:
+    return Problem(error.message, error.remedy, key=key, file=mechanism.source.file)
 
 
 def _numbers(data: Any, location: Location) -> Iterator[Location]:
-    """Where numbers stand; expressions of time hold numbers as well, which are no keys of the file."""
+    """The locations of numbers; those inside expressions of time are not keys of the file."""
     if isinstance(data, Mapping | BaseModel):
         for key, value in data.items() if isinstance(data, Mapping) else data:
             yield from _numbers(value, (*location, key))
@@ -104,35 +103,36 @@ def _numbers(data: Any, location: Location) -> Iterator[Location]:
         yield location
 
 
-def _inside(found: Any, step: str | int) -> Any:
+def _entry(container: Any, step: str | int) -> Any:
+    """The value under a key or an index of a mapping, a list or a record."""
     if isinstance(step, int):
-        if isinstance(found, Sequence) and not isinstance(found, str) and step < len(found):
-            return found[step]
-        raise LookupError(f"has no entry {step}", "")
-    if isinstance(found, Mapping):
-        if step in found:
-            return found[step]
-        raise LookupError(f"there is no '{step}'", nearest(step, found))
-    if step in getattr(type(found), "model_fields", {}):
-        return getattr(found, step)
-    raise LookupError(f"has no '{step}'", nearest(step, getattr(type(found), "model_fields", ())))
+        if isinstance(container, Sequence) and not isinstance(container, str) and step < len(container):
+            return container[step]
+        raise InputError(f"has no entry {step}")
+    if isinstance(container, Mapping):
+        if step in container:
+            return container[step]
+        raise InputError(f"there is no '{step}'", nearest(step, container))
+    if step in getattr(type(container), "model_fields", {}):
+        return getattr(container, step)
+    raise InputError(f"has no '{step}'", nearest(step, getattr(type(container), "model_fields", ())))
 
 
-def _set(data: Any, location: Location, value: float | str) -> Any:
-    """A copy with one value set; what it does not touch is shared."""
+def _replaced(data: Any, location: Location, value: float | str) -> Any:
+    """A copy with one value replaced, which shares everything else with the original."""
     if not location:
         return value
     step, rest = location[0], location[1:]
     if isinstance(step, int):
         if not isinstance(data, list):
-            raise LookupError(f"is no list that could have an entry {step}", "")
+            raise InputError(f"is not a list, and so has no entry {step}")
         if step >= len(data):
-            raise LookupError(f"has no entry {step}", f"The last one is {len(data) - 1}.")
-        return [*data[:step], _set(data[step], rest, value), *data[step + 1 :]]
+            raise InputError(f"has no entry {step}", f"The last one is {len(data) - 1}.")
+        return [*data[:step], _replaced(data[step], rest, value), *data[step + 1 :]]
     if not isinstance(data, Mapping):
-        raise LookupError(f"has no '{step}'", "")
+        raise InputError(f"has no '{step}'")
     if rest and step not in data:
         if step == "gravity":
-            return {**data, step: _set([0.0, 0.0, -9.81], rest, value)}
-        raise LookupError(f"there is no '{step}'", nearest(step, data))
-    return {**data, step: _set(data.get(step), rest, value)}
+            return {**data, step: _replaced([0.0, 0.0, -9.81], rest, value)}
+        raise InputError(f"there is no '{step}'", nearest(step, data))
+    return {**data, step: _replaced(data.get(step), rest, value)}

@@ -9,8 +9,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from mbd_sim.errors import quoted
-from mbd_sim.mechanism.expression import ExpressionError
+from mbd_sim.errors import InputError, quoted
 
 # The units of mechanics only: building pint's full registry costs 0.13 s at every start, this one 2 ms.
 _DEFINITIONS = """
@@ -82,13 +81,13 @@ def _registry() -> Any:
 def factor(unit: str, si_unit: str) -> float:
     """What a value in `unit` is multiplied by to be in `si_unit` (`""` for a plain number).
 
-    :raises ExpressionError: an unknown unit, or one of another dimension.
+    :raises InputError: an unknown unit, or one of another dimension.
     """
     given, wanted = _unit(unit), _unit(si_unit) if si_unit else _registry().parse_units("")
     if given.dimensionality != wanted.dimensionality:
         here = f"a value in {si_unit}" if si_unit else "a plain number"
         remedy = f"Write for example {f'0.5 {si_unit}'.strip()}."
-        raise ExpressionError(f"the unit {quoted(unit)} does not fit, as {here} stands here", remedy)
+        raise InputError(f"the unit {quoted(unit)} does not fit, as {here} stands here", remedy)
     return _finite(lambda: float(_registry().Quantity(1.0, given).to(wanted).magnitude), unit)
 
 
@@ -96,7 +95,7 @@ def factor(unit: str, si_unit: str) -> float:
 def si_factor(unit: str) -> float:
     """What a value in `unit` is multiplied by to be in kg, m, s, rad.
 
-    :raises ExpressionError: an unknown unit.
+    :raises InputError: an unknown unit.
     """
     given = _unit(unit)
     grams = given.dimensionality.get("[mass]", 0)  # pint's base unit of mass is the gram
@@ -108,12 +107,12 @@ def _finite(value: Callable[[], float], unit: str) -> float:
     try:
         return value()
     except ArithmeticError as error:
-        raise ExpressionError(f"the unit {quoted(unit)} is too large or too small to compute with") from error
+        raise InputError(f"the unit {quoted(unit)} is too large or too small to compute with") from error
 
 
 def _unit(text: str) -> Any:
     """The pint unit of a product of named units; pint itself is given names only, as its parser takes far more."""
-    unknown = ExpressionError(f"unknown unit {quoted(text)}", f"Known: {UNIT_WORDS}.")
+    unknown = InputError(f"unknown unit {quoted(text)}", f"Known: {UNIT_WORDS}.")
     if len(text) > MAX_LENGTH:
         raise unknown
     spelled = text
@@ -121,7 +120,7 @@ def _unit(text: str) -> Any:
         spelled = re.sub(pattern, replacement, spelled)
     try:
         return _product(ast.parse(spelled.strip(), mode="eval").body)
-    except ExpressionError:
+    except InputError:
         raise
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         raise unknown from error
@@ -147,7 +146,7 @@ def _exponent(node: ast.expr) -> int:
     match number:
         case ast.Constant(value=int() as value) if value <= MAX_EXPONENT:
             return sign * value
-    raise ExpressionError(f"the power of a unit must be a whole number up to {MAX_EXPONENT}", "Write for example m**2.")
+    raise InputError(f"the power of a unit must be a whole number up to {MAX_EXPONENT}", "Write for example m**2.")
 
 
 def _named(name: str) -> Any:
@@ -162,4 +161,4 @@ def _named(name: str) -> Any:
         products = [f"{first}*{second}" for first, second in halves if first in _NAMES and second in _NAMES]
         close = same or products or difflib.get_close_matches(name, _NAMES, n=1, cutoff=0.6)
         remedy = (f"Did you mean '{close[0]}'? " if close else "") + f"Known: {UNIT_WORDS}."
-        raise ExpressionError(f"unknown unit {quoted(name)}", remedy) from error
+        raise InputError(f"unknown unit {quoted(name)}", remedy) from error

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbd_sim.errors import CommandError, MechanismError, listed
+from mbd_sim.errors import CommandError, InputError, MechanismError, listed
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.expression import ExpressionError
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.override import value_of
-from mbd_sim.mechanism_file.quantity import parse_value
+from mbd_sim.mechanism_file.value_parser import parse_value
 
 EFFORT = "efforts."  # before the name of a joint: a constant effort on it
 MOST = 10_000_000  # runs
@@ -72,8 +71,8 @@ def variation(text: str, mechanism: Mechanism) -> Grid | Random:
     def number(word: str) -> float:
         try:
             return parse_value(_plain(word), mechanism.parameters, None)
-        except ExpressionError as error:
-            raise CommandError(f"{text}: '{word.strip()}' {error}. {error.remedy}") from error
+        except InputError as error:
+            raise CommandError(f"{text}: '{word.strip()}' {error.message}. {error.remedy}") from error
 
     if called := _CALL.fullmatch(rest):
         return _random(name, called[1], [number(word) for word in called[2].split(",")], text)

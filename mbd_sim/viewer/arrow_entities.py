@@ -16,8 +16,8 @@ import rerun as rr
 from mbd_sim.appearance import palette
 from mbd_sim.appearance.extent import joint_radius
 from mbd_sim.appearance.palette import Color
+from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.expression import ExpressionError
 from mbd_sim.mechanism.force_elements import AppliedForce
 from mbd_sim.mechanism.records import Attachment, Joint
 from mbd_sim.viewer import entity_paths
@@ -118,7 +118,7 @@ class _Applied:
     def _vector(self, time: float) -> Array:
         try:
             return np.asarray(self._force.axes @ [component.at(time) for component in self._force.vector])
-        except ExpressionError:
+        except InputError:
             return np.zeros(3)
 
 

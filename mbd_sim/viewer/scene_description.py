@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbd_sim.appearance.extent import Extent, extent_of, tip_of
-from mbd_sim.errors import nearest
+from mbd_sim.errors import InputError, nearest
 from mbd_sim.geometry.pose import Array, Pose, identity_pose, unpack_poses
 from mbd_sim.mechanism.attachments import end_of
 from mbd_sim.mechanism.constraints import Surface
@@ -115,9 +115,8 @@ def _traces(mechanism: Mechanism, wanted: Sequence[str] | None) -> Mapping[str, 
     for text in wanted:
         try:
             part, pose = end_of(text, slices)
-        except LookupError as error:
-            message, remedy = error.args
-            raise ValueError(f"traces: {message}. {remedy or nearest(text, slices)}") from error
+        except InputError as error:
+            raise ValueError(f"traces: {error.message}. {error.remedy or nearest(text, slices)}") from error
         point = pose.position if "." in text else tip_of(mechanism.parts[part])
         found[text] = Attachment(part, np.array(point))
     return found

@@ -7,8 +7,8 @@ import jsonschema
 import pytest
 
 from mbd_sim.load import parse_mechanism
+from mbd_sim.mechanism_file.json_schema import json_schema
 from mbd_sim.mechanism_file.library import shipped
-from mbd_sim.mechanism_file.validation import json_schema
 from mbd_sim.mechanism_file.yaml_reader import parse_source
 from test.generators.mechanism_texts import PENDULUM, changed, problems_of
 

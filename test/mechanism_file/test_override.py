@@ -29,7 +29,7 @@ def test_a_value_is_given_in_si_units_or_as_in_the_file(rods):
         ("[2]", 1.0, "not a key"),
         ("parameters.m", -1.0, "at least 0"),
         ("m.x", 1.0, "names nothing"),
-        ("joints.elbow.between[0][1]", 1.0, "no list"),
+        ("joints.elbow.between[0][1]", 1.0, "not a list"),
     ],
 )
 def test_a_key_that_does_not_exist_is_named_with_what_does(rods, name, value, words):

@@ -41,7 +41,7 @@ MISTAKES = {
     "a shape without size": ((SHAPE, "{type: rod}"), 8, "parts.rod.shape", "'to' is missing", "Add it."),
     "a rod without length": ((SHAPE, "{type: rod, to: [0, 0, 0]}"), 8, "parts.rod.shape", "a rod needs two different", "'from'"),
     "a radius of zero": ((SHAPE, "{type: disc, radius: 0}"), 8, "parts.rod.shape.radius", "must be greater than 0", "positive"),
-    "a colour by its name": ((SHAPE, "{type: disc, radius: 1, color: red}"), 8, "parts.rod.shape.color", "not a colour", "'#1f77b4'"),
+    "a colour by its name": ((SHAPE, "{type: disc, radius: 1, color: red}"), 8, "parts.rod.shape.color", "not a color", "'#1f77b4'"),
     "no truth": ((SHAPE, "{type: disc, radius: 1, hole: maybe}"), 8, "parts.rod.shape.hole", "must be true or false", "Write true"),
     "mass and density": ((SHAPE, "{type: sphere, radius: 1, mass: 1, density: 1}"), 8, "parts.rod.shape", "has both mass and", "one of them"),
     "shape and shapes": ((MASS, f"{MASS}    shapes: []\n"), 6, "parts.rod", "has both shape and shapes", "Move 'shape'"),
@@ -95,7 +95,7 @@ MISTAKES = {
     "a parameter without value": (("  m: 2 kg\n", "  m:\n"), 3, "parameters.m", "has no value", "Give it one."),
     "a parameter of an unknown one": (("  m: 2 kg\n", "  m: 2*ll\n"), 3, "parameters.m", "unknown name 'll'", "Did you mean 'l'?"),
     "a parameter divided by zero": (("  m: 2 kg\n", "  m: l/0\n"), 3, "parameters.m", "division by zero", "Check what it divides by."),
-    "a parameter of itself": (("  m: 2 kg\n", "  m: m + 1\n"), 3, "parameters.m", "parameters refer to each other in a circle: m", "of its own"),
+    "a parameter of itself": (("  m: 2 kg\n", "  m: m + 1\n"), 3, "parameters.m", "parameters refer to each other in a circle: m", "by a number"),
     "a massless chain end": ((MASS, "    mass: 0\n"), 11, "joints.pin", "nothing that this joint moves has mass: 'rod'", "fix it to a part"),
     "a hole as large as its block": ((SHAPE, "{type: sphere, radius: 1, hole: true}"), 6, "parts.rod", "has holes as large as its material", "smaller"),
 }  # fmt: skip

@@ -238,7 +238,7 @@ def test_mistakes(overlay, text, expected):
 def test_the_json_schema_lets_a_file_with_a_urdf_leave_out_what_the_urdf_has():
     import jsonschema
 
-    from mbd_sim.mechanism_file.validation import json_schema
+    from mbd_sim.mechanism_file.json_schema import json_schema
     from mbd_sim.mechanism_file.yaml_reader import parse_source
 
     validator = jsonschema.Draft202012Validator(json_schema())

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from mbd_sim.errors import Problem, nearest, quoted
+from mbd_sim.errors import InputError, Problem, nearest, quoted
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.geometry.pose import Pose
 from mbd_sim.mechanism import constraints as c
@@ -101,9 +101,8 @@ class _Reader:
     def _frame(self, location: Location, text: str) -> tuple[str, Pose] | None:
         try:
             return end_of(text, self._places)
-        except LookupError as error:
-            message, remedy = error.args
-            self._problems.append(self._source.problem(location, message, remedy))
+        except InputError as error:
+            self._problems.append(self._source.problem_of(location, error))
             return None
 
     def _apart(self, location: Location, frames: Iterable[tuple[str, Pose] | None]) -> list[Attachment]:

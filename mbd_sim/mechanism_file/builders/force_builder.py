@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbd_sim.errors import Problem
+from mbd_sim.errors import InputError, Problem
 from mbd_sim.geometry.pose import Pose
 from mbd_sim.mechanism.attachments import end_of
 from mbd_sim.mechanism.force_elements import AppliedForce, Damper, Spring
@@ -122,8 +122,7 @@ def _frame(
     """A point of a part as a text names it, and the frame that stands there."""
     try:
         part, pose = end_of(text, places)
-    except LookupError as error:
-        message, remedy = error.args
-        problems.append(source.problem(location, message, remedy))
+    except InputError as error:
+        problems.append(source.problem_of(location, error))
         return None
     return Attachment(part, np.array(pose.position)), pose

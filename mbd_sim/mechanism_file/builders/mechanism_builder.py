@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mbd_sim.errors import MechanismError, Problem, listed
+from mbd_sim.errors import InputError, MechanismError, Problem, listed
 from mbd_sim.geometry.pose import Pose
 from mbd_sim.mechanism import mass_properties
 from mbd_sim.mechanism.attachments import end_of
@@ -154,9 +154,8 @@ def _part(name: str, record: file_schema.PartSpec, source: Source, problems: lis
         try:
             computed = shape_builder.of_shapes(shapes, mass)
             mass, center, tensor = computed.mass, computed.center, computed.inertia
-        except ValueError as error:
-            message, _, remedy = str(error).partition(": ")
-            problems.append(source.problem(location, message, f"{remedy[:1].upper()}{remedy[1:]}." if remedy else ""))
+        except InputError as error:
+            problems.append(source.problem_of(location, error))
     given = record.inertia is not None
     if (why := mass_properties.defect(tensor)) is not None and (record.inertia_check or not given):
         remedy = "No rigid body has such an inertia: check its numbers." if given else "Keep the holes in the material."
@@ -204,9 +203,8 @@ def _joint(
     for index, text in enumerate(record.between):
         try:
             ends.append(end_of(text, places))
-        except LookupError as error:
-            message, remedy = error.args
-            problems.append(source.problem((*location, "between", index), message, remedy))
+        except InputError as error:
+            problems.append(source.problem_of((*location, "between", index), error))
     if len(ends) < 2:
         return None
     (parent, parent_pose), (child, child_pose) = ends

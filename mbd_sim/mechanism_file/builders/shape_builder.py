@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mbd_sim.errors import InputError
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.geometry.pose import Pose
 from mbd_sim.mechanism.mass_properties import MassProperties, composite
@@ -90,36 +91,47 @@ def drawn(shape: file_schema.ShapeSpec) -> Shape:
 def of_shapes(shapes: Sequence[file_schema.ShapeSpec], mass: float | None) -> MassProperties:
     """Mass properties of a part made of shapes.
 
-    :param mass: kg of the whole part, shared in proportion to size by the shapes without mass and density.
-    :raises ValueError: masses missing, given twice, or not comparable.
+    :param mass: of the whole part in kg; the shapes without mass and density share it in proportion to their size.
+    :raises InputError: masses are missing, given twice, or cannot be shared.
     """
     solids = [_solid(shape) for shape in shapes]
-    own = [_own_mass(shape, solid) for shape, solid in zip(shapes, solids, strict=True)]
-    bare = [solid for solid, value in zip(solids, own, strict=True) if value is None]
-    if mass is None and bare:
-        raise ValueError("has shapes without mass: give 'mass' on the part, or mass or density on each shape")
-    if mass is not None and not bare:
-        raise ValueError("gives the mass twice, on the part and on its shapes: remove one of the two")
-    share = 0.0
-    if mass or (mass is not None and any(own)):
-        if len({solid.dimension for solid in bare}) > 1:
-            raise ValueError("cannot share its mass among points, lines, surfaces and solids: give each shape its own")
-        signed = [(-1 if s.hole else 1) * b.measure for s, b, v in zip(shapes, solids, own, strict=True) if v is None]
-        rest = mass - math.fsum((-v if s.hole else v) for s, v in zip(shapes, own, strict=True) if v is not None)
-        total = math.fsum(signed)
-        if rest <= 0.0:
-            raise ValueError(f"leaves {rest:g} kg for its shapes without mass: 'mass' is that of the whole part")
-        if total <= 0.0:
-            raise ValueError("has holes as large as its material: make them smaller")
-        share = rest / total
+    given = [_given_mass(shape, solid) for shape, solid in zip(shapes, solids, strict=True)]
+    per_measure = _mass_per_measure(shapes, solids, given, mass)
     bodies = []
-    for shape, solid, value in zip(shapes, solids, own, strict=True):
-        kilograms = value if value is not None else share * solid.measure
+    for shape, solid, value in zip(shapes, solids, given, strict=True):
+        kilograms = value if value is not None else per_measure * solid.measure
         body = MassProperties(kilograms, np.zeros(3), kilograms * np.diag(solid.moments)).placed(pose_of(shape))
         bodies.append(body.scaled(-1.0) if shape.hole else body)
     return composite(bodies)
 
 
-def _own_mass(shape: file_schema.ShapeSpec, solid: _Solid) -> float | None:
+def _mass_per_measure(
+    shapes: Sequence[file_schema.ShapeSpec],
+    solids: Sequence[_Solid],
+    given: Sequence[float | None],
+    mass: float | None,
+) -> float:
+    """What a shape without mass and density weighs by its length, area or volume, in kg/m^dimension."""
+    bare = [solid for solid, value in zip(solids, given, strict=True) if value is None]
+    if mass is None and bare:
+        raise InputError("has shapes without mass", "Give 'mass' on the part, or mass or density on each shape.")
+    if mass is not None and not bare:
+        raise InputError("gives the mass twice, on the part and on its shapes", "Remove one of the two.")
+    if mass is None or not (mass or any(given)):
+        return 0.0
+    if len({solid.dimension for solid in bare}) > 1:
+        message = "cannot share its mass among points, lines, surfaces and solids"
+        raise InputError(message, "Give each shape its own.")
+    signed = [(-1 if s.hole else 1) * b.measure for s, b, v in zip(shapes, solids, given, strict=True) if v is None]
+    rest = mass - math.fsum((-v if s.hole else v) for s, v in zip(shapes, given, strict=True) if v is not None)
+    total = math.fsum(signed)
+    if rest <= 0.0:
+        raise InputError(f"leaves {rest:g} kg for its shapes without mass", "'mass' is that of the whole part.")
+    if total <= 0.0:
+        raise InputError("has holes as large as its material", "Make them smaller.")
+    return rest / total
+
+
+def _given_mass(shape: file_schema.ShapeSpec, solid: _Solid) -> float | None:
     density = getattr(shape, "density", None)
     return density * solid.measure if density is not None else shape.mass

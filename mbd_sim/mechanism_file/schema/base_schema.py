@@ -14,8 +14,8 @@ from pydantic import (
     WithJsonSchema,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
 
+from mbd_sim.errors import InputError
 from mbd_sim.mechanism_file.quantity import Angle, Length, Number
 
 SUFFIX = "Spec"  # of the names of these classes, which JSON Schema leaves out
@@ -23,14 +23,9 @@ NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"
 Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN, max_length=60)]
 
 
-def need(message: str, remedy: str) -> PydanticCustomError:
-    """What a record's own check raises: what is wrong, and what would be right."""
-    return PydanticCustomError("record", "{why}", {"why": message, "remedy": remedy})
-
-
 def _not_zero(numbers: tuple[float, ...]) -> tuple[float, ...]:
     if not any(numbers):
-        raise need("must not be zero", f"Give for example [{', '.join(['0'] * (len(numbers) - 1))}, 1].")
+        raise InputError("must not be zero", f"Give for example [{', '.join(['0'] * (len(numbers) - 1))}, 1].")
     return numbers
 
 
@@ -59,7 +54,7 @@ class Spec(BaseModel):
 def _exactly_one(record: Spec, *keys: str) -> None:
     given = [key for key in keys if getattr(record, key) is not None]
     if len(given) != 1:
-        raise need(f"needs exactly one of {', '.join(keys)}", "Given: " + (", ".join(given) or "none") + ".")
+        raise InputError(f"needs exactly one of {', '.join(keys)}", "Given: " + (", ".join(given) or "none") + ".")
 
 
 class RotationSpec(Spec):
@@ -74,7 +69,7 @@ class RotationSpec(Spec):
     def _one_form(self) -> RotationSpec:
         _exactly_one(self, "axis", "rpy", "quaternion")
         if (self.axis is None) != (self.angle is None):
-            raise need("axis and angle belong together", "Give both.")
+            raise InputError("axis and angle belong together", "Give both.")
         return self
 
 

@@ -6,13 +6,15 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints, model_validator
 
+from mbd_sim.errors import InputError
 from mbd_sim.mechanism.expression import TimeExpression
-from mbd_sim.mechanism_file.quantity import Number, PositiveLength, TimeFunction
-from mbd_sim.mechanism_file.schema.base_schema import Direction, Spec, need
+from mbd_sim.mechanism_file.expression_field import ExpressionField
+from mbd_sim.mechanism_file.quantity import Number, PositiveLength
+from mbd_sim.mechanism_file.schema.base_schema import Direction, Spec
 
 Coordinate = Annotated[str, StringConstraints(min_length=1)]
-LengthOfTime = Annotated[TimeExpression, TimeFunction("m")]
-Place = Annotated[TimeExpression, TimeFunction("", ("x", "y", "z", "t"))]
+LengthOfTime = Annotated[TimeExpression, ExpressionField("m")]
+Place = Annotated[TimeExpression, ExpressionField("", ("x", "y", "z", "t"))]
 Z: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
 
@@ -56,7 +58,7 @@ class OnSurfaceSpec(Spec):
         key, other = ("equation", "equations") if self.type == "on_surface" else ("equations", "equation")
         if getattr(self, key) is None or getattr(self, other) is not None:
             count = "one: equation" if key == "equation" else "two: equations"
-            raise need(f"needs '{key}'", f"A {self.type.removeprefix('on_')} has {count}.")
+            raise InputError(f"needs '{key}'", f"A {self.type.removeprefix('on_')} has {count}.")
         return self
 
 
@@ -84,7 +86,7 @@ class CouplingSpec(Spec):
 
     type: Literal["coupling"]
     terms: dict[Coordinate, Number] = Field(min_length=2)
-    value: Annotated[TimeExpression, TimeFunction(None)] = TimeExpression("0", {})
+    value: Annotated[TimeExpression, ExpressionField(None)] = TimeExpression("0", {})
 
 
 class RollingSpec(Spec):

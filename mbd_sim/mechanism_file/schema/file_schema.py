@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, StringConstraints, Tag, model_validator
 
+from mbd_sim.errors import InputError
 from mbd_sim.mechanism_file.quantity import (
     Acceleration,
     Mass,
@@ -26,7 +27,6 @@ from mbd_sim.mechanism_file.schema.base_schema import (
     Spec,
     Value,
     Vector,
-    need,
     written_as,
 )
 from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
@@ -52,7 +52,7 @@ class ShapeSpec(Spec):
     @model_validator(mode="after")
     def _one_mass(self) -> ShapeSpec:
         if self.mass is not None and getattr(self, "density", None) is not None:
-            raise need("has both mass and density", "Give one of them.")
+            raise InputError("has both mass and density", "Give one of them.")
         return self
 
 
@@ -80,7 +80,7 @@ class RodSpec(ShapeSpec):
     @model_validator(mode="after")
     def _length(self) -> RodSpec:
         if self.start == self.end:
-            raise need("a rod needs two different ends", "Change 'from' or 'to'.")
+            raise InputError("a rod needs two different ends", "Change 'from' or 'to'.")
         return self
 
 
@@ -186,7 +186,7 @@ class PartSpec(Spec):
     @model_validator(mode="after")
     def _one_of(self) -> PartSpec:
         if self.shape is not None and self.shapes is not None:
-            raise need("has both shape and shapes", "Move 'shape' into 'shapes'.")
+            raise InputError("has both shape and shapes", "Move 'shape' into 'shapes'.")
         return self
 
 

@@ -6,7 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from mbd_sim.errors import InputError
 from mbd_sim.mechanism.expression import TimeExpression
+from mbd_sim.mechanism_file.expression_field import ExpressionField
 from mbd_sim.mechanism_file.quantity import (
     Length,
     LinearDamping,
@@ -14,14 +16,13 @@ from mbd_sim.mechanism_file.quantity import (
     Mass,
     PositiveLength,
     Quantity,
-    TimeFunction,
 )
-from mbd_sim.mechanism_file.schema.base_schema import Spec, need
+from mbd_sim.mechanism_file.schema.base_schema import Spec
 from mbd_sim.mechanism_file.schema.law_schema import ForceOfElongation, ForceTable, LinearPowerSpec
 
 NaturalLength = Annotated[Length, Quantity("m", at_least=0)]
-Force = Annotated[TimeExpression, TimeFunction("N")]
-Torque = Annotated[TimeExpression, TimeFunction("N*m")]
+Force = Annotated[TimeExpression, ExpressionField("N")]
+Torque = Annotated[TimeExpression, ExpressionField("N*m")]
 Axes = Annotated[str, Field(description="ground, part (of the element itself), or any part or part.point")]
 PositiveStiffness = Annotated[float, Quantity("N/m", above=0)]
 
@@ -45,7 +46,7 @@ class SpringSpec(Spec):
     def _one_law(self) -> SpringSpec:
         given = [key for key in ("stiffness", "force", "table") if key in self.model_fields_set]
         if len(given) > 1:
-            raise need(f"has {' and '.join(given)}", "Give one of them.")
+            raise InputError(f"has {' and '.join(given)}", "Give one of them.")
         return self
 
 

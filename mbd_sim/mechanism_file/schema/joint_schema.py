@@ -6,7 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from mbd_sim.errors import InputError
 from mbd_sim.mechanism.expression import TimeExpression
+from mbd_sim.mechanism_file.expression_field import ExpressionField
 from mbd_sim.mechanism_file.quantity import (
     Angle,
     AngularVelocity,
@@ -16,7 +18,6 @@ from mbd_sim.mechanism_file.quantity import (
     PositiveForce,
     PositiveTorque,
     Quantity,
-    TimeFunction,
     TorsionDamping,
     TorsionStiffness,
     Velocity,
@@ -26,7 +27,6 @@ from mbd_sim.mechanism_file.schema.base_schema import (
     RotationSpec,
     Spec,
     Vector,
-    need,
 )
 from mbd_sim.mechanism_file.schema.law_schema import (
     ForceCurveSpec,
@@ -39,6 +39,9 @@ from mbd_sim.mechanism_file.schema.law_schema import (
     TorsionPowerSpec,
 )
 
+AngleOfTime = Annotated[TimeExpression, ExpressionField("rad")]
+LengthOfTime = Annotated[TimeExpression, ExpressionField("m")]
+
 
 class LimitsSpec(Spec):
     """What both kinds of limits share."""
@@ -47,9 +50,9 @@ class LimitsSpec(Spec):
     def _ordered(self) -> LimitsSpec:
         lower, upper = getattr(self, "lower"), getattr(self, "upper")  # noqa: B009  (of the subclasses)
         if lower >= upper:
-            raise need(f"lower {lower:g} is not below upper {upper:g}", "Swap them.")
+            raise InputError(f"lower {lower:g} is not below upper {upper:g}", "Swap them.")
         if getattr(self, "damping") and not getattr(self, "stiffness"):  # noqa: B009
-            raise need("damping of stops without stiffness does nothing", "Add 'stiffness'.")
+            raise InputError("damping of stops without stiffness does nothing", "Add 'stiffness'.")
         return self
 
 
@@ -102,11 +105,11 @@ class DriveableJointSpec(JointSpec):
         }
         free |= {"spring", "damper", "friction"}
         if getattr(self, "drive") is not None and (both := sorted(free & self.model_fields_set)):  # noqa: B009
-            raise need(
+            raise InputError(
                 f"has a drive and {', '.join(both)}", "A driven joint moves as its drive says: remove the others."
             )
         if {"stiffness", "spring"} <= self.model_fields_set:
-            raise need("has stiffness and spring", "Give one of them.")
+            raise InputError("has stiffness and spring", "Give one of them.")
         return self
 
 
@@ -126,7 +129,7 @@ class RevoluteJointSpec(DriveableJointSpec):
     limits: AngleLimitsSpec | None = None
     effort_limit: PositiveTorque | None = None
     velocity_limit: PositiveAngularVelocity | None = Field(None, description="only told to others, in URDF")
-    drive: Annotated[TimeExpression, TimeFunction("rad")] | None = None
+    drive: AngleOfTime | None = None
 
 
 class PrismaticJointSpec(DriveableJointSpec):
@@ -145,7 +148,7 @@ class PrismaticJointSpec(DriveableJointSpec):
     limits: LengthLimitsSpec | None = None
     effort_limit: PositiveForce | None = None
     velocity_limit: PositiveVelocity | None = Field(None, description="only told to others, in URDF")
-    drive: Annotated[TimeExpression, TimeFunction("m")] | None = None
+    drive: LengthOfTime | None = None
 
 
 class ScrewJointSpec(DriveableJointSpec):
@@ -161,7 +164,7 @@ class ScrewJointSpec(DriveableJointSpec):
     damping: TorsionDamping = 0.0
     limits: AngleLimitsSpec | None = None
     effort_limit: PositiveTorque | None = None
-    drive: Annotated[TimeExpression, TimeFunction("rad")] | None = None
+    drive: AngleOfTime | None = None
 
 
 class CylindricalJointSpec(DriveableJointSpec):
@@ -174,7 +177,7 @@ class CylindricalJointSpec(DriveableJointSpec):
     stiffness: tuple[LinearStiffness, TorsionStiffness] = (0.0, 0.0)
     rest: tuple[Length, Angle] = (0.0, 0.0)
     damping: tuple[LinearDamping, TorsionDamping] = (0.0, 0.0)
-    drive: tuple[Annotated[TimeExpression, TimeFunction("m")], Annotated[object, TimeFunction("rad")]] | None = None
+    drive: tuple[LengthOfTime, AngleOfTime] | None = None
 
 
 class UniversalJointSpec(DriveableJointSpec):
@@ -187,7 +190,7 @@ class UniversalJointSpec(DriveableJointSpec):
     stiffness: tuple[TorsionStiffness, TorsionStiffness] = (0.0, 0.0)
     rest: tuple[Angle, Angle] = (0.0, 0.0)
     damping: tuple[TorsionDamping, TorsionDamping] = (0.0, 0.0)
-    drive: tuple[Annotated[TimeExpression, TimeFunction("rad")], Annotated[object, TimeFunction("rad")]] | None = None
+    drive: tuple[AngleOfTime, AngleOfTime] | None = None
 
 
 class PlanarJointSpec(DriveableJointSpec):
@@ -206,9 +209,9 @@ class PlanarJointSpec(DriveableJointSpec):
     damping: tuple[LinearDamping, LinearDamping, TorsionDamping] = (0.0, 0.0, 0.0)
     drive: (
         tuple[
-            Annotated[TimeExpression, TimeFunction("m")],
-            Annotated[TimeExpression, TimeFunction("m")],
-            Annotated[TimeExpression, TimeFunction("rad")],
+            LengthOfTime,
+            LengthOfTime,
+            AngleOfTime,
         ]
         | None
     ) = None

@@ -7,19 +7,20 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, model_validator
 
-from mbd_sim.mechanism.expression import ExpressionError, TimeExpression, evaluate
+from mbd_sim.errors import InputError
+from mbd_sim.mechanism.expression import TimeExpression, evaluate
 from mbd_sim.mechanism.laws import ELONGATION
+from mbd_sim.mechanism_file.expression_field import ExpressionField
 from mbd_sim.mechanism_file.quantity import (
     Angle,
     AngularVelocity,
     Length,
     LinearDamping,
     Quantity,
-    TimeFunction,
     TorsionDamping,
     Velocity,
 )
-from mbd_sim.mechanism_file.schema.base_schema import Spec, need
+from mbd_sim.mechanism_file.schema.base_schema import Spec
 
 ForceValue = Annotated[float, Quantity("N")]
 TorqueValue = Annotated[float, Quantity("N*m")]
@@ -33,24 +34,24 @@ Coefficient = Annotated[float, Quantity("", at_least=0)]
 def _finite_at_rest(expression: TimeExpression) -> TimeExpression:
     try:
         evaluate(expression.text, {**expression.names, ELONGATION: 0.0})
-    except ExpressionError as error:
+    except InputError as error:
         message = f"has no finite value at {ELONGATION} = 0, from where its potential is counted"
-        raise need(message, "Write a force that is finite there.") from error
+        raise InputError(message, "Write a force that is finite there.") from error
     return expression
 
 
 def _growing(rows: list[tuple[float, float]]) -> list[tuple[float, float]]:
     if len(rows) < 2:
-        raise need("needs at least two rows", "Add one, as [elongation, force].")
+        raise InputError("needs at least two rows", "Add one, as [elongation, force].")
     for (before, _), (after, _) in pairwise(rows):
         if after <= before:
-            raise need(f"{after:g} comes after {before:g}", "Let the elongations of the rows grow.")
+            raise InputError(f"{after:g} comes after {before:g}", "Let the elongations of the rows grow.")
     return rows
 
 
 _Checks = AfterValidator(_finite_at_rest)
-ForceOfElongation = Annotated[TimeExpression, TimeFunction("N", (ELONGATION,)), _Checks]
-TorqueOfAngle = Annotated[TimeExpression, TimeFunction("N*m", (ELONGATION,)), _Checks]
+ForceOfElongation = Annotated[TimeExpression, ExpressionField("N", (ELONGATION,)), _Checks]
+TorqueOfAngle = Annotated[TimeExpression, ExpressionField("N*m", (ELONGATION,)), _Checks]
 ForceTable = Annotated[list[tuple[Length, ForceValue]], AfterValidator(_growing)]
 TorqueTable = Annotated[list[tuple[Angle, TorqueValue]], AfterValidator(_growing)]
 
@@ -60,7 +61,7 @@ def require_one(record: Spec, *keys: str) -> None:
     given = [key for key in keys if key in record.model_fields_set]
     if len(given) != 1:
         message = f"gives {' and '.join(given)}" if given else f"gives none of {', '.join(keys)}"
-        raise need(message, f"Give {'only ' if given else ''}one of {', '.join(keys)}.")
+        raise InputError(message, f"Give {'only ' if given else ''}one of {', '.join(keys)}.")
 
 
 class ForceCurveSpec(Spec):
@@ -110,10 +111,10 @@ class FrictionSpec(Spec):
     def _stribeck(self) -> FrictionSpec:
         coulomb, static, speed = (getattr(self, key) for key in ("coulomb", "static", "stribeck_velocity"))
         if static is not None and static < coulomb:
-            raise need(f"static {static:g} is less than coulomb {coulomb:g}", "Sticking takes more than sliding.")
+            raise InputError(f"static {static:g} is less than coulomb {coulomb:g}", "Sticking takes more than sliding.")
         if (static is None) != (speed is None):
             missing = "static" if static is None else "stribeck_velocity"
-            raise need("static and stribeck_velocity belong together", f"Add '{missing}'.")
+            raise InputError("static and stribeck_velocity belong together", f"Add '{missing}'.")
         return self
 
 

@@ -1,0 +1,103 @@
+"""The JSON Schema of mechanism files, for editors and for the words of error messages."""
+
+from __future__ import annotations
+
+import copy
+import functools
+from typing import Any
+
+from pydantic.json_schema import GenerateJsonSchema
+
+from mbd_sim.mechanism_file.schema.base_schema import SUFFIX
+from mbd_sim.mechanism_file.schema.file_schema import MechanismFile
+
+PydanticLocation = tuple[int | str, ...]  # keys, indices, and tags of unions
+Node = dict[str, Any]
+
+MERGED_SECTIONS = ("parts", "joints")  # whose entries may be incomplete beside a URDF that has the rest of them
+
+
+def json_schema() -> Node:
+    """The JSON Schema of mechanism files. A file with `urdf` may leave out what the URDF has."""
+    schema = copy.deepcopy(_json_schema())
+    alone = {"required": schema.pop("required")}
+    for section in MERGED_SECTIONS:
+        properties = schema["properties"]
+        alone.setdefault("properties", {})[section] = properties[section]
+        properties[section] = {"type": "object", "description": properties[section].get("description", section)}
+    return {**schema, "if": {"required": ["urdf"]}, "else": alone}
+
+
+def known_keys(location: PydanticLocation) -> list[str]:
+    """The keys that a mapping at this location may have."""
+    nodes = [form for node in _nodes_at(location) for form in (_variants(node) if "discriminator" in node else [node])]
+    return list(dict.fromkeys(key for node in nodes for key in node.get("properties", {})))
+
+
+def list_length(location: PydanticLocation) -> int:
+    """The number of entries that a list at this location has; 0 if it may have any number."""
+    return max((int(node.get("minItems", 0)) for node in _nodes_at(location)), default=0)
+
+
+def known_types(location: PydanticLocation) -> list[str]:
+    """The values that `type` may have in a mapping at this location."""
+    return [tag for node in _nodes_at(location) for tag in node.get("discriminator", {}).get("mapping", {})]
+
+
+class _NamesWithoutSuffix(GenerateJsonSchema):
+    """Names the definitions after what they describe, without the suffix of the Python classes."""
+
+    def normalize_name(self, name: str) -> str:
+        """The name of a definition."""
+        return super().normalize_name(name.removesuffix(SUFFIX))
+
+
+@functools.cache
+def _json_schema() -> Node:
+    schema = MechanismFile.model_json_schema(by_alias=True, schema_generator=_NamesWithoutSuffix)
+    _forbid_other_names(schema)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "mbd_sim mechanism"}
+
+
+def _forbid_other_names(node: object) -> None:
+    """Declare names that match no pattern as errors: pydantic refuses them, but its schema does not say so."""
+    for inner in node.values() if isinstance(node, dict) else node if isinstance(node, list) else []:
+        _forbid_other_names(inner)
+    if isinstance(node, dict) and isinstance(node.get("patternProperties"), dict):
+        node["additionalProperties"] = False
+
+
+def _nodes_at(location: PydanticLocation) -> list[Node]:
+    """The parts of the schema that describe a location; several where a value may have several forms."""
+    nodes = _forms(_json_schema())
+    for step in location:
+        nodes = [form for node in nodes for inner in _below(node, step) for form in _forms(inner)] or nodes
+    return nodes
+
+
+def _forms(node: Node) -> list[Node]:
+    """A node with its reference resolved, or all its alternatives."""
+    if "$ref" in node:
+        node = _json_schema()["$defs"][node["$ref"].rsplit("/", 1)[-1]]
+    alternatives = node.get("anyOf", []) + node.get("oneOf", [])
+    if "discriminator" in node or not alternatives:
+        return [node]
+    return [form for alternative in alternatives for form in _forms(alternative)]
+
+
+def _below(node: Node, step: int | str) -> list[Node]:
+    """The nodes below a node under a key, an index or the tag of an alternative."""
+    tagged = node.get("discriminator", {}).get("mapping", {})
+    if step in tagged:
+        return [{"$ref": tagged[step]}]
+    if isinstance(step, int):
+        return node.get("prefixItems", [])[step : step + 1] or [node[key] for key in ("items",) if key in node]
+    if step in node.get("properties", {}):
+        return [node["properties"][step]]
+    if step == {"array": "list", "object": "mapping"}.get(node.get("type", "")) and "patternProperties" not in node:
+        return [node]
+    return list(node.get("patternProperties", {}).values())
+
+
+def _variants(node: Node) -> list[Node]:
+    return [form for reference in node["discriminator"]["mapping"].values() for form in _forms({"$ref": reference})]

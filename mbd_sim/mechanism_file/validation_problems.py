@@ -1,0 +1,125 @@
+"""What pydantic finds wrong with a mechanism file, as problems in the words of the file."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from pydantic_core import ErrorDetails
+
+from mbd_sim.errors import InputError, Problem, listed, nearest, quoted
+from mbd_sim.mechanism.source import Location, Source
+from mbd_sim.mechanism_file.json_schema import PydanticLocation, known_keys, known_types, list_length
+from mbd_sim.mechanism_file.schema.base_schema import NAME_PATTERN
+
+# Other words that users may write for a type.
+_SYNONYMS = {
+    "hinge": "revolute", "pin": "revolute", "rotation": "revolute", "continuous": "revolute",
+    "slider": "prismatic", "translation": "prismatic", "weld": "fixed", "rigid": "fixed", "floating": "free",
+    "bar": "rod", "disk": "disc", "wheel": "disc", "hoop": "ring", "box": "block", "cuboid": "block",
+    "ball": "sphere", "point": "particle", "rectangle": "plate",
+}  # fmt: skip
+
+
+def problem_of(source: Source, details: ErrorDetails) -> Problem:
+    """The problem that one of pydantic's errors describes."""
+    loc, kind, context = details["loc"], details["type"], details.get("ctx", {})
+    location, value = _in_file(source, loc)
+    if isinstance(error := context.get("error"), InputError):
+        return source.problem_of(location, error)
+    leaf = str(loc[-1]) if loc else ""
+    match kind:
+        case "extra_forbidden":
+            return source.problem(location, f"unknown key {quoted(leaf)}", nearest(leaf, known_keys(loc[:-1])))
+        case "missing" | "too_long" if isinstance(value, list):
+            where = loc[:-1] if kind == "missing" else loc
+            message = f"has {_count(len(value))}, not {list_length(where)}"
+            return source.problem(location, message, _list_form(where), value)
+        case "missing" if value is None:
+            return source.problem(location, "has no value", "Give it one.")
+        case "missing":
+            return source.problem(location, f"'{leaf}' is missing", "Add it.")
+        case "union_tag_not_found":
+            return source.problem(location, "'type' is missing", nearest("", known_types(loc)))
+        case "union_tag_invalid":
+            return _unknown_type(source, location, loc, value)
+        case "literal_error":
+            return source.problem(location, "unknown word", f"Write {context['expected']}.".replace("'", ""), value)
+    message, remedy = _wording(kind, loc, value)
+    if "[key]" in loc or kind == "too_short":
+        value = None
+    elif value is None:
+        message, remedy = "has no value", remedy or "Give it one."
+    return source.problem(location, message or details["msg"], remedy, value)
+
+
+def _unknown_type(source: Source, location: Location, loc: PydanticLocation, value: object) -> Problem:
+    where, types = (*location, "type"), known_types(loc)
+    tag = value.get("type") if isinstance(value, dict) else None
+    if tag is None:
+        return source.problem(where, "has no value", nearest("", types))
+    remedy = nearest(str(tag), types)
+    if isinstance(tag, str) and tag in _SYNONYMS:
+        remedy = f"Did you mean '{_SYNONYMS[tag]}'? Valid: {listed(types)}."
+    return source.problem(where, f"unknown type {quoted(tag)}", remedy)
+
+
+def _wording(kind: str, loc: PydanticLocation, value: object) -> tuple[str, str]:
+    """A message and a remedy for a kind of error; both empty for kinds that cannot occur."""
+    match kind:
+        case "string_pattern_mismatch" if "color" in loc[-1:]:
+            return "not a color", "Write it in quotes, as '#1f77b4'."
+        case "string_pattern_mismatch" | "string_too_long":
+            text = str(loc[-2] if loc[-1:] == ("[key]",) else value)
+            valid = re.sub(r"[^A-Za-z0-9_]+", "_", text).strip("_")
+            example = f", for example {valid}" if len(valid) <= 60 and re.match(NAME_PATTERN, valid) else ""
+            return "not a valid name", f"Use at most 60 letters, digits and underscores, a letter first{example}."
+        case "string_type":
+            between = "Write the name of a part, or part.point." if "between" in loc[-2:] else "Put it in quotes."
+            return "must be text", between
+        case "bool_type" | "bool_parsing":
+            return "must be true or false", "Write true or false."
+        case "tuple_type" | "list_type":
+            return "must be a list", _list_form(loc)
+        case "model_type" | "model_attributes_type" | "dict_type" if loc[-1:] == ("mapping",):
+            return "must be a list or a mapping", _list_form((*loc[:-1], "list"))
+        case "model_type" | "model_attributes_type" | "dict_type":
+            keys = known_keys(loc)
+            remedy = f"Its keys: {listed(keys)}." if keys else "Write 'name: value'."
+            return "must be a mapping of keys to values", remedy
+        case "too_short":
+            return "needs at least one entry", "Add one below it."
+    return "", ""
+
+
+def _count(number: int) -> str:
+    return f"{number} value" if number == 1 else f"{number} values"
+
+
+def _list_form(loc: PydanticLocation) -> str:
+    """How to write the list at a location."""
+    if loc[-1:] == ("between",):
+        return "Write it as [ground, part] or [part.point, part.point]."
+    if loc[-1:] == ("table",):
+        return "Write it as [[elongation, force], [elongation, force]]."
+    if "table" in loc[-2:]:
+        return "Write it as [elongation, force]."
+    if "inertia" in loc[-2:]:
+        return "Write it as [I_xx, I_yy, I_zz] or {xx: …, yy: …, zz: …, xy: …}."
+    letters = {2: "x, y", 3: "x, y, z", 4: "w, x, y, z"}.get(list_length(loc))
+    return f"Write it as [{letters}]." if letters else "Begin each entry with '- '."
+
+
+def _in_file(source: Source, loc: PydanticLocation) -> tuple[Location, Any]:
+    """A pydantic location without the tags of unions, and the value there."""
+    location: Location = ()
+    value = source.data
+    for step in loc:
+        if isinstance(value, list) and isinstance(step, int) and step < len(value):
+            value = value[step]
+        elif isinstance(value, dict) and step in value:
+            value = value[str(step)]
+        else:
+            continue  # the tag of a union, or a missing key
+        location += (step,)
+    return location, value
