@@ -3,9 +3,12 @@
 import ast
 import functools
 import re
+import shlex
 from pathlib import Path
 
 import pytest
+
+from mbd_sim.cli.main import build_parser, main
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [
@@ -64,6 +67,49 @@ def test_paths_in_the_guides_exist(page):
             if not [*ROOT.glob(path), *(ROOT / "mbd_sim").glob(path)]:
                 missing.append(word)
     assert not missing
+
+
+def blocks(page, language=""):
+    """The code blocks of a page in a language."""
+    found = re.findall(r"^```(\w*)\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    return [text for name, text in found if name == language]
+
+
+def commands(page):
+    """The command lines of `mbd_sim` in the shell blocks of a page."""
+    lines = "".join(blocks(page, "sh")).replace("\\\n", " ").splitlines()
+    return [line.strip() for line in lines if re.match(r"\s*(\.venv/bin/)?mbd_sim ", line)]
+
+
+def test_the_readme_shows_every_command_but_list_and_schema():
+    shown = {line.split()[1] for line in commands(ROOT / "README.md")}
+    assert {"check", "run", "sweep", "verify", "rerun-with", "view", "plot", "export", "urdf", "convert"} <= shown
+
+
+@pytest.mark.parametrize("line", sorted({line for page in PAGES for line in commands(page)}))
+def test_command_lines_in_the_pages_are_valid(line):
+    words = shlex.split(line, comments=True)[1:]
+    build_parser().parse_args(words[: words.index(">")] if ">" in words else words)
+
+
+def test_the_readme_quotes_check(capsys):
+    (quoted,) = [block for block in blocks(ROOT / "README.md") if block.startswith("Degrees of freedom")]
+    main(["check", "four_bar"])
+    printed = capsys.readouterr().out
+    assert not [line for line in quoted.splitlines() if line != "…" and line not in printed]
+
+
+def test_the_readme_quotes_errors(tmp_path, monkeypatch, capsys):
+    (quoted,) = [block for block in blocks(ROOT / "README.md") if block.startswith("my_pendulum.yaml:")]
+    (text,) = [block for block in blocks(ROOT / "README.md", "yaml") if block.startswith("mechanism: my_pendulum")]
+    monkeypatch.chdir(tmp_path)
+    Path("my_pendulum.yaml").write_text(text, encoding="utf-8")
+    assert main(["check", "my_pendulum.yaml"]) == 0
+    Path("my_pendulum.yaml").write_text(text.replace(" axis:", " axs:"), encoding="utf-8")
+    assert main(["check", "my_pendulum.yaml"]) == 1
+    printed = capsys.readouterr().err.splitlines()
+    for line, start in zip(printed, quoted.splitlines(), strict=True):
+        assert line.startswith(start.removesuffix("…"))
 
 
 def test_documents_that_sources_mention_exist():

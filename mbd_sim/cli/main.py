@@ -61,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     0: success. 1: a problem was reported, or `verify` found a difference. 2: wrong usage. 130: interrupted by Ctrl-C.
     """
-    options = _parser().parse_args(arguments)
+    options = build_parser().parse_args(arguments)
     try:
         return COMMANDS[options.command].execute(options)
     except MbdSimError as error:
@@ -74,7 +74,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
 
 
-def _parser() -> argparse.ArgumentParser:
+def build_parser() -> argparse.ArgumentParser:
+    """The parser of the whole command line."""
     parser = argparse.ArgumentParser(
         prog="mbd_sim",
         description="Simulate multibody mechanisms described in YAML or URDF, and work with their recordings.",
