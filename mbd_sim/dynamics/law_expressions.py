@@ -40,7 +40,7 @@ def elastic(law: ElasticLaw, x: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 def power_law(law: PowerLaw, speed_squared: ca.SX) -> tuple[ca.SX, ca.SX]:
     """F / v, what a speed is to be multiplied with, and Rayleigh's dissipation function ∫ F dv in W."""
-    coefficient, p, slow = law.coefficient, law.exponent, law.regularisation
+    coefficient, p, slow = law.coefficient, law.exponent, law.regularization
     if p == 1.0:
         return ca.SX(coefficient), 0.5 * coefficient * speed_squared
     square = speed_squared + slow**2
@@ -53,4 +53,4 @@ def friction(law: Friction, speed: ca.SX) -> ca.SX:
     size = ca.SX(law.coulomb)
     if not vanishes(law.static - law.coulomb):
         size += (law.static - law.coulomb) * ca.exp(-((speed / law.stribeck_velocity) ** 2))
-    return size * ca.tanh(speed / law.regularisation) + law.viscous * speed
+    return size * ca.tanh(speed / law.regularization) + law.viscous * speed

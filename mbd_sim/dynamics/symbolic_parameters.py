@@ -44,7 +44,7 @@ _SYMBOLIC: Mapping[type, tuple[str, ...]] = {
     Linear: ("stiffness",),
     GreenStrain: ("stiffness", "length"),
     PowerLaw: ("coefficient",),
-    Friction: ("coulomb", "static", "stribeck_velocity", "viscous", "regularisation"),
+    Friction: ("coulomb", "static", "stribeck_velocity", "viscous", "regularization"),
     Spring: ("length", "damping", "mass"),
     Attachment: ("point",),
     TimeExpression: ("names",),

@@ -60,27 +60,27 @@ ElasticLaw = Linear | Expressed | Piecewise
 class PowerLaw:
     """A damper C |v|ᵖ against the speed v (Géradin & Rixen, p. 30): F = C v (v² + ε²)^((p - 1)/2).
 
-    `coefficient` C ≥ 0 in N/(m/s)ᵖ, `exponent` p ≥ 0. The speed ε = `regularisation` makes F smooth at rest; it is
+    `coefficient` C ≥ 0 in N/(m/s)ᵖ, `exponent` p ≥ 0. The speed ε = `regularization` makes F smooth at rest; it is
     nothing at p = 1, where F is smooth as it is.
     """
 
     coefficient: float
     exponent: float
-    regularisation: float
+    regularization: float
 
 
 @dataclass(frozen=True)
 class Friction:
     """Dry friction F = (Fc + (Fs - Fc) exp(-(v/vs)²)) tanh(v/vr) + d v against the speed v, in N or N·m.
 
-    `coulomb` Fc, `static` Fs, `stribeck_velocity` vs (infinite where Fs = Fc), `viscous` d, `regularisation` vr > 0.
+    `coulomb` Fc, `static` Fs, `stribeck_velocity` vs (infinite where Fs = Fc), `viscous` d, `regularization` vr > 0.
     """
 
     coulomb: float
     static: float
     stribeck_velocity: float
     viscous: float
-    regularisation: float
+    regularization: float
 
 
 def tabulated(elongations: Sequence[float], forces: Sequence[float]) -> Piecewise:

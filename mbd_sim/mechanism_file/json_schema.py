@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema
 
-from mbd_sim.mechanism_file.schema.base_schema import SUFFIX
+from mbd_sim.mechanism_file.schema.base_schema import FORMER_KEYS, SUFFIX
 from mbd_sim.mechanism_file.schema.file_schema import MechanismFile
 
 PydanticLocation = tuple[int | str, ...]  # keys, indices, and tags of unions
@@ -20,6 +20,7 @@ MERGED_SECTIONS = ("parts", "joints")  # whose entries may be incomplete beside 
 def json_schema() -> Node:
     """The JSON Schema of mechanism files. A file with `urdf` may leave out what the URDF has."""
     schema = copy.deepcopy(_json_schema())
+    _admit_former_keys(schema)
     alone = {"required": schema.pop("required")}
     for section in MERGED_SECTIONS:
         properties = schema["properties"]
@@ -57,6 +58,14 @@ def _json_schema() -> Node:
     schema = MechanismFile.model_json_schema(by_alias=True, schema_generator=_NamesWithoutSuffix)
     _forbid_other_names(schema)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "mbd_sim mechanism"}
+
+
+def _admit_former_keys(schema: Node) -> None:
+    for definition in schema["$defs"].values():
+        properties = definition.get("properties", {})
+        for former, current in FORMER_KEYS.items():
+            if current in properties:
+                properties[former] = {**properties[current], "deprecated": True}
 
 
 def _forbid_other_names(node: object) -> None:

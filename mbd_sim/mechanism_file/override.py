@@ -14,6 +14,7 @@ from mbd_sim.errors import InputError, MechanismError, Problem, nearest
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.source import Location, Source, dotted
 from mbd_sim.mechanism_file.builders.mechanism_builder import build
+from mbd_sim.mechanism_file.schema.base_schema import FORMER_KEYS, as_written
 from mbd_sim.mechanism_file.validation import validate
 
 _STEP = re.compile(r"\.?(?:'([^']+)'|([^.\[\]']+))|\[(\d+)\]")
@@ -84,7 +85,13 @@ def matching(mechanism: Mechanism, patterns: Collection[str]) -> list[str]:
     file, _ = validate(mechanism.source)
     keys = [f"parameters.{name}" for name in mechanism.parameters]
     keys += [dotted(location) for location in _numbers(file, ()) if location[0] != "parameters"]
-    return [key for key in keys if any(fnmatch.fnmatchcase(key, pattern.replace("[", "[[]")) for pattern in patterns)]
+    wanted = [_current_spelling(pattern).replace("[", "[[]") for pattern in patterns]
+    return [key for key in keys if any(fnmatch.fnmatchcase(key, pattern) for pattern in wanted)]
+
+
+def _current_spelling(pattern: str) -> str:
+    section, dot, key = pattern.rpartition(".")
+    return f"{section}{dot}{FORMER_KEYS.get(key, key)}"
 
 
 def _problem(mechanism: Mechanism, key: str, error: InputError) -> Problem:
@@ -113,9 +120,10 @@ def _entry(container: Any, step: str | int) -> Any:
         if step in container:
             return container[step]
         raise InputError(f"there is no '{step}'", nearest(step, container))
-    if step in getattr(type(container), "model_fields", {}):
-        return getattr(container, step)
-    raise InputError(f"has no '{step}'", nearest(step, getattr(type(container), "model_fields", ())))
+    keys = getattr(type(container), "model_fields", {})
+    if (key := as_written(step, keys)) in keys:
+        return getattr(container, key)
+    raise InputError(f"has no '{step}'", nearest(step, keys))
 
 
 def _replaced(data: Any, location: Location, value: float | str) -> Any:
@@ -131,6 +139,7 @@ def _replaced(data: Any, location: Location, value: float | str) -> Any:
         return [*data[:step], _replaced(data[step], rest, value), *data[step + 1 :]]
     if not isinstance(data, Mapping):
         raise InputError(f"has no '{step}'")
+    step = as_written(step, data)
     if rest and step not in data:
         if step == "gravity":
             return {**data, step: _replaced([0.0, 0.0, -9.81], rest, value)}

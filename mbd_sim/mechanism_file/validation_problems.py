@@ -10,7 +10,7 @@ from pydantic_core import ErrorDetails
 from mbd_sim.errors import InputError, Problem, listed, nearest, quoted
 from mbd_sim.mechanism.source import Location, Source
 from mbd_sim.mechanism_file.json_schema import PydanticLocation, known_keys, known_types, list_length
-from mbd_sim.mechanism_file.schema.base_schema import NAME_PATTERN
+from mbd_sim.mechanism_file.schema.base_schema import NAME_PATTERN, as_written
 
 # Other words that users may write for a type.
 _SYNONYMS = {
@@ -117,8 +117,8 @@ def _in_file(source: Source, loc: PydanticLocation) -> tuple[Location, Any]:
     for step in loc:
         if isinstance(value, list) and isinstance(step, int) and step < len(value):
             value = value[step]
-        elif isinstance(value, dict) and step in value:
-            value = value[str(step)]
+        elif isinstance(value, dict) and (written := as_written(step, value)) in value:
+            step, value = written, value[written]
         else:
             continue  # the tag of a union, or a missing key
         location += (step,)

@@ -124,7 +124,7 @@ def test_a_damper_is_smooth_at_rest_and_its_force_the_gradient_of_its_dissipatio
 
 def test_friction_has_the_values_of_its_law():
     v = ca.SX.sym("v")
-    law = Friction(coulomb=2.0, static=3.0, stribeck_velocity=0.1, viscous=0.5, regularisation=1e-3)
+    law = Friction(coulomb=2.0, static=3.0, stribeck_velocity=0.1, viscous=0.5, regularization=1e-3)
     force = friction(law, v)
     at = ca.Function("at", [v], [force, ca.gradient(force, v)])
     for speed in (0.05, 0.1, 1.0):

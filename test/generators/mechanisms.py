@@ -201,7 +201,7 @@ def _random_curve(rng):
 
 def _random_friction(rng):
     coulomb = float(rng.uniform(0.1, 2.0))
-    friction = {"coulomb": coulomb, "viscous": float(rng.uniform(0, 1)), "regularisation": float(rng.uniform(0.05, 1))}
+    friction = {"coulomb": coulomb, "viscous": float(rng.uniform(0, 1)), "regularization": float(rng.uniform(0.05, 1))}
     if rng.random() < 0.5:
         friction |= {"static": coulomb * float(rng.uniform(1, 2)), "stribeck_velocity": float(rng.uniform(0.1, 1))}
     return friction

@@ -65,9 +65,9 @@ joints:
   r: {type: revolute, between: [ground.a, one], axis: [1, 0, 0], position: 1, velocity: 1, stiffness: 1, rest: 1,
       damping: 1, limits: {lower: -1, upper: 1, stiffness: 1}, effort_limit: 1}
   p: {type: prismatic, between: [one, two], axis: [1, 0, 0], position: 1, velocity: 1, stiffness: 1, rest: 1,
-      damping: 1, limits: {lower: -1, upper: 1}, effort_limit: 1, damper: {coefficient: 1, exponent: 2, regularisation: 1}}
+      damping: 1, limits: {lower: -1, upper: 1}, effort_limit: 1, damper: {coefficient: 1, exponent: 2, regularization: 1}}
   l: {type: prismatic, between: [two, five], axis: [1, 0, 0], spring: {force: 3*x}, friction: {coulomb: 1, static: 2,
-      stribeck_velocity: 1, viscous: 1, regularisation: 1}, limits: {lower: -1, upper: 1, stiffness: 1, damping: 1}}
+      stribeck_velocity: 1, viscous: 1, regularization: 1}, limits: {lower: -1, upper: 1, stiffness: 1, damping: 1}}
   h: {type: revolute, between: [two, six], axis: [1, 0, 0], spring: {table: [[0, 0], [1 deg, 1]]}, damper: {coefficient: 1},
       friction: {coulomb: 1}}
   x: {type: fixed, between: [three.p, two]}
@@ -78,7 +78,7 @@ forces:
   e: {type: spring, between: [one, four], force: n*x**3}
   t: {type: spring, between: [one, four], table: [[0, 1], [1, "n*2"]]}
   b: {type: elastic_bar, between: [one, four], stiffness: 1, length: 1, strain: small, damping: 1}
-  d: {type: damper, between: [one, four], coefficient: 1, exponent: 2, along: velocity, regularisation: 1}
+  d: {type: damper, between: [one, four], coefficient: 1, exponent: 2, along: velocity, regularization: 1}
   f: {type: force, at: three.p, vector: [t, 0, 0], axes: ground.b}
   c: {type: couple, on: four, vector: [0, "sin(t)", 0], axes: three}
 """

@@ -1,7 +1,7 @@
 import pytest
 
 from mbd_sim.errors import MechanismError
-from mbd_sim.load import load_mechanism
+from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism_file.override import matching, value_of, with_values
 
 
@@ -50,3 +50,30 @@ def test_patterns_match_numbers_of_the_file(rods):
     assert matching(rods, ["parameters.*"]) == ["parameters.m", "parameters.l"]
     assert "joints.elbow.damping" in matching(rods, ["joints.*.damping"])
     assert "gravity[2]" in matching(rods, ["gravity[*"])
+
+
+@pytest.mark.parametrize("written", ["regularization", "regularisation"])
+def test_both_spellings_of_regularization_are_read_and_changed(written):
+    text = f"""
+mechanism: slider
+parts: {{body: {{mass: 1}}}}
+joints: {{s: {{type: prismatic, between: [ground, body], axis: [1, 0, 0], friction: {{coulomb: 1, {written}: 0.2}}}}}}
+"""
+    mechanism = parse_mechanism(text)
+    assert mechanism.joints["s"].friction.regularization == 0.2
+    for key in ("joints.s.friction.regularization", "joints.s.friction.regularisation"):
+        assert value_of(mechanism, key) == 0.2
+        assert with_values(mechanism, {key: 0.3}).joints["s"].friction.regularization == 0.3
+        assert matching(mechanism, [key.replace("s.", "*.", 1)]) == ["joints.s.friction.regularization"]
+    with pytest.raises(MechanismError) as caught:
+        parse_mechanism(text.replace("0.2", "-1"))
+    (problem,) = caught.value.problems
+    assert (problem.key, problem.value) == (f"joints.s.friction.{written}", "-1")
+
+
+def test_regularization_in_both_spellings_at_once_is_refused():
+    with pytest.raises(MechanismError, match="unknown key 'regularisation'"):
+        parse_mechanism(
+            "mechanism: slider\nparts: {body: {mass: 1}}\njoints: {s: {type: prismatic, between: [ground, body], "
+            "axis: [1, 0, 0], friction: {coulomb: 1, regularisation: 1, regularization: 1}}}"
+        )

@@ -35,11 +35,11 @@ def elastic(law, x):
 
 def power_law(law, v):
     """The force, along a velocity of any dimension, of a damper C |v|^p with the speed made smooth at rest."""
-    smooth = np.sqrt(np.dot(v, v) + (law.regularisation**2 if law.exponent != 1.0 else 0.0))
+    smooth = np.sqrt(np.dot(v, v) + (law.regularization**2 if law.exponent != 1.0 else 0.0))
     return law.coefficient * smooth ** (law.exponent - 1.0) * v
 
 
 def dry_friction(law, v):
     """Friction against a speed (Stribeck)."""
     more = (law.static - law.coulomb) * np.exp(-((v / law.stribeck_velocity) ** 2))
-    return (law.coulomb + more) * np.tanh(v / law.regularisation) + law.viscous * v
+    return (law.coulomb + more) * np.tanh(v / law.regularization) + law.viscous * v

@@ -47,7 +47,7 @@ class Oracle:
                 pin_q[found.idx_q : found.idx_q + found.nq] = [x] if found.nq == 1 else [np.cos(x), np.sin(x)]
                 pin_v[theirs], lost = u[ours], joint.damping * u[ours]
                 if joint.friction is not None:
-                    lost += joint.friction.coulomb * np.tanh(u[ours] / joint.friction.regularisation)
+                    lost += joint.friction.coulomb * np.tanh(u[ours] / joint.friction.regularization)
                 pin_tau[theirs] = efforts[ours] - lost
             places.append((joint, ours, theirs, turn))
             in_q, in_u = in_q + (7 if joint.type == "free" else 1), in_u + found.nv

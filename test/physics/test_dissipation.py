@@ -76,7 +76,7 @@ def test_friction_stops_a_mass_as_its_law_tells(kind):
 mechanism: sliding
 gravity: [0, 0, 0]
 parts: {{body: {{mass: 2, inertia: [1, 1, 2]}}}}
-joints: {{j: {{type: {kind}, between: [ground, body], axis: [0, 0, 1], velocity: 1, friction: {{coulomb: 3, regularisation: 0.05}}}}}}
+joints: {{j: {{type: {kind}, between: [ground, body], axis: [0, 0, 1], velocity: 1, friction: {{coulomb: 3, regularization: 0.05}}}}}}
 """
     sim = Simulation.from_text(text)
     for t in (0.3, 0.66, 0.8):

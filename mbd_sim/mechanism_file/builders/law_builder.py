@@ -9,7 +9,7 @@ from mbd_sim.mechanism.laws import ElasticLaw, Expressed, Friction, PowerLaw, ta
 from mbd_sim.mechanism_file.schema import law_schema as schema
 
 REACH = 20.0  # m or rad, up to where the potential of an expression is exact
-SLOW = 1e-2  # m/s or rad/s, the regularisation of powers below 1, which are infinitely steep at rest
+SLOW = 1e-2  # m/s or rad/s, the regularization of powers below 1, which are infinitely steep at rest
 ALMOST_NOTHING = 1e-9  # m/s or rad/s, that of the others
 
 
@@ -30,7 +30,7 @@ def curve(
 
 def damper_of(record: schema.LinearPowerSpec | schema.TorsionPowerSpec) -> PowerLaw:
     """The law of a damper."""
-    slow = record.regularisation or (SLOW if record.exponent < 1.0 else ALMOST_NOTHING)
+    slow = record.regularization or (SLOW if record.exponent < 1.0 else ALMOST_NOTHING)
     return PowerLaw(record.coefficient, record.exponent, slow)
 
 
@@ -38,4 +38,4 @@ def friction_of(record: schema.LinearFrictionSpec | schema.TorsionFrictionSpec) 
     """The law of dry friction."""
     static = record.coulomb if record.static is None else record.static
     stribeck = math.inf if record.stribeck_velocity is None else record.stribeck_velocity
-    return Friction(record.coulomb, static, stribeck, record.viscous, record.regularisation)
+    return Friction(record.coulomb, static, stribeck, record.viscous, record.regularization)

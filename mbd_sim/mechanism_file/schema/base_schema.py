@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Annotated, Any
 
 from pydantic import (
@@ -19,8 +20,16 @@ from mbd_sim.errors import InputError
 from mbd_sim.mechanism_file.quantity import Angle, Length, Number
 
 SUFFIX = "Spec"  # of the names of these classes, which JSON Schema leaves out
+FORMER_KEYS = {"regularisation": "regularization"}  # former spellings of keys, still read in their place
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"
 Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN, max_length=60)]
+
+
+def as_written(key: Any, data: Collection[Any]) -> Any:
+    """The spelling of a key in the data of a file, which may have a former one."""
+    spellings = {key, *(former for former, current in FORMER_KEYS.items() if current == key)}
+    spellings |= {FORMER_KEYS.get(key, key)}
+    return next((spelling for spelling in spellings if key not in data and spelling in data), key)
 
 
 def _not_zero(numbers: tuple[float, ...]) -> tuple[float, ...]:
@@ -48,7 +57,14 @@ class Spec(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _given(cls, data: Any) -> Any:
-        return {key: value for key, value in data.items() if value is not None} if isinstance(data, dict) else data
+        if not isinstance(data, dict):
+            return data
+        return {cls._current_key(key, data): value for key, value in data.items() if value is not None}
+
+    @classmethod
+    def _current_key(cls, key: str, data: dict[str, Any]) -> str:
+        current = FORMER_KEYS.get(key, key)
+        return current if current in cls.model_fields and current not in data else key
 
 
 def _exactly_one(record: Spec, *keys: str) -> None:

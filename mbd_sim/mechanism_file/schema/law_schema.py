@@ -93,7 +93,7 @@ class LinearPowerSpec(Spec):
 
     coefficient: Coefficient = Field(description="C in N/(m/s)^p, a plain number")
     exponent: Coefficient = 1.0
-    regularisation: PositiveVelocity | None = None
+    regularization: PositiveVelocity | None = None
 
 
 class TorsionPowerSpec(Spec):
@@ -101,7 +101,7 @@ class TorsionPowerSpec(Spec):
 
     coefficient: Coefficient = Field(description="C in N*m/(rad/s)^p, a plain number")
     exponent: Coefficient = 1.0
-    regularisation: PositiveAngularVelocity | None = None
+    regularization: PositiveAngularVelocity | None = None
 
 
 class FrictionSpec(Spec):
@@ -125,7 +125,7 @@ class LinearFrictionSpec(FrictionSpec):
     static: FrictionForce | None = None
     stribeck_velocity: PositiveVelocity | None = None
     viscous: LinearDamping = 0.0
-    regularisation: PositiveVelocity = Field(1e-2, description="speed below which friction dies away")
+    regularization: PositiveVelocity = Field(1e-2, description="speed below which friction dies away")
 
 
 class TorsionFrictionSpec(FrictionSpec):
@@ -135,4 +135,4 @@ class TorsionFrictionSpec(FrictionSpec):
     static: FrictionTorque | None = None
     stribeck_velocity: PositiveAngularVelocity | None = None
     viscous: TorsionDamping = 0.0
-    regularisation: PositiveAngularVelocity = Field(1e-2, description="speed below which friction dies away")
+    regularization: PositiveAngularVelocity = Field(1e-2, description="speed below which friction dies away")

@@ -51,10 +51,10 @@ def test_an_elastic_bar_has_greens_strain_unless_it_is_small():
 @pytest.mark.parametrize(("exponent", "slow"), [(0.5, 1e-2), (1, 1e-9), (2, 1e-9)])
 def test_a_damper_is_made_smooth_where_its_law_is_steep(exponent, slow):
     (damper,) = parse(tie(f"coefficient: 4, exponent: {exponent}", "damper")).dampers
-    assert (damper.law.coefficient, damper.law.exponent, damper.law.regularisation) == (4.0, exponent, slow)
+    assert (damper.law.coefficient, damper.law.exponent, damper.law.regularization) == (4.0, exponent, slow)
     assert damper.needs_line
-    (given,) = parse(tie("coefficient: 4, exponent: 0.5, regularisation: 2 mm/s, along: velocity", "damper")).dampers
-    assert given.law.regularisation == 2e-3 and not given.needs_line
+    (given,) = parse(tie("coefficient: 4, exponent: 0.5, regularization: 2 mm/s, along: velocity", "damper")).dampers
+    assert given.law.regularization == 2e-3 and not given.needs_line
 
 
 def test_a_joint_has_the_laws_that_it_is_given():
@@ -64,7 +64,7 @@ def test_a_joint_has_the_laws_that_it_is_given():
     )
     slide = parse(joint=keys).joints["slide"]
     assert isinstance(slide.spring, Expressed) and slide.damper.exponent == 3.0 and slide.limits.damping == 2.0
-    assert (slide.friction.static, slide.friction.stribeck_velocity, slide.friction.regularisation) == (3.0, 0.1, 1e-2)
+    assert (slide.friction.static, slide.friction.stribeck_velocity, slide.friction.regularization) == (3.0, 0.1, 1e-2)
     plain = parse(joint="friction: {coulomb: 2}").joints["slide"].friction
     assert plain.static == plain.coulomb == 2.0 and plain.stribeck_velocity == np.inf
 
@@ -121,7 +121,7 @@ JOINTS = {
     "friction: {coulomb: 2, static: 3}": "belong together. Add 'stribeck_velocity'.",
     "friction: {coulomb: 2, stribeck_velocity: 3}": "belong together. Add 'static'.",
     "friction: {static: 2, stribeck_velocity: 3}": "'coulomb' is missing",
-    "friction: {coulomb: 1, regularisation: 0}": "regularisation: must be greater than 0",
+    "friction: {coulomb: 1, regularization: 0}": "regularization: must be greater than 0",
     "limits: {lower: 0, upper: 1, damping: 2}": "damping of stops without stiffness does nothing. Add 'stiffness'.",
     "limits: {lower: 0, upper: 1, stiffness: 3, damping: 2 N*s/m}": "as a value in s/m stands here",
     "drive: 3*t, friction: {coulomb: 1}, spring: {force: x}": "has a drive and friction, spring.",
