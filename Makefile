@@ -1,9 +1,10 @@
-# make run    set everything up and run the double pendulum: make run ARGS="-p mechanism:=rod_pendulum -p rerun:=spawn"
-# make test   set everything up and run every test, ruff and mypy: all at once, then those with real nodes one by one
-# make setup  only set up: .venv with all that is needed, with the ROS 2 wheels unless a ROS 2 environment is sourced
-# make gallery  draw the mechanisms that ship anew, for docs/gallery.md
-# make bench  measure start-up, and speed and accuracy beside other simulators: make bench ARGS="--mechanisms four-bar"
-# make clean  remove .venv and what was built
+# make run      set everything up and run the double pendulum: make run ARGS="-p mechanism:=rod_pendulum -p rerun:=spawn"
+# make test     set everything up; run ruff, mypy and all tests: in parallel, then those with real nodes one by one
+# make lint     run only ruff and mypy
+# make setup    create .venv with all dependencies, including the ROS 2 wheels unless a ROS 2 environment is sourced
+# make gallery  redraw the pictures of the shipped mechanisms in docs/gallery.md
+# make bench    measure start-up, and compare speed and accuracy with other simulators: make bench ARGS="--mechanisms four-bar"
+# make clean    remove .venv and all build products
 
 VENV := .venv
 BIN := $(VENV)/bin

@@ -11,7 +11,7 @@ NODES = ["sim_node", "replay_node", *(f"example_{name}" for name in EXAMPLES)]
 
 
 def tree(folder: str) -> list[tuple[str, list[str]]]:
-    """The files below a folder, for the package's share directory."""
+    """The files under a folder, as entries for the share directory of the package."""
     folders = [path for path in [Path(folder), *sorted(Path(folder).rglob("*"))] if path.is_dir()]
     listed = [
         (f"share/{NAME}/{path}", [str(file) for file in sorted(path.iterdir()) if file.is_file()]) for path in folders
@@ -27,7 +27,7 @@ data_files = [
     *tree("examples"),
 ]
 if "bdist_wheel" in sys.argv:
-    # A wheel has no install_scripts: `ros2 run` finds the nodes through these.
+    # A wheel does not use install_scripts, so these make the nodes available to `ros2 run`.
     data_files.append((f"lib/{NAME}", [f"scripts/{node}" for node in NODES]))
 
 setup(
@@ -59,17 +59,17 @@ setup(
     ],
     extras_require={
         "gym": ["gymnasium>=1.0"],
-        # Beside a ROS 2 installation these come from the system instead.
+        # In a ROS 2 installation these come from the system instead.
         "ros": [
             "ros-jazzy-rclpy>=7.1,<8",
             "ros-jazzy-common-interfaces>=5.3,<6",
             "ros-jazzy-rmw-fastrtps-cpp>=8.4,<9",
         ],
-        # Recorded runs as pages of HTML, and as Parquet.
+        # Recorded runs as HTML pages and Parquet tables.
         "plot": ["plotly>=5.20", "pyarrow>=14"],
-        # Sweeps: tables, and more processors than one.
+        # Sweeps: tables, and parallel runs.
         "sweep": ["dask[distributed]>=2024.1", "pyarrow>=14"],
-        # Real robots and Pinocchio, against which their accelerations are tested; without them those tests are skipped.
+        # Real robots, and Pinocchio as the reference for their accelerations; without them those tests are skipped.
         "robots": ["example-robot-data>=4", "pin>=3"],
         "test": [
             "dask[distributed]>=2024.1",

@@ -1,5 +1,6 @@
 """The package as it is installed."""
 
+import ast
 import re
 import subprocess
 import sys
@@ -61,6 +62,31 @@ def test_every_ros_package_that_is_imported_is_declared():
     sources = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "mbd_sim" / "ros").glob("*.py"))
     used = set(re.findall(r"^from ([a-z_]+_(?:msgs|srvs|interfaces))\.", sources, re.MULTILINE)) | {"rclpy"}
     assert used <= declared
+
+
+def setup_keyword(name):
+    """The value of a keyword of setup(...) in setup.py."""
+    tree = ast.parse((ROOT / "setup.py").read_text(encoding="utf-8"))
+    (call,) = [
+        node for node in ast.walk(tree) if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "setup"
+    ]
+    (value,) = [keyword.value for keyword in call.keywords if keyword.arg == name]
+    return value
+
+
+def test_package_xml_names_every_dependency_of_setup_py():
+    described = (ROOT / "package.xml").read_text(encoding="utf-8")
+    required = [re.match(r"[\w-]+", text)[0] for text in ast.literal_eval(setup_keyword("install_requires"))]
+    assert not [name for name in required if name.removeprefix("py") not in described]
+
+
+def test_entry_points_exist():
+    scripts = ast.unparse(setup_keyword("entry_points"))
+    modules = re.findall(r"= ([\w.]+):main", scripts)
+    assert {"mbd_sim.cli.main", "mbd_sim.ros.sim_node", "mbd_sim.ros.replay_node"} <= set(modules)
+    for module in modules:
+        source = ROOT / f"{module.replace('.', '/')}.py"
+        assert "\ndef main(" in source.read_text(encoding="utf-8")
 
 
 def test_importing_the_package_loads_nothing_heavy():
