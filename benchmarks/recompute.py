@@ -35,14 +35,14 @@ def main() -> None:
                 )  # fmt: skip
                 (found,) = verify(path)
             runs += 1
-            held += found.holds
+            held += found.agrees
             simulated = found.steps * found.step
             print(
-                f"{name:24s} {method:10s} {'holds' if found.holds else 'DIFFERS':8s} {simulated:6.3g} s, "
-                f"{sum(found.commands.values())} commands, {simulated / found.took:.0f} × real time",
+                f"{name:24s} {method:10s} {'holds' if found.agrees else 'DIFFERS':8s} {simulated:6.3g} s, "
+                f"{sum(found.commands.values())} commands, {simulated / found.wall_time:.0f} × real time",
                 flush=True,
             )
-            if not found.holds:
+            if not found.agrees:
                 print(verify_text(found), flush=True)
     print(f"{held} of {runs} hold")
 

@@ -19,7 +19,8 @@ from rclpy.node import Node
 
 from benchmarks.node_process import load, running
 from mbd_sim import Simulation
-from mbd_sim.recording.recorder import Recorder, new_series
+from mbd_sim.recording.recorder import Recorder
+from mbd_sim.recording.recording_paths import new_recording_paths
 from mbd_sim.recording.run_metadata import run_metadata
 from mbd_sim.ros import state_messages
 from mbd_sim.ros.snapshots import Snapshot
@@ -44,14 +45,14 @@ def writer(mechanism: str, seconds: float) -> None:
     """Joint states and energies of a motion, as many as can be written."""
     messages, topics, simulation = motion(mechanism)
     with tempfile.TemporaryDirectory() as folder:
-        recorder = Recorder(new_series(Path(folder), mechanism), topics, simulation.mechanism.source.text)
+        recorder = Recorder(new_recording_paths(Path(folder), mechanism), topics, simulation.mechanism.source.text)
         recorder.begin(run_metadata(simulation))
         began, number = time.perf_counter(), 0
         while time.perf_counter() - began < seconds:
             for key, payload in messages:
                 recorder.put(key, payload, number * 1_000_000, number)
                 number += 1
-            while recorder.waiting > CAUGHT_UP:
+            while recorder.queued > CAUGHT_UP:
                 time.sleep(1e-3)
         recorder.close()
         took = time.perf_counter() - began

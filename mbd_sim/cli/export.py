@@ -21,8 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Write the table."""
     from mbd_sim.playback import table_export
+    from mbd_sim.playback.plot_files import require_suffix
 
-    table_export.require_kind(options.out, table_export.KINDS)
+    require_suffix(options.out, table_export.SUFFIXES)
     table = read_run_table(options.recording, options.quiet)
     columns = table_export.export(options.out, table)
     print(f"wrote {options.out}: {len(table)} rows of {columns} columns")

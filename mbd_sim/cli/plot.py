@@ -28,12 +28,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Draw the plots."""
-    from mbd_sim.playback import run_pictures, table_export
+    from mbd_sim.playback import run_plots
     from mbd_sim.playback.panels import panels
+    from mbd_sim.playback.plot_files import PLOT_SUFFIXES, require_suffix
 
-    table_export.require_kind(options.out, run_pictures.KINDS)
+    require_suffix(options.out, PLOT_SUFFIXES)
     table = read_run_table(options.recording, options.quiet)
     chosen = panels(table, [name.strip() for name in options.show.split(",") if name.strip()])
-    run_pictures.draw(options.out, table, chosen)
+    run_plots.draw(options.out, table, chosen)
     print(f"wrote {options.out}: {', '.join(dict.fromkeys(panel.title.lower() for panel in chosen))}")
     return 0

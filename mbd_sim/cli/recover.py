@@ -25,7 +25,7 @@ def execute(options: argparse.Namespace) -> int:
     :raises RecordingError: one cannot be read or written, or is not a recording.
     """
     from mbd_sim.recording.bag_recovery import recover_bag
-    from mbd_sim.recording.file_names import RecordingError
+    from mbd_sim.recording.recording_paths import RecordingError
     from mbd_sim.recording.recovery import recover
 
     for path in options.recordings:

@@ -18,8 +18,8 @@ from mbd_sim.cli.common import (
 from mbd_sim.errors import MbdSimError
 
 if TYPE_CHECKING:
-    from mbd_sim.recording.changed_run import WhatIf
-    from mbd_sim.recording.contents import Part
+    from mbd_sim.recording.changed_run import ChangedRun
+    from mbd_sim.recording.recorded_file import RecordedFile
 
 HELP = "recompute a recorded run with changed values, and compare the two"
 DESCRIPTION = (
@@ -49,32 +49,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Recompute, plot and write the run, and print the largest deviations."""
-    from mbd_sim.recording.changed_run import what_if
-    from mbd_sim.recording.changed_run_file import ChangedFile
-    from mbd_sim.recording.changed_run_picture import draw
+    from mbd_sim.playback.changed_run_plot import plot_changed_run
+    from mbd_sim.playback.plot_files import PLOT_SUFFIXES, require_suffix
+    from mbd_sim.recording.changed_run import compute_changed_run
+    from mbd_sim.recording.changed_run_file import ChangedRunFile
     from mbd_sim.recording.reader import open_recording
     from mbd_sim.recording.recomputation import Recomputation
 
     changes = dict(_change(text) for text in options.changes)
     if not (changes or options.method or options.step):
         raise MbdSimError("rerun-with: nothing is changed. Give --set KEY=VALUE, --method or --step.")
-    parts = open_recording(options.recording).parts
-    part = parts[0]
-    recomputation = Recomputation(part, method=options.method, step=options.step, changes=changes)
-    out = ChangedFile(options.out, recomputation) if options.out is not None else None
+    if options.plot is not None:
+        require_suffix(options.plot, PLOT_SUFFIXES)
+    files = open_recording(options.recording).files
+    file = files[0]
+    recomputation = Recomputation(file, method=options.method, step=options.step, changes=changes)
+    out = ChangedRunFile(options.out, recomputation) if options.out is not None else None
     with ProgressBar("rerun", options.quiet) as progress:
         try:
-            found = what_if(recomputation, progress.show, out.take if out is not None else None)
+            run = compute_changed_run(recomputation, progress.show, out.add if out is not None else None)
         finally:
             if out is not None:
                 out.close()
-    change = ", ".join(_told(options, changes))
+    change = ", ".join(_descriptions(options, changes))
     if options.plot is not None:
-        draw(options.plot, found, f"{recomputation.simulation.mechanism.name}: {part.path.name}", change)
+        title = f"{recomputation.simulation.mechanism.name}: {file.path.name}"
+        plot_changed_run(options.plot, run, title, change)
     written = [path for path in (options.plot, options.out) if path is not None]
-    print(_summary(found, part, change, written))
-    if len(parts) > 1:
-        print(f"  the first of {len(parts)} files; give the others by name")
+    print(_summary(run, file, change, written))
+    if len(files) > 1:
+        print(f"  This is the first of {len(files)} files. To recompute another one, give its path.")
     return 0
 
 
@@ -89,26 +93,27 @@ def _change(text: str) -> tuple[str, float | str]:
         return name, value
 
 
-def _told(options: argparse.Namespace, changes: dict[str, float | str]) -> list[str]:
-    told = [f"{name} = {value}" for name, value in changes.items()]
+def _descriptions(options: argparse.Namespace, changes: dict[str, float | str]) -> list[str]:
+    """Return a few words on each change."""
+    found = [f"{name} = {value}" for name, value in changes.items()]
     if options.method:
-        told.append(f"method {options.method}")
+        found.append(f"method {options.method}")
     if options.step:
-        told.append(f"step {options.step:g} s")
-    return told
+        found.append(f"step {options.step:g} s")
+    return found
 
 
-def _summary(found: WhatIf, part: Part, change: str, written: Sequence[Path]) -> str:
-    from mbd_sim.recording.changed_run_picture import largest
+def _summary(run: ChangedRun, file: RecordedFile, change: str, written: Sequence[Path]) -> str:
+    from mbd_sim.playback.changed_run_plot import largest_deviations
 
-    lines = [f"{part.path}: with {change}"]
-    if part.problem:
-        lines.append(f"  file             {part.problem}")
-    if found.ended:
-        lines.append(f"  ENDS EARLY       {found.ended}")
+    lines = [f"{file.path}: with {change}"]
+    if file.problem:
+        lines.append(f"  file             {file.problem}")
+    if run.ended:
+        lines.append(f"  ENDS EARLY       {run.ended}")
     lines.append("  largest deviation             of             at")
-    for series in (*(found.coordinates[quantity] for quantity in ("position", "velocity")), found.energies):
-        rows = largest(series)
+    for series in (*(run.coordinates[quantity] for quantity in ("position", "velocity")), run.energies):
+        rows = largest_deviations(series)
         lines += [f"    {name:24s}  {size:<13.6g}  t = {time:.6g} s" for name, size, time in rows[:SHOWN]]
         if len(rows) > SHOWN:
             lines.append(f"    … and {len(rows) - SHOWN} more")

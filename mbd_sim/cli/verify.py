@@ -1,4 +1,4 @@
-"""`mbd_sim verify`: whether recorded runs are what the computation gives."""
+"""`mbd_sim verify`: recompute recorded runs and compare every recorded state."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mbd_sim.cli.common import MCAP_OR_BAG, ProgressBar, add_quiet, add_recordin
 from mbd_sim.errors import listed
 
 if TYPE_CHECKING:
-    from mbd_sim.recording.verification import Difference, Verification
+    from mbd_sim.recording.verification_result import Difference, Verification
 
 HELP = "recompute recorded runs and compare them bit for bit"
 DESCRIPTION = (
@@ -40,48 +40,50 @@ def execute(options: argparse.Namespace) -> int:
     """Verify all recordings and print a report on each; returns 1 if any recorded state differs."""
     from mbd_sim.recording.verification import verify
 
-    all_hold = True
+    all_agree = True
     for path in options.recordings:
         with ProgressBar(f"verify {path.name}", options.quiet) as progress:
             verifications = verify(path, options.tolerance, progress.show)
         for verification in verifications:
             print(verify_text(verification))
-            all_hold &= verification.holds
-    return 0 if all_hold else 1
+            all_agree &= verification.agrees
+    return 0 if all_agree else 1
 
 
 def verify_text(found: Verification) -> str:
-    """What a comparison gave, in a few lines."""
-    how = "bit for bit" if found.tolerance is None else f"to {found.tolerance:g}"
+    """Return the report on a file, a few lines."""
+    comparison = "bit for bit" if found.tolerance is None else f"to {found.tolerance:g}"
     simulated = found.steps * found.step
-    lines = [f"{found.path}: {_verdict(found, how)}"]
-    lines += [f"  recorded with    {text}" for text in found.elsewhere]
-    if found.elsewhere:
-        lines.append("                   bits may differ there; each recorded state is compared with what follows from")
-        lines.append("                   the one before")
+    lines = [f"{found.path}: {_verdict(found, comparison)}"]
+    lines += [f"  recorded with    {text}" for text in found.environment_differences]
+    if found.environment_differences:
+        lines.append(
+            "                   The last bits may differ there, so each recorded state is compared with the one"
+        )
+        lines.append("                   recomputed from the previous recorded state.")
     lines.append(f"  mechanism        {found.mechanism} ({found.method}, {found.step * 1e3:g} ms)")
     lines.append(f"  compared         {_counted(found.compared)}; under {_counted(found.commands) or 'no commands'}")
     lines.append(
-        f"  computed         {found.steps} steps, {simulated:.6g} s simulated in {found.took:.3g} s: "
-        f"{simulated / max(found.took, 1e-9):,.0f} × real time"
+        f"  computed         {found.steps} steps, {simulated:.6g} s simulated in {found.wall_time:.3g} s: "
+        f"{simulated / max(found.wall_time, 1e-9):,.0f} × real time"
     )
     if found.problem:
-        lines.append(f"  file             {found.problem}; compared is what it holds")
+        lines.append(f"  file             {found.problem}; its readable part is compared")
     if found.failure:
-        lines.append(f"  NOT TO ITS END   {found.failure}")
+        lines.append(f"  ENDS EARLY       {found.failure}")
     if found.first is not None:
         lines += _differences(found, found.first)
     return "\n".join(lines)
 
 
-def _verdict(found: Verification, how: str) -> str:
+def _verdict(found: Verification, comparison: str) -> str:
     if found.first is not None:
         return f"DIFFERS from step {found.first.tick} on (t = {found.first.time:.9g} s)"
     if found.failure:
-        return f"agrees {how} as far as it can be read"
+        return f"agrees {comparison} as far as it can be read"
     if not found.compared:
-        return "holds no state to compare"
-    return f"verified, {how}"
+        return "contains no state to compare"
+    return f"verified, {comparison}"
 
 
 def _counted(counts: dict[str, int]) -> str:
@@ -89,22 +91,22 @@ def _counted(counts: dict[str, int]) -> str:
 
 
 def _differences(found: Verification, first: Difference) -> list[str]:
-    lines = [f"  first            {_told(first)}"]
+    lines = [f"  first            {_difference_text(first)}"]
     if found.largest is not None and found.largest is not first:
-        lines.append(f"  largest          {_told(found.largest)}")
+        lines.append(f"  largest          {_difference_text(found.largest)}")
     lines.append(f"  differ           {found.differing} of {sum(found.compared.values())} messages")
-    if found.differing == 1 and found.since:
-        lines.append(
-            f"  perhaps          what is recorded there is damaged: the {found.since} messages behind it agree"
-        )
-    elif found.suspects:
-        lines.append(f"  perhaps          a command before it: {listed(found.suspects[::-1], 4)}")
-    else:
-        lines.append("  perhaps          what was recorded before: no command came since the last state that agrees")
-    return lines
+    return [*lines, f"  likely cause     {_likely_cause(found)}"]
 
 
-def _told(difference: Difference) -> str:
+def _likely_cause(found: Verification) -> str:
+    if found.differing == 1 and found.agreeing_since:
+        return f"this record is damaged: the {found.agreeing_since} messages after it agree"
+    if found.suspected_commands:
+        return f"an earlier command: {listed(found.suspected_commands[::-1], 4)}"
+    return "the start of the run or an earlier state: there is no command after the last state that agrees"
+
+
+def _difference_text(difference: Difference) -> str:
     recorded, computed = difference.recorded, difference.computed
     return (
         f"{difference.topic}, {difference.name}, step {difference.tick}, t = {difference.time:.9g} s: "

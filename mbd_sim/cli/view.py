@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Show the recording; with `--rerun serve`, until Ctrl-C."""
-    from mbd_sim.playback.recording_view import show, show_table
+    from mbd_sim.playback.recording_view import show_joint_plots, show_run
     from mbd_sim.playback.run_table import read_table
     from mbd_sim.recording.reader import open_recording
     from mbd_sim.viewer.scene_description import DisplayOptions
@@ -66,16 +66,18 @@ def execute(options: argparse.Namespace) -> int:
     if recomputation is None:
         with ProgressBar("read", options.quiet) as progress:
             table = read_table(recording, progress.show)
-        address = show_table(table, sink, when_open)
+        address = show_joint_plots(table, sink, when_open)
         print_notes(table.notes)
-        print(f"{options.recording}: {reason}, so that only its joints are shown, as plots")
+        print(f"{options.recording}: {reason}, so only its joints are shown, as plots")
         print(f"  {len(table)} states, {len(table.names)} joints: {address}")
     else:
         look = DisplayOptions(
             None if options.trace is None else tuple(options.trace), options.trace_time, options.reactions
         )
         with ProgressBar("show", options.quiet) as progress:
-            address, count, notes = show(recording, recomputation, sink, options.rate, look, progress.show, when_open)
+            address, count, notes = show_run(
+                recording, recomputation, sink, options.rate, look, progress.show, when_open
+            )
         print_notes(notes)
         print(f"{options.recording}: {count} states: {address}")
     return 0
@@ -84,11 +86,11 @@ def execute(options: argparse.Namespace) -> int:
 def _recomputation(recording: Recording) -> tuple[Recomputation | None, str]:
     """The simulation of a recorded run, or the reason why there is none."""
     from mbd_sim.errors import MechanismError
-    from mbd_sim.recording.recomputation import Recomputation, RecomputeError, is_run
+    from mbd_sim.recording.recomputation import Recomputation, RecomputeError
 
-    first = next((part for part in recording.parts if is_run(part)), None)
+    first = next((file for file in recording.files if file.is_run), None)
     if first is None or first.mechanism_text is None:
-        return None, "holds no mechanism"
+        return None, "it contains no mechanism"
     try:
         return Recomputation(first), ""
     except (MechanismError, RecomputeError) as error:

@@ -1,4 +1,4 @@
-"""What a picture of a run consists of, whoever draws it: panels of lines."""
+"""The plots of a run as data, independent of what draws them: panels of lines."""
 
 from __future__ import annotations
 
@@ -14,16 +14,22 @@ from mbd_sim.errors import MbdSimError, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.playback.run_table import ENERGY_NAMES, RunTable
 
-SHOWN = ("energies", "joints", "residual", "phase")
-_ENERGY_COLORS = (
-    palette.KINETIC, palette.POTENTIAL, palette.DISSIPATED, palette.WORK_APPLIED, palette.WORK_DRIVES, (40, 44, 52),
-)  # fmt: skip
-_DARK: Color = (20, 24, 32)  # what the colours of the scene are mixed with to be seen on white
+_ENERGY_COLORS = {
+    "kinetic": palette.KINETIC,
+    "potential": palette.POTENTIAL,
+    "dissipated": palette.DISSIPATED,
+    "work_applied": palette.WORK_APPLIED,
+    "work_drives": palette.WORK_DRIVES,
+    "total": (40, 44, 52),
+}
+_ALWAYS_SHOWN = ("kinetic", "potential", "total")
+_EFFORT_LABELS = {"rad": "N·m", "m": "N", "": "SI units"}
+_DARK: Color = (20, 24, 32)  # mixed with the colors of the scene so that they are visible on white
 
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """Values over others, with a name for the legend."""
+    """Values y (n,) over x (n,), and the name in the legend."""
 
     name: str
     x: Array
@@ -33,7 +39,7 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Lines on common axes; `over_time` ones share theirs, and show the events."""
+    """Lines in common axes; panels `over_time` share their time axis and show the events."""
 
     title: str
     x_label: str
@@ -43,67 +49,64 @@ class Panel:
     logarithmic: bool = False
 
 
-def panels(table: RunTable, shown: Sequence[str] = ()) -> list[Panel]:
-    """The panels that are asked for, or all that there is something for.
+def panels(table: RunTable, names: Sequence[str] = ()) -> list[Panel]:
+    """Return the named groups of panels, or all for which there are data.
 
-    :raises MbdSimError: one is unknown, or nothing for it is recorded.
+    :raises MbdSimError: a name is unknown, or the recording has no data for it.
     """
-    for name in shown:
-        if name not in SHOWN:
-            raise MbdSimError(f"--show {name}: there is no such picture. {nearest(name, SHOWN)}")
-        if not list(_MAKERS[name](table)):
-            raise MbdSimError(f"{table.path}: holds nothing to show of '{name}'.")
-    found = [panel for name in shown or SHOWN for panel in _MAKERS[name](table)]
-    return [replace(panel, lines=tuple(_interrupted(line, table.resets) for line in panel.lines)) for panel in found]
+    for name in names:
+        if name not in _BUILDERS:
+            raise MbdSimError(f"--show {name}: there is no such plot. {nearest(name, _BUILDERS)}")
+        if not list(_BUILDERS[name](table)):
+            raise MbdSimError(f"{table.path}: the recording contains no data for the plot '{name}'.")
+    found = [panel for name in names or _BUILDERS for panel in _BUILDERS[name](table)]
+    return [replace(panel, lines=tuple(_with_gaps(line, table.resets) for line in panel.lines)) for panel in found]
 
 
-def _interrupted(line: Line, rows: Sequence[int]) -> Line:
-    """With a gap before each of some rows."""
+def _with_gaps(line: Line, rows: Sequence[int]) -> Line:
+    """Return a line that is interrupted before each of some rows."""
     return replace(line, x=np.insert(line.x, rows, np.nan), y=np.insert(line.y, rows, np.nan)) if rows else line
 
 
 def _energies(table: RunTable) -> Iterator[Panel]:
     if table.energies is not None:
-        shown = [i for i in range(6) if ENERGY_NAMES[i] in ("kinetic", "potential", "total") or _moves(table, i)]
+        values = {name: table.energies[:, index] for index, name in enumerate(ENERGY_NAMES)}
         lines = tuple(
-            Line(ENERGY_NAMES[i].replace("_", " "), table.times, table.energies[:, i], _ENERGY_COLORS[i]) for i in shown
+            Line(name.replace("_", " "), table.times, values[name], color)
+            for name, color in _ENERGY_COLORS.items()
+            if name in _ALWAYS_SHOWN or np.nanmax(np.abs(values[name]), initial=0.0) > 0.0
         )
         yield Panel("Energies", "time, s", "J", lines)
-
-
-def _moves(table: RunTable, index: int) -> bool:
-    assert table.energies is not None
-    return bool(np.nanmax(np.abs(table.energies[:, index]), initial=0.0) > 0.0)
 
 
 def _joints(table: RunTable) -> Iterator[Panel]:
     for title, values, rate in (("Position", table.position, ""), ("Velocity", table.velocity, "/s")):
         for unit in dict.fromkeys(table.units):
-            lines = tuple(_lines(table, values, unit))
+            lines = tuple(_joint_lines(table, values, unit))
             if lines:
                 yield Panel(title, "time, s", f"{unit}{rate}" if unit else "SI units", lines)
     for unit in dict.fromkeys(table.units):
-        lines = tuple(line for line in _lines(table, table.effort, unit) if np.any(line.y != 0.0))
+        lines = tuple(line for line in _joint_lines(table, table.effort, unit) if np.any(line.y != 0.0))
         if lines:
-            yield Panel("Effort", "time, s", {"rad": "N·m", "m": "N", "": "SI units"}[unit], lines)
+            yield Panel("Effort", "time, s", _EFFORT_LABELS[unit], lines)
 
 
-def _lines(table: RunTable, values: Array, unit: str) -> Iterator[Line]:
+def _joint_lines(table: RunTable, values: Array, unit: str) -> Iterator[Line]:
     for index, name in enumerate(table.names):
         if table.units[index] == unit and not np.all(np.isnan(values[:, index])):
-            yield Line(name, table.times, values[:, index], _color(index))
+            yield Line(name, table.times, values[:, index], _joint_color(index))
 
 
-def _phase(table: RunTable) -> Iterator[Panel]:
+def _phase_portraits(table: RunTable) -> Iterator[Panel]:
     for unit in dict.fromkeys(table.units):
         lines = tuple(
-            Line(name, table.position[:, index], table.velocity[:, index], _color(index))
+            Line(name, table.position[:, index], table.velocity[:, index], _joint_color(index))
             for index, name in enumerate(table.names)
             if table.units[index] == unit and not np.all(np.isnan(table.position[:, index] + table.velocity[:, index]))
         )
         if lines:
-            axes = (f"position, {unit}", f"velocity, {unit}/s") if unit else ("position", "velocity")
-            yield Panel("Phase portrait", *axes, lines, over_time=False)
+            labels = (f"position, {unit}", f"velocity, {unit}/s") if unit else ("position", "velocity")
+            yield Panel("Phase portrait", *labels, lines, over_time=False)
 
 
 def _residual(table: RunTable) -> Iterator[Panel]:
@@ -112,8 +115,8 @@ def _residual(table: RunTable) -> Iterator[Panel]:
         yield Panel("Energy residual", "time, s", "J", (line,), logarithmic=True)
 
 
-def _color(index: int) -> Color:
+def _joint_color(index: int) -> Color:
     return mixed(palette.PARTS[index % len(palette.PARTS)], _DARK, 0.18)
 
 
-_MAKERS = {"energies": _energies, "joints": _joints, "phase": _phase, "residual": _residual}
+_BUILDERS = {"energies": _energies, "joints": _joints, "residual": _residual, "phase": _phase_portraits}

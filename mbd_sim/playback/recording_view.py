@@ -1,4 +1,4 @@
-"""`mbd_sim view`: a recording as Rerun shows a live run; of a foreign one, the joints as plots."""
+"""Shows a recording in Rerun: a run like a live one, a recording without a mechanism as plots of its joints."""
 
 from __future__ import annotations
 
@@ -9,20 +9,13 @@ import numpy as np
 
 from mbd_sim.errors import CommandError, MbdSimError
 from mbd_sim.geometry.pose import Array
-from mbd_sim.geometry.rotation import of_vector
-from mbd_sim.playback.run_table import Progress, RunTable, each
+from mbd_sim.playback.run_table import Progress, RunTable, iterate_messages
 from mbd_sim.recording import cdr
-from mbd_sim.recording.contents import Message
-from mbd_sim.recording.reader import ABOUT, Recording
-from mbd_sim.recording.recomputation import (
-    EFFORTS,
-    ENERGIES,
-    EVENTS,
-    LIVE,
-    STATES,
-    WRENCHES,
-    Recomputation,
-)
+from mbd_sim.recording.joint_state_layout import integrated_energies, recorded_state
+from mbd_sim.recording.reader import Recording
+from mbd_sim.recording.recomputation import SEQUENCE_MODULUS, Recomputation
+from mbd_sim.recording.recorded_file import RUN_METADATA, Message
+from mbd_sim.recording.topic_roles import COMMANDS, TopicRole
 from mbd_sim.simulation.compiled_model import Energies
 from mbd_sim.simulation.events import Event, EventKind, parse_event
 from mbd_sim.viewer.event_filter import EventFilter
@@ -32,162 +25,142 @@ from mbd_sim.viewer.scene_description import DisplayOptions, describe_scene
 if TYPE_CHECKING:
     from mbd_sim.viewer.rerun_stream import RerunStream
 
-Hold = Callable[[str], None]
-BATCH = 1000  # samples that are sent at once
-_AROUND = 1 << 32  # of the steps, only the remainder by this is recorded
+AddressCallback = Callable[[str], None]
+BATCH_SIZE = 1000  # states that are sent at once
 
 
-def _go_on(address: str) -> None:
-    """Nothing to wait for."""
+def _ignore_address(address: str) -> None:
+    """Return at once: a window or a file needs no server."""
 
 
-def show(
+def show_run(
     recording: Recording,
-    replica: Recomputation,
+    recomputation: Recomputation,
     sink: str,
     rate: float,
     options: DisplayOptions,
     progress: Progress,
-    hold: Hold = _go_on,
+    when_sent: AddressCallback = _ignore_address,
 ) -> tuple[str, int, list[str]]:
-    """Show a run of ours; returns where to look, how many states were shown, and what was wrong with the files.
+    """Show a run recorded by `sim_node`; return the viewer's address, the number of states, and problems of the files.
 
-    :param replica: the simulation of its first file.
-
-    :param rate: states for each second of simulated time, at most.
-    :param hold: called with the address when all is sent; a server ends when it returns.
+    :param recomputation: that of the first file; it provides the mechanism and takes no steps.
+    :param rate: the largest number of states shown per second of simulated time.
+    :param when_sent: called with the address when everything has been sent; a server ends when it returns.
     :raises ViewerError: the sink cannot be opened.
     :raises MbdSimError: a point to trace does not exist.
     """
     from mbd_sim.viewer.rerun_stream import RerunStream
 
-    writer = RowWriter(replica.simulation.model, options.reactions)
+    writer = RowWriter(recomputation.simulation.model, options.reactions)
     try:
-        scene = describe_scene(replica.simulation.model, writer.layout, options)
+        scene = describe_scene(recomputation.simulation.model, writer.layout, options)
     except ValueError as error:
         raise MbdSimError(str(error)) from error
     stream = RerunStream(scene, sink, live=False)
     notes: list[str] = []
     try:
-        shown = _Run(recording, replica, writer, stream, rate)
-        for message in each(recording, progress, notes):
-            shown.take(message)
-        count = shown.finish()
-        hold(stream.address)
+        sender = _RunSender(recomputation, writer, stream, rate)
+        for message in iterate_messages(recording, progress, notes):
+            sender.add(message)
+        count = sender.finish()
+        when_sent(stream.address)
     finally:
         stream.close()
     return stream.address, count, notes
 
 
-class _Run:
-    """Goes through a recording; the simulation only keeps the inputs that were commanded, and takes no steps."""
+class _RunSender:
+    """Sends recorded states and events to Rerun; the simulation only keeps the commanded inputs, and takes no steps."""
 
-    def __init__(
-        self, recording: Recording, replica: Recomputation, writer: RowWriter, stream: RerunStream, rate: float
-    ) -> None:
-        self._replica, self._writer, self._stream, self._rate = replica, writer, stream, rate
-        self._step = replica.recorded_step
-        self._tick = replica.first_tick
-        # Of the mechanism's own steps behind the ticks.
-        self._lag = self._tick - int(replica.part.metadata[ABOUT].get("first_step", "0"))
+    def __init__(self, recomputation: Recomputation, writer: RowWriter, stream: RerunStream, rate: float) -> None:
+        self._recomputation, self._writer, self._stream, self._rate = recomputation, writer, stream, rate
+        self._tick = recomputation.first_tick
+        first_step = int(recomputation.file.metadata[RUN_METADATA].get("first_step", "0"))
+        self._zero_tick = self._tick - first_step  # the tick at time zero of the mechanism
         self._event_filter, self._frame = EventFilter(), -1
         self._rows: list[Array] = []
-        self._pending: tuple[Message, cdr.JointStates] | None = None
-        self._y = replica.simulation.state
+        self._pending: tuple[Message, cdr.JointStates] | None = None  # a state whose energies may follow
+        self._y = recomputation.simulation.state
         self._count = 0
 
-    def take(self, message: Message) -> None:
-        """The next message."""
-        role = self._replica.roles.get(message.topic)
+    def add(self, message: Message) -> None:
+        """Process the next message."""
+        role = self._recomputation.roles.get(message.topic)
         self._tick = self._tick_of(message)
-        if role == STATES:
-            self._emit(None)
+        if role is TopicRole.JOINT_STATES:
+            self._add_pending_state()
             frame = int(message.time_ns * 1e-9 * self._rate + 1e-6)
             if frame != self._frame:
                 self._frame, self._pending = frame, (message, cdr.joint_states(message.payload))
-        elif role == ENERGIES and self._pending is not None:
+        elif role is TopicRole.ENERGIES and self._pending is not None:
             state = self._pending[0]
             if (state.time_ns, state.sequence) == (message.time_ns, message.sequence):
-                self._emit(Energies(*cdr.numbers(message.payload).values.tolist()))
-        elif role in (EFFORTS, WRENCHES, LIVE, EVENTS):
-            self._emit(None)
-            self._command(message, role)
+                self._add_pending_state(Energies(*cdr.multi_array(message.payload).values.tolist()))
+        elif role is not None and role in COMMANDS:
+            self._add_pending_state()
+            self._apply(message, role)
 
     def finish(self) -> int:
-        """Send what waits; returns the number of states."""
-        self._emit(None)
-        self._send()
+        """Send everything that is left; return the number of states."""
+        self._add_pending_state()
+        self._send_rows()
         self._stream.flush()
         return self._count
 
-    def _command(self, message: Message, role: str) -> None:
-        time, simulation = message.time_ns * 1e-9, self._replica.simulation
-        if role == LIVE:
-            simulation.restore(self._y, max(self._tick - self._lag, 0))
-        event = parse_event(cdr.text(message.payload)) if role == EVENTS else Event(EventKind.COMMAND)
-        if event.kind is EventKind.RESET:
-            self._lag, self._frame = self._tick, -1
-        if role != EVENTS or event.kind is EventKind.RESET:
-            try:
-                self._replica.apply(message)
-            except CommandError as error:
-                event = Event(EventKind.WARNING, str(error))
-        if role != LIVE and self._event_filter.accepts(event.kind):
-            self._log(time, event)
-
-    def _log(self, time: float, event: Event) -> None:
+    def _apply(self, message: Message, role: TopicRole) -> None:
+        """Apply a command, and show it or the event."""
         from mbd_sim.viewer.event_log import LoggedEvent
 
-        self._send()
-        self._stream.send_events([LoggedEvent(time, event.kind, event.text)])
+        is_event = role is TopicRole.EVENTS
+        if role is TopicRole.LIVE_VALUES:
+            self._recomputation.simulation.restore(self._y, max(self._tick - self._zero_tick, 0))
+        event = parse_event(cdr.text(message.payload)) if is_event else Event(EventKind.COMMAND)
+        if event.kind is EventKind.RESET:
+            self._zero_tick, self._frame = self._tick, -1
+        if not is_event or event.kind is EventKind.RESET:
+            try:
+                self._recomputation.apply(message)
+            except CommandError as error:
+                event = Event(EventKind.WARNING, str(error))
+        if role is not TopicRole.LIVE_VALUES and self._event_filter.accepts(event.kind):
+            self._send_rows()
+            self._stream.send_events([LoggedEvent(message.time_ns * 1e-9, event.kind, event.text)])
 
-    def _emit(self, energies: Energies | None) -> None:
-        """Show the state that waits; where its energies are not recorded they are computed, without the work."""
+    def _add_pending_state(self, energies: Energies | None = None) -> None:
+        """Add the state that is pending; if its energies are not recorded they are computed, without the work."""
         if self._pending is None:
             return
-        message, state = self._pending
+        message, joints = self._pending
         self._pending = None
-        simulation = self._replica.simulation
-        model, own = simulation.model, (self._tick_of(message) - self._lag) * self._step
-        y = state_of(self._replica, state, energies, self._y)
-        self._y = y
+        simulation = self._recomputation.simulation
+        model = simulation.model
+        time = (self._tick_of(message) - self._zero_tick) * self._recomputation.recorded_step
+        self._y = recorded_state(model, self._y, joints.position, joints.velocity)
         if energies is None:
-            energies = model.energies(own, y, simulation.start_energy, simulation.inputs)
-        self._rows.append(self._writer.row(message.time_ns * 1e-9, own, y, simulation.inputs, energies))
+            energies = model.energies(time, self._y, simulation.start_energy, simulation.inputs)
+        else:
+            self._y[-3:] = integrated_energies(energies)
+        self._rows.append(self._writer.row(message.time_ns * 1e-9, time, self._y, simulation.inputs, energies))
         self._count += 1
-        if len(self._rows) >= BATCH:
-            self._send()
+        if len(self._rows) >= BATCH_SIZE:
+            self._send_rows()
 
     def _tick_of(self, message: Message) -> int:
-        half = _AROUND // 2
-        return self._tick + (message.sequence - self._tick + half) % _AROUND - half
+        """Return the tick of a message, which may be before or after the present one."""
+        half = SEQUENCE_MODULUS // 2
+        return self._tick + (message.sequence - self._tick + half) % SEQUENCE_MODULUS - half
 
-    def _send(self) -> None:
+    def _send_rows(self) -> None:
         if self._rows:
             self._stream.send_samples(np.array(self._rows))
             self._rows.clear()
 
 
-def state_of(replica: Recomputation, given: cdr.JointStates, energies: Energies | None, before: Array) -> Array:
-    """The integrated state of recorded joints: quaternions from rotation vectors, and the work from the energies."""
-    simulation = replica.simulation
-    model, y = simulation.model, before.copy()
-    free = model.layout.nv
-    for name, where in model.layout.q.items():
-        values = given.position[model.layout.u[name]]
-        if name in model.quaternions:
-            offset = model.quaternions[name] - where.start
-            values = np.concatenate([values[:offset], of_vector(values[offset:])])
-        y[where] = values
-    y[model.u_range] = given.velocity[:free]
-    if energies is not None:
-        y[-3:] = energies.work_applied, energies.work_drives, energies.dissipated
-    return y
+def show_joint_plots(table: RunTable, sink: str, when_sent: AddressCallback = _ignore_address) -> str:
+    """Show the joints of a recording without a mechanism as plots; return the viewer's address.
 
-
-def show_table(table: RunTable, sink: str, hold: Hold = _go_on) -> str:
-    """Show the joints of a recording that holds no mechanism, as plots; returns where to look. `hold`: see `show`.
-
+    :param when_sent: see `show_run`.
     :raises ViewerError: the sink cannot be opened.
     """
     import rerun as rr
@@ -199,25 +172,25 @@ def show_table(table: RunTable, sink: str, hold: Hold = _go_on) -> str:
     from mbd_sim.viewer.sinks import Outlet
 
     quantities = {"position": table.position, "velocity": table.velocity, "effort": table.effort}
-    known = {name: values for name, values in quantities.items() if not np.all(np.isnan(values))}
-    views = [rrb.TimeSeriesView(origin=f"{entity_paths.JOINTS}/{name}", name=name.capitalize()) for name in known]
+    recorded = {name: values for name, values in quantities.items() if not np.all(np.isnan(values))}
+    views = [rrb.TimeSeriesView(origin=f"{entity_paths.JOINTS}/{name}", name=name.capitalize()) for name in recorded]
     panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
-    recording = rr.RecordingStream("mbd_sim")
+    stream = rr.RecordingStream("mbd_sim")
     time_panel = rrb.TimePanel(state="collapsed", timeline=entity_paths.TIMELINE)
-    outlet = Outlet(recording, sink, rrb.Blueprint(rrb.Vertical(*views), *panels, time_panel))
+    outlet = Outlet(stream, sink, rrb.Blueprint(rrb.Vertical(*views), *panels, time_panel))
     try:
-        recording.send_recording_name(table.title)
+        stream.send_recording_name(table.title)
         colors = tuple(palette.PARTS[index % len(palette.PARTS)] for index in range(len(table.names)))
-        time = rr.TimeColumn(entity_paths.TIMELINE, duration=table.times)
-        for name, values in known.items():
+        times = rr.TimeColumn(entity_paths.TIMELINE, duration=table.times)
+        for name, values in recorded.items():
             series = Series(f"{entity_paths.JOINTS}/{name}", table.names, colors)
             for entity, style in series.style():
-                recording.log(entity, style, static=True)
+                stream.log(entity, style, static=True)
             for entity, columns in series.values(values):
-                rr.send_columns(entity, indexes=[time], columns=columns, recording=recording, strict=True)
-        recording.flush()
-        hold(outlet.address)
-        recording.disconnect()
+                rr.send_columns(entity, indexes=[times], columns=columns, recording=stream, strict=True)
+        stream.flush()
+        when_sent(outlet.address)
+        stream.disconnect()
     finally:
         outlet.close()
     return outlet.address

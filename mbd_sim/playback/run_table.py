@@ -12,38 +12,34 @@ from mbd_sim.errors import MbdSimError, MechanismError, listed
 from mbd_sim.geometry.pose import Array
 from mbd_sim.load import parse_mechanism
 from mbd_sim.recording import cdr
-from mbd_sim.recording.contents import DamagedError, Message
 from mbd_sim.recording.reader import Recording
-from mbd_sim.recording.recomputation import (
-    ENERGIES,
-    EVENTS,
-    ROLES,
-    STATES,
-    roles,
-)
+from mbd_sim.recording.recomputation import SEQUENCE_MODULUS
+from mbd_sim.recording.recorded_file import DamagedError, Message
+from mbd_sim.recording.topic_roles import TopicRole, topic_roles
+from mbd_sim.simulation.compiled_model import Energies
 from mbd_sim.simulation.events import EventKind, parse_event
 from mbd_sim.viewer import entity_paths
 
-ENERGY_NAMES = ("kinetic", "potential", "dissipated", "work_applied", "work_drives", "total", "residual")
-Progress = Callable[[float], None]  # hears the part that is done, from 0 to 1
+ENERGY_NAMES = Energies._fields
+Progress = Callable[[float], None]  # called with the completed fraction, from 0 to 1
 
 
 class PlaybackError(MbdSimError):
-    """A recording that does not hold what is asked for."""
+    """A recording that does not contain what is asked for."""
 
 
 @dataclass(frozen=True, eq=False)
 class RunTable:
-    """A recorded run, one row (n,) for each state.
+    """A recording, one row (n,) for each state.
 
-    `times` are in s: of the simulated clock in runs of ours, and since the first message elsewhere; `steps` count since
-    the node started. `position`, `velocity` and `effort` (n, joints) are nan where a message had none; `units` are
-    `rad`, `m`, or "" where that is not known. `energies` (n, 7) are None where none are recorded. `resets` are the rows
-    at which the motion begins anew.
+    `is_run` says whether `sim_node` recorded it. `times` are in s: those of the simulated clock in such runs, and since
+    the first message elsewhere; `steps` count since the node started. `position`, `velocity` and `effort` (n, joints)
+    are nan where a message has none; `units` are `rad`, `m`, or "" if unknown. `energies` (n, 7) are None if none are
+    recorded. `resets` are the rows at which the motion starts again.
     """
 
     path: Path
-    own: bool
+    is_run: bool
     title: str
     names: tuple[str, ...]
     units: tuple[str, ...]
@@ -62,8 +58,42 @@ class RunTable:
         return len(self.times)
 
 
-def each(recording: Recording, progress: Progress, notes: list[str]) -> Iterator[Message]:
-    """All messages in file order, as far as the files can be read; why not further is added to `notes`."""
+@dataclass
+class _Messages:
+    """The messages of a recording that make up a table; `stamps` are log time in ns and sequence number of states."""
+
+    stamps: list[tuple[int, int]] = field(default_factory=list)
+    states: list[cdr.JointStates] = field(default_factory=list)
+    energies: dict[int, Array] = field(default_factory=dict)  # by the number of their state
+    events: list[tuple[int, str]] = field(default_factory=list)
+    resets: list[int] = field(default_factory=list)  # numbers of the states that follow
+
+    def add(self, recording: Recording, message: Message, role: TopicRole | None, *, is_state: bool) -> None:
+        """Decode a message."""
+        if is_state:
+            self.stamps.append((message.time_ns, message.sequence))
+            self.states.append(recording.decoded(message))
+        elif role is TopicRole.ENERGIES:
+            if self.stamps and self.stamps[-1] == (message.time_ns, message.sequence):
+                self.energies[len(self.stamps) - 1] = cdr.multi_array(message.payload).values
+        elif role is TopicRole.EVENTS:
+            text = cdr.text(message.payload)
+            self.events.append((message.time_ns, text))
+            if parse_event(text).kind is EventKind.RESET:
+                self.resets.append(len(self.stamps))
+
+    def energy_table(self) -> Array | None:
+        """Return the energies (n, 7), nan in states without them; None if there are none at all."""
+        if not self.energies:
+            return None
+        table = np.full((len(self.states), len(ENERGY_NAMES)), np.nan)
+        for row, values in self.energies.items():
+            table[row] = values
+        return table
+
+
+def iterate_messages(recording: Recording, progress: Progress, notes: list[str]) -> Iterator[Message]:
+    """Yield all messages in file order, as far as the files can be read; problems are added to `notes`."""
     notes += recording.problems
     blocks = recording.blocks
     for number, block in enumerate(blocks):
@@ -71,73 +101,58 @@ def each(recording: Recording, progress: Progress, notes: list[str]) -> Iterator
         try:
             yield from block.load()
         except DamagedError as error:
-            notes.append(f"{error}: what is behind it is left out")
+            notes.append(f"{error}: everything after it is left out")
             break
     progress(1.0)
 
 
-def read_table(recording: Recording, progress: Progress = lambda done: None) -> RunTable:
+def read_table(recording: Recording, progress: Progress = lambda fraction: None) -> RunTable:
     """Read all states.
 
-    :raises PlaybackError: it holds no joint states.
+    :raises PlaybackError: there are no joint states.
     """
-    own = bool(recording.about)
-    topic, known = _states_topic(recording), roles(recording.topics)
-    stamps: list[tuple[int, int]] = []
-    states: list[cdr.JointStates] = []
-    audit: dict[int, Array] = {}
-    events: list[tuple[int, str]] = []
-    resets: list[int] = []
+    is_run = bool(recording.about)
+    state_topic = _state_topic(recording)
+    roles = topic_roles(recording.topics) if is_run else {}
     notes: list[str] = []
-    for message in each(recording, progress, notes):
-        if message.topic == topic:
-            stamps.append((message.time_ns, message.sequence))
-            states.append(recording.decoded(message))
-        elif not own:
-            continue
-        elif known.get(message.topic) == ENERGIES:
-            if stamps and stamps[-1] == (message.time_ns, message.sequence):
-                audit[len(stamps) - 1] = cdr.numbers(message.payload).values
-        elif known.get(message.topic) == EVENTS:
-            events.append((message.time_ns, cdr.text(message.payload)))
-            if parse_event(events[-1][1]).kind is EventKind.RESET:
-                resets.append(len(stamps))
+    found = _Messages()
+    for message in iterate_messages(recording, progress, notes):
+        found.add(recording, message, roles.get(message.topic), is_state=message.topic == state_topic)
+    states, stamps = found.states, found.stamps
     if not states:
-        raise PlaybackError(f"{recording.path}: holds no joint states that can be read.")
-    start = 0 if own else stamps[0][0]
+        raise PlaybackError(f"{recording.path}: contains no joint states that can be read.")
+    start_ns = 0 if is_run else stamps[0][0]
     names = tuple(dict.fromkeys(name for state in states for name in state.names))
-    energies = None
-    if audit:
-        energies = np.full((len(states), len(ENERGY_NAMES)), np.nan)
-        for row, values in audit.items():
-            energies[row] = values
+    sequence = np.array([sequence for _, sequence in stamps], dtype=np.int64)
     return RunTable(
         path=recording.path,
-        own=own,
+        is_run=is_run,
         title=recording.about.get("mechanism", recording.path.stem),
         names=names,
         units=_units(recording, names),
-        times=np.array([time_ns - start for time_ns, _ in stamps]) * 1e-9,
-        steps=np.unwrap(np.array([sequence for _, sequence in stamps], dtype=np.int64), period=1 << 32),
-        position=_filled(names, [(state.names, state.position) for state in states]),
-        velocity=_filled(names, [(state.names, state.velocity) for state in states]),
-        effort=_filled(names, [(state.names, state.effort) for state in states]),
-        energies=energies,
-        events=tuple(((time_ns - start) * 1e-9, text) for time_ns, text in events),
-        resets=tuple(row for row in resets if row < len(states)),
+        times=np.array([time_ns - start_ns for time_ns, _ in stamps]) * 1e-9,
+        steps=np.unwrap(sequence, period=SEQUENCE_MODULUS),
+        position=_by_name(names, [(state.names, state.position) for state in states]),
+        velocity=_by_name(names, [(state.names, state.velocity) for state in states]),
+        effort=_by_name(names, [(state.names, state.effort) for state in states]),
+        energies=found.energy_table(),
+        events=tuple(((time_ns - start_ns) * 1e-9, text) for time_ns, text in found.events),
+        resets=tuple(row for row in found.resets if row < len(states)),
         notes=tuple(notes),
         about=dict(recording.about),
     )
 
 
-def _states_topic(recording: Recording) -> str:
-    found = roles(recording.topics)
-    named = [name for name, role in found.items() if role == STATES]
-    named += [name for name, topic in recording.topics.items() if topic.type == ROLES[STATES] and name not in named]
-    if not named:
-        there = listed(list(recording.topics)) if recording.topics else "none at all"
-        raise PlaybackError(f"{recording.path}: holds no topic of joint states ({ROLES[STATES]}). Its topics: {there}.")
-    return named[0]
+def _state_topic(recording: Recording) -> str:
+    """Return the topic with the role of joint states, or else the first one of their type."""
+    candidates = [name for name, role in topic_roles(recording.topics).items() if role is TopicRole.JOINT_STATES]
+    candidates += [name for name, topic in recording.topics.items() if topic.type == cdr.JOINT_STATE]
+    if not candidates:
+        topics = listed(list(recording.topics)) if recording.topics else "none at all"
+        raise PlaybackError(
+            f"{recording.path}: contains no topic of joint states ({cdr.JOINT_STATE}). Its topics: {topics}."
+        )
+    return candidates[0]
 
 
 def _units(recording: Recording, names: Sequence[str]) -> tuple[str, ...]:
@@ -147,20 +162,22 @@ def _units(recording: Recording, names: Sequence[str]) -> tuple[str, ...]:
         mechanism = parse_mechanism(recording.mechanism_text, str(recording.path))
     except MechanismError:
         return ("",) * len(names)
-    labels = [*mechanism.coordinate_names, *mechanism.driven_names]
+    coordinates = [*mechanism.coordinate_names, *mechanism.driven_names]
     kinds = [*entity_paths.free_kinds(mechanism), *entity_paths.driven_kinds(mechanism)]
-    units = {label: "rad" if kind == entity_paths.ANGULAR else "m" for label, kind in zip(labels, kinds, strict=True)}
+    units = {
+        name: "rad" if kind == entity_paths.ANGULAR else "m" for name, kind in zip(coordinates, kinds, strict=True)
+    }
     return tuple(units.get(name, "") for name in names)
 
 
-def _filled(names: tuple[str, ...], given: Iterable[tuple[tuple[str, ...], Array]]) -> Array:
-    """(n, names): values where they belong, nan where a message has none."""
+def _by_name(names: tuple[str, ...], given: Iterable[tuple[tuple[str, ...], Array]]) -> Array:
+    """Return an array (n, names) of rows that may have their own names; nan where a row has no value."""
     rows = list(given)
-    if all(owners == names and len(values) == len(names) for owners, values in rows):
+    if all(row_names == names and len(values) == len(names) for row_names, values in rows):
         return np.array([values for _, values in rows], dtype=float).reshape(len(rows), len(names))
-    found = np.full((len(rows), len(names)), np.nan)
-    place = {name: column for column, name in enumerate(names)}
-    for row, (owners, values) in enumerate(rows):
-        if len(values) == len(owners):
-            found[row, [place[name] for name in owners]] = values
-    return found
+    table = np.full((len(rows), len(names)), np.nan)
+    columns = {name: column for column, name in enumerate(names)}
+    for row, (row_names, values) in enumerate(rows):
+        if len(values) == len(row_names):
+            table[row, [columns[name] for name in row_names]] = values
+    return table

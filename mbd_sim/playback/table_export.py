@@ -1,4 +1,4 @@
-"""`mbd_sim export`: a recorded run as a flat table for pandas and others, a row for each state, units in the names."""
+"""Exports a recorded run as a flat table, for example for pandas: one row per state, with units in the column names."""
 
 from __future__ import annotations
 
@@ -10,81 +10,74 @@ import numpy as np
 
 from mbd_sim.errors import MbdSimError
 from mbd_sim.geometry.pose import Array
+from mbd_sim.playback.plot_files import require_suffix
 from mbd_sim.playback.run_table import ENERGY_NAMES, RunTable
 
-KINDS = (".csv", ".parquet", ".npz")
-_RATES = {"rad": "rad_s", "m": "m_s", "": ""}
-_EFFORTS = {"rad": "Nm", "m": "N", "": ""}
-
-
-def require_kind(path: Path, kinds: tuple[str, ...]) -> None:
-    """Refuse a file of another kind.
-
-    :raises MbdSimError: its name ends otherwise, or its folder is not there.
-    """
-    if path.suffix not in kinds:
-        raise MbdSimError(f"{path}: can be written as {', '.join(kinds)}; name the file so")
-    if not path.parent.is_dir():
-        raise MbdSimError(f"{path}: there is no folder {path.parent}")
+SUFFIXES = (".csv", ".parquet", ".npz")
+_POSITION_UNITS = {"rad": "rad", "m": "m", "": ""}
+_VELOCITY_UNITS = {"rad": "rad_s", "m": "m_s", "": ""}
+_EFFORT_UNITS = {"rad": "Nm", "m": "N", "": ""}
+Columns = Mapping[str, Array | np.ndarray]
 
 
 def columns(table: RunTable) -> dict[str, Array | np.ndarray]:
-    """Columns (n,) by name and unit, such as `elbow.velocity_rad_s`; without those that hold nothing."""
+    """Return columns (n,) by name and unit, such as `elbow.velocity_rad_s`; empty columns are left out."""
     found: dict[str, Array | np.ndarray] = {"time_s": table.times}
-    if table.own:
+    if table.is_run:
         found["step"] = table.steps
     for quantity, units, values in (
-        ("position", {unit: unit for unit in _RATES}, table.position),
-        ("velocity", _RATES, table.velocity),
-        ("effort", _EFFORTS, table.effort),
+        ("position", _POSITION_UNITS, table.position),
+        ("velocity", _VELOCITY_UNITS, table.velocity),
+        ("effort", _EFFORT_UNITS, table.effort),
     ):
         for index, (name, unit) in enumerate(zip(table.names, table.units, strict=True)):
             if not np.all(np.isnan(values[:, index])):
-                found[f"{name}.{quantity}" + (f"_{units[unit]}" if units[unit] else "")] = values[:, index]
+                suffix = f"_{units[unit]}" if units[unit] else ""
+                found[f"{name}.{quantity}{suffix}"] = values[:, index]
     if table.energies is not None:
         found |= {f"energy.{name}_J": table.energies[:, index] for index, name in enumerate(ENERGY_NAMES)}
     return found
 
 
 def export(path: Path, table: RunTable) -> int:
-    """Write the columns; returns how many. Parquet and NumPy files also hold what the recording says about the run.
+    """Write the columns and return their number. Parquet and NumPy files also contain the description of the run.
 
-    :raises MbdSimError: the file cannot be written, or its kind needs a package that is not installed.
+    :raises MbdSimError: the file cannot be written, or its format needs a package that is not installed.
     """
-    require_kind(path, KINDS)
+    require_suffix(path, SUFFIXES)
     found = columns(table)
     about = {**table.about, "recording": str(table.path), "events": json.dumps(table.events)}
     try:
         if path.suffix == ".npz":
             np.savez_compressed(path, about=json.dumps(about), **found)  # type: ignore[arg-type]
         elif path.suffix == ".csv":
-            _csv(path, found)
+            _write_csv(path, found)
         else:
-            _parquet(path, found, about)
+            _write_parquet(path, found, about)
     except OSError as error:
         raise MbdSimError(f"{path} cannot be written: {error}") from error
     return len(found)
 
 
-def _csv(path: Path, found: Mapping[str, Array | np.ndarray]) -> None:
-    """Numbers as short as they can be and still read back exactly."""
+def _write_csv(path: Path, found: Columns) -> None:
+    """Write each number with the fewest digits from which it is read back exactly."""
     lists = [column.tolist() for column in found.values()]
     with path.open("w", encoding="utf-8", newline="") as stream:
         stream.write(",".join(_quoted(name) for name in found) + "\n")
         for row in zip(*lists, strict=True):
-            stream.write(",".join("" if value != value else repr(value) for value in row) + "\n")
+            stream.write(",".join("" if value != value else repr(value) for value in row) + "\n")  # nan: empty
 
 
 def _quoted(name: str) -> str:
     return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\n') else name
 
 
-def _parquet(path: Path, found: Mapping[str, Array | np.ndarray], about: Mapping[str, str]) -> None:
+def _write_parquet(path: Path, found: Columns, about: Mapping[str, str]) -> None:
     try:
         import pyarrow as pa
         import pyarrow.parquet
     except ImportError as error:
         raise MbdSimError(
-            "Parquet needs pyarrow. Install it with: pip install pyarrow; or write .csv or .npz"
+            "Parquet needs pyarrow. Install it with: pip install pyarrow; or choose a .csv or .npz file."
         ) from error
     pyarrow.parquet.write_table(pa.table(dict(found)).replace_schema_metadata(dict(about)), str(path))

@@ -6,11 +6,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import yaml
-from mcap.reader import make_reader
 
-from mbd_sim.recording.recorded_topic import Topic
+from mbd_sim.recording.mcap_reader import read_mcap
 from mbd_sim.recording.recovery import recover
-from mbd_sim.recording.rosbag2_metadata import Contents, bag_metadata, write_metadata
+from mbd_sim.recording.rosbag2_metadata import (
+    FILE_NAME,
+    FileStatistics,
+    bag_metadata,
+    read_bag_metadata,
+    write_metadata,
+)
+from mbd_sim.recording.topic import Topic
 
 
 def recover_bag(folder: Path) -> Iterator[tuple[Path, dict[str, int] | None]]:
@@ -25,33 +31,32 @@ def recover_bag(folder: Path) -> Iterator[tuple[Path, dict[str, int] | None]]:
 
 
 def update_metadata(folder: Path) -> None:
-    """Write `metadata.yaml` of a folder according to the contents of its files, which must be complete."""
-    path = folder / "metadata.yaml"
-    document = yaml.safe_load(path.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+    """Write `metadata.yaml` of a folder according to the contents of its files, which must be complete.
+
+    :raises ValueError: the present `metadata.yaml` is none of rosbag2.
+    :raises OSError: a file cannot be read or written.
+    """
+    path = folder / FILE_NAME
+    document = read_bag_metadata(path)
     known = [entry["topic_metadata"] for entry in document["topics_with_message_count"]]
     topics = [Topic(entry["name"], entry["type"], yaml.safe_dump(entry["offered_qos_profiles"])) for entry in known]
-    numbers = {topic.name: number for number, topic in enumerate(topics)}
-    files = [_contents(file, numbers) for file in _bag_files(folder)]
+    files = [_statistics(file, topics) for file in _bag_files(folder)]
     write_metadata(path, bag_metadata(topics, files, document.get("custom_data") or {}))
 
 
-def _contents(file: Path, numbers: dict[str, int]) -> Contents:
-    """Message counts and times of a file, from its summary; `numbers` are those of the topics."""
-    with file.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    if summary is None or summary.statistics is None:
-        raise ValueError(f"{file.name} has no summary")
-    statistics = summary.statistics
-    counts = [0] * len(numbers)
-    for channel, count in statistics.channel_message_counts.items():
-        counts[numbers[summary.channels[channel].topic]] += count
-    contents = Contents(file)
+def _statistics(path: Path, topics: list[Topic]) -> FileStatistics:
+    """Return message counts and times of a file, by the numbers of the topics."""
+    file = read_mcap(path)
+    statistics = FileStatistics(path)
+    counts = [file.topics[topic.name].count if topic.name in file.topics else 0 for topic in topics]
     if any(counts):
-        contents.take(counts, statistics.message_start_time, statistics.message_end_time)
-    return contents
+        first_ns = min(block.start_ns for block in file.blocks)
+        last_ns = max(block.end_ns for block in file.blocks)
+        statistics.add(counts, first_ns, last_ns)
+    return statistics
 
 
 def _bag_files(folder: Path) -> list[Path]:
-    """The files of the folder in the order of their numbers, without those that a killed recorder left empty."""
+    """Return the files of the folder in the order of their numbers, without those that a killed recorder left empty."""
     files = [path for path in folder.glob(f"{folder.resolve().name}_*.mcap") if path.stat().st_size]
     return sorted(files, key=lambda path: int(path.stem.rpartition("_")[2]))

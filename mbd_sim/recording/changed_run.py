@@ -1,4 +1,4 @@
-"""What a recorded run would have been with other values, another method or another step, under the same commands."""
+"""Recomputes a recorded run with other values, another method or another step, under the same commands."""
 
 from __future__ import annotations
 
@@ -11,20 +11,18 @@ import numpy as np
 from mbd_sim.errors import CommandError, DivergedError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.recording import cdr
-from mbd_sim.recording.contents import Message
-from mbd_sim.recording.recomputation import (
-    COMMANDS,
-    ENERGIES,
-    STATES,
-    Recomputation,
-    joint_rows,
-)
+from mbd_sim.recording.joint_state_layout import joint_state_arrays, joint_state_names
+from mbd_sim.recording.recomputation import Recomputation
+from mbd_sim.recording.recorded_file import Message
+from mbd_sim.recording.topic_roles import COMMANDS, TopicRole
 
 QUANTITIES = ("position", "velocity", "effort")
 
+MessageWriter = Callable[[Message, Sequence[Array]], None]
 
-class Series(NamedTuple):
-    """One quantity over the time in s since the beginning of the recording, as recorded and as it would have been."""
+
+class ComparedSeries(NamedTuple):
+    """One quantity over the time in s since the start of the recording, as recorded and in the changed run."""
 
     name: str
     times: Array
@@ -32,89 +30,101 @@ class Series(NamedTuple):
     changed: Array
 
     @property
-    def largest(self) -> tuple[float, float]:
-        """The largest deviation and the time of it; both 0 where there is none."""
+    def largest_deviation(self) -> tuple[float, float]:
+        """The largest deviation and the time at which it occurs; both 0 if the series is empty."""
         if not len(self.times):
             return 0.0, 0.0
-        off = np.abs(self.changed - self.recorded)
-        place = int(np.argmax(off))
-        return float(off[place]), float(self.times[place])
+        deviations = np.abs(self.changed - self.recorded)
+        index = int(np.argmax(deviations))
+        return float(deviations[index]), float(self.times[index])
 
 
 @dataclass(frozen=True)
-class WhatIf:
-    """Two runs under the same commands: `coordinates` by quantity and name, and `energies`, over the same times.
+class ChangedRun:
+    """Two runs under the same commands: `coordinates` by quantity, and `energies`, over the same times.
 
     `ended` says why the changed run ends before the recorded one, or is "".
     """
 
-    replica: Recomputation
-    coordinates: Mapping[str, Sequence[Series]]
-    energies: Sequence[Series]
+    recomputation: Recomputation
+    coordinates: Mapping[str, Sequence[ComparedSeries]]
+    energies: Sequence[ComparedSeries]
     ended: str = ""
 
 
-def what_if(
-    replica: Recomputation,
-    progress: Callable[[float], None] | None = None,
-    keep: Callable[[Message, Sequence[Array]], None] | None = None,
-) -> WhatIf:
-    """Lead a changed simulation through the recorded commands.
+class _Row(NamedTuple):
+    """The numbers of one message, as recorded and in the changed run."""
 
-    :param keep: hears of each message that was taken, with the arrays that it would hold in the changed run.
+    time: float
+    recorded: Array
+    changed: Array
+
+
+def compute_changed_run(
+    recomputation: Recomputation,
+    progress: Callable[[float], None] | None = None,
+    write: MessageWriter | None = None,
+) -> ChangedRun:
+    """Advance a changed simulation through the recorded commands.
+
+    :param progress: called with the completed fraction, from 0 to 1.
+    :param write: called with each message, and the arrays that it would contain in the changed run.
     :raises DamagedError: the recording is not what was written.
     """
-    told: dict[str, list[tuple[float, Array, Array]]] = {STATES: [], ENERGIES: []}
+    rows: dict[TopicRole, list[_Row]] = {TopicRole.JOINT_STATES: [], TopicRole.ENERGIES: []}
     ended = ""
-    blocks = replica.part.blocks
+    blocks = recomputation.file.blocks
     try:
         for number, block in enumerate(blocks):
             if progress is not None:
                 progress(number / len(blocks))
             for message in block.load():
-                _take(replica, message, told, keep)
+                _process(recomputation, message, rows, write)
     except (DivergedError, CommandError) as error:
         ended = str(error)
     if progress is not None:
         progress(1.0)
-    model = replica.simulation.model
-    names = [*model.coordinate_names, *model.driven_names]
-    rows = _series(told[STATES], [f"{name} {quantity}" for quantity in QUANTITIES for name in names])
+    simulation = recomputation.simulation
+    names = joint_state_names(simulation.model)
+    labels = [f"{name} {quantity}" for quantity in QUANTITIES for name in names]
+    series = _series(rows[TopicRole.JOINT_STATES], labels)
     count = len(names)
-    coordinates = {quantity: rows[place * count :][:count] for place, quantity in enumerate(QUANTITIES)}
-    return WhatIf(replica, coordinates, _series(told[ENERGIES], replica.simulation.energies._fields), ended)
+    coordinates = {quantity: series[n * count :][:count] for n, quantity in enumerate(QUANTITIES)}
+    energies = _series(rows[TopicRole.ENERGIES], simulation.energies._fields)
+    return ChangedRun(recomputation, coordinates, energies, ended)
 
 
-def _take(
-    replica: Recomputation,
+def _process(
+    recomputation: Recomputation,
     message: Message,
-    told: Mapping[str, list[tuple[float, Array, Array]]],
-    keep: Callable[[Message, Sequence[Array]], None] | None,
+    rows: Mapping[TopicRole, list[_Row]],
+    write: MessageWriter | None,
 ) -> None:
-    role = replica.roles.get(message.topic)
-    tick = replica.behind(message)
-    if tick != replica.tick:
-        replica.advance(tick)
+    """Advance to a message; apply it, or add a row."""
+    role = recomputation.roles.get(message.topic)
+    tick = recomputation.tick_of(message)
+    if tick != recomputation.tick:
+        recomputation.advance(tick)
     arrays: Sequence[Array] = ()
     if role in COMMANDS:
-        replica.apply(message)
-    elif role is not None and role in told:
-        simulation = replica.simulation
-        if role == STATES:
-            arrays = joint_rows(simulation.model, simulation.time, simulation.y, simulation.inputs)
+        recomputation.apply(message)
+    elif role is not None and role in rows:
+        simulation = recomputation.simulation
+        if role is TopicRole.JOINT_STATES:
+            arrays = joint_state_arrays(simulation.model, simulation.time, simulation.y, simulation.inputs)
             recorded = np.concatenate(cdr.joint_states(message.payload)[3:])
         else:
             arrays = (np.array(simulation.energies),)
-            recorded = cdr.numbers(message.payload).values
-        time = (tick - replica.first_tick) * replica.recorded_step
-        told[role].append((time, recorded, np.concatenate(arrays)))
-    if keep is not None:
-        keep(message, arrays)
+            recorded = cdr.multi_array(message.payload).values
+        time = (tick - recomputation.first_tick) * recomputation.recorded_step
+        rows[role].append(_Row(time, recorded, np.concatenate(arrays)))
+    if write is not None:
+        write(message, arrays)
 
 
-def _series(rows: Sequence[tuple[float, Array, Array]], names: Sequence[str]) -> list[Series]:
+def _series(rows: Sequence[_Row], names: Sequence[str]) -> list[ComparedSeries]:
     if not rows:
-        return [Series(name, np.empty(0), np.empty(0), np.empty(0)) for name in names]
-    times = np.array([time for time, _, _ in rows])
-    recorded, changed = np.array([row[1] for row in rows]).T, np.array([row[2] for row in rows]).T
-    return [Series(*each) for each in zip(names, [times] * len(names), recorded, changed, strict=True)]
+        return [ComparedSeries(name, np.empty(0), np.empty(0), np.empty(0)) for name in names]
+    times = np.array([row.time for row in rows])
+    recorded, changed = np.array([row.recorded for row in rows]).T, np.array([row.changed for row in rows]).T
+    return [ComparedSeries(*values) for values in zip(names, [times] * len(names), recorded, changed, strict=True)]

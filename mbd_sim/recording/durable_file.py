@@ -1,4 +1,4 @@
-"""A file that is written without a buffer, and put on the disk from another thread."""
+"""A file that is written without a buffer, and forced to the disk from another thread."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import threading
 from pathlib import Path
 
 
-class Stream:
-    """What has been written is the system's at once, so that it survives a kill of the process.
+class DurableFile:
+    """A file whose data reach the operating system with each `write`, so that they survive a kill of the process.
 
-    `sync` puts it on the disk, which may take long: another thread than the writing one calls it now and then. What the
-    disk says to that is raised at the next `check`.
+    `sync` forces them to the disk, which may take long: a thread other than the writing one calls it periodically. An
+    error that the disk reports there is raised by the next `check`.
     """
 
     def __init__(self, path: Path) -> None:
-        """Open an empty or a new file.
+        """Create the file, or truncate an existing one.
 
         :raises OSError: it cannot be opened.
         """
@@ -25,12 +25,12 @@ class Stream:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
         self._regular = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
         self._position = self._synced = 0
-        self._problem: OSError | None = None
+        self._error: OSError | None = None
         self._closed = False
         self._lock = threading.Lock()
 
     def write(self, data: bytes) -> int:
-        """Write all of it.
+        """Write all of the data.
 
         :raises OSError: not all could be written; a part may have been.
         """
@@ -42,29 +42,26 @@ class Stream:
         return len(data)
 
     def tell(self) -> int:
-        """Bytes written."""
+        """Return the number of bytes written."""
         return self._position
 
-    def flush(self) -> None:
-        """Nothing is held back."""
-
     def check(self) -> None:
-        """Raise what went wrong in the background.
+        """Raise an error that occurred in the background.
 
-        :raises OSError: the disk refused what had been written.
+        :raises OSError: the disk refused data written earlier.
         """
-        if self._problem is not None:
-            raise self._problem
+        if self._error is not None:
+            raise self._error
 
     def free(self) -> int | None:
-        """Bytes that are left on the disk, or None where that means nothing."""
+        """Return the number of bytes left on the disk, or None if this is not a regular file."""
         if not self._regular:
             return None
         system = os.fstatvfs(self._descriptor)
         return system.f_bavail * system.f_frsize
 
     def sync(self) -> None:
-        """Put what has been written on the disk; from any thread."""
+        """Force what has been written to the disk; from any thread."""
         with self._lock:
             if self._closed or self._position == self._synced or not self._regular:
                 return
@@ -74,12 +71,12 @@ class Stream:
                     self._sync_folder()
                 os.fdatasync(self._descriptor)
             except OSError as error:
-                if error.errno not in (errno.EINVAL, errno.ENOSYS):  # some file systems know no such request
-                    self._problem = error
+                if error.errno not in (errno.EINVAL, errno.ENOSYS):  # some file systems do not support it
+                    self._error = error
             self._synced = position
 
     def _sync_folder(self) -> None:
-        """The file's name reaches the disk as well."""
+        """Force the file's name to the disk as well."""
         folder = os.open(self._path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
         try:
             os.fsync(folder)
@@ -87,7 +84,7 @@ class Stream:
             os.close(folder)
 
     def close(self) -> None:
-        """Put the rest on the disk; once more is harmless.
+        """Force the rest to the disk and close; calling it again has no effect.
 
         :raises OSError: the disk refused it.
         """

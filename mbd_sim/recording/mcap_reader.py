@@ -1,285 +1,228 @@
-"""One MCAP file, whole, cut off or damaged: what it says about the run, and blocks of messages."""
+"""Reads one MCAP file, whole, truncated or damaged: the description of the run, and blocks of messages."""
 
 from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from io import BytesIO
 from pathlib import Path
-from typing import IO, NamedTuple
 
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Header, Metadata, Schema, Statistics
+from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
 
-from mbd_sim.recording.contents import (
-    Block,
-    DamagedError,
-    Message,
-    Part,
-    ReadingError,
-    RecordedTopic,
+from mbd_sim.recording.mcap_scanner import (
+    MAGIC,
+    MESSAGE_HEADER,
+    PARSE_ERRORS,
+    BrokenRecordError,
+    ByteSource,
+    Definitions,
+    FileBytes,
+    StoredChunk,
+    chunk_content,
+    data_stream,
+    scan_messages,
+    scan_records,
+    stored_chunk,
 )
+from mbd_sim.recording.recorded_file import Block, DamagedError, Message, ReadingError, RecordedFile, RecordedTopic
 
-MAGIC = b"\x89MCAP0\r\n"
-_RECORD = struct.Struct("<BQ")  # opcode, and length of what follows
-_CHUNK = struct.Struct("<QQQII")  # first and last time, size, CRC, length of the name of the compression
-_MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-_MOST = 1 << 32  # bytes of one record, beyond which its length must be a damaged one
-_KNOWN = frozenset(int(opcode) for opcode in Opcode)
-
-
-class _Chunk(NamedTuple):
-    """Where a chunk stands in the file; `size` and `crc` are those of its uncompressed records."""
-
-    offset: int
-    length: int
-    start_ns: int
-    end_ns: int
-    size: int
-    crc: int
-    compression: str
+_CHANNEL_NUMBER = struct.Struct("<H")
+_CRC = struct.Struct("<I")
 
 
 @dataclass
-class _Found:
-    """What one walk through a file finds."""
+class _FileContents:
+    """What one pass over the records of a file finds."""
 
-    profile: str = ""
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    channels: dict[int, Channel] = field(default_factory=dict)
+    definitions: Definitions = field(default_factory=Definitions)
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, Mapping[str, str]] = field(default_factory=dict)
     statistics: Statistics | None = None
-    chunks: list[_Chunk] = field(default_factory=list)
-    held: dict[int, set[int]] = field(default_factory=dict)  # channels of each chunk by its number
+    chunks: list[StoredChunk] = field(default_factory=list)
+    chunk_channels: dict[int, set[int]] = field(default_factory=dict)  # of chunks that have an index of messages
     problem: str = ""
-    remark: str = ""  # on what is damaged without hiding what comes behind
+    attachment_problem: str = ""  # damage that does not affect the records after it
+
+    def read(self, data: ByteSource, opcode: int, begin: int, end: int) -> None:
+        """Read a record outside of chunks.
+
+        :raises PARSE_ERRORS: its content is damaged.
+        """
+        if opcode == Opcode.CHUNK:
+            self.chunks.append(stored_chunk(data, begin, end))
+        elif opcode == Opcode.MESSAGE:
+            if end - begin < MESSAGE_HEADER.size:
+                raise BrokenRecordError("a message is too short")
+        elif opcode == Opcode.MESSAGE_INDEX:
+            (channel,) = _CHANNEL_NUMBER.unpack(data[begin : begin + _CHANNEL_NUMBER.size])
+            self.chunk_channels.setdefault(len(self.chunks) - 1, set()).add(channel)
+        elif opcode == Opcode.STATISTICS:
+            self.statistics = Statistics.read(data_stream(data[begin:end]))
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA, Opcode.ATTACHMENT):
+            self.describe(opcode, data[begin:end])
+
+    def describe(self, opcode: int, content: bytes | bytearray) -> None:
+        """Read a schema, a channel, metadata or an attachment; other records are skipped.
+
+        :raises PARSE_ERRORS: its content is damaged.
+        """
+        self.definitions.add(opcode, content)
+        if opcode == Opcode.METADATA:
+            record = Metadata.read(data_stream(content))
+            self.metadata[record.name] = record.metadata
+        elif opcode == Opcode.ATTACHMENT:
+            attachment = Attachment.read(data_stream(content))
+            (crc,) = _CRC.unpack(content[-_CRC.size :])
+            if crc and zlib.crc32(content[: -_CRC.size]) != crc:
+                self.attachment_problem = (
+                    f"damaged: the attachment '{attachment.name}' is not what was written (its CRC differs)"
+                )
+            self.attachments[attachment.name] = attachment.data
 
 
-def read_mcap(path: Path) -> Part:
-    """Open a file and walk through its records; messages are read when they are asked for.
+def read_mcap(path: Path) -> RecordedFile:
+    """Open a file and scan its records; the messages are read on demand.
 
-    :raises ReadingError: the file cannot be read, or is no MCAP file.
+    :raises ReadingError: the file cannot be read, or is not an MCAP file.
     """
     try:
         with path.open("rb") as stream:
-            found = _walk(path, stream)
+            data = FileBytes(stream)
+            found = _scan(path, data)
+            counts = _message_counts(data, found)
     except OSError as error:
         raise ReadingError(f"{path}: cannot be read: {error.strerror}") from error
-    counts: dict[int, int] = {}
-    if found.statistics is not None and found.channels:
-        counts = dict(found.statistics.channel_message_counts)
-        chunks = found.chunks
-    else:
-        chunks = _counted(path, found, counts)
     topics = {
-        number: RecordedTopic(
-            name=channel.topic,
-            type=_schema(found, channel).name,
-            qos=channel.metadata.get("offered_qos_profiles", ""),
-            definition=_schema(found, channel).data.decode("utf-8", "replace"),
-            encoding=channel.message_encoding,
-            count=counts.get(number, 0),
-        )
-        for number, channel in found.channels.items()
+        number: _topic(found, channel, counts.get(number, 0)) for number, channel in found.definitions.channels.items()
     }
     names = {number: topic.name for number, topic in topics.items()}
-    blocks = [_block(path, chunk, names, found.held.get(number)) for number, chunk in enumerate(chunks)]
-    text = found.attachments.get("mechanism.yaml")
-    return Part(
+    mechanism = found.attachments.get("mechanism.yaml")
+    return RecordedFile(
         path=path,
         topics=_by_name(topics.values()),
         metadata=found.metadata,
-        mechanism_text=None if text is None else text.decode("utf-8", "replace"),
-        blocks=blocks,
-        problem="; ".join(text for text in (found.problem, found.remark) if text),
+        mechanism_text=None if mechanism is None else mechanism.decode("utf-8", "replace"),
+        blocks=[
+            _block(path, chunk, names, found.chunk_channels.get(number)) for number, chunk in enumerate(found.chunks)
+        ],
+        problem="; ".join(text for text in (found.problem, found.attachment_problem) if text),
+    )
+
+
+def _scan(path: Path, data: ByteSource) -> _FileContents:
+    """Read all records outside of chunks, up to the first that is damaged."""
+    found = _FileContents()
+    if not len(data):
+        raise ReadingError(f"{path}: the file is empty: its writer ended before the first record.")
+    if (magic := bytes(data[: len(MAGIC)])) != MAGIC:
+        raise ReadingError(f"{path}: is not an MCAP file: it begins with {magic!r}.")
+    unchunked = 0  # start of a sequence of messages outside of chunks
+    position = len(MAGIC)
+    try:
+        for opcode, begin, end in scan_records(data, position):
+            if unchunked and opcode != Opcode.MESSAGE:
+                found.chunks.append(_unchunked_messages(data, unchunked, position))
+                unchunked = 0
+            if opcode == Opcode.FOOTER:
+                return found
+            try:
+                found.read(data, opcode, begin, end)
+            except PARSE_ERRORS as error:
+                raise BrokenRecordError(f"damaged: the record at byte {position} cannot be read ({error})") from error
+            if opcode == Opcode.MESSAGE:
+                unchunked = unchunked or position
+            position = end
+        found.problem = f"cut off: it ends at byte {len(data)} without an index"
+    except BrokenRecordError as error:
+        found.problem = str(error)
+    if unchunked:
+        found.chunks.append(_unchunked_messages(data, unchunked, position))
+    return found
+
+
+def _unchunked_messages(data: ByteSource, start: int, end: int) -> StoredChunk:
+    """Return a sequence of messages outside of chunks as an uncompressed chunk."""
+    times = [log_time for _, _, log_time, _ in scan_messages(bytes(data[start:end]))]
+    return StoredChunk(start, end - start, min(times), max(times), end - start, 0, "")
+
+
+def _message_counts(data: ByteSource, found: _FileContents) -> Mapping[int, int]:
+    """Return the number of messages of each channel, from the statistics or by reading the chunks.
+
+    Without statistics, which a truncated file lacks, this also drops the chunks from the first unreadable one on, and
+    reads the definitions that only the chunks hold.
+    """
+    if found.statistics is not None and found.definitions.channels:
+        return dict(found.statistics.channel_message_counts)
+    counts: dict[int, int] = {}
+    for number, chunk in enumerate(found.chunks):
+        try:
+            content = _chunk_records(data, chunk)
+            for opcode, begin, end in scan_records(content):
+                if opcode == Opcode.MESSAGE:
+                    (channel,) = _CHANNEL_NUMBER.unpack_from(content, begin)
+                    counts[channel] = counts.get(channel, 0) + 1
+                else:
+                    found.describe(opcode, content[begin:end])
+        except PARSE_ERRORS as error:
+            found.problem = f"{error}; the rest of the file is lost"
+            del found.chunks[number:]
+            break
+    return counts
+
+
+def _chunk_records(data: ByteSource, chunk: StoredChunk) -> bytes:
+    """Return the uncompressed records of a chunk.
+
+    :raises BrokenRecordError: they are not what was written.
+    """
+    stored = bytes(data[chunk.offset : chunk.offset + chunk.length])
+    try:
+        return chunk_content(stored, chunk.compression, chunk.size, chunk.crc)
+    except BrokenRecordError as error:
+        start = chunk.start_ns * 1e-9
+        raise BrokenRecordError(
+            f"damaged: the chunk at byte {chunk.offset} (from t = {start:.9g} s) {error}"
+        ) from error
+
+
+def _block(path: Path, chunk: StoredChunk, names: Mapping[int, str], channels: set[int] | None) -> Block:
+    def load() -> list[Message]:
+        try:
+            with path.open("rb") as stream:
+                content = _chunk_records(FileBytes(stream), chunk)
+            return [
+                Message(names[channel], payload, time_ns, sequence)
+                for channel, sequence, time_ns, payload in scan_messages(content)
+            ]
+        except BrokenRecordError as error:
+            raise DamagedError(path, str(error)) from error
+        except KeyError as error:
+            raise DamagedError(path, f"damaged: a message belongs to channel {error}, which does not exist") from error
+
+    topics = None if channels is None else frozenset(names[channel] for channel in channels if channel in names)
+    return Block(chunk.start_ns, chunk.end_ns, topics, load)
+
+
+def _topic(found: _FileContents, channel: Channel, count: int) -> RecordedTopic:
+    schema = found.definitions.schemas.get(channel.schema_id) or Schema(id=0, data=b"", encoding="", name="")
+    return RecordedTopic(
+        name=channel.topic,
+        type=schema.name,
+        qos=channel.metadata.get("offered_qos_profiles", ""),
+        definition=schema.data.decode("utf-8", "replace"),
+        encoding=channel.message_encoding,
+        count=count,
+        hash=channel.metadata.get("topic_type_hash", ""),
     )
 
 
 def _by_name(topics: Iterable[RecordedTopic]) -> dict[str, RecordedTopic]:
-    """Topics by name: one that several channels share counts the messages of all."""
+    """Return topics by name; one that several channels share counts the messages of all."""
     found: dict[str, RecordedTopic] = {}
     for topic in topics:
-        before = found[topic.name].count if topic.name in found else 0
-        found[topic.name] = replace(topic, count=topic.count + before)
+        earlier = found[topic.name].count if topic.name in found else 0
+        found[topic.name] = replace(topic, count=topic.count + earlier)
     return found
-
-
-def _walk(path: Path, stream: IO[bytes]) -> _Found:
-    """All records outside of chunks."""
-    found = _Found()
-    size = path.stat().st_size
-    magic = stream.read(len(MAGIC))
-    if not size:
-        raise ReadingError(f"{path}: is empty: whoever wrote it ended before the first record.")
-    if magic != MAGIC:
-        raise ReadingError(f"{path}: is no MCAP file: it begins with {magic!r}.")
-    loose = 0  # where a run of messages outside of chunks begins
-    position = len(MAGIC)
-    while True:
-        head = stream.read(_RECORD.size)
-        if len(head) < _RECORD.size:
-            found.problem = f"cut off: it ends at byte {size} without an index"
-            break
-        opcode, length = _RECORD.unpack(head)
-        if (opcode not in _KNOWN and opcode < 0x80) or length > _MOST:
-            found.problem = f"damaged: no record begins at byte {position}; what comes behind is lost"
-            break
-        end = position + _RECORD.size + length
-        if end > size:
-            found.problem = f"cut off: it ends at byte {size}, within the record that begins at byte {position}"
-            break
-        if opcode == Opcode.MESSAGE:
-            loose = loose or position
-        elif loose:
-            found.chunks.append(_loose(stream, loose, position))
-            loose = 0
-        stream.seek(position + _RECORD.size)
-        try:
-            if opcode == Opcode.FOOTER:
-                return found
-            _take(found, stream, opcode, length, position + _RECORD.size)
-        except (McapError, ValueError, OverflowError, struct.error) as error:
-            found.problem = f"damaged: the record at byte {position} cannot be read ({error})"
-            break
-        stream.seek(end)
-        position = end
-    if loose:
-        found.chunks.append(_loose(stream, loose, position))
-    return found
-
-
-def _take(found: _Found, stream: IO[bytes], opcode: int, length: int, position: int) -> None:
-    """Read a record of those that matter outside of chunks."""
-    if opcode == Opcode.CHUNK:
-        start, end, size, crc, name = _CHUNK.unpack(stream.read(_CHUNK.size))
-        compression = stream.read(name).decode()
-        (data,) = struct.unpack("<Q", stream.read(8))
-        found.chunks.append(_Chunk(stream.tell(), data, start, end, size, crc, compression))
-    elif opcode == Opcode.MESSAGE_INDEX:
-        (channel,) = struct.unpack("<H", stream.read(2))
-        found.held.setdefault(len(found.chunks) - 1, set()).add(channel)
-    elif opcode == Opcode.STATISTICS:
-        found.statistics = Statistics.read(_data(stream.read(length)))
-    elif opcode == Opcode.HEADER:
-        found.profile = Header.read(_data(stream.read(length))).profile
-    elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA, Opcode.ATTACHMENT):
-        _describe(found, opcode, stream.read(length))
-
-
-def _describe(found: _Found, opcode: int, content: bytes) -> None:
-    """Take what says something about the messages or the run."""
-    if opcode == Opcode.SCHEMA:
-        schema = Schema.read(_data(content))
-        found.schemas[schema.id] = schema
-    elif opcode == Opcode.CHANNEL:
-        channel = Channel.read(_data(content))
-        found.channels[channel.id] = channel
-    elif opcode == Opcode.METADATA:
-        about = Metadata.read(_data(content))
-        found.metadata[about.name] = about.metadata
-    elif opcode == Opcode.ATTACHMENT:
-        attachment = Attachment.read(_data(content))
-        (crc,) = struct.unpack("<I", content[-4:])
-        if crc and zlib.crc32(content[:-4]) != crc:
-            found.remark = f"damaged: its attachment '{attachment.name}' is not what was written (its CRC differs)"
-        found.attachments[attachment.name] = attachment.data
-
-
-def _data(content: bytes) -> ReadDataStream:
-    return ReadDataStream(BytesIO(content), calculate_crc=True)
-
-
-def _schema(found: _Found, channel: Channel) -> Schema:
-    return found.schemas.get(channel.schema_id) or Schema(id=0, data=b"", encoding="", name="")
-
-
-def _loose(stream: IO[bytes], start: int, end: int) -> _Chunk:
-    """A run of messages outside of chunks, as if it were one without compression."""
-    stream.seek(start)
-    times = [log_time for _, _, log_time, _ in _messages(stream.read(end - start))]
-    return _Chunk(start, end - start, min(times), max(times), end - start, 0, "")
-
-
-def _counted(path: Path, found: _Found, counts: dict[int, int]) -> list[_Chunk]:
-    """The chunks up to the first that cannot be read; counts messages and takes what describes them."""
-    with path.open("rb") as stream:
-        for number, chunk in enumerate(found.chunks):
-            try:
-                data = _records(path, stream, chunk)
-            except DamagedError as error:
-                found.problem = f"{error.what}; what comes behind is lost"
-                return found.chunks[:number]
-            for opcode, start, end in _split(data):
-                if opcode == Opcode.MESSAGE:
-                    (channel,) = struct.unpack_from("<H", data, start)
-                    counts[channel] = counts.get(channel, 0) + 1
-                else:
-                    _describe(found, opcode, data[start:end])
-    return found.chunks
-
-
-def _block(path: Path, chunk: _Chunk, names: Mapping[int, str], held: set[int] | None) -> Block:
-    def load() -> list[Message]:
-        with path.open("rb") as stream:
-            data = _records(path, stream, chunk)
-        return [
-            Message(names[channel], content, time_ns, order) for channel, order, time_ns, content in _messages(data)
-        ]
-
-    topics = None if held is None else frozenset(names[channel] for channel in held if channel in names)
-    return Block(chunk.start_ns, chunk.end_ns, topics, load)
-
-
-def _records(path: Path, stream: IO[bytes], chunk: _Chunk) -> bytes:
-    """The uncompressed records of a chunk.
-
-    :raises DamagedError: they are not what was written.
-    """
-    stream.seek(chunk.offset)
-    stored = stream.read(chunk.length)
-    where = f"the chunk at byte {chunk.offset} (from t = {chunk.start_ns * 1e-9:.9g} s)"
-    try:
-        data = _decompressed(stored, chunk)
-    except Exception as error:  # zstandard and lz4 have errors of their own
-        raise DamagedError(path, f"damaged: {where} cannot be unpacked ({error})") from error
-    if chunk.crc and zlib.crc32(data) != chunk.crc:
-        raise DamagedError(path, f"damaged: {where} is not what was written (its CRC differs)")
-    return data
-
-
-def _decompressed(stored: bytes, chunk: _Chunk) -> bytes:
-    if chunk.compression == "zstd":
-        import zstandard
-
-        return zstandard.ZstdDecompressor().decompress(stored, max_output_size=chunk.size)
-    if chunk.compression == "lz4":
-        import lz4.frame
-
-        return bytes(lz4.frame.decompress(stored))
-    if chunk.compression:
-        raise ValueError(f"compression '{chunk.compression}' is unknown")
-    return stored
-
-
-def _split(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Opcode, begin and end of each record."""
-    position, size, record, head = 0, len(data), _RECORD.unpack_from, _RECORD.size
-    while position + head <= size:
-        opcode, length = record(data, position)
-        begin = position + head
-        position = begin + length
-        yield opcode, begin, position
-
-
-def _messages(data: bytes) -> Iterator[tuple[int, int, int, bytes]]:
-    """Channel, sequence, log time and content of each message."""
-    message, head = _MESSAGE.unpack_from, _MESSAGE.size
-    for opcode, begin, end in _split(data):
-        if opcode == 5:  # Opcode.MESSAGE: an enumeration's member is slow to look up
-            channel, sequence, log_time, _ = message(data, begin)
-            yield channel, sequence, log_time, data[begin + head : end]

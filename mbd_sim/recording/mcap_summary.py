@@ -1,4 +1,4 @@
-"""What ends an MCAP file: the summary, the index, and where they begin (https://mcap.dev/spec)."""
+"""The end of an MCAP file: summary, index and footer (https://mcap.dev/spec)."""
 
 from __future__ import annotations
 
@@ -10,14 +10,28 @@ from typing import Any
 
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import AttachmentIndex, Channel, DataEnd, Footer, MetadataIndex, Schema, Statistics, SummaryOffset
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
 
-MAGIC = b"\x89MCAP0\r\n"
+from mbd_sim.recording.mcap_scanner import MAGIC
+
+_FOOTER_START = struct.Struct("<BQQQ")  # the footer's record up to the checksum
 
 
 @dataclass(frozen=True)
 class Summary:
-    """What a file holds. `chunks` are the encoded records of its chunks' index, `counts` its messages by channel."""
+    """The contents of a file: `chunks` are the encoded chunk indexes, `counts` the numbers of messages by channel."""
 
     schemas: Sequence[Schema]
     channels: Sequence[Channel]
@@ -29,29 +43,29 @@ class Summary:
     first_ns: int
     last_ns: int
 
-    def tail(self, end: int) -> bytes:
-        """All that follows the last chunk's index, which ends at `end`."""
-        ended = encoded(DataEnd(0))
-        start = end + len(ended)
+    def file_end(self, position: int) -> bytes:
+        """Return everything that follows the last chunk's message indexes, which end at byte `position`."""
+        data_end = encoded(DataEnd(0))
+        start = position + len(data_end)
         groups: list[tuple[Opcode, bytes]] = [
-            (Opcode.SCHEMA, _joined(self.schemas)),
-            (Opcode.CHANNEL, _joined(self.channels)),
+            (Opcode.SCHEMA, _concatenated(self.schemas)),
+            (Opcode.CHANNEL, _concatenated(self.channels)),
             (Opcode.STATISTICS, encoded(self._statistics())),
             (Opcode.CHUNK_INDEX, self.chunks),
-            (Opcode.ATTACHMENT_INDEX, _joined(self.attachments)),
-            (Opcode.METADATA_INDEX, _joined(self.metadata)),
+            (Opcode.ATTACHMENT_INDEX, _concatenated(self.attachments)),
+            (Opcode.METADATA_INDEX, _concatenated(self.metadata)),
         ]
-        written, offsets = b"", b""
+        summary, offsets = b"", b""
         for opcode, group in groups:
             if group:
-                offsets += encoded(SummaryOffset(opcode, start + len(written), len(group)))
-                written += group
-        offset_start = start + len(written)
-        written += offsets
-        # The check sum covers the summary and the footer up to the sum itself.
-        head = struct.pack("<BQQQ", Opcode.FOOTER, 8 + 8 + 4, start, offset_start)
-        footer = Footer(start, offset_start, zlib.crc32(head, zlib.crc32(written)))
-        return ended + written + encoded(footer) + MAGIC
+                offsets += encoded(SummaryOffset(opcode, start + len(summary), len(group)))
+                summary += group
+        offsets_start = start + len(summary)
+        summary += offsets
+        # The checksum covers the summary, and the footer up to the checksum itself.
+        footer_start = _FOOTER_START.pack(Opcode.FOOTER, 8 + 8 + 4, start, offsets_start)
+        footer = Footer(start, offsets_start, zlib.crc32(footer_start, zlib.crc32(summary)))
+        return data_end + summary + encoded(footer) + MAGIC
 
     def _statistics(self) -> Statistics:
         return Statistics(
@@ -68,11 +82,39 @@ class Summary:
 
 
 def encoded(record: Any) -> bytes:
-    """A record of `mcap.records` as it stands in a file."""
+    """Encode a record of `mcap.records`."""
     builder = RecordBuilder()
     record.write(builder)
     return bytes(builder.end())
 
 
-def _joined(records: Iterable[Any]) -> bytes:
+def attachment_index(attachment: Attachment, offset: int, length: int) -> AttachmentIndex:
+    """Return the index entry of an attachment whose record begins at `offset` and has `length` bytes."""
+    return AttachmentIndex(
+        offset=offset,
+        length=length,
+        create_time=attachment.create_time,
+        log_time=attachment.log_time,
+        data_size=len(attachment.data),
+        name=attachment.name,
+        media_type=attachment.media_type,
+    )
+
+
+def chunk_index(chunk: Chunk, offset: int, length: int) -> ChunkIndex:
+    """Return the index entry of a chunk whose record begins at `offset`, still without its message indexes."""
+    return ChunkIndex(
+        message_start_time=chunk.message_start_time,
+        message_end_time=chunk.message_end_time,
+        chunk_start_offset=offset,
+        chunk_length=length,
+        message_index_offsets={},
+        message_index_length=0,
+        compression=chunk.compression,
+        compressed_size=len(chunk.data),
+        uncompressed_size=chunk.uncompressed_size,
+    )
+
+
+def _concatenated(records: Iterable[Any]) -> bytes:
     return b"".join(encoded(record) for record in records)

@@ -17,36 +17,36 @@ _PRIMITIVES = {
 
 
 def definition(message_type: str) -> str:
-    """The text that a `ros2msg` schema holds: the definition of a type such as `std_msgs/msg/String`, then all it uses.
+    """Return the text of a `ros2msg` schema: the definition of a type such as `std_msgs/msg/String` and all it uses.
 
-    :raises FileNotFoundError: the package's definitions are not installed.
+    :raises FileNotFoundError: the definitions of a package are not installed.
     """
     package, _, name = message_type.split("/")
-    found: dict[str, str] = {}
-    waiting = [f"{package}/{name}"]
-    while waiting:
-        short = waiting.pop(0)
-        if short in found:
+    texts: dict[str, str] = {}
+    pending = [f"{package}/{name}"]
+    while pending:
+        short_name = pending.pop(0)
+        if short_name in texts:
             continue
-        found[short] = _text(*short.split("/"))
-        waiting += _used(found[short], short.split("/")[0])
-    (_, first), *others = found.items()
-    return "\n".join([first, *(f"{_SEPARATOR}\nMSG: {short}\n{text}" for short, text in others)])
+        texts[short_name] = _text(*short_name.split("/"))
+        pending += _used_types(texts[short_name], short_name.split("/")[0])
+    (_, first), *others = texts.items()
+    return "\n".join([first, *(f"{_SEPARATOR}\nMSG: {short_name}\n{text}" for short_name, text in others)])
 
 
 @cache
 def type_hash(message_type: str) -> str:
-    """The REP 2011 hash of a type, or "" where it is not installed."""
+    """Return the REP 2011 hash of a type, or "" if it is not installed."""
     package, _, name = message_type.split("/")
     try:
-        described = json.loads((_share(package) / "msg" / f"{name}.json").read_text(encoding="utf-8"))
-        hashes = {entry["type_name"]: entry["hash_string"] for entry in described["type_hashes"]}
+        description = json.loads((_share_folder(package) / "msg" / f"{name}.json").read_text(encoding="utf-8"))
+        hashes = {entry["type_name"]: entry["hash_string"] for entry in description["type_hashes"]}
         return str(hashes.get(message_type, ""))
     except (OSError, ValueError, KeyError):
         return ""
 
 
-def _used(text: str, package: str) -> list[str]:
+def _used_types(text: str, package: str) -> list[str]:
     used = []
     for line in text.splitlines():
         match = _FIELD_TYPE.match(line)
@@ -57,15 +57,15 @@ def _used(text: str, package: str) -> list[str]:
 
 @cache
 def _text(package: str, name: str) -> str:
-    return (_share(package) / "msg" / f"{name}.msg").read_text(encoding="utf-8")
+    return (_share_folder(package) / "msg" / f"{name}.msg").read_text(encoding="utf-8")
 
 
 @cache
-def _share(package: str) -> Path:
-    """The package's share folder: beside its Python module's `lib`, in a ROS installation and in the wheels alike."""
+def _share_folder(package: str) -> Path:
+    """Return the package's share folder: beside the `lib` of its Python module, in an installation and in wheels."""
     module = importlib.import_module(package)
     for folder in Path(str(module.__file__)).resolve().parents:
         share = folder / "share" / package
         if share.is_dir():
             return share
-    raise FileNotFoundError(f"no message definitions of '{package}' beside {module.__file__}")
+    raise FileNotFoundError(f"there are no message definitions of '{package}' near {module.__file__}")

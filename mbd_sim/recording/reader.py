@@ -1,4 +1,4 @@
-"""A recording as plain records: one file or several, MCAP or SQLite, whole or cut off by a kill. Needs no ROS.
+"""Reads a recording: one file or several, MCAP or SQLite, complete or truncated. Needs no ROS.
 
 >>> from mbd_sim.recording.reader import open_recording                                                # doctest: +SKIP
 >>> recording = open_recording("recordings/double_rod.mcap")                                           # doctest: +SKIP
@@ -14,75 +14,73 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from mbd_sim.recording import cdr
-from mbd_sim.recording.contents import (
+from mbd_sim.recording import cdr, rosbag2_metadata
+from mbd_sim.recording.mcap_reader import read_mcap
+from mbd_sim.recording.recorded_file import (
+    RUN_METADATA,
     Block,
     DamagedError,
     Message,
-    Part,
     ReadingError,
+    RecordedFile,
     RecordedTopic,
 )
-from mbd_sim.recording.mcap_reader import read_mcap
 from mbd_sim.recording.sqlite_reader import read_sqlite
 
-ABOUT = "mbd_sim"  # the metadata record of a run of ours
 _READERS = {".mcap": read_mcap, ".db3": read_sqlite}
 
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording: what it says about the run, its topics, and its messages. `parts` are its files in order."""
+    """A recording: the description of its run, its topics, and its messages. `files` are in order."""
 
     path: Path
-    parts: Sequence[Part]
+    files: Sequence[RecordedFile]
 
     @property
     def about(self) -> Mapping[str, str]:
-        """What `sim_node` says about the run, see `mbd_sim.recording.run_metadata`; empty in other recordings."""
-        return next((part.metadata[ABOUT] for part in self.parts if ABOUT in part.metadata), {})
+        """The description of the run, see `mbd_sim.recording.run_metadata`; empty if `sim_node` did not record it."""
+        return next((file.metadata[RUN_METADATA] for file in self.files if file.is_run), {})
 
     @property
     def mechanism_text(self) -> str | None:
-        """The mechanism's file, where the recording has one."""
-        return next((part.mechanism_text for part in self.parts if part.mechanism_text is not None), None)
+        """The mechanism's file, if the recording contains one."""
+        return next((file.mechanism_text for file in self.files if file.mechanism_text is not None), None)
 
     @cached_property
     def topics(self) -> Mapping[str, RecordedTopic]:
-        """All topics by name."""
+        """All topics by name, with the number of messages in all files."""
         found: dict[str, RecordedTopic] = {}
-        for part in self.parts:
-            for name, topic in part.topics.items():
-                before = found[name].count if name in found else 0
-                found[name] = replace(topic, count=topic.count + before)
+        for file in self.files:
+            for name, topic in file.topics.items():
+                earlier = found[name].count if name in found else 0
+                found[name] = replace(topic, count=topic.count + earlier)
         return found
 
     @property
     def problems(self) -> list[str]:
-        """Why files are not whole, with their names; empty where all are."""
-        return [f"{part.path}: {part.problem}" for part in self.parts if part.problem]
+        """Why files are incomplete, each with the name of the file; empty if all are complete."""
+        return [f"{file.path}: {file.problem}" for file in self.files if file.problem]
 
     @property
     def blocks(self) -> list[Block]:
-        """What can be read at once, in file order."""
-        return [block for part in self.parts for block in part.blocks]
+        """The blocks of all files, in file order."""
+        return [block for file in self.files for block in file.blocks]
 
     @property
     def start_ns(self) -> int:
-        """The time of the first message in ns; 0 where there is none."""
+        """The time of the first message in ns, or 0."""
         return min((block.start_ns for block in self.blocks), default=0)
 
     @property
     def end_ns(self) -> int:
-        """The time of the last message in ns; 0 where there is none."""
+        """The time of the last message in ns, or 0."""
         return max((block.end_ns for block in self.blocks), default=0)
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
-        """The messages of some topics, or of all, in file order.
+        """Yield the messages of some topics, or of all, in file order.
 
-        :raises DamagedError: a block is not what was written; those before it have come.
+        :raises DamagedError: a block is not what was written; all earlier messages have been yielded.
         """
         for block in self.blocks:
             if topics is None:
@@ -91,33 +89,34 @@ class Recording:
                 yield from (message for message in block.load() if message.topic in topics)
 
     def in_time_order(
-        self, start_ns: int | None = None, skip: Callable[[DamagedError], None] | None = None
+        self, start_ns: int | None = None, on_damage: Callable[[DamagedError], None] | None = None
     ) -> Iterator[Message]:
-        """All messages from a time on, by log time; `skip` hears of blocks that are damaged, and left out.
+        """Yield all messages from a time on, by log time.
 
-        :raises DamagedError: a block is not what was written, without `skip`.
+        :param on_damage: called for each damaged block, which is left out.
+        :raises DamagedError: a block is not what was written, if `on_damage` is None.
         """
-        waiting: list[Message] = []
+        pending: list[Message] = []
         for block in sorted(self.blocks, key=lambda block: block.start_ns):
             if start_ns is not None and block.end_ns < start_ns:
                 continue
-            ready = next((n for n, message in enumerate(waiting) if message.time_ns > block.start_ns), len(waiting))
-            yield from waiting[:ready]
-            del waiting[:ready]
+            ready = next((n for n, message in enumerate(pending) if message.time_ns > block.start_ns), len(pending))
+            yield from pending[:ready]
+            del pending[:ready]
             try:
                 loaded = block.load()
             except DamagedError as error:
-                if skip is None:
+                if on_damage is None:
                     raise
-                skip(error)
+                on_damage(error)
                 continue
             if start_ns is not None:
                 loaded = [message for message in loaded if message.time_ns >= start_ns]
-            waiting = sorted(waiting + loaded, key=_time)
-        yield from waiting
+            pending = sorted(pending + loaded, key=_time)
+        yield from pending
 
     def latest(self, topics: Collection[str], time_ns: int) -> list[Message]:
-        """The last message of each of some topics before a time, in time order, as far as one is whole."""
+        """Return the last message of each topic before a time, in time order; damaged blocks are left out."""
         found: dict[str, Message] = {}
         missing = set(topics)
         for block in sorted(self.blocks, key=lambda block: block.end_ns, reverse=True):
@@ -136,7 +135,7 @@ class Recording:
         return sorted(found.values(), key=_time)
 
     def decoded(self, message: Message) -> Any:
-        """A message's content: `cdr.JointStates`, `cdr.Numbers`, or text; other types as `rosbags` decodes them.
+        """Decode a message: `cdr.JointStates`, `cdr.MultiArray`, or text; `rosbags` decodes other types.
 
         :raises ReadingError: it cannot be decoded.
         """
@@ -150,44 +149,44 @@ class Recording:
 
 
 def open_recording(path: str | Path) -> Recording:
-    """Open an `.mcap` or `.db3` file, or a folder of rosbag2.
+    """Open an `.mcap` or `.db3` file, or a rosbag2 folder.
 
-    :raises ReadingError: there is none, or it cannot be read; with the file and what is wrong.
+    :raises ReadingError: it does not exist or cannot be read; the message names the file and the reason.
     """
     path = Path(path)
     if path.is_dir():
-        return Recording(path, [_part(file) for file in _files(path)])
+        return Recording(path, [_read_file(file) for file in _files(path)])
     if not path.exists():
         raise ReadingError(f"{path}: there is no such file.")
-    return Recording(path, [_part(path)])
+    return Recording(path, [_read_file(path)])
 
 
-def _part(path: Path) -> Part:
+def _read_file(path: Path) -> RecordedFile:
     if not path.is_file():
         raise ReadingError(f"{path}: there is no such file.")
     if path.suffix == ".zstd":
-        raise ReadingError(f"{path}: is compressed as a whole. Unpack it first: zstd -d '{path}'.")
+        raise ReadingError(f"{path}: the file is compressed as a whole. Decompress it first: zstd -d '{path}'.")
     return _READERS.get(path.suffix, read_mcap)(path)
 
 
 def _files(folder: Path) -> list[Path]:
-    """The files of a folder in order: as its `metadata.yaml` says, or all there are where that is missing."""
-    described = folder / "metadata.yaml"
-    if described.is_file():
+    """Return the files of a folder in order: as listed in `metadata.yaml`, or all if that is missing."""
+    description = folder / rosbag2_metadata.FILE_NAME
+    if description.is_file():
         try:
-            about = yaml.safe_load(described.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
-            files = [folder / name for name in about["relative_file_paths"]]
-        except (yaml.YAMLError, KeyError, TypeError, OSError, UnicodeDecodeError) as error:
-            raise ReadingError(f"{described}: is no description of a rosbag2 recording ({error!r}).") from error
+            names = rosbag2_metadata.read_bag_metadata(description)["relative_file_paths"]
+            files = [folder / name for name in names]
+        except (OSError, ValueError, LookupError, TypeError) as error:
+            raise ReadingError(f"{description}: cannot be read: {error}.") from error
     else:
-        files = sorted((file for file in folder.iterdir() if file.suffix in _READERS), key=_natural)
+        files = sorted((file for file in folder.iterdir() if file.suffix in _READERS), key=_natural_order)
     if not files:
-        raise ReadingError(f"{folder}: holds no recording: neither metadata.yaml nor .mcap or .db3 files.")
+        raise ReadingError(f"{folder}: contains no recording: neither metadata.yaml nor .mcap or .db3 files.")
     return files
 
 
-def _natural(path: Path) -> list[tuple[int, int, str]]:
-    """A key that puts `run_2` before `run_10`."""
+def _natural_order(path: Path) -> list[tuple[int, int, str]]:
+    """Return a sorting key that puts `run_2` before `run_10`."""
     return [(1, int(word), "") if word.isdigit() else (0, 0, word) for word in re.split(r"(\d+)", path.name)]
 
 

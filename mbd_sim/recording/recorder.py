@@ -1,4 +1,4 @@
-"""A run to MCAP files that any ROS 2 tool opens, written off the simulation's thread."""
+"""Records a run to MCAP files that any ROS 2 tool opens, without delaying the thread that steps the simulation."""
 
 from __future__ import annotations
 
@@ -9,117 +9,110 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from mbd_sim.recording.durable_file import Stream
-from mbd_sim.recording.file_names import (
-    RecordingError,
-    Series,
-    new_file,
-    new_series,
-)
-from mbd_sim.recording.mcap_writer import McapFile, NoRoomError, Writable
-from mbd_sim.recording.recorded_topic import Topic
-from mbd_sim.recording.rosbag2_metadata import Contents, bag_metadata, write_metadata
+from mbd_sim.recording.durable_file import DurableFile
+from mbd_sim.recording.mcap_writer import DiskNearlyFullError, McapWriter, OutputFile
+from mbd_sim.recording.recording_paths import RecordingError, RecordingPaths
+from mbd_sim.recording.rosbag2_metadata import FileStatistics, bag_metadata, write_metadata
+from mbd_sim.recording.topic import Topic
 
-__all__ = ["Recorder", "RecordingError", "Series", "Topic", "new_file", "new_series"]
+QUEUE_LIMIT = 16e6  # bytes that may wait for a slow disk before messages of display topics are dropped, and
+VITAL_QUEUE_LIMIT = 128e6  # bytes after which the recording ends, if the disk is too slow even for vital messages
+MESSAGE_OVERHEAD = 300  # bytes of memory that a queued message takes besides its payload
+CHUNK_PERIOD = 0.2  # s of real time after which a chunk is written however small it is: the most that a kill can cost
+SYNC_PERIOD = 0.25  # s between requests to write data to the disk: what a power failure costs in addition
 
-WAITING = 16e6  # bytes that may wait for a slow disk before messages of display topics are dropped, and
-WAITING_VITAL = 128e6  # bytes after which the recording ends, where the disk is too slow even for vital ones
-OVERHEAD = 300  # bytes of memory that a waiting message takes besides its payload
-CHUNK_PERIOD = 0.2  # s of real time after which a chunk is written, however little it holds: what a kill costs at most
-SYNC_PERIOD = 0.25  # s between requests that the disk take what has been written: what a power failure costs besides
-
-_Message = tuple[int, bytes, int, int]
+_QueuedMessage = tuple[int, bytes, int, int]  # number of the topic, payload, log time in ns, sequence number
 
 
 class Recorder:
-    """Writes messages in a thread of its own; `put` never waits for the disk.
+    """Writes messages in its own thread; `put` never waits for the disk.
 
-    Each file begins with the mechanism's file and metadata, given by `begin`, so that each can be computed again
-    alone. Messages carry the simulation's clock as log time and the tick (steps since the node started) as sequence.
+    Each file begins with the mechanism's file and the metadata given to `begin`, so that each can be recomputed on its
+    own. The log time of a message is the simulated clock, its sequence number the tick (steps since the node started).
 
-    Memory is bounded: on a slow disk messages of topics that are not vital are dropped and counted. Where even the
-    vital ones come faster than they can be written, the recording ends: no file lacks one in its middle.
+    Memory is bounded: on a slow disk messages of topics that are not vital are dropped and counted. If even the vital
+    ones arrive faster than they can be written, the recording ends: no file has a gap among its commands.
     """
 
     def __init__(
         self,
-        series: Series,
+        paths: RecordingPaths,
         topics: Mapping[str, Topic],
         mechanism_text: str,
         *,
-        open_stream: Callable[[Path], Writable] = Stream,
+        open_file: Callable[[Path], OutputFile] = DurableFile,
     ) -> None:
-        """Open the first file; what is put before `begin` is lost.
+        """Open the first file; messages put before `begin` are lost.
 
         :raises RecordingError: the file cannot be opened.
         """
-        self.series = series
+        self.paths = paths
         self.written = self.split_count = 0
         self.failure = ""
-        self.finished = threading.Event()  # whoever opens the last file finds it whole,
-        self.ended = threading.Event()  # and it is on the disk
+        self.finished = threading.Event()  # set when the last file is complete for a reader,
+        self.ended = threading.Event()  # and when it is on the disk
         self._topics = list(topics.values())
-        self._number = {key: number for number, key in enumerate(topics)}
-        self._text, self._open = mechanism_text, open_stream
+        self._numbers = {key: number for number, key in enumerate(topics)}
+        self._mechanism_text, self._open_file = mechanism_text, open_file
         self._begun = self._closing = False
         self._dropped = self._unwritten = 0  # by `put`, and by the thread
-        self._put_bytes = self._taken_bytes = 0
-        self._queue: queue.SimpleQueue[_Message | dict[str, str] | None] = queue.SimpleQueue()
+        self._queued_bytes = self._dequeued_bytes = 0  # since the start
+        self._queue: queue.SimpleQueue[_QueuedMessage | dict[str, str] | None] = queue.SimpleQueue()
         try:
-            self._file = McapFile(series.file(0), self._topics, open_stream)
+            self._writer = McapWriter(paths.file(0), self._topics, open_file)
         except OSError as error:
-            raise RecordingError(f"cannot record to '{series.place}': {error.strerror}.") from error
-        self._files: list[Contents] = []
+            raise RecordingError(f"cannot record to '{paths.location}': {error.strerror}.") from error
+        self._files: list[FileStatistics] = []
         for target, name in ((self._run, "recorder"), (self._sync, "recorder_sync")):
             threading.Thread(target=target, name=name, daemon=True).start()
 
     @property
     def path(self) -> Path:
         """The file that is being written."""
-        return self._file.path
+        return self._writer.path
 
     @property
-    def place(self) -> Path:
-        """What a user opens: this file, or rosbag2's folder."""
-        return self.series.place if self.series.rosbag2 else self.path
+    def location(self) -> Path:
+        """What a user opens: the file that is being written, or rosbag2's folder."""
+        return self.paths.location if self.paths.rosbag2 else self.path
 
     @property
     def size(self) -> int:
-        """Bytes of it so far."""
-        return self._file.size
+        """The size so far of the file that is being written, in bytes."""
+        return self._writer.size
 
     @property
-    def waiting(self) -> int:
-        """Bytes of memory that messages take which wait for the disk."""
-        return self._put_bytes - self._taken_bytes
+    def queued(self) -> int:
+        """The memory in bytes of messages that wait for the disk."""
+        return self._queued_bytes - self._dequeued_bytes
 
     @property
     def dropped(self) -> int:
-        """Messages that were put and are in no file."""
+        """The number of messages that were put and are in no file."""
         return self._dropped + self._unwritten
 
     def begin(self, metadata: Mapping[str, str]) -> None:
-        """What is put from now on belongs to the next file, or to the first; `metadata` says what it starts from."""
+        """Begin the first or the next file with all messages put from now on; `metadata` describes its start."""
         if not self._closing:
             self._begun = True
             self._queue.put(dict(metadata))
 
     def put(self, key: str, payload: bytes, time_ns: int, sequence: int) -> None:
-        """Queue one serialized message of the topic that was given under `key`. For one thread at a time."""
-        number = self._number[key]
-        waiting = self._put_bytes - self._taken_bytes
-        if self._closing or not self._begun or (waiting > WAITING and not self._topics[number].vital):
+        """Queue a serialized message of the topic that was given under `key`. For one thread at a time."""
+        number = self._numbers[key]
+        queued = self._queued_bytes - self._dequeued_bytes
+        if self._closing or not self._begun or (queued > QUEUE_LIMIT and not self._topics[number].vital):
             self._dropped += 1
             return
-        if waiting > WAITING_VITAL:
+        if queued > VITAL_QUEUE_LIMIT:
             self._dropped += 1
             self._end(f"recording to '{self.path}' ends at tick {sequence}: the disk is too slow even for commands")
             return
-        self._put_bytes += len(payload) + OVERHEAD
+        self._queued_bytes += len(payload) + MESSAGE_OVERHEAD
         self._queue.put((number, payload, time_ns, sequence & 0xFFFFFFFF))
 
     def close(self, timeout: float | None = None) -> bool:
-        """Write what waits, the summary and the index; returns whether that is done after `timeout` seconds at most."""
+        """Write queued messages, summary and index; return whether that was done within `timeout` seconds."""
         self._end()
         return self.ended.wait(timeout)
 
@@ -131,16 +124,16 @@ class Recorder:
 
     def _sync(self) -> None:
         while not self.ended.wait(SYNC_PERIOD):
-            self._file.sync()
+            self._writer.sync()
 
     def _run(self) -> None:
         try:
             self._write_all()
-        except NoRoomError as error:
+        except DiskNearlyFullError as error:
             self._fail(f"ends: {error}", error, finish=True)
         except OSError as error:
             self._fail(f"stopped: {error.strerror}", error)
-        except Exception as error:  # else a defect would end the recording in silence
+        except Exception as error:  # a defect must not end the recording silently
             self._fail(f"stopped: {error!r}", error)
         finally:
             self._closing = True
@@ -150,66 +143,67 @@ class Recorder:
             self.finished.set()
             self.ended.set()
 
-    def _fail(self, what: str, error: Exception, *, finish: bool = False) -> None:
+    def _fail(self, reason: str, error: Exception, *, finish: bool = False) -> None:
         path = error.filename if isinstance(error, OSError) and error.filename else self.path
-        self.failure = self.failure or f"recording to '{path}' {what}"
+        self.failure = self.failure or f"recording to '{path}' {reason}"
         self._closing = True
         with contextlib.suppress(OSError):
             if finish:
                 self._finish()
                 return
-        lost = self._file.give_up()
+        lost = self._writer.abandon()
         self.written -= lost
         self._unwritten += lost
         with contextlib.suppress(OSError):
-            self._describe()
+            self._write_bag_metadata()
 
     def _write_all(self) -> None:
-        due: float | None = None  # when the chunk is to be written, by the steady clock
+        deadline: float | None = None  # on the monotonic clock, at which the chunk is to be written
         while True:
             try:
-                item = self._queue.get(timeout=None if due is None else max(due - time.monotonic(), 0.0))
+                item = self._queue.get(timeout=None if deadline is None else max(deadline - time.monotonic(), 0.0))
             except queue.Empty:
-                self._file.flush()
-                due = None
+                self._writer.flush()
+                deadline = None
                 continue
             if item is None:
                 self._finish()
                 return
             if isinstance(item, dict):
-                self._next(item)
-                due = None
+                self._begin_file(item)
+                deadline = None
                 continue
             number, payload, time_ns, sequence = item
             self.written += 1
-            self._file.add(number, payload, time_ns, sequence)
-            self._taken_bytes += len(payload) + OVERHEAD
-            if due is None:
-                due = time.monotonic() + CHUNK_PERIOD
-            elif time.monotonic() > due:
-                self._file.flush()
-                due = None
+            self._writer.add(number, payload, time_ns, sequence)
+            self._dequeued_bytes += len(payload) + MESSAGE_OVERHEAD
+            if deadline is None:
+                deadline = time.monotonic() + CHUNK_PERIOD
+            elif time.monotonic() > deadline:
+                self._writer.flush()
+                deadline = None
 
-    def _next(self, metadata: dict[str, str]) -> None:
+    def _begin_file(self, metadata: dict[str, str]) -> None:
         if self._files:
-            self._file.finish()
-            self._file.close()
-            self._file = McapFile(self.series.file(len(self._files)), self._topics, self._open)
+            self._writer.finish()
+            self._writer.close()
+            self._writer = McapWriter(self.paths.file(len(self._files)), self._topics, self._open_file)
             self.split_count += 1
-        self._files.append(self._file.contents)
-        self._file.begin(self._text, metadata)
-        self._describe()
+        self._files.append(self._writer.statistics)
+        self._writer.begin(self._mechanism_text, metadata)
+        self._write_bag_metadata()
 
     def _finish(self) -> None:
-        if not self._files:  # never begun
-            self._files.append(self._file.contents)
-            self._file.begin(self._text, {})
-        self._file.finish()
-        self._describe()
+        if not self._files:  # `begin` was never called
+            self._files.append(self._writer.statistics)
+            self._writer.begin(self._mechanism_text, {})
+        self._writer.finish()
+        self._write_bag_metadata()
         self.finished.set()
-        self._file.close()
+        self._writer.close()
 
-    def _describe(self) -> None:
-        """Bring rosbag2's description of the files up to date, where there is one."""
-        if self.series.metadata is not None:
-            write_metadata(self.series.metadata, bag_metadata(self._topics, self._files, {"recorded_by": "mbd_sim"}))
+    def _write_bag_metadata(self) -> None:
+        """Update rosbag2's description of the files, if there is one."""
+        if self.paths.metadata is not None:
+            document = bag_metadata(self._topics, self._files, {"recorded_by": "mbd_sim"})
+            write_metadata(self.paths.metadata, document)

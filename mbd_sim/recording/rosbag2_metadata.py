@@ -1,4 +1,4 @@
-"""`metadata.yaml` of a folder as rosbag2 writes it in Jazzy (version 9, `rosbag2_storage/yaml.hpp`)."""
+"""`metadata.yaml` of a rosbag2 folder as written in Jazzy (version 9, `rosbag2_storage/yaml.hpp`)."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ from typing import Any
 
 import yaml
 
-from mbd_sim.recording.recorded_topic import Topic
+from mbd_sim.recording.topic import Topic
 
 VERSION = 9
+FILE_NAME = "metadata.yaml"
+_ROOT = "rosbag2_bagfile_information"
 
 
 @dataclass
-class Contents:
-    """What one file holds: messages by topic's number, and the times of the first and the last in ns."""
+class FileStatistics:
+    """The number of messages in one file, by topic number, and the log times of the first and the last in ns."""
 
     path: Path
     counts: dict[int, int] = field(default_factory=dict)
@@ -25,11 +27,11 @@ class Contents:
 
     @property
     def messages(self) -> int:
-        """How many."""
+        """The number of all messages."""
         return sum(self.counts.values())
 
-    def take(self, counts: Sequence[int], first_ns: int, last_ns: int) -> None:
-        """Some more messages, by topic, with the times of the earliest and the latest of them."""
+    def add(self, counts: Sequence[int], first_ns: int, last_ns: int) -> None:
+        """Count more messages, by topic, with the times of the earliest and the latest of them."""
         if not self.messages:
             self.first_ns, self.last_ns = first_ns, last_ns
         self.first_ns, self.last_ns = min(self.first_ns, first_ns), max(self.last_ns, last_ns)
@@ -38,18 +40,18 @@ class Contents:
                 self.counts[number] = self.counts.get(number, 0) + count
 
 
-def bag_metadata(topics: Sequence[Topic], files: Sequence[Contents], custom: Mapping[str, str]) -> dict[str, Any]:
-    """The document as plain values; `custom` is free for the recorder to use."""
-    filled = [contents for contents in files if contents.messages]
-    first = min((contents.first_ns for contents in filled), default=0)
-    last = max((contents.last_ns for contents in filled), default=0)
+def bag_metadata(topics: Sequence[Topic], files: Sequence[FileStatistics], custom: Mapping[str, str]) -> dict[str, Any]:
+    """Return the document as plain values; `custom` is the recorder's own data."""
+    not_empty = [file for file in files if file.messages]
+    first = min((file.first_ns for file in not_empty), default=0)
+    last = max((file.last_ns for file in not_empty), default=0)
     return {
-        "rosbag2_bagfile_information": {
+        _ROOT: {
             "version": VERSION,
             "storage_identifier": "mcap",
             "duration": {"nanoseconds": last - first},
             "starting_time": {"nanoseconds_since_epoch": first},
-            "message_count": sum(contents.messages for contents in files),
+            "message_count": sum(file.messages for file in files),
             "topics_with_message_count": [
                 {
                     "topic_metadata": {
@@ -59,21 +61,21 @@ def bag_metadata(topics: Sequence[Topic], files: Sequence[Contents], custom: Map
                         "offered_qos_profiles": yaml.safe_load(topic.qos),
                         "type_description_hash": topic.hash,
                     },
-                    "message_count": sum(contents.counts.get(number, 0) for contents in files),
+                    "message_count": sum(file.counts.get(number, 0) for file in files),
                 }
                 for number, topic in enumerate(topics)
             ],
             "compression_format": "",
             "compression_mode": "",
-            "relative_file_paths": [contents.path.name for contents in files],
+            "relative_file_paths": [file.path.name for file in files],
             "files": [
                 {
-                    "path": contents.path.name,
-                    "starting_time": {"nanoseconds_since_epoch": contents.first_ns},
-                    "duration": {"nanoseconds": contents.last_ns - contents.first_ns},
-                    "message_count": contents.messages,
+                    "path": file.path.name,
+                    "starting_time": {"nanoseconds_since_epoch": file.first_ns},
+                    "duration": {"nanoseconds": file.last_ns - file.first_ns},
+                    "message_count": file.messages,
                 }
-                for contents in files
+                for file in files
             ],
             "custom_data": dict(custom) or None,
             "ros_distro": "jazzy",
@@ -81,8 +83,20 @@ def bag_metadata(topics: Sequence[Topic], files: Sequence[Contents], custom: Map
     }
 
 
+def read_bag_metadata(path: Path) -> dict[str, Any]:
+    """Read the content of a `metadata.yaml`.
+
+    :raises OSError: it cannot be read.
+    :raises ValueError: it is not such a document.
+    """
+    try:
+        return dict(yaml.safe_load(path.read_text(encoding="utf-8"))[_ROOT])
+    except (yaml.YAMLError, KeyError, TypeError) as error:
+        raise ValueError(f"it is not a description of a rosbag2 recording ({error!r})") from error
+
+
 def write_metadata(path: Path, document: Mapping[str, Any]) -> None:
-    """Write the document in one go: whoever reads meanwhile, or after a kill, finds the old one or the new one.
+    """Replace the document atomically: a reader finds the old one or the new one, even after a kill.
 
     :raises OSError: it cannot be written.
     """

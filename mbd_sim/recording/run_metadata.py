@@ -1,4 +1,4 @@
-"""What a recording says about the run besides its messages: all that is needed to compute it again."""
+"""The metadata of a recording: everything besides its messages that is needed to recompute the run."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from mbd_sim.simulation.simulation import Simulation
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """Everything that the motion from a tick on depends on, besides what is commanded later.
+    """Everything that the motion from a tick on depends on, besides later commands.
 
     `ticks` counts the steps since the node started, `steps` those since time zero of the mechanism; `clock_ns` is the
-    node's simulated clock. `y` is the whole integrated state, `inputs` are those of the equations: efforts, wrenches
-    and live values.
+    node's simulated clock. `y` is the integrated state, `inputs` are those of the equations: efforts, wrenches and live
+    values.
     """
 
     ticks: int
@@ -35,7 +35,7 @@ class Moment:
 
     @classmethod
     def of(cls, simulation: Simulation, ticks: int = 0, clock_ns: int = 0) -> Moment:
-        """A copy of what a simulation is at."""
+        """Copy the present state of a simulation."""
         return cls(
             ticks,
             clock_ns,
@@ -50,9 +50,10 @@ class Moment:
 def run_metadata(
     simulation: Simulation, moment: Moment | None = None, parameters: Mapping[str, Any] | None = None
 ) -> dict[str, str]:
-    """Mechanism, method, step and all of a moment (numbers hexadecimal, exact), versions and host.
+    """Return mechanism, method, step, the moment of the first message, versions and host; numbers are hexadecimal.
 
-    The moment is that of the first message; by default what the simulation is at. `parameters` are the node's.
+    :param moment: by default the present state of the simulation, with ticks and clock at zero.
+    :param parameters: those of the node.
     """
     mechanism = simulation.mechanism
     moment = moment or Moment.of(simulation)

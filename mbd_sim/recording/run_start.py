@@ -1,4 +1,4 @@
-"""What a recorded run begins with, as its metadata says; see `mbd_sim.recording.run_metadata`."""
+"""The start of a recorded run, as its metadata describe it; `mbd_sim.recording.run_metadata` writes them."""
 
 from __future__ import annotations
 
@@ -10,23 +10,22 @@ import numpy as np
 
 from mbd_sim.errors import MbdSimError
 from mbd_sim.geometry.pose import Array
-from mbd_sim.recording.contents import Part
-from mbd_sim.recording.reader import ABOUT
+from mbd_sim.recording.recorded_file import RUN_METADATA, RecordedFile
 
-NEEDED = ("method", "step", "start")
+REQUIRED_KEYS = ("method", "step", "start")
 
 
 class RecomputeError(MbdSimError):
-    """A recording that cannot be computed again."""
+    """A recording that cannot be recomputed."""
 
 
 @dataclass(frozen=True)
-class Beginning:
-    """All that the motion depends on, besides the mechanism and what is commanded later.
+class RunStart:
+    """Everything that the motion depends on besides the mechanism and later commands.
 
-    `step` is in s. `start` is the whole integrated state and `inputs` are all of the equations; `tick` counts the steps
-    since the node started, `steps` those of the mechanism since its time zero, and `clock_ns` is the node's clock. What
-    older recordings do not say is None: they begin with the node.
+    `step` is in s. `y` is the integrated state and `inputs` are all inputs of the equations. `tick` counts the steps
+    since the node started, `steps` those since time zero of the mechanism; `clock_ns` is the simulated clock. Values
+    that older recordings lack are None: these begin when the node starts.
     """
 
     file: str
@@ -34,7 +33,7 @@ class Beginning:
     step: float
     wrenches: tuple[str, ...]
     live: Mapping[str, float]
-    start: Array
+    y: Array
     inputs: Array | None
     start_energy: float | None
     tick: int
@@ -42,27 +41,26 @@ class Beginning:
     clock_ns: int | None
 
 
-def beginning(part: Part) -> Beginning:
-    """Read the metadata of a file.
+def read_run_start(file: RecordedFile) -> RunStart:
+    """Read the start of a run from the metadata of a file.
 
-    :raises RecomputeError: there is none, or it lacks something, or is damaged.
+    :raises RecomputeError: the metadata are missing, incomplete or damaged.
     """
-    about = part.metadata.get(ABOUT)
+    about = file.metadata.get(RUN_METADATA)
     if about is None:
-        raise RecomputeError(f"{part.path}: is no recording of sim_node: it has no metadata '{ABOUT}'.")
-    for key in NEEDED:
+        raise RecomputeError(f"{file.path}: is not a recording of sim_node: it has no metadata '{RUN_METADATA}'.")
+    for key in REQUIRED_KEYS:
         if key not in about:
-            raise RecomputeError(f"{part.path}: its metadata '{ABOUT}' lacks '{key}'.")
+            raise RecomputeError(f"{file.path}: its metadata '{RUN_METADATA}' lack '{key}'.")
     try:
         tick = int(about.get("first_tick", about.get("tick", "0")))
-        live = {str(key): float.fromhex(value) for key, value in json.loads(about.get("live", "{}")).items()}
-        return Beginning(
-            file=about.get("file", str(part.path)),
+        return RunStart(
+            file=about.get("file", str(file.path)),
             method=about["method"],
             step=float.fromhex(about["step"]),
             wrenches=tuple(json.loads(about.get("wrenches", "[]"))),
-            live=live,
-            start=_exact(about["start"]),
+            live={str(key): float.fromhex(value) for key, value in json.loads(about.get("live", "{}")).items()},
+            y=_exact(about["start"]),
             inputs=_exact(about["inputs"]) if "inputs" in about else None,
             start_energy=float.fromhex(about["start_energy"]) if "start_energy" in about else None,
             tick=tick,
@@ -70,7 +68,7 @@ def beginning(part: Part) -> Beginning:
             clock_ns=int(about["first_clock"]) if "first_clock" in about else None,
         )
     except (ValueError, TypeError, AttributeError, OverflowError) as error:
-        raise RecomputeError(f"{part.path}: its metadata '{ABOUT}' cannot be read ({error}).") from error
+        raise RecomputeError(f"{file.path}: its metadata '{RUN_METADATA}' cannot be read ({error}).") from error
 
 
 def _exact(text: str) -> Array:

@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 
-from mbd_sim.recording.recorder import Recorder, RecordingError
+from mbd_sim.recording.recorder import Recorder
+from mbd_sim.recording.recording_paths import RecordingError
 from mbd_sim.recording.run_metadata import Moment
 
 ANSWER = 0.2  # s that a service call waits for the disk; commands wait that long as well
@@ -64,7 +65,7 @@ class Recordings:
                 self._begin(recorder, moment)
             else:
                 self._ask(lambda moment: self._begin(recorder, moment))
-            return True, str(recorder.place)
+            return True, str(recorder.location)
 
     def stop(self) -> tuple[bool, str]:
         """End the recording; whether there was one, and its path."""
@@ -75,7 +76,10 @@ class Recordings:
             self._asked = None
             self._ask(lambda _: self._end(recorder)).wait(ANSWER)
             finished = recorder.finished.wait(ANSWER)
-            return True, f"{recorder.place}" if finished else f"{recorder.place} is being finished: the disk is slow"
+            return (
+                True,
+                f"{recorder.location}" if finished else f"{recorder.location} is being finished: the disk is slow",
+            )
 
     def split(self) -> tuple[bool, str]:
         """Go on in another file; whether that works, and the path of the one that ends."""
@@ -101,7 +105,7 @@ class Recordings:
         if recorder is None:
             return ""
         lost = f", {recorder.dropped} dropped" if recorder.dropped else ""
-        return f"recorded {recorder.written} messages{lost} to {recorder.series.place}"
+        return f"recorded {recorder.written} messages{lost} to {recorder.paths.location}"
 
     def at(self, moment: Moment) -> None:
         """Do what waits for this moment."""
@@ -142,7 +146,7 @@ class Recordings:
         return self._asked
 
     def _asked_path(self) -> str:
-        return str(self._asked.place) if self._asked is not None else ""
+        return str(self._asked.location) if self._asked is not None else ""
 
     def _ask(self, action: Callable[[Moment], None]) -> threading.Event:
         done = threading.Event()

@@ -7,8 +7,8 @@ from typing import Any
 
 from mbd_sim.errors import nearest
 from mbd_sim.load import load_mechanism
-from mbd_sim.recording.file_names import FORMATS, new_series
 from mbd_sim.recording.recorder import Recorder
+from mbd_sim.recording.recording_paths import FORMATS, new_recording_paths
 from mbd_sim.recording.run_metadata import run_metadata
 from mbd_sim.ros.node_parameters import Parameters
 from mbd_sim.ros.node_recordings import Limits, Recordings
@@ -67,8 +67,8 @@ def recordings(parameters: Parameters, runner: Runner, outputs: Outputs, log: An
 
     def open_recorder() -> Recorder:
         folder = Path(parameters["record_dir"]).expanduser()
-        series = new_series(folder, mechanism.name, rosbag2=form == "rosbag2")
-        return Recorder(series, outputs.topics(), mechanism.source.text)
+        paths = new_recording_paths(folder, mechanism.name, rosbag2=form == "rosbag2")
+        return Recorder(paths, outputs.topics(), mechanism.source.text)
 
     return Recordings(
         open_recorder,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from mbd_sim.recording.recorder import Topic
+from mbd_sim.recording.topic import Topic
 from mbd_sim.ros import qos
 
 

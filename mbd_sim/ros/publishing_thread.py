@@ -17,8 +17,9 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray, String
 from visualization_msgs.msg import MarkerArray
 
-from mbd_sim.recording.recorder import Recorder, Topic
+from mbd_sim.recording.recorder import Recorder
 from mbd_sim.recording.run_metadata import Moment
+from mbd_sim.recording.topic import Topic
 from mbd_sim.ros import qos, state_messages
 from mbd_sim.ros.markers import Markers
 from mbd_sim.ros.message_template import STAMP, Template

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Iterator
 from itertools import islice
 
-from mbd_sim.recording.contents import Message
+from mbd_sim.recording.recorded_file import Message
 
 BATCH = 200  # messages that are read at once
 AHEAD = 20  # batches that wait, read, for their time

@@ -8,8 +8,8 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
-from mbd_sim.recording.contents import DamagedError, Message
 from mbd_sim.recording.reader import Recording
+from mbd_sim.recording.recorded_file import DamagedError, Message
 from mbd_sim.ros.pacing import LONG, RE_ANCHOR, Histogram
 from mbd_sim.ros.read_ahead import Ahead
 

@@ -13,8 +13,8 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSDurabilityPolicy, QoSReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
-from mbd_sim.recording.contents import Message, RecordedTopic
 from mbd_sim.recording.reader import Recording
+from mbd_sim.recording.recorded_file import Message, RecordedTopic
 from mbd_sim.ros import qos
 from mbd_sim.ros.message_template import STAMP, Template
 

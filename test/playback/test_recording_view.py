@@ -11,7 +11,8 @@ from mbd_sim.cli.main import main
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.playback.run_table import read_table
 from mbd_sim.recording.reader import open_recording
-from mbd_sim.recording.recomputation import STATES, Recomputation
+from mbd_sim.recording.recomputation import Recomputation
+from mbd_sim.recording.topic_roles import TopicRole
 from mbd_sim.ros.sim_node import SimNode
 from test.playback.test_run_table import foreign_bag
 from test.recording.runs import ACTIONS, drive, record_run
@@ -25,14 +26,14 @@ def test_parts_stand_where_the_run_had_them(tmp_path, mechanism):
     shown = tmp_path / "run.rrd"
     assert main(["view", str(run), "--save", str(shown), "--rate", "1000", "--quiet", "--reactions"]) == 0
     recorded = Recorded(shown)
-    replica = Recomputation(open_recording(run).parts[0])
+    recomputation = Recomputation(open_recording(run).files[0])
     expected = defaultdict(list)
-    for message in open_recording(run).messages(set(replica.roles)):
-        replica.advance(replica.behind(message))
-        replica.apply(message)
-        if replica.roles[message.topic] == STATES:
-            expected[message.time_ns].append(replica.simulation.poses())
-    part = next(iter(replica.simulation.mechanism.parts))
+    for message in open_recording(run).messages(set(recomputation.roles)):
+        recomputation.advance(recomputation.tick_of(message))
+        recomputation.apply(message)
+        if recomputation.roles[message.topic] is TopicRole.JOINT_STATES:
+            expected[message.time_ns].append(recomputation.simulation.poses())
+    part = next(iter(recomputation.simulation.mechanism.parts))
     rows = recorded.rows[f"/world/parts/{part}"]
     assert len(rows) > 45
     assert len(rows) == sum(map(len, expected.values()))
@@ -52,7 +53,7 @@ def test_parts_stand_where_the_run_had_them(tmp_path, mechanism):
 def test_a_bag_of_another_robot_is_shown_as_plots(tmp_path, capsys):
     shown = tmp_path / "robot.rrd"
     assert main(["view", str(foreign_bag(tmp_path / "robot.mcap")), "--save", str(shown), "--quiet"]) == 0
-    assert "holds no mechanism" in capsys.readouterr().out
+    assert "contains no mechanism" in capsys.readouterr().out
     recorded = Recorded(shown)
     assert set(recorded.rows) == {"/joints/position"}
     values = recorded.column("/joints/position", "Scalars:scalars")
@@ -84,7 +85,7 @@ def test_a_folder_of_rosbag2_is_shown_across_its_files(tmp_path):
         rclpy.try_shutdown()
     (folder,) = (path for path in tmp_path.iterdir() if path.is_dir())
     recording = open_recording(folder)
-    assert len(recording.parts) == 4
+    assert len(recording.files) == 4
     assert main(["view", str(folder), "--save", str(tmp_path / "run.rrd"), "--rate", "1000", "--quiet"]) == 0
     states = [recording.decoded(message) for message in recording.messages({"/joint_states"})]
     angles = Recorded(tmp_path / "run.rrd").column("/joints/position/angular", "Scalars:scalars")

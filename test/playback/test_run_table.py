@@ -51,7 +51,7 @@ def test_the_table_is_what_the_messages_say(recording):
     heard = []
     table = read_table(opened, heard.append)
     assert heard[-1] == 1.0
-    assert table.own
+    assert table.is_run
     assert table.names == ("shoulder", "elbow")
     assert table.units == ("rad", "rad")
     states = [opened.decoded(message) for message in opened.messages({"/joint_states"})]
@@ -84,7 +84,7 @@ def test_exports_agree_with_the_table_and_with_each_other(recording, tmp_path):
     columns = table_export.columns(table)
     assert list(columns)[:4] == ["time_s", "step", "shoulder.position_rad", "elbow.position_rad"]
     assert {"shoulder.velocity_rad_s", "elbow.effort_Nm", "energy.kinetic_J", "energy.residual_J"} < set(columns)
-    for kind in table_export.KINDS:
+    for kind in table_export.SUFFIXES:
         assert main(["export", str(recording), "--out", str(tmp_path / f"run{kind}"), "--quiet"]) == 0
     with (tmp_path / "run.csv").open(encoding="utf-8") as stream:
         header, *rows = csv.reader(stream)
@@ -104,7 +104,7 @@ def test_exports_agree_with_the_table_and_with_each_other(recording, tmp_path):
 
 def test_a_bag_of_another_robot_has_its_joints_only(tmp_path):
     table = read_table(open_recording(foreign_bag(tmp_path / "robot.mcap")))
-    assert not table.own
+    assert not table.is_run
     assert table.names == ("a", "b")
     assert table.times[0] == 0.0
     assert table.times[-1] == pytest.approx(0.95)

@@ -6,8 +6,9 @@ import struct
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, make_reader
 
-from mbd_sim.recording.file_names import new_series
-from mbd_sim.recording.recorder import Recorder, Topic
+from mbd_sim.recording.recorder import Recorder
+from mbd_sim.recording.recording_paths import new_recording_paths
+from mbd_sim.recording.topic import Topic
 from mbd_sim.ros import qos
 
 QOS = qos.offered_qos_profiles(qos.STATE)
@@ -19,7 +20,7 @@ TOPICS = {
 
 def recorder_in(folder, *, begun=True, rosbag2=False, **options):
     """A recorder of two topics, one of them vital."""
-    recorder = Recorder(new_series(folder, "name", rosbag2=rosbag2), TOPICS, "mechanism: x\n", **options)
+    recorder = Recorder(new_recording_paths(folder, "name", rosbag2=rosbag2), TOPICS, "mechanism: x\n", **options)
     if begun:
         recorder.begin({"a": "b"})
     return recorder

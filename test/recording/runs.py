@@ -11,8 +11,8 @@ from typing import Any
 import rclpy
 from mcap.writer import Writer
 
-from mbd_sim.recording.contents import Message
 from mbd_sim.recording.reader import open_recording
+from mbd_sim.recording.recorded_file import Message
 from mbd_sim.ros.sim_node import SimNode
 
 Action = Callable[[SimNode, random.Random], None]

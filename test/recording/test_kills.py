@@ -65,7 +65,7 @@ def test_the_command_recovers_files_and_folders_of_rosbag2(tmp_path, capsys):
             recorder.begin({})
         recorder.put("text" if number % 4 else "vital", random.randbytes(120), number, number)
     recorder.close()
-    folder = recorder.series.place
+    folder = recorder.paths.location
     cut = folder / f"{folder.name}_1.mcap"
     cut.write_bytes(cut.read_bytes()[:-400_000])
     (folder / f"{folder.name}_2.mcap").touch()  # killed just after it was opened
@@ -78,7 +78,7 @@ def test_the_command_recovers_files_and_folders_of_rosbag2(tmp_path, capsys):
         assert all(connection.digest.startswith("RIHS01_") for connection in reader.connections)
     (tmp_path / "note.mcap").write_text("not a recording")
     assert main(["recover", str(tmp_path / "note.mcap")]) == 1
-    assert "no MCAP file" in capsys.readouterr().err
+    assert "not an MCAP file" in capsys.readouterr().err
 
 
 def test_a_recording_cut_off_anywhere_keeps_its_whole_chunks(tmp_path):
@@ -114,6 +114,6 @@ def test_zeros_or_nonsense_at_the_end_are_cut_off(tmp_path):
 def test_what_is_no_recording_is_left_alone(tmp_path):
     path = tmp_path / "note.txt"
     path.write_text("not a recording")
-    with pytest.raises(ValueError, match="no MCAP file"):
+    with pytest.raises(ValueError, match="not an MCAP file"):
         recover(path)
     assert path.read_text() == "not a recording"

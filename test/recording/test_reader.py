@@ -7,8 +7,8 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from mbd_sim.recording import cdr
-from mbd_sim.recording.contents import DamagedError, Message, ReadingError
 from mbd_sim.recording.reader import open_recording
+from mbd_sim.recording.recorded_file import DamagedError, Message, ReadingError
 from test.recording.runs import record_run, rewrite
 
 
@@ -37,7 +37,7 @@ def test_messages_and_contents_are_those_that_rosbags_reads(run):
             assert [values.tobytes() for values in decoded[3:]] == [
                 values.tobytes() for values in (other.position, other.velocity, other.effort)
             ]
-        elif isinstance(decoded, cdr.Numbers):
+        elif isinstance(decoded, cdr.MultiArray):
             assert decoded.labels == tuple(dim.label for dim in other.layout.dim)
             assert decoded.values.tobytes() == other.data.tobytes()
         else:
@@ -100,17 +100,18 @@ def test_a_folder_of_several_files_is_one_recording(run, tmp_path):
     for number in (0, 1, 10):
         (folder / f"bag_{number}.mcap").write_bytes(run.read_bytes())
     recording = open_recording(folder)
-    assert [part.path.name for part in recording.parts] == ["bag_0.mcap", "bag_1.mcap", "bag_10.mcap"]
+    assert [file.path.name for file in recording.files] == ["bag_0.mcap", "bag_1.mcap", "bag_10.mcap"]
     assert recording.topics["/energies"].count == 3 * open_recording(run).topics["/energies"].count
     (folder / "metadata.yaml").write_text("rosbag2_bagfile_information: {relative_file_paths: [bag_1.mcap]}")
-    assert [part.path.name for part in open_recording(folder).parts] == ["bag_1.mcap"]
+    assert [file.path.name for file in open_recording(folder).files] == ["bag_1.mcap"]
     (folder / "metadata.yaml").write_text("nonsense")
-    with pytest.raises(ReadingError, match=r"metadata.yaml: is no description"):
+    with pytest.raises(ReadingError, match=r"metadata.yaml: cannot be read: it is not a description"):
         open_recording(folder)
 
 
 @pytest.mark.parametrize(
-    ("content", "words"), [(b"", "is empty"), (b"hello, world", "is no MCAP file"), (None, "there is no such file")]
+    ("content", "words"),
+    [(b"", "the file is empty"), (b"hello, world", "is not an MCAP file"), (None, "there is no such file")],
 )
 def test_what_is_no_recording_is_named(tmp_path, content, words):
     path = tmp_path / "x y.mcap"
@@ -122,7 +123,7 @@ def test_what_is_no_recording_is_named(tmp_path, content, words):
 
 def test_a_database_that_is_no_bag_is_named(tmp_path):
     (tmp_path / "x.db3").write_bytes(b"nothing of the kind")
-    with pytest.raises(ReadingError, match=r"x.db3: is no bag of rosbag2"):
+    with pytest.raises(ReadingError, match=r"x.db3: is not a rosbag2 database"):
         open_recording(tmp_path / "x.db3")
 
 

@@ -15,10 +15,10 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from mbd_sim import Simulation
 from mbd_sim.recording import recorder as module
-from mbd_sim.recording.durable_file import Stream
-from mbd_sim.recording.file_names import Series
+from mbd_sim.recording.durable_file import DurableFile
 from mbd_sim.recording.message_definitions import definition, type_hash
 from mbd_sim.recording.recorder import Recorder
+from mbd_sim.recording.recording_paths import RecordingPaths
 from mbd_sim.recording.run_metadata import Moment, run_metadata
 from test.recording.recordings import TOPICS, messages, metadata, recorder_in, whole_chunks
 
@@ -87,7 +87,7 @@ def test_each_file_of_a_split_recording_is_whole(tmp_path):
 @pytest.mark.parametrize("split", [False, True])
 def test_a_folder_of_rosbag2_has_its_own_metadata(tmp_path, split):
     recorder = recorder_in(tmp_path, rosbag2=True)
-    folder = recorder.series.place
+    folder = recorder.paths.location
     deadline = time.monotonic() + 10.0
     while not (folder / "metadata.yaml").exists() and time.monotonic() < deadline:
         time.sleep(0.01)
@@ -133,7 +133,7 @@ def keys(document):
 
 
 def test_a_full_disk_is_reported_and_counted_and_never_raises():
-    recorder = Recorder(Series(module.Path("/dev/full")), TOPICS, "")
+    recorder = Recorder(RecordingPaths(module.Path("/dev/full")), TOPICS, "")
     recorder.begin({})
     for number in range(2000):
         recorder.put("text", b"12345678" * 100, number, number)
@@ -160,7 +160,7 @@ def test_a_limit_that_the_system_sets_leaves_a_whole_file_with_its_index(tmp_pat
     assert len(found) == recorder.written == 5000 - recorder.dropped > 100
 
 
-class SlowStream(Stream):
+class StalledFile(DurableFile):
     """A disk that stands still until it is let go."""
 
     go_on = threading.Event()
@@ -172,14 +172,14 @@ class SlowStream(Stream):
 
 @pytest.fixture
 def stalled():
-    SlowStream.go_on.clear()
-    yield SlowStream.go_on
-    SlowStream.go_on.set()
+    StalledFile.go_on.clear()
+    yield StalledFile.go_on
+    StalledFile.go_on.set()
 
 
 def test_when_the_disk_is_slow_display_topics_are_dropped_and_vital_ones_are_kept(tmp_path, monkeypatch, stalled):
-    monkeypatch.setattr(module, "WAITING", 100 * (module.OVERHEAD + 8))
-    recorder = recorder_in(tmp_path, open_stream=SlowStream)
+    monkeypatch.setattr(module, "QUEUE_LIMIT", 100 * (module.MESSAGE_OVERHEAD + 8))
+    recorder = recorder_in(tmp_path, open_file=StalledFile)
     for number in range(1000):
         recorder.put("text", b"12345678", number, number)
         recorder.put("vital", b"12345678", number, number)
@@ -193,15 +193,15 @@ def test_when_the_disk_is_slow_display_topics_are_dropped_and_vital_ones_are_kep
 
 
 def test_memory_stays_bounded_on_a_disk_that_is_always_too_slow(tmp_path, monkeypatch):
-    class Throttled(Stream):
+    class Throttled(DurableFile):
         rate = 200e3
 
         def write(self, data):
             time.sleep(len(data) / self.rate)
             return super().write(data)
 
-    monkeypatch.setattr(module, "WAITING", 200_000)
-    recorder = recorder_in(tmp_path, open_stream=Throttled)
+    monkeypatch.setattr(module, "QUEUE_LIMIT", 200_000)
+    recorder = recorder_in(tmp_path, open_file=Throttled)
     most = commands = displayed = 0
     until = time.monotonic() + 1.5
     while time.monotonic() < until:
@@ -210,7 +210,7 @@ def test_memory_stays_bounded_on_a_disk_that_is_always_too_slow(tmp_path, monkey
             displayed += 1
         recorder.put("vital", commands.to_bytes(8, "little"), displayed, displayed)
         commands += 1
-        most = max(most, recorder.waiting)
+        most = max(most, recorder.queued)
         time.sleep(1e-3)
     Throttled.rate = 1e9
     recorder.close()
@@ -225,11 +225,11 @@ def test_memory_stays_bounded_on_a_disk_that_is_always_too_slow(tmp_path, monkey
 def test_when_not_even_vital_messages_can_be_written_the_recording_ends_and_lacks_none_before(
     tmp_path, monkeypatch, stalled
 ):
-    monkeypatch.setattr(module, "WAITING_VITAL", 100 * (module.OVERHEAD + 8))
-    recorder = recorder_in(tmp_path, open_stream=SlowStream)
+    monkeypatch.setattr(module, "VITAL_QUEUE_LIMIT", 100 * (module.MESSAGE_OVERHEAD + 8))
+    recorder = recorder_in(tmp_path, open_file=StalledFile)
     for number in range(1000):
         recorder.put("vital", b"12345678", number, number)
-    assert recorder.waiting <= 102 * (module.OVERHEAD + 8)
+    assert recorder.queued <= 102 * (module.MESSAGE_OVERHEAD + 8)
     assert "too slow even for commands" in recorder.failure
     stalled.set()
     recorder.close()
@@ -239,11 +239,11 @@ def test_when_not_even_vital_messages_can_be_written_the_recording_ends_and_lack
 
 
 def test_little_room_on_the_disk_ends_the_recording_before_there_is_none(tmp_path):
-    class Small(Stream):
+    class Small(DurableFile):
         def free(self):
             return 3_000_000 - self.tell()
 
-    recorder = recorder_in(tmp_path, open_stream=Small)
+    recorder = recorder_in(tmp_path, open_file=Small)
     for number in range(5000):
         recorder.put("text", os.urandom(1000), number, number)
     recorder.close()
@@ -258,15 +258,15 @@ def test_a_next_file_that_cannot_be_opened_ends_the_recording_and_leaves_the_fir
     def once(path):
         if "part2" in path.name:
             raise OSError(30, "Read-only file system", str(path))
-        return Stream(path)
+        return DurableFile(path)
 
-    recorder = recorder_in(tmp_path, open_stream=once)
+    recorder = recorder_in(tmp_path, open_file=once)
     recorder.put("vital", b"12345678", 1, 1)
     recorder.begin({})
     recorder.put("vital", b"12345678", 2, 2)
     recorder.close()
     assert "part2.mcap' stopped: Read-only file system" in recorder.failure
-    assert [message.sequence for _, message in messages(recorder.series.place)] == [1]
+    assert [message.sequence for _, message in messages(recorder.paths.location)] == [1]
     assert (recorder.written, recorder.dropped) == (1, 1)
 
 

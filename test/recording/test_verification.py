@@ -39,7 +39,7 @@ def only(path, **options):
 def test_a_run_under_random_commands_holds_bit_for_bit(name, tmp_path):
     path = record_run(tmp_path, name, seconds=0.5, seed=len(name), method=KINDS[name], constraint_violation=True)
     found = only(path)
-    assert found.holds and found.tolerance is None, verify_text(found)
+    assert found.agrees and found.tolerance is None, verify_text(found)
     assert found.method == KINDS[name]
     assert found.compared["joint_states"] == found.compared["energies"] == found.compared["constraint_violation"] > 20
     assert sum(found.commands.values()) >= 3
@@ -52,7 +52,7 @@ def test_a_file_that_was_cut_off_holds_as_far_as_it_goes(run, tmp_path):
         path = tmp_path / "cut.mcap"
         path.write_bytes(data[: int(part * len(data))])
         found = only(path)
-        assert found.holds and "cut off" in found.problem, verify_text(found)
+        assert found.agrees and "cut off" in found.problem, verify_text(found)
         assert 0 < found.compared["joint_states"] < only(run).compared["joint_states"]
 
 
@@ -72,7 +72,7 @@ def test_a_flipped_bit_in_a_recorded_state_is_named(run, tmp_path):
         right = np.concatenate(cdr.joint_states(message.payload)[3:])
         (at,) = np.flatnonzero(wrong != right)
         assert (found.first.recorded, found.first.computed) == (wrong[at], right[at])
-        assert found.differing == 1 and "what is recorded there is damaged" in verify_text(found)
+        assert found.differing == 1 and "this record is damaged" in verify_text(found)
 
 
 def test_a_flipped_bit_in_an_energy_a_stamp_or_a_name_is_named(run, tmp_path):
@@ -99,9 +99,9 @@ def test_a_flipped_bit_in_a_recorded_command_is_named(run, tmp_path):
     number, message = commands[1]
     path = rewrite(run, tmp_path / "x.mcap", lambda n, m: with_bit_flipped(m, -8, 0) if n == number else m)
     found = only(path)
-    assert not found.holds and found.first.tick > message.sequence
+    assert not found.agrees and found.first.tick > message.sequence
     text = verify_text(found)
-    assert "perhaps          a command before it: " in text
+    assert "likely cause     an earlier command: " in text
     assert f"/sim_node/applied_efforts at step {message.sequence}" in text
     assert "elbow" in found.first.name and found.differing > 1
     assert found.largest.size >= found.first.size
@@ -111,14 +111,14 @@ def test_a_live_value_that_contradicts_its_event_is_named(run, tmp_path):
     numbers = [n for n, m in enumerate(open_recording(run).messages()) if m.topic.endswith("live_values")]
     path = rewrite(run, tmp_path / "x.mcap", lambda n, m: with_bit_flipped(m, -8, 0) if n == numbers[1] else m)
     found = only(path)
-    assert not found.holds and found.first.topic == "live_values"
+    assert not found.agrees and found.first.topic == "live_values"
 
 
 def test_a_command_that_is_missing_and_a_step_that_is_wrong_are_found(run, tmp_path):
     recording = open_recording(run)
     commands = [n for n, m in enumerate(recording.messages()) if m.topic.endswith("applied_efforts")]
     found = only(rewrite(run, tmp_path / "x.mcap", lambda n, m: None if n == commands[0] else m))
-    assert not found.holds
+    assert not found.agrees
     moved = only(
         rewrite(run, tmp_path / "y.mcap", lambda n, m: m._replace(sequence=m.sequence + 1) if n == commands[0] else m)
     )
@@ -131,7 +131,7 @@ def test_a_bit_flipped_in_the_file_itself_is_found(run, tmp_path):
     path = tmp_path / "x.mcap"
     path.write_bytes(data)
     found = only(path)
-    assert not found.holds and "damaged" in found.failure + found.problem, verify_text(found)
+    assert not found.agrees and "damaged" in found.failure + found.problem, verify_text(found)
 
 
 def test_another_start_or_step_in_the_metadata_is_found(run, tmp_path):
@@ -141,18 +141,18 @@ def test_another_start_or_step_in_the_metadata_is_found(run, tmp_path):
     found = only(rewrite(run, tmp_path / "x.mcap", about={"start": json.dumps(start)}))
     assert (found.first.name, found.first.tick) == ("shoulder position", 0)
     other = only(rewrite(run, tmp_path / "y.mcap", about={"method": "rk4"}))
-    assert not other.holds and other.first.tick > 0
+    assert not other.agrees and other.first.tick > 0
 
 
 def test_of_another_version_it_is_said_and_compared_to_a_tolerance(run, tmp_path):
     path = rewrite(run, tmp_path / "x.mcap", about={"casadi": "3.1", "processor": "other"})
     found = only(path)
-    assert found.holds and found.tolerance == 1e-9
+    assert found.agrees and found.tolerance == 1e-9
     text = verify_text(found)
     assert "casadi 3.1, here" in text and "processor other, here" in text and "verified, to 1e-09" in text
     number = [n for n, m in enumerate(open_recording(run).messages()) if m.topic == "/joint_states"][80]
     small = rewrite(path, tmp_path / "y.mcap", lambda n, m: with_bit_flipped(m, -56, 0) if n == number else m)
-    assert only(small).holds
+    assert only(small).agrees
     large = rewrite(path, tmp_path / "z.mcap", lambda n, m: with_bit_flipped(m, -51, 4) if n == number else m)
     assert only(large).first.name == "elbow position"
 
@@ -160,13 +160,13 @@ def test_of_another_version_it_is_said_and_compared_to_a_tolerance(run, tmp_path
 @pytest.mark.parametrize("name", ["spherical_top", "tumbling", "four_bar"])
 def test_to_a_tolerance_each_interval_begins_from_the_recorded_state(name, tmp_path):
     path = record_run(tmp_path, name, seconds=0.5, seed=1)
-    assert only(path, tolerance=1e-11).holds, verify_text(only(path, tolerance=1e-11))
+    assert only(path, tolerance=1e-11).agrees, verify_text(only(path, tolerance=1e-11))
 
 
 def test_a_recording_that_was_started_in_the_middle_of_a_run(run, tmp_path):
     recording = open_recording(run)
     tick = next(m.sequence for m in recording.messages() if m.topic.endswith("applied_efforts")) + 7
-    replica = Recomputation(recording.parts[0])
+    replica = Recomputation(recording.files[0])
     for message in recording.messages():
         if message.sequence > tick:
             break
@@ -186,7 +186,7 @@ def test_a_recording_that_was_started_in_the_middle_of_a_run(run, tmp_path):
     assert any(simulation.inputs[:2]), "some effort acts at that moment"
     path = rewrite(run, tmp_path / "x.mcap", lambda n, m: m if m.sequence > tick else None, about=about)
     found = only(path)
-    assert found.holds and found.compared["joint_states"] > 100, verify_text(found)
+    assert found.agrees and found.compared["joint_states"] > 100, verify_text(found)
     assert found.steps == 2000 - tick
 
 
@@ -202,13 +202,13 @@ def test_recordings_begun_and_split_while_it_runs_hold_each_alone(name, form, tm
             assert done, told
         drive(node, 0.5, 6, chance, ACTIONS)
     found = [one for path in sorted(tmp_path.iterdir()) for one in verify(path)]
-    assert len(found) == 3 and all(one.holds for one in found), "\n".join(map(verify_text, found))
+    assert len(found) == 3 and all(one.agrees for one in found), "\n".join(map(verify_text, found))
     assert all(one.compared["joint_states"] > 40 and one.commands for one in found)
 
 
 def test_what_cannot_be_computed_again_is_named(run, tmp_path):
     for about, words in (
-        ({"start": "[]"}, "its metadata does not fit its mechanism"),
+        ({"start": "[]"}, "its metadata do not fit its mechanism"),
         ({"start": "[1]"}, "its metadata 'mbd_sim' cannot be read"),
         ({"first_tick": "x"}, "its metadata 'mbd_sim' cannot be read"),
         ({"wrenches": '["nothing"]'}, "there is no part 'nothing'"),

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from mbd_sim.recording.contents import (
+from mbd_sim.recording.reader import Recording
+from mbd_sim.recording.recorded_file import (
     Block,
     DamagedError,
     Message,
-    Part,
+    RecordedFile,
     RecordedTopic,
 )
-from mbd_sim.recording.reader import Recording
 from mbd_sim.ros.replay_player import Player
 
 MS = 1_000_000
@@ -63,7 +63,7 @@ def recording(times_ms, own=False, damaged=(), first_ms=0):
         blocks.append(Block(min(times), max(times), frozenset(message.topic for message in some), load))
     topics = {name: RecordedTopic(name, "std_msgs/msg/String", "", "", "cdr", 1) for name in ("/a", "/latched")}
     return Recording(
-        Path("x.mcap"), [Part(Path("x.mcap"), topics, {"mbd_sim": {"a": "b"}} if own else {}, None, blocks)]
+        Path("x.mcap"), [RecordedFile(Path("x.mcap"), topics, {"mbd_sim": {"a": "b"}} if own else {}, None, blocks)]
     )
 
 

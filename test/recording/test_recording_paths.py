@@ -4,11 +4,10 @@ import threading
 
 import pytest
 
-from mbd_sim.recording.file_names import (
+from mbd_sim.recording.recording_paths import (
     RecordingError,
     file_name,
-    new_file,
-    new_series,
+    new_recording_paths,
 )
 from test.recording.recordings import messages, recorder_in
 
@@ -16,7 +15,7 @@ ODD = ["with spaces", "Übergröße 机构 🤖", "quo'te\"s", "new\nline", "$(t
 
 
 def test_two_recordings_of_one_second_get_two_files(tmp_path):
-    paths = {new_file(tmp_path / "new" / "folder", "name") for _ in range(5)}
+    paths = {new_recording_paths(tmp_path / "new" / "folder", "name").location for _ in range(5)}
     assert len(paths) == 5
     assert all(path.parent == tmp_path / "new" / "folder" and path.suffix == ".mcap" for path in paths)
 
@@ -27,7 +26,7 @@ def test_recordings_that_begin_at_once_in_one_folder_never_share_a_name(tmp_path
 
     def take():
         barrier.wait()
-        found.extend(new_series(tmp_path, "name", rosbag2=rosbag2).place for _ in range(10))
+        found.extend(new_recording_paths(tmp_path, "name", rosbag2=rosbag2).location for _ in range(10))
 
     threads = [threading.Thread(target=take) for _ in range(8)]
     for thread in threads:
@@ -49,14 +48,14 @@ def test_two_recorders_in_the_same_folder_at_once_do_not_mix(tmp_path):
 def test_a_folder_that_cannot_be_made_is_an_error_with_a_remedy(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(RecordingError, match=r"cannot record to .*file/logs.*record_dir"):
-        new_file(tmp_path / "file" / "logs", "name")
+        new_recording_paths(tmp_path / "file" / "logs", "name")
 
 
 def test_a_folder_whose_name_the_system_refuses_is_an_error_with_a_remedy(tmp_path):
     with pytest.raises(RecordingError, match="record_dir"):
-        new_file(tmp_path / "nul\0", "name")
+        new_recording_paths(tmp_path / "nul\0", "name")
     with pytest.raises(RecordingError, match="too long"):
-        new_file(tmp_path / ("x" * 300), "name")
+        new_recording_paths(tmp_path / ("x" * 300), "name")
 
 
 @pytest.mark.parametrize("rosbag2", [False, True])
@@ -70,10 +69,10 @@ def test_odd_names_of_folders_and_mechanisms_make_recordings_inside_the_folder(t
     recorder.close()
     assert recorder.failure == ""
     assert [message.sequence for path in sorted(folder.rglob("*.mcap")) for _, message in messages(path)] == [1, 2]
-    assert new_series(tmp_path / "of", name, rosbag2=rosbag2).place.parent == tmp_path / "of"
+    assert new_recording_paths(tmp_path / "of", name, rosbag2=rosbag2).location.parent == tmp_path / "of"
 
 
 def test_a_name_never_leaves_the_folder(tmp_path):
-    assert new_file(tmp_path, "../../etc/x").parent == tmp_path
+    assert new_recording_paths(tmp_path, "../../etc/x").location.parent == tmp_path
     assert file_name("..") == "_"
     assert len(file_name("机" * 300).encode()) <= 150

@@ -68,5 +68,5 @@ def test_what_cannot_be_shown_is_said(recording, tmp_path, capsys):
     assert "Did you mean 'energies'" in capsys.readouterr().err
     bag = foreign_bag(tmp_path / "robot.mcap")
     assert main(["plot", str(bag), "--out", str(tmp_path / "run.png"), "--quiet", "--show", "residual"]) == 1
-    assert "holds nothing to show of 'residual'" in capsys.readouterr().err
+    assert "contains no data for the plot 'residual'" in capsys.readouterr().err
     assert main(["plot", str(bag), "--out", str(tmp_path / "run.png"), "--quiet"]) == 0

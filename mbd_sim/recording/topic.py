@@ -1,4 +1,4 @@
-"""A recorded topic."""
+"""A topic to be recorded."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from mbd_sim.recording.message_definitions import definition, type_hash
 
 @dataclass(frozen=True)
 class Topic:
-    """A recorded topic: its absolute name, type such as `std_msgs/msg/String`, and offered QoS in rosbag2's YAML.
+    """A topic to be recorded: its absolute name, type such as `std_msgs/msg/String`, and offered QoS in rosbag2's YAML.
 
-    Messages of a `vital` topic are never dropped: what is needed to compute the run again.
+    Messages of a `vital` topic are needed to recompute the run and are never dropped.
     """
 
     name: str
@@ -21,7 +21,7 @@ class Topic:
 
     @property
     def definition(self) -> str:
-        """What a `ros2msg` schema holds."""
+        """The definition of the type, as a `ros2msg` schema contains it."""
         return definition(self.type)
 
     @property

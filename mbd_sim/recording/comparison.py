@@ -1,0 +1,207 @@
+"""Compares the messages of one recorded file with its recomputation."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from mbd_sim.errors import MbdSimError
+from mbd_sim.geometry.pose import Array
+from mbd_sim.recording import cdr
+from mbd_sim.recording.joint_state_layout import (
+    integrated_energies,
+    joint_state_arrays,
+    joint_state_names,
+    recorded_state,
+)
+from mbd_sim.recording.recomputation import LiveValueMismatch, Recomputation, RecomputeError
+from mbd_sim.recording.recorded_file import DamagedError, Message
+from mbd_sim.recording.topic_roles import COMMANDS, TopicRole
+from mbd_sim.recording.verification_result import Difference, Verification
+from mbd_sim.simulation.compiled_model import Energies, Violation
+from mbd_sim.simulation.events import EventKind, parse_event
+
+LITTLE_ENDIAN = b"\x01"  # the second byte of CDR with the byte order of this machine
+_FIELDS = ("position", "velocity", "effort")
+
+
+class Comparison:
+    """Advances a recomputation through the messages of a file and adds what it finds to a `Verification`."""
+
+    def __init__(self, recomputation: Recomputation, result: Verification) -> None:
+        self.recomputation, self.result = recomputation, result
+        self._names = joint_state_names(recomputation.simulation.model)
+        self._commands_since_agreement: list[str] = []  # commands after the last state that agrees
+        # With a tolerance, the recorded values from which the next interval starts:
+        self._recorded_joints: cdr.JointStates | None = None
+        self._recorded_energies: Energies | None = None
+
+    def run(self, progress: Callable[[float], None]) -> None:
+        """Compare all messages; `progress` is called with the completed fraction."""
+        result, started = self.result, time.perf_counter()
+        blocks = self.recomputation.file.blocks
+        try:
+            for number, block in enumerate(blocks):
+                progress(number / len(blocks))
+                for message in block.load():
+                    if message.topic in self.recomputation.roles and not self._process(message):
+                        return
+            self._add_mismatches(self.recomputation.live_value_mismatches(), blocks[-1].end_ns if blocks else 0)
+        except DamagedError as error:
+            result.failure = error.problem
+        except RecomputeError as error:
+            result.failure = str(error)
+        finally:
+            result.wall_time = time.perf_counter() - started
+            result.steps = self.recomputation.tick - self.recomputation.first_tick
+        progress(1.0)
+
+    def _process(self, message: Message) -> bool:
+        """Advance to a message, then compare or apply it; False if its tick and its time contradict each other.
+
+        :raises RecomputeError: it cannot be decoded or applied; the message names topic and step.
+        """
+        try:
+            if not self._advance(message):
+                return False
+            role = self.recomputation.roles[message.topic]
+            if role in COMMANDS:
+                self._apply(message, role)
+            else:
+                self.result.compared[role] += 1
+                self._count(role, self._agrees(message, role))
+        except MbdSimError as error:
+            raise RecomputeError(f"{message.topic} at step {self.recomputation.tick}: {error}") from error
+        return True
+
+    def _advance(self, message: Message) -> bool:
+        recomputation = self.recomputation
+        tick = recomputation.tick_of(message)
+        clock_ns = recomputation.clock_ns(tick, message)
+        if clock_ns != message.time_ns:
+            if not recomputation.resets_clock(message):
+                self._add_difference(message, "time of the step", message.time_ns * 1e-9, clock_ns * 1e-9, tick)
+                self.result.failure = "a message is not at the time of its step, so no later one can be assigned a step"
+                return False
+            recomputation.reset_clock(tick)
+        if tick != recomputation.tick:
+            if self.result.tolerance is not None:
+                self._continue_from_recorded_state()
+            recomputation.advance(tick)
+        return True
+
+    def _apply(self, message: Message, role: TopicRole) -> None:
+        if role is not TopicRole.EVENTS:
+            self.result.commands[role] += 1
+        elif is_reset := parse_event(cdr.text(message.payload)).kind is EventKind.RESET:
+            self.result.commands["resets"] += 1
+            self._recorded_joints = self._recorded_energies = None
+        if role is not TopicRole.EVENTS or is_reset:
+            self._commands_since_agreement.append(f"{message.topic} at step {self.recomputation.tick}")
+        self._add_mismatches(self.recomputation.apply(message), message.time_ns)
+
+    def _count(self, role: TopicRole, agrees: bool) -> None:
+        if not agrees:
+            self.result.differing += 1
+            self.result.agreeing_since = 0
+            return
+        self.result.agreeing_since += 1
+        if role is TopicRole.JOINT_STATES:
+            self._commands_since_agreement.clear()
+
+    def _agrees(self, message: Message, role: TopicRole) -> bool:
+        """Compare a message; add the differences to the result."""
+        if role is TopicRole.JOINT_STATES:
+            return self._joint_states_agree(message)
+        simulation = self.recomputation.simulation
+        computed = simulation.energies if role is TopicRole.ENERGIES else simulation.violation
+        return self._values_agree(message, computed)
+
+    def _joint_states_agree(self, message: Message) -> bool:
+        simulation = self.recomputation.simulation
+        computed = joint_state_arrays(simulation.model, simulation.time, simulation.y, simulation.inputs)
+        if self._is_bitwise(message):
+            array_bytes = b"".join(values.tobytes() for values in computed)
+            if cdr.joint_state_bytes(message.payload) == (message.time_ns, self._names, array_bytes):
+                return True
+        recorded = cdr.joint_states(message.payload)
+        self._recorded_joints = recorded
+        agree = recorded.stamp_ns == message.time_ns and recorded.names == self._names
+        if not agree:
+            name = "stamp" if recorded.names == self._names else "names of the joints"
+            self._add_difference(message, name, recorded.stamp_ns * 1e-9, message.time_ns * 1e-9)
+        arrays = (recorded.position, recorded.velocity, recorded.effort)
+        for field, values, expected in zip(_FIELDS, arrays, computed, strict=True):
+            agree &= self._arrays_agree(message, self._names, values, expected, field)
+        return agree
+
+    def _values_agree(self, message: Message, computed: Energies | Violation) -> bool:
+        if self._is_bitwise(message):
+            expected = computed._fields, np.array(computed).tobytes()
+            if cdr.multi_array_bytes(message.payload) == expected:
+                return True
+        recorded = cdr.multi_array(message.payload)
+        agree = recorded.labels == computed._fields
+        if not agree:
+            self._add_difference(message, "labels of the numbers", float(len(recorded.labels)), float(len(computed)))
+        elif isinstance(computed, Energies) and len(recorded.values) == len(computed):
+            self._recorded_energies = Energies(*recorded.values)
+        return self._arrays_agree(message, computed._fields, recorded.values, np.array(computed)) and agree
+
+    def _is_bitwise(self, message: Message) -> bool:
+        """Whether the bytes of a message can be compared with those of computed arrays."""
+        return self.result.tolerance is None and message.payload[1:2] == LITTLE_ENDIAN
+
+    def _arrays_agree(
+        self, message: Message, names: Sequence[str], recorded: Array, computed: Array, field: str = ""
+    ) -> bool:
+        """Compare two arrays (n,) bit for bit or to the tolerance; add the differences to the result."""
+        if len(recorded) != len(computed):
+            name = f"length of {field or 'data'}"
+            self._add_difference(message, name, float(len(recorded)), float(len(computed)))
+            return False
+        tolerance = self.result.tolerance
+        if tolerance is None:
+            if recorded.tobytes() == computed.tobytes():
+                return True
+            differ = recorded.view(np.int64) != np.ascontiguousarray(computed).view(np.int64)
+        else:
+            bound = tolerance * (1.0 + np.max(np.abs(computed), initial=0.0))
+            differ = ~(np.abs(recorded - computed) <= bound)
+        for index in np.flatnonzero(differ):
+            name = f"{names[int(index)]} {field}".strip()
+            self._add_difference(message, name, float(recorded[index]), float(computed[index]))
+        return not np.any(differ)
+
+    def _add_mismatches(self, mismatches: Sequence[LiveValueMismatch], time_ns: int) -> None:
+        for key, recorded, announced in mismatches:
+            self._add(Difference("live_values", key, self.recomputation.tick, time_ns * 1e-9, recorded, announced))
+
+    def _add_difference(
+        self, message: Message, name: str, recorded: float, computed: float, tick: int | None = None
+    ) -> None:
+        tick = self.recomputation.tick if tick is None else tick
+        self._add(Difference(message.topic, name, tick, message.time_ns * 1e-9, recorded, computed))
+
+    def _add(self, difference: Difference) -> None:
+        result = self.result
+        if result.first is None:
+            result.first = difference
+            result.suspected_commands = list(self._commands_since_agreement)
+        if result.largest is None or difference.size > result.largest.size:
+            result.largest = difference
+
+    def _continue_from_recorded_state(self) -> None:
+        """Start the next interval from the recorded state: on its own a chaotic motion would lose every digit."""
+        simulation, joints, energies = self.recomputation.simulation, self._recorded_joints, self._recorded_energies
+        if joints is None and energies is None:
+            return
+        y = simulation.state
+        if joints is not None:
+            y = recorded_state(simulation.model, y, joints.position, joints.velocity)
+        if energies is not None:
+            y[-3:] = integrated_energies(energies)
+        simulation.restore(y, simulation.steps)
+        self._recorded_joints = self._recorded_energies = None

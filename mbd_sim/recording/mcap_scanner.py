@@ -1,0 +1,189 @@
+"""Records of MCAP data (https://mcap.dev/spec): a file, whole, truncated or damaged, or the content of a chunk.
+
+This is the only place that steps from record to record. `mcap_reader` and `recovery` interpret what it yields.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from typing import IO, NamedTuple, Protocol
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
+
+MAGIC = b"\x89MCAP0\r\n"
+RECORD_HEADER = struct.Struct("<BQ")  # opcode, length of the content
+MESSAGE_HEADER = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+PARSE_ERRORS = (McapError, ValueError, OverflowError, struct.error)  # raised for a record whose content is damaged
+_CHUNK_HEADER = struct.Struct("<QQQII")  # first and last time, uncompressed size, CRC, length of the compression's name
+_LENGTH = struct.Struct("<Q")
+_MAX_LENGTH = 1 << 32  # bytes of a record; a greater length can only be a damaged one
+_LAST_OPCODE, _FIRST_PRIVATE_OPCODE = max(Opcode), 0x80
+_MESSAGE = int(Opcode.MESSAGE)  # members of an enumeration are slow to look up
+
+
+class BrokenRecordError(ValueError):
+    """A record that is not whole, or not what was written; the message says where and why, without the file's name."""
+
+
+class ByteSource(Protocol):
+    """Random access to bytes: `bytes`, `bytearray`, or `FileBytes`."""
+
+    def __len__(self) -> int:
+        """Return the number of bytes."""
+        ...
+
+    def __getitem__(self, span: slice, /) -> bytes | bytearray:
+        """Return some of the bytes; a slice beyond the end is cut there, as for `bytes`."""
+        ...
+
+
+class FileBytes:
+    """The bytes of an open file, read on access.
+
+    A memory map would raise SIGBUS where the file shrinks or the disk fails; this raises `OSError`.
+    """
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        self._descriptor = stream.fileno()
+        self._size = os.fstat(self._descriptor).st_size
+
+    def __len__(self) -> int:
+        """Return the size that the file had when this was made."""
+        return self._size
+
+    def __getitem__(self, span: slice, /) -> bytes:
+        """Read some of the bytes.
+
+        :raises OSError: they cannot be read, or the file has been truncated.
+        """
+        start, stop, _ = span.indices(self._size)
+        found = os.pread(self._descriptor, stop - start, start)
+        if len(found) < stop - start:
+            raise OSError(None, "the file was truncated while it was being read")
+        return found
+
+
+class StoredChunk(NamedTuple):
+    """A chunk in a file: offset and length of its stored records in bytes; `size` and `crc` refer to the uncompressed.
+
+    `start_ns` and `end_ns` are the earliest and the latest log time of its messages.
+    """
+
+    offset: int
+    length: int
+    start_ns: int
+    end_ns: int
+    size: int
+    crc: int
+    compression: str
+
+
+@dataclass
+class Definitions:
+    """Schemas and channels by their numbers."""
+
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+
+    def add(self, opcode: int, content: bytes | bytearray) -> None:
+        """Add a record if it is a schema or a channel.
+
+        :raises PARSE_ERRORS: its content is damaged.
+        """
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(data_stream(content))
+            self.schemas[schema.id] = schema
+        elif opcode == Opcode.CHANNEL:
+            channel = Channel.read(data_stream(content))
+            self.channels[channel.id] = channel
+
+
+def data_stream(content: bytes | bytearray) -> ReadDataStream:
+    """Return the content of a record in the form in which `mcap.records` reads it."""
+    return ReadDataStream(BytesIO(content), calculate_crc=True)
+
+
+def scan_records(data: ByteSource, start: int = 0) -> Iterator[tuple[int, int, int]]:
+    """Yield opcode, start and end of the content of each record, in order.
+
+    Stops without an error where fewer bytes remain than the header of a record has.
+
+    :raises BrokenRecordError: a record extends beyond the end of the data, or there is none where one should begin.
+    """
+    position, size, header, unpack = start, len(data), RECORD_HEADER.size, RECORD_HEADER.unpack
+    while (begin := position + header) <= size:
+        opcode, length = unpack(data[position:begin])
+        if not (0 < opcode <= _LAST_OPCODE or opcode >= _FIRST_PRIVATE_OPCODE) or length > _MAX_LENGTH:
+            raise BrokenRecordError(f"damaged: there is no valid record at byte {position}")
+        end = begin + length
+        if end > size:
+            raise BrokenRecordError(
+                f"cut off: it ends at byte {size}, within the record that begins at byte {position}"
+            )
+        yield opcode, begin, end
+        position = end
+
+
+def scan_messages(data: bytes) -> Iterator[tuple[int, int, int, bytes]]:
+    """Yield channel, sequence number, log time in ns and payload of each message in the content of a chunk.
+
+    :raises BrokenRecordError: a record is not whole.
+    """
+    unpack, header = MESSAGE_HEADER.unpack_from, MESSAGE_HEADER.size
+    for opcode, begin, end in scan_records(data):
+        if opcode == _MESSAGE:
+            if end - begin < header:
+                raise BrokenRecordError("damaged: a message is too short")
+            channel, sequence, log_time, _ = unpack(data, begin)
+            yield channel, sequence, log_time, data[begin + header : end]
+
+
+def stored_chunk(data: ByteSource, begin: int, end: int) -> StoredChunk:
+    """Read where a chunk's records are stored, from the content of the chunk's record.
+
+    :raises PARSE_ERRORS: its content is damaged.
+    """
+    names = begin + _CHUNK_HEADER.size
+    start_ns, end_ns, size, crc, name_length = _CHUNK_HEADER.unpack(data[begin:names])
+    offset = names + name_length + _LENGTH.size
+    compression = data[names : names + name_length].decode()
+    (length,) = _LENGTH.unpack(data[names + name_length : offset])
+    if offset + length > end:
+        raise BrokenRecordError("its content is longer than the record")
+    return StoredChunk(offset, length, start_ns, end_ns, size, crc, compression)
+
+
+def chunk_content(stored: bytes, compression: str, size: int, crc: int) -> bytes:
+    """Decompress the records of a chunk; `size` and `crc` (0: none) are those of the uncompressed records.
+
+    :raises BrokenRecordError: they cannot be decompressed, or are not what was written.
+    """
+    try:
+        content = _decompressed(stored, compression, size)
+    except Exception as error:  # zstandard and lz4 raise their own errors
+        raise BrokenRecordError(f"cannot be decompressed ({error})") from error
+    if crc and zlib.crc32(content) != crc:
+        raise BrokenRecordError("is not what was written (its CRC differs)")
+    return content
+
+
+def _decompressed(stored: bytes, compression: str, size: int) -> bytes:
+    if compression == "zstd":
+        import zstandard
+
+        return bytes(zstandard.ZstdDecompressor().decompress(stored, max_output_size=size))
+    if compression == "lz4":
+        import lz4.frame
+
+        return bytes(lz4.frame.decompress(stored))
+    if compression:
+        raise ValueError(f"compression '{compression}' is unknown")
+    return stored

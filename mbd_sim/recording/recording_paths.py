@@ -1,0 +1,77 @@
+"""Paths of recordings: one file, or a rosbag2 folder, named after the mechanism and the time."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from mbd_sim.errors import MbdSimError
+from mbd_sim.recording.rosbag2_metadata import FILE_NAME
+
+FORMATS = ("mcap", "rosbag2")
+MAX_NAME_LENGTH = 150  # bytes; file systems allow 255 for a file name
+MAX_RECORDINGS_PER_SECOND = 1000  # with the same name
+
+
+class RecordingError(MbdSimError):
+    """A recording that cannot be started."""
+
+
+@dataclass(frozen=True)
+class RecordingPaths:
+    """The files of a recording: `NAME.mcap`, `NAME_part2.mcap`; or `NAME/NAME_0.mcap` with rosbag2's metadata.
+
+    `location` is what a user opens: the first file, or the folder.
+    """
+
+    location: Path
+    rosbag2: bool = False
+
+    @property
+    def metadata(self) -> Path | None:
+        """The path of rosbag2's description of the files, if there is one."""
+        return self.location / FILE_NAME if self.rosbag2 else None
+
+    def file(self, number: int) -> Path:
+        """Return the path of a file, counted from 0."""
+        if self.rosbag2:
+            return self.location / f"{self.location.name}_{number}.mcap"
+        return self.location if number == 0 else self.location.with_stem(f"{self.location.stem}_part{number + 1}")
+
+
+def new_recording_paths(folder: Path, name: str, *, rosbag2: bool = False) -> RecordingPaths:
+    """Reserve the paths of a new recording, named after `name` and the time, in a folder that is made if missing.
+
+    The file or folder is created at once, so that nobody else gets the same name.
+
+    :raises RecordingError: the folder cannot be created or written to.
+    """
+    stem = f"{file_name(name)}_{datetime.now().astimezone().strftime('%Y%m%d_%H%M%S')}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for count in range(MAX_RECORDINGS_PER_SECOND):
+            location = folder / (stem if not count else f"{stem}_{count}")
+            with contextlib.suppress(FileExistsError):
+                if rosbag2:
+                    location.mkdir()
+                else:
+                    location = location.with_name(f"{location.name}.mcap")
+                    location.open("xb").close()
+                return RecordingPaths(location, rosbag2)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise RecordingError(f"cannot record to '{folder}': {reason}. Choose another record_dir.") from error
+    raise RecordingError(f"'{folder}' already contains {MAX_RECORDINGS_PER_SECOND} recordings of this second.")
+
+
+def file_name(name: str) -> str:
+    """Return a name as part of a file name: no separators, control characters or leading dots, and not too long.
+
+    >>> file_name("../my/rod")
+    '_my_rod'
+    """
+    plain = re.sub(r"[/\\\x00-\x1f\x7f-\x9f]", "_", name).lstrip(".")
+    return plain.encode("utf-8", "replace")[:MAX_NAME_LENGTH].decode("utf-8", "ignore") or "_"

@@ -1,0 +1,44 @@
+"""The topics of a recorded run that are recomputed, and those that carry its commands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+
+from mbd_sim.recording.cdr import JOINT_STATE, MULTI_ARRAY, STRING
+from mbd_sim.recording.recorded_file import RecordedTopic
+
+
+class TopicRole(StrEnum):
+    """What a topic of a run carries; the last word of the topic's name."""
+
+    JOINT_STATES = "joint_states"
+    ENERGIES = "energies"
+    CONSTRAINT_VIOLATION = "constraint_violation"
+    APPLIED_EFFORTS = "applied_efforts"
+    APPLIED_WRENCHES = "applied_wrenches"
+    LIVE_VALUES = "live_values"
+    EVENTS = "events"
+
+
+COMMANDS = frozenset({TopicRole.APPLIED_EFFORTS, TopicRole.APPLIED_WRENCHES, TopicRole.LIVE_VALUES, TopicRole.EVENTS})
+_TYPES = {TopicRole.JOINT_STATES: JOINT_STATE, TopicRole.EVENTS: STRING}  # all others are multi-arrays
+_ROLES = {role.value: role for role in TopicRole}
+
+
+def topic_roles(topics: Mapping[str, RecordedTopic]) -> dict[str, TopicRole]:
+    """Return the roles of topics by the last word of their names and their types, in any namespace.
+
+    If no topic has the name of joint states, the only one of their type is taken: it may have been remapped.
+    """
+    found = {
+        name: role
+        for name, topic in topics.items()
+        if (role := _ROLES.get(name.rsplit("/", 1)[-1])) is not None
+        and topic.type == _TYPES.get(role, MULTI_ARRAY)
+        and topic.encoding == "cdr"
+    }
+    candidates = [name for name, topic in topics.items() if topic.type == JOINT_STATE]
+    if TopicRole.JOINT_STATES not in found.values() and len(candidates) == 1:
+        found[candidates[0]] = TopicRole.JOINT_STATES
+    return found
