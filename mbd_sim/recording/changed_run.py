@@ -11,10 +11,10 @@ import numpy as np
 from mbd_sim.errors import CommandError, DivergedError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.recording import cdr
-from mbd_sim.recording.joint_state_layout import joint_state_arrays, joint_state_names
 from mbd_sim.recording.recomputation import Recomputation
 from mbd_sim.recording.recorded_file import Message
 from mbd_sim.recording.topic_roles import COMMANDS, TopicRole
+from mbd_sim.simulation.joint_state_layout import joint_state_arrays, joint_state_names
 
 QUANTITIES = ("position", "velocity", "effort")
 

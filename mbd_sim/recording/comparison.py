@@ -10,18 +10,18 @@ import numpy as np
 from mbd_sim.errors import MbdSimError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.recording import cdr
-from mbd_sim.recording.joint_state_layout import (
-    integrated_energies,
-    joint_state_arrays,
-    joint_state_names,
-    recorded_state,
-)
 from mbd_sim.recording.recomputation import LiveValueMismatch, Recomputation, RecomputeError
 from mbd_sim.recording.recorded_file import DamagedError, Message
 from mbd_sim.recording.topic_roles import COMMANDS, TopicRole
 from mbd_sim.recording.verification_result import Difference, Verification
 from mbd_sim.simulation.compiled_model import Energies, Violation
 from mbd_sim.simulation.events import EventKind, parse_event
+from mbd_sim.simulation.joint_state_layout import (
+    integrated_energies,
+    joint_state_arrays,
+    joint_state_names,
+    recorded_state,
+)
 
 LITTLE_ENDIAN = b"\x01"  # the second byte of CDR with the byte order of this machine
 _FIELDS = ("position", "velocity", "effort")

@@ -20,6 +20,7 @@ from mbd_sim.ros.publisher import Output
 from mbd_sim.ros.snapshots import Snapshot
 from mbd_sim.ros.topic_names import topic_names
 from mbd_sim.simulation.compiled_model import Energies, Model, Violation
+from mbd_sim.simulation.joint_state_layout import joint_state_arrays, joint_state_names
 
 
 class Telling(NamedTuple):
@@ -32,21 +33,16 @@ class Telling(NamedTuple):
 
 def joint_states(node: Node, model: Model) -> Telling:
     """Positions, velocities and efforts; the driven coordinates come last, with the force of their drive."""
-    names = [*model.coordinate_names, *model.driven_names]
+    names = joint_state_names(model)
     first = [[slot(row)] + [0.0] * (len(names) - 1) if names else [] for row in range(3)]
     header = Header(stamp=STAMP)
-    template = Template(JointState(header=header, name=names, position=first[0], velocity=first[1], effort=first[2]))
+    template = Template(
+        JointState(header=header, name=list(names), position=first[0], velocity=first[1], effort=first[2])
+    )
     position, velocity, effort = (template.doubles(row, len(names)) for row in range(3))
-    free = len(model.coordinate_names)
 
     def write(snapshot: Snapshot) -> None:
-        y = snapshot.y
-        position[:free] = model.coordinates(y)
-        velocity[:free] = y[model.u_range]
-        effort[:free] = snapshot.inputs[:free]
-        if model.driven_names:
-            drives = model.drives(snapshot.time, y, snapshot.inputs)
-            position[free:], velocity[free:], effort[free:] = drives
+        position[:], velocity[:], effort[:] = joint_state_arrays(model, snapshot.time, snapshot.y, snapshot.inputs)
 
     return Telling(Output(node, JointState, "joint_states", qos.STATE), template, write)
 

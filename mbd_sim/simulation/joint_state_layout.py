@@ -1,7 +1,7 @@
-"""The arrays of a recorded `joint_states` message, and the state that they describe.
+"""The arrays of a `joint_states` message, and the state that they describe.
 
-The free coordinates come first, in the order of `Model.coordinate_names`, then the driven ones. A recorded orientation
-is a rotation vector, in the state it is a quaternion.
+The free coordinates come first, in the order of `Model.coordinate_names`, then the driven ones. An orientation is a
+rotation vector in the message and a quaternion in the state.
 """
 
 from __future__ import annotations
