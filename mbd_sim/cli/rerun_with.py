@@ -15,7 +15,7 @@ from mbd_sim.cli.common import (
     add_recording,
     split_assignment,
 )
-from mbd_sim.errors import MbdSimError
+from mbd_sim.errors import InputError
 
 if TYPE_CHECKING:
     from mbd_sim.recording.changed_run import ChangedRun
@@ -58,7 +58,7 @@ def execute(options: argparse.Namespace) -> int:
 
     changes = dict(_change(text) for text in options.changes)
     if not (changes or options.method or options.step):
-        raise MbdSimError("rerun-with: nothing is changed. Give --set KEY=VALUE, --method or --step.")
+        raise InputError("rerun-with: nothing is changed", "Give --set KEY=VALUE, --method or --step.")
     if options.plot is not None:
         require_suffix(options.plot, PLOT_SUFFIXES)
     files = open_recording(options.recording).files
@@ -85,7 +85,7 @@ def execute(options: argparse.Namespace) -> int:
 def _change(text: str) -> tuple[str, float | str]:
     assignment = split_assignment(text)
     if assignment is None:
-        raise MbdSimError(f"--set {text}: write KEY=VALUE, for example joints.elbow.damping=0.2")
+        raise InputError(f"--set {text}: not of the form KEY=VALUE", "Write for example joints.elbow.damping=0.2.")
     name, value = assignment
     try:
         return name, float(value)

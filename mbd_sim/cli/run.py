@@ -15,7 +15,7 @@ from mbd_sim.cli.common import (
     add_quiet,
     split_assignment,
 )
-from mbd_sim.errors import MbdSimError
+from mbd_sim.errors import InputError
 
 if TYPE_CHECKING:
     from mbd_sim.simulation.simulation import Simulation
@@ -91,7 +91,7 @@ def _effort(text: str) -> tuple[str, float]:
         name, value = split_assignment(text) or ("", "")
         return name, float(value)
     except ValueError:
-        raise MbdSimError(f"--effort {text}: write JOINT=VALUE, for example elbow=2.5") from None
+        raise InputError(f"--effort {text}: not of the form JOINT=VALUE", "Write for example elbow=2.5.") from None
 
 
 def _summary(simulation: Simulation, seconds: float) -> str:

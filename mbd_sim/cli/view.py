@@ -71,12 +71,12 @@ def execute(options: argparse.Namespace) -> int:
         print(f"{options.recording}: {reason}, so only its joints are shown, as plots")
         print(f"  {len(table)} states, {len(table.names)} joints: {address}")
     else:
-        look = DisplayOptions(
+        display = DisplayOptions(
             None if options.trace is None else tuple(options.trace), options.trace_time, options.reactions
         )
         with ProgressBar("show", options.quiet) as progress:
             address, count, notes = show_run(
-                recording, recomputation, sink, options.rate, look, progress.show, when_open
+                recording, recomputation, sink, options.rate, display, progress.show, when_open
             )
         print_notes(notes)
         print(f"{options.recording}: {count} states: {address}")

@@ -92,7 +92,7 @@ def test_a_picture_of_another_kind_is_an_error(run, tmp_path, capsys):
     [
         ([], "nothing is changed"),
         (["--set", "joints.elbw.damping=1"], "elbow"),
-        (["--set", "damping"], "write KEY=VALUE"),
+        (["--set", "damping"], "not of the form KEY=VALUE"),
         (["--method", "rk5"], "there is no method 'rk5'"),
     ],
 )
