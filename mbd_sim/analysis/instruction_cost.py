@@ -34,7 +34,7 @@ def cost(equations: Equations, method: Method) -> dict[str, Any]:
     A step takes `evaluations` of the accelerations and leads back once; methods that solve equations do more.
     """
     accelerations = _counted(arranged(equations.rates))
-    back = _counted(arranged(equations.settle, fused=False)) if equations.settle is not None else {}
+    back = _counted(arranged(equations.project, fused=False)) if equations.project is not None else {}
     return {
         "accelerations": accelerations,
         "back_to_constraints": back,

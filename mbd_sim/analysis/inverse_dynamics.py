@@ -9,11 +9,11 @@ import numpy as np
 
 from mbd_sim.dynamics.articulated_body import bias_acceleration
 from mbd_sim.dynamics.assembly import null_space
-from mbd_sim.dynamics.element_forces import element_loads
+from mbd_sim.dynamics.element_forces import element_forces
 from mbd_sim.dynamics.equations import Equations, derive
-from mbd_sim.dynamics.joint_forces import joint_loads
+from mbd_sim.dynamics.joint_forces import joint_forces
 from mbd_sim.dynamics.kinematics import link_motions, part_poses
-from mbd_sim.dynamics.links import layout, links
+from mbd_sim.dynamics.links import build_links, coordinate_layout
 from mbd_sim.dynamics.reactions import transmitted_wrenches
 from mbd_sim.dynamics.spatial_algebra import constant
 from mbd_sim.errors import nearest
@@ -67,7 +67,7 @@ class InverseDynamics:
             return efforts
         if self._equations is None:
             self._equations = derive(self.mechanism)
-        free = null_space(self._equations.conditions.gradient(t, np.asarray(q, dtype=float)))
+        free = null_space(self._equations.constraints.gradient(t, np.asarray(q, dtype=float)))
         shared = np.zeros_like(efforts)
         shared[self._places] = np.linalg.lstsq(free.T[:, self._places], free.T @ efforts, rcond=None)[0]
         self._require_met(q, u, np.asarray(u_rates, dtype=float), t, shared)
@@ -89,7 +89,7 @@ class InverseDynamics:
 
 def _tree_efforts(mechanism: Mechanism) -> ca.Function:
     """(q, u, u', t) -> the efforts (nv,) of the spanning tree with its loops open."""
-    places, chain = layout(mechanism), links(mechanism)
+    places, chain = coordinate_layout(mechanism), build_links(mechanism)
     t, q = ca.SX.sym("t"), ca.SX.sym("q", places.nq)
     u, u_rates = ca.SX.sym("u", places.nv), ca.SX.sym("u'", places.nv)
     motions = link_motions(chain, t, q, u)
@@ -99,9 +99,9 @@ def _tree_efforts(mechanism: Mechanism) -> ca.Function:
         inboard = accelerations[link.parent] if link.parent >= 0 else base
         carried = motion.transform @ inboard + bias_acceleration(motion)
         accelerations.append(ca.sparsify(carried + motion.joint.partial_velocities @ u_rates[link.u, :]))
-    elements = element_loads(mechanism, chain, motions, part_poses(chain, t, q), t)
+    elements = element_forces(mechanism, chain, motions, part_poses(chain, t, q), t)
     wrenches = transmitted_wrenches(chain, motions, accelerations, elements.wrenches)
-    efforts = -joint_loads(chain, q, u, ca.SX(places.nv, 1)).generalized
+    efforts = -joint_forces(chain, q, u, ca.SX(places.nv, 1)).generalized
     for link, motion, wrench in zip(chain, motions, wrenches, strict=True):
         efforts[link.u, :] += motion.joint.partial_velocities.T @ wrench
     return ca.Function("inverse_dynamics", [q, u, u_rates, t], [ca.densify(efforts)], {"cse": True})

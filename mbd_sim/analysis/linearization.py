@@ -9,7 +9,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.assembly import Conditions, close_loops, null_space
+from mbd_sim.dynamics.assembly import close_loops, null_space
+from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.geometry.pose import Array
 
@@ -48,17 +49,17 @@ class Mode(NamedTuple):
 
 def linearize(equations: Equations, q: Array, u: Array, efforts: Array, t: float = 0.0) -> Linearization:
     """Linearize about a state that meets the constraints."""
-    conditions, (nq, nv) = equations.conditions, (equations.layout.nq, equations.layout.nv)
+    constraints, (nq, nv) = equations.constraints, (equations.layout.nq, equations.layout.nv)
     by_state, by_efforts, to_rates = _derivatives(equations)(t, q, u, efforts)
     slopes, forces, n = np.array(by_state), np.array(by_efforts), np.array(to_rates)
-    gradient = conditions.gradient(t, q)
-    displacements = null_space(gradient[conditions.holonomic])
+    gradient = constraints.gradient(t, q)
+    displacements = null_space(gradient[constraints.holonomic])
     speeds = null_space(gradient)
     if not len(gradient):
         displacements = speeds = np.eye(nv)
     along, across = slopes[:, :nq] @ n @ displacements, slopes[:, nq:]
     # Speeds that fit the displaced constraints are not only combinations of the free directions.
-    turning = _turning(conditions, t, q, u, displacements)
+    turning = _turning(constraints, t, q, u, displacements)
     back, on = np.linalg.pinv(displacements), np.linalg.pinv(speeds)
     a = np.block([[back @ turning, back @ speeds], [on @ (along + across @ turning), on @ across @ speeds]])
     return Linearization(a, np.vstack([np.zeros((displacements.shape[1], nv)), on @ forces]), displacements, speeds)
@@ -78,15 +79,15 @@ def _derivatives(equations: Equations) -> ca.Function:
     return ca.Function("derivatives", [t, q, u, efforts], [ca.densify(output) for output in outputs])
 
 
-def _turning(conditions: Conditions, t: float, q: Array, u: Array, displacements: Array) -> Array:
+def _turning(constraints: ConstraintFunctions, t: float, q: Array, u: Array, displacements: Array) -> Array:
     """How the speeds must change (nv, k) with a displacement for the constraints to hold; zero where nothing moves."""
-    gradient = conditions.gradient(t, q)
+    gradient = constraints.gradient(t, q)
     if not len(gradient) or not u.any():
         return np.zeros((len(u), displacements.shape[1]))
     columns, h = [], 1e-6
     for direction in displacements.T:
-        ahead, behind = (conditions.moved(q, sign * h * direction) for sign in (1.0, -1.0))
-        slope = [conditions.gradient(t, at) @ u + conditions.drift(t, at) for at in (ahead, behind)]
+        ahead, behind = (constraints.displaced(q, sign * h * direction) for sign in (1.0, -1.0))
+        slope = [constraints.gradient(t, at) @ u + constraints.drift(t, at) for at in (ahead, behind)]
         columns.append(-np.linalg.lstsq(gradient, (slope[0] - slope[1]) / (2.0 * h), rcond=None)[0])
     return np.array(columns).T
 
@@ -97,11 +98,11 @@ def equilibrium(equations: Equations) -> Array | None:
     From the start and some places around it, the state is moved along the free directions by Gauss and Newton until
     no acceleration is left; a stable equilibrium is preferred.
     """
-    conditions, nv = equations.conditions, equations.layout.nv
+    constraints, nv = equations.constraints, equations.layout.nv
     random = np.random.default_rng(2)
     found: list[tuple[float, Array]] = []
     for attempt in range(STARTS):
-        balanced = _balance(equations, _wandered(conditions, equations.start.q, random, 2 * attempt))
+        balanced = _balance(equations, _wandered(constraints, equations.start.q, random, 2 * attempt))
         if balanced is None:
             continue
         rates = np.linalg.eigvals(linearize(equations, balanced, np.zeros(nv), np.zeros(nv)).a).real
@@ -112,15 +113,15 @@ def equilibrium(equations: Equations) -> Array | None:
     return min(found, key=lambda pair: pair[0])[1] if found else None
 
 
-def _wandered(conditions: Conditions, q: Array, random: np.random.Generator, steps: int) -> Array:
+def _wandered(constraints: ConstraintFunctions, q: Array, random: np.random.Generator, steps: int) -> Array:
     """A configuration some steps away along one of the free directions."""
-    everything, direction = np.ones(conditions.gradient(0.0, q).shape[1], dtype=bool), None
+    everything, direction = np.ones(constraints.gradient(0.0, q).shape[1], dtype=bool), None
     for _ in range(steps):
-        free = null_space(conditions.gradient(0.0, q))
+        free = null_space(constraints.gradient(0.0, q))
         wish = random.normal(size=free.shape[1]) if direction is None else free.T @ direction
         direction = free @ wish
         direction *= LONGEST / max(float(np.max(np.abs(direction), initial=0.0)), 1e-300)
-        closing = close_loops(conditions, 0.0, conditions.moved(q, direction), everything)
+        closing = close_loops(constraints, 0.0, constraints.displaced(q, direction), everything)
         if not closing.closed:
             break
         q = closing.q
@@ -128,7 +129,7 @@ def _wandered(conditions: Conditions, q: Array, random: np.random.Generator, ste
 
 
 def _balance(equations: Equations, q: Array) -> Array | None:
-    conditions, (nq, nv) = equations.conditions, (equations.layout.nq, equations.layout.nv)
+    constraints, (nq, nv) = equations.constraints, (equations.layout.nq, equations.layout.nv)
     look, at_rest = _derivatives(equations), np.zeros(nv)
     everything = np.ones(nv, dtype=bool)
 
@@ -138,7 +139,7 @@ def _balance(equations: Equations, q: Array) -> Array | None:
 
     best, least, scale = None, math.inf, 1.0
     for iteration in range(ITERATIONS):
-        closing = close_loops(conditions, 0.0, q, everything) if equations.rows else None
+        closing = close_loops(constraints, 0.0, q, everything) if equations.rows else None
         if closing is not None:
             if not closing.closed:
                 break
@@ -150,20 +151,20 @@ def _balance(equations: Equations, q: Array) -> Array | None:
             break
         if size < least:
             best, least = q, size
-        free = null_space(conditions.gradient(0.0, q))
+        free = null_space(constraints.gradient(0.0, q))
         by_state, _, to_rates = (np.array(value) for value in look(0.0, q, at_rest, at_rest))
         slope = by_state[:, :nq] @ to_rates @ free
         step = -free @ np.linalg.lstsq(slope, off, rcond=1e-10)[0]
         step *= min(1.0, LONGEST / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
-        q = conditions.moved(q, step)
+        q = constraints.displaced(q, step)
     return best if least <= BALANCED * scale else None
 
 
 def is_autonomous(equations: Equations) -> bool:
     """Whether accelerations and constraints are the same at all times, as far as some moments after the start show."""
-    conditions, q = equations.conditions, equations.start.q
+    constraints, q = equations.constraints, equations.start.q
     moments = (0.0, 0.137, 0.71, 1.9)
-    if any(np.abs(conditions.drift(t, q)).max(initial=0.0) > 1e-9 for t in moments):
+    if any(np.abs(constraints.drift(t, q)).max(initial=0.0) > 1e-9 for t in moments):
         return False
     y = equations.start_state
     still = np.zeros(equations.layout.nv)

@@ -61,7 +61,7 @@ def mobility(mechanism: Mechanism, equations: Equations, poses: Mapping[str, Pos
         rank=start.rank,
         rank_at_start=start.ranks[0],
         degrees_of_freedom=size - start.rank,
-        redundant=tuple(row.name for index, row in enumerate(equations.rows) if index not in start.keep),
+        redundant=tuple(row.name for index, row in enumerate(equations.rows) if index not in start.independent),
     )
 
 

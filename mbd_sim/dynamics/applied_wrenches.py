@@ -1,4 +1,4 @@
-"""Points of moving parts, and the wrenches that gather on the links from what acts at them."""
+"""The wrenches that forces and couples on the parts add up to on each link."""
 
 from __future__ import annotations
 
@@ -8,78 +8,75 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.kinematics import LinkMotion, WorldPose
+from mbd_sim.dynamics.body_symbols import rotation_of_link
+from mbd_sim.dynamics.kinematics import LinkMotion, SymbolicPose
 from mbd_sim.dynamics.links import Link
-from mbd_sim.dynamics.spatial_algebra import constant, skew, symbolic
+from mbd_sim.dynamics.spatial_algebra import constant, is_symbolic, skew
 from mbd_sim.mechanism.records import GROUND, Attachment
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
-    """A point in ground's axes: its position, velocity, and its part's rotation and angular velocity."""
+class PointMotion:
+    """A point Q of a part, in ground's axes: p_WQ (3,) in m, its velocity (3,) in m/s, and its part's ω (3,)."""
 
     position: ca.SX
     velocity: ca.SX
-    rotation: ca.SX
     omega: ca.SX
 
 
-class Points:
-    """Points of parts, and the `wrenches` (6,) = [moment; force] on their links, in the links' frames."""
+class AppliedWrenches:
+    """Collects the wrenches F_L (6,) = [moment; force] on all links."""
 
-    def __init__(self, links: Sequence[Link], motions: Sequence[LinkMotion], poses: Sequence[WorldPose]) -> None:
+    def __init__(self, links: Sequence[Link], motions: Sequence[LinkMotion], poses: Sequence[SymbolicPose]) -> None:
         self._links, self._motions, self._poses = links, motions, poses
         self._index = {link.joint.outboard: index for index, link in enumerate(links)}
         self.wrenches = [ca.SX(6, 1) for _ in links]
 
-    def at(self, at: Attachment) -> Place:
-        """Where a point is and how it moves."""
+    def motion_of(self, at: Attachment) -> PointMotion:
+        """The position and velocity of a point of a part."""
         if at.part == GROUND:
-            return Place(constant(at.point), ca.SX(3, 1), constant(np.eye(3)), ca.SX(3, 1))
+            return PointMotion(constant(at.point), ca.SX(3, 1), ca.SX(3, 1))
         index = self._index[at.part]
-        pose, velocity = self._poses[index], self._motions[index].velocity
-        to_world = self._to_world(index)
-        arm = self._arm(index, at)
-        return Place(
-            position=pose.position + pose.rotation @ constant(at.point),
-            velocity=to_world @ (velocity[3:] - skew(arm) @ velocity[:3]),
-            rotation=pose.rotation,
-            omega=to_world @ velocity[:3],
+        X_WB, V_WL, R_WL = self._poses[index], self._motions[index].V_WL, self._R_WL(index)
+        return PointMotion(
+            position=X_WB.position + X_WB.rotation @ constant(at.point),
+            velocity=R_WL @ (V_WL[3:] - skew(self._p_LQ(index, at)) @ V_WL[:3]),
+            omega=R_WL @ V_WL[:3],
         )
 
     def rotation(self, part: str) -> ca.SX:
-        """The axes (3, 3) of a part in ground's."""
+        """R_WB (3, 3) of a part, or the identity for ground."""
         return constant(np.eye(3)) if part == GROUND else self._poses[self._index[part]].rotation
 
-    def push(self, at: Attachment, force: ca.SX) -> None:
-        """Let a force (3,) in ground's axes act at a point."""
+    def add_force(self, at: Attachment, force: ca.SX) -> None:
+        """Apply a force (3,) in N, in ground's axes, at a point."""
         if at.part != GROUND:
             index = self._index[at.part]
-            own = self._to_world(index).T @ force
-            self.wrenches[index] += ca.vertcat(skew(self._arm(index, at)) @ own, own)
+            f_L = self._R_WL(index).T @ force
+            self.wrenches[index] += ca.vertcat(skew(self._p_LQ(index, at)) @ f_L, f_L)
 
-    def turn(self, at: Attachment, moment: ca.SX) -> None:
-        """Let a couple (3,) in ground's axes act on a part."""
+    def add_couple(self, at: Attachment, couple: ca.SX) -> None:
+        """Apply a couple (3,) in N·m, in ground's axes, to a part."""
         index = self._index[at.part]
-        self.wrenches[index] += ca.vertcat(self._to_world(index).T @ moment, ca.SX(3, 1))
+        self.wrenches[index] += ca.vertcat(self._R_WL(index).T @ couple, ca.SX(3, 1))
 
-    def follow(self, at: Attachment, vector: ca.SX, couple: bool) -> ca.SX:
-        """Let a force, or a couple, (3,) in the part's own axes act on it; returns its power.
+    def add_in_own_axes(self, at: Attachment, vector: ca.SX, couple: bool) -> ca.SX:
+        """Apply a force or a couple (3,) in the part's own axes, and return its power in W.
 
-        On its way to ground's axes and back it would cost forty instructions, as nothing there cancels.
+        Rotating it to ground's axes and back would cost forty instructions, because nothing cancels there.
         """
         index = self._index[at.part]
-        own = ca.sparsify(constant(self._links[index].part.rotation) @ vector)
-        moment, force = (own, ca.SX(3, 1)) if couple else (skew(self._arm(index, at)) @ own, own)
-        wrench = ca.sparsify(ca.vertcat(moment, force))
-        self.wrenches[index] += wrench
-        return ca.dot(wrench, self._motions[index].velocity)
+        own = ca.sparsify(constant(self._links[index].X_LB.rotation) @ vector)
+        moment, force = (own, ca.SX(3, 1)) if couple else (skew(self._p_LQ(index, at)) @ own, own)
+        F_L = ca.sparsify(ca.vertcat(moment, force))
+        self.wrenches[index] += F_L
+        return ca.dot(F_L, self._motions[index].V_WL)
 
-    def _to_world(self, index: int) -> ca.SX:
-        return ca.sparsify(self._poses[index].rotation @ constant(self._links[index].part.rotation.T))
+    def _R_WL(self, index: int) -> ca.SX:
+        return rotation_of_link(self._links[index], self._poses[index])
 
-    def _arm(self, index: int, at: Attachment) -> ca.SX:
-        part = self._links[index].part
-        if symbolic(at.point, part.position, part.rotation):
-            return ca.sparsify(constant(part.position) + constant(part.rotation) @ constant(at.point))
-        return constant(part.position + part.rotation @ at.point)
+    def _p_LQ(self, index: int, at: Attachment) -> ca.SX:
+        X_LB = self._links[index].X_LB
+        if is_symbolic(at.point, X_LB.position, X_LB.rotation):
+            return ca.sparsify(constant(X_LB.position) + constant(X_LB.rotation) @ constant(at.point))
+        return constant(X_LB.position + X_LB.rotation @ at.point)

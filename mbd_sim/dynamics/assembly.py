@@ -1,43 +1,26 @@
-"""A consistent start: loops closed by Newton around the start values that are given, and speeds that fit."""
+"""Closing loops by Newton's method, speeds that satisfy the constraints, and independent rows."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.geometry.pose import Array
 
-CLOSED = 1e-10  # relative to the mechanism's size, what may stay open
-FITTING = 1e-9  # relative to the speeds, what a given speed may miss
-RANK = 1e-9  # of the largest singular value, what counts as none
-ITERATIONS, STARTS, LONGEST = 60, 30, 0.6
-STALLED = 1e-4  # of the gap, what a step must close at least
+CLOSED = 1e-10  # tolerated gap, relative to the size of the mechanism
+CONSISTENT = 1e-9  # tolerated error of given speeds, relative to the speeds
+RANK = 1e-9  # singular values below this fraction of the largest count as zero
+ITERATIONS, ATTEMPTS = 60, 30
+LONGEST_STEP = 0.6  # m or rad
+STALLED = 1e-4  # an iteration that reduces the gap by less than this fraction is the last
 
 
 @dataclass(frozen=True, eq=False)
-class Conditions:
-    """The constraints as numbers.
-
-    `position(t, q)` (m,) is Φ, zero in nonholonomic rows; `gradient(t, q)` (m, nv) is G; `drift(t, q)` (m,) is b, with
-    G u + b = 0; `mass(t, q)` (nv, nv); `senses(t, q)` are positive the right way round. `moved(q, d)` is q after a
-    small displacement d (nv,) along the speeds, with unit quaternions. `size` in m is that of the mechanism.
-    """
-
-    position: Callable[[float, Array], Array]
-    gradient: Callable[[float, Array], Array]
-    drift: Callable[[float, Array], Array]
-    mass: Callable[[float, Array], Array]
-    senses: Callable[[float, Array], Array]
-    moved: Callable[[Array, Array], Array]
-    size: float
-    holonomic: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Closing:
-    """Coordinates (nq,) as near to closed as was found; `gaps` (m,) are what stays open, in m or 1."""
+class LoopClosure:
+    """The coordinates (nq,) with the smallest gap that was found; `gaps` (m,) are what remains, in m or 1."""
 
     q: Array
     gaps: Array
@@ -45,164 +28,167 @@ class Closing:
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def close_loops(conditions: Conditions, t: float, q: Array, free: Array) -> Closing:
-    """Move the `free` (nv,) coordinates until the constraints hold, as little as Newton's steps do.
+def close_loops(constraints: ConstraintFunctions, t: float, q: Array, free: Array) -> LoopClosure:
+    """Move the `free` (nv,) coordinates as little as possible so that the constraints are satisfied at time t.
 
-    Where a guess does not lead there, others around it are tried, the same ones each time.
+    If Newton's method fails from q, it is tried from other guesses around q, the same ones in every run.
     """
     random = np.random.default_rng(0)
-    best = _newton(conditions, t, q, free)
-    for attempt in range(STARTS):
+    best = _newton(constraints, t, q, free)
+    for attempt in range(ATTEMPTS):
         if best.closed or not free.any():
             break
         scatter = random.normal(size=len(free)) * free * min(2.0, 0.1 * 1.3**attempt)
-        other = _newton(conditions, t, conditions.moved(q, scatter), free)
+        other = _newton(constraints, t, constraints.displaced(q, scatter), free)
         if other.closed or not np.linalg.norm(best.gaps) <= np.linalg.norm(other.gaps):
             best = other
     return best
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def _newton(conditions: Conditions, t: float, q: Array, free: Array) -> Closing:
-    """Gauss and Newton with steps of least norm, shortened while the gap would grow or have no value."""
-    gaps = conditions.position(t, q)
+def _newton(constraints: ConstraintFunctions, t: float, q: Array, free: Array) -> LoopClosure:
+    """Gauss-Newton with steps of least norm, shortened while the gap would grow or become undefined."""
+    gaps = constraints.position(t, q)
     for _ in range(ITERATIONS):
         norm = float(np.linalg.norm(gaps))
         if norm == 0.0:
             break
-        slope = conditions.gradient(t, q)[conditions.holonomic][:, free]
+        slope = constraints.gradient(t, q)[constraints.holonomic][:, free]
         if not (np.isfinite(norm) and np.all(np.isfinite(slope))):
             break
         step = np.zeros(len(free))
         if slope.size:
-            step[free] = -np.linalg.lstsq(slope, gaps[conditions.holonomic], rcond=RANK)[0]
-        step *= min(1.0, LONGEST / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
+            step[free] = -np.linalg.lstsq(slope, gaps[constraints.holonomic], rcond=RANK)[0]
+        step *= min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
         for _ in range(12):
-            tried = conditions.moved(q, step)
-            open_ = conditions.position(t, tried)
-            if np.linalg.norm(open_) < norm:
+            next_q = constraints.displaced(q, step)
+            next_gaps = constraints.position(t, next_q)
+            if np.linalg.norm(next_gaps) < norm:
                 break
             step *= 0.5
         else:
             break
-        q, gaps = tried, open_
+        q, gaps = next_q, next_gaps
         if np.linalg.norm(gaps) > (1.0 - STALLED) * norm:
             break
-    closed = bool(np.all(np.abs(gaps) <= CLOSED * conditions.size))
-    upright = bool(np.all(conditions.senses(t, q) > 0.0))
-    return Closing(q, gaps, closed and upright)
+    closed = bool(np.all(np.abs(gaps) <= CLOSED * constraints.size))
+    right_branch = bool(np.all(constraints.branch_checks(t, q) > 0.0))
+    return LoopClosure(q, gaps, closed and right_branch)
 
 
-def without_value(conditions: Conditions, t: float, q: Array) -> Array:
-    """The rows (m,) that have no finite value or derivative, such as the length of a cable between points that meet."""
-    values = [conditions.position(t, q), conditions.drift(t, q), *conditions.gradient(t, q).T]
+def undefined_rows(constraints: ConstraintFunctions, t: float, q: Array) -> Array:
+    """Which rows (m,) have no finite value or derivative, such as the length of a cable between coincident points."""
+    values = [constraints.position(t, q), constraints.drift(t, q), *constraints.gradient(t, q).T]
     return np.asarray(~np.all(np.isfinite(values), axis=0), dtype=bool)
 
 
 @dataclass(frozen=True, eq=False)
-class Speeds:
-    """Speeds (nv,); `misses` (m,) is what the constraints' velocities are off where they cannot be met."""
+class FittedSpeeds:
+    """Speeds u (nv,), the violation `errors` (m,) of the velocity constraints, and whether that is tolerable."""
 
     u: Array
-    misses: Array
-    fitting: bool
+    errors: Array
+    consistent: bool
 
 
-def fit_speeds(conditions: Conditions, t: float, q: Array, u: Array, held: Array) -> Speeds:
-    """The speeds of least kinetic energy that meet the constraints and the `held` (nv,) values of u."""
-    gradient, drift = conditions.gradient(t, q), conditions.drift(t, q)
-    kept = np.eye(len(u))[held]
-    rows, wanted = np.vstack([gradient, kept]), np.concatenate([-drift, u[held]])
+def fit_speeds(constraints: ConstraintFunctions, t: float, q: Array, u: Array, fixed: Array) -> FittedSpeeds:
+    """The speeds of least kinetic energy that satisfy the constraints and keep the `fixed` (nv,) entries of u."""
+    gradient, drift = constraints.gradient(t, q), constraints.drift(t, q)
+    selection = np.eye(len(u))[fixed]
+    rows, right = np.vstack([gradient, selection]), np.concatenate([-drift, u[fixed]])
     if not rows.size:
-        return Speeds(np.zeros(len(u)), np.zeros(0), True)
-    found = _least_speeds(conditions.mass(t, q), rows, wanted)
-    found[held] = u[held]
-    misses = gradient @ found + drift
-    sizes = np.linalg.norm(gradient, axis=1) * np.linalg.norm(found)
-    allowed = FITTING * (sizes + np.abs(drift) + conditions.size * 1e-3)
-    return Speeds(found, misses, bool(np.all(np.abs(misses) <= allowed)))
+        return FittedSpeeds(np.zeros(len(u)), np.zeros(0), True)
+    speeds = _least_energy_speeds(constraints.mass_matrix(t, q), rows, right)
+    speeds[fixed] = u[fixed]
+    errors = gradient @ speeds + drift
+    sizes = np.linalg.norm(gradient, axis=1) * np.linalg.norm(speeds)
+    tolerance = CONSISTENT * (sizes + np.abs(drift) + constraints.size * 1e-3)
+    return FittedSpeeds(speeds, errors, bool(np.all(np.abs(errors) <= tolerance)))
 
 
-def nearest_speeds(conditions: Conditions, t: float, q: Array, u: Array) -> Array:
-    """The speeds that meet the constraints with the least kinetic energy of the change from u (nv,)."""
-    gradient = conditions.gradient(t, q)
-    return u - _least_speeds(conditions.mass(t, q), gradient, gradient @ u + conditions.drift(t, q))
+def nearest_speeds(constraints: ConstraintFunctions, t: float, q: Array, u: Array) -> Array:
+    """The speeds (nv,) that satisfy the constraints with the least kinetic energy of the change from u."""
+    gradient = constraints.gradient(t, q)
+    return u - _least_energy_speeds(constraints.mass_matrix(t, q), gradient, gradient @ u + constraints.drift(t, q))
 
 
-def _least_speeds(mass: Array, rows: Array, wanted: Array) -> Array:
-    """The speeds u of least kinetic energy with rows @ u = `wanted`, refined once, whatever the units of the rows."""
-    to_unit = _unit_speeds(mass)
+def _least_energy_speeds(mass_matrix: Array, rows: Array, right: Array) -> Array:
+    """The speeds u of least kinetic energy with rows @ u = `right`, for rows in any units; refined once."""
+    to_unit = _unit_energy_speeds(mass_matrix)
     scaled = rows @ to_unit
     sizes = np.linalg.norm(scaled, axis=1)
     sizes[np.linalg.norm(rows, axis=1) < 1e-12] = np.inf
     scaled /= sizes[:, None]
-    found: Array = np.zeros(len(mass))
+    u: Array = np.zeros(len(mass_matrix))
     for _ in range(2):
-        found += to_unit @ np.linalg.lstsq(scaled, (wanted - rows @ found) / sizes, rcond=RANK)[0]
-    return found
+        u += to_unit @ np.linalg.lstsq(scaled, (right - rows @ u) / sizes, rcond=RANK)[0]
+    return u
 
 
-def _unit_speeds(mass: Array) -> Array:
-    """Combinations of speeds (nv, nv) whose kinetic energy is ½ each; those without inertia count a little."""
-    weights, axes = np.linalg.eigh(mass)
+def _unit_energy_speeds(mass_matrix: Array) -> Array:
+    """Combinations (nv, nv) of speeds with a kinetic energy of ½ each; those without inertia get a small one."""
+    weights, axes = np.linalg.eigh(mass_matrix)
     combinations: Array = axes / np.sqrt(np.maximum(weights, 1e-12 * max(weights.max(initial=0.0), 1e-300)))
     return combinations
 
 
-def nearby(conditions: Conditions, q: Array, times: Sequence[float], steps: int = 12) -> list[tuple[float, Array]]:
-    """Configurations around a closed one: along directions that the constraints leave, and later in time."""
+def nearby_configurations(
+    constraints: ConstraintFunctions, q: Array, times: Sequence[float], steps: int = 12
+) -> list[tuple[float, Array]]:
+    """Pairs (t, q) around an assembled configuration: along free directions at t = 0, and at later `times`."""
     random = np.random.default_rng(1)
-    found = [(0.0, q)]
-    everything = np.ones(conditions.gradient(0.0, q).shape[1], dtype=bool)
+    configurations = [(0.0, q)]
+    all_free = np.ones(constraints.gradient(0.0, q).shape[1], dtype=bool)
     for sign in (1.0, -1.0):
         at, direction = q, None
         for _ in range(steps // 2):
-            directions = null_space(conditions.gradient(0.0, at))
+            directions = null_space(constraints.gradient(0.0, at))
             if not directions.shape[1]:
                 break
-            wish = random.normal(size=directions.shape[1]) if direction is None else directions.T @ direction
-            direction = directions @ wish
-            direction *= sign if len(found) == 1 else 1.0
+            weights = random.normal(size=directions.shape[1]) if direction is None else directions.T @ direction
+            direction = directions @ weights
+            direction *= sign if len(configurations) == 1 else 1.0
             direction /= max(float(np.max(np.abs(direction))), 1e-300)
-            closing = _newton(conditions, 0.0, conditions.moved(at, 0.15 * direction), everything)
-            if not closing.closed or without_value(conditions, 0.0, closing.q).any():
+            closure = _newton(constraints, 0.0, constraints.displaced(at, 0.15 * direction), all_free)
+            if not closure.closed or undefined_rows(constraints, 0.0, closure.q).any():
                 break
-            at = closing.q
-            found.append((0.0, at))
+            at = closure.q
+            configurations.append((0.0, at))
     at = q
     for t in times:
-        closing = _newton(conditions, t, at, everything)
-        if not closing.closed or without_value(conditions, t, closing.q).any():
+        closure = _newton(constraints, t, at, all_free)
+        if not closure.closed or undefined_rows(constraints, t, closure.q).any():
             break
-        at = closing.q
-        found.append((t, at))
-    return found
+        at = closure.q
+        configurations.append((t, at))
+    return configurations
 
 
 def null_space(matrix: Array) -> Array:
-    """An orthonormal basis (n, k) of what a matrix (m, n) maps to zero."""
+    """An orthonormal basis (n, k) of the null space of a matrix (m, n)."""
     if not matrix.size:
         return np.eye(matrix.shape[1])
     if matrix.shape[0] > matrix.shape[1]:
-        matrix = np.asarray(np.linalg.qr(matrix, mode="r"))  # the same null space, from fewer rows
+        matrix = np.asarray(np.linalg.qr(matrix, mode="r"))  # the same null space with fewer rows
     _, values, axes = np.linalg.svd(matrix)
     rank = int(np.sum(values > RANK * max(values.max(initial=0.0), 1e-300)))
     return np.ascontiguousarray(axes[rank:].T)
 
 
 def independent_rows(gradients: Sequence[Array]) -> tuple[list[int], list[int]]:
-    """Rows that span all others in as many configurations as possible, and the rank of G in each configuration.
+    """Rows that span all rows of G in as many configurations as possible, and the rank of G in each configuration.
 
-    Rows are chosen one by one, each for what it adds where it adds least.
+    Rows are chosen one by one; each is judged by the configuration in which it adds least.
     """
     unit = [_unit_rows(gradient) for gradient in gradients]
     ranks = [rank_of(gradient) for gradient in unit]
-    most = max(ranks)
-    return _greedy([gradient for gradient, rank in zip(unit, ranks, strict=True) if rank == most], most), ranks
+    highest = max(ranks)
+    regular = [gradient for gradient, rank in zip(unit, ranks, strict=True) if rank == highest]
+    return _greedy_rows(regular, highest), ranks
 
 
 def rank_of(matrix: Array) -> int:
-    """The rank of a matrix with rows of order one, to round-off of the assembly."""
+    """The rank of a matrix with rows of order one, up to the round-off of the assembly."""
     return int(np.linalg.matrix_rank(matrix, tol=RANK)) if matrix.size else 0
 
 
@@ -212,15 +198,16 @@ def _unit_rows(gradient: Array) -> Array:
     return unit
 
 
-def _greedy(gradients: Sequence[Array], rank: int) -> list[int]:
-    rest = [gradient.copy() for gradient in gradients]
+def _greedy_rows(gradients: Sequence[Array], rank: int) -> list[int]:
+    """The first row that adds nearly as much as the best one, again and again; what is chosen is projected out."""
+    remainders = [gradient.copy() for gradient in gradients]
     chosen: list[int] = []
     for _ in range(rank):
-        gain = np.min([np.linalg.norm(matrix, axis=1) for matrix in rest], axis=0)
+        gain = np.min([np.linalg.norm(matrix, axis=1) for matrix in remainders], axis=0)
         gain[chosen] = 0.0
         best = int(np.argmax(gain > 0.99 * gain.max()))
         chosen.append(best)
-        for matrix in rest:
+        for matrix in remainders:
             size = np.linalg.norm(matrix[best])
             if size > 0.0:
                 direction = matrix[best] / size

@@ -1,4 +1,4 @@
-"""The parts as symbols of their own: constraints are written on them and then follow any motion."""
+"""Symbols for the pose and velocity of each part: constraints are written on them and then hold for any motion."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.kinematics import LinkMotion, WorldPose
+from mbd_sim.dynamics.kinematics import LinkMotion, SymbolicPose
 from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.spatial_algebra import constant, skew
 from mbd_sim.geometry.pose import Array
@@ -16,8 +16,8 @@ from mbd_sim.mechanism.records import GROUND
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
-    """A frame of a part, all in ground's axes: its origin, axes, velocity of the origin, and angular velocity."""
+class BodyFrame:
+    """A frame fixed in a part, in ground's axes: its origin, its axes, the velocity of its origin, and ω."""
 
     position: ca.SX
     rotation: ca.SX
@@ -25,8 +25,8 @@ class Frame:
     omega: ca.SX
 
 
-class Bodies:
-    """Symbols for the pose (12,) and the twist (6,) = [ω; v] at the part's origin, in ground's axes, of each link."""
+class BodySymbols:
+    """Symbols for the pose X_WB (12,) and the velocity V_WB_W (6,) = [ω; v] of each link's part."""
 
     def __init__(self, links: Sequence[Link]) -> None:
         self._index = {link.joint.outboard: index for index, link in enumerate(links)}
@@ -34,20 +34,22 @@ class Bodies:
         self.poses = [ca.SX.sym(f"pose{index}", 12) for index in range(len(links))]
         self.twists = [ca.SX.sym(f"twist{index}", 6) for index in range(len(links))]
 
-    def frame(self, part: str, point: Array, axes: Array | None = None) -> Frame:
-        """The frame at a point (3,) of a part, with axes (3, 3) in the part's."""
-        turn = constant(np.eye(3) if axes is None else axes)
+    def frame(self, part: str, point: Array, axes: Array | None = None) -> BodyFrame:
+        """The frame at a `point` (3,) in m of a part, with `axes` (3, 3); both are in the part's frame."""
+        R_BC = constant(np.eye(3) if axes is None else axes)
         if part == GROUND:
-            return Frame(constant(point), turn, ca.SX(3, 1), ca.SX(3, 1))
+            return BodyFrame(constant(point), R_BC, ca.SX(3, 1), ca.SX(3, 1))
         pose, twist = self.poses[self._index[part]], self.twists[self._index[part]]
-        rotation = ca.reshape(pose[3:], 3, 3)
-        arm = rotation @ constant(point)
-        return Frame(pose[:3] + arm, ca.sparsify(rotation @ turn), twist[3:] - skew(arm) @ twist[:3], twist[:3])
+        R_WB = ca.reshape(pose[3:], 3, 3)
+        p_BC_W = R_WB @ constant(point)
+        velocity = twist[3:] - skew(p_BC_W) @ twist[:3]
+        return BodyFrame(pose[:3] + p_BC_W, ca.sparsify(R_WB @ R_BC), velocity, twist[:3])
 
-    def base(self, one: str, other: str) -> str:
+    def common_carrier(self, one: str, other: str) -> str:
         """The part farthest from ground that carries both of two parts in the tree.
 
-        What flies freely is carried by nothing; where the two have no carrier in common, it is the last of the first.
+        Nothing carries a part on a free joint. Where the two have no carrier in common, the result is the last carrier
+        of the first.
         """
         carriers = [one]
         while carriers[-1] in self._inboard:
@@ -57,7 +59,7 @@ class Bodies:
         return other if other in carriers else carriers[-1]
 
     def rate(self, expressions: ca.SX) -> ca.SX:
-        """The time derivatives (m,) of expressions of the poses."""
+        """The time derivatives (m,) of expressions (m,) of the poses."""
         rates = [
             ca.vertcat(twist[3:], ca.vec(skew(twist[:3]) @ ca.reshape(pose[3:], 3, 3)))
             for pose, twist in zip(self.poses, self.twists, strict=True)
@@ -65,25 +67,25 @@ class Bodies:
         return ca.sparsify(ca.jacobian(expressions, ca.vertcat(*self.poses)) @ ca.vertcat(ca.SX(0, 1), *rates))
 
 
-def flat_pose(pose: WorldPose) -> ca.SX:
-    """(12,): position and rotation, column by column."""
+def flat_pose(pose: SymbolicPose) -> ca.SX:
+    """A pose as (12,): the position, then the rotation matrix column by column."""
     return ca.vertcat(pose.position, ca.vec(pose.rotation))
 
 
-def world_twist(link: Link, motion: LinkMotion, pose: WorldPose) -> ca.SX:
-    """The twist (6,) of a link's part at the part's origin, in ground's axes."""
-    to_world = to_ground(link, pose)
-    angular, linear = motion.velocity[:3], motion.velocity[3:]
-    return ca.vertcat(to_world @ angular, to_world @ (linear - skew(constant(link.part.position)) @ angular))
+def world_twist(link: Link, motion: LinkMotion, X_WB: SymbolicPose) -> ca.SX:
+    """V_WB_W (6,) of a link's part."""
+    R_WL = rotation_of_link(link, X_WB)
+    omega, velocity = motion.V_WL[:3], motion.V_WL[3:]
+    return ca.vertcat(R_WL @ omega, R_WL @ (velocity - skew(constant(link.X_LB.position)) @ omega))
 
 
-def own_wrench(link: Link, pose: WorldPose, wrench: ca.SX) -> ca.SX:
-    """A wrench (6, k) at a part's origin in ground's axes, as one at the link's origin in its own axes."""
-    turn = to_ground(link, pose).T
-    force = turn @ wrench[3:, :]
-    return ca.vertcat(turn @ wrench[:3, :] + skew(constant(link.part.position)) @ force, force)
+def link_wrench(link: Link, X_WB: SymbolicPose, wrench: ca.SX) -> ca.SX:
+    """A wrench (6, k) about the part's origin in ground's axes, as F_L (6, k)."""
+    R_LW = rotation_of_link(link, X_WB).T
+    force = R_LW @ wrench[3:, :]
+    return ca.vertcat(R_LW @ wrench[:3, :] + skew(constant(link.X_LB.position)) @ force, force)
 
 
-def to_ground(link: Link, pose: WorldPose) -> ca.SX:
-    """The rotation (3, 3) from a link's axes to ground's."""
-    return ca.sparsify(pose.rotation @ constant(link.part.rotation.T))
+def rotation_of_link(link: Link, X_WB: SymbolicPose) -> ca.SX:
+    """R_WL (3, 3)."""
+    return ca.sparsify(X_WB.rotation @ constant(link.X_LB.rotation.T))

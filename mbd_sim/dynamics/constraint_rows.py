@@ -1,7 +1,7 @@
-"""Constraints as scalar rows, written on the symbols of the bodies (Géradin & Rixen; Nikravesh, ch. 7).
+"""Constraints as scalar equations, written on the symbols of the parts (Géradin & Rixen; Nikravesh, ch. 7).
 
-A holonomic row is a function of the poses that stays zero; its velocity is found by differentiation. A nonholonomic
-one is a velocity that stays zero.
+A holonomic row is a function of the poses that stays zero; its velocity follows by differentiation. A nonholonomic row
+is a velocity that stays zero.
 """
 
 from __future__ import annotations
@@ -9,27 +9,28 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import assert_never
+from typing import NamedTuple, assert_never
 
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.body_symbols import Bodies, Frame
+from mbd_sim.dynamics.body_symbols import BodyFrame, BodySymbols
 from mbd_sim.dynamics.spatial_algebra import constant
 from mbd_sim.dynamics.time_functions import function_of
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism import constraints as c
+from mbd_sim.mechanism.joint_types import LoopCondition
 from mbd_sim.mechanism.records import Attachment, Joint, Mechanism
 from mbd_sim.mechanism.source import Location
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
-    """One scalar constraint of the joint or constraint at `owner`, which `what` describes.
+class ConstraintRow:
+    """One scalar constraint of the joint or constraint at `owner`, described by `what`.
 
-    A holonomic one has a `position` that stays zero, in `unit`, a nonholonomic one a `velocity`, linear in the twists.
-    `factors` are those of joint coordinates, which the position leaves out.
+    A holonomic row has a `position` that stays zero, in `unit`; a nonholonomic row has a `velocity`, linear in the
+    velocities of the parts. `factors` are those of joint coordinates, which the position does not include.
     """
 
     owner: Location
@@ -45,92 +46,132 @@ class Row:
         return f"{self.owner[1]}: {self.what}"
 
 
-def constraint_rows(mechanism: Mechanism, bodies: Bodies, clock: ca.SX, turning: Collection[str] = ()) -> list[Row]:
-    """The rows of all loops and constraints; `clock` is the time in the constraints' own expressions.
+def constraint_rows(
+    mechanism: Mechanism, bodies: BodySymbols, time: ca.SX, own_axes: Collection[str] = ()
+) -> list[ConstraintRow]:
+    """The rows of all closing joints and constraints.
 
-    The gap of a loop is measured along the axes of the part from which both ways around it start, in which a plane
-    loop stays in its plane however it is carried about; for the joints in `turning` along those of one of its ends, for
-    loops that turn about an axis of their own.
+    The gap of a loop is measured along the axes of the part from which both branches of the loop start: there a plane
+    loop stays in its plane, however it is carried about. For the joints in `own_axes` it is measured along the axes of
+    one of the joint's ends, for loops that rotate about an axis of that part.
+
+    :param time: the symbol of time in the expressions of the constraints.
     """
-    writer = _Writer(bodies, clock)
     rows = [
-        Row(("joints", joint.name), what, position, unit="" if what.startswith(("tilt", "rotation", "angle")) else "m")
+        ConstraintRow(("joints", joint.name), equation.what, equation.position, unit=equation.unit)
         for joint in mechanism.closing.values()
-        for what, position in _loop(joint, bodies, joint.name in turning)
+        for equation in _loop(joint, bodies, joint.name in own_axes)
     ]
-    return rows + [row for constraint in mechanism.constraints for row in writer.constraint(constraint)]
+    writer = _RowWriter(bodies, time)
+    return rows + [row for constraint in mechanism.constraints for row in writer.rows_of(constraint)]
 
 
-class _Writer:
-    def __init__(self, bodies: Bodies, clock: ca.SX) -> None:
-        self._bodies, self._clock = bodies, clock
+class _RowWriter:
+    """Writes the rows of constraints on the symbols of the parts."""
 
-    def _at(self, place: Attachment) -> Frame:
+    def __init__(self, bodies: BodySymbols, time: ca.SX) -> None:
+        self._bodies, self._time = bodies, time
+
+    def _at(self, place: Attachment) -> BodyFrame:
         return self._bodies.frame(place.part, place.point)
 
-    def constraint(self, record: c.Constraint) -> Iterator[Row]:
+    def rows_of(self, record: c.Constraint) -> Iterator[ConstraintRow]:
         """The rows of a constraint."""
-        owner: Location = ("constraints", record.name)
         match record:
-            case c.Distance(first=first, second=second, length=expression):
-                length = function_of(expression, {"t": self._clock})
-                line = self._at(second).position - self._at(first).position
-                yield Row(owner, "length", (ca.dot(line, line) - length * length) / (2.0 * length))
-            case c.Cable(points=points, length=expression):
-                total = -function_of(expression, {"t": self._clock})
-                for one, other in pairwise(points):
-                    total += ca.norm_2(self._at(other).position - self._at(one).position)
-                yield Row(owner, "length", total)
-            case c.Flat(point=point, base=base, normals=normals):
-                frame = self._bodies.frame(base.part, base.point)
-                line = self._at(point).position - frame.position
-                for number, normal in enumerate(normals):
-                    what = "distance from the plane" if len(normals) == 1 else f"distance from the line, {number + 1}"
-                    yield Row(owner, what, ca.dot(frame.rotation @ constant(normal), line))
-            case c.Surface(point=point, base=base, axes=axes, equations=equations):
-                frame = self._bodies.frame(base.part, base.point, axes)
-                place = frame.rotation.T @ (self._at(point).position - frame.position)
-                names = {"x": place[0], "y": place[1], "z": place[2], "t": self._clock}
-                for number, equation in enumerate(equations):
-                    what = "equation" if len(equations) == 1 else f"equation {number + 1}"
-                    yield Row(owner, what, function_of(equation, names), unit="")
-            case c.Coupling(factors=factors, value=expression):
-                value = function_of(expression, {"t": self._clock})
-                unit = "m" if record.kind in ("gear", "rack") else ""
-                yield Row(owner, "coordinates", -value, unit=unit, factors=factors)
+            case c.Distance():
+                yield self._distance(record)
+            case c.Cable():
+                yield self._cable(record)
+            case c.Flat():
+                yield from self._flat(record)
+            case c.Surface():
+                yield from self._surface(record)
+            case c.Coupling():
+                yield self._coupling(record)
             case c.Rolling():
-                yield from self._rolling(owner, record)
-            case c.KnifeEdge(point=point, direction=direction, plane=plane, normal=normal):
-                blade, carrier = self._at(point), self._at(plane)
-                up = carrier.rotation @ constant(normal)
-                across = ca.cross(up, blade.rotation @ constant(direction))
-                slip = blade.velocity - _carried(carrier, blade.position)
-                yield Row(owner, "sideways motion", velocity=ca.dot(across / ca.norm_2(across), slip))
+                yield from self._rolling(record)
+            case c.KnifeEdge():
+                yield self._knife_edge(record)
+            case _:
+                assert_never(record)
 
-    def _rolling(self, owner: Location, record: c.Rolling) -> Iterator[Row]:
-        """Contact, and no slip at the contact in two directions of the plane (Huston & Liu 11.10.5).
+    def _distance(self, record: c.Distance) -> ConstraintRow:
+        """(l² - length²) / 2 length: as large as l - length near zero, and smooth where the points meet."""
+        length = function_of(record.length, {"t": self._time})
+        line = self._at(record.second).position - self._at(record.first).position
+        return ConstraintRow(_owner(record), "length", (ca.dot(line, line) - length * length) / (2.0 * length))
 
-        Those of a wheel are ahead and aside, so that wheels on one axle share one of them wherever they turn to.
+    def _cable(self, record: c.Cable) -> ConstraintRow:
+        total = -function_of(record.length, {"t": self._time})
+        for one, other in pairwise(record.points):
+            total += ca.norm_2(self._at(other).position - self._at(one).position)
+        return ConstraintRow(_owner(record), "length", total)
+
+    def _flat(self, record: c.Flat) -> Iterator[ConstraintRow]:
+        base = self._at(record.base)
+        line = self._at(record.point).position - base.position
+        for number, normal in enumerate(record.normals):
+            what = "distance from the plane" if len(record.normals) == 1 else f"distance from the line, {number + 1}"
+            yield ConstraintRow(_owner(record), what, ca.dot(base.rotation @ constant(normal), line))
+
+    def _surface(self, record: c.Surface) -> Iterator[ConstraintRow]:
+        base = self._bodies.frame(record.base.part, record.base.point, record.axes)
+        point = base.rotation.T @ (self._at(record.point).position - base.position)
+        names = {"x": point[0], "y": point[1], "z": point[2], "t": self._time}
+        for number, equation in enumerate(record.equations):
+            what = "equation" if len(record.equations) == 1 else f"equation {number + 1}"
+            yield ConstraintRow(_owner(record), what, function_of(equation, names), unit="")
+
+    def _coupling(self, record: c.Coupling) -> ConstraintRow:
+        value = function_of(record.value, {"t": self._time})
+        unit = "m" if record.kind in ("gear", "rack") else ""
+        return ConstraintRow(_owner(record), "coordinates", -value, unit=unit, factors=record.factors)
+
+    def _rolling(self, record: c.Rolling) -> Iterator[ConstraintRow]:
+        """Contact, and no slip at the contact along two directions of the plane (Huston & Liu, sec. 11.10.5).
+
+        The directions of a wheel are forward and sideways. Wheels on one axle then share a row in any position.
         """
         wheel, plane = self._at(record.center), self._at(record.plane)
-        up = ca.sparsify(plane.rotation @ constant(record.normal))
-        down, along = up, [plane.rotation @ constant(side) for side in rot.aligning_z(record.normal)[:, :2].T]
+        normal = ca.sparsify(plane.rotation @ constant(record.normal))
+        up, directions = normal, [plane.rotation @ constant(side) for side in _perpendiculars(record.normal)]
         if record.axis is not None:
             axis = wheel.rotation @ constant(record.axis)
-            leaning = up - axis * ca.dot(up, axis)
-            size = ca.sqrt(ca.dot(leaning, leaning))
-            down, ahead = leaning / size, ca.cross(axis, up) / size
-            along = [ahead, ca.cross(up, ahead)]
-        arm = -record.radius * down
+            in_disc = normal - axis * ca.dot(normal, axis)
+            size = ca.sqrt(ca.dot(in_disc, in_disc))
+            up, forward = in_disc / size, ca.cross(axis, normal) / size
+            directions = [forward, ca.cross(normal, forward)]
+        arm = -record.radius * up
         contact = wheel.position + arm
-        yield Row(owner, "contact", ca.dot(up, contact - plane.position))
-        slip = wheel.velocity + ca.cross(wheel.omega, arm) - _carried(plane, contact)
-        for number, direction in enumerate(along):
-            yield Row(owner, f"slip {number + 1}", velocity=ca.dot(direction, slip))
+        yield ConstraintRow(_owner(record), "contact", ca.dot(normal, contact - plane.position))
+        slip = wheel.velocity + ca.cross(wheel.omega, arm) - _velocity_at(plane, contact)
+        for number, direction in enumerate(directions):
+            yield ConstraintRow(_owner(record), f"slip {number + 1}", velocity=ca.dot(direction, slip))
+
+    def _knife_edge(self, record: c.KnifeEdge) -> ConstraintRow:
+        blade, plane = self._at(record.point), self._at(record.plane)
+        normal = plane.rotation @ constant(record.normal)
+        sideways = ca.cross(normal, blade.rotation @ constant(record.direction))
+        slip = blade.velocity - _velocity_at(plane, blade.position)
+        return ConstraintRow(_owner(record), "sideways motion", velocity=ca.dot(sideways / ca.norm_2(sideways), slip))
 
 
-def loop_ends(joint: Joint, bodies: Bodies) -> tuple[Frame, Frame]:
-    """The two frames that a joint connects."""
+def _owner(record: c.Constraint) -> Location:
+    return "constraints", record.name
+
+
+def _velocity_at(frame: BodyFrame, point: ca.SX) -> ca.SX:
+    """The velocity (3,) of a point that is fixed in a frame's part, in ground's axes."""
+    return frame.velocity + ca.cross(frame.omega, point - frame.position)
+
+
+def _perpendiculars(axis: Array) -> Array:
+    """Two unit vectors (2, 3) perpendicular to a unit `axis` and to each other."""
+    return rot.aligning_z(axis)[:, :2].T
+
+
+def joint_frames(joint: Joint, bodies: BodySymbols) -> tuple[BodyFrame, BodyFrame]:
+    """The frames of a joint on its parent and on its child."""
     first, second = joint.parent_pose, joint.child_pose
     return (
         bodies.frame(joint.parent, first.position, first.rotation),
@@ -138,95 +179,134 @@ def loop_ends(joint: Joint, bodies: Bodies) -> tuple[Frame, Frame]:
     )
 
 
-def _carried(frame: Frame, point: ca.SX) -> ca.SX:
-    """The velocity (3,) of a point that moves with a frame."""
-    return frame.velocity + ca.cross(frame.omega, point - frame.position)
+class LoopEquation(NamedTuple):
+    """What stays zero for a joint that closes a loop, its description, and its unit: m, or none for cosines."""
+
+    what: str
+    position: ca.SX
+    unit: str = "m"
 
 
-def _loop(joint: Joint, bodies: Bodies, turns: bool) -> Iterator[tuple[str, ca.SX]]:
-    """The equations of a closing joint, along axes that stay or turn with the loop."""
-    first, second = loop_ends(joint, bodies)
-    base = bodies.base(joint.parent, joint.child)
-    if not turns:
-        return loop_equations(joint, first, second, bodies.frame(base, np.zeros(3)).rotation)
-    if joint.parent == base and joint.type != "universal":
+@dataclass(frozen=True, eq=False)
+class _ClosingJoint:
+    """A joint between two frames, and the `gap` (3,) from the first origin to the second in ground's axes.
+
+    `base` (3, 3) are the axes along which a shared point is compared. All other directions belong to the first frame.
+    """
+
+    joint: Joint
+    first: BodyFrame
+    second: BodyFrame
+    gap: ca.SX
+    base: ca.SX
+
+    @property
+    def axis(self) -> Array:
+        """The joint's axis (3,), or z if it has none."""
+        return self.joint.axis if self.joint.axis.any() else np.array([0.0, 0.0, 1.0])
+
+    def in_first(self, direction: Array) -> ca.SX:
+        """A direction (3,) fixed in the first frame, in ground's axes."""
+        return ca.sparsify(self.first.rotation @ constant(direction))
+
+    def in_second(self, direction: Array) -> ca.SX:
+        """A direction (3,) fixed in the second frame, in ground's axes."""
+        return ca.sparsify(self.second.rotation @ constant(direction))
+
+
+def _shared_point(closing: _ClosingJoint) -> Iterator[LoopEquation]:
+    gap = ca.sparsify(closing.base.T @ closing.gap)
+    for index, name in enumerate("xyz"):
+        yield LoopEquation(f"displacement along {name}", gap[index])
+
+
+def _shared_line(closing: _ClosingJoint) -> Iterator[LoopEquation]:
+    for number, side in enumerate(_perpendiculars(closing.axis), start=1):
+        position = ca.dot(closing.in_first(side), closing.gap)
+        yield LoopEquation(f"displacement across the axis, {number}", position)
+
+
+def _parallel_axes(closing: _ClosingJoint) -> Iterator[LoopEquation]:
+    axis = closing.in_second(closing.axis)
+    for number, side in enumerate(_perpendiculars(closing.axis), start=1):
+        yield LoopEquation(f"tilt of the axis, {number}", ca.dot(closing.in_first(side), axis), "")
+
+
+def _same_orientation(closing: _ClosingJoint) -> Iterator[LoopEquation]:
+    for name, one, other in (("x", 1, 2), ("y", 2, 0), ("z", 0, 1)):
+        cosine = ca.dot(closing.first.rotation[:, one], closing.second.rotation[:, other])
+        yield LoopEquation(f"rotation about {name}", cosine, "")
+
+
+def _loop(joint: Joint, bodies: BodySymbols, own_axes: bool) -> Iterator[LoopEquation]:
+    """The equations of a closing joint, along axes of the common carrier or of one of its ends."""
+    first, second = joint_frames(joint, bodies)
+    carrier = bodies.common_carrier(joint.parent, joint.child)
+    if not own_axes:
+        return loop_equations(joint, first, second, bodies.frame(carrier, np.zeros(3)).rotation)
+    if joint.parent == carrier and joint.type != "universal":
         first, second = second, first
     return loop_equations(joint, first, second, first.rotation)
 
 
-def loop_equations(joint: Joint, first: Frame, second: Frame, base: ca.SX) -> Iterator[tuple[str, ca.SX]]:
-    """What stays zero for a joint between two frames, and its name (Nikravesh, sec. 7.2).
+def loop_equations(joint: Joint, first: BodyFrame, second: BodyFrame, base: ca.SX) -> Iterator[LoopEquation]:
+    """The equations of a joint between two frames (Nikravesh, sec. 7.2).
 
-    Shared points are compared along the axes `base` (3, 3); all other directions belong to the first frame.
+    :param base: (3, 3) the axes along which a shared point is compared, in ground's axes.
     """
-    gap = second.position - first.position
-    axis = joint.axis if joint.axis.any() else np.array([0.0, 0.0, 1.0])
-    across = rot.aligning_z(axis)[:, :2].T
-
-    def along(direction: np.ndarray) -> ca.SX:
-        return ca.sparsify(first.rotation @ constant(direction))
-
-    def shared_point() -> Iterator[tuple[str, ca.SX]]:
-        local = ca.sparsify(base.T @ gap)
-        return ((f"displacement along {name}", local[place]) for place, name in enumerate("xyz"))
-
-    def shared_line() -> Iterator[tuple[str, ca.SX]]:
-        return ((f"displacement across the axis, {n + 1}", ca.dot(along(side), gap)) for n, side in enumerate(across))
-
-    def parallel() -> Iterator[tuple[str, ca.SX]]:
-        turned = ca.sparsify(second.rotation @ constant(axis))
-        return ((f"tilt of the axis, {n + 1}", ca.dot(along(side), turned)) for n, side in enumerate(across))
-
-    def same_axes() -> Iterator[tuple[str, ca.SX]]:
-        for name, one, other in (("x", 1, 2), ("y", 2, 0), ("z", 0, 1)):
-            yield f"rotation about {name}", ca.dot(first.rotation[:, one], second.rotation[:, other])
-
+    closing = _ClosingJoint(joint, first, second, second.position - first.position, base)
     for condition in joint.kind.loop_conditions:
-        match condition:
-            case "coincident points":
-                yield from shared_point()
-            case "point on axis":
-                yield from shared_line()
-            case "point in plane":
-                yield "displacement along the normal", ca.dot(along(axis), gap)
-            case "parallel axes":
-                yield from parallel()
-            case "equal orientations":
-                yield from same_axes()
-            case "constant angle between axes":
-                cosine = float(joint.axis @ joint.second)
-                cross = ca.dot(along(joint.axis), ca.sparsify(second.rotation @ constant(joint.second)))
-                yield "angle of the axes", cross - cosine
-            case "advance by the lead":
-                yield "advance", _advance(joint, first, second)[0]
-            case _:
-                assert_never(condition)
+        yield from _equations_of(condition, closing)
 
 
-def _advance(joint: Joint, first: Frame, second: Frame) -> tuple[ca.SX, ca.SX]:
-    """The displacement less what the angle gives, by sines, so that whole turns make no difference.
+def _equations_of(condition: LoopCondition, closing: _ClosingJoint) -> Iterator[LoopEquation]:
+    match condition:
+        case "coincident points":
+            yield from _shared_point(closing)
+        case "point on axis":
+            yield from _shared_line(closing)
+        case "point in plane":
+            position = ca.dot(closing.in_first(closing.axis), closing.gap)
+            yield LoopEquation("displacement along the normal", position)
+        case "parallel axes":
+            yield from _parallel_axes(closing)
+        case "equal orientations":
+            yield from _same_orientation(closing)
+        case "constant angle between axes":
+            axis, second = closing.joint.axis, closing.joint.second
+            cosine = ca.dot(closing.in_first(axis), closing.in_second(second))
+            yield LoopEquation("angle of the axes", cosine - float(axis @ second), "")
+        case "advance by the lead":
+            yield LoopEquation("advance", _screw_advance(closing.joint, closing.first, closing.second)[0])
+        case _:
+            assert_never(condition)
 
-    Half a turn makes one: there the other value, usually positive, is negative.
+
+def _screw_advance(joint: Joint, first: BodyFrame, second: BodyFrame) -> tuple[ca.SX, ca.SX]:
+    """The displacement less that of the angle, written with sines, so that whole turns make no difference.
+
+    Half a turn does: there the second value, otherwise positive, is negative.
     """
-    pitch, (one, two) = joint.lead / (2.0 * np.pi), rot.aligning_z(joint.axis)[:, :2].T
+    pitch, (x, y) = joint.lead / (2.0 * np.pi), _perpendiculars(joint.axis)
 
-    def along(direction: Array) -> ca.SX:
+    def in_first(direction: Array) -> ca.SX:
         return ca.sparsify(first.rotation @ constant(direction))
 
-    displacement, side = ca.dot(along(joint.axis), second.position - first.position), second.rotation @ constant(one)
+    displacement = ca.dot(in_first(joint.axis), second.position - first.position)
+    side = second.rotation @ constant(x)
     if pitch == 0.0:
         return displacement, ca.SX(1)
-    cosine, sine, angle = ca.dot(along(one), side), ca.dot(along(two), side), displacement / pitch
+    cosine, sine, angle = ca.dot(in_first(x), side), ca.dot(in_first(y), side), displacement / pitch
     return pitch * (ca.sin(angle) * cosine - ca.cos(angle) * sine), ca.cos(angle) * cosine + ca.sin(angle) * sine
 
 
-def senses(joint: Joint, first: Frame, second: Frame) -> list[ca.SX]:
-    """What is positive where a loop is closed the right way round, not with an axis or a nut turned over."""
+def branch_checks(joint: Joint, first: BodyFrame, second: BodyFrame) -> list[ca.SX]:
+    """Expressions that are positive if a loop is closed in the right assembly mode: no axis or nut is flipped."""
     conditions = joint.kind.loop_conditions
     axes = np.zeros((0, 3))
     if "equal orientations" in conditions:
         axes = np.eye(3)
     elif "parallel axes" in conditions:
         axes = joint.axis[None, :]
-    found = [ca.dot(first.rotation @ constant(axis), second.rotation @ constant(axis)) for axis in axes]
-    return [*found, _advance(joint, first, second)[1]] if "advance by the lead" in conditions else found
+    cosines = [ca.dot(first.rotation @ constant(axis), second.rotation @ constant(axis)) for axis in axes]
+    return [*cosines, _screw_advance(joint, first, second)[1]] if "advance by the lead" in conditions else cosines

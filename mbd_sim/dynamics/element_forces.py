@@ -1,27 +1,27 @@
-"""Springs and dampers between points and applied forces: wrenches on the links, their potential and their powers."""
+"""Springs, dampers and forces between points: their wrenches on the links, their potential and their powers."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import cast
+from typing import assert_never, cast
 
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.applied_wrenches import Points
+from mbd_sim.dynamics.applied_wrenches import AppliedWrenches
 from mbd_sim.dynamics.input_layout import ExternalWrench
-from mbd_sim.dynamics.kinematics import LinkMotion, WorldPose
+from mbd_sim.dynamics.kinematics import LinkMotion, SymbolicPose
 from mbd_sim.dynamics.law_expressions import elastic, power_law
 from mbd_sim.dynamics.links import Link
-from mbd_sim.dynamics.spatial_algebra import constant, vanishes
+from mbd_sim.dynamics.spatial_algebra import constant, is_absent
 from mbd_sim.dynamics.time_functions import time_functions
 from mbd_sim.errors import InputError, MechanismError, Problem
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.expression import evaluate
 from mbd_sim.mechanism.force_elements import AppliedForce, Damper, Spring
-from mbd_sim.mechanism.laws import ELONGATION, Expressed, GreenStrain, Linear
+from mbd_sim.mechanism.laws import ELONGATION, Expressed, GreenStrain, Linear, Piecewise
 from mbd_sim.mechanism.records import Attachment, Mechanism
 from mbd_sim.mechanism.source import Location
 
@@ -29,10 +29,10 @@ COINCIDENT = 1e-12  # m
 
 
 @dataclass(frozen=True, eq=False)
-class ElementLoads:
-    """`wrenches` (6,) = [moment; force] on each link, in its frame at its origin; energies and powers in J and W.
+class ElementForces:
+    """The wrenches F_L (6,) = [moment; force] on each link, the potential in J and the powers in W.
 
-    `lengths` (ties,) are the distances in m between the ends.
+    `lengths` (springs and dampers,) are the distances between the ends in m.
     """
 
     wrenches: list[ca.SX]
@@ -42,70 +42,92 @@ class ElementLoads:
     dissipated_power: ca.SX
 
 
-def element_loads(
+def element_forces(
     mechanism: Mechanism,
     links: Sequence[Link],
     motions: Sequence[LinkMotion],
-    poses: Sequence[WorldPose],
+    poses: Sequence[SymbolicPose],
     t: ca.SX,
     external: Mapping[str, ExternalWrench] = MappingProxyType({}),
-) -> ElementLoads:
+) -> ElementForces:
     """All force elements of a mechanism, and the `external` wrenches on parts (Huston & Liu, sec. 11.5)."""
-    points = Points(links, motions, poses)
-    potential = applied = dissipated = ca.SX(1, 1)
+    applied = AppliedWrenches(links, motions, poses)
+    potential = applied_power = dissipated = ca.SX(1, 1)
     lengths: list[ca.SX] = []
     for tie in mechanism.ties:
-        first, second = points.at(tie.first), points.at(tie.second)
-        line, rate = second.position - first.position, second.velocity - first.velocity
-        lengths.append(ca.norm_2(line))
-        if isinstance(tie, Damper):
-            force, loss = damper_force(tie, line, rate)[:2]
-        else:
-            force, energy, loss = spring_force(tie, line, rate)
-            potential += energy
-        points.push(tie.first, force)
-        points.push(tie.second, -force)
+        length, energy, loss = _apply_between_points(applied, tie)
+        lengths.append(length)
+        potential += energy
         dissipated += loss
-        if isinstance(tie, Spring) and not vanishes(tie.mass):
-            # Its inertia is a particle of a third of its mass, with that particle's weight: a sixth is left of a half.
-            gravity = constant(mechanism.gravity)
-            for end in (tie.first, tie.second):
-                points.push(end, tie.mass / 6.0 * gravity)
-            potential -= tie.mass * ca.dot(gravity, 0.5 * (first.position + second.position))
+        if isinstance(tie, Spring) and not is_absent(tie.mass):
+            potential -= _apply_weight(applied, tie, mechanism.gravity)
     for element in mechanism.applied:
-        if element.axes_of == element.at.part:
-            applied += points.follow(element.at, vector_in_axes(element, t), element.couple)
-            continue
-        place = points.at(element.at)
-        vector = force_vector(element, points.rotation(element.axes_of), t)
-        if element.couple:
-            points.turn(element.at, vector)
-            applied += ca.dot(vector, place.omega)
-        else:
-            points.push(element.at, vector)
-            applied += ca.dot(vector, place.velocity)
-    applied += sum((_external(points, part, wrench) for part, wrench in external.items()), ca.SX(1, 1))
-    wrenches = [ca.sparsify(wrench) for wrench in points.wrenches]
-    return ElementLoads(wrenches, ca.vertcat(ca.SX(0, 1), *lengths), potential, applied, dissipated)
+        applied_power += _apply_force(applied, element, t)
+    applied_power += sum((_apply_external(applied, part, wrench) for part, wrench in external.items()), ca.SX(1, 1))
+    wrenches = [ca.sparsify(wrench) for wrench in applied.wrenches]
+    return ElementForces(wrenches, ca.vertcat(ca.SX(0, 1), *lengths), potential, applied_power, dissipated)
 
 
-def _external(points: Points, part: str, wrench: ExternalWrench) -> ca.SX:
-    """Let an external wrench act on a part; returns its power."""
+def _apply_between_points(applied: AppliedWrenches, tie: Spring | Damper) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Apply a spring or a damper; returns its length in m, its potential in J and its dissipated power in W."""
+    first, second = applied.motion_of(tie.first), applied.motion_of(tie.second)
+    line, rate = second.position - first.position, second.velocity - first.velocity
+    match tie:
+        case Spring():
+            force, energy, loss = spring_force(tie, line, rate)
+        case Damper():
+            energy = ca.SX(1, 1)
+            force, loss = damper_force(tie, line, rate)[:2]
+        case _:
+            assert_never(tie)
+    applied.add_force(tie.first, force)
+    applied.add_force(tie.second, -force)
+    return ca.norm_2(line), energy, loss
+
+
+def _apply_weight(applied: AppliedWrenches, spring: Spring, gravity: Array | ca.SX) -> ca.SX:
+    """Apply the weight of a spring with mass, and return m g·r of its center in J.
+
+    Half of the weight acts at each end. The particle of m/3 in the link's inertia carries a third; a sixth is left.
+    """
+    acceleration = constant(gravity)
+    for end in (spring.first, spring.second):
+        applied.add_force(end, spring.mass / 6.0 * acceleration)
+    ends = applied.motion_of(spring.first).position + applied.motion_of(spring.second).position
+    return spring.mass * ca.dot(acceleration, 0.5 * ends)
+
+
+def _apply_force(applied: AppliedWrenches, element: AppliedForce, t: ca.SX) -> ca.SX:
+    """Apply a force or a couple of the file, and return its power in W."""
+    if element.axes_of == element.at.part:
+        return applied.add_in_own_axes(element.at, vector_in_axes(element, t), element.couple)
+    point = applied.motion_of(element.at)
+    vector = force_vector(element, applied.rotation(element.axes_of), t)
+    if element.couple:
+        applied.add_couple(element.at, vector)
+        return ca.dot(vector, point.omega)
+    applied.add_force(element.at, vector)
+    return ca.dot(vector, point.velocity)
+
+
+def _apply_external(applied: AppliedWrenches, part: str, wrench: ExternalWrench) -> ca.SX:
+    """Apply an external wrench to a part, and return its power in W."""
     at = Attachment(part, cast(Array, wrench.point))
-    place = points.at(at)
-    points.push(at, wrench.force)
-    points.turn(at, wrench.couple)
-    power = ca.dot(wrench.force, place.velocity) + ca.dot(wrench.couple, place.omega)
-    return power + points.follow(at, wrench.own_force, False) + points.follow(at, wrench.own_couple, True)
+    point = applied.motion_of(at)
+    applied.add_force(at, wrench.force)
+    applied.add_couple(at, wrench.couple)
+    power = ca.dot(wrench.force, point.velocity) + ca.dot(wrench.couple, point.omega)
+    own_power = applied.add_in_own_axes(at, wrench.own_force, False)
+    return power + own_power + applied.add_in_own_axes(at, wrench.own_couple, True)
 
 
-def require_lines(mechanism: Mechanism, lengths: Array) -> None:
-    """Refuse springs and dampers that have no force at the start: no line to act along, or no value.
+def require_defined_forces(mechanism: Mechanism, lengths: Array) -> None:
+    """Refuse springs and dampers whose force is undefined at the start: no direction, or no finite value.
 
-    :param lengths: (ties,) m.
+    :param lengths: (springs and dampers,) m.
     :raises MechanismError: the elements are named.
     """
-    problems = list(_without_value(mechanism, lengths))
+    problems = list(_undefined_laws(mechanism, lengths))
     for tie, length in zip(mechanism.ties, lengths, strict=True):
         if not tie.needs_line or length > COINCIDENT:
             continue
@@ -119,12 +141,15 @@ def require_lines(mechanism: Mechanism, lengths: Array) -> None:
         raise MechanismError(problems)
 
 
-def _without_value(mechanism: Mechanism, lengths: Array) -> Iterator[Problem]:
-    """Springs whose expression has no finite value at the start."""
+def _undefined_laws(mechanism: Mechanism, lengths: Array) -> Iterator[Problem]:
+    """Springs whose expression has no finite value at the start.
+
+    With loops or constraints the start may differ from the joint positions of the file, so joints are left out then.
+    """
     laws: list[tuple[Location, object, float]] = [
         (("joints", name, "spring", "force"), joint.spring, float(joint.position[0] - joint.rest[0]))
         for name, joint in mechanism.joints.items()
-        if joint.spring is not None and not (mechanism.closing or mechanism.constraints)  # which may move it elsewhere
+        if joint.spring is not None and not (mechanism.closing or mechanism.constraints)
     ]
     for spring, length in zip(mechanism.springs, lengths, strict=False):
         laws.append((("forces", spring.name, "force"), spring.law, float(length) - spring.length))
@@ -138,52 +163,58 @@ def _without_value(mechanism: Mechanism, lengths: Array) -> Iterator[Problem]:
 
 
 def spring_force(spring: Spring, line: ca.SX, rate: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """The force (3,) on the first point toward the second, the potential in J, and the dissipated power in W.
+    """The force (3,) in N on the first point toward the second, the potential in J, and the dissipated power in W.
 
-    :param line: (3,) from the first point to the second; `rate` is its derivative by time.
+    :param line: (3,) from the first point to the second in m.
+    :param rate: (3,) the time derivative of `line` in m/s.
     """
     square = ca.dot(line, line)
     length = ca.sqrt(square)
-    none = ca.SX(1, 1)
     match spring.law:
-        case Linear(stiffness=k) if vanishes(spring.length):
+        case Linear(stiffness=k) if is_absent(spring.length):
             force, energy = k * line, 0.5 * k * square
         case GreenStrain(stiffness=k, length=natural):  # of the squares: smooth even where the ends meet
             strain = (square - natural**2) / (2.0 * natural**2)
             force, energy = k * strain * line, 0.5 * k * (strain * natural) ** 2
-        case law:
+        case Linear() | Expressed() | Piecewise() as law:
             tension, energy = elastic(law, length - spring.length)
             force = line * (tension / length)
-    if vanishes(spring.damping):
-        return force, energy, none
+        case _:
+            assert_never(spring.law)
+    if is_absent(spring.damping):
+        return force, energy, ca.SX(1, 1)
     speed = ca.dot(line, rate) / length
     return force + line * (spring.damping * speed / length), energy, spring.damping * speed**2
 
 
 def damper_force(damper: Damper, line: ca.SX, rate: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """The force (3,) on the first point, the dissipated power and Rayleigh's dissipation function in W.
+    """The force (3,) in N on the first point, the dissipated power and Rayleigh's dissipation function in W.
 
-    Of the power law alone the power is p + 1 times the dissipation function (Géradin & Rixen, p. 30).
+    For a pure power law the power is p + 1 times the dissipation function (Géradin & Rixen, p. 30).
 
-    :param line: (3,) from the first point to the second; `rate` is its derivative by time.
+    :param line: (3,) from the first point to the second in m.
+    :param rate: (3,) the time derivative of `line` in m/s.
     """
     if not damper.needs_line:
         square = ca.dot(rate, rate)
-        factor, loss = power_law(damper.law, square)
-        return factor * rate, factor * square, loss
+        factor, dissipation = power_law(damper.law, square)
+        return factor * rate, factor * square, dissipation
     length = ca.sqrt(ca.dot(line, line))
     speed = ca.dot(line, rate) / length
-    factor, loss = power_law(damper.law, speed**2)
-    return line * (factor * speed / length), factor * speed**2, loss
+    factor, dissipation = power_law(damper.law, speed**2)
+    return line * (factor * speed / length), factor * speed**2, dissipation
 
 
 def force_vector(element: AppliedForce, rotation: ca.SX, t: ca.SX) -> ca.SX:
-    """The force or moment (3,) in ground's axes at time t; `rotation` (3, 3) is that of the part `axes_of`."""
+    """The force in N or couple in N·m (3,) at time t, in ground's axes.
+
+    :param rotation: (3, 3) R_WB of the part `axes_of`.
+    """
     vector = vector_in_axes(element, t)
     return rotation @ vector if element.following else vector
 
 
 def vector_in_axes(element: AppliedForce, t: ca.SX) -> ca.SX:
-    """The force or moment (3,) at time t in the axes of the part `axes_of`, or of ground."""
+    """The force in N or couple in N·m (3,) at time t, in the axes of the part `axes_of`, or of ground."""
     vector = ca.sparsify(time_functions(element.vector, t)[0])
     return vector if np.array_equal(element.axes, np.eye(3)) else constant(element.axes) @ vector

@@ -1,294 +1,182 @@
 """The equations of motion of a mechanism, traced once into functions that the compiler turns into machine code.
 
-The integrated state y is q (nq,), u (nv,), and three energies that the audit needs: the work of the applied forces,
-the work of the drives, and the dissipated energy, in J.
+The integrated state y is q (nq,), u (nv,), and three energies of the audit in J: the work of the applied forces, the
+work of the drives, and the dissipated energy (`AUDIT_STATES`).
 """
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.articulated_body import Accelerations, Articulated
-from mbd_sim.dynamics.assembly import Conditions
-from mbd_sim.dynamics.assembly_errors import no_value
-from mbd_sim.dynamics.constraint_equations import Constraints, State, constraints_of
-from mbd_sim.dynamics.constraint_rows import Row
-from mbd_sim.dynamics.element_forces import element_loads, require_lines
-from mbd_sim.dynamics.initial_conditions import (
-    Start,
-    assembled_start,
-    conditions_of,
-    redundant_loops,
+from mbd_sim.dynamics.accelerations import (
+    AppliedForces,
+    ConstrainedMotion,
+    applied_forces,
+    audit_rates,
+    solve_accelerations,
 )
+from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
+from mbd_sim.dynamics.assembly_errors import undefined_constraints
+from mbd_sim.dynamics.body_symbols import flat_pose
+from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
+from mbd_sim.dynamics.constraint_rows import ConstraintRow
+from mbd_sim.dynamics.element_forces import require_defined_forces
+from mbd_sim.dynamics.energy import AUDIT_STATES, gravitational_potential
+from mbd_sim.dynamics.initial_conditions import AssembledStart, Assembly, assemble
 from mbd_sim.dynamics.input_layout import InputLayout
-from mbd_sim.dynamics.joint_forces import joint_loads
-from mbd_sim.dynamics.kinematics import LinkMotion, WorldPose, link_motions, part_poses
-from mbd_sim.dynamics.links import Layout, Link, layout, links
+from mbd_sim.dynamics.links import CoordinateLayout, build_links
 from mbd_sim.dynamics.mass_matrix_check import require_definite
-from mbd_sim.dynamics.multipliers import ConstraintSolver, usual_sizes
-from mbd_sim.dynamics.reactions import joint_reactions, transmitted_wrenches
-from mbd_sim.dynamics.spatial_algebra import constant
-from mbd_sim.dynamics.symbolic_parameters import (
-    Values,
-    numbers_of,
-    values_among,
-    with_symbols,
-)
-from mbd_sim.dynamics.time_functions import require_smooth, time_functions
+from mbd_sim.dynamics.multipliers import ConstraintSolver, typical_diagonal
+from mbd_sim.dynamics.projection import projected_state
+from mbd_sim.dynamics.reactions import joint_reactions
+from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
+from mbd_sim.dynamics.time_functions import require_smooth
+from mbd_sim.dynamics.tracing import TracedMechanism, trace
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
-
-AUDIT = ("work_applied", "work_drives", "dissipated")
 
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """What the compiler turns into machine code, and what is computed on request.
+    """The functions that the compiler turns into machine code, and functions that are evaluated on request.
 
-    The inputs are described in `InputLayout`; without loaded parts and values they are the efforts.
-    `rates(t, y, inputs)` gives y' and, where there are constraints, a number that is negative
-    where they are nearly singular;
-    `settle(t, y)`, where there are quaternions or constraints, leads y back to them;
-    `energies(t, y)` gives T and V; `poses(t, y)` gives (12,) a part: position and rotation, column by column;
-    `drives(t, y, inputs)` gives the coordinates (n,) of driven joints in declared order, their speeds, and the
-    forces that the drives exert. `multipliers(t, y, inputs)` (m,) has one of each of all constraint `rows`, zero for
-    the redundant ones; `violation(t, y)` (m, 2) is Φ and G u + b. `reactions(t, y, inputs)` (6, joints) is described
-    in `joint_reactions`. Where there are values among the inputs, all of these take the inputs as well.
+    `inputs` describes the inputs; without loaded parts and parameters they are the efforts (nv,). If there are
+    parameters, the functions of (t, y) take the inputs as well. SI units throughout.
+
+    - `rates(t, y, inputs)`: y', and with constraints a margin that is negative where they are nearly singular.
+    - `project(t, y)`: y with unit quaternions, projected onto the constraints; None if there are neither.
+    - `energies(t, y)`: T and V.
+    - `poses(t, y)`: X_WB of each of `part_names`, (12,) each: the position, then the rotation column by column.
+    - `drives(t, y, inputs)`: coordinates (n,) of driven joints in declared order, their speeds, and their forces.
+    - `multipliers(t, y, inputs)`: λ (m,) of all `rows`, zero for redundant ones.
+    - `violation(t, y)`: Φ and G u + b (m, 2).
+    - `reactions(t, y, inputs)`: (6, joints), see `joint_reactions`.
+
+    `constraints` are the constraints and the mass matrix as functions of numbers. `start` and `start_state` satisfy
+    them.
     """
 
-    layout: Layout
+    layout: CoordinateLayout
     inputs: InputLayout
-    values: Values
+    parameters: SymbolicParameters
     rates: ca.Function
     energies: ca.Function
     poses: ca.Function
     drives: ca.Function
-    settle: ca.Function | None
+    project: ca.Function | None
     multipliers: ca.Function
     violation: ca.Function
-    reactions: Callable[[], ca.Function]
-    rows: tuple[Row, ...]
-    start: Start
+    rows: tuple[ConstraintRow, ...]
+    constraints: ConstraintFunctions
+    start: AssembledStart
     start_state: Array
     part_names: tuple[str, ...]
-    make_conditions: Callable[[Array], Conditions]
+    trace_reactions: Callable[[], ca.Function]
 
     @cached_property
-    def conditions(self) -> Conditions:
-        """The constraints and the mass matrix as functions of numbers."""
-        return self.make_conditions(self.values.base)
+    def reactions(self) -> ca.Function:
+        """The wrenches across the joints; traced when they are first read."""
+        return self.trace_reactions()
 
 
-def derive(mechanism: Mechanism, loaded: Sequence[str] = (), values: Values | None = None) -> Equations:
+def derive(mechanism: Mechanism, loaded: Sequence[str] = (), parameters: SymbolicParameters | None = None) -> Equations:
     """Trace the equations of a mechanism.
 
     :param loaded: parts on which external wrenches act.
-    :param values: the numbers of the mechanism that are inputs, if any are.
-    :raises MechanismError: the mass matrix is singular at the start, a spring has no direction there, a drive no
-        velocity or acceleration, or the constraints cannot be met; joints, springs and constraints are named.
+    :param parameters: the numbers of the mechanism that are inputs; none by default.
+    :raises MechanismError: the mass matrix is singular at the start, a spring has no direction there, a drive has no
+        velocity or acceleration, or the constraints cannot be satisfied; joints, springs and constraints are named.
     """
     require_smooth(mechanism)
-    values = values or values_among(numbers_of(mechanism), ())
-    plain, (mechanism, chain) = mechanism, with_symbols(mechanism, values)
-    places = layout(mechanism)
-    taken = InputLayout(places.nv, tuple(loaded), len(values.base))
-    t, efforts = ca.SX.sym("t"), ca.SX.sym("e", places.nv)
-    inputs = ca.vertcat(efforts, ca.SX.sym("w", taken.of_values.start - places.nv), values.symbols)
-    y = ca.SX.sym("y", places.nq + places.nv + len(AUDIT))
-    q, u, audit = ca.vertsplit(y, [0, places.nq, places.nq + places.nv, y.shape[0]])
+    traced = trace(mechanism, loaded, parameters)
+    assembly = assemble(traced)
+    forces = applied_forces(traced)
+    mass_matrix = FactorizedMassMatrix(traced.links, traced.motions, traced.layout.nv)
+    _require_regular_start(traced, assembly, forces, mass_matrix)
+    constraints = assembly.independent
+    solver = None
+    if constraints.rows:
+        solver = ConstraintSolver(mass_matrix, constraints, typical_diagonal(assembly.functions, assembly.start))
+    motion = solve_accelerations(traced, mass_matrix, constraints, solver, forces)
+    y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, audit_rates(constraints, forces, motion))
+    return _packaged(traced, assembly, forces, solver, motion, y_rates)
 
-    motions = link_motions(chain, t, q, u)
-    poses = part_poses(chain, t, q)
-    state = State(t, q, u, _q_rates(chain, motions, places.nq))
-    kinetic = _kinetic_energy(chain, motions)
-    world = _World(plain, mechanism, chain, places, state, motions, poses, kinetic, values)
-    everything, start, conditions = _closed(world)
-    start_state = np.concatenate([start.q, start.u, np.zeros(len(AUDIT))])
 
-    loads = joint_loads(chain, q, u, efforts)
-    elements = element_loads(mechanism, chain, motions, poses, t, taken.external(inputs))
-    matrix = Articulated(chain, motions, places.nv)
-    flat = ca.densify(ca.vertcat(*(ca.vertcat(pose.position, ca.vec(pose.rotation)) for pose in poses)))
-    looked_at = [matrix.pivots, flat, elements.lengths, ca.densify(everything.bias)]
-    at_start = ca.Function("at", [t, y, values.symbols], looked_at)
-    pivots, poses_at, lengths, bias = at_start(0.0, start_state, values.base)
-    if not np.all(finite := np.isfinite(np.array(bias).ravel())):
-        raise no_value(plain, everything.rows, ~finite)
-    require_lines(plain, np.array(lengths).ravel())
-    require_definite(plain, links(plain), np.array(pivots).ravel(), np.array(poses_at).reshape(-1, 12))
+def _start_state(start: AssembledStart) -> Array:
+    return np.concatenate([start.q, start.u, np.zeros(len(AUDIT_STATES))])
 
-    kept = everything.only(start.keep)
-    loading = (loads.generalized, elements.wrenches, mechanism.gravity)
-    margin: list[ca.SX] = []
-    if kept.rows:
-        solver = ConstraintSolver(matrix, kept, usual_sizes(conditions(values.base), start))
-        margin = [ca.densify(solver.margin)]
-        acting, still = matrix.acting(*loading)
-        multipliers = solver.multipliers(acting)
-        moving = solver.accelerations(acting, multipliers) + Accelerations(ca.SX(places.nv, 1), still)
-        wrenches = [own + unit @ multipliers for own, unit in zip(elements.wrenches, kept.wrenches, strict=True)]
-    else:
-        multipliers, moving, wrenches = ca.SX(0, 1), matrix.accelerations(*loading), elements.wrenches
-    transmitted = transmitted_wrenches(chain, motions, moving.links, wrenches)
-    coupling = {name: ca.dot(factors, multipliers) for name, factors in kept.driven_factors.items()}
-    drives = _drives(mechanism, chain, motions, transmitted, coupling, t)
-    audit_rates = ca.vertcat(
-        loads.applied_power + elements.applied_power,
-        ca.dot(drives[:, 1], drives[:, 2]) - ca.dot(kept.own_rate, multipliers),
-        loads.dissipated_power + elements.dissipated_power,
-    )
-    y_rates = ca.vertcat(state.q_rates, moving.u_rates, audit_rates)
-    potential = loads.potential + elements.potential + _weight_potential(mechanism, chain, poses)
-    all_multipliers = ca.SX(len(everything.rows), 1)
-    all_multipliers[list(start.keep)] = multipliers
-    settled = ca.vertcat(_settled(chain, q), u, audit)
-    if kept.rows:
-        displacement, change = solver.corrections(state)
-        back = q + ca.jacobian(state.q_rates, u) @ displacement
-        settled = ca.vertcat(_settled(chain, back), u + change, audit)
 
-    given = [t, y, inputs]
-    here = given if len(values.base) else [t, y]
+def _require_regular_start(
+    traced: TracedMechanism, assembly: Assembly, forces: AppliedForces, mass_matrix: FactorizedMassMatrix
+) -> None:
+    """Refuse a start at which a constraint or a force is undefined, or the mass matrix singular."""
+    outputs = [ca.densify(assembly.equations.bias), forces.elements.lengths, mass_matrix.pivots, _flat_poses(traced)]
+    symbols = [traced.state.t, traced.y, traced.parameters.symbols]
+    at_start = ca.Function("at_start", symbols, outputs)
+    values = at_start(0.0, _start_state(assembly.start), traced.parameters.base)
+    bias, lengths, pivots, poses = (np.array(value).ravel() for value in values)
+    if not np.all(finite := np.isfinite(bias)):
+        raise undefined_constraints(traced.numeric, assembly.equations.rows, ~finite)
+    require_defined_forces(traced.numeric, lengths)
+    require_definite(traced.numeric, build_links(traced.numeric), pivots, poses.reshape(-1, 12))
 
-    def reactions() -> ca.Function:
-        found = joint_reactions(mechanism, chain, motions, poses, transmitted, everything, all_multipliers)
-        return _function("reactions", given, [ca.densify(found)])
+
+def _flat_poses(traced: TracedMechanism) -> ca.SX:
+    return ca.densify(ca.vertcat(*map(flat_pose, traced.poses)))
+
+
+def _packaged(
+    traced: TracedMechanism,
+    assembly: Assembly,
+    forces: AppliedForces,
+    solver: ConstraintSolver | None,
+    motion: ConstrainedMotion,
+    y_rates: ca.SX,
+) -> Equations:
+    """The expressions as functions."""
+    t, y, constraints = traced.state.t, traced.y, assembly.equations
+    with_inputs = [t, y, traced.inputs]
+    without_commands = with_inputs if len(traced.parameters.base) else [t, y]
+    potential = forces.joints.potential + forces.elements.potential
+    potential += gravitational_potential(traced.mechanism, traced.links, traced.poses)
+    multipliers = ca.SX(len(constraints.rows), 1)
+    multipliers[list(assembly.start.independent)] = motion.multipliers
+    margin = [] if solver is None else [ca.densify(solver.margin)]
+    projected = projected_state(traced, solver)
+    violation = ca.horzcat(constraints.position, constraints.velocity)
+
+    def function(name: str, inputs: list[ca.SX], *outputs: ca.SX) -> ca.Function:
+        return ca.Function(name, inputs, [ca.densify(output) for output in outputs], {"cse": True})
 
     return Equations(
-        layout=places,
-        inputs=taken,
-        values=values,
-        rates=_function("rates", given, [ca.densify(y_rates), *margin]),
-        energies=_function("energies", here, [ca.densify(ca.vertcat(kinetic, potential))]),
-        poses=_function("poses", here, [flat]),
-        drives=_function("drives", given, [ca.densify(ca.vec(drives))]),
-        settle=None if ca.is_equal(settled, y) else _function("settle", here, [ca.densify(settled)]),
-        multipliers=_function("multipliers", given, [ca.densify(all_multipliers)]),
-        violation=_function("violation", here, [ca.densify(ca.horzcat(everything.position, everything.velocity))]),
-        reactions=reactions,
-        rows=tuple(everything.rows),
-        start=start,
-        start_state=start_state,
-        part_names=tuple(link.joint.outboard for link in chain),
-        make_conditions=conditions,
+        layout=traced.layout,
+        inputs=traced.input_layout,
+        parameters=traced.parameters,
+        rates=function("rates", with_inputs, y_rates, *margin),
+        energies=function("energies", without_commands, ca.vertcat(traced.kinetic_energy, potential)),
+        poses=function("poses", without_commands, _flat_poses(traced)),
+        drives=function("drives", with_inputs, ca.vec(motion.drives)),
+        # "settle" is the function's name in compiled kernels, and so part of their keys in the cache.
+        project=None if projected is None else function("settle", without_commands, projected),
+        multipliers=function("multipliers", with_inputs, multipliers),
+        violation=function("violation", without_commands, violation),
+        rows=tuple(constraints.rows),
+        constraints=assembly.functions,
+        start=assembly.start,
+        start_state=_start_state(assembly.start),
+        part_names=tuple(link.joint.outboard for link in traced.links),
+        trace_reactions=partial(_reactions, traced, assembly, motion, multipliers),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _World:
-    """A mechanism in numbers and, as `mechanism`, with symbols for its values; and how it moves."""
-
-    plain: Mechanism
-    mechanism: Mechanism
-    chain: Sequence[Link]
-    places: Layout
-    state: State
-    motions: Sequence[LinkMotion]
-    poses: Sequence[WorldPose]
-    kinetic: ca.SX
-    values: Values
-
-
-def _closed(world: _World) -> tuple[Constraints, Start, Callable[[Array], Conditions]]:
-    """The constraints, a start that meets them, and their conditions.
-
-    Rows are dropped once and for all, so each must stay redundant. Where one that is dropped is not simply zero, as
-    out of the plane of a plane loop, the rows of its loop are written along axes that turn with it.
-    """
-
-    def write(turning: Collection[str]) -> tuple[Constraints, Start, Callable[[Array], Conditions]]:
-        everything = constraints_of(
-            world.mechanism, world.chain, world.places, world.state, world.motions, world.poses, turning
-        )
-
-        @functools.cache
-        def traced() -> Callable[[Array], Conditions]:
-            settled = functools.partial(_settled, world.chain)
-            symbols, size = world.values.symbols, _size(world.plain)
-            return conditions_of(everything, world.state, world.kinetic, settled, size, symbols)
-
-        def conditions(values: Array) -> Conditions:
-            return traced()(values)
-
-        at_base = functools.partial(conditions, world.values.base)
-        return everything, assembled_start(world.plain, world.places, at_base, everything.rows), conditions
-
-    everything, start, conditions = write(())
-    at_base = functools.partial(conditions, world.values.base)
-    turning = redundant_loops(everything.rows, start, at_base) if everything.rows else []
-    return write(turning) if turning else (everything, start, conditions)
-
-
-def _function(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
-    return ca.Function(name, inputs, outputs, {"cse": True})
-
-
-def _q_rates(chain: Sequence[Link], motions: Sequence[LinkMotion], nq: int) -> ca.SX:
-    rates = ca.SX(nq, 1)
-    for link, motion in zip(chain, motions, strict=True):
-        rates[link.q] = motion.joint.q_rates
-    return rates
-
-
-def _drives(
-    mechanism: Mechanism,
-    chain: Sequence[Link],
-    motions: Sequence[LinkMotion],
-    wrenches: Sequence[ca.SX],
-    coupling: Mapping[str, ca.SX],
-    t: ca.SX,
-) -> ca.SX:
-    """(n, 3): coordinates, speeds and forces of the drives, in declared order.
-
-    :param wrenches: (6,) transmitted by each link's joint.
-    :param coupling: what constraints of the coordinates themselves already exert on some of them, by name.
-    """
-    driven = {}
-    for link, motion, wrench in zip(chain, motions, wrenches, strict=True):
-        if (drive := motion.joint.drive) is not None:
-            given = ca.vertcat(*(coupling.get(name, ca.SX(1, 1)) for name in link.joint.motion_names))
-            force = drive.partial_velocities.T @ wrench - given
-            driven[link.joint.name] = ca.horzcat(time_functions(link.joint.drive, t)[0], drive.speeds, force)
-    return ca.vertcat(ca.SX(0, 3), *(driven[name] for name in mechanism.joints if name in driven))
-
-
-def _kinetic_energy(chain: Sequence[Link], motions: Sequence[LinkMotion]) -> ca.SX:
-    energy = ca.SX(1, 1)
-    for link, motion in zip(chain, motions, strict=True):
-        energy += 0.5 * ca.dot(motion.velocity, constant(link.inertia) @ motion.velocity)
-    return energy
-
-
-def _weight_potential(mechanism: Mechanism, chain: Sequence[Link], poses: Sequence[WorldPose]) -> ca.SX:
-    """-Σ m g·r of the mass centres, zero with all of them at ground's origin."""
-    potential = ca.SX(1, 1)
-    for link, pose in zip(chain, poses, strict=True):
-        part = mechanism.parts[link.joint.outboard]
-        center = pose.position + pose.rotation @ constant(part.center)
-        potential -= part.mass * ca.dot(constant(mechanism.gravity), center)
-    return potential
-
-
-def _settled(chain: Sequence[Link], q: ca.SX) -> ca.SX:
-    """Coordinates with unit quaternions."""
-    settled = ca.SX(q)
-    for link in chain:
-        if (offset := link.joint.kind.quaternion) is not None and not link.joint.drive:
-            first = link.q.start + offset
-            p = q[first : first + 4]
-            settled[first : first + 4] = p / ca.sqrt(ca.dot(p, p))
-    return settled
-
-
-def _size(mechanism: Mechanism) -> float:
-    """How far the points of the mechanism's parts lie from their origins at most, m."""
-    poses = [pose for joint in mechanism.all_joints.values() for pose in (joint.parent_pose, joint.child_pose)]
-    poses += [pose for part in mechanism.parts.values() for pose in part.points.values()]
-    points = [*(pose.position for pose in poses), *(part.center for part in mechanism.parts.values())]
-    return max((float(np.linalg.norm(point)) for point in points), default=0.0) or 1.0
+def _reactions(
+    traced: TracedMechanism, assembly: Assembly, motion: ConstrainedMotion, multipliers: ca.SX
+) -> ca.Function:
+    wrenches = joint_reactions(traced, motion.transmitted, assembly.equations, multipliers)
+    inputs = [traced.state.t, traced.y, traced.inputs]
+    return ca.Function("reactions", inputs, [ca.densify(wrenches)], {"cse": True})

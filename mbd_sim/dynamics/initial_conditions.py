@@ -1,50 +1,52 @@
-"""The start of a mechanism: assembled, with its independent constraints found, or refused with the reason."""
+"""The start of a mechanism: assembled, with its independent constraints determined, or refused with the reason."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.dynamics.assembly import (
-    Conditions,
     close_loops,
     fit_speeds,
     independent_rows,
-    nearby,
-    without_value,
+    nearby_configurations,
+    undefined_rows,
 )
 from mbd_sim.dynamics.assembly_errors import (
-    contradiction,
-    no_value,
+    conflict_with_drives,
+    inconsistent_speeds,
+    no_mobility,
     open_loops,
-    rigid,
-    unfitting,
+    undefined_constraints,
 )
-from mbd_sim.dynamics.constraint_equations import Constraints, State
-from mbd_sim.dynamics.constraint_rows import Row
-from mbd_sim.dynamics.links import Layout
+from mbd_sim.dynamics.constraint_equations import ConstraintEquations, constraint_equations
+from mbd_sim.dynamics.constraint_functions import ConstraintFunctions, constraint_functions
+from mbd_sim.dynamics.constraint_rows import ConstraintRow
+from mbd_sim.dynamics.links import CoordinateLayout
+from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.expression import names_in
 from mbd_sim.mechanism.records import Mechanism
 
-ZERO = 1e-9  # of all rows, what counts as none of one row
-LATER = (1e-3, 0.1, 0.25, 0.5)  # s, when constraints are looked at besides the start, where time enters them
+ZERO = 1e-9  # relative to the norm of all rows, below which a row counts as zero
+LATER = (1e-3, 0.1, 0.25, 0.5)  # s, times after the start at which constraints that depend on time are examined
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
-    """Coordinates (nq,) and speeds (nv,) that fit the constraints, the rows to `keep`, and the rank of all of them.
+class AssembledStart:
+    """Coordinates q (nq,) and speeds u (nv,) at t = 0 that satisfy the constraints.
 
-    `ranks` are those in the configurations nearby, the start first.
+    `independent` are the indices of the rows that are used. `nearby` are pairs (t, q) of configurations, the start
+    first, and `ranks` those of the constraint matrix G in each.
     """
 
     q: Array
     u: Array
-    keep: Sequence[int] = ()
+    independent: Sequence[int] = ()
     ranks: Sequence[int] = (0,)
     nearby: Sequence[tuple[float, Array]] = field(default_factory=tuple)
 
@@ -54,167 +56,156 @@ class Start:
         return max(self.ranks)
 
 
-def given_start(mechanism: Mechanism, places: Layout) -> tuple[Array, Array]:
-    """q (nq,) and u (nv,) as the file gives them."""
-    q, u = np.zeros(places.nq), np.zeros(places.nv)
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """The constraints of a mechanism as `equations` and as `functions` of numbers, and a `start` that satisfies them.
+
+    `independent` are those of the equations that are used.
+    """
+
+    equations: ConstraintEquations
+    functions: ConstraintFunctions
+    start: AssembledStart
+
+    @property
+    def independent(self) -> ConstraintEquations:
+        """The rows that are used."""
+        return self.equations.select(self.start.independent)
+
+
+def assemble(traced: TracedMechanism) -> Assembly:
+    """Write the constraints, close the loops, and drop redundant rows.
+
+    Rows are dropped once and for all, so each must stay redundant. A dropped row that is simply zero, such as that out
+    of the plane of a plane loop, does. If another row is dropped, the rows of its loop are written again, along axes
+    that rotate with the loop.
+
+    :raises MechanismError: see `assembled_start`.
+    """
+    assembly = _assembled(traced, ())
+    own_axes = _doubtful_loops(assembly)
+    return _assembled(traced, own_axes) if own_axes else assembly
+
+
+def _assembled(traced: TracedMechanism, own_axes: Collection[str]) -> Assembly:
+    equations = constraint_equations(traced, own_axes)
+    functions = constraint_functions(traced, equations)
+    return Assembly(equations, functions, assembled_start(traced.numeric, traced.layout, functions, equations.rows))
+
+
+def _doubtful_loops(assembly: Assembly) -> list[str]:
+    """The closing joints of which a row is dropped that is not zero everywhere."""
+    rows, start = assembly.equations.rows, assembly.start
+    gradients = [assembly.functions.gradient(t, q) for t, q in start.nearby] if rows else []
+    names = [
+        str(row.owner[1])
+        for index, row in enumerate(rows)
+        if index not in start.independent
+        and row.owner[0] == "joints"
+        and any(np.linalg.norm(gradient[index]) > ZERO * np.linalg.norm(gradient) for gradient in gradients)
+    ]
+    return list(dict.fromkeys(names))
+
+
+def given_start(mechanism: Mechanism, layout: CoordinateLayout) -> tuple[Array, Array]:
+    """The start coordinates q (nq,) and speeds u (nv,) of the file."""
+    q, u = np.zeros(layout.nq), np.zeros(layout.nv)
     for name, joint in mechanism.joints.items():
-        q[places.q[name]] = joint.position
-        u[places.u[name]] = joint.velocity
+        q[layout.q[name]] = joint.position
+        u[layout.u[name]] = joint.velocity
     return q, u
 
 
 @np.errstate(over="ignore", invalid="ignore")
 def assembled_start(
-    mechanism: Mechanism, places: Layout, make_conditions: Callable[[], Conditions], rows: Sequence[Row]
-) -> Start:
-    """Close the loops and find speeds that fit.
+    mechanism: Mechanism, layout: CoordinateLayout, constraints: ConstraintFunctions, rows: Sequence[ConstraintRow]
+) -> AssembledStart:
+    """Close the loops, determine the independent rows, and find consistent speeds.
 
-    :raises MechanismError: a loop cannot be closed, given speeds do not fit, drives work against constraints, or
+    :raises MechanismError: a loop cannot be closed, given speeds violate the constraints, drives contradict them, or
         nothing can move.
     """
-    q, u = given_start(mechanism, places)
+    q, u = given_start(mechanism, layout)
     if not rows:
-        return Start(q, u)
-    conditions = make_conditions()
-    q = _closed(mechanism, conditions, rows, q)
-    if (bad := without_value(conditions, 0.0, q)).any():
-        raise no_value(mechanism, rows, bad)
-    around = nearby(conditions, q, LATER if rheonomic(mechanism) else ())
-    keep, ranks = independent_rows([conditions.gradient(t, at) for t, at in around])
-    _require_agreement(mechanism, conditions, rows, keep, around)
-    if max(ranks) == places.nv and not rheonomic(mechanism):
-        raise rigid(mechanism, rows, places.nv)
-    return Start(q, _fitting(mechanism, conditions, rows, q, u), keep, ranks, around)
+        return AssembledStart(q, u)
+    q = _closed(mechanism, constraints, rows, q)
+    if (undefined := undefined_rows(constraints, 0.0, q)).any():
+        raise undefined_constraints(mechanism, rows, undefined)
+    nearby = nearby_configurations(constraints, q, LATER if rheonomic(mechanism) else ())
+    independent, ranks = independent_rows([constraints.gradient(t, at) for t, at in nearby])
+    _require_compatible_drives(mechanism, constraints, rows, independent, nearby)
+    if max(ranks) == layout.nv and not rheonomic(mechanism):
+        raise no_mobility(mechanism, rows, layout.nv)
+    return AssembledStart(q, _consistent_speeds(mechanism, constraints, rows, q, u), independent, ranks, nearby)
 
 
 def start_like(
-    mechanism: Mechanism, places: Layout, conditions: Callable[[], Conditions], rows: Sequence[Row]
+    mechanism: Mechanism, layout: CoordinateLayout, constraints: ConstraintFunctions, rows: Sequence[ConstraintRow]
 ) -> tuple[Array, Array]:
-    """q and u of a mechanism whose constraints are those of another one, with other values.
+    """The start q (nq,) and u (nv,) of a mechanism that shares its constraints with another one, with other values.
 
-    :raises MechanismError: a loop cannot be closed, or given speeds do not fit.
+    :raises MechanismError: a loop cannot be closed, or given speeds violate the constraints.
     """
-    q, u = given_start(mechanism, places)
+    q, u = given_start(mechanism, layout)
     if not rows:
         return q, u
-    q = _closed(mechanism, conditions(), rows, q)
-    return q, _fitting(mechanism, conditions(), rows, q, u)
+    q = _closed(mechanism, constraints, rows, q)
+    return q, _consistent_speeds(mechanism, constraints, rows, q, u)
 
 
-def _fitting(mechanism: Mechanism, conditions: Conditions, rows: Sequence[Row], q: Array, u: Array) -> Array:
-    held = _each(mechanism, "held_speeds")
-    speeds = fit_speeds(conditions, 0.0, q, u, held)
-    if not speeds.fitting:
-        raise unfitting(mechanism, rows, speeds.misses, held)
+def _consistent_speeds(
+    mechanism: Mechanism, constraints: ConstraintFunctions, rows: Sequence[ConstraintRow], q: Array, u: Array
+) -> Array:
+    fixed = _flags([joint.held_speeds for joint in mechanism.joints.values()])
+    speeds = fit_speeds(constraints, 0.0, q, u, fixed)
+    if not speeds.consistent:
+        raise inconsistent_speeds(mechanism, rows, speeds.errors, fixed)
     return speeds.u
 
 
-def _closed(mechanism: Mechanism, conditions: Conditions, rows: Sequence[Row], q: Array) -> Array:
-    held = _each(mechanism, "held")
-    closing = close_loops(conditions, 0.0, q, ~held)
-    if closing.closed:
-        return closing.q
-    if (bad := without_value(conditions, 0.0, closing.q)).any():
-        raise no_value(mechanism, rows, bad)
-    without = close_loops(conditions, 0.0, q, np.ones(len(held), dtype=bool)) if held.any() else closing
-    gaps = closing.gaps if without.closed else without.gaps
-    raise open_loops(mechanism, rows, gaps, conditions.size, without.closed)
+def _closed(mechanism: Mechanism, constraints: ConstraintFunctions, rows: Sequence[ConstraintRow], q: Array) -> Array:
+    fixed = _flags([joint.held for joint in mechanism.joints.values()])
+    closure = close_loops(constraints, 0.0, q, ~fixed)
+    if closure.closed:
+        return closure.q
+    if (undefined := undefined_rows(constraints, 0.0, closure.q)).any():
+        raise undefined_constraints(mechanism, rows, undefined)
+    unfixed = close_loops(constraints, 0.0, q, np.ones(len(fixed), dtype=bool)) if fixed.any() else closure
+    gaps = closure.gaps if unfixed.closed else unfixed.gaps
+    raise open_loops(mechanism, rows, gaps, constraints.size, given_positions_at_fault=unfixed.closed)
 
 
-def _each(mechanism: Mechanism, key: str) -> Any:
-    values = [value for joint in mechanism.joints.values() for value in getattr(joint, key)]
-    return np.array(values, dtype=bool)
+def _flags(flags_of_joints: Sequence[Sequence[bool]]) -> NDArray[Any]:
+    return np.array([flag for flags in flags_of_joints for flag in flags], dtype=bool)
 
 
 def rheonomic(mechanism: Mechanism) -> bool:
-    """Whether time enters the constraints."""
-    texts = [getattr(c, key) for c in mechanism.constraints for key in ("length", "value") if hasattr(c, key)]
-    texts += [equation for c in mechanism.constraints for equation in getattr(c, "equations", ())]
-    return bool(mechanism.driven_names) or any("t" in names_in(expression.text) for expression in texts)
+    """Whether the constraints depend on time."""
+    expressions = [getattr(c, key) for c in mechanism.constraints for key in ("length", "value") if hasattr(c, key)]
+    expressions += [equation for c in mechanism.constraints for equation in getattr(c, "equations", ())]
+    return bool(mechanism.driven_names) or any("t" in names_in(expression.text) for expression in expressions)
 
 
-def _require_agreement(
+def _require_compatible_drives(
     mechanism: Mechanism,
-    conditions: Conditions,
-    rows: Sequence[Row],
-    keep: Sequence[int],
-    around: Sequence[tuple[float, Array]],
+    constraints: ConstraintFunctions,
+    rows: Sequence[ConstraintRow],
+    independent: Sequence[int],
+    nearby: Sequence[tuple[float, Array]],
 ) -> None:
-    """Refuse drives that ask of redundant rows what the other rows forbid."""
+    """Refuse drives that demand of redundant rows what the independent rows forbid."""
     if not rheonomic(mechanism):
         return
-    if all(t == 0.0 for t, _ in around):
-        everything = np.ones(len(_each(mechanism, "held")), dtype=bool)
-        closing = close_loops(conditions, LATER[0], around[0][1], everything)
-        raise contradiction(mechanism, rows, closing.gaps)
-    for t, q in around:
-        gradient, drift = conditions.gradient(t, q), conditions.drift(t, q)
-        dropped = [index for index in range(len(rows)) if index not in keep]
-        shares = np.linalg.lstsq(gradient[list(keep)].T, gradient[dropped].T, rcond=1e-9)[0]
-        off = np.zeros(len(rows))
-        off[dropped] = drift[dropped] - shares.T @ drift[list(keep)]
-        if np.max(np.abs(off), initial=0.0) > 1e-7 * max(1.0, float(np.max(np.abs(drift), initial=0.0))):
-            raise contradiction(mechanism, rows, off)
-
-
-def redundant_loops(rows: Sequence[Row], start: Start, conditions: Callable[[], Conditions]) -> list[str]:
-    """The closing joints of which a row is dropped that is not zero everywhere."""
-    gradients = [conditions().gradient(t, q) for t, q in start.nearby]
-    found = [
-        str(row.owner[1])
-        for index, row in enumerate(rows)
-        if index not in start.keep
-        and row.owner[0] == "joints"
-        and any(np.linalg.norm(gradient[index]) > ZERO * np.linalg.norm(gradient) for gradient in gradients)
-    ]
-    return list(dict.fromkeys(found))
-
-
-def conditions_of(
-    constraints: Constraints,
-    state: State,
-    kinetic: ca.SX,
-    settled: Callable[[ca.SX], ca.SX],
-    size: float,
-    symbols: ca.SX,
-) -> Callable[[Array], Conditions]:
-    """The constraints as functions of numbers, given the values that `symbols` (n,) stand for."""
-    t, q, u = state.t, state.q, state.u
-    displacement = ca.SX.sym("d", u.shape[0])
-    moved = settled(q + ca.jacobian(state.q_rates, u) @ displacement)
-    at_rest = ca.SX.zeros(u.shape[0], 1)
-    drift = ca.substitute(constraints.velocity, u, at_rest)
-
-    def numbers(name: str, expression: ca.SX, inputs: Sequence[ca.SX]) -> Callable[..., Array]:
-        function = ca.Function(name, [*inputs, symbols], [ca.densify(expression)])
-
-        def value(*arguments: float | Array) -> Array:
-            return np.array(function(*arguments), dtype=float).reshape(expression.shape)
-
-        return value
-
-    def vector(name: str, expression: ca.SX, inputs: Sequence[ca.SX]) -> Callable[..., Array]:
-        value = numbers(name, expression, inputs)
-        return lambda *arguments: value(*arguments).ravel()
-
-    position = vector("position", constraints.position, [t, q])
-    gradient = numbers("gradient", constraints.gradient, [t, q])
-    drifting = vector("drift", drift, [t, q])
-    mass = numbers("mass", ca.hessian(kinetic, u)[0], [t, q])
-    senses = vector("senses", constraints.senses, [t, q])
-    displaced = vector("moved", moved, [q, displacement])
-    holonomic = np.array([row.position is not None for row in constraints.rows], dtype=bool)
-
-    def at(values: Array) -> Conditions:
-        return Conditions(
-            position=lambda t, q: position(t, q, values),
-            gradient=lambda t, q: gradient(t, q, values),
-            drift=lambda t, q: drifting(t, q, values),
-            mass=lambda t, q: mass(t, q, values),
-            senses=lambda t, q: senses(t, q, values),
-            moved=lambda q, d: displaced(q, d, values),
-            size=size,
-            holonomic=holonomic,
-        )
-
-    return at
+    if all(t == 0.0 for t, _ in nearby):
+        q = nearby[0][1]
+        all_free = np.ones(constraints.gradient(0.0, q).shape[1], dtype=bool)
+        raise conflict_with_drives(mechanism, rows, close_loops(constraints, LATER[0], q, all_free).gaps)
+    kept = list(independent)
+    dropped = [index for index in range(len(rows)) if index not in independent]
+    for t, q in nearby:
+        gradient, drift = constraints.gradient(t, q), constraints.drift(t, q)
+        combinations = np.linalg.lstsq(gradient[kept].T, gradient[dropped].T, rcond=1e-9)[0]
+        errors = np.zeros(len(rows))
+        errors[dropped] = drift[dropped] - combinations.T @ drift[kept]
+        if np.max(np.abs(errors), initial=0.0) > 1e-7 * max(1.0, float(np.max(np.abs(drift), initial=0.0))):
+            raise conflict_with_drives(mechanism, rows, errors)

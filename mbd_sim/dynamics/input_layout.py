@@ -1,4 +1,4 @@
-"""What the equations take from outside while they are integrated: efforts, wrenches on parts, and values."""
+"""The inputs of the equations of motion: efforts, wrenches on parts, and values of symbolic parameters."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ import numpy as np
 
 from mbd_sim.geometry.pose import Array
 
-WRENCH = 15  # numbers of a wrench: see `ExternalWrench`
+WRENCH_SIZE = 15  # the numbers of an `ExternalWrench`
 
 
 @dataclass(frozen=True, eq=False)
 class ExternalWrench:
-    """A force (3,) in N and a couple (3,) in N·m in ground's axes, then both in the part's own, which turn with it.
+    """A wrench on a part, in the order in which the inputs hold it.
 
-    Both forces act at the `point` (3,) of the part, in its frame. The inputs hold them in this order.
+    `force` (3,) in N and `couple` (3,) in N·m are expressed in ground's axes, `own_force` (3,) and `own_couple` (3,)
+    in the part's axes, with which they rotate. Both forces act at the `point` (3,) in m in the part's frame.
     """
 
     force: ca.SX
@@ -30,41 +31,45 @@ class ExternalWrench:
 
 @dataclass(frozen=True)
 class InputLayout:
-    """Where each input stands: first the efforts (nv,), then `WRENCH` numbers for each loaded part, then values."""
+    """The slices of the inputs: the efforts (nv,), `WRENCH_SIZE` numbers for each loaded part, then the values."""
 
     nv: int
     loaded: tuple[str, ...] = ()
-    values: int = 0
+    value_count: int = 0
 
     @property
     def efforts(self) -> slice:
-        """Of the efforts."""
+        """The efforts."""
         return slice(0, self.nv)
 
     @cached_property
     def wrenches(self) -> Mapping[str, slice]:
-        """Of the wrench on each loaded part."""
-        starts = range(self.nv, self.nv + WRENCH * len(self.loaded), WRENCH)
-        return {part: slice(start, start + WRENCH) for part, start in zip(self.loaded, starts, strict=True)}
+        """The wrench on each loaded part."""
+        starts = range(self.nv, self.nv + WRENCH_SIZE * len(self.loaded), WRENCH_SIZE)
+        return {part: slice(start, start + WRENCH_SIZE) for part, start in zip(self.loaded, starts, strict=True)}
 
     @property
-    def of_values(self) -> slice:
-        """Of the values."""
-        return slice(self.size - self.values, self.size)
+    def values(self) -> slice:
+        """The values of the symbolic parameters."""
+        return slice(self.size - self.value_count, self.size)
 
     @property
     def size(self) -> int:
-        """How many there are."""
-        return self.nv + WRENCH * len(self.loaded) + self.values
+        """The number of inputs."""
+        return self.nv + WRENCH_SIZE * len(self.loaded) + self.value_count
 
-    def external(self, inputs: ca.SX) -> Mapping[str, ExternalWrench]:
-        """The wrench on each loaded part."""
+    def external_wrenches(self, inputs: ca.SX) -> Mapping[str, ExternalWrench]:
+        """The symbols of the wrench on each loaded part."""
         return {part: ExternalWrench(*ca.vertsplit(inputs[place], 3)) for part, place in self.wrenches.items()}
 
-    def at_rest(self, centers: Sequence[Array], values: Array) -> Array:
-        """Inputs with which nothing is commanded; the points of the wrenches are the `centers` of mass."""
+    def without_commands(self, centers: Sequence[Array], values: Array) -> Array:
+        """The inputs (size,) with zero efforts and wrenches.
+
+        :param centers: (3,) center of mass of each loaded part in m, the point at which its wrench acts.
+        :param values: (value_count,) values of the symbolic parameters.
+        """
         inputs = np.zeros(self.size)
         for place, center in zip(self.wrenches.values(), centers, strict=True):
             inputs[place.stop - 3 : place.stop] = center
-        inputs[self.of_values] = values
+        inputs[self.values] = values
         return inputs

@@ -1,4 +1,4 @@
-"""Where the links are and how fast they move."""
+"""Poses and velocities of the links, by recursion from ground outward."""
 
 from __future__ import annotations
 
@@ -9,73 +9,95 @@ import casadi as ca
 
 from mbd_sim.dynamics.joint_motions import JOINT_MOTIONS
 from mbd_sim.dynamics.links import Link
-from mbd_sim.dynamics.motion import Motion, prescribed, turned_round
+from mbd_sim.dynamics.motion import JointMotion, inverse_motion, prescribed_motion
 from mbd_sim.dynamics.spatial_algebra import constant, motion_transform
 from mbd_sim.dynamics.time_functions import time_functions
 
 
 @dataclass(frozen=True, eq=False)
 class LinkMotion:
-    """A link's joint motion, the transform from its inboard link, and its spatial velocity [ω; v], own frame."""
+    """The motion of a link.
 
-    joint: Motion
+    `joint` is that of its inboard joint. `transform` (6, 6) takes motion vectors from the inboard link's frame P to
+    the link's frame L. `V_WL` (6,) = [ω; v] is the link's velocity, expressed in L at its origin.
+    """
+
+    joint: JointMotion
     transform: ca.SX
-    velocity: ca.SX
-
-
-def joint_motion(link: Link, t: ca.SX, q: ca.SX, u: ca.SX) -> Motion:
-    """The motion of a link's joint, from its coordinates and speeds or from its drive."""
-    move = JOINT_MOTIONS[link.joint.type]
-    if link.joint.drive:
-        position, speeds, speed_rates = time_functions(link.joint.drive, t)
-        motion = move(link.axes, position, speeds)
-        if link.joint.reversed and not link.joint.kind.axial:
-            motion = turned_round(motion)
-        return prescribed(motion, speeds, speed_rates)
-    motion = move(link.axes, q[link.q, :], u[link.u, :])
-    return turned_round(motion) if link.joint.reversed and not link.joint.kind.axial else motion
-
-
-def link_motions(links: Sequence[Link], t: ca.SX, q: ca.SX, u: ca.SX) -> list[LinkMotion]:
-    """The motion of every link, from ground outwards (Featherstone, table 5.1)."""
-    motions: list[LinkMotion] = []
-    for link in links:
-        joint = joint_motion(link, t, q, u)
-        rotation = constant(link.base.rotation) @ joint.rotation
-        position = constant(link.base.position) + constant(link.base.rotation) @ joint.position
-        transform = motion_transform(rotation, position)
-        inboard = transform @ motions[link.parent].velocity if link.parent >= 0 else ca.SX(6, 1)
-        motions.append(LinkMotion(joint, transform, ca.sparsify(inboard + joint.velocity)))
-    return motions
+    V_WL: ca.SX
 
 
 @dataclass(frozen=True, eq=False)
-class WorldPose:
-    """A frame in ground's frame: `position` (3,) and `rotation` (3, 3)."""
+class SymbolicPose:
+    """A frame in ground's frame: `position` (3,) in m and `rotation` (3, 3)."""
 
     position: ca.SX
     rotation: ca.SX
 
 
-def part_poses(links: Sequence[Link], t: ca.SX, q: ca.SX) -> list[WorldPose]:
-    """The pose of every link's part in ground's frame."""
-    still = ca.SX(max((link.u.stop for link in links), default=0), 1)
-    frames: list[WorldPose] = []
-    parts: list[WorldPose] = []
+def joint_motion(link: Link, t: ca.SX, q: ca.SX, u: ca.SX) -> JointMotion:
+    """The motion of a link's inboard joint, from its coordinates and speeds or from its drive."""
+    motion_of = JOINT_MOTIONS[link.joint.type]
+    reverse = link.joint.reversed and not link.joint.kind.axial
+    if link.joint.drive:
+        coordinates, speeds, speed_rates = time_functions(link.joint.drive, t)
+        motion = motion_of(link.axes, coordinates, speeds)
+        return prescribed_motion(inverse_motion(motion) if reverse else motion, speeds, speed_rates)
+    motion = motion_of(link.axes, q[link.q, :], u[link.u, :])
+    return inverse_motion(motion) if reverse else motion
+
+
+def link_motions(links: Sequence[Link], t: ca.SX, q: ca.SX, u: ca.SX) -> list[LinkMotion]:
+    """The motion of every link, from ground outward (Featherstone, table 5.1)."""
+    motions: list[LinkMotion] = []
     for link in links:
-        joint = joint_motion(link, t, q, still)
-        base_position, base_rotation = constant(link.base.position), constant(link.base.rotation)
+        joint = joint_motion(link, t, q, u)
+        R_PL = constant(link.X_PF.rotation) @ joint.R_FM
+        p_PL = constant(link.X_PF.position) + constant(link.X_PF.rotation) @ joint.p_FM
+        transform = motion_transform(R_PL, p_PL)
+        inboard = transform @ motions[link.parent].V_WL if link.parent >= 0 else ca.SX(6, 1)
+        motions.append(LinkMotion(joint, transform, ca.sparsify(inboard + joint.V_FM)))
+    return motions
+
+
+def part_poses(links: Sequence[Link], t: ca.SX, q: ca.SX) -> list[SymbolicPose]:
+    """The pose X_WB of every link's part in ground's frame."""
+    at_rest = ca.SX(max((link.u.stop for link in links), default=0), 1)
+    X_WL: list[SymbolicPose] = []
+    X_WB: list[SymbolicPose] = []
+    for link in links:
+        joint = joint_motion(link, t, q, at_rest)
+        p_WF, R_WF = constant(link.X_PF.position), constant(link.X_PF.rotation)
         if link.parent >= 0:
-            outer = frames[link.parent]
-            base_position = outer.position + outer.rotation @ base_position
-            base_rotation = outer.rotation @ base_rotation
-        position = ca.sparsify(base_position + base_rotation @ joint.position)
-        rotation = ca.sparsify(base_rotation @ joint.rotation)
-        frames.append(WorldPose(position, rotation))
-        parts.append(
-            WorldPose(
-                ca.sparsify(position + rotation @ constant(link.part.position)),
-                ca.sparsify(rotation @ constant(link.part.rotation)),
+            X_WP = X_WL[link.parent]
+            p_WF = X_WP.position + X_WP.rotation @ p_WF
+            R_WF = X_WP.rotation @ R_WF
+        p_WL = ca.sparsify(p_WF + R_WF @ joint.p_FM)
+        R_WL = ca.sparsify(R_WF @ joint.R_FM)
+        X_WL.append(SymbolicPose(p_WL, R_WL))
+        X_WB.append(
+            SymbolicPose(
+                ca.sparsify(p_WL + R_WL @ constant(link.X_LB.position)),
+                ca.sparsify(R_WL @ constant(link.X_LB.rotation)),
             )
         )
-    return parts
+    return X_WB
+
+
+def coordinate_rates(links: Sequence[Link], motions: Sequence[LinkMotion], nq: int) -> ca.SX:
+    """q' (nq,) = N(q) u."""
+    rates = ca.SX(nq, 1)
+    for link, motion in zip(links, motions, strict=True):
+        rates[link.q] = motion.joint.q_rates
+    return rates
+
+
+def normalized_quaternions(links: Sequence[Link], q: ca.SX) -> ca.SX:
+    """The coordinates q (nq,) with every quaternion scaled to unit length."""
+    normalized = ca.SX(q)
+    for link in links:
+        if (offset := link.joint.kind.quaternion) is not None and not link.joint.drive:
+            first = link.q.start + offset
+            p = q[first : first + 4]
+            normalized[first : first + 4] = p / ca.sqrt(ca.dot(p, p))
+    return normalized

@@ -1,4 +1,4 @@
-"""Whether the mass matrix is positive definite, and which joints are to blame where it is not."""
+"""Whether the mass matrix is positive definite, and which joints make it singular if it is not."""
 
 from __future__ import annotations
 
@@ -12,42 +12,36 @@ from mbd_sim.errors import MechanismError, Problem
 from mbd_sim.geometry.pose import Array, unpack_poses
 from mbd_sim.mechanism.records import Joint, Mechanism
 
-ROUND_OFF = 1e-13  # of an inertia, what its computation may leave of a zero
+ROUND_OFF = 1e-13  # of an inertia: what round-off may leave in place of a zero
 
 
-def require_definite(mechanism: Mechanism, chain: Sequence[Link], pivots: Array, poses: Array) -> None:
+def require_definite(mechanism: Mechanism, links: Sequence[Link], pivots: Array, poses: Array) -> None:
     """Refuse a singular mass matrix.
 
-    A pivot is what a joint moves when all joints beyond it move freely. It counts as zero where it is no more than
-    round-off of what the joint carries, so that neither units nor the size of other parts matter.
+    A pivot is the inertia that a joint moves while all joints outboard of it move freely. It counts as zero if it is
+    no more than round-off of the inertia that the joint carries. So neither units nor the size of other parts matter.
 
-    :raises MechanismError: the joints to blame are named.
-    :param pivots: (nv,), each joint's in the order of its coordinates, a free joint's rotations first.
+    :param pivots: (nv,) in kg or kg·m², each joint's in the order of its coordinates, a free joint's rotations first.
     :param poses: the pose rows (links, 12) of each link's part in ground's frame, see `unpack_poses`.
+    :raises MechanismError: the joints that make it singular are named.
     """
     positions, rotations = unpack_poses(poses)
-    carried = [_Load(0.0, np.zeros(3), 0.0)] * len(chain)
-    spoiled = [False] * len(chain)
+    carried = [_CarriedInertia(0.0, np.zeros(3), 0.0)] * len(links)
+    refused = [False] * len(links)  # the link's joint, or one outboard of it
     problems: list[Problem] = []
-    for index in reversed(range(len(chain))):
-        link, position, rotation = chain[index], positions[index], rotations[index]
+    for index in reversed(range(len(links))):
+        link, p_WB, R_WB = links[index], positions[index], rotations[index]
         part = mechanism.parts[link.joint.outboard]
-        carried[index] += _Load(part.mass, position + rotation @ part.center, float(np.trace(part.inertia)))
-        if not spoiled[index] and link.u.stop > link.u.start:
-            origin = position - rotation @ link.part.rotation.T @ link.part.position
-            scale = np.where(_is_moment(link.joint), carried[index].moment_about(origin), carried[index].mass)
-            spoiled[index] = bool(np.any(~(pivots[link.u] > ROUND_OFF * scale)))
-            if spoiled[index]:
-                message = "this joint moves no inertia of its own: its coordinate has no equation of motion"
-                remedy = (
-                    "Give what it moves a mass away from the axis, or an inertia about it (a thin rod has none about "
-                    "itself); between two joints that move alike there must be a mass as well. In a loop, "
-                    "'cut: true' at another joint may help."
-                )
-                problems.append(mechanism.source.problem(("joints", link.joint.name), message, remedy))
+        carried[index] += _CarriedInertia(part.mass, p_WB + R_WB @ part.center, float(np.trace(part.inertia)))
+        if not refused[index] and link.u.stop > link.u.start:
+            p_WL = p_WB - R_WB @ link.X_LB.rotation.T @ link.X_LB.position
+            scale = np.where(_is_moment(link.joint), carried[index].moment_about(p_WL), carried[index].mass)
+            refused[index] = bool(np.any(~(pivots[link.u] > ROUND_OFF * scale)))
+            if refused[index]:
+                problems.append(_no_inertia(mechanism, link))
         if link.parent >= 0:
             carried[link.parent] += carried[index]
-            spoiled[link.parent] |= spoiled[index]
+            refused[link.parent] |= refused[index]
     if problems:
         raise MechanismError(sorted(problems, key=lambda problem: problem.line))
 
@@ -59,24 +53,37 @@ def _is_moment(joint: Joint) -> list[bool]:
     return sorted(rotations, reverse=True) if joint.type == "free" else rotations
 
 
+def _no_inertia(mechanism: Mechanism, link: Link) -> Problem:
+    message = "this joint moves no inertia of its own: its coordinate has no equation of motion"
+    remedy = (
+        "Give the part that it moves a mass away from the axis, or an inertia about it (a thin rod has none about "
+        "itself). Between two joints with the same motion there must be a mass as well. In a loop, 'cut: true' at "
+        "another joint may help."
+    )
+    return mechanism.source.problem(("joints", link.joint.name), message, remedy)
+
+
 @dataclass(frozen=True, eq=False)
-class _Load:
-    """Parts that move together: `mass` in kg, `center` (3,) of mass, and the trace of the inertia about it in kg·m²."""
+class _CarriedInertia:
+    """Parts that move together: `mass` in kg, `center` (3,) of mass in ground's frame in m, `trace` in kg·m².
+
+    The trace is that of the inertia matrix about the center of mass.
+    """
 
     mass: float
     center: Array
     trace: float
 
-    def __add__(self, other: _Load) -> _Load:
+    def __add__(self, other: _CarriedInertia) -> _CarriedInertia:
         mass = self.mass + other.mass
         if mass == 0.0:
             return self
         arm = other.center - self.center
         share = other.mass / mass
         trace = self.trace + other.trace + 2.0 * self.mass * share * float(arm @ arm)
-        return _Load(mass, self.center + share * arm, trace)
+        return _CarriedInertia(mass, self.center + share * arm, trace)
 
     def moment_about(self, point: Array) -> float:
-        """The trace of the inertia about a point: no moment of inertia about an axis through it is larger."""
+        """The trace of the inertia matrix about a point (3,), an upper bound of its moments of inertia, kg·m²."""
         arm = self.center - point
         return self.trace + 2.0 * self.mass * float(arm @ arm)

@@ -1,7 +1,7 @@
-"""The relative motion of two frames, and how motions are put together, turned round and prescribed.
+"""The relative motion of the two frames of a joint, and how motions are composed, inverted and prescribed.
 
-The outboard frame moves relative to the inboard frame. Motion vectors are [ω; v] of the outboard frame relative
-to the inboard one, in outboard axes at the outboard origin.
+The outboard frame M moves relative to the inboard frame F. Motion vectors are [ω; v] of M relative to F, expressed in
+M at M's origin. See `mbd_sim.dynamics` for the notation.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from mbd_sim.geometry.pose import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
-    """A prescribed motion: what its generalized force is taken along.
+class PrescribedMotion:
+    """The directions along which a drive exerts its generalized forces.
 
-    `partial_velocities` (6, n) multiply the prescribed `speeds` (n,) to give the velocity.
+    `partial_velocities` (6, n) times the prescribed `speeds` (n,), in rad/s or m/s, give V_FM.
     """
 
     partial_velocities: ca.SX
@@ -33,120 +33,119 @@ class Drive:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
-    """A motion at coordinates q and speeds u.
+class JointMotion:
+    """The motion of a joint at coordinates q and speeds u.
 
-    `rotation` (3, 3) and `position` (3,) place the outboard frame in the inboard one. `partial_velocities` (6, nv)
-    multiply u to give `velocity` (6,); `bias` (6,) is the derivative of the velocity in outboard axes at u' = 0;
-    `q_rates` (nq,) is N(q) u. `inverse`, where the joint constrains nothing, is the inverse of
-    `partial_velocities` (6, 6), which then need not be eliminated by the recursion. A motion with a `drive` is
-    prescribed in time and has neither coordinates nor speeds.
+    `R_FM` (3, 3) and `p_FM` (3,) place the outboard frame in the inboard one. `partial_velocities` (6, nv) times u
+    give `V_FM` (6,); `bias` (6,) is the derivative of V_FM in outboard axes at u' = 0; `q_rates` (nq,) is N(q) u.
+    For a joint that constrains nothing `inverse` (6, 6) is the inverse of `partial_velocities`, and the recursion need
+    not eliminate the joint. A `prescribed` motion has neither coordinates nor speeds.
     """
 
-    rotation: ca.SX
-    position: ca.SX
+    R_FM: ca.SX
+    p_FM: ca.SX
     partial_velocities: ca.SX
-    velocity: ca.SX
+    V_FM: ca.SX
     bias: ca.SX
     q_rates: ca.SX
     inverse: ca.SX | None = None
-    drive: Drive | None = None
+    prescribed: PrescribedMotion | None = None
 
 
-def at_rest() -> Motion:
+def fixed() -> JointMotion:
     """Frames that coincide."""
-    return Motion(constant(np.eye(3)), zeros(3), zeros(6, 0), zeros(6), zeros(6), zeros(0))
+    return JointMotion(constant(np.eye(3)), zeros(3), zeros(6, 0), zeros(6), zeros(6), zeros(0))
 
 
-def turning(axis: Array, q: ca.SX, u: ca.SX) -> Motion:
-    """Rotation by q in rad about a unit `axis`, right-handed."""
+def revolute(axis: Array, q: ca.SX, u: ca.SX) -> JointMotion:
+    """Right-handed rotation by q in rad about a unit `axis`."""
     k = constant(np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]]))
-    along = constant(np.outer(axis, axis))
-    rotation = ca.sparsify(along + ca.sin(q) * k + ca.cos(q) * (constant(np.eye(3)) - along))
+    projection = constant(np.outer(axis, axis))
+    R_FM = ca.sparsify(projection + ca.sin(q) * k + ca.cos(q) * (constant(np.eye(3)) - projection))
     s = constant(np.concatenate([axis, np.zeros(3)]))
-    return Motion(rotation, zeros(3), s, s * u, zeros(6), u)
+    return JointMotion(R_FM, zeros(3), s, s * u, zeros(6), u)
 
 
-def sliding(axis: Array, q: ca.SX, u: ca.SX) -> Motion:
+def prismatic(axis: Array, q: ca.SX, u: ca.SX) -> JointMotion:
     """Translation by q in m along a unit `axis`."""
     s = constant(np.concatenate([np.zeros(3), axis]))
-    return Motion(constant(np.eye(3)), constant(axis) * q, s, s * u, zeros(6), u)
+    return JointMotion(constant(np.eye(3)), constant(axis) * q, s, s * u, zeros(6), u)
 
 
-def screwing(axis: Array, lead: float, q: ca.SX, u: ca.SX) -> Motion:
-    """Rotation by q in rad about a unit `axis` with a displacement of `lead` m a turn along it."""
-    turn, pitch = turning(axis, q, u), lead / (2.0 * np.pi)
+def helical(axis: Array, lead: float, q: ca.SX, u: ca.SX) -> JointMotion:
+    """Rotation by q in rad about a unit `axis`, with a displacement of `lead` m per turn along it."""
+    rotation, pitch = revolute(axis, q, u), lead / (2.0 * np.pi)
     s = constant(np.concatenate([axis, pitch * axis]))
-    return Motion(turn.rotation, constant(pitch * axis) * q, s, s * u, zeros(6), u)
+    return JointMotion(rotation.R_FM, constant(pitch * axis) * q, s, s * u, zeros(6), u)
 
 
-def orienting(q: ca.SX, u: ca.SX) -> Motion:
-    """Any rotation: q (4,) is a unit quaternion (w, x, y, z), u (3,) the angular velocity in outboard axes."""
+def spherical(q: ca.SX, u: ca.SX) -> JointMotion:
+    """Any rotation: q (4,) is a unit quaternion (w, x, y, z), and u (3,) the angular velocity in outboard axes."""
     s = constant(np.vstack([np.eye(3), np.zeros((3, 3))]))
-    return Motion(quaternion_rotation(q), zeros(3), s, s @ u, zeros(6), quaternion_rates(q, u))
+    return JointMotion(quaternion_rotation(q), zeros(3), s, s @ u, zeros(6), quaternion_rates(q, u))
 
 
-def flying(q: ca.SX, u: ca.SX) -> Motion:
-    """Any motion: q is the position (3,) and a quaternion (4,), u the velocity (3,) and ω (3,).
+def free(q: ca.SX, u: ca.SX) -> JointMotion:
+    """Any motion: q is the position (3,) and a quaternion (4,), and u the velocity (3,) and ω (3,).
 
-    The velocity is in inboard axes, so that linear momentum is integrated without error; ω is in outboard axes, where
+    The velocity is in inboard axes, so that linear momentum is integrated without error. ω is in outboard axes, where
     the inertia is constant.
     """
-    rotation, q_rates = quaternion_rotation(q[3:]), quaternion_rates(q[3:], u[3:])
+    R_FM, quaternion_rate = quaternion_rotation(q[3:]), quaternion_rates(q[3:], u[3:])
     eye, gap = constant(np.eye(3)), zeros(3, 3)
-    s = ca.sparsify(ca.vertcat(ca.horzcat(gap, eye), ca.horzcat(rotation.T, gap)))
-    inverse = ca.sparsify(ca.vertcat(ca.horzcat(gap, rotation), ca.horzcat(eye, gap)))
-    linear = rotation.T @ u[:3]
+    s = ca.sparsify(ca.vertcat(ca.horzcat(gap, eye), ca.horzcat(R_FM.T, gap)))
+    inverse = ca.sparsify(ca.vertcat(ca.horzcat(gap, R_FM), ca.horzcat(eye, gap)))
+    linear = R_FM.T @ u[:3]
     bias = ca.vertcat(zeros(3), -skew(u[3:]) @ linear)
-    velocity = ca.vertcat(u[3:], linear)
-    return Motion(rotation, q[:3], s, velocity, ca.sparsify(bias), ca.vertcat(u[:3], q_rates), inverse)
+    V_FM = ca.vertcat(u[3:], linear)
+    return JointMotion(R_FM, q[:3], s, V_FM, ca.sparsify(bias), ca.vertcat(u[:3], quaternion_rate), inverse)
 
 
-def compose(first: Motion, second: Motion) -> Motion:
+def compose(first: JointMotion, second: JointMotion) -> JointMotion:
     """The second motion on top of the first; q and u of the first come first."""
-    carry = motion_transform(second.rotation, second.position)
-    carried = carry @ first.velocity
-    bias = carry @ first.bias + second.bias - motion_cross(second.velocity) @ carried
-    return Motion(
-        rotation=ca.sparsify(first.rotation @ second.rotation),
-        position=ca.sparsify(first.position + first.rotation @ second.position),
-        partial_velocities=ca.sparsify(ca.horzcat(carry @ first.partial_velocities, second.partial_velocities)),
-        velocity=ca.sparsify(carried + second.velocity),
+    transform = motion_transform(second.R_FM, second.p_FM)
+    carried = transform @ first.V_FM
+    bias = transform @ first.bias + second.bias - motion_cross(second.V_FM) @ carried
+    return JointMotion(
+        R_FM=ca.sparsify(first.R_FM @ second.R_FM),
+        p_FM=ca.sparsify(first.p_FM + first.R_FM @ second.p_FM),
+        partial_velocities=ca.sparsify(ca.horzcat(transform @ first.partial_velocities, second.partial_velocities)),
+        V_FM=ca.sparsify(carried + second.V_FM),
         bias=ca.sparsify(bias),
         q_rates=ca.vertcat(first.q_rates, second.q_rates),
     )
 
 
-def turned_round(motion: Motion) -> Motion:
-    """The motion of the inboard frame seen from the outboard one, with the same q and u."""
-    rotation = motion.rotation.T
-    position = -rotation @ motion.position
-    carry = motion_transform(rotation, position)
+def inverse_motion(motion: JointMotion) -> JointMotion:
+    """The motion of the inboard frame relative to the outboard one, with the same q and u."""
+    R_MF = motion.R_FM.T
+    p_MF = -R_MF @ motion.p_FM
+    transform = motion_transform(R_MF, p_MF)
     inverse = None
     if motion.inverse is not None:
-        inverse = ca.sparsify(-motion.inverse @ motion_transform(motion.rotation, motion.position))
-    return Motion(
-        rotation=rotation,
-        position=ca.sparsify(position),
-        partial_velocities=ca.sparsify(-carry @ motion.partial_velocities),
-        velocity=ca.sparsify(-carry @ motion.velocity),
-        bias=ca.sparsify(-carry @ motion.bias),
+        inverse = ca.sparsify(-motion.inverse @ motion_transform(motion.R_FM, motion.p_FM))
+    return JointMotion(
+        R_FM=R_MF,
+        p_FM=ca.sparsify(p_MF),
+        partial_velocities=ca.sparsify(-transform @ motion.partial_velocities),
+        V_FM=ca.sparsify(-transform @ motion.V_FM),
+        bias=ca.sparsify(-transform @ motion.bias),
         q_rates=motion.q_rates,
         inverse=inverse,
     )
 
 
-def prescribed(motion: Motion, speeds: ca.SX, speed_rates: ca.SX) -> Motion:
-    """A motion whose coordinates are functions of time: `speeds` and `speed_rates` (n,) are q' and q''."""
+def prescribed_motion(motion: JointMotion, speeds: ca.SX, speed_rates: ca.SX) -> JointMotion:
+    """A motion whose coordinates are functions of time; `speeds` and `speed_rates` (n,) are q' and q''."""
     s = motion.partial_velocities
-    return Motion(
-        rotation=motion.rotation,
-        position=motion.position,
+    return JointMotion(
+        R_FM=motion.R_FM,
+        p_FM=motion.p_FM,
         partial_velocities=zeros(6, 0),
-        velocity=motion.velocity,
+        V_FM=motion.V_FM,
         bias=ca.sparsify(motion.bias + s @ speed_rates),
         q_rates=zeros(0),
-        drive=Drive(s, speeds),
+        prescribed=PrescribedMotion(s, speeds),
     )
 
 

@@ -1,4 +1,4 @@
-"""Functions in pieces, and their integrals from zero to rounding."""
+"""Piecewise functions, and integrals from zero that are exact to rounding."""
 
 from __future__ import annotations
 
@@ -12,16 +12,19 @@ import numpy as np
 from mbd_sim.geometry.pose import Array
 
 POINTS = 16
-TOLERANCE = 1e-15  # of an integral, relative to that of the absolute value from 0
-MOST_PANELS = 64  # on each side of 0
-NARROWEST = 1e-12  # panel, relative to the range
+TOLERANCE = 1e-15  # of an integral, relative to the integral of the absolute value from 0
+MAX_PANELS = 64  # on each side of 0
+MIN_WIDTH = 1e-12  # of a panel, relative to the range
 _NODES, _WEIGHTS = (0.5 * values for values in np.polynomial.legendre.leggauss(POINTS))
 _NODES = _NODES + 0.5  # of the interval from 0 to 1
 
 
 @dataclass(frozen=True, eq=False)
 class Panels:
-    """Where an integral from 0 starts anew: between `knots` (n,), from `origins` (n + 1,), with `values` (n + 1,)."""
+    """The panels of an integral from 0, separated by `knots` (n,).
+
+    In panel i the integral is `values[i]` plus that from `origins[i]`; both arrays are (n + 1,).
+    """
 
     knots: Array
     origins: Array
@@ -31,7 +34,7 @@ class Panels:
 def select(x: ca.SX, knots: Array, columns: Array) -> ca.SX:
     """The row of `columns` (n + 1, m) for the piece in which x lies, as (m,); a knot belongs to the piece above it.
 
-    Each number is picked, not summed from differences, and so keeps its last bit.
+    Each number is selected rather than summed from differences, and so keeps its last bit.
     """
     beyond = [ca.SX(1), *(x >= float(knot) for knot in knots), ca.SX(0)]
     result = ca.SX(columns.shape[1], 1)
@@ -42,7 +45,7 @@ def select(x: ca.SX, knots: Array, columns: Array) -> ca.SX:
 
 
 def integral(f: Callable[[ca.SX], ca.SX], panels: Panels, x: ca.SX) -> ca.SX:
-    """∫ f from 0 to x: up to the origin of the panel of x a number, and from there by Gauss and Legendre."""
+    """∫ f from 0 to x: a number up to the origin of the panel of x, and Gauss–Legendre quadrature from there."""
     start, value = ca.vertsplit(select(x, panels.knots, np.column_stack([panels.origins, panels.values])))
     width = x - start
     terms = [float(weight) * f(start + width * float(node)) for node, weight in zip(_NODES, _WEIGHTS, strict=True)]
@@ -52,10 +55,10 @@ def integral(f: Callable[[ca.SX], ca.SX], panels: Panels, x: ca.SX) -> ca.SX:
 def panels_of(f: Callable[[ca.SX], ca.SX], lower: float, upper: float) -> Panels:
     """The panels on which 16 points integrate f to rounding, from `lower` ≤ 0 to `upper` ≥ 0.
 
-    Quadrature rather than a closed form: antiderivatives of many expressions do not exist, and of others they cancel
-    (x - log(1 + x) near 0) or jump from branch to branch. Sixteen points are exact for polynomials up to degree 31;
-    wherever they are not enough, as at a kink, panels are halved until they are. All this is in the energies, which
-    are read at the publishing rate: the accelerations hold f alone. Where f grows beyond all numbers panels end.
+    Quadrature rather than a closed form, because many expressions have no antiderivative, and others have one that
+    cancels (x - log(1 + x) near 0) or jumps between branches. Sixteen points are exact for polynomials up to degree
+    31. Where they are not enough, as at a kink, panels are halved until they are. The integrals occur only in the
+    energies, which are read at the publishing rate; the accelerations contain f alone. Panels stop where f overflows.
     """
     x = ca.SX.sym("x")
     values = ca.Function("f", [x], [f(x)])
@@ -72,15 +75,15 @@ def panels_of(f: Callable[[ca.SX], ca.SX], lower: float, upper: float) -> Panels
 
 
 def _edges(at: Callable[[Array], Array], end: float) -> list[float]:
-    """The ends of panels on one side of 0, from 0 outwards."""
+    """The ends of the panels on one side of 0, from 0 outward."""
     while end and not np.all(np.isfinite(at(np.linspace(0.0, end, 65)[:-1]))):
         end = 0.5 * end if abs(end) > 1e-9 else 0.0
     if not end:
         return []
     edges, found = [0.0, end], [_refined(at, 0.0, end)]
-    for _ in range(MOST_PANELS):
+    for _ in range(MAX_PANELS):
         errors, sizes = np.array(found)[:, 0], np.cumsum(np.array(found)[:, 1])
-        narrow = np.abs(np.diff(edges)) <= NARROWEST * abs(end)
+        narrow = np.abs(np.diff(edges)) <= MIN_WIDTH * abs(end)
         excess = np.where((errors <= TOLERANCE * sizes) | narrow, 0.0, errors / np.maximum(sizes, 1e-300))
         worst = int(np.argmax(excess))
         if not excess[worst] > 0.0:
@@ -92,7 +95,7 @@ def _edges(at: Callable[[Array], Array], end: float) -> list[float]:
 
 
 def _refined(at: Callable[[Array], Array], a: float, b: float) -> tuple[float, float]:
-    """What halving changes about the integral from a to b, and the integral of the absolute value."""
+    """How much halving changes the integral from a to b, and the integral of the absolute value."""
     middle = 0.5 * (a + b)
     whole, size = _quadrature(at, a, b)
     change = whole - _quadrature(at, a, middle)[0] - _quadrature(at, middle, b)[0]

@@ -1,7 +1,7 @@
 """Six-dimensional vectors over CasADi scalars (Featherstone, *Rigid Body Dynamics Algorithms*, ch. 2).
 
-A motion vector is [ω; v] and a force vector [moment; force], both at the origin and in the axes of a link's own
-frame. Structural zeros are kept, so that planar mechanisms cost no more than planar equations.
+A motion vector is [ω; v] and a force vector [moment; force], both expressed in a link's frame at its origin.
+Structural zeros are preserved, so that planar mechanisms cost no more than planar equations.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from mbd_sim.geometry.rotation import skew as numeric_skew
 
 
 def constant(matrix: Array | ca.SX) -> ca.SX:
-    """A matrix of numbers, or of numbers and symbols, with its zeros left out."""
+    """A matrix of numbers, or of numbers and symbols, with its zeros made structural."""
     return ca.sparsify(matrix if isinstance(matrix, ca.SX) else ca.SX(ca.DM(matrix)))
 
 
-def symbolic(*values: object) -> bool:
-    """Whether there are symbols among numbers and matrices of a mechanism's records."""
+def is_symbolic(*values: object) -> bool:
+    """Whether any of these numbers and matrices from a mechanism's records holds symbols."""
     return any(isinstance(value, ca.SX) for value in values)
 
 
-def vanishes(value: float | ca.SX) -> bool:
-    """Whether a number is zero, and not a symbol that might be."""
-    return not symbolic(value) and bool(value == 0.0)
+def is_absent(value: float | ca.SX) -> bool:
+    """Whether a number is zero, rather than a symbol whose value may be zero."""
+    return not is_symbolic(value) and bool(value == 0.0)
 
 
 def zeros(rows: int, columns: int = 1) -> ca.SX:
@@ -44,39 +44,36 @@ def skew(v: ca.SX) -> ca.SX:
     )
 
 
-def motion_transform(rotation: ca.SX, position: ca.SX) -> ca.SX:
-    """X (6, 6) that takes motion vectors from the outer frame to an inner one placed in it (Featherstone 2.24).
-
-    :param rotation: (3, 3), inner axes in the outer frame.
-    :param position: (3,), inner origin in the outer frame.
-    """
-    turn = rotation.T
+def motion_transform(R_AB: ca.SX, p_AB: ca.SX) -> ca.SX:
+    """The matrix (6, 6) that takes motion vectors from frame A to frame B (Featherstone, eq. 2.24)."""
+    R_BA = R_AB.T
     return ca.sparsify(
         ca.vertcat(
-            ca.horzcat(turn, zeros(3, 3)),
-            ca.horzcat(-turn @ skew(position), turn),
+            ca.horzcat(R_BA, zeros(3, 3)),
+            ca.horzcat(-R_BA @ skew(p_AB), R_BA),
         )
     )
 
 
 def motion_cross(v: ca.SX) -> ca.SX:
-    """C (6, 6) with C @ m = v × m for motion vectors (Featherstone 2.31)."""
+    """C (6, 6) with C @ m = v × m for motion vectors (Featherstone, eq. 2.31)."""
     angular, linear = skew(v[:3]), skew(v[3:])
     return ca.sparsify(ca.vertcat(ca.horzcat(angular, zeros(3, 3)), ca.horzcat(linear, angular)))
 
 
 def inertia_matrix(mass: float, center: Array, inertia: Array) -> Array:
-    """Spatial inertia (6, 6) about the frame's origin (Featherstone 2.63).
+    """Spatial inertia (6, 6) about the frame's origin (Featherstone, eq. 2.63).
 
-    :param center: (3,) mass centre in m.
-    :param inertia: (3, 3) about the mass centre in kg·m².
+    :param mass: kg.
+    :param center: (3,) center of mass in m.
+    :param inertia: (3, 3) about the center of mass in kg·m².
     """
     c = numeric_skew(center)
     return np.block([[inertia - mass * c @ c, mass * c], [-mass * c, mass * np.eye(3)]])
 
 
 def symmetric(matrix: ca.SX) -> ca.SX:
-    """The matrix with its lower triangle mirrored from the upper one, whose instructions then serve both."""
+    """The matrix with its lower triangle copied from the upper one, so that each entry is computed once."""
     upper = ca.triu(matrix)
     return ca.triu2symm(upper)
 
@@ -84,8 +81,8 @@ def symmetric(matrix: ca.SX) -> ca.SX:
 class SpdFactors:
     """A symmetric positive definite matrix (n, n) as L D Lᵀ, without pivoting.
 
-    `pivots` (n,) stand in the order of the rows, each in its row's own unit. Where the matrix is not definite, a
-    pivot is not positive.
+    `pivots` (n,) are in the order of the rows, each in the unit of its row. If the matrix is not definite, a pivot is
+    not positive.
     """
 
     def __init__(self, matrix: ca.SX) -> None:
@@ -115,8 +112,8 @@ class SpdFactors:
 def inverse_spd(matrix: Array) -> tuple[Array, Array]:
     """The inverse (n, n) of a symmetric positive definite matrix by L D Lᵀ, and its pivots (n,).
 
-    Zeros stay zeros, and the units of the rows may differ by any factor. Of a matrix that is not definite the first
-    pivot that is not positive and all after it are given as zero, and the inverse is of what comes before.
+    Zeros stay zeros, and the units of the rows may differ by any factor. If the matrix is not definite, the first
+    pivot that is not positive and all after it are zero, and the inverse is that of the block before it.
     """
     size = len(matrix)
     rest, lower, pivots = matrix.copy(), np.eye(size), np.zeros(size)

@@ -1,8 +1,8 @@
-"""The numbers of a mechanism's records as symbols, so that one set of equations serves many values.
+"""Numbers of a mechanism's records replaced by symbols, so that one set of equations serves many values.
 
-A number is known by its path through the records. `numbers_of` reads those that can be symbols, and the rest that the
-equations depend on and that can not, such as directions of axes and tables of springs; `with_symbols` puts symbols in
-their place.
+A number is identified by its path through the records. `equation_data` reads the numbers that can be symbols, and the
+rest of what the equations depend on, such as directions of axes and tables of springs. `with_symbols` replaces the
+numbers by symbols.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.dynamics.links import Link, links
+from mbd_sim.dynamics.links import Link, build_links
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism import constraints as c
 from mbd_sim.mechanism.expression import TimeExpression
@@ -33,7 +33,7 @@ from mbd_sim.mechanism.records import (
 
 Path = tuple[str | int, ...]
 
-# Of each record the fields whose numbers can be symbols; records not named here have none.
+# The fields of each record whose numbers can be symbols; records not listed have none.
 _SYMBOLIC: Mapping[type, tuple[str, ...]] = {
     Mechanism: ("gravity",),
     Part: ("mass", "center"),
@@ -50,18 +50,25 @@ _SYMBOLIC: Mapping[type, tuple[str, ...]] = {
     TimeExpression: ("names",),
     c.Rolling: ("radius",),
 }
-# Of each record the fields that the equations do not read.
+# The fields of each record on which the equations do not depend.
 _UNREAD: Mapping[type, tuple[str, ...]] = {
     Mechanism: ("name", "description", "parameters", "source", "method", "step", "ground_points", "tree"),
-    Part: ("inertia", "points", "shapes"),  # of a link the inertia is its own
+    Part: ("inertia", "points", "shapes"),  # the inertia is read from the link
     Joint: ("position", "velocity", "held", "held_speeds", "effort_limit"),
-    Link: ("type", "q", "u"),
+    Link: ("q", "u"),
 }
 
 
+class StructureError(ValueError):
+    """A mechanism differs from another one by more than the values of its parameters."""
+
+
 @dataclass(frozen=True, eq=False)
-class Numbers:
-    """What the equations of a mechanism depend on: `free` numbers by path, and what is `fixed` in them."""
+class EquationData:
+    """Everything that the equations of a mechanism depend on.
+
+    `free` (k,) are the numbers that can be symbols, at `paths`; `fixed` is everything else, by path.
+    """
 
     paths: tuple[Path, ...]
     free: Array
@@ -69,14 +76,15 @@ class Numbers:
 
 
 @dataclass(frozen=True, eq=False)
-class Values:
-    """Which numbers are symbols: those at `places` of all free ones are the values (n,) at `columns`.
+class SymbolicParameters:
+    """The numbers of a mechanism that are symbols in its equations, and their values.
 
-    Numbers that are always the same, as the two ends of one length, share a value.
+    Free number `indices[i]` of the `data` is parameter `columns[i]` of n. Numbers that always agree, such as both ends
+    of one length, share a parameter. `base` (n,) are the values in the mechanism itself.
     """
 
-    numbers: Numbers
-    places: NDArray[np.intp]
+    data: EquationData
+    indices: NDArray[np.intp]
     columns: NDArray[np.intp]
     base: Array
 
@@ -85,40 +93,33 @@ class Values:
         """The symbols (n,)."""
         return ca.SX.sym("p", len(self.base))
 
-    def among(self, numbers: Numbers) -> Array:
-        """The values (n,) of a mechanism that is known to differ in them only."""
+    def values_in(self, data: EquationData) -> Array:
+        """The values (n,) of a mechanism that is known to differ in no other number."""
         values = self.base.copy()
-        values[self.columns] = numbers.free[self.places]
+        values[self.columns] = data.free[self.indices]
         return values
 
-    def of(self, numbers: Numbers) -> Array:
-        """The values (n,) of another mechanism of the same shape.
+    def checked_values_in(self, data: EquationData) -> Array:
+        """The values (n,) of another mechanism of the same structure.
 
-        :raises UnvariedError: it differs in what is not a value.
+        :raises StructureError: it differs in more than these parameters.
         """
-        if numbers.paths != self.numbers.paths:
-            raise UnvariedError("its parts, joints or forces are others")
-        for path, kept in numbers.fixed.items():
-            if not _same(kept, self.numbers.fixed.get(path)):
-                raise UnvariedError(f"{_named(path)} differs, which is built into the equations")
-        values = self.among(numbers)
-        expected = self.numbers.free.copy()
-        expected[self.places] = values[self.columns]
-        if len(off := np.flatnonzero(expected != numbers.free)):
-            raise UnvariedError(f"{_named(numbers.paths[off[0]])} differs, which is not among the values")
+        _require_same_structure(self.data, data)
+        values = self.values_in(data)
+        expected = self.data.free.copy()
+        expected[self.indices] = values[self.columns]
+        if len(different := np.flatnonzero(expected != data.free)):
+            path = _dotted(data.paths[different[0]])
+            raise StructureError(f"{path} differs, which is not among the values that can change")
         return values
 
 
-class UnvariedError(ValueError):
-    """A mechanism differs from another one by more than values."""
-
-
-def numbers_of(mechanism: Mechanism) -> Numbers:
-    """The numbers that the equations depend on."""
+def equation_data(mechanism: Mechanism) -> EquationData:
+    """Read everything that the equations of a mechanism depend on."""
     paths: list[Path] = []
     free: list[float] = []
     fixed: dict[Path, Any] = {}
-    for path, leaf, symbolic in _leaves((mechanism, tuple(links(mechanism))), (), False):
+    for path, leaf, symbolic in _leaves((mechanism, tuple(build_links(mechanism))), (), False):
         if not symbolic:
             fixed[path] = leaf
         elif isinstance(leaf, np.ndarray):
@@ -127,52 +128,57 @@ def numbers_of(mechanism: Mechanism) -> Numbers:
         else:
             paths.append(path)
             free.append(float(leaf))
-    return Numbers(tuple(paths), np.array(free), fixed)
+    return EquationData(tuple(paths), np.array(free), fixed)
 
 
-def values_among(base: Numbers, others: Sequence[Numbers]) -> Values:
-    """The values in which some mechanisms differ from each other.
+def varying_parameters(base: EquationData, others: Sequence[EquationData]) -> SymbolicParameters:
+    """The parameters in which some mechanisms differ from each other, with the values of the `base`.
 
-    :raises UnvariedError: they differ in what cannot be a value.
+    :raises StructureError: they differ in data that cannot be symbols.
     """
     for other in others:
-        if other.paths != base.paths:
-            raise UnvariedError("its parts, joints or forces are others")
-        for path, kept in other.fixed.items():
-            if not _same(kept, base.fixed.get(path)):
-                raise UnvariedError(f"{_named(path)} differs, which is built into the equations")
+        _require_same_structure(base, other)
     table = np.array([base.free, *(other.free for other in others)])
-    places = np.flatnonzero(np.any(table != table[0], axis=0))
-    alike: dict[bytes, int] = {}
-    columns = [alike.setdefault(table[:, place].tobytes(), len(alike)) for place in places]
-    first = np.zeros(len(alike))
-    first[columns] = base.free[places]
-    return Values(base, places, np.array(columns, dtype=np.intp), first)
+    indices = np.flatnonzero(np.any(table != table[0], axis=0))
+    column_of: dict[bytes, int] = {}
+    columns = [column_of.setdefault(table[:, index].tobytes(), len(column_of)) for index in indices]
+    values = np.zeros(len(column_of))
+    values[columns] = base.free[indices]
+    return SymbolicParameters(base, indices, np.array(columns, dtype=np.intp), values)
 
 
-def with_symbols(mechanism: Mechanism, values: Values) -> tuple[Mechanism, list[Link]]:
-    """The mechanism and its links, with symbols for the values."""
-    chain = tuple(links(mechanism))
-    if not len(values.base):
-        return mechanism, list(chain)
+def with_symbols(mechanism: Mechanism, parameters: SymbolicParameters) -> tuple[Mechanism, list[Link]]:
+    """The mechanism and its links, with symbols in place of the parameters."""
+    links = tuple(build_links(mechanism))
+    if not len(parameters.base):
+        return mechanism, list(links)
     symbols = {
-        values.numbers.paths[place]: values.symbols[int(column)]
-        for place, column in zip(values.places, values.columns, strict=True)
+        parameters.data.paths[index]: parameters.symbols[int(column)]
+        for index, column in zip(parameters.indices, parameters.columns, strict=True)
     }
     prefixes = {path[:length] for path in symbols for length in range(len(path) + 1)}
-    mechanism, chain = _replaced((mechanism, chain), (), symbols, prefixes)
-    return mechanism, list(chain)
+    mechanism, links = _replaced((mechanism, links), (), symbols, prefixes)
+    return mechanism, list(links)
+
+
+def _require_same_structure(base: EquationData, other: EquationData) -> None:
+    if other.paths != base.paths:
+        raise StructureError("it has different parts, joints or forces")
+    for path, leaf in other.fixed.items():
+        if not _same(leaf, base.fixed.get(path)):
+            raise StructureError(f"{_dotted(path)} differs, which is built into the equations")
 
 
 def _leaves(record: Any, path: Path, symbolic: bool) -> Iterator[tuple[Path, Any, bool]]:
-    if isinstance(record, Expressed):  # its potential is integrated beforehand
+    """The path and value of each leaf of nested records, and whether it can be a symbol."""
+    if isinstance(record, Expressed):  # its potential is integrated numerically when the equations are derived
         yield path, record, False
     elif dataclasses.is_dataclass(record) and not isinstance(record, type):
         kind = type(record)
         for field in dataclasses.fields(record):
             if field.name not in _UNREAD.get(kind, ()):
-                can = field.name in _SYMBOLIC.get(kind, ())
-                yield from _leaves(getattr(record, field.name), (*path, field.name), can)
+                can_be_symbolic = field.name in _SYMBOLIC.get(kind, ())
+                yield from _leaves(getattr(record, field.name), (*path, field.name), can_be_symbolic)
     elif isinstance(record, Mapping):
         for key, value in record.items():
             yield from _leaves(value, (*path, key), symbolic)
@@ -184,15 +190,16 @@ def _leaves(record: Any, path: Path, symbolic: bool) -> Iterator[tuple[Path, Any
 
 
 def _replaced(record: Any, path: Path, symbols: Mapping[Path, ca.SX], prefixes: set[Path]) -> Any:
+    """The record with the leaves at the paths of `symbols` replaced; `prefixes` are all paths that lead to one."""
     if path not in prefixes:
         return record
     if path in symbols:
         return symbols[path]
     if isinstance(record, np.ndarray):
         matrix = ca.SX(ca.DM(record))
-        for index, place in enumerate(np.ndindex(record.shape)):
+        for index, entry in enumerate(np.ndindex(record.shape)):
             if (symbol := symbols.get((*path, index))) is not None:
-                matrix[place] = symbol
+                matrix[entry] = symbol
         return matrix
     if isinstance(record, Mapping):
         return {key: _replaced(value, (*path, key), symbols, prefixes) for key, value in record.items()}
@@ -210,6 +217,6 @@ def _same(one: Any, other: Any) -> bool:
     return bool(np.array_equal(one, other)) if isinstance(one, np.ndarray) else bool(one == other)
 
 
-def _named(path: Path) -> str:
-    """A path in words: where in the records it stands."""
+def _dotted(path: Path) -> str:
+    """A path for a message, without its first step, which tells the mechanism from its links."""
     return ".".join(str(step) for step in path[1:])

@@ -22,7 +22,7 @@ _ARITHMETIC = Arithmetic(_FUNCTIONS, power=lambda a, b: a**b)
 
 
 def require_smooth(mechanism: Mechanism) -> None:
-    """Refuse drives that have no finite position, velocity or acceleration at the start.
+    """Refuse drives without a finite position, velocity or acceleration at the start.
 
     :raises MechanismError: the joints are named.
     """
@@ -41,12 +41,12 @@ def require_smooth(mechanism: Mechanism) -> None:
 
 
 def time_functions(expressions: Sequence[TimeExpression], t: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """The values (n,) of some expressions at time t in s, their first and their second derivatives."""
+    """The values (n,) of expressions at time t in s, and their first and second time derivatives."""
     values = ca.vertcat(*(function_of(expression, {"t": t}) for expression in expressions))
     rates = ca.jacobian(values, t)
     return values, rates, ca.jacobian(rates, t)
 
 
 def function_of(expression: TimeExpression, names: Mapping[str, ca.SX]) -> ca.SX:
-    """The value of an expression of the symbols by these names."""
+    """The value of an expression with symbols for these names."""
     return ca.SX(walk(expression.text, {**expression.names, **names}, _ARITHMETIC))

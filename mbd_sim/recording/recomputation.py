@@ -184,7 +184,7 @@ class Recomputation:
 
         :raises ValueError: the loops cannot be closed there.
         """
-        simulation, values = self.simulation, self.simulation.model.equations.inputs.of_values
+        simulation, values = self.simulation, self.simulation.model.equations.inputs.values
         inputs = simulation.inputs.copy()
         if self._start.inputs is not None:
             inputs[: values.start] = self._start.inputs[: values.start]

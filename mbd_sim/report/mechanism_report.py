@@ -77,7 +77,7 @@ def _constraints(equations: Equations) -> list[dict[str, Any]]:
             "name": row.name,
             "holonomic": row.position is not None,
             "integrable": integrable.get(index, True),
-            "redundant": index not in equations.start.keep,
+            "redundant": index not in equations.start.independent,
         }
         for index, row in enumerate(equations.rows)
     ]
@@ -85,9 +85,9 @@ def _constraints(equations: Equations) -> list[dict[str, Any]]:
 
 def _mass_matrix(simulation: Simulation) -> dict[str, Any]:
     """Whether the coordinates are regular, and the kinetic energy by degrees of the speeds (Lidström, ch. 9)."""
-    conditions, q, u = simulation.model.equations.conditions, simulation.q, simulation.u
-    mass = conditions.mass(0.0, q)
-    free = null_space(conditions.gradient(0.0, q))
+    constraints, q, u = simulation.model.equations.constraints, simulation.q, simulation.u
+    mass = constraints.mass_matrix(0.0, q)
+    free = null_space(constraints.gradient(0.0, q))
     values = np.linalg.eigvalsh(free.T @ mass @ free)
     forwards, backwards, constant = (_kinetic(simulation, speeds) for speeds in (u, -u, 0.0 * u))
     return {

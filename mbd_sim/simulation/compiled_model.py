@@ -11,8 +11,9 @@ import numpy as np
 
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
-from mbd_sim.dynamics.equations import AUDIT, derive
-from mbd_sim.dynamics.symbolic_parameters import Values
+from mbd_sim.dynamics.energy import AUDIT_STATES
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.errors import MechanismError, Problem, nearest
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.geometry.rotation import unit
@@ -71,7 +72,7 @@ class Model:
     """
 
     def __init__(
-        self, mechanism: Mechanism, method: Method, loaded: Sequence[str] = (), values: Values | None = None
+        self, mechanism: Mechanism, method: Method, loaded: Sequence[str] = (), values: SymbolicParameters | None = None
     ) -> None:
         self.mechanism, self.method = mechanism, method
         equations = derive(mechanism, loaded, values)
@@ -86,9 +87,9 @@ class Model:
         self.coordinate_names, self.driven_names = mechanism.coordinate_names, mechanism.driven_names
         self.q_range = slice(0, self.layout.nq)
         centers = [mechanism.parts[part].center for part in loaded]
-        self.inputs = equations.inputs.at_rest(centers, equations.values.base)
+        self.inputs = equations.inputs.without_commands(centers, equations.parameters.base)
         self.u_range = slice(self.layout.nq, self.layout.nq + self.layout.nv)
-        self.kernel = compile_kernel(equations.rates, equations.settle, readers, method, self.u_range)
+        self.kernel = compile_kernel(equations.rates, equations.project, readers, method, self.u_range)
         self.quaternions = {
             name: self.layout.q[name].start + offset
             for name, joint in mechanism.joints.items()
@@ -109,7 +110,7 @@ class Model:
     def energies(self, time: float, y: Array, start_total: float = 0.0, inputs: Array | None = None) -> Energies:
         """The energy audit at a state; `start_total` is T + V at the start, in J."""
         kinetic, potential = self._read("energies", time, y, np.empty(2), inputs).tolist()
-        work_applied, work_drives, dissipated = y[-len(AUDIT) :].tolist()
+        work_applied, work_drives, dissipated = y[-len(AUDIT_STATES) :].tolist()
         total = kinetic + potential
         residual = total - start_total - work_applied - work_drives + dissipated
         return Energies(kinetic, potential, dissipated, work_applied, work_drives, total, residual)
@@ -153,7 +154,7 @@ class Model:
 
     @cached_property
     def _reactions(self) -> ca.Function:
-        return self.equations.reactions()
+        return self.equations.reactions
 
     def consistent(self, q: Array, u: Array, values: Array | None = None) -> tuple[Array, Array]:
         """The state (q, u) at t = 0 nearest to a given one that meets the constraints.
@@ -163,14 +164,16 @@ class Model:
         """
         if not self.equations.rows:
             return q, u
-        conditions = self.equations.conditions if values is None else self.equations.make_conditions(values)
-        closing = close_loops(conditions, 0.0, q, np.ones(self.layout.nv, dtype=bool))
+        constraints = self.equations.constraints
+        if values is not None:
+            constraints = constraints.with_values(values)
+        closing = close_loops(constraints, 0.0, q, np.ones(self.layout.nv, dtype=bool))
         if not closing.closed:
             raise ValueError(
                 f"no position near these coordinates closes the loops: a gap of {np.max(np.abs(closing.gaps)):.3g} "
                 "remains"
             )
-        return closing.q, nearest_speeds(conditions, 0.0, closing.q, u)
+        return closing.q, nearest_speeds(constraints, 0.0, closing.q, u)
 
     def project(self, y: Array, values: Array | None = None) -> None:
         """Move a state y in place to the nearest one at t = 0 that meets the constraints: see `consistent`."""
@@ -208,7 +211,10 @@ def rotation_vector(quaternion: Array) -> Array:
 
 
 def build_model(
-    mechanism: Mechanism, method: str | None = None, loaded: Sequence[str] = (), values: Values | None = None
+    mechanism: Mechanism,
+    method: str | None = None,
+    loaded: Sequence[str] = (),
+    values: SymbolicParameters | None = None,
 ) -> Model:
     """Compile a mechanism, with the method of its file or the one named.
 

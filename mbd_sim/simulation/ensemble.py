@@ -86,7 +86,7 @@ class Ensemble:
         self._starts, values = variants.starts(self.model)
         self._groups: MemberGroups = _member_groups(self.model, len(changes))
         layout = self.model.equations.inputs
-        self._effort_inputs, self._value_inputs = layout.efforts, layout.of_values
+        self._effort_inputs, self._value_inputs = layout.efforts, layout.values
         inputs = np.tile(self.model.inputs, (len(changes), 1))
         inputs[:, self._value_inputs] = values
         self._groups.put("inputs", inputs)
@@ -244,5 +244,5 @@ def _member_groups(model: Model, count: int) -> MemberGroups:
     if not isinstance(model.method, Tableau):  # each member needs its own number of iterations
         return MemberGroups(count, 1, sizes, advance_one_by_one(model.kernel))
     equations = model.equations
-    kernel = compile_members(equations.rates, equations.settle, model.method, model.u_range.stop)
+    kernel = compile_members(equations.rates, equations.project, model.method, model.u_range.stop)
     return MemberGroups(count, kernel.lanes, sizes, advance_lanes(kernel))

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 
 import numpy as np
 
-from mbd_sim.dynamics.equations import AUDIT
+from mbd_sim.dynamics.energy import AUDIT_STATES
 from mbd_sim.dynamics.initial_conditions import start_like
 from mbd_sim.dynamics.symbolic_parameters import (
-    Numbers,
-    UnvariedError,
-    Values,
-    numbers_of,
-    values_among,
+    EquationData,
+    StructureError,
+    SymbolicParameters,
+    equation_data,
+    varying_parameters,
 )
 from mbd_sim.errors import MechanismError, Problem
 from mbd_sim.geometry.pose import Array
@@ -36,9 +35,9 @@ class Variants:
 
         :raises MechanismError: a change does not fit, or the equations differ by more than values.
         """
-        base = numbers_of(mechanism)
+        base = equation_data(mechanism)
         self._mechanisms: list[Mechanism] = []
-        self._numbers: list[Numbers] = []
+        self._numbers: list[EquationData] = []
         self._variant_of: list[int] = []  # for each member
         known: dict[tuple[tuple[str, float | str], ...], int] = {}
         for member, change in enumerate(changes):
@@ -50,11 +49,11 @@ class Variants:
                 except MechanismError as error:
                     raise _of_member(member, error) from error
                 self._mechanisms.append(variant)
-                self._numbers.append(numbers_of(variant) if change else base)
+                self._numbers.append(equation_data(variant) if change else base)
             self._variant_of.append(known[key])
         try:
-            self.values: Values = values_among(self._numbers[0], self._numbers)
-        except UnvariedError as error:
+            self.values: SymbolicParameters = varying_parameters(self._numbers[0], self._numbers)
+        except StructureError as error:
             message = f"the members cannot share one set of equations: {error}"
             raise MechanismError([Problem(message, "Make an ensemble for each such value.")]) from error
 
@@ -70,13 +69,13 @@ class Variants:
         """
         equations, states, rows = model.equations, [], []
         for number, (mechanism, numbers) in enumerate(zip(self._mechanisms, self._numbers, strict=True)):
-            values = self.values.among(numbers)
-            conditions = partial(equations.make_conditions, values)
+            values = self.values.values_in(numbers)
+            constraints = equations.constraints.with_values(values)
             try:
-                q, u = start_like(mechanism, model.layout, conditions, equations.rows)
+                q, u = start_like(mechanism, model.layout, constraints, equations.rows)
             except MechanismError as error:
                 raise _of_member(self._variant_of.index(number), error) from error
-            states.append(np.concatenate([q, u, np.zeros(len(AUDIT))]))
+            states.append(np.concatenate([q, u, np.zeros(len(AUDIT_STATES))]))
             rows.append(values)
         return np.array(states)[self._variant_of], np.array(rows)[self._variant_of]
 

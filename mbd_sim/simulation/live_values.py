@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from mbd_sim.dynamics.symbolic_parameters import (
-    Numbers,
-    UnvariedError,
-    Values,
-    numbers_of,
-    values_among,
+    EquationData,
+    StructureError,
+    SymbolicParameters,
+    equation_data,
+    varying_parameters,
 )
 from mbd_sim.errors import CommandError, MechanismError, Problem, nearest
 from mbd_sim.geometry.pose import Array
@@ -31,22 +31,22 @@ class LiveValues:
         :raises MechanismError: a key does not exist, or its value is built into the equations.
         """
         self._mechanism = mechanism
-        base = numbers_of(mechanism)
-        found: dict[str, Numbers] = {}
+        base = equation_data(mechanism)
+        found: dict[str, EquationData] = {}
         problems: list[Problem] = []
         for name in names:
             is_pattern = "*" in name
             for key in matching(mechanism, [name]) if is_pattern else [name]:
                 try:
                     found[key] = _probed(mechanism, key, base)
-                except UnvariedError as error:
+                except StructureError as error:
                     if not is_pattern:
                         remedy = "Change the file, and start again."
                         problems.append(Problem(f"cannot change during a run: {error}", remedy, key=key))
         if problems:
             raise MechanismError(problems)
         self.current: dict[str, float] = {key: value_of(mechanism, key) or 0.0 for key in found}
-        self.values: Values = values_among(base, list(found.values()))
+        self.values: SymbolicParameters = varying_parameters(base, list(found.values()))
 
     def changed(self, changes: Mapping[str, float]) -> tuple[dict[str, float], Array]:
         """All live values by key after a change, and the values (n,) among the inputs of the equations.
@@ -59,12 +59,12 @@ class LiveValues:
                 raise CommandError(f"'{key}' is not a live value. {nearest(key, self.current)}")
         current = {**self.current, **{key: float(value) for key, value in changes.items()}}
         try:
-            return current, self.values.of(numbers_of(with_values(self._mechanism, current)))
+            return current, self.values.checked_values_in(equation_data(with_values(self._mechanism, current)))
         except MechanismError as error:
             raise CommandError(
                 "; ".join(f"{p.key}: {p.message}. {p.remedy}".strip() for p in error.problems)
             ) from error
-        except UnvariedError as error:
+        except StructureError as error:
             raise CommandError(f"{', '.join(changes)}: {error}. Change the file, and start again.") from error
 
 
@@ -81,25 +81,25 @@ def require_closed(changes: Mapping[str, float], gap: float, before: float) -> N
         )
 
 
-def _probed(mechanism: Mechanism, key: str, base: Numbers) -> Numbers:
+def _probed(mechanism: Mechanism, key: str, base: EquationData) -> EquationData:
     """The numbers of the mechanism with another value at a key.
 
-    :raises UnvariedError: the value is not a number, is built into the equations, or the equations do not depend on it.
+    :raises StructureError: the value is not a number, is built into the equations, or is not used by them.
     :raises MechanismError: the key does not exist.
     """
     value = value_of(mechanism, key)
     if value is None:
-        raise UnvariedError("it is not a number")
+        raise StructureError("it is not a number")
     probes = [factor * value for factor in _PROBE_FACTORS] if value else list(_PROBES_OF_ZERO)
     refusal = None
     for probe in probes:
         try:
-            numbers = numbers_of(with_values(mechanism, {key: probe}))
+            numbers = equation_data(with_values(mechanism, {key: probe}))
         except MechanismError as error:
             refusal = error
             continue
-        if not len(values_among(base, [numbers]).base):
-            raise UnvariedError("the equations of motion do not depend on it")
+        if not len(varying_parameters(base, [numbers]).base):
+            raise StructureError("the equations of motion do not depend on it")
         return numbers
     assert refusal is not None
-    raise UnvariedError(f"no value near {value:g} is possible: {refusal.problems[0].message}") from refusal
+    raise StructureError(f"no value near {value:g} is possible: {refusal.problems[0].message}") from refusal

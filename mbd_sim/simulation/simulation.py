@@ -70,7 +70,7 @@ class Simulation:
         self.model: Model = build_model(mechanism, method, wrenches, self._live.values)
         memory = self._memory = KernelMemory(self.model, self.step_size)
         layout = self.model.equations.inputs
-        self._efforts, self._live_inputs = memory.inputs[layout.efforts], memory.inputs[layout.of_values]
+        self._efforts, self._live_inputs = memory.inputs[layout.efforts], memory.inputs[layout.values]
         self.wrench_map = WrenchMap(mechanism, layout)
         self.effort_map = EffortMap(self.model.coordinate_names, mechanism.effort_limits(), self.model.driven_names)
         self.y, self.inputs, self.efforts = (read_only(array) for array in (memory.y, memory.inputs, self._efforts))
@@ -221,7 +221,7 @@ class Simulation:
             y[model.q_range] = finite_vector(q, self.q.size, "q")
         if u is not None:
             y[model.u_range] = finite_vector(u, self.u.size, "u")
-        inputs[model.equations.inputs.of_values] = self._live_inputs
+        inputs[model.equations.inputs.values] = self._live_inputs
         model.normalize(y)
         if q is not None or u is not None or not np.array_equal(inputs, model.inputs):
             model.project(y, self._live_inputs)
@@ -291,7 +291,7 @@ class Simulation:
         """
         current, values = self._live.changed(changes)
         inputs = self.inputs.copy()
-        inputs[self.model.equations.inputs.of_values] = values
+        inputs[self.model.equations.inputs.values] = values
         gap = self.model.violation(self.time, self.y, inputs).position
         require_closed(changes, gap, self.violation.position)
         before = self.energies.total

@@ -11,7 +11,7 @@ import casadi as ca
 from mbd_sim.symbolic.latex_printer import escaped
 
 if TYPE_CHECKING:
-    from mbd_sim.dynamics.constraint_rows import Row
+    from mbd_sim.dynamics.constraint_rows import ConstraintRow
     from mbd_sim.dynamics.equations import Equations
 
 
@@ -36,7 +36,7 @@ class SymbolicConstraint:
 
 def constraint_function(derived: Equations) -> ca.Function:
     """(t, q, u, efforts) to Φ (m,), G (m, nv) and b (m,) of the independent rows; b only of nonholonomic ones."""
-    places, kept = derived.layout, list(derived.start.keep)
+    places, kept = derived.layout, list(derived.start.independent)
     t, q = ca.SX.sym("t"), ca.SX.sym("q", places.nq)
     u, efforts = ca.SX.sym("u", places.nv), ca.SX.sym("e", places.nv)
     others = ca.SX.zeros(derived.violation.size1_in(1) - places.nq - places.nv, 1)
@@ -48,7 +48,7 @@ def constraint_function(derived: Equations) -> ca.Function:
     return ca.Function("constraints", [t, q, u, efforts], [ca.sparsify(output) for output in outputs])
 
 
-def multipliers_of(rows: Sequence[Row], names: dict[Any, str]) -> tuple[Any, ...]:
+def multipliers_of(rows: Sequence[ConstraintRow], names: dict[Any, str]) -> tuple[Any, ...]:
     """A symbol for each row, called after its owner and numbered where that has several."""
     import sympy as sp
 
@@ -61,7 +61,7 @@ def multipliers_of(rows: Sequence[Row], names: dict[Any, str]) -> tuple[Any, ...
     return tuple(made)
 
 
-def load_unit(row: Row) -> str:
+def load_unit(row: ConstraintRow) -> str:
     """The unit of a row's multiplier: N for what is in m or m/s, N m for what is in rad."""
     if row.unit == "m":
         return "N"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
-from mbd_sim.dynamics.links import layout
+from mbd_sim.dynamics.links import coordinate_layout
 from mbd_sim.errors import MbdSimError
 from mbd_sim.mechanism.joint_types import JOINT_KINDS, JointType
 from mbd_sim.mechanism.records import Mechanism
@@ -90,7 +90,7 @@ def symbolic_equations(mechanism: Mechanism) -> SymbolicEquations:
 
     :raises MbdSimError: the mechanism is too large for its equations to be read, or nothing in it can move.
     """
-    places = layout(mechanism)
+    places = coordinate_layout(mechanism)
     _require_small(mechanism, places.nv)
     functions = [lagrange_equations(mechanism).terms]
     derived = derive(mechanism) if mechanism.closing or mechanism.constraints else None
@@ -121,7 +121,7 @@ def symbolic_equations(mechanism: Mechanism) -> SymbolicEquations:
         forces=tuple(row[0] for row in forces),
         names=names,
         constraints=_constraints(derived, rows[0], names, time) if derived else (),
-        left_out=tuple(row.name for k, row in enumerate(derived.rows) if k not in derived.start.keep)
+        left_out=tuple(row.name for k, row in enumerate(derived.rows) if k not in derived.start.independent)
         if derived
         else (),
     )
@@ -166,7 +166,7 @@ def _simplified(mechanism: Mechanism, algebra: Algebra, function: Any, inputs: l
 def _constraints(
     derived: Equations, matrices: list[list[list[Any]]], names: dict[Any, str], time: Any
 ) -> tuple[SymbolicConstraint, ...]:
-    rows = [derived.rows[index] for index in derived.start.keep]
+    rows = [derived.rows[index] for index in derived.start.independent]
     return tuple(
         SymbolicConstraint(
             owner=str(row.owner[1]),

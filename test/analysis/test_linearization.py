@@ -91,15 +91,15 @@ def test_the_linearization_is_the_derivative_of_the_motion(name):
     simulation = Simulation.from_file(name, step=1e-3)
     simulation.run(0.2)
     equations, nv = simulation.model.equations, simulation.model.layout.nv
-    conditions, q, u = equations.conditions, simulation.q.copy(), simulation.u.copy()
+    constraints, q, u = equations.constraints, simulation.q.copy(), simulation.u.copy()
     efforts = np.zeros(nv)
     linear = linearize(equations, q, u, efforts)
     h = 1e-6
     k = linear.displacements.shape[1]
 
     def speeds_rate(displacement, change):
-        moved = conditions.moved(q, linear.displacements @ displacement)
-        gradient, drift = conditions.gradient(0.0, moved), conditions.drift(0.0, moved)
+        moved = constraints.displaced(q, linear.displacements @ displacement)
+        gradient, drift = constraints.gradient(0.0, moved), constraints.drift(0.0, moved)
         speeds = u + linear.speeds @ change
         if len(gradient):
             speeds = speeds - np.linalg.pinv(gradient) @ (gradient @ speeds + drift)

@@ -35,7 +35,7 @@ MECHANISMS = {
 
 def compile_model(name, method="rk4"):
     equations = derive(MECHANISMS[name]())
-    return compile_kernel(equations.rates, equations.settle, {}, METHODS[method]), equations
+    return compile_kernel(equations.rates, equations.project, {}, METHODS[method]), equations
 
 
 def advance(kernel, y, efforts, first, h, steps):

@@ -212,7 +212,7 @@ def check_machine_code(mechanism, rng, states=2):
     symbols = equations.rates.sx_in()
     rates = ca.Function("slopes", symbols, equations.rates.call(symbols)[:1])  # without the judgement of constraints
     readers = {"pair": pair, "slopes": rates, "energies": equations.energies, "poses": equations.poses}
-    kernel = compile_kernel(equations.rates, equations.settle, readers, METHODS["euler"])
+    kernel = compile_kernel(equations.rates, equations.project, readers, METHODS["euler"])
     sine_cosine = _reader(kernel, "pair", 2)
     for _ in range(states):
         q, u, efforts = random_state(mechanism, rng)
@@ -224,8 +224,8 @@ def check_machine_code(mechanism, rng, states=2):
             stepped = state.copy()
             assert kernel.advance(stepped.ctypes.data, efforts.ctypes.data, 0, 1.0, 1) == 1
             moved = state + expected  # Euler's step of length one
-            if equations.settle is not None:
-                moved = interpret(arranged(equations.settle, fused=False), sine_cosine, [[1.0], moved])
+            if equations.project is not None:
+                moved = interpret(arranged(equations.project, fused=False), sine_cosine, [[1.0], moved])
             assert bits(stepped) == bits(moved)
         for name, function in (("energies", equations.energies), ("poses", equations.poses)):
             arguments = [[0.4], state]

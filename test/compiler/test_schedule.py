@@ -62,7 +62,7 @@ def by_library(angle):
 def test_rates_of_shipped_mechanisms(name):
     equations = derive(load_mechanism(name))
     rng = np.random.default_rng(50)
-    for function in filter(None, (equations.rates, equations.settle)):
+    for function in filter(None, (equations.rates, equations.project)):
         program = arranged(function)
         assert cycles(program) <= cycles(function)
         assert instruction_count(program) <= 1.02 * instruction_count(function) + 4  # a shared reciprocal is one more

@@ -53,7 +53,7 @@ def test_a_mechanism_that_fits_stays_as_it_is():
 def test_assembling_is_deterministic():
     first, second = (derived(four_bar(1.2, 3.0, -3.0)) for _ in range(2))
     assert first.start_state.tobytes() == second.start_state.tobytes()
-    assert list(first.start.keep) == list(second.start.keep)
+    assert list(first.start.independent) == list(second.start.independent)
 
 
 def test_given_velocities_are_kept_and_the_others_follow():
@@ -84,9 +84,9 @@ constraints:
 def test_speeds_that_are_not_given_have_the_least_kinetic_energy():
     equations = derived(PLANAR.replace("POSITION", "position: [0, 1, 0.4], guess: true"))
     q, u = equations.start.q, equations.start.u
-    gradient, drift = equations.conditions.gradient(0.0, q), equations.conditions.drift(0.0, q)
+    gradient, drift = equations.constraints.gradient(0.0, q), equations.constraints.drift(0.0, q)
     assert gradient @ u + drift == pytest.approx(np.zeros(2), abs=1e-14)
-    momentum = equations.conditions.mass(0.0, q) @ u
+    momentum = equations.constraints.mass_matrix(0.0, q) @ u
     assert momentum @ null_space(gradient) == pytest.approx(np.zeros(1), abs=1e-14)
     assert u.any()
 
@@ -96,9 +96,9 @@ def test_positions_that_are_not_given_move_as_little_as_needed():
     gap = 1e-4
     equations = derived(PLANAR.replace("POSITION", f"position: [0, {np.cos(0.4) + gap}, 0.4], guess: true"))
     before = np.array([0.0, np.cos(0.4) + gap, 0.4])
-    gradient = equations.conditions.gradient(0.0, equations.start.q)
+    gradient = equations.constraints.gradient(0.0, equations.start.q)
     off = np.array([gap, 0.3 * 0.4])  # of the floor and of the coupling
-    assert np.abs(equations.conditions.position(0.0, before)) == pytest.approx(np.abs(off), rel=1e-3)
+    assert np.abs(equations.constraints.position(0.0, before)) == pytest.approx(np.abs(off), rel=1e-3)
     assert (equations.start.q - before) @ null_space(gradient) == pytest.approx(np.zeros(1), abs=0.02)
 
 
@@ -117,28 +117,28 @@ joints:
     equations = derived(text.replace("GUESS", "guess: true"))
     q = equations.start.q
     assert [np.linalg.norm(q[:4]), np.linalg.norm(q[4:])] == pytest.approx([1.0, 1.0], abs=1e-15)
-    assert np.abs(equations.conditions.position(0.0, q)).max() < 1e-10
+    assert np.abs(equations.constraints.position(0.0, q)).max() < 1e-10
 
 
 def test_nearest_speeds_change_by_the_least_kinetic_energy():
     mechanism = load_mechanism("four_bar")
     equations, rng = derive(mechanism), np.random.default_rng(1)
     q, u = equations.start.q, rng.normal(size=3)
-    found = nearest_speeds(equations.conditions, 0.0, q, u)
+    found = nearest_speeds(equations.constraints, 0.0, q, u)
     mass = kane.equations(mechanism, q, u, np.zeros(3)).mass
-    gradient = equations.conditions.gradient(0.0, q)
+    gradient = equations.constraints.gradient(0.0, q)
     assert gradient @ found == pytest.approx(np.zeros(len(gradient)), abs=1e-13)
     assert (mass @ (found - u)) @ null_space(gradient) == pytest.approx(np.zeros(1), abs=1e-13)
 
 
 def test_closing_leaves_held_coordinates_alone():
     equations = derived(FOUR_BAR.replace("START", "position: 1").replace("C_GUESS", "-1").replace("R_GUESS", "1.8"))
-    conditions, q = equations.conditions, equations.start.q + np.array([0.0, 0.1, 0.05])
+    constraints, q = equations.constraints, equations.start.q + np.array([0.0, 0.1, 0.05])
     for free in ([True, True, False], [False, True, True]):
-        closing = close_loops(conditions, 0.0, q, np.array(free))
+        closing = close_loops(constraints, 0.0, q, np.array(free))
         assert closing.closed
         assert closing.q[~np.array(free)].tolist() == q[~np.array(free)].tolist()
-    stuck = close_loops(conditions, 0.0, q, np.zeros(3, dtype=bool))
+    stuck = close_loops(constraints, 0.0, q, np.zeros(3, dtype=bool))
     assert not stuck.closed
     assert stuck.q.tolist() == q.tolist()
 
@@ -190,4 +190,4 @@ def test_a_flat_parallelogram_starts_and_names_its_redundant_rows():
         parse_mechanism(text.replace("START", "position: 0").replace("C_GUESS", "0").replace("R_GUESS", "0"))
     )
     assert equations.start.ranks[0] == equations.start.rank - 1
-    assert len(equations.start.keep) == equations.start.rank == 2
+    assert len(equations.start.independent) == equations.start.rank == 2

@@ -165,4 +165,4 @@ constraints:
   two: {type: distance, between: [ground, block], length: 1 - t}
 """
     )
-    assert all("leaves no freedom for what changes with time" in problem for problem in problems)
+    assert all("leaves no freedom for an expression of time" in problem for problem in problems)

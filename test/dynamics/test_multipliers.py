@@ -124,12 +124,12 @@ def test_velocities_are_led_back_by_the_least_kinetic_energy(name):
     derived, rng = derive(mechanism), np.random.default_rng(5)
     q, u, _ = state_near_start(mechanism, derived, rng, 0.0)
     off = u + rng.normal(size=len(u))
-    settled = np.array(derived.settle(0.0, np.concatenate([q, off, np.zeros(3)]))).ravel()
+    settled = np.array(derived.project(0.0, np.concatenate([q, off, np.zeros(3)]))).ravel()
     gradient, _, defect = kane.constraint_rows(mechanism, q, off, 0.0)
     expected = off + least_change(mechanism, q, defect, gradient)
     found = settled[len(q) : len(q) + len(u)]
     assert found == pytest.approx(expected, abs=1e-10)
-    again = np.array(derived.settle(0.0, settled)).ravel()
+    again = np.array(derived.project(0.0, settled)).ravel()
     assert again == pytest.approx(settled, abs=1e-12)
 
 
@@ -140,9 +140,11 @@ def test_positions_are_led_back_by_the_smallest_displacement(name):
     derived, rng = derive(mechanism), np.random.default_rng(6)
     q, u, _ = state_near_start(mechanism, derived, rng, 0.0)
     away = 1e-5 * rng.normal(size=len(u))
-    settled = np.array(derived.settle(0.0, np.concatenate([derived.conditions.moved(q, away), u, np.zeros(3)]))).ravel()
+    settled = np.array(
+        derived.project(0.0, np.concatenate([derived.constraints.displaced(q, away), u, np.zeros(3)]))
+    ).ravel()
     gradient = kane.constraint_rows(mechanism, q, u, 0.0)[0]
-    expected = derived.conditions.moved(q, away + least_change(mechanism, q, gradient @ away, gradient))
+    expected = derived.constraints.displaced(q, away + least_change(mechanism, q, gradient @ away, gradient))
     assert settled[: len(q)] == pytest.approx(expected, abs=1e-8)
     violation = np.array(derived.violation(0.0, settled))
     assert np.max(np.abs(violation[:, 0])) <= 1e-8
@@ -164,10 +166,10 @@ def test_multipliers_are_the_forces_that_accelerations_need(drawn):
     y = np.concatenate([q, u, np.zeros(3)])
     oracle = kane.equations(mechanism, q, u, efforts, 0.05)
     multipliers = np.array(derived.multipliers(0.05, y, efforts)).ravel()
-    forces = derived.conditions.gradient(0.05, q).T @ multipliers
+    forces = derived.constraints.gradient(0.05, q).T @ multipliers
     needed = oracle.mass @ oracle.accelerations - oracle.forces
     scale = oracle.scale
     size = 1.0 + np.linalg.norm(oracle.forces / scale) + np.linalg.norm(needed / scale)
     assert np.linalg.norm((forces - needed) / scale) <= 1e-13 * oracle.condition * max(oracle.stiffness, 10.0) * size
-    dropped = [row for row in range(len(derived.rows)) if row not in derived.start.keep]
+    dropped = [row for row in range(len(derived.rows)) if row not in derived.start.independent]
     assert not multipliers[dropped].any()

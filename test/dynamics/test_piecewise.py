@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from mbd_sim.dynamics.piecewise import MOST_PANELS, integral, panels_of, select
+from mbd_sim.dynamics.piecewise import MAX_PANELS, integral, panels_of, select
 
 X = ca.SX.sym("x")
 
@@ -35,7 +35,7 @@ def test_panels_are_halved_about_a_kink_and_are_limited():
     panels = panels_of(lambda x: ca.fmax(x - 0.3, 0.0), 0.0, 8.0)
     assert np.min(np.abs(panels.knots - 0.3)) < 1e-10
     wild = panels_of(lambda x: ca.sin(1e6 * x), 0.0, 8.0)
-    assert len(wild.knots) <= MOST_PANELS + 1
+    assert len(wild.knots) <= MAX_PANELS + 1
 
 
 def test_panels_end_where_the_force_is_beyond_all_numbers():

@@ -37,7 +37,7 @@ def acting(mechanism, derived, q, u, efforts, t=T):
         return point if part == kane.GROUND else moving[part].origin.d[0] + moving[part].rotation.d[0] @ point
 
     found = []
-    reactions = np.array(derived.reactions()(t, padded(q, u), efforts))
+    reactions = np.array(derived.reactions(t, padded(q, u), efforts))
     for joint, wrench in zip(mechanism.all_joints.values(), reactions.T, strict=True):
         point = place(joint.child, joint.child_pose.position)
         found += [(joint.child, point, wrench[:3], wrench[3:]), (joint.parent, point, -wrench[:3], -wrench[3:])]

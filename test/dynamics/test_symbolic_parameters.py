@@ -4,10 +4,10 @@ import pytest
 
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.symbolic_parameters import (
-    UnvariedError,
-    Values,
-    numbers_of,
-    values_among,
+    StructureError,
+    SymbolicParameters,
+    equation_data,
+    varying_parameters,
 )
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism_file.override import with_values
@@ -17,23 +17,23 @@ SLOW = ("stewart", "four_bars", "a02", "a04", "scissor", "tricycle", "bricard", 
 NAMES = [name for name in SHIPPED if not any(slow in name for slow in SLOW)]
 
 
-def all_free(mechanism) -> Values:
-    """Every number that can be a symbol as one."""
-    numbers = numbers_of(mechanism)
-    count = np.arange(len(numbers.free))
-    return Values(numbers, count, count, numbers.free)
+def all_free(mechanism) -> SymbolicParameters:
+    """All numbers that can be symbols."""
+    data = equation_data(mechanism)
+    indices = np.arange(len(data.free))
+    return SymbolicParameters(data, indices, indices, data.free)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_with_every_number_a_symbol_the_equations_are_the_same(name):
+def test_equations_with_every_number_symbolic_are_the_same(name):
     mechanism = load_mechanism(name)
     plain, free = derive(mechanism), derive(mechanism, (), all_free(mechanism))
     random = np.random.default_rng(4)
     y = plain.start_state + 0.05 * random.normal(size=plain.start_state.size)
-    if plain.settle is not None:
-        y = np.array(plain.settle(0.1, y)).ravel()
+    if plain.project is not None:
+        y = np.array(plain.project(0.1, y)).ravel()
     efforts = random.normal(size=plain.layout.nv)
-    inputs = np.concatenate([efforts, free.values.base])
+    inputs = np.concatenate([efforts, free.parameters.base])
     expected = np.array(plain.rates.call([0.1, y, efforts])[0]).ravel()
     found = np.array(free.rates.call([0.1, y, inputs])[0]).ravel()
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
@@ -55,29 +55,29 @@ CHANGES = {
 def test_the_values_of_another_mechanism_give_its_equations(name):
     base = load_mechanism(name)
     other = with_values(base, CHANGES[name])
-    values = values_among(numbers_of(base), [numbers_of(other)])
-    free, plain = derive(base, (), values), derive(other)
-    given = values.of(numbers_of(other))
+    parameters = varying_parameters(equation_data(base), [equation_data(other)])
+    free, plain = derive(base, (), parameters), derive(other)
+    given = parameters.checked_values_in(equation_data(other))
     y = plain.start_state
     rates = np.array(plain.rates.call([0.0, y, np.zeros(plain.layout.nv)])[0]).ravel()
     found = np.array(free.rates.call([0.0, y, np.concatenate([np.zeros(plain.layout.nv), given])])[0]).ravel()
     assert found == pytest.approx(rates, rel=1e-12, abs=1e-12 * np.abs(rates).max())
 
 
-def test_equal_numbers_share_a_value():
+def test_equal_numbers_share_a_parameter():
     base = load_mechanism("double_rod")
-    values = values_among(numbers_of(base), [numbers_of(with_values(base, {"m": 2.0}))])
-    assert len(values.base) < len(values.places)
-    assert ca.SX(values.symbols).shape == (len(values.base), 1)
+    parameters = varying_parameters(equation_data(base), [equation_data(with_values(base, {"m": 2.0}))])
+    assert len(parameters.base) < len(parameters.indices)
+    assert ca.SX(parameters.symbols).shape == (len(parameters.base), 1)
 
 
 def test_what_is_built_into_the_equations_cannot_vary():
     base = load_mechanism("double_rod")
     turned = parse_mechanism(base.source.text.replace("axis: [0, -1, 0]", "axis: [0, 1, 0]"))
-    with pytest.raises(UnvariedError, match="axis"):
-        values_among(numbers_of(base), [numbers_of(turned)])
-    values = values_among(numbers_of(base), [numbers_of(with_values(base, {"m": 2.0}))])
-    with pytest.raises(UnvariedError, match="not among the values"):
-        values.of(numbers_of(with_values(base, {"l": 2.0})))
-    with pytest.raises(UnvariedError, match="others"):
-        values.of(numbers_of(load_mechanism("four_bar")))
+    with pytest.raises(StructureError, match="axis"):
+        varying_parameters(equation_data(base), [equation_data(turned)])
+    parameters = varying_parameters(equation_data(base), [equation_data(with_values(base, {"m": 2.0}))])
+    with pytest.raises(StructureError, match="not among the values"):
+        parameters.checked_values_in(equation_data(with_values(base, {"l": 2.0})))
+    with pytest.raises(StructureError, match="different parts"):
+        parameters.checked_values_in(equation_data(load_mechanism("four_bar")))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
 from mbd_sim.dynamics.initial_conditions import given_start
-from mbd_sim.dynamics.links import layout
+from mbd_sim.dynamics.links import coordinate_layout
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.load import parse_mechanism
 from test.generators.mechanisms import random_trees
@@ -25,12 +25,12 @@ ROWS |= {"coupling": 1, "rolling": 3, "ball": 3, "knife_edge": 1}
 
 def state_near_start(mechanism, derived, rng, t, reach=0.3):
     """Coordinates, speeds and efforts that fit the constraints at time t, or None where they do not close."""
-    conditions, start, nv = derived.conditions, derived.start, derived.layout.nv
+    constraints, start, nv = derived.constraints, derived.start, derived.layout.nv
     for attempt in range(6):
-        away = conditions.moved(start.q, rng.uniform(-reach, reach, nv) * 0.5**attempt)
-        closing = close_loops(conditions, t, away, np.ones(nv, dtype=bool))
+        away = constraints.displaced(start.q, rng.uniform(-reach, reach, nv) * 0.5**attempt)
+        closing = close_loops(constraints, t, away, np.ones(nv, dtype=bool))
         if closing.closed:
-            speeds = nearest_speeds(conditions, t, closing.q, rng.uniform(-2.0, 2.0, nv))
+            speeds = nearest_speeds(constraints, t, closing.q, rng.uniform(-2.0, 2.0, nv))
             return closing.q, speeds, rng.uniform(-5.0, 5.0, nv)
     return None
 
@@ -57,7 +57,7 @@ class _Closer:
     def __init__(self, data, rng):
         self.data, self.rng = data, rng
         self.mechanism = mechanism = parse_mechanism(json.dumps(data))
-        self.q, u = given_start(mechanism, layout(mechanism))
+        self.q, u = given_start(mechanism, coordinate_layout(mechanism))
         moving = kane.motions(mechanism, self.q, u)
         self.frames = {name: (m.origin.d[0], m.rotation.d[0]) for name, m in moving.items()}
         self.frames["ground"] = np.zeros(3), np.eye(3)

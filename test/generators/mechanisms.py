@@ -141,12 +141,12 @@ def random_state(mechanism, rng, reach=2.0):
 
 def consistent_state(equations, rng, t=0.0, reach=1.0):
     """Coordinates, speeds and efforts that fit the constraints at time t, up to `reach` from the start's branch."""
-    conditions, nv = equations.conditions, equations.layout.nv
+    constraints, nv = equations.constraints, equations.layout.nv
     for _ in range(20):
-        away = conditions.moved(equations.start.q, rng.uniform(-reach, reach, nv))
-        closing = close_loops(conditions, t, away, np.ones(nv, dtype=bool))
+        away = constraints.displaced(equations.start.q, rng.uniform(-reach, reach, nv))
+        closing = close_loops(constraints, t, away, np.ones(nv, dtype=bool))
         if closing.closed:
-            speeds = nearest_speeds(conditions, t, closing.q, rng.uniform(-2.0, 2.0, nv))
+            speeds = nearest_speeds(constraints, t, closing.q, rng.uniform(-2.0, 2.0, nv))
             return closing.q, speeds, rng.uniform(-5.0, 5.0, nv)
         reach *= 0.7
     raise AssertionError("no closed configuration found")

@@ -9,10 +9,10 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.drawing import draw
-from mbd_sim.dynamics.body_symbols import Bodies
-from mbd_sim.dynamics.constraint_rows import loop_ends, loop_equations, senses
+from mbd_sim.dynamics.body_symbols import BodySymbols
+from mbd_sim.dynamics.constraint_rows import branch_checks, joint_frames, loop_equations
 from mbd_sim.dynamics.joint_motions import JOINT_MOTIONS
-from mbd_sim.dynamics.links import links
+from mbd_sim.dynamics.links import build_links
 from mbd_sim.mechanism.joint_types import JOINT_KINDS, JointType, LoopCondition
 from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
 from mbd_sim.urdf.export import to_urdf
@@ -77,7 +77,7 @@ def test_the_schema_the_table_and_the_motions_have_the_same_types():
 @pytest.mark.parametrize("type_", JOINT_KINDS)
 def test_its_motion_has_its_coordinates(type_, simulations):
     kind = JOINT_KINDS[type_]
-    link = links(simulations[type_].mechanism)[1]
+    link = build_links(simulations[type_].mechanism)[1]
     motion = JOINT_MOTIONS[type_](link.axes, ca.SX.sym("q", kind.nq), ca.SX.sym("u", kind.nv))
     assert motion.partial_velocities.shape == (6, kind.nv)
     assert motion.q_rates.numel() == kind.nq
@@ -91,7 +91,7 @@ def test_its_motion_has_its_coordinates(type_, simulations):
 def test_its_directions_are_those_of_its_motion(type_, simulations):
     """The coordinates' directions, in the axes of the frames that they name, are the columns of S at q = 0."""
     simulation, kind = simulations[type_], JOINT_KINDS[type_]
-    joint, link = simulation.mechanism.joints["joint"], links(simulation.mechanism)[1]
+    joint, link = simulation.mechanism.joints["joint"], build_links(simulation.mechanism)[1]
     q, u = ca.SX.sym("q", kind.nq), ca.SX.sym("u", kind.nv)
     at_zero = np.zeros(kind.nq)
     if kind.quaternion is not None:
@@ -107,12 +107,12 @@ def test_its_directions_are_those_of_its_motion(type_, simulations):
 @pytest.mark.parametrize("type_", JOINT_KINDS)
 def test_its_loop_equations_leave_its_freedoms(type_, simulations):
     joint = simulations[type_].mechanism.joints["joint"]
-    bodies = Bodies(links(simulations[type_].mechanism))
-    first, second = loop_ends(joint, bodies)
+    bodies = BodySymbols(build_links(simulations[type_].mechanism))
+    first, second = joint_frames(joint, bodies)
     equations = list(loop_equations(joint, first, second, first.rotation))
     assert len(equations) == 6 - joint.kind.nv
     assert len(equations) == sum(EQUATIONS[condition] for condition in joint.kind.loop_conditions)
-    assert all(sense.numel() == 1 for sense in senses(joint, first, second))
+    assert all(check.numel() == 1 for check in branch_checks(joint, first, second))
     assert set(EQUATIONS) == set(get_args(LoopCondition))
 
 

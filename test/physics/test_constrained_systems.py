@@ -358,8 +358,8 @@ constraints:
 def test_constraint_matrix_of_the_slider_crank():
     """Lidström p. 10-12: two bars with three coordinates each, five equations, and the matrix has the rank 5."""
     found = derived(SLIDER_CRANK_IN_SIX)
-    matrix = found.conditions.gradient(0.0, found.start.q)
-    kept = matrix[list(found.start.keep)]
+    matrix = found.constraints.gradient(0.0, found.start.q)
+    kept = matrix[list(found.start.independent)]
     assert kept.shape == (5, 6) and np.linalg.matrix_rank(kept) == np.linalg.matrix_rank(matrix) == 5
     bodies, freedoms = 3, 1
     assert 3 * (bodies - 1) - (2 + 2 + 1) == freedoms == found.layout.nv - found.start.rank

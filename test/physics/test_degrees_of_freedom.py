@@ -38,14 +38,14 @@ def test_counts_of_open_chains_by_bodies(name, freedoms):
 def test_redundant_equation_of_the_tricycle():
     """The rear wheels forbid the same sideways slip, whichever way the front wheel points."""
     found = derive(load_mechanism("tricycle"))
-    dropped = [row.name for index, row in enumerate(found.rows) if index not in found.start.keep]
+    dropped = [row.name for index, row in enumerate(found.rows) if index not in found.start.independent]
     assert len(dropped) == 1 and dropped[0].split(":")[0] in ("left", "right") and "slip" in dropped[0]
 
 
 def test_contacts_of_the_tricycle():
     """Three equations of position leave seven coordinates."""
     found = derive(load_mechanism("tricycle"))
-    assert found.layout.nv - int(np.sum(found.conditions.holonomic)) == 7
+    assert found.layout.nv - int(np.sum(found.constraints.holonomic)) == 7
 
 
 def heading(q):

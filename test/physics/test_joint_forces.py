@@ -22,7 +22,7 @@ def equations(name):
 
 @functools.cache
 def reactions(name):
-    return equations(name).reactions()
+    return equations(name).reactions
 
 
 def wrenches(name, q, u, efforts, t=0.0):
@@ -100,7 +100,7 @@ def test_rod_of_the_constrained_pendulum():
         y = np.concatenate([q, u, np.zeros(3)])
         theta = np.arctan2(q[1], p["l"] + q[0])
         tension = p["m"] * G * np.cos(theta) + p["m"] * (u @ u) / p["l"]
-        gradient = derived.conditions.gradient(0.0, q)[0]
+        gradient = derived.constraints.gradient(0.0, q)[0]
         force = float(derived.multipliers(0.0, y, np.zeros(2))) * gradient
         assert force == near(-tension * np.array([np.cos(theta), np.sin(theta)]))
 

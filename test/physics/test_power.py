@@ -42,7 +42,7 @@ def test_the_power_theorem_at_every_step(name):
     """d(T + V)/dt is the power of the forces and of the drives less the dissipated power, with efforts that change."""
     sim, rng = Simulation.from_file(name), np.random.default_rng(120)
     function, size, worst = powers(sim.model.equations), 0.0, 0.0
-    inertia = np.diag(sim.model.equations.conditions.mass(0.0, sim.q))
+    inertia = np.diag(sim.model.equations.constraints.mass_matrix(0.0, sim.q))
     for step in range(200):
         if step % 40 == 0:
             sim.set_efforts(inertia * rng.uniform(-3.0, 3.0, len(sim.u)))
@@ -113,7 +113,7 @@ def power_across(joint, moving, wrench):
 def test_what_goes_through_a_joint_works_only_along_its_coordinates(name):
     """There with its effort, spring, damper, gear and drive, and not at all where it closes a loop."""
     derived, mechanism, rng = equations(name), load_mechanism(name), np.random.default_rng(122)
-    function, (where, _, _) = derived.reactions(), kane.places(mechanism)
+    function, (where, _, _) = derived.reactions, kane.places(mechanism)
     for _ in range(5):
         q, u, efforts = state_of(derived, mechanism, rng)
         y, moving = np.concatenate([q, u, np.zeros(3)]), kane.motions(mechanism, q, u, t=T)

@@ -65,8 +65,8 @@ def test_lengths_of_loops_may_change_before_a_new_start():
     values = sim._live.changed({"parameters.crank": 0.45})[1]
     q, u = sim.model.consistent(sim.q, sim.u, values)
     other = Simulation(with_values(load_mechanism("four_bar"), {"crank": 0.45}))
-    assert np.abs(other.model.equations.conditions.position(0.0, q)).max() < 1e-10
-    assert np.abs(other.model.equations.conditions.gradient(0.0, q) @ u).max() < 1e-10
+    assert np.abs(other.model.equations.constraints.position(0.0, q)).max() < 1e-10
+    assert np.abs(other.model.equations.constraints.gradient(0.0, q) @ u).max() < 1e-10
 
 
 @pytest.mark.parametrize(

@@ -68,7 +68,7 @@ def compare_constrained(mechanism, states=4):
     wanted += [[rate(found, velocity) for velocity in velocities], positions, velocities, kept]
     arguments, modules = [found.time, *found.q, *found.u, *found.efforts], [{"DiracDelta": np.zeros_like}, "numpy"]
     terms = sp.lambdify(arguments, [sp.Matrix(entry) for entry in wanted], modules)
-    rng, rows = np.random.default_rng(11), list(engine.start.keep)
+    rng, rows = np.random.default_rng(11), list(engine.start.independent)
     assert [engine.rows[row].owner[1] for row in rows] == [c.owner for c in found.constraints]
     for _ in range(states):
         t = rng.uniform(0.0, 3.0)

@@ -1,0 +1,100 @@
+"""The accelerations of a mechanism under all forces, with the multipliers, and the energies that they transfer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from mbd_sim.dynamics.articulated_body import Accelerations, FactorizedMassMatrix
+from mbd_sim.dynamics.constraint_equations import ConstraintEquations
+from mbd_sim.dynamics.element_forces import ElementForces, element_forces
+from mbd_sim.dynamics.joint_forces import JointForces, joint_forces
+from mbd_sim.dynamics.multipliers import ConstraintSolver
+from mbd_sim.dynamics.reactions import transmitted_wrenches
+from mbd_sim.dynamics.time_functions import time_functions
+from mbd_sim.dynamics.tracing import TracedMechanism
+
+
+@dataclass(frozen=True, eq=False)
+class AppliedForces:
+    """Everything that acts besides gravity and the constraints."""
+
+    joints: JointForces
+    elements: ElementForces
+
+
+@dataclass(frozen=True, eq=False)
+class ConstrainedMotion:
+    """The accelerations of a mechanism and the forces that belong to them.
+
+    `multipliers` (m,) are λ of the independent constraints. `u_rates` (nv,) are u'. `transmitted` are the wrenches
+    F_L (6,) on each link through its joint. `drives` (n, 3) are described in `drive_table`.
+    """
+
+    multipliers: ca.SX
+    u_rates: ca.SX
+    transmitted: Sequence[ca.SX]
+    drives: ca.SX
+
+
+def applied_forces(traced: TracedMechanism) -> AppliedForces:
+    """The forces of joints, force elements and external wrenches."""
+    state, external = traced.state, traced.input_layout.external_wrenches(traced.inputs)
+    return AppliedForces(
+        joints=joint_forces(traced.links, state.q, state.u, traced.efforts),
+        elements=element_forces(traced.mechanism, traced.links, traced.motions, traced.poses, state.t, external),
+    )
+
+
+def solve_accelerations(
+    traced: TracedMechanism,
+    mass_matrix: FactorizedMassMatrix,
+    constraints: ConstraintEquations,
+    solver: ConstraintSolver | None,
+    forces: AppliedForces,
+) -> ConstrainedMotion:
+    """Solve M u' + h = Q + Gᵀ λ with G u' = -γ.
+
+    :param constraints: the independent rows.
+    :param solver: None where there are no constraints.
+    """
+    wrenches, gravity = forces.elements.wrenches, traced.mechanism.gravity
+    if solver is None:
+        multipliers = ca.SX(0, 1)
+        motion = mass_matrix.accelerations(forces.joints.generalized, wrenches, gravity)
+    else:
+        applied, bias_accelerations = mass_matrix.applied(forces.joints.generalized, wrenches, gravity)
+        multipliers = solver.multipliers(applied)
+        at_rest = Accelerations(ca.SX(traced.layout.nv, 1), bias_accelerations)
+        motion = solver.accelerations(applied, multipliers) + at_rest
+        wrenches = [own + unit @ multipliers for own, unit in zip(wrenches, constraints.wrenches, strict=True)]
+    transmitted = transmitted_wrenches(traced.links, traced.motions, motion.links, wrenches)
+    coupling = {name: ca.dot(factors, multipliers) for name, factors in constraints.driven_factors.items()}
+    return ConstrainedMotion(multipliers, motion.u_rates, transmitted, drive_table(traced, transmitted, coupling))
+
+
+def drive_table(traced: TracedMechanism, transmitted: Sequence[ca.SX], coupling: Mapping[str, ca.SX]) -> ca.SX:
+    """The coordinates, speeds and forces of the driven coordinates (n, 3), in declared order and SI units.
+
+    :param transmitted: F_L (6,) on each link through its joint.
+    :param coupling: the forces that constraints of coordinates exert on driven ones, by name.
+    """
+    driven = {}
+    for link, motion, wrench in zip(traced.links, traced.motions, transmitted, strict=True):
+        if (prescribed := motion.joint.prescribed) is not None:
+            given = ca.vertcat(*(coupling.get(name, ca.SX(1, 1)) for name in link.joint.motion_names))
+            force = prescribed.partial_velocities.T @ wrench - given
+            coordinates = time_functions(link.joint.drive, traced.state.t)[0]
+            driven[link.joint.name] = ca.horzcat(coordinates, prescribed.speeds, force)
+    return ca.vertcat(ca.SX(0, 3), *(driven[name] for name in traced.mechanism.joints if name in driven))
+
+
+def audit_rates(constraints: ConstraintEquations, forces: AppliedForces, motion: ConstrainedMotion) -> ca.SX:
+    """The powers in W whose integrals are the audit's energies, in the order of `AUDIT_STATES`."""
+    return ca.vertcat(
+        forces.joints.applied_power + forces.elements.applied_power,
+        ca.dot(motion.drives[:, 1], motion.drives[:, 2]) - ca.dot(constraints.own_rate, motion.multipliers),
+        forces.joints.dissipated_power + forces.elements.dissipated_power,
+    )

@@ -1,0 +1,123 @@
+"""The constraints and the mass matrix as functions of numbers, for the assembly and for analyses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from mbd_sim.dynamics.constraint_equations import ConstraintEquations
+from mbd_sim.dynamics.kinematics import normalized_quaternions
+from mbd_sim.dynamics.tracing import TracedMechanism
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.records import Mechanism
+
+
+@dataclass(frozen=True, eq=False)
+class ConstraintFunctions:
+    """The constraints as functions of time and state, for given `values` of the symbolic parameters."""
+
+    _traced: _TracedFunctions
+    values: Array
+
+    def with_values(self, values: Array) -> ConstraintFunctions:
+        """The same functions for other values (n,) of the parameters."""
+        return ConstraintFunctions(self._traced, values)
+
+    def position(self, t: float, q: Array) -> Array:
+        """The position Φ (m,), zero in nonholonomic rows."""
+        return np.array(self._traced.position(t, q, self.values), dtype=float).ravel()
+
+    def gradient(self, t: float, q: Array) -> Array:
+        """The constraint matrix G (m, nv)."""
+        return np.array(self._traced.gradient(t, q, self.values), dtype=float)
+
+    def drift(self, t: float, q: Array) -> Array:
+        """The drift b (m,): the constraints are G u + b = 0."""
+        return np.array(self._traced.drift(t, q, self.values), dtype=float).ravel()
+
+    def mass_matrix(self, t: float, q: Array) -> Array:
+        """The mass matrix M (nv, nv)."""
+        return np.array(self._traced.mass_matrix(t, q, self.values), dtype=float)
+
+    def branch_checks(self, t: float, q: Array) -> Array:
+        """Numbers that are positive where all loops are closed in the right assembly mode."""
+        return np.array(self._traced.branch_checks(t, q, self.values), dtype=float).ravel()
+
+    def displaced(self, q: Array, displacement: Array) -> Array:
+        """The coordinates (nq,) after a small displacement (nv,) along the speeds, with unit quaternions."""
+        return np.array(self._traced.displaced(q, displacement, self.values), dtype=float).ravel()
+
+    @property
+    def size(self) -> float:
+        """The size of the mechanism in m: the largest distance of a point of a part from the part's origin."""
+        return self._traced.size
+
+    @property
+    def holonomic(self) -> Array:
+        """Which of the rows (m,) are holonomic."""
+        return self._traced.holonomic
+
+
+def constraint_functions(traced: TracedMechanism, constraints: ConstraintEquations) -> ConstraintFunctions:
+    """The functions of some constraints, with the values of the mechanism itself."""
+    return ConstraintFunctions(_TracedFunctions(traced, constraints), traced.parameters.base)
+
+
+class _TracedFunctions:
+    """CasADi functions of the state and the parameters, each traced when it is first called."""
+
+    def __init__(self, traced: TracedMechanism, constraints: ConstraintEquations) -> None:
+        self._mechanism, self._constraints = traced, constraints
+
+    @cached_property
+    def position(self) -> ca.Function:
+        return self._of_position("position", self._constraints.position)
+
+    @cached_property
+    def gradient(self) -> ca.Function:
+        return self._of_position("gradient", self._constraints.gradient)
+
+    @cached_property
+    def drift(self) -> ca.Function:
+        u = self._mechanism.state.u
+        return self._of_position("drift", ca.substitute(self._constraints.velocity, u, ca.SX.zeros(u.shape[0], 1)))
+
+    @cached_property
+    def mass_matrix(self) -> ca.Function:
+        hessian = ca.hessian(self._mechanism.kinetic_energy, self._mechanism.state.u)[0]
+        return self._of_position("mass_matrix", hessian)
+
+    @cached_property
+    def branch_checks(self) -> ca.Function:
+        return self._of_position("branch_checks", self._constraints.branch_checks)
+
+    @cached_property
+    def displaced(self) -> ca.Function:
+        state = self._mechanism.state
+        displacement = ca.SX.sym("d", state.u.shape[0])
+        q = state.q + ca.jacobian(state.q_rates, state.u) @ displacement
+        return self._function("displaced", [state.q, displacement], normalized_quaternions(self._mechanism.links, q))
+
+    @cached_property
+    def size(self) -> float:
+        return _size(self._mechanism.numeric)
+
+    @cached_property
+    def holonomic(self) -> Array:
+        return np.array([row.position is not None for row in self._constraints.rows], dtype=bool)
+
+    def _of_position(self, name: str, expression: ca.SX) -> ca.Function:
+        return self._function(name, [self._mechanism.state.t, self._mechanism.state.q], expression)
+
+    def _function(self, name: str, inputs: list[ca.SX], expression: ca.SX) -> ca.Function:
+        return ca.Function(name, [*inputs, self._mechanism.parameters.symbols], [ca.densify(expression)])
+
+
+def _size(mechanism: Mechanism) -> float:
+    poses = [pose for joint in mechanism.all_joints.values() for pose in (joint.parent_pose, joint.child_pose)]
+    poses += [pose for part in mechanism.parts.values() for pose in part.points.values()]
+    points = [*(pose.position for pose in poses), *(part.center for part in mechanism.parts.values())]
+    return max((float(np.linalg.norm(point)) for point in points), default=0.0) or 1.0
