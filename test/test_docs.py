@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from mbd_sim.cli.main import build_parser, main
+from mbd_sim.integrators.methods import METHODS
+from mbd_sim.ros.realtime import SWITCH_INTERVAL
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [
@@ -92,6 +94,11 @@ def test_command_lines_in_the_pages_are_valid(line):
     build_parser().parse_args(words[: words.index(">")] if ">" in words else words)
 
 
+def test_the_reference_page_names_every_method():
+    text = (ROOT / "docs" / "mechanism_file.md").read_text(encoding="utf-8")
+    assert not [name for name in METHODS if f"`{name}`" not in text]
+
+
 def test_the_readme_quotes_check(capsys):
     (quoted,) = [block for block in blocks(ROOT / "README.md") if block.startswith("Degrees of freedom")]
     main(["check", "four_bar"])
@@ -110,6 +117,11 @@ def test_the_readme_quotes_errors(tmp_path, monkeypatch, capsys):
     printed = capsys.readouterr().err.splitlines()
     for line, start in zip(printed, quoted.splitlines(), strict=True):
         assert line.startswith(start.removesuffix("…"))
+
+
+def test_engine_md_has_the_switch_interval_of_the_code():
+    text = (ROOT / "docs" / "engine.md").read_text(encoding="utf-8")
+    assert f"`sys.setswitchinterval` is {1e3 * SWITCH_INTERVAL:g} ms" in text
 
 
 def test_documents_that_sources_mention_exist():
