@@ -11,7 +11,7 @@ from mbd_sim.compiler.instruction_list import (
     MULTIPLY_ADD,
     MULTIPLY_SUBTRACT,
     SUBTRACT_PRODUCT,
-    Program,
+    InstructionList,
 )
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.dynamics.equations import Equations
@@ -55,7 +55,7 @@ def cost_text(found: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _counted(program: Program) -> dict[str, int]:
+def _counted(program: InstructionList) -> dict[str, int]:
     of_kind = {operation: kind for kind, operations in _KINDS.items() for operation in operations}
     operations = (program.instruction_id(index) for index in range(program.n_instructions()))
     counts = Counter(of_kind.get(operation, "others") for operation in operations if operation not in _FREE)

@@ -1,4 +1,4 @@
-"""Dense linear systems by Gaussian elimination with partial pivoting, as IR (Golub & Van Loan, sec. 3.4)."""
+"""Dense linear systems by Gaussian elimination with partial pivoting, as IR (Golub & Van Loan 2013, sec. 3.4)."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from mbd_sim.compiler.ir_vectors import (
 
 @dataclass(frozen=True)
 class DenseSolver:
-    """`factorize(matrix, rows)` once, in place, column-major; `solve(matrix, rows, right, x)` as often as wanted.
+    """`factorize(matrix, rows)` once, in place, column by column; `solve(matrix, rows, right, x)` as often as needed.
 
-    `rows` (n,) receives the order of the rows, as doubles. A singular matrix gives an x that is not finite.
+    `rows` (n,) receives the order of the rows, as doubles. With a singular matrix x is not finite.
     """
 
     factorize: ir.Function
@@ -45,7 +45,8 @@ def _function(module: ir.Module, name: str, arguments: int) -> tuple[ir.Function
     return function, ir.IRBuilder(function.append_basic_block("entry"))
 
 
-def _place(b: ir.IRBuilder, size: int, row: Index, column: Index) -> ir.Value:
+def _offset(b: ir.IRBuilder, size: int, row: Index, column: Index) -> ir.Value:
+    """The index of an entry of a matrix that is stored column by column."""
     row, column = (integer(index) if isinstance(index, int) else index for index in (row, column))
     return b.add(row, b.mul(column, integer(size)))
 
@@ -54,45 +55,45 @@ def _factorize(module: ir.Module, size: int) -> ir.Function:
     function, b = _function(module, "factorize", 2)
     matrix, rows = function.args
     fabs = module.declare_intrinsic("llvm.fabs", [DOUBLE])
-    largest, where = b.alloca(DOUBLE), b.alloca(INT)
+    largest, pivot_row = b.alloca(DOUBLE), b.alloca(INT)
     loop(b, 0, size, lambda i: store(b, b.sitofp(i, DOUBLE), rows, i))
 
     def eliminate(k: ir.Value) -> None:
         following = b.add(k, integer(1))
         b.store(number(-1.0), largest)
-        b.store(k, where)
+        b.store(k, pivot_row)
 
-        def look(i: ir.Value) -> None:
-            value = b.call(fabs, [load(b, matrix, _place(b, size, i, k))])
-            better = b.fcmp_ordered(">", value, b.load(largest, typ=DOUBLE))
-            b.store(b.select(better, value, b.load(largest, typ=DOUBLE)), largest)
-            b.store(b.select(better, i, b.load(where, typ=INT)), where)
+        def compare(i: ir.Value) -> None:
+            value = b.call(fabs, [load(b, matrix, _offset(b, size, i, k))])
+            larger = b.fcmp_ordered(">", value, b.load(largest, typ=DOUBLE))
+            b.store(b.select(larger, value, b.load(largest, typ=DOUBLE)), largest)
+            b.store(b.select(larger, i, b.load(pivot_row, typ=INT)), pivot_row)
 
-        loop(b, k, size, look)
-        found = b.load(where, typ=INT)
+        loop(b, k, size, compare)
+        found = b.load(pivot_row, typ=INT)
         with b.if_then(b.icmp_signed("!=", found, k)):
-            loop(b, 0, size, lambda j: _swap(b, matrix, _place(b, size, k, j), _place(b, size, found, j)))
+            loop(b, 0, size, lambda j: _swap(b, matrix, _offset(b, size, k, j), _offset(b, size, found, j)))
             _swap(b, rows, k, found)
-        inverse = b.fdiv(number(1.0), load(b, matrix, _place(b, size, k, k)))
+        inverse = b.fdiv(number(1.0), load(b, matrix, _offset(b, size, k, k)))
 
         def scale(i: ir.Value) -> None:
-            place = _place(b, size, i, k)
-            store(b, b.fmul(load(b, matrix, place), inverse), matrix, place)
+            offset = _offset(b, size, i, k)
+            store(b, b.fmul(load(b, matrix, offset), inverse), matrix, offset)
 
         loop(b, following, size, scale)
 
-        def column(j: ir.Value) -> None:
-            factor = load(b, matrix, _place(b, size, k, j))
+        def update_column(j: ir.Value) -> None:
+            factor = load(b, matrix, _offset(b, size, k, j))
 
-            def entry(i: ir.Value) -> None:
-                taken = b.fmul(factor, load(b, matrix, _place(b, size, i, k)))
-                place = _place(b, size, i, j)
-                store(b, b.fsub(load(b, matrix, place), taken), matrix, place)
+            def update(i: ir.Value) -> None:
+                subtracted = b.fmul(factor, load(b, matrix, _offset(b, size, i, k)))
+                offset = _offset(b, size, i, j)
+                store(b, b.fsub(load(b, matrix, offset), subtracted), matrix, offset)
 
-            loop(b, following, size, entry)
+            loop(b, following, size, update)
 
-        loop(b, following, size, column)
-        store(b, inverse, matrix, _place(b, size, k, k))
+        loop(b, following, size, update_column)
+        store(b, inverse, matrix, _offset(b, size, k, k))
 
     loop(b, 0, size, eliminate)
     b.ret_void()
@@ -104,21 +105,21 @@ def _solve(module: ir.Module, size: int) -> ir.Function:
     matrix, rows, right, x = function.args
     loop(b, 0, size, lambda i: store(b, load(b, right, b.fptosi(load(b, rows, i), INT)), x, i))
 
-    def subtract(k: ir.Value, first: Index, beyond: Index) -> None:
+    def subtract_column(k: ir.Value, first: Index, beyond: Index) -> None:
         factor = load(b, x, k)
 
-        def entry(i: ir.Value) -> None:
-            store(b, b.fsub(load(b, x, i), b.fmul(factor, load(b, matrix, _place(b, size, i, k)))), x, i)
+        def subtract(i: ir.Value) -> None:
+            store(b, b.fsub(load(b, x, i), b.fmul(factor, load(b, matrix, _offset(b, size, i, k)))), x, i)
 
-        loop(b, first, beyond, entry)
+        loop(b, first, beyond, subtract)
 
-    def backward(step: ir.Value) -> None:
+    def substitute_back(step: ir.Value) -> None:
         k = b.sub(integer(size - 1), step)
-        store(b, b.fmul(load(b, x, k), load(b, matrix, _place(b, size, k, k))), x, k)
-        subtract(k, 0, k)
+        store(b, b.fmul(load(b, x, k), load(b, matrix, _offset(b, size, k, k))), x, k)
+        subtract_column(k, 0, k)
 
-    loop(b, 0, size, lambda k: subtract(k, b.add(k, integer(1)), size))
-    loop(b, 0, size, backward)
+    loop(b, 0, size, lambda k: subtract_column(k, b.add(k, integer(1)), size))
+    loop(b, 0, size, substitute_back)
     b.ret_void()
     return function
 

@@ -1,13 +1,13 @@
 """A kernel as an ordinary Python callable: the machine code itself has CPython's calling signature.
 
-A call through ctypes costs nearly 1 µs, more than the step itself; this way it costs some 0.05 µs.
+A call through ctypes costs nearly 1 µs, more than the step itself; this call costs some 0.05 µs.
 """
 
 from __future__ import annotations
 
 import ctypes
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -22,7 +22,7 @@ from mbd_sim.compiler.ir_types import (
 )
 
 LARGEST = 2**53  # steps; beyond, time in steps is no longer exact
-RELEASING = 16  # steps from which on the interpreter's lock is released, which costs as much as a call
+RELEASING = 16  # steps from which the interpreter's lock is released; that costs as much as a call
 
 _FASTCALL_WITH_KEYWORDS = 0x0080 | 0x0002
 _NONE = "_Py_NoneStruct"
@@ -50,7 +50,7 @@ class _MethodDefinition(ctypes.Structure):
 
 @functools.cache
 def _link() -> None:
-    """Tell the compiler where the interpreter's functions are."""
+    """Register the addresses of the interpreter's functions with the compiler."""
     for name in _USED:
         llvm.add_symbol(name, ctypes.cast(getattr(ctypes.pythonapi, name), ctypes.c_void_p).value)
     llvm.add_symbol(_NONE, id(None))
@@ -59,45 +59,24 @@ def _link() -> None:
 def emit_call(module: ir.Module, advance: ir.Function, roles: Sequence[str]) -> ir.Function:
     """Emit `PyObject* call(PyObject* self, PyObject** arguments, Py_ssize_t count, PyObject* names)`.
 
-    It is `step(n=1)` for the plain good case: it advances and adds n to the step counter. In any other case it calls
-    the second entry of `self` with the same arguments, which says what is wrong.
+    It is `step(n=1)` for the usual case: it advances and adds n to the step counter. In any other case it calls the
+    second entry of `self` with the same arguments, which raises the error.
 
     :param roles: of each argument of `advance`: "first", "h", "steps", or anything else for a pointer. The first entry
         of `self` is a bytes object with the addresses of the counter, of h, and of these pointers in order.
     """
     _link()
-    use = {name: ir.Function(module, signature, name) for name, signature in _USED.items()}
+    python = {name: ir.Function(module, signature, name) for name, signature in _USED.items()}
     none = ir.GlobalVariable(module, ir.IntType(8), _NONE)
     call = ir.Function(module, ir.FunctionType(POINTER, [POINTER, POINTER, INT, POINTER]), "call")
     own, arguments, count, names = call.args
     blocks = {name: call.append_basic_block(name) for name in ("entry", "given", "known", "doubtful", "run", "other")}
-    null = ir.Constant(POINTER, None)
-
     b = ir.IRBuilder(blocks["entry"])
-    plain = b.and_(b.icmp_unsigned("==", names, null), b.icmp_unsigned("<=", count, integer(1)))
-    with b.if_then(b.not_(plain), likely=False):
-        b.branch(blocks["other"])
-    b.cbranch(b.icmp_unsigned("==", count, integer(0)), blocks["known"], blocks["given"])
-    without = b.block
-
-    b.position_at_end(blocks["given"])
-    number = b.call(use["PyLong_AsLongLong"], [b.load(arguments, typ=POINTER)])
-    sound = b.icmp_unsigned("<=", number, integer(LARGEST))  # negative numbers are beyond it
-    b.cbranch(sound, blocks["known"], blocks["doubtful"])
-
-    b.position_at_end(blocks["doubtful"])
-    with b.if_then(b.icmp_unsigned("!=", b.call(use["PyErr_Occurred"], []), null)):
-        b.call(use["PyErr_Clear"], [])
-    b.branch(blocks["other"])
-
-    b.position_at_end(blocks["known"])
-    steps = b.phi(INT)
-    steps.add_incoming(integer(1), without)
-    steps.add_incoming(number, blocks["given"])
+    steps = _emit_step_count(b, python, call, blocks)
     b.branch(blocks["run"])
 
     b.position_at_end(blocks["run"])
-    table = b.call(use["PyBytes_AsString"], [b.call(use["PyTuple_GetItem"], [own, integer(0)])])
+    table = b.call(python["PyBytes_AsString"], [b.call(python["PyTuple_GetItem"], [own, integer(0)])])
 
     def address(place: int) -> ir.Value:
         return b.load(element(b, table, place), typ=POINTER)
@@ -107,34 +86,75 @@ def emit_call(module: ir.Module, advance: ir.Function, roles: Sequence[str]) -> 
     values = {"first": first, "h": b.load(address(1), typ=DOUBLE), "steps": steps}
     pointers = iter(range(2, 2 + len(roles)))
     passed = [values[role] if role in values else address(next(pointers)) for role in roles]
-    long = b.icmp_unsigned(">=", steps, integer(RELEASING))
-    with b.if_else(long) as (released, held):
-        with released:
-            thread = b.call(use["PyEval_SaveThread"], [])
-            outcome = b.call(advance, passed)
-            b.call(use["PyEval_RestoreThread"], [thread])
-            end_released = b.block
-        with held:
-            outcome_held = b.call(advance, passed)
-            end_held = b.block
-    fine = b.phi(INT)
-    fine.add_incoming(outcome, end_released)
-    fine.add_incoming(outcome_held, end_held)
-    with b.if_then(b.icmp_unsigned("!=", fine, integer(0)), likely=True):
+    finite = _emit_advance(b, python, advance, passed, steps)
+    with b.if_then(b.icmp_unsigned("!=", finite, integer(0)), likely=True):
         b.store(b.add(first, steps), counter)
-        b.call(use["Py_IncRef"], [none])
+        b.call(python["Py_IncRef"], [none])
         b.ret(none)
     b.branch(blocks["other"])
 
     b.position_at_end(blocks["other"])
-    fallback = b.call(use["PyTuple_GetItem"], [own, integer(1)])
-    b.ret(b.call(use["PyObject_Vectorcall"], [fallback, arguments, count, names]))
+    fallback = b.call(python["PyTuple_GetItem"], [own, integer(1)])
+    b.ret(b.call(python["PyObject_Vectorcall"], [fallback, arguments, count, names]))
     return call
+
+
+def _emit_step_count(
+    b: ir.IRBuilder, python: Mapping[str, ir.Function], call: ir.Function, blocks: Mapping[str, ir.Block]
+) -> ir.Value:
+    """Emit the reading of the arguments: n, or 1 if there is none; whatever is not a count goes to block `other`."""
+    _, arguments, count, names = call.args
+    null = ir.Constant(POINTER, None)
+    positional = b.and_(b.icmp_unsigned("==", names, null), b.icmp_unsigned("<=", count, integer(1)))
+    with b.if_then(b.not_(positional), likely=False):
+        b.branch(blocks["other"])
+    b.cbranch(b.icmp_unsigned("==", count, integer(0)), blocks["known"], blocks["given"])
+    without_argument = b.block
+
+    b.position_at_end(blocks["given"])
+    number = b.call(python["PyLong_AsLongLong"], [b.load(arguments, typ=POINTER)])
+    in_range = b.icmp_unsigned("<=", number, integer(LARGEST))  # false for negative numbers, read as unsigned
+    b.cbranch(in_range, blocks["known"], blocks["doubtful"])
+
+    b.position_at_end(blocks["doubtful"])
+    with b.if_then(b.icmp_unsigned("!=", b.call(python["PyErr_Occurred"], []), null)):
+        b.call(python["PyErr_Clear"], [])
+    b.branch(blocks["other"])
+
+    b.position_at_end(blocks["known"])
+    steps = b.phi(INT)
+    steps.add_incoming(integer(1), without_argument)
+    steps.add_incoming(number, blocks["given"])
+    return steps
+
+
+def _emit_advance(
+    b: ir.IRBuilder,
+    python: Mapping[str, ir.Function],
+    advance: ir.Function,
+    passed: Sequence[ir.Value],
+    steps: ir.Value,
+) -> ir.Value:
+    """Emit the call of `advance`, without the interpreter's lock if there are many steps; returns its result."""
+    with b.if_else(b.icmp_unsigned(">=", steps, integer(RELEASING))) as (many, few):
+        with many:
+            thread = b.call(python["PyEval_SaveThread"], [])
+            result_unlocked = b.call(advance, passed)
+            b.call(python["PyEval_RestoreThread"], [thread])
+            end_unlocked = b.block
+        with few:
+            result_locked = b.call(advance, passed)
+            end_locked = b.block
+    result = b.phi(INT)
+    result.add_incoming(result_unlocked, end_unlocked)
+    result.add_incoming(result_locked, end_locked)
+    return result
 
 
 def callable_of(address: int, fallback: Callable[..., None], addresses: Sequence[int], kept: object) -> Any:
     """The Python callable of an emitted `call` at an address.
 
+    :param fallback: what the callable calls with its own arguments where it cannot advance.
     :param addresses: of the step counter (int64), of the step size (double), and of the pointers that it passes on.
     :param kept: what must live as long as the callable: the machine code, and the arrays at the addresses.
     """

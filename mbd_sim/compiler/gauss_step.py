@@ -1,4 +1,4 @@
-"""A step of a Gauss method, as IR: sweeps over the stages until nothing changes, never more than a given number."""
+"""A step of a Gauss method, as IR: sweeps over the stages until nothing changes, up to a given number."""
 
 from __future__ import annotations
 
@@ -20,41 +20,41 @@ from mbd_sim.compiler.ir_vectors import (
     store,
     weighted,
 )
-from mbd_sim.compiler.stepping import Frame, Prepare, Step
+from mbd_sim.compiler.step_emitter import EmitStep, Prepare, StepEmitter
 from mbd_sim.integrators.gauss import Gauss
 
-NOTHING = 1e-17  # change of the scaled state below which a sweep has found nothing new
-SETTLING = 3  # sweeps after which a change that no longer falls is round-off
+CONVERGED = 1e-17  # change of the scaled state below which the sweeps have converged
+FIRST_SWEEPS = 3  # after these, a change that no longer falls is round-off
 
 
 def gauss_step(method: Gauss) -> Prepare:
     """The step of a Gauss method, for `emit_advance`."""
 
-    def prepare(frame: Frame) -> Step:
-        b, size = frame.b, frame.system.size
-        start, fresh, trial = frame.vector(), frame.vector(), frame.vector()
-        k = [frame.vector() for _ in range(method.stages)]
-        change, before = frame.scalar(), frame.scalar()
-        estimate = frame.estimator(method.estimate, [start, *k])
+    def prepare(emitter: StepEmitter) -> EmitStep:
+        b, size = emitter.b, emitter.system.size
+        start, fresh, trial = emitter.vector(), emitter.vector(), emitter.vector()
+        k = [emitter.vector() for _ in range(method.stages)]
+        change, before = emitter.scalar(), emitter.scalar()
+        emit_estimate = emitter.estimator(method.estimate, [start, *k])
 
         def sweep(t: ir.Value) -> None:
-            """Each stage from the newest of the others; `change` is how far they moved, squared."""
+            """Compute each stage from the newest slopes of the others; `change` is the squared norm of what changed."""
             b.store(number(0.0), change)
             for stage, (weights, c) in enumerate(zip(method.a, method.c, strict=True)):
-                moment, slopes = frame.later(t, c), k[stage]
-                combine(b, size, trial, frame.y, frame.h, weighted(weights, k))
-                frame.settle_stage(moment, trial)
-                frame.rates(moment, trial, fresh)
+                stage_time, slopes = emitter.stage_time(t, c), k[stage]
+                combine(b, size, trial, emitter.y, emitter.h, weighted(weights, k))
+                emitter.project_stage(stage_time, trial)
+                emitter.rates(stage_time, trial, fresh)
 
                 def component(i: Index, slopes: ir.Value = slopes) -> None:
-                    moved = b.fmul(frame.h, b.fsub(load(b, fresh, i), load(b, slopes, i)))
-                    add_squares(b, change, b.fmul(moved, frame.scale(i)))
+                    moved = b.fmul(emitter.h, b.fsub(load(b, fresh, i), load(b, slopes, i)))
+                    add_squares(b, change, b.fmul(moved, emitter.scale(i)))
                     store(b, load(b, fresh, i), slopes, i)
 
                 each(b, size, component)
 
         def step(t: ir.Value) -> None:
-            frame.rates(t, frame.y, start, first=True)
+            emitter.rates(t, emitter.y, start, first=True)
             for slopes in k:
                 copy(b, size, start, slopes)
             b.store(number(0.0), change)
@@ -66,15 +66,16 @@ def gauss_step(method: Gauss) -> Prepare:
             b.store(b.load(change, typ=DOUBLE), before)
             sweep(t)
             moved = b.load(change, typ=DOUBLE)
-            useful = b.fcmp_ordered(">", moved, number(NOTHING**2))
+            not_converged = b.fcmp_ordered(">", moved, number(CONVERGED**2))
             falling = b.fcmp_ordered("<", moved, b.load(before, typ=DOUBLE))
-            early = b.icmp_signed("<=", count, integer(SETTLING))
-            more = b.and_(b.and_(useful, b.or_(falling, early)), b.icmp_signed("<", count, integer(method.sweeps)))
+            early = b.icmp_signed("<=", count, integer(FIRST_SWEEPS))
+            allowed = b.or_(falling, early)
+            more = b.and_(b.and_(not_converged, allowed), b.icmp_signed("<", count, integer(method.sweeps)))
             count.add_incoming(b.add(count, integer(1)), b.block)
             b.cbranch(more, again, done)
             b.position_at_end(done)
-            estimate(frame.h, frame.root(b.load(change, typ=DOUBLE)))
-            combine(b, size, frame.y, frame.y, frame.h, weighted(method.b, k))
+            emit_estimate(emitter.h, emitter.square_root(b.load(change, typ=DOUBLE)))
+            combine(b, size, emitter.y, emitter.y, emitter.h, weighted(method.b, k))
 
         return step
 

@@ -1,4 +1,4 @@
-"""The few LLVM types and idioms that the emitters share."""
+"""The LLVM types and idioms that all emitters share."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ def integer(value: int) -> ir.Constant:
 
 def element(builder: ir.IRBuilder, array: ir.Value, index: int | ir.Value) -> ir.Value:
     """The address of one double of an array."""
-    place = integer(index) if isinstance(index, int) else index
-    return builder.gep(array, [place], inbounds=True, source_etype=DOUBLE)
+    offset = integer(index) if isinstance(index, int) else index
+    return builder.gep(array, [offset], inbounds=True, source_etype=DOUBLE)
 
 
 def local_array(builder: ir.IRBuilder, size: int) -> ir.Value:
-    """An array of doubles on the stack; call it in a function's entry block."""
+    """An array of doubles on the stack; only in the entry block of a function."""
     return builder.alloca(DOUBLE, size=integer(max(size, 1)))

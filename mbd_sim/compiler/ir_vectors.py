@@ -1,4 +1,4 @@
-"""Loops, and what the stepping loops do with vectors on the stack, as IR."""
+"""Loops, and the operations on vectors that the steps need, as IR."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from mbd_sim.compiler.ir_types import (
     number,
 )
 
-UNROLLED = 40  # components up to which state vectors are unrolled into registers
+UNROLLED = 40  # components up to which operations on state vectors are unrolled into registers
 
 Index: TypeAlias = int | ir.Value
 Terms: TypeAlias = Sequence[tuple[float, ir.Value]]
 
 
 def load(b: ir.IRBuilder, array: ir.Value, index: Index) -> ir.Value:
-    """One component."""
+    """The value of a component."""
     return b.load(element(b, array, index), typ=DOUBLE)
 
 
@@ -32,7 +32,7 @@ def store(b: ir.IRBuilder, value: ir.Value, array: ir.Value, index: Index) -> No
 
 
 def loop(b: ir.IRBuilder, first: Index, beyond: Index, body: Callable[[ir.Value], object]) -> None:
-    """`body` for every index from `first` to before `beyond`."""
+    """Emit `body` for every index from `first` to before `beyond`."""
     before = b.block
     head = b.append_basic_block("head")
     inside = b.append_basic_block("inside")
@@ -52,7 +52,7 @@ def loop(b: ir.IRBuilder, first: Index, beyond: Index, body: Callable[[ir.Value]
 
 
 def each(b: ir.IRBuilder, size: int, body: Callable[[Index], object]) -> None:
-    """`body` for every component: unrolled where there are few, a loop where there are many."""
+    """Emit `body` for every component: unrolled if there are few, as a loop if there are many."""
     if size <= UNROLLED:
         for index in range(size):
             body(index)
@@ -66,24 +66,24 @@ def copy(b: ir.IRBuilder, size: int, source: ir.Value, target: ir.Value) -> None
 
 
 def weighted(weights: Sequence[float], vectors: Sequence[ir.Value]) -> Terms:
-    """The terms of Σ weights vectors, without those whose weight is zero."""
+    """The terms of Σ weight vector, without those whose weight is zero."""
     return [(weight, vector) for weight, vector in zip(weights, vectors, strict=False) if weight]
 
 
 def total(b: ir.IRBuilder, terms: Terms, index: Index) -> ir.Value:
-    """One component of Σ weight vector, of at least one term, summed in their order with fused multiply-adds."""
-    found = None
+    """A component of Σ weight vector with at least one term, summed in order with fused multiply-adds."""
+    partial = None
     for weight, vector in terms:
         value = load(b, vector, index)
-        if found is not None:
-            found = b.fma(number(weight), value, found)
+        if partial is not None:
+            partial = b.fma(number(weight), value, partial)
         else:
-            found = value if weight == 1.0 else b.fmul(number(weight), value)
-    return found
+            partial = value if weight == 1.0 else b.fmul(number(weight), value)
+    return partial
 
 
 def combine(b: ir.IRBuilder, size: int, target: ir.Value, base: ir.Value, h: ir.Value | None, terms: Terms) -> None:
-    """Target = base + h Σ weight vector, rounded once; `h` None is one."""
+    """Target = base + h Σ weight vector, rounded once; without `h` the factor is 1."""
 
     def component(i: Index) -> None:
         added, start = total(b, terms, i), load(b, base, i)
@@ -93,9 +93,9 @@ def combine(b: ir.IRBuilder, size: int, target: ir.Value, base: ir.Value, h: ir.
 
 
 def combine_at_once(b: ir.IRBuilder, size: int, target: ir.Value, base: ir.Value, h: ir.Value, terms: Terms) -> None:
-    """The same where the last vector has only just been found: all others are added before it is there.
+    """The same, where the last vector has just been computed: the other terms are added while that is under way.
 
-    That takes a second rounding, so it is for stages and not for states.
+    The result is rounded twice, so this is for stages and not for states.
     """
     *early, (weight, last) = terms
     factor = b.fmul(h, number(weight))

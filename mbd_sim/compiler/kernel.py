@@ -1,4 +1,4 @@
-"""A system of differential equations compiled: stepping, and the functions that read its state."""
+"""A compiled system of differential equations: its steps, and functions of its state."""
 
 from __future__ import annotations
 
@@ -20,12 +20,13 @@ from mbd_sim.compiler.machine_code import MachineCode, compile_module, new_modul
 from mbd_sim.compiler.rosenbrock_step import rosenbrock_step
 from mbd_sim.compiler.runge_kutta_step import explicit_step
 from mbd_sim.compiler.schedule import arranged
-from mbd_sim.compiler.stepping import Prepare, System, emit_advance
+from mbd_sim.compiler.step_emitter import Prepare, System
+from mbd_sim.compiler.stepping import emit_advance
 from mbd_sim.integrators.gauss import Gauss
 from mbd_sim.integrators.methods import Method
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 
-INLINED = 2000  # instructions of all stages together up to which the rates are inlined into the loop
+INLINED = 2000  # instructions of all stages together up to which the rates are inlined into the stepping loop
 
 _ADDRESS, _INT, _DOUBLE = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 _ADVANCE = (_ADDRESS, _ADDRESS, _INT, _DOUBLE, _INT)
@@ -33,12 +34,12 @@ _ADVANCE = (_ADDRESS, _ADDRESS, _INT, _DOUBLE, _INT)
 
 @dataclass(frozen=True, eq=False)
 class Kernel:
-    """`advance(y, inputs, first_step, h, steps)` returns 1, or 0 where the state would not stay finite.
+    """The compiled functions of a system.
 
-    `estimating_advance` has a sixth argument, see `emit_advance`. `readers` take addresses of doubles: those of their
-    inputs, then that of their output; `reads_inputs` tells which have the system's inputs among theirs. None of them
-    holds the interpreter's lock. `instructions` counts the scalar
-    instructions of one evaluation of the rates.
+    `advance(y, inputs, first_step, h, steps)` returns 1, or 0 if the state would not stay finite; `estimating_advance`
+    has a sixth argument, see `emit_advance`. `readers` take addresses of doubles: those of their inputs, then that of
+    their output; `reads_inputs` says which of them take the inputs of the system. All of them release the
+    interpreter's lock. `instructions` is the number of scalar instructions of one evaluation of the rates.
     """
 
     advance: Callable[..., int]
@@ -49,7 +50,7 @@ class Kernel:
     code: MachineCode
 
     def stepper(self, fallback: Callable[..., None], addresses: Sequence[int], kept: object) -> Callable[..., None]:
-        """`step(n=1)` as a Python callable, at hardly any cost of a call: see `emit_call`."""
+        """`step(n=1)` as a Python callable with a cheap call: see `emit_call` and `callable_of`."""
         return cast(
             Callable[..., None],
             callable_of(self.code.address("call"), fallback, addresses, (self, kept)),
@@ -58,20 +59,21 @@ class Kernel:
 
 def compile_kernel(
     rates: ca.Function,
-    settle: ca.Function | None,
+    projection: ca.Function | None,
     readers: Mapping[str, ca.Function],
     method: Method,
     core: slice | None = None,
 ) -> Kernel:
-    """Compile y' = rates(t, y, inputs) with a method, and functions of one output each: see `System`.
+    """Compile y' = rates(t, y, inputs) with a method of integration: see `System`.
 
-    :param core: the components that `linearize` solves for together; on those after them nothing depends, and they do
-        not count in estimates of the error. All, if not given.
+    :param readers: further functions of the state, with one output each.
+    :param core: the components that `linearize` solves for together, by default all. No rate depends on the components
+        after them, which do not count in error estimates either.
     """
     core = slice(0, rates.nnz_out(0)) if core is None else core
     module = new_module()
     program = arranged(rates)
-    system = emit_system(module, rates, program, settle, method, core.stop)
+    system = emit_system(module, rates, program, projection, method, core.stop)
     advance = emit_advance(module, system, _step_of(method, rates, core))
     emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
     for name, function in readers.items():
@@ -91,24 +93,24 @@ def emit_system(
     module: ir.Module,
     rates: ca.Function,
     program: Instructions,
-    settle: ca.Function | None,
+    projection: ca.Function | None,
     method: Method,
-    watched: int,
+    error_size: int,
     lanes: int = 1,
 ) -> System:
-    """Emit the functions of a system, for one member or for several at once; `program` are the rates arranged."""
-    judging = rates.n_out() > 1
+    """Emit the functions of a system for `lanes` members at once; `program` are the arranged rates."""
+    reports_conditioning = rates.n_out() > 1
     inline = instruction_count(program) * method.stages <= INLINED
-    settling = None
-    if settle is not None:
-        settling = lower(module, arranged(settle, fused=False), inline=not judging, lanes=lanes)
+    emitted = None
+    if projection is not None:
+        emitted = lower(module, arranged(projection, fused=False), inline=not reports_conditioning, lanes=lanes)
     return System(
         size=rates.nnz_out(0),
-        watched=watched,
+        error_size=error_size,
         rates=lower(module, program, inline=inline, lanes=lanes),
-        settle=settling,
-        judging=judging,
-        settling_by_inputs=settle is not None and settle.n_in() > 2,
+        projection=emitted,
+        reports_conditioning=reports_conditioning,
+        projection_takes_inputs=projection is not None and projection.n_in() > 2,
     )
 
 

@@ -1,8 +1,9 @@
-"""Compiled kernels on disk, so that a mechanism is compiled once for a machine and found again by every process.
+"""A cache of compiled kernels on disk, so that each mechanism is compiled once on a machine.
 
-A kernel is kept under the hash of its intermediate code, the processor with its features, and the compiler's
-version. Files appear whole, by renaming, and carry a checksum: processes that write the same kernel at once do no
-harm, and a damaged file counts as missing. `MBD_SIM_CACHE` names another folder, or is empty, 0 or off for none.
+The key of a kernel is the hash of its intermediate code, the processor with its features, and the version of the
+compiler. Files are written atomically, by renaming, and have a checksum: several processes may write the same kernel at
+once, and a damaged file counts as missing. The environment variable `MBD_SIM_CACHE` names another folder, or disables
+the cache if it is empty, 0 or off.
 """
 
 from __future__ import annotations
@@ -13,24 +14,24 @@ import os
 import tempfile
 from pathlib import Path
 
-LARGEST = 200e6  # bytes of all kernels together; beyond, those not used for longest go
+LARGEST = 200e6  # bytes of all kernels together; beyond, the least recently used are removed
 _VARIABLE = "MBD_SIM_CACHE"
 
 
 def folder() -> Path | None:
-    """Where kernels are kept, or None where none are."""
+    """The folder of the cache, or None if it is disabled."""
     if _VARIABLE in os.environ:
         written = os.environ[_VARIABLE]
         return None if written.lower() in ("", "0", "off") else Path(written)
     base = os.environ.get("XDG_CACHE_HOME")
     try:
         return (Path(base) if base else Path.home() / ".cache") / "mbd_sim" / "kernels"
-    except RuntimeError:  # nobody's home
+    except RuntimeError:  # there is no home directory
         return None
 
 
 def key(*contents: str) -> str:
-    """A name for what is made from these texts."""
+    """The cache key of what is made from these texts: their SHA-256 hash."""
     digest = hashlib.sha256()
     for content in contents:
         digest.update(len(content).to_bytes(8, "little"))
@@ -39,7 +40,7 @@ def key(*contents: str) -> str:
 
 
 def load(name: str) -> bytes | None:
-    """What is kept under a name, or None."""
+    """The code that was stored under a key, or None."""
     if (place := folder()) is None:
         return None
     path = place / name
@@ -56,7 +57,7 @@ def load(name: str) -> bytes | None:
 
 
 def store(name: str, code: bytes) -> None:
-    """Keep something under a name; where that cannot be done, nothing is kept."""
+    """Store code under a key; if the folder cannot be written, nothing is stored."""
     if (place := folder()) is None:
         return
     with contextlib.suppress(OSError):
@@ -68,7 +69,7 @@ def store(name: str, code: bytes) -> None:
 
 
 def _prune(place: Path) -> None:
-    """Remove the kernels not used for longest until all together are small enough."""
+    """Remove the least recently used kernels until all together are at most `LARGEST` bytes."""
     found = []
     for path in place.iterdir():
         with contextlib.suppress(OSError):

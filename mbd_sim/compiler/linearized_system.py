@@ -1,12 +1,12 @@
-"""A system linearized for a linearly implicit method: what is solved for densely, and what follows from it.
+"""A system linearized for a linearly implicit method, reduced to a dense system for the speeds.
 
-With z the components before the core (coordinates), x the core (speeds) and w those after it, on which nothing depends
-(energies), (I − g J) U = r is
+Let z be the components before the core (coordinates), x the core (speeds), and w the components after it, on which no
+rate depends (energies). Then (I − g J) U = r is
 
     (I − g A) z = r_z + g B x,    (I − g D) x = r_x + g C z,    w = r_w + g E z + g F x.
 
-A is zero, or small blocks for what turns a quaternion, so that z is eliminated symbolically. That leaves a dense
-system of the size of x: half as large, or an eighth of the work.
+A is zero, or has small blocks for the rates of quaternions, so that z can be eliminated symbolically. That leaves a
+dense system for x, half the size of the whole and so an eighth of the work.
 """
 
 from __future__ import annotations
@@ -18,10 +18,11 @@ import casadi as ca
 
 @dataclass(frozen=True, eq=False)
 class Linearized:
-    """`at(t, y, inputs, g)` gives what the other two need, the matrix (n, n) of the core, and ∂f/∂t.
+    """The three functions of a step.
 
-    `reduce(memory, r)` gives its right side (n,), and `expand(memory, r, x)` all of U from its solution x.
-    `timeless`: ∂f/∂t vanishes.
+    `at(t, y, inputs, g)` gives the memory (m,) of the other two, the matrix (n, n) of the core, and ∂f/∂t. Then
+    `reduce(memory, r)` gives the right side (n,) of the core, and `expand(memory, r, x)` all of U from its solution x.
+    If `timeless`, ∂f/∂t vanishes.
     """
 
     at: ca.Function
@@ -31,7 +32,7 @@ class Linearized:
 
 
 def linearize(rates: ca.Function, core: slice) -> Linearized:
-    """Differentiate `rates(t, y, inputs)` exactly; `core` are the components that are solved for together."""
+    """Differentiate `rates(t, y, inputs)` exactly; `core` are the components of y that are solved for together."""
     t, y, inputs = (ca.SX.sym(name, rates.nnz_in(index)) for index, name in enumerate(("t", "y", "inputs")))
     g, right = ca.SX.sym("g"), ca.SX.sym("right", y.shape[0])
     slopes = rates.call([t, y, inputs])[0]
@@ -42,7 +43,7 @@ def linearize(rates: ca.Function, core: slice) -> Linearized:
     b, c, e, f, inverse = (
         memory.keep(block) for block in (jacobian[z, x], jacobian[x, z], jacobian[w, z], jacobian[w, x], inverse)
     )
-    matrix = ca.SX.eye(core.stop - core.start) - jacobian[x, x] - memory.told(c @ (inverse @ b))
+    matrix = ca.SX.eye(core.stop - core.start) - jacobian[x, x] - memory.substituted(c @ (inverse @ b))
     solution = ca.SX.sym("solution", matrix.shape[0])
     before = inverse @ (right[z] + b @ solution)
     after = right[w] + e @ before + f @ solution
@@ -61,7 +62,7 @@ def linearize(rates: ca.Function, core: slice) -> Linearized:
 
 
 class Memory:
-    """Entries of matrices that are computed once a step and used in every stage; constants stay what they are."""
+    """Entries of matrices that are computed once in a step and used in every stage; constants are not stored."""
 
     def __init__(self) -> None:
         self._pairs: list[tuple[ca.SX, ca.SX]] = []
@@ -78,15 +79,15 @@ class Memory:
 
     @property
     def symbols(self) -> ca.SX:
-        """(m,): what the entries are called."""
+        """The symbols (m,) of the entries."""
         return ca.vertcat(ca.SX(0, 1), *(symbol for symbol, _ in self._pairs))
 
     @property
     def values(self) -> ca.SX:
-        """(m,): what the entries are."""
+        """The values (m,) of the entries."""
         return ca.densify(ca.vertcat(ca.SX(0, 1), *(value for _, value in self._pairs)))
 
-    def told(self, expression: ca.SX) -> ca.SX:
+    def substituted(self, expression: ca.SX) -> ca.SX:
         """An expression with the values in place of the symbols."""
         return ca.substitute([expression], [self.symbols], [self.values])[0]
 
@@ -94,7 +95,7 @@ class Memory:
 def unit_inverse(blocks: ca.SX) -> ca.SX:
     """(I − `blocks`)⁻¹ by Gauss–Jordan elimination without exchange of rows.
 
-    For the rates of quaternions I − `blocks` is the identity plus something skew, whose pivots are never below 1.
+    For the rates of quaternions `blocks` is skew, so that the pivots are never below 1.
     """
     size = blocks.shape[0]
     if blocks.nnz() == 0:

@@ -1,8 +1,8 @@
-"""Instruction lists, CasADi's or arranged ones, to LLVM IR: one scalar instruction each, in IEEE 754 order.
+"""Instruction lists, CasADi's or arranged ones, to LLVM IR: one scalar instruction each, in the same order.
 
-Only divisions by the same number become one reciprocal and products, as a division costs some ten of them. No flag
-allows LLVM to reassociate or contract, so that the same list gives the same bits on every machine. What is to be
-reassociated or fused, `arrange` writes into the list.
+The only exception are divisions by the same number: they become one reciprocal and products, as a division costs as
+much as some ten of them. No flag allows LLVM to reassociate or contract, so that the same list gives the same bits on
+every machine. Sums and products are rearranged and fused in the list itself, by `mbd_sim.compiler.schedule`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from mbd_sim.compiler.ir_types import (
     number,
 )
 from mbd_sim.compiler.simd_builder import LaneBuilder, new_builder
-from mbd_sim.compiler.split_functions import Work, handed_on, pieces
+from mbd_sim.compiler.split_functions import PieceWork, live_out, pieces
 from mbd_sim.compiler.trigonometry import sine_cosine
 
 Build = Callable[["_Lowering", ir.Value], ir.Value]
@@ -64,7 +64,7 @@ _TERNARY: dict[int, Build3] = {
     MULTIPLY_SUBTRACT: lambda low, x, y, z: low.builder.fma(x, y, low.builder.fneg(z)),
     SUBTRACT_PRODUCT: lambda low, x, y, z: low.builder.fma(low.builder.fneg(x), y, z),
 }
-# These are the C library's own: only expressions, friction and powers need them. Their last bits depend on the library.
+# Functions of the C library, on which their last bits depend. Only expressions, friction and powers need them.
 _LIBRARY: dict[int, str] = {
     ca.OP_EXP: "exp",
     ca.OP_LOG: "log",
@@ -80,26 +80,26 @@ _LIBRARY: dict[int, str] = {
 
 
 def lower(module: ir.Module, function: Instructions, inline: bool, lanes: int = 1) -> ir.Function:
-    """Emit `function` as `void name(double* in0, …, double* out0, …)`, the arguments not overlapping.
+    """Emit `function` as `void name(double* in0, …, double* out0, …)`, whose arguments must not overlap.
 
-    With several `lanes` each double is a vector of them, see `LaneBuilder`.
+    With several `lanes` each double is a vector, see `LaneBuilder`.
 
-    :raises NotImplementedError: the function holds an operation that has no place in a kernel.
+    :raises NotImplementedError: the function has an operation that kernels do not support.
     """
     inputs, outputs = function.n_in(), function.n_out()
     emitted, builder = _define(module, function.name(), inputs + outputs, inline, lanes)
-    cut, by_reciprocal = pieces(function), shared_divisions(function)
-    if len(cut) == 1:
+    split, by_reciprocal = pieces(function), shared_divisions(function)
+    if len(split) == 1:
         lowering, work = _Lowering(module, builder), [None] * function.sz_w()
-        lowering.run(function, by_reciprocal, cut[0], emitted.args[:inputs], emitted.args[inputs:], work)
+        lowering.run(function, by_reciprocal, split[0], emitted.args[:inputs], emitted.args[inputs:], work)
     else:
         memory = local_array(builder, function.sz_w())
-        for place, (piece, kept) in enumerate(zip(cut, handed_on(function, cut), strict=True)):
-            part, inside = _define(module, f"{function.name()}.{place}", inputs + outputs + 1, False, lanes)
-            own = Work(inside, part.args[-1])
+        for piece_number, (piece, saved) in enumerate(zip(split, live_out(function, split), strict=True)):
+            part, inside = _define(module, f"{function.name()}.{piece_number}", inputs + outputs + 1, False, lanes)
+            piece_work = PieceWork(inside, part.args[-1])
             arguments = part.args[:inputs], part.args[inputs:-1]
-            _Lowering(module, inside).run(function, by_reciprocal, piece, *arguments, own)
-            own.hand_on(kept)
+            _Lowering(module, inside).run(function, by_reciprocal, piece, *arguments, piece_work)
+            piece_work.save(saved)
             inside.ret_void()
             builder.call(part, [*emitted.args, memory])
     builder.ret_void()
@@ -117,13 +117,14 @@ def _define(module: ir.Module, name: str, arguments: int, inline: bool, lanes: i
 
 
 class _Lowering:
-    builder: ir.IRBuilder
+    """The emission of a list of instructions, with the values that are computed once and used again."""
 
     def __init__(self, module: ir.Module, builder: ir.IRBuilder) -> None:
-        self.module, self.builder = module, builder
-        self.pairs: dict[int, tuple[ir.Value, ir.Value]] = {}
-        self.reciprocals: dict[int, ir.Value] = {}
-        self.kept: list[ir.Value] = []
+        self.module: ir.Module = module
+        self.builder: ir.IRBuilder = builder
+        self._sines_cosines: dict[int, tuple[ir.Value, ir.Value]] = {}  # by the id of the angle
+        self._reciprocals: dict[int, ir.Value] = {}  # by the id of the divisor
+        self._referenced: list[ir.Value] = []  # keeps these objects, so that their ids stay unique
 
     def run(
         self,
@@ -132,8 +133,9 @@ class _Lowering:
         instructions: range,
         inputs: Sequence[ir.Value],
         outputs: Sequence[ir.Value],
-        work: list[ir.Value | None] | Work,
+        work: list[ir.Value | None] | PieceWork,
     ) -> None:
+        """Emit a range of the instructions; `work` is the work vector."""
         for index in instructions:
             operation = function.instruction_id(index)
             target, source = function.instruction_output(index), function.instruction_input(index)
@@ -172,25 +174,25 @@ class _Lowering:
         return b.call(function, arguments)
 
     def sign(self, x: ir.Value) -> ir.Value:
-        """-1, 0 or 1, as CasADi has it, and nan for nan."""
+        """-1, 0 or 1 as CasADi defines it, and nan for nan."""
         above = self.truth(self.builder.fcmp_ordered(">", x, number(0.0)))
         below = self.truth(self.builder.fcmp_ordered("<", x, number(0.0)))
         value = self.builder.fsub(above, below)
         return self.builder.select(self.builder.fcmp_unordered("uno", x, x), x, value)
 
     def sine_cosine(self, angle: ir.Value) -> tuple[ir.Value, ir.Value]:
-        """Both at once, and once only for each angle."""
-        if id(angle) not in self.pairs:
-            self.pairs[id(angle)] = sine_cosine(self.module, self.builder, angle)
-            self.kept.append(angle)
-        return self.pairs[id(angle)]
+        """Sine and cosine of an angle, computed once."""
+        if id(angle) not in self._sines_cosines:
+            self._sines_cosines[id(angle)] = sine_cosine(self.module, self.builder, angle)
+            self._referenced.append(angle)
+        return self._sines_cosines[id(angle)]
 
     def reciprocal(self, divisor: ir.Value) -> ir.Value:
         """1 / divisor, computed once."""
-        if id(divisor) not in self.reciprocals:
-            self.reciprocals[id(divisor)] = self.builder.fdiv(number(1.0), divisor)
-            self.kept.append(divisor)
-        return self.reciprocals[id(divisor)]
+        if id(divisor) not in self._reciprocals:
+            self._reciprocals[id(divisor)] = self.builder.fdiv(number(1.0), divisor)
+            self._referenced.append(divisor)
+        return self._reciprocals[id(divisor)]
 
     def select(self, order: str, x: ir.Value, y: ir.Value) -> ir.Value:
         return self.builder.select(self.builder.fcmp_ordered(order, x, y), x, y)
@@ -203,20 +205,20 @@ class _Lowering:
 
 
 def shared_divisions(function: Instructions) -> frozenset[int]:
-    """The instructions that divide by a number by which another one divides as well."""
-    holds = [-1] * function.sz_w()  # the instruction that made what a place of the work vector holds
+    """The instructions that divide by a number by which another instruction divides too."""
+    source_of = [-1] * function.sz_w()  # for each entry of the work vector, the instruction that set it
     divisions: dict[int, list[int]] = {}
     for index in range(function.n_instructions()):
         operation = function.instruction_id(index)
         if operation in (ca.OP_DIV, ca.OP_INV):
             source = function.instruction_input(index)
-            divisions.setdefault(holds[source[0] if operation == ca.OP_INV else source[1]], []).append(index)
+            divisions.setdefault(source_of[source[0] if operation == ca.OP_INV else source[1]], []).append(index)
         if operation != ca.OP_OUTPUT:
-            holds[function.instruction_output(index)[0]] = index
+            source_of[function.instruction_output(index)[0]] = index
     return frozenset(index for group in divisions.values() if len(group) > 1 for index in group)
 
 
 def instruction_count(function: Instructions) -> int:
-    """Scalar instructions of a function, without loads and stores."""
+    """The number of scalar instructions of a function, without loads and stores."""
     skipped = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
     return sum(function.instruction_id(index) not in skipped for index in range(function.n_instructions()))

@@ -1,4 +1,4 @@
-"""IR to machine code, in memory, through llvmlite."""
+"""IR to machine code in memory, with llvmlite."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from mbd_sim.compiler import kernel_cache
 
 @dataclass(frozen=True)
 class MachineCode:
-    """Compiled functions; they live as long as this object."""
+    """Compiled functions, which live as long as this object."""
 
     engine: Any
 
     def address(self, name: str) -> int:
-        """Where a function starts."""
+        """The address of a function."""
         return int(self.engine.get_function_address(name))
 
 
@@ -38,7 +38,7 @@ def new_module() -> ir.Module:
 
 
 def compile_module(module: ir.Module) -> MachineCode:
-    """Optimise and compile, or find what was compiled from the same code before."""
+    """Optimize and compile, or load what was compiled from the same code before."""
     _prepare()
     cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
     machine = llvm.Target.from_default_triple().create_target_machine(opt=1, cpu=cpu, features=features)
@@ -56,15 +56,15 @@ def compile_module(module: ir.Module) -> MachineCode:
     return MachineCode(engine)
 
 
-PASSES = "always-inline sroa new-gvn simplify-cfg dse, O1"  # what `_compiled` does, as part of a kernel's name
+PASSES = "always-inline sroa new-gvn simplify-cfg dse, O1"  # what `_compiled` does, as part of the cache key
 
 
 def _compiled(text: str, machine: llvm.TargetMachine) -> bytes:
     """The object code of a module.
 
-    The instruction order is already good: LLVM's instruction combining makes values live longer and costs 20 %
-    in spilled registers on long chains, and its full pipelines take three times as long. So only what the stepping
-    loop needs is run: inlining, arrays into registers, value numbering, dead stores.
+    The instruction order is already good. LLVM's instruction combining makes values live longer and costs 20 % in
+    spilled registers on long chains, and its full pipelines take three times as long. So only those passes run that the
+    stepping loop needs: inlining, promotion of arrays to registers, value numbering, elimination of dead stores.
     """
     parsed = llvm.parse_assembly(text)
     parsed.verify()

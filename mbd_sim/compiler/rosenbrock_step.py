@@ -1,4 +1,4 @@
-"""A step of a Rosenbrock method, as IR: one derivative and one factorization, then a solution for each stage."""
+"""A step of a Rosenbrock method, as IR: one derivative and one factorization, then a linear solve for each stage."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mbd_sim.compiler.ir_vectors import (
 from mbd_sim.compiler.linearized_system import Linearized
 from mbd_sim.compiler.lowering import lower
 from mbd_sim.compiler.runge_kutta_step import explicit_step
-from mbd_sim.compiler.stepping import Frame, Prepare, Step
+from mbd_sim.compiler.step_emitter import Prepare, StepEmitter
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.integrators.tableau import EXPLICIT
 
@@ -26,72 +26,84 @@ from mbd_sim.integrators.tableau import EXPLICIT
 def rosenbrock_step(method: Rosenbrock, linearized: Linearized) -> Prepare:
     """The step of a Rosenbrock method, for `emit_advance`.
 
-    Where the system asks for stages to be settled, its derivative across the constraints is without bound, and means
-    nothing for the motion along them. Such a step is taken by RK4.
+    In steps that start with ill-conditioned constraints the derivative across the constraints is unbounded, and says
+    nothing about the motion along them. Such a step is taken by RK4.
     """
-    core = linearized.expand.nnz_in(2)
+    return lambda emitter: _RosenbrockStep(method, linearized, emitter).step
 
-    def prepare(frame: Frame) -> Step:
-        b, size = frame.b, frame.system.size
-        linearize, reduce, expand = (
+
+class _RosenbrockStep:
+    """The functions and the arrays of a Rosenbrock step."""
+
+    def __init__(self, method: Rosenbrock, linearized: Linearized, emitter: StepEmitter) -> None:
+        b, core = emitter.b, linearized.expand.nnz_in(2)
+        self._method, self._emitter, self._timeless = method, emitter, linearized.timeless
+        self._linearize, self._reduce, self._expand = (
             lower(b.module, function, inline=False)
             for function in (linearized.at, linearized.reduce, linearized.expand)
         )
-        solver = emit_dense_solver(b.module, core)
-        increments = [frame.vector() for _ in range(method.stages)]
-        trial, slopes, right, time_rates = (frame.vector() for _ in range(4))
-        memory, matrix = local_array(b, linearized.at.nnz_out(0)), local_array(b, core * core)
-        rows, small, solution = (local_array(b, core) for _ in range(3))
-        g = frame.scalar()
-        estimate = frame.estimator(method.estimate, increments)
-        explicit = explicit_step(EXPLICIT["rk4"])(frame) if frame.system.judging else lambda t: None
+        self._solver = emit_dense_solver(b.module, core)
+        self._increments = [emitter.vector() for _ in range(method.stages)]
+        self._trial, self._slopes, self._right, self._time_rates = (emitter.vector() for _ in range(4))
+        self._memory, self._matrix = local_array(b, linearized.at.nnz_out(0)), local_array(b, core * core)
+        self._rows, self._small, self._solution = (local_array(b, core) for _ in range(3))
+        self._g = emitter.scalar()
+        self._emit_estimate = emitter.estimator(method.estimate, self._increments)
+        self._explicit = explicit_step(EXPLICIT["rk4"])(emitter) if emitter.system.reports_conditioning else None
 
-        def right_side(stage: int) -> None:
-            """γ (h f + Σ g U + d h² f_t)."""
-            sums = weighted(method.g[stage], increments)
-            turning = 0.0 if linearized.timeless else method.d[stage]
-            squared = b.fmul(number(turning), b.fmul(frame.h, frame.h)) if turning else None
+    def step(self, t: ir.Value) -> None:
+        """Emit the step from time t on."""
+        emitter = self._emitter
+        emitter.rates(t, emitter.y, self._slopes, first=True)
+        if self._explicit is None:
+            self._implicit(t)
+            return
+        with emitter.b.if_else(emitter.is_ill_conditioned(), likely=False) as (ill_conditioned, otherwise):
+            with ill_conditioned:
+                self._explicit(t)
+            with otherwise:
+                self._implicit(t)
 
-            def component(i: Index) -> None:
-                value = b.fmul(frame.h, load(b, slopes, i))
-                if sums:
-                    value = b.fadd(value, total(b, sums, i))
-                if squared is not None:
-                    value = b.fadd(value, b.fmul(squared, load(b, time_rates, i)))
-                store(b, b.fmul(number(method.gamma), value), right, i)
+    def _implicit(self, t: ir.Value) -> None:
+        """Linearize, factorize, and solve for the increment of each stage."""
+        emitter, method, b = self._emitter, self._method, self._emitter.b
+        b.store(t, emitter.time)
+        b.store(b.fmul(number(method.gamma), emitter.h), self._g)
+        outputs = [self._memory, self._matrix, self._time_rates]
+        b.call(self._linearize, [emitter.time, emitter.y, emitter.inputs, self._g, *outputs])
+        b.call(self._solver.factorize, [self._matrix, self._rows])
+        for stage in range(method.stages):
+            if stage > 0:
+                self._stage_slopes(t, stage)
+            self._right_side(stage)
+            b.call(self._reduce, [self._memory, self._right, self._small])
+            b.call(self._solver.solve, [self._matrix, self._rows, self._small, self._solution])
+            b.call(self._expand, [self._memory, self._right, self._solution, self._increments[stage]])
+        self._emit_estimate(None)
+        combine(b, emitter.system.size, emitter.y, emitter.y, None, weighted(method.m, self._increments))
 
-            each(b, size, component)
+    def _stage_slopes(self, t: ir.Value, stage: int) -> None:
+        """Slopes = f(t + c h, y + Σ a U)."""
+        emitter, weights = self._emitter, self._method.a[stage]
+        time, state = emitter.stage_time(t, self._method.c[stage]), emitter.y
+        if any(weights):
+            state, terms = self._trial, weighted(weights, self._increments)
+            combine(emitter.b, emitter.system.size, state, emitter.y, None, terms)
+        emitter.rates(time, state, self._slopes)
 
-        def implicit(t: ir.Value) -> None:
-            b.store(t, frame.time)
-            b.store(b.fmul(number(method.gamma), frame.h), g)
-            b.call(linearize, [frame.time, frame.y, frame.inputs, g, memory, matrix, time_rates])
-            b.call(solver.factorize, [matrix, rows])
-            for stage in range(method.stages):
-                if stage > 0:
-                    moment, at = frame.later(t, method.c[stage]), frame.y
-                    if any(method.a[stage]):
-                        at = trial
-                        combine(b, size, trial, frame.y, None, weighted(method.a[stage], increments))
-                    frame.rates(moment, at, slopes)
-                right_side(stage)
-                b.call(reduce, [memory, right, small])
-                b.call(solver.solve, [matrix, rows, small, solution])
-                b.call(expand, [memory, right, solution, increments[stage]])
-            estimate(None)
-            combine(b, size, frame.y, frame.y, None, weighted(method.m, increments))
+    def _right_side(self, stage: int) -> None:
+        """Right = γ (h f + Σ g U + d h² f_t)."""
+        emitter, method, b = self._emitter, self._method, self._emitter.b
+        sums = weighted(method.g[stage], self._increments)
+        d = 0.0 if self._timeless else method.d[stage]
+        d_h_squared = b.fmul(number(d), b.fmul(emitter.h, emitter.h)) if d else None
 
-        def step(t: ir.Value) -> None:
-            frame.rates(t, frame.y, slopes, first=True)
-            if not frame.system.judging:
-                implicit(t)
-                return
-            with b.if_else(frame.asked_to_settle(), likely=False) as (doubtful, good):
-                with doubtful:
-                    explicit(t)
-                with good:
-                    implicit(t)
+        def component(i: Index) -> None:
+            value = b.fmul(emitter.h, load(b, self._slopes, i))
+            if sums:
+                value = b.fadd(value, total(b, sums, i))
+            if d_h_squared is not None:
+                value = b.fadd(value, b.fmul(d_h_squared, load(b, self._time_rates, i)))
+            store(b, b.fmul(number(method.gamma), value), self._right, i)
 
-        return step
-
-    return prepare
+        each(b, emitter.system.size, component)

@@ -1,15 +1,17 @@
-"""Instruction lists arranged so that nothing waits: sums and products by the arrival of their terms, in order of need.
+"""Instruction lists arranged to shorten their critical path: sums and products in the order in which terms are ready.
 
-An evaluation of the rates waits for results most of its time: of two dozen operations that a processor could have under
-way, a recursion along a chain has three. CasADi adds from left to right; here the terms of a sum that nobody else needs
-are added as they arrive, the last one last, and a product goes into a fused multiply-add where that is no
-later. Sums and products come out differently in the last place, but the same on every machine: the arrangement
-depends on the list and on fixed latencies alone, and fused operations are defined by IEEE 754 as all others.
+An evaluation of the rates spends most of its time waiting for results: a processor could execute two dozen operations
+at once, and a recursion along a chain offers three. CasADi adds from left to right. Here the terms of a sum that has no
+other use are added in the order in which they become ready, and a product is fused into a multiply-add where that is
+not later. Results differ in the last place from those of the original list, but are the same on every machine: the
+arrangement depends only on the list and on fixed latencies, and IEEE 754 defines fused operations like all others.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import heapq
+from collections import Counter
 from dataclasses import dataclass
 
 import casadi as ca
@@ -19,25 +21,25 @@ from mbd_sim.compiler.instruction_list import (
     MULTIPLY_SUBTRACT,
     SUBTRACT_PRODUCT,
     Graph,
+    InstructionList,
     Instructions,
     Node,
-    Program,
     graph_of,
     is_leaf,
 )
 
-# Cycles from operands to result, about as on current x86 cores. They decide what is written down, not what is right.
-ADD, MULTIPLY, FUSED, DIVIDE, ROOT, TURN, CALL = 3, 3, 4, 13, 20, 45, 100
-WIDE = 5  # operations for each cycle of the longest way, beyond which a processor is busy all the time
+# Latencies in cycles, about those of current x86 cores. They affect the order of operations, not their correctness.
+ADD, MULTIPLY, FUSED, DIVIDE, SQUARE_ROOT, SINE, CALL = 3, 3, 4, 13, 20, 45, 100
+SATURATED = 5  # operations for each cycle of the critical path, beyond which a processor is always busy
 _LATENCY = {
     ca.OP_ASSIGN: 0,
     ca.OP_NEG: 1,
     ca.OP_FABS: 1,
     ca.OP_DIV: DIVIDE,
     ca.OP_INV: DIVIDE,
-    ca.OP_SQRT: ROOT,
-    ca.OP_SIN: TURN,
-    ca.OP_COS: TURN,
+    ca.OP_SQRT: SQUARE_ROOT,
+    ca.OP_SIN: SINE,
+    ca.OP_COS: SINE,
     MULTIPLY_ADD: FUSED,
     MULTIPLY_SUBTRACT: FUSED,
     SUBTRACT_PRODUCT: FUSED,
@@ -48,42 +50,42 @@ _SUMS = frozenset({ca.OP_ADD, ca.OP_SUB})
 _PRODUCTS = frozenset({ca.OP_MUL, ca.OP_SQ, ca.OP_TWICE})
 
 
-def arranged(function: Instructions, *, fused: bool = True) -> Program:
-    """The same function with its sums and products arranged, and its instructions in the order of need.
+def arranged(function: Instructions, *, fused: bool = True) -> InstructionList:
+    """The same function with its sums and products arranged, and its instructions in critical-path order.
 
-    Not `fused`, every product is rounded by itself, so that a b − b a is zero: for functions that are to find what
-    vanishes.
+    If not `fused`, every product is rounded by itself, so that a b − b a is exactly zero. Functions that detect what
+    vanishes need that.
     """
     graph = _Rebuilding(graph_of(function), fused).graph()
-    return Program(function, graph, in_order_of_need(graph))
+    return InstructionList(function, graph, critical_path_order(graph))
 
 
 def latency(node: Node) -> int:
-    """Cycles from a node's operands to its value."""
+    """Cycles from the operands of a node to its value."""
     return 0 if is_leaf(node) else _LATENCY.get(node.operation, ADD)
 
 
-def in_order_of_need(graph: Graph) -> list[int]:
-    """The nodes that outputs need, those with the longest way to the end first.
+def critical_path_order(graph: Graph) -> list[int]:
+    """The nodes on which outputs depend, those with the longest path to an output first (list scheduling).
 
-    Where a processor has enough to do at any time, nothing is gained by that, and more values wait in memory. Such a
-    graph keeps its order.
+    A graph with so many independent operations that a processor is always busy keeps its order: it would gain nothing,
+    and more values would wait in memory.
     """
-    ways = dict.fromkeys((output.node for output in graph.outputs), 0)
+    paths = dict.fromkeys((output.node for output in graph.outputs), 0)  # cycles from a node to the last output
     for number in reversed(range(len(graph.nodes))):
         node = graph.nodes[number]
-        if number in ways and not is_leaf(node):
-            way = ways[number] + max(latency(node), 1)
+        if number in paths and not is_leaf(node):
+            path = paths[number] + max(latency(node), 1)
             for operand in node.operands:
-                ways[operand] = max(ways.get(operand, 0), way)
-    if len(ways) > WIDE * max(ways.values(), default=0):
-        return sorted(ways)
-    return sorted(ways, key=lambda number: (-ways[number], number))
+                paths[operand] = max(paths.get(operand, 0), path)
+    if len(paths) > SATURATED * max(paths.values(), default=0):
+        return sorted(paths)
+    return sorted(paths, key=lambda number: (-paths[number], number))
 
 
 @dataclass(frozen=True)
 class _Term:
-    """A term of a sum, the product of one or two nodes, with its sign; `ready` is when it could be added."""
+    """A term of a sum: the product of one or two nodes, and its sign; `ready` is the cycle when it can be added."""
 
     factors: tuple[int, ...]
     negative: bool
@@ -91,24 +93,24 @@ class _Term:
 
 
 class _Rebuilding:
+    """The construction of an arranged graph, node by node, from an old one."""
+
     def __init__(self, old: Graph, fused: bool) -> None:
         self._old, self._fuses = old, fused
         self._nodes: list[Node] = []
         self._ready: list[int] = []
         self._numbers: dict[tuple[int, tuple[int, ...], str], int] = {}
         self._new: dict[int, int] = {}
-        self._alone = self._used_once()
+        self._single_use = self._used_once()
         self._shared = self._shared_divisors()
 
     def graph(self) -> Graph:
         """The arranged graph."""
-        inside = self._inside()
+        absorbed = self._absorbed()
         for number, node in enumerate(self._old.nodes):
-            if number not in inside:
+            if number not in absorbed:
                 self._new[number] = self._rebuilt(number, node)
-        outputs = [
-            type(output)(self._new[output.node], output.result, output.component) for output in self._old.outputs
-        ]
+        outputs = [dataclasses.replace(output, node=self._new[output.node]) for output in self._old.outputs]
         return Graph(self._nodes, outputs)
 
     def _used_once(self) -> set[int]:
@@ -118,36 +120,32 @@ class _Rebuilding:
                 for operand in set(node.operands):
                     uses[operand] += 1
         for output in self._old.outputs:
-            uses[output.node] += 2  # what is stored keeps its value to the bit
+            uses[output.node] += 2  # outputs are not absorbed: they keep their values to the bit
         return {number for number, count in enumerate(uses) if count == 1}
 
     def _shared_divisors(self) -> set[int]:
-        by: dict[int, int] = {}
-        for node in self._old.nodes:
-            if node.operation in (ca.OP_DIV, ca.OP_INV):
-                divisor = node.operands[-1]
-                by[divisor] = by.get(divisor, 0) + 1
-        return {divisor for divisor, count in by.items() if count > 1}
+        divisors = Counter(node.operands[-1] for node in self._old.nodes if node.operation in (ca.OP_DIV, ca.OP_INV))
+        return {divisor for divisor, count in divisors.items() if count > 1}
 
     def _is_product(self, node: Node) -> bool:
         return node.operation in _PRODUCTS or (node.operation == ca.OP_DIV and node.operands[1] in self._shared)
 
-    def _inside(self) -> set[int]:
-        """The nodes that become part of the only sum or product that uses them; but what is squared stays one."""
-        inside: set[int] = set()
+    def _absorbed(self) -> set[int]:
+        """The nodes that become part of the only sum or product that uses them; the operand of a square does not."""
+        absorbed: set[int] = set()
         for node in self._old.nodes:
             into_sum, into_product = node.operation in _SUMS, self._is_product(node)
             if not (into_sum or into_product) or node.operation == ca.OP_SQ:
                 continue
             for operand in node.operands:
                 other = self._old.nodes[operand]
-                divisor = node.operation == ca.OP_DIV and operand == node.operands[1]
-                if operand not in self._alone or divisor:
+                is_divisor = node.operation == ca.OP_DIV and operand == node.operands[1]
+                if operand not in self._single_use or is_divisor:
                     continue
-                absorbed = self._is_product(other) or other.operation == ca.OP_NEG
-                if absorbed or (into_sum and other.operation in _SUMS):
-                    inside.add(operand)
-        return inside
+                is_factor = self._is_product(other) or other.operation == ca.OP_NEG
+                if is_factor or (into_sum and other.operation in _SUMS):
+                    absorbed.add(operand)
+        return absorbed
 
     def _rebuilt(self, number: int, node: Node) -> int:
         if is_leaf(node):
@@ -187,7 +185,7 @@ class _Rebuilding:
         return found
 
     def _factors(self, number: int) -> tuple[list[int], bool]:
-        """The new nodes whose product a node is, and whether that is to be turned round."""
+        """The new nodes whose product a node is, and whether the product is to be negated."""
         found, negative, waiting = [], False, [number]
         while waiting:
             number = waiting.pop()
@@ -203,12 +201,12 @@ class _Rebuilding:
             elif node.operation == ca.OP_TWICE:
                 found.append(self._add(Node(ca.OP_CONST, (), 2.0)))
                 waiting.append(node.operands[0])
-            else:  # a square has its operand once
+            else:  # a square names its operand once
                 waiting += node.operands * (2 if node.operation == ca.OP_SQ else 1)
         return found, negative
 
     def _reduced(self, factors: list[int]) -> tuple[int, ...]:
-        """Two factors whose product is that of all: the earliest are multiplied first."""
+        """At most two factors with the same product: those that are ready first are multiplied first."""
         waiting = [(self._ready[factor], factor) for factor in factors]
         heapq.heapify(waiting)
         while len(waiting) > 2:
@@ -223,7 +221,7 @@ class _Rebuilding:
         return self._add(Node(ca.OP_SQ, (one,)) if one == other else Node(ca.OP_MUL, (one, other)))
 
     def _sum(self, terms: list[_Term]) -> int:
-        """The terms added, always the two that are ready first."""
+        """The sum of the terms: the two that are ready first are added first."""
         waiting = [(term.ready, place, term) for place, term in enumerate(terms)]
         heapq.heapify(waiting)
         place = len(terms)
@@ -236,7 +234,7 @@ class _Rebuilding:
         return self._add(Node(ca.OP_NEG, (value,))) if last.negative else value
 
     def _added(self, early: _Term, late: _Term) -> _Term:
-        """Two terms as one: the later of two products is fused, if that is no later than adding it."""
+        """The sum of two terms: a product is fused, the later one first, if that is not later than an addition."""
         for fused, other in ((late, early), (early, late)):
             if self._fuses and len(fused.factors) == 2:
                 ready = max(*(self._ready[factor] for factor in fused.factors), other.ready) + FUSED

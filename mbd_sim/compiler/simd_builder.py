@@ -1,8 +1,9 @@
-"""Code for several members at once: a builder whose doubles are vectors, one lane a member.
+"""Code for several members at once: a builder whose doubles are vectors, with one lane for each member.
 
-The emitters write the same instructions for one member and for many. What differs from member to member is a vector;
-what is the same for all of them, such as the time and numbers of the method, stays a scalar until it meets one. Each
-lane goes through the same IEEE operations in the same order as a single member, and so gets the same bits.
+The emitters emit the same instructions for one member and for many. A value that differs between members is a vector. A
+value that is the same for all of them, such as the time or a coefficient of the method, is a scalar until it is
+combined with a vector. Each lane takes the same IEEE operations in the same order as a single member, and so gets the
+same bits.
 """
 
 from __future__ import annotations
@@ -14,22 +15,22 @@ import llvmlite.ir as ir
 
 from mbd_sim.compiler.ir_types import DOUBLE
 
-ALIGNMENT = 8  # of arrays of members, in bytes
+ALIGNMENT = 8  # bytes, of the arrays of members
 
 
 class LaneBuilder(ir.IRBuilder):  # type: ignore[misc]  # llvmlite carries no types
-    """Emits for `lanes` members at once."""
+    """An `IRBuilder` that emits code for `lanes` members at once."""
 
     def __init__(self, block: ir.Block, lanes: int) -> None:
         super().__init__(block)
         self.lanes = lanes
 
     def vector(self, scalar: ir.Type) -> ir.VectorType:
-        """The type of a scalar for all members."""
+        """The vector type with one scalar for each member."""
         return ir.VectorType(scalar, self.lanes)
 
     def widened(self, value: ir.Value) -> ir.Value:
-        """The value for all members."""
+        """The value as a vector: a scalar is copied to every lane."""
         if isinstance(value.type, ir.VectorType):
             return value
         wide = self.vector(value.type)
@@ -45,30 +46,31 @@ class LaneBuilder(ir.IRBuilder):  # type: ignore[misc]  # llvmlite carries no ty
         return self.icmp_unsigned("!=", bits, ir.Constant(ir.IntType(self.lanes), 0))
 
     def lane(self, vector: ir.Value, index: int) -> ir.Value:
-        """What one member has."""
+        """The value of one member."""
         return self.extract_element(vector, ir.Constant(ir.IntType(32), index))
 
     def gathered(self, values: Sequence[ir.Value]) -> ir.Value:
-        """A vector of what each member has."""
+        """A vector of the values of the members."""
         vector: ir.Value = ir.Constant(self.vector(values[0].type), ir.Undefined)
         for index, value in enumerate(values):
             vector = self.insert_element(vector, value, ir.Constant(ir.IntType(32), index))
         return vector
 
     def _alike(self, *values: ir.Value) -> list[ir.Value]:
+        """The values, all as vectors if one of them is a vector."""
         wide = any(isinstance(value.type, ir.VectorType) for value in values)
         return [self.widened(value) for value in values] if wide else list(values)
 
     def fcmp_ordered(self, order: str, x: ir.Value, y: ir.Value, *rest: Any, **more: Any) -> ir.Value:
-        """Compare; false where one is not a number."""
+        """Compare; false for operands that are not numbers."""
         return super().fcmp_ordered(order, *self._alike(x, y), *rest, **more)
 
     def fcmp_unordered(self, order: str, x: ir.Value, y: ir.Value, *rest: Any, **more: Any) -> ir.Value:
-        """Compare; true where one is not a number."""
+        """Compare; true for operands that are not numbers."""
         return super().fcmp_unordered(order, *self._alike(x, y), *rest, **more)
 
     def select(self, condition: ir.Value, x: ir.Value, y: ir.Value, *rest: Any, **more: Any) -> ir.Value:
-        """Choose, for each member or for all."""
+        """Select by a condition, for each member or for all."""
         if isinstance(condition.type, ir.VectorType):
             return super().select(condition, self.widened(x), self.widened(y), *rest, **more)
         return super().select(condition, *self._alike(x, y), *rest, **more)
@@ -81,37 +83,37 @@ class LaneBuilder(ir.IRBuilder):  # type: ignore[misc]  # llvmlite carries no ty
         return super().call(self._wide_intrinsic("llvm.fma", 3), [x, y, z])
 
     def bitcast(self, value: ir.Value, type_: ir.Type, *rest: Any, **more: Any) -> ir.Value:
-        """The same bits as numbers of another type."""
+        """The same bits as another type."""
         keeps_lanes = isinstance(value.type, ir.VectorType) and type_ in (DOUBLE, ir.IntType(64))
         return super().bitcast(value, self.vector(type_) if keeps_lanes else type_, *rest, **more)
 
     def trunc(self, value: ir.Value, type_: ir.Type, *rest: Any, **more: Any) -> ir.Value:
-        """The low bits."""
+        """The low bits of an integer."""
         wide = isinstance(value.type, ir.VectorType)
         return super().trunc(value, self.vector(type_) if wide else type_, *rest, **more)
 
     def load(self, pointer: ir.Value, *rest: Any, typ: ir.Type | None = None, **more: Any) -> ir.Value:
-        """Load what each member has, where a double is asked for."""
+        """Load; a double is loaded for each member."""
         if typ == DOUBLE:
             return super().load(pointer, *rest, typ=self.vector(DOUBLE), align=ALIGNMENT, **more)
         return super().load(pointer, *rest, typ=typ, **more)
 
     def store(self, value: ir.Value, pointer: ir.Value, *rest: Any, **more: Any) -> ir.Value:
-        """Store a number, for every member the same where it is a scalar."""
+        """Store; a scalar double is stored for each member."""
         wide = self.widened(value) if value.type == DOUBLE else value
         return super().store(wide, pointer, align=ALIGNMENT)
 
     def gep(self, pointer: ir.Value, indices: Any, *rest: Any, source_etype: ir.Type, **more: Any) -> ir.Value:
-        """The address of what each member has."""
+        """An address in an array; an element of an array of doubles has one double for each member."""
         step = self.vector(DOUBLE) if source_etype == DOUBLE else source_etype
         return super().gep(pointer, indices, *rest, source_etype=step, **more)
 
     def alloca(self, type_: ir.Type, *rest: Any, **more: Any) -> ir.Value:
-        """Room for numbers of each member."""
+        """Allocate on the stack; a double is allocated for each member."""
         return super().alloca(self.vector(DOUBLE) if type_ == DOUBLE else type_, *rest, **more)
 
     def call(self, function: ir.Function, arguments: Sequence[ir.Value], *rest: Any, **more: Any) -> ir.Value:
-        """Call a function; an intrinsic of doubles becomes that of vectors."""
+        """Call a function; an intrinsic for doubles is replaced by that for vectors."""
         if function.name.endswith(".f64") and function.name.startswith("llvm."):
             arguments = self._alike(*arguments)
             if isinstance(arguments[0].type, ir.VectorType):
@@ -126,6 +128,7 @@ class LaneBuilder(ir.IRBuilder):  # type: ignore[misc]  # llvmlite carries no ty
 
 
 def _widening(name: str) -> Any:
+    """A method of `IRBuilder` with two operands, for `LaneBuilder`."""
     plain = getattr(ir.IRBuilder, name)
 
     def emit(self: LaneBuilder, x: ir.Value, y: ir.Value, *rest: Any, **more: Any) -> ir.Value:
@@ -139,15 +142,10 @@ for _name in ("fadd", "fsub", "fmul", "fdiv", "add", "and_", "or_", "xor", "shl"
 
 
 def new_builder(block: ir.Block, lanes: int) -> ir.IRBuilder:
-    """A builder for some members at once; for 1, that of scalars."""
+    """A builder for `lanes` members at once; for 1, the builder of scalars."""
     return LaneBuilder(block, lanes) if lanes > 1 else ir.IRBuilder(block)
 
 
 def lanes_of(builder: ir.IRBuilder) -> int:
-    """For how many members a builder emits."""
+    """The number of members for which a builder emits code."""
     return builder.lanes if isinstance(builder, LaneBuilder) else 1
-
-
-def real_type(builder: ir.IRBuilder) -> ir.Type:
-    """The type of a number that differs from member to member."""
-    return builder.vector(DOUBLE) if isinstance(builder, LaneBuilder) else DOUBLE

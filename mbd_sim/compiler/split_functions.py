@@ -1,6 +1,6 @@
-"""Long instruction lists cut into pieces: the time that a compiler takes grows with the square of a function's length.
+"""Long instruction lists split into several functions, as compile time grows with the square of a function's length.
 
-The derivative of 30 rods, 110,000 instructions, compiles in 60 s as one function and in 6 s in pieces; it runs as fast.
+The derivative of 30 rods, 110,000 instructions, compiles in 60 s as one function and in 6 s split; it runs as fast.
 """
 
 from __future__ import annotations
@@ -13,48 +13,48 @@ import llvmlite.ir as ir
 from mbd_sim.compiler.instruction_list import Instructions
 from mbd_sim.compiler.ir_types import DOUBLE, element
 
-PIECE = 4000  # instructions
-UNCUT = 8000  # instructions up to which a list stays whole
+PIECE = 4000  # instructions of one function
+UNSPLIT = 8000  # instructions up to which a list stays one function
 
 
 def pieces(function: Instructions) -> Sequence[range]:
-    """The instructions of a function, in order."""
+    """The ranges of instructions that become functions, in order."""
     count = function.n_instructions()
-    if count <= UNCUT:
+    if count <= UNSPLIT:
         return [range(count)]
     return [range(first, min(first + PIECE, count)) for first in range(0, count, PIECE)]
 
 
-def handed_on(function: Instructions, cut: Sequence[range]) -> list[set[int]]:
-    """The places of the work vector that each piece sets and a later one reads."""
+def live_out(function: Instructions, split: Sequence[range]) -> list[set[int]]:
+    """The indices in the work vector that each piece sets and a later one reads."""
     needed: set[int] = set()
     found = []
-    for piece in reversed(cut):
+    for piece in reversed(split):
         after, needed = needed, set(needed)
-        made = set()
+        defined = set()
         for index in reversed(piece):
             operation = function.instruction_id(index)
             if operation != ca.OP_OUTPUT:
-                made.add(function.instruction_output(index)[0])
+                defined.add(function.instruction_output(index)[0])
                 needed.discard(function.instruction_output(index)[0])
             if operation not in (ca.OP_INPUT, ca.OP_CONST):
                 needed.update(function.instruction_input(index))
-        found.append(after & made)
+        found.append(after & defined)
     return found[::-1]
 
 
-class Work(dict[int, ir.Value]):
-    """The work vector within a piece: what the piece has not set itself comes from memory."""
+class PieceWork(dict[int, ir.Value]):
+    """The work vector within a piece: values that the piece has not set are loaded from memory."""
 
     def __init__(self, builder: ir.IRBuilder, memory: ir.Value) -> None:
         super().__init__()
         self._builder, self._memory = builder, memory
 
-    def __missing__(self, place: int) -> ir.Value:
-        self[place] = self._builder.load(element(self._builder, self._memory, place), typ=DOUBLE)
-        return self[place]
+    def __missing__(self, index: int) -> ir.Value:
+        self[index] = self._builder.load(element(self._builder, self._memory, index), typ=DOUBLE)
+        return self[index]
 
-    def hand_on(self, places: set[int]) -> None:
-        """Write places to memory."""
-        for place in sorted(places):
-            self._builder.store(self[place], element(self._builder, self._memory, place))
+    def save(self, indices: set[int]) -> None:
+        """Store some values to memory, for later pieces."""
+        for index in sorted(indices):
+            self._builder.store(self[index], element(self._builder, self._memory, index))

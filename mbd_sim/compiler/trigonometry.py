@@ -1,9 +1,9 @@
 """Sine and cosine together, as inlined IR.
 
 The polynomials and the reduction are those of FDLIBM (Sun Microsystems, k_sin.c, k_cos.c, e_rem_pio2.c), written with
-fused multiply-adds and with pi/2 to 172 bits, exact for |x| < 1.6e6 rad to 0.8 units in the last place; beyond, the C
-library is called. One reduction serves both values, and every machine gets the same bits, which its C library would
-not promise.
+fused multiply-adds and with pi/2 to 172 bits. The error is below 0.8 units in the last place for |x| < 1.6e6 rad;
+beyond, the C library is called. One reduction serves both values, and every machine gets the same bits, which C
+libraries do not promise.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from mbd_sim.compiler.simd_builder import LaneBuilder, lanes_of, new_builder
 
 _LARGEST = 2.0**20 * 1.5707963267948966
 _TWO_OVER_PI = 6.36619772367581382433e-01
-_ROUNDER = 6755399441055744.0  # 1.5 * 2**52: adding it rounds to the nearest integer, which its low bits then hold
+_ROUNDER = 6755399441055744.0  # 1.5 * 2**52: adding it rounds to the nearest integer, which is then in the low bits
 _HALF_PI = 1.57079632673412561417e00  # the first 33 bits of pi/2
 _HALF_PI_NEXT = 6.07710050630396597660e-11  # the next 33 bits
 _HALF_PI_TAIL = 2.02226624879595063154e-21  # the next 53 bits
@@ -82,7 +82,7 @@ def _function(module: ir.Module, lanes: int) -> ir.Function:
     shifted = b.fma(x, number(_TWO_OVER_PI), number(_ROUNDER))
     quarters = b.fsub(shifted, number(_ROUNDER))
     quadrant = b.bitcast(shifted, INT)
-    head = b.fma(quarters, number(-_HALF_PI), x)  # exact, as `second`
+    head = b.fma(quarters, number(-_HALF_PI), x)  # exact, like `second`
     second = b.fmul(quarters, number(_HALF_PI_NEXT))
     tail = b.fma(quarters, number(_HALF_PI_TAIL), second)
     r = b.fsub(head, tail)
@@ -111,13 +111,13 @@ def _one_by_one(module: ir.Module, b: LaneBuilder, x: ir.Value) -> list[ir.Value
 
 
 def _flip(b: ir.IRBuilder, value: ir.Value, quadrant: ir.Value) -> ir.Value:
-    """The value with its sign changed where bit 1 of `quadrant` is set."""
+    """The value with its sign changed if bit 1 of `quadrant` is set."""
     sign = b.shl(b.and_(quadrant, integer(2)), integer(62))
     return b.bitcast(b.xor(b.bitcast(value, INT), sign), DOUBLE)
 
 
 def _polynomial(b: ir.IRBuilder, z: ir.Value, w: ir.Value, coefficients: Sequence[float]) -> ir.Value:
-    """Six coefficients at z, of which `w` is the square, in pairs: a third of the time of Horner's way."""
+    """The polynomial of six coefficients at z, with w = z², in pairs: a third of the time of Horner's scheme."""
     low, middle, high = (
         b.fma(z, number(odd), number(even)) for even, odd in zip(coefficients[::2], coefficients[1::2], strict=True)
     )
@@ -133,7 +133,7 @@ def _kernel_sine(b: ir.IRBuilder, x: ir.Value, y: ir.Value) -> ir.Value:
 
 
 def _kernel_cosine(b: ir.IRBuilder, x: ir.Value, y: ir.Value) -> ir.Value:
-    """cos(x − y) = (1 − x²/2) + (x⁴ P(x²) + x y), with what the first bracket loses in rounding."""
+    """cos(x − y) = (1 − x²/2) + (x⁴ P(x²) + x y), plus the rounding error of the first bracket."""
     z = b.fmul(x, x)
     w = b.fmul(z, z)
     one = b.fma(number(-0.5), z, number(1.0))

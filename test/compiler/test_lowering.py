@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from mbd_sim.compiler import lowering
 from mbd_sim.compiler.instruction_list import (
     Graph,
+    InstructionList,
     Node,
     Output,
-    Program,
 )
 from mbd_sim.compiler.kernel import _export, compile_kernel
 from mbd_sim.compiler.kernel import _reader as _compiled_reader
@@ -118,7 +118,9 @@ def test_fused_operations():
     for number, operation in enumerate(TERNARY):
         function = ca.Function(f"fused{number}", [x], [x[0]])
         graph = Graph([*inputs, Node(operation, (0, 1, 2))], [Output(3, 0, 0)])
-        _export(module, f"read_{number}", lowering.lower(module, Program(function, graph, range(4)), inline=True))
+        _export(
+            module, f"read_{number}", lowering.lower(module, InstructionList(function, graph, range(4)), inline=True)
+        )
     code = compile_module(module)
     rng = np.random.default_rng(42)
     usual = rng.normal(size=(50, 3)) * 10.0 ** rng.integers(-3, 4, (50, 3))

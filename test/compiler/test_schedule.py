@@ -9,7 +9,7 @@ import pytest
 from mbd_sim.compiler.instruction_list import (
     MULTIPLY_ADD,
     SUBTRACT_PRODUCT,
-    Program,
+    InstructionList,
     graph_of,
     is_leaf,
 )
@@ -19,7 +19,7 @@ from mbd_sim.compiler.schedule import (
     FUSED,
     MULTIPLY,
     arranged,
-    in_order_of_need,
+    critical_path_order,
     latency,
 )
 from mbd_sim.dynamics.equations import derive
@@ -151,10 +151,10 @@ def test_a_wide_list_keeps_its_order():
 def test_what_no_output_needs_is_left_out_and_places_are_used_again():
     rates = derive(load_mechanism("double_rod")).rates
     graph = graph_of(arranged(rates))
-    order = in_order_of_need(graph)
+    order = critical_path_order(graph)
     assert len(order) == len(graph.nodes)
     places = {number: step for step, number in enumerate(order)}
     for number in order:
         if not is_leaf(graph.nodes[number]):
             assert all(places[operand] < places[number] for operand in graph.nodes[number].operands)
-    assert Program(rates, graph, order).sz_w() < len(order) / 2
+    assert InstructionList(rates, graph, order).sz_w() < len(order) / 2

@@ -6,7 +6,7 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.compiler import split_functions
-from mbd_sim.compiler.split_functions import handed_on
+from mbd_sim.compiler.split_functions import live_out
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.load import load_mechanism
 
@@ -16,18 +16,18 @@ from mbd_sim.load import load_mechanism
 def test_pieces_give_the_same_bits(monkeypatch, size, method):
     whole = Simulation.from_file("moving_support_pendulum", method=method)
     monkeypatch.setattr(split_functions, "PIECE", size)
-    monkeypatch.setattr(split_functions, "UNCUT", size)
+    monkeypatch.setattr(split_functions, "UNSPLIT", size)
     cut = Simulation.from_file("moving_support_pendulum", method=method)
     whole.step(100)
     cut.step(100)
     assert cut.state.tobytes() == whole.state.tobytes()
 
 
-def test_nothing_is_handed_on_that_nobody_reads():
+def test_nothing_is_live_out_that_nobody_reads():
     rates = derive(load_mechanism("double_rod")).rates
     count = rates.n_instructions()
     halves = [range(count // 2), range(count // 2, count)]
-    first, last = handed_on(rates, halves)
+    first, last = live_out(rates, halves)
     assert last == set()
     assert 0 < len(first) < rates.sz_w()
-    assert handed_on(rates, [range(count)]) == [set()]
+    assert live_out(rates, [range(count)]) == [set()]

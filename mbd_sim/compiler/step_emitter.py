@@ -1,0 +1,163 @@
+"""What every method needs to emit a step, as IR: the state, the rates, the projection, and the error estimate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import llvmlite.ir as ir
+
+from mbd_sim.compiler.ir_types import DOUBLE, local_array, number
+from mbd_sim.compiler.ir_vectors import (
+    Index,
+    add_squares,
+    copy,
+    each,
+    load,
+    store,
+    total,
+    weighted,
+)
+from mbd_sim.compiler.simd_builder import LaneBuilder
+from mbd_sim.integrators.estimate import Estimate
+
+TINIEST = 1e-300  # keeps 0/0 out of estimates
+
+
+@dataclass(frozen=True)
+class System:
+    """y' = rates(t, y, inputs) with `size` components, of which the first `error_size` count in error estimates.
+
+    `projection(t, y)` or, if `projection_takes_inputs`, `projection(t, y, inputs)`, moves the state back to the
+    constraints after each step. If `rates` also `reports_conditioning`, it has a second output: where that is negative
+    at the start of a step, the constraints are ill-conditioned and each further stage is projected too.
+    """
+
+    size: int
+    error_size: int
+    rates: ir.Function
+    projection: ir.Function | None
+    reports_conditioning: bool = False
+    projection_takes_inputs: bool = False
+
+
+# Emits the error estimate of a step, given the factor h of the slopes (None: 1) and a further error to add to it.
+EmitEstimate = Callable[..., None]
+
+
+class StepEmitter:
+    """Emits the operations of a step on the state `y` (n,), with step size `h` in s, for one method of integration.
+
+    `time` is the address of the time argument, and `largest_error` that of the largest error estimate so far.
+    """
+
+    def __init__(self, b: ir.IRBuilder, system: System, inputs: ir.Value, h: ir.Value) -> None:
+        """Allocate the arrays; the builder `b` must be in the entry block of a function."""
+        self.b, self.system, self.inputs, self.h = b, system, inputs, h
+        self.y, self.time, self.largest_error = self.vector(), self.scalar(), self.scalar()
+        self.is_estimated: ir.Value = ir.Constant(ir.IntType(1), 0)  # whether the error of this step is estimated
+        self._projected = self.vector() if system.projection is not None else None
+        self._conditioning, self._ignored = self.scalar(), self.scalar()
+
+    def vector(self) -> ir.Value:
+        """A new array of the size of the state; only in the entry block."""
+        return local_array(self.b, self.system.size)
+
+    def scalar(self) -> ir.Value:
+        """A new number in memory; only in the entry block."""
+        return local_array(self.b, 1)
+
+    def rates(self, time: ir.Value, state: ir.Value, slopes: ir.Value, *, first: bool = False) -> None:
+        """Evaluate the rates into `slopes`; the `first` evaluation of a step reports its conditioning."""
+        self.b.store(time, self.time)
+        reported = [self._conditioning if first else self._ignored] if self.system.reports_conditioning else []
+        self.b.call(self.system.rates, [self.time, state, self.inputs, slopes, *reported])
+
+    def project(self, time: ir.Value, state: ir.Value) -> None:
+        """Move a state back to the constraints, in place."""
+        if self.system.projection is not None:
+            self.b.store(time, self.time)
+            inputs = [self.inputs] if self.system.projection_takes_inputs else []
+            self.b.call(self.system.projection, [self.time, state, *inputs, self._projected])
+            copy(self.b, self.system.size, self._projected, state)
+
+    def project_stage(self, time: ir.Value, state: ir.Value) -> None:
+        """The same for a stage, in steps that start ill-conditioned."""
+        if not self.system.reports_conditioning:
+            return
+        condition = self.is_ill_conditioned()
+        if isinstance(self.b, LaneBuilder):
+            with self.b.if_then(self.b.any_lane(condition), likely=False):
+                self._project_members(time, state, condition)
+        else:
+            with self.b.if_then(condition, likely=False):
+                self.project(time, state)
+
+    def _project_members(self, time: ir.Value, state: ir.Value, condition: ir.Value) -> None:
+        """Project those members of a group for which a condition holds."""
+        b, before = self.b, [load(self.b, state, index) for index in range(self.system.size)]
+        self.project(time, state)
+        for index, old in enumerate(before):
+            store(b, b.select(condition, load(b, state, index), old), state, index)
+
+    def is_ill_conditioned(self) -> ir.Value:
+        """Whether the first evaluation of the step reported ill-conditioned constraints."""
+        return self.b.fcmp_ordered("<", self.b.load(self._conditioning, typ=DOUBLE), number(0.0))
+
+    def stage_time(self, t: ir.Value, c: float) -> ir.Value:
+        """t + c h."""
+        return t if c == 0.0 else self.b.fadd(t, self.b.fmul(number(c), self.h))
+
+    def scale(self, index: Index) -> ir.Value:
+        """1 / (1 + |y|) for a component."""
+        size = self.b.call(self.b.module.declare_intrinsic("llvm.fabs", [DOUBLE]), [load(self.b, self.y, index)])
+        return self.b.fdiv(number(1.0), self.b.fadd(number(1.0), size))
+
+    def estimator(self, estimate: Estimate, slopes: list[ir.Value]) -> EmitEstimate:
+        """A function that emits the update of `largest_error` in a step whose error is estimated.
+
+        It must be called while `y` is still the state at the start of the step. What is not a number counts as
+        infinity.
+        """
+        fine, coarse = self.scalar(), self.scalar()
+
+        def emit(h: ir.Value | None, further: ir.Value | None = None) -> None:
+            b = self.b
+            with b.if_then(self.is_estimated):
+                value = self._estimated(estimate, slopes, fine, coarse, h)
+                value = value if further is None else b.fadd(value, further)
+                value = b.select(b.fcmp_unordered("uno", value, value), number(math.inf), value)
+                largest = b.load(self.largest_error, typ=DOUBLE)
+                b.store(b.select(b.fcmp_ordered(">", value, largest), value, largest), self.largest_error)
+
+        return emit
+
+    def _estimated(
+        self, estimate: Estimate, slopes: list[ir.Value], fine: ir.Value, coarse: ir.Value, h: ir.Value | None
+    ) -> ir.Value:
+        """The estimated error: the norm of the fine estimate, or Hairer's combination with the coarse one."""
+        b = self.b
+
+        def component(i: Index) -> None:
+            scale = self.scale(i) if h is None else b.fmul(h, self.scale(i))
+            for into, weights in ((fine, estimate.fine), (coarse, estimate.coarse)):
+                if weights:
+                    add_squares(b, into, b.fmul(scale, total(b, weighted(weights, slopes), i)))
+
+        b.store(number(0.0), fine)
+        b.store(number(0.0), coarse)
+        each(b, self.system.error_size, component)
+        small = b.load(fine, typ=DOUBLE)
+        if not estimate.coarse:
+            return self.square_root(small)
+        large = b.fmul(number(estimate.weight), b.load(coarse, typ=DOUBLE))
+        return b.fdiv(small, self.square_root(b.fadd(b.fadd(small, large), number(TINIEST))))
+
+    def square_root(self, value: ir.Value) -> ir.Value:
+        """The square root of a double."""
+        return self.b.call(self.b.module.declare_intrinsic("llvm.sqrt", [DOUBLE]), [value])
+
+
+EmitStep = Callable[[ir.Value], None]  # emits a step from the time (the argument) on: it moves the emitter's y by h
+Prepare = Callable[[StepEmitter], EmitStep]  # allocates what a method needs
