@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple, assert_never
 
-import numpy as np
-
 from mbd_sim.load import parse_mechanism
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.override import with_values
@@ -17,6 +15,7 @@ from mbd_sim.recording.topic_roles import TopicRole, topic_roles
 from mbd_sim.simulation.events import ChangedValues, EventKind, parse_event
 from mbd_sim.simulation.live_values import LARGEST_GAP
 from mbd_sim.simulation.simulation import Simulation
+from mbd_sim.simulation.wrench_layout import parse_wrench
 
 __all__ = ["SEQUENCE_MODULUS", "LiveValueMismatch", "Recomputation", "RecomputeError"]
 
@@ -130,7 +129,8 @@ class Recomputation:
             case TopicRole.APPLIED_EFFORTS:
                 self.simulation.set_efforts(cdr.multi_array(message.payload).values)
             case TopicRole.APPLIED_WRENCHES:
-                self._set_wrench(cdr.multi_array(message.payload))
+                wrench = parse_wrench(*cdr.multi_array(message.payload))
+                self.simulation.set_wrench(wrench.part, wrench.force, wrench.couple, at=wrench.point, axes=wrench.axes)
             case TopicRole.LIVE_VALUES:
                 self._set_live(cdr.multi_array(message.payload))
             case TopicRole.EVENTS:
@@ -193,15 +193,6 @@ class Recomputation:
             raise ValueError(f"with these changes its loops are open by {gap:.3g} in the middle of the run")
         simulation.restore(self._start.y, steps, inputs, simulation.energies.total)
         self._reference_steps = steps
-
-    def _set_wrench(self, recorded: cdr.MultiArray) -> None:
-        """Apply a wrench that is recorded in the form and order of `ExternalWrench`."""
-        part = recorded.labels[0].rsplit(".", 2)[0] if recorded.labels else ""
-        force, couple, own_force, own_couple, point = recorded.values.reshape(5, 3)
-        if np.any(own_force) or np.any(own_couple):
-            self.simulation.set_wrench(part, own_force, own_couple, at=point, axes="part")
-        else:
-            self.simulation.set_wrench(part, force, couple, at=point)
 
     def _set_live(self, recorded: cdr.MultiArray) -> None:
         current = self.simulation.live

@@ -29,6 +29,7 @@ from mbd_sim.ros.snapshots import Item, Snapshot
 from mbd_sim.ros.transforms import transforms
 from mbd_sim.simulation.compiled_model import Energies, Model
 from mbd_sim.simulation.events import ERRORS, AppliedEfforts, AppliedWrench, ChangedValues, Event, EventKind
+from mbd_sim.simulation.wrench_layout import wrench_labels
 from mbd_sim.urdf.export import to_urdf
 from mbd_sim.viewer import Viewer
 
@@ -81,9 +82,7 @@ class Outputs:
         self._clock = node.create_publisher(Clock, "/clock", qos.CLOCK)
         self._clock_message = Template(Clock(clock=STAMP))
         self._efforts, self._effort_values = state_messages.labelled(model.coordinate_names)
-        self._wrenches = {
-            part: state_messages.labelled(state_messages.wrench_labels(part)) for part in model.equations.inputs.loaded
-        }
+        self._wrenches = {part: state_messages.labelled(wrench_labels(part)) for part in model.equations.inputs.loaded}
         self._marker_output = node.create_publisher(MarkerArray, "markers", qos.STATE)
         self._markers: Markers | None = None
         self._marker_due = 0.0

@@ -110,12 +110,6 @@ def placed(poses: Array) -> Array:
     return np.hstack([positions, quaternions(rotations)])
 
 
-def wrench_labels(part: str) -> tuple[str, ...]:
-    """The names of the numbers of a wrench among the inputs of the equations, in the order of `ExternalWrench`."""
-    vectors = ("force", "couple", "own_force", "own_couple", "point")
-    return tuple(f"{part}.{vector}.{axis}" for vector in vectors for axis in "xyz")
-
-
 def labelled(labels: Sequence[str]) -> tuple[Template, Array]:
     """An array of numbers whose dimensions carry their names, as Rerun and PlotJuggler plot it; and its numbers."""
     layout = MultiArrayLayout(dim=[MultiArrayDimension(label=label, size=1, stride=1) for label in labels])
