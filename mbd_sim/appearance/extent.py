@@ -1,4 +1,4 @@
-"""Where a mechanism is and where it goes: what the camera, the grid and the sizes of markers are made from."""
+"""The box that a mechanism and its motion fill: it determines the camera, the grid and the sizes of markers."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbd_sim.appearance.solids import half_sizes
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.mechanism.records import (
     GROUND,
-    Joint,
     Mechanism,
     Part,
-    Shape,
 )
 
 if TYPE_CHECKING:
@@ -27,11 +26,11 @@ PREVIEW_FRAMES = 100
 
 @dataclass(frozen=True, eq=False)
 class Extent:
-    """The box `lower` to `upper` (3,) in ground's frame that the motion fills, in m.
+    """The box from `lower` to `upper` (3,) that the motion fills, in ground's frame in m.
 
-    `size` is the length in m of the mechanism as it starts; markers are sized by it. `normal` (3,) is the unit
-    normal of the plane of motion, None for spatial mechanisms. `travel` is from where to where in m the prismatic and
-    cylindrical joints slide.
+    `size` is the length in m of the mechanism at the start; markers are sized relative to it. `normal` (3,) is the unit
+    normal of the plane of motion, None for spatial mechanisms. `travel` holds the smallest and the largest displacement
+    in m of each prismatic and cylindrical joint.
     """
 
     lower: Array
@@ -42,14 +41,14 @@ class Extent:
 
     @property
     def center(self) -> Array:
-        """The middle of the box, (3,)."""
+        """The center of the box, (3,)."""
         return (self.lower + self.upper) / 2.0
 
 
 def extent_of(model: Model) -> Extent:
-    """Look at the start and at the first seconds of free motion, which cost milliseconds to compute.
+    """Find the extent from the start and the first seconds of free motion, which take milliseconds to simulate.
 
-    The motion counts as far as three times the start's own box: what flies away does not take the camera along.
+    The motion counts up to three times the box of the start, so that parts that fly away do not take the camera along.
     """
     corners = {name: _corners(part) for name, part in model.mechanism.parts.items()}
     fixed = [pose.position for pose in model.mechanism.ground_points.values()]
@@ -72,7 +71,7 @@ def extent_of(model: Model) -> Extent:
 
 
 def _preview(model: Model) -> tuple[list[float], list[Array]]:
-    """Times and states at the start and, without efforts, in the seconds after it."""
+    """Times and states at the start and in the seconds after it, without efforts."""
     y, inputs, step = model.start.copy(), model.inputs.copy(), model.mechanism.step
     times, states = [0.0], [y.copy()]
     last = min(round(PREVIEW_TIME / step), PREVIEW_STEPS)
@@ -86,7 +85,7 @@ def _preview(model: Model) -> tuple[list[float], list[Array]]:
 
 
 def _travel(model: Model, frames: list[Array], size: float) -> dict[str, tuple[float, float]]:
-    """Slides that run away count as far as the size of the mechanism beyond their start."""
+    """Displacements count up to the size of the mechanism beyond their start, for joints that slide without end."""
     rows = np.array(frames)
     poses = {name: unpack_poses(rows[:, index]) for index, name in enumerate(model.part_names)}
     poses[GROUND] = np.zeros((len(frames), 3)), np.tile(np.eye(3), (len(frames), 1, 1))
@@ -122,48 +121,8 @@ def _corners(part: Part) -> Array:
     return np.array(points)
 
 
-def half_sizes(shape: Shape) -> Array:
-    """Half the size (3,) of the box around a shape, in m along the shape's own axes."""
-    match shape.kind, shape.size:
-        case (("rod" | "cylinder"), (length, radius)):
-            return np.array([radius, radius, length / 2.0])
-        case (("disc" | "ring"), (radius,)):
-            return np.array([radius, radius, 0.0])
-        case "plate", (x, y):
-            return np.array([x, y, 0.0]) / 2.0
-        case "block", (x, y, z):
-            return np.array([x, y, z]) / 2.0
-    return np.full(3, shape.size[0])
-
-
-def joint_radius(mechanism: Mechanism, joint: Joint, size: float) -> float:
-    """The radius in m of a joint's marker: a little more than the rods it joins, so that it is seen."""
-    parts = [mechanism.parts[name] for name in (joint.parent, joint.child) if name != GROUND]
-    rods = [shape.size[1] for part in parts for shape in part.shapes if shape.kind == "rod"]
-    return min(max(1.25 * max(rods, default=0.0), 0.012 * size), 0.04 * size)
-
-
-def tip_of(part: Part) -> Array:
-    """The point (3,) of a part that leaves a trace, in its frame: of its points and rod ends the farthest out.
-
-    Of parts with neither, a corner or a point on the rim, which is seen where the mass centre would be hidden.
-    """
-    ends = [pose.position for pose in part.points.values()]
-    for shape in part.shapes:
-        if shape.kind == "rod":
-            half = shape.pose.rotation[:, 2] * shape.size[0] / 2.0
-            ends += [shape.pose.position - half, shape.pose.position + half]
-    rims = {"block": (0.5, 0.5, 0.5), "plate": (0.5, 0.5), "disc": (1.0,), "ring": (1.0,)}
-    if not ends and part.shapes and (share := rims.get(part.shapes[0].kind)):
-        pose, size = part.shapes[0].pose, np.zeros(3)
-        size[: len(share)] = np.multiply(share, part.shapes[0].size)
-        return np.asarray(pose.position + pose.rotation @ size)
-    ends.append(part.center)
-    return max(ends, key=lambda point: float(np.linalg.norm(point)))
-
-
 def _plane(mechanism: Mechanism, model: Model) -> Array | None:
-    """The normal of the plane in which all joints move, at the start; None when there is no such plane."""
+    """The normal of the plane in which all joints move, found at the start; None when there is no such plane."""
     poses = {GROUND: Pose(np.zeros(3), np.eye(3)), **model.poses(0.0, model.start)}
     axes: dict[str, list[Array]] = {"revolute": [], "prismatic": []}
     for joint in mechanism.all_joints.values():

@@ -1,4 +1,4 @@
-"""Curves given by equations, followed point by point; and surfaces, by the curves that show their shape."""
+"""Curves given by equations, followed point by point, and surfaces, drawn by curves on them."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import unit_or_zero
 from mbd_sim.mechanism.constraints import Surface
 
-EquationPair = Callable[[Array], tuple[Array, Array]]  # a point (3,) to two values (2,) and their gradients (2, 3)
+EquationPair = Callable[[Array], tuple[Array, Array]]  # from a point (3,): two values (2,), gradients (2, 3)
 
-REACH = 1.3  # of a picture of a curve or surface, by the distance of its point from its frame
-STEP = 0.04  # step from point to point, by the reach
-MAX_STEPS = 500  # steps each way
-LEVEL_LINES, MERIDIANS = 7, 8  # lines of a surface, besides its outline
+REACH = 1.3  # of the picture, relative to the distance of the constrained point from the frame of the equations
+STEP = 0.04  # from point to point, relative to the reach
+MAX_STEPS = 500  # in each direction
+LEVEL_LINES, MERIDIANS = 7, 8  # number of lines on a surface, besides its outline
 MAX_ITERATIONS = 8
-MIN_SINE_SQUARED = 1e-12  # sin² of the angle between two gradients, what counts as none
-TOLERANCE = 1e-9  # of a step, what is left after them
+MIN_SINE_SQUARED = 1e-12  # sin² of the angle between two gradients, below which they count as parallel
+TOLERANCE = 1e-9  # of Newton's method, relative to the step
 
 
 @dataclass(frozen=True, eq=False)
 class CurveLine:
-    """A line through `points` (n, 3) in m: a `wire`, or of a surface, part of its `net` or of its `outline`.
+    """A line through `points` (n, 3) in m: a whole curve, or of a surface a line of its `net` or of its `outline`.
 
-    Lines of a net are `front` where they are on the side toward the eye.
+    A line of a net is `front` where it lies on the side toward the eye.
     """
 
     points: Array
@@ -37,25 +37,25 @@ class CurveLine:
 
 
 def curve_lines(record: Surface, point: Array, base: Pose) -> list[CurveLine]:
-    """The curve through a point (3,) that two equations leave, in ground's frame; `base` is that of the equations.
+    """The curve through a point (3,) on which two equations hold, in ground's frame; the equations' frame is `base`.
 
-    It is followed as far as `REACH` times the distance of the point from the base.
+    It is followed up to `REACH` times the distance of the point from the base.
     """
     x, values = _equations(record, base)
     return _through_point(x, values, point, base)
 
 
 def section_lines(record: Surface, point: Array, base: Pose, normal: Array) -> list[CurveLine]:
-    """The curve in which the plane through a point (3,) across a normal (3,) cuts a surface, as far as a curve."""
+    """The curve in which the plane through a point (3,) with a normal (3,) cuts a surface."""
     x, values = _equations(record, base)
     return _through_point(x, ca.vertcat(values, ca.dot(ca.DM(normal), x - ca.DM(point))), point, base)
 
 
 def surface_lines(record: Surface, point: Array, base: Pose, toward: Array) -> list[CurveLine]:
-    """A surface near a point (3,) by lines on it, and by its outline as seen from `toward` (3,).
+    """A surface near a point (3,): lines on it, and its outline as seen from the direction `toward` (3,).
 
-    Around the third axis of its frame the lines are level lines and meridians; where level lines are open, they
-    are cuts across the first two axes.
+    The lines are level lines and meridians about the third axis of the frame. Where level lines are open, they are
+    sections across the first two axes instead.
     """
     x, values = _equations(record, base)
     reach = _reach(point, base)
@@ -88,7 +88,10 @@ def _through_point(x: ca.SX, values: ca.SX, point: Array, base: Pose) -> list[Cu
 
 
 def _grid(cut: Callable[[Array, Array], Array], point: Array, base: Pose, reach: float) -> list[Array]:
-    """Lines (n, 3) on a surface through and around a point; `cut` gives that through a point across a normal."""
+    """Lines (n, 3) on a surface through and around a point.
+
+    :param cut: returns the line through a point (3,) in the plane with a normal (3,).
+    """
     first, second, up = base.rotation.T
 
     def meridian(at: Array) -> Array:
@@ -111,7 +114,7 @@ def _grid(cut: Callable[[Array, Array], Array], point: Array, base: Pose, reach:
 
 
 def follow_curve(pair: EquationPair, start: Array, step: float, within_reach: Callable[[Array], bool]) -> Array:
-    """Points (n, 3), about `step` m apart, along the curve on which both values are zero, both ways from `start`."""
+    """Points (n, 3), about `step` m apart, on the curve on which both values are zero, both ways from `start`."""
     halves: list[list[Array]] = []
     for sign in (1.0, -1.0):
         points, along = [start], None
@@ -131,7 +134,7 @@ def follow_curve(pair: EquationPair, start: Array, step: float, within_reach: Ca
 
 
 def _nearest_solution(pair: EquationPair, point: Array, step: float) -> Array | None:
-    """The nearest point (3,) at which both values are zero, by Newton's method; None where there is none near."""
+    """The nearest point (3,) at which both values are zero, by Newton's method; None where it does not converge."""
     at = np.array(point)
     for _ in range(MAX_ITERATIONS):
         values, slopes = pair(at)
@@ -148,7 +151,7 @@ def _nearest_solution(pair: EquationPair, point: Array, step: float) -> Array | 
 
 
 def _equations(record: Surface, base: Pose) -> tuple[ca.SX, ca.SX]:
-    """A point's symbols (3,) in ground's frame, and the values (k,) of the equations there at the start."""
+    """The symbols of a point (3,) in ground's frame, and the values (k,) of the equations at that point and t = 0."""
     x = ca.SX.sym("x", 3)
     place = ca.DM(base.rotation.T) @ (x - ca.DM(base.position))
     names = {"x": place[0], "y": place[1], "z": place[2], "t": ca.SX(0)}
@@ -166,7 +169,7 @@ def _equation_pair(x: ca.SX, values: ca.SX) -> EquationPair:
 
 
 def _gradients(x: ca.SX, slope: ca.SX, line: Array) -> Array:
-    """The gradients (n, 3) along a line (n, 3)."""
+    """The gradients (n, 3) at the points of a line (n, 3)."""
     return np.array(ca.Function("slope", [x], [ca.densify(slope.T)]).map(len(line))(line.T)).T
 
 
@@ -191,7 +194,7 @@ def _curve_lines(lines: Sequence[Array], kind: str) -> list[CurveLine]:
 
 
 def _evenly_spaced(line: Array, count: int) -> list[Array]:
-    """Points (3,) along a line, evenly, without its ends."""
+    """Points (3,) evenly spaced along a line, without its ends."""
     places = np.linspace(0, len(line) - 1, count + 1 if len(line) > count else 2).round().astype(int)
     return [line[place] for place in places[:-1] + (places[1] - places[0]) // 2]
 

@@ -1,4 +1,4 @@
-"""The colours of the scene and the plots: a part and the series of its joint share one."""
+"""The colors of the scene and the plots; a part and the curves of its joint share one."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ PARTS: tuple[Color, ...] = (
 )
 JOINT: Color = (222, 226, 232)
 STEEL: Color = (164, 172, 184)
-DRIVEN: Color = (255, 208, 0)  # joints that move as they are told,
-CLOSING: Color = (255, 64, 160)  # those that close loops, and constraints
+DRIVEN: Color = (255, 208, 0)  # joints with a drive
+CLOSING: Color = (255, 64, 160)  # joints that close loops, and constraints
 ROPE: Color = (226, 204, 160)
 SPRING: Color = (196, 204, 216)
 DAMPER: Color = (128, 138, 152)
-WIRE: Color = (136, 150, 170)
+CURVE: Color = (136, 150, 170)
 CONTACT: Color = (255, 240, 150)
-APPLIED: Color = (255, 96, 80)  # forces of the file,
-COMMANDED: Color = (96, 224, 128)  # those from outside,
-REACTION: Color = (96, 208, 255)  # and those through joints
+APPLIED: Color = (255, 96, 80)  # forces of the file
+COMMANDED: Color = (96, 224, 128)  # commanded efforts and wrenches
+REACTION: Color = (96, 208, 255)  # forces through joints
 AXIS_X: Color = (224, 92, 92)
 AXIS_Y: Color = (104, 190, 104)
 AXIS_Z: Color = (92, 132, 232)
@@ -44,7 +44,7 @@ RESIDUAL: Color = (229, 101, 98)
 
 
 def from_hex(text: str) -> Color:
-    """The colour of '#rrggbb'."""
+    """The color of '#rrggbb'."""
     return (int(text[1:3], 16), int(text[3:5], 16), int(text[5:7], 16))
 
 
@@ -55,19 +55,19 @@ def mixed(color: Color, other: Color, share: float) -> Color:
 
 
 def lit(color: Color) -> Color:
-    """The colour of a surface that looks like `color` once it is shaded."""
+    """The color of a surface that appears as `color` once it is shaded."""
     return mixed(color, (255, 255, 255), 0.12)
 
 
 def part_colors(mechanism: Mechanism) -> dict[str, Color]:
-    """A colour for every part, in the order of the file."""
+    """A color for each part, in the order of the file."""
     return {name: PARTS[index % len(PARTS)] for index, name in enumerate(mechanism.parts)}
 
 
 def series_colors(mechanism: Mechanism) -> list[Color]:
-    """A colour for each generalized speed: that of the part its joint moves.
+    """A color for each generalized speed: that of the part which its joint moves.
 
-    Parts with several degrees of freedom would have one colour for all: then the palette goes by coordinate.
+    Where a part has several degrees of freedom, their curves would share a color: then colors go by coordinate.
     """
     joints = [joint for joint in mechanism.joints.values() for _ in joint.coordinate_names]
     movers = [joint.outboard for joint in joints]

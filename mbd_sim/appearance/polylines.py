@@ -37,6 +37,17 @@ def coil(radius: float) -> Array:
     return np.vstack([[0.0, 0.0, 0.0], np.column_stack([radii[:, None] * circle(angles), height]), [0.0, 0.0, 1.0]])
 
 
+def flat_coil(length: float, end: float, turns: int, amplitude: float) -> Array:
+    """Points (n, 2), forward and sideways, of a coil spring seen at a slant, between straight parts of length `end`.
+
+    The windings run backward on the far side, as those of a helix do in an oblique view.
+    """
+    angles = np.linspace(0.0, 2.0 * np.pi * (turns + 0.5), 24 * turns + 13)
+    loop = 0.26 * (length - 2.0 * end) / (turns + 0.5)
+    forward = end + loop + (length - 2.0 * end - 2.0 * loop) * angles / angles[-1] - loop * np.cos(angles)
+    return np.column_stack([forward, amplitude * np.sin(angles)])
+
+
 def dashpot(half_width: float) -> Array:
     """The segments of a dashpot along z from 0 to 1, as pairs of consecutive points (n, 3) in the xz plane."""
     along, across = _DASHPOT.T

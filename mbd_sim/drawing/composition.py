@@ -10,6 +10,7 @@ import numpy as np
 
 from mbd_sim.appearance.implicit_curves import CurveLine
 from mbd_sim.appearance.palette import part_colors
+from mbd_sim.appearance.solids import is_invisible
 from mbd_sim.drawing import legend
 from mbd_sim.drawing.constraint_symbols import constraint_paths
 from mbd_sim.drawing.curve_paths import constraint_curves, curve_paths
@@ -18,7 +19,6 @@ from mbd_sim.drawing.label_placement import place_labels
 from mbd_sim.drawing.load_symbols import force_paths, two_point_paths
 from mbd_sim.drawing.part_outlines import (
     bounding_points,
-    is_invisible,
     mass_center,
     part_paths,
 )

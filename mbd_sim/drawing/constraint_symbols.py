@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import assert_never
 
 import numpy as np
 
@@ -15,81 +16,106 @@ from mbd_sim.drawing.sheet import BACK, FRONT, GRAY, INK, WHITE, SheetPath, left
 from mbd_sim.drawing.spring_symbols import cable_paths
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import aligning_z, unit_or_zero
-from mbd_sim.mechanism.constraints import Coupling, KnifeEdge
+from mbd_sim.mechanism.constraints import Cable, Constraint, Coupling, Distance, Flat, KnifeEdge, Rolling, Surface
 from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
 
-SHEET = (246, 247, 249)
-BLADE, THICK = 26.0, 3.4  # pt, half length and half width of an edge
-HALF = 0.6  # of a plane or a line, by the size of the mechanism
+PLANE = (246, 247, 249)
+BLADE_HALF_LENGTH, BLADE_HALF_WIDTH = 26.0, 3.4  # pt
+HALF_LENGTH = 0.6  # of a plane or a line, relative to the size of the mechanism
+
+
+@dataclass(frozen=True, eq=False)
+class _Guide:
+    """What a point is guided by: a plane through `base` (one of `normals`, in the base's part) or a line (two)."""
+
+    base: Attachment
+    point: Attachment
+    normals: Array
 
 
 def constraint_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], size: float) -> list[SheetPath]:
-    """What is to be seen of the constraints, besides rods of constant length, and curves and surfaces."""
+    """The symbols of the constraints, except rods of constant length, and curves and surfaces; `size` in m."""
     paths: list[SheetPath] = []
     planes: set[tuple[float, ...]] = set()
     for constraint in mechanism.constraints:
-        points = getattr(constraint, "points", None)
-        if points is not None:
-            paths += _cable(page, poses, points)
+        paths += _own_symbol(page, mechanism, poses, constraint)
+        guide = _guide_of(constraint)
+        if guide is None:
             continue
-        if isinstance(constraint, Coupling):
-            paths += coupling_paths(page, mechanism, poses, constraint)
+        base = point_of(poses, guide.base)
+        normals = guide.normals @ _rotation(poses, guide.base).T
+        plane = (*normals[0].round(6), round(float(base @ normals[0]) / size, 6))
+        if len(normals) == 1 and plane in planes:
             continue
-        if isinstance(constraint, KnifeEdge):
-            paths += _blade(page, poses, constraint)
-        base = getattr(constraint, "plane", None) or getattr(constraint, "base", None)
-        on = getattr(constraint, "center", None) or getattr(constraint, "point", None)
-        if not isinstance(base, Attachment) or not isinstance(on, Attachment):
-            continue
-        normals = _normals(constraint)
-        if len(normals):
-            turned = normals @ _rotation(poses, base).T
-            plane = (*turned[0].round(6), round(float(point_of(poses, base) @ turned[0]) / size, 6))
-            if len(normals) == 1 and plane in planes:
-                continue
-            planes.add(plane)
-            paths += _flat(page, point_of(poses, base), point_of(poses, on), turned, size, base.part == GROUND)
+        planes.add(plane)
+        paths += _plane_or_line(page, base, point_of(poses, guide.point), normals, size, guide.base.part == GROUND)
     return paths
 
 
-def _normals(constraint: Any) -> Array:
-    """Normals (k, 3) in the frame of the part that carries the constraint."""
-    if hasattr(constraint, "normals"):
-        return np.atleast_2d(constraint.normals)
-    return np.atleast_2d(constraint.normal) if hasattr(constraint, "normal") else np.zeros((0, 3))
+def _own_symbol(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], constraint: Constraint) -> list[SheetPath]:
+    match constraint:
+        case Cable(points=points):
+            return _cable(page, poses, points)
+        case Coupling():
+            return coupling_paths(page, mechanism, poses, constraint)
+        case KnifeEdge():
+            return _blade(page, poses, constraint)
+        case Flat() | Rolling():
+            return []
+        case Distance() | Surface():
+            return []  # drawn by `two_point_paths` and `curve_paths`
+        case _:
+            assert_never(constraint)
 
 
-def _flat(page: Page, base: Array, on: Array, normals: Array, size: float, grounded: bool) -> list[SheetPath]:
-    """A plane (one normal) or a line (two), near the point that keeps to it."""
-    foot = on - sum(((on - base) @ normal) * normal for normal in normals)
+def _guide_of(constraint: Constraint) -> _Guide | None:
+    match constraint:
+        case Flat(base=base, point=point, normals=normals):
+            return _Guide(base, point, np.atleast_2d(normals))
+        case Rolling(plane=plane, center=center, normal=normal):
+            return _Guide(plane, center, np.atleast_2d(normal))
+        case KnifeEdge(plane=plane, point=point, normal=normal):
+            return _Guide(plane, point, np.atleast_2d(normal))
+        case Distance() | Surface() | Coupling() | Cable():
+            return None
+        case _:
+            assert_never(constraint)
+
+
+def _plane_or_line(
+    page: Page, base: Array, point: Array, normals: Array, size: float, grounded: bool
+) -> list[SheetPath]:
+    """A plane (one normal) or a line (two), near the `point` (3,) that it guides."""
+    foot = point - sum(((point - base) @ normal) * normal for normal in normals)
     if len(normals) == 2:
         along = unit_or_zero(np.cross(normals[0], normals[1]))
-        ends = page.project(np.array([foot - HALF * size * along, foot + HALF * size * along]))
+        ends = page.project(np.array([foot - HALF_LENGTH * size * along, foot + HALF_LENGTH * size * along]))
         return [SheetPath(ends, edge=GRAY, width=1.4, dash=(7.0, 3.0), layer=BACK, depth=page.depth(foot))]
     normal = unit_or_zero(normals[0])
     if abs(float(normal @ page.view.toward)) < 1e-6:
         along = np.cross(page.view.toward, normal)
-        ends = page.project(np.array([foot - HALF * size * along, foot + HALF * size * along]))
-        plain = [SheetPath(ends, edge=INK, width=1.4, layer=BACK)]
-        return hatched_line(ends[0], ends[1], -page.direction(normal)) if grounded else plain
+        ends = page.project(np.array([foot - HALF_LENGTH * size * along, foot + HALF_LENGTH * size * along]))
+        if grounded:
+            return hatched_line(ends[0], ends[1], -page.direction(normal))
+        return [SheetPath(ends, edge=INK, width=1.4, layer=BACK)]
     if page.view.planar:
         return []
-    across = HALF * size * aligning_z(normal)[:, :2]
+    across = HALF_LENGTH * size * aligning_z(normal)[:, :2]
     corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) @ across.T
-    return [SheetPath(page.project(foot + corners), edge=GRAY, fill=SHEET, width=0.8, closed=True, layer=BACK)]
+    return [SheetPath(page.project(foot + corners), edge=GRAY, fill=PLANE, width=0.8, closed=True, layer=BACK)]
 
 
 def _blade(page: Page, poses: Mapping[str, Pose], edge: KnifeEdge) -> list[SheetPath]:
     """A lens along the edge, pointed at both ends."""
     along = page.direction(_rotation(poses, edge.point) @ unit_or_zero(edge.direction))
-    half = BLADE * float(np.hypot(*along))
-    if half < 2.0 * THICK:
+    half_length = BLADE_HALF_LENGTH * float(np.hypot(*along))
+    if half_length < 2.0 * BLADE_HALF_WIDTH:
         return []
-    turn = np.linspace(0.0, np.pi, 13)
-    sides = np.concatenate([np.sin(turn), -np.sin(turn)]) * THICK
-    lengths = np.concatenate([-np.cos(turn), np.cos(turn)]) * half
+    angles = np.linspace(0.0, np.pi, 13)
+    sideways = np.concatenate([np.sin(angles), -np.sin(angles)]) * BLADE_HALF_WIDTH
+    forward = np.concatenate([-np.cos(angles), np.cos(angles)]) * half_length
     at = point_of(poses, edge.point)
-    points = page.project(at) + np.outer(lengths, unit_or_zero(along)) + np.outer(sides, left_of(along))
+    points = page.project(at) + np.outer(forward, unit_or_zero(along)) + np.outer(sideways, left_of(along))
     return [SheetPath(points, edge=WHITE, fill=INK, width=0.8, closed=True, layer=FRONT, depth=page.depth(at))]
 
 

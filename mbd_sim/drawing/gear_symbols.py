@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mbd_sim.appearance.extent import half_sizes
 from mbd_sim.appearance.polylines import circle
+from mbd_sim.appearance.solids import half_sizes
 from mbd_sim.drawing.placed_joint import PlacedJoint, frame_on_part, place_joint
 from mbd_sim.drawing.projection import Page
 from mbd_sim.drawing.sheet import AXIS_DASH, BODIES, FRONT, INK, SheetPath

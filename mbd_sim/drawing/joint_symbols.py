@@ -7,8 +7,8 @@ from typing import assert_never
 
 import numpy as np
 
-from mbd_sim.appearance.extent import half_sizes
 from mbd_sim.appearance.palette import WORK_DRIVES
+from mbd_sim.appearance.solids import half_sizes
 from mbd_sim.drawing.ground_symbols import (
     PIN,
     ball,

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import fields
-from typing import Any
+from collections.abc import Mapping
+from typing import assert_never
 
 import numpy as np
 
@@ -18,7 +17,8 @@ from mbd_sim.drawing.spring_symbols import link, spring_and_damper
 from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import unit_or_zero
-from mbd_sim.mechanism.force_elements import AppliedForce
+from mbd_sim.mechanism.constraints import Distance
+from mbd_sim.mechanism.force_elements import AppliedForce, Damper, Spring
 from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
 
 LENGTH = 46.0  # pt, of the arrow of any force
@@ -26,32 +26,43 @@ FORCE = outline_color(DISSIPATED)
 MOMENTS = (0.0, 0.05, 0.1, 0.25, 0.5, 1.0)  # s; the first at which a force is not zero is drawn
 
 
-def two_point_elements(mechanism: Mechanism) -> Iterator[Any]:
-    """All records of the mechanism that connect two points, whatever their kind."""
-    for member in fields(mechanism):
-        records = getattr(mechanism, member.name)
-        records = tuple(records.values()) if isinstance(records, Mapping) else records
-        for record in records if isinstance(records, tuple) else ():
-            if isinstance(getattr(record, "first", None), Attachment) and isinstance(record.second, Attachment):
-                yield record
+TwoPointElement = Spring | Damper | Distance
+
+
+def two_point_elements(mechanism: Mechanism) -> list[TwoPointElement]:
+    """The force elements and constraints that act between two points."""
+    distances = [constraint for constraint in mechanism.constraints if isinstance(constraint, Distance)]
+    return [*mechanism.ties, *distances]
 
 
 def two_point_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> list[SheetPath]:
-    """Springs, dampers, and rods that only keep a distance."""
+    """Springs, dampers, and massless rods that keep a distance."""
     paths: list[SheetPath] = []
-    for record in two_point_elements(mechanism):
-        first, second = (point_of(poses, at) for at in (record.first, record.second))
+    for element in two_point_elements(mechanism):
+        first, second = (point_of(poses, attachment) for attachment in (element.first, element.second))
         depth = page.depth((first + second) / 2.0)
         ends = page.project(first), page.project(second)
-        elastic, damped = bool(getattr(record, "elastic", 0.0)), bool(getattr(record, "damping", 0.0))
+        elastic, damped = _elastic_and_damped(element)
         if elastic or damped:
             paths += spring_and_damper(*ends, elastic, damped, BODIES, depth)
         else:
             paths += link(*ends, BODIES, depth)
         along = unit_or_zero(ends[1] - ends[0])
-        for at, end, away in ((record.first, ends[0], -along), (record.second, ends[1], along)):
-            paths += wall(end, away) if at.part == GROUND and along.any() else []
+        for attachment, end, away in ((element.first, ends[0], -along), (element.second, ends[1], along)):
+            paths += wall(end, away) if attachment.part == GROUND and along.any() else []
     return paths
+
+
+def _elastic_and_damped(element: TwoPointElement) -> tuple[bool, bool]:
+    match element:
+        case Spring():
+            return element.elastic, element.damping != 0.0
+        case Damper():
+            return False, element.damping != 0.0
+        case Distance():
+            return False, False
+        case _:
+            assert_never(element)
 
 
 def force_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> list[SheetPath]:
@@ -59,25 +70,23 @@ def force_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> 
     paths: list[SheetPath] = []
     for element in mechanism.applied:
         pose = poses[element.at.part]
-        vector = _vector(element)
-        turned = poses[element.axes_of].rotation @ element.axes if element.following else element.axes
-        vector = turned @ vector
+        axes = poses[element.axes_of].rotation @ element.axes if element.following else element.axes
+        vector = axes @ _first_vector(element)
         if not vector.any():
             continue
         center = pose.position + pose.rotation @ middle(mechanism.parts[element.at.part])
         if element.couple:
             paths += turning_arrow(page, center, vector, 24.0, FORCE)
             continue
-        at = point_of(poses, element.at)
-        projected = unit_or_zero(page.direction(unit_or_zero(vector)))
-        start = page.project(at)
-        if projected @ (page.project(center) - start) > 1e-9:  # it pushes: the tip is at the point
-            start = start - (LENGTH + 6.0) * projected
-        start = start + 3.0 * projected
-        tip = start + LENGTH * projected
+        along = unit_or_zero(page.direction(unit_or_zero(vector)))
+        start = page.project(point_of(poses, element.at))
+        if along @ (page.project(center) - start) > 1e-9:  # the force pushes: the tip is at the point
+            start = start - (LENGTH + 6.0) * along
+        start = start + 3.0 * along
+        tip = start + LENGTH * along
         paths += [
-            SheetPath(np.array([start, tip - 5.0 * projected]), edge=FORCE, width=1.9, layer=MARKS),
-            arrow_head(tip, projected, FORCE, 9.0),
+            SheetPath(np.array([start, tip - 5.0 * along]), edge=FORCE, width=1.9, layer=MARKS),
+            arrow_head(tip, along, FORCE, 9.0),
         ]
     return paths
 
@@ -87,7 +96,8 @@ def point_of(poses: Mapping[str, Pose], at: Attachment) -> Array:
     return at.point if at.part == GROUND else poses[at.part].position + poses[at.part].rotation @ at.point
 
 
-def _vector(element: AppliedForce) -> Array:
+def _first_vector(element: AppliedForce) -> Array:
+    """The value (3,) of a force at the first of `MOMENTS` at which it is not zero, or zero."""
     for moment in MOMENTS:
         try:
             vector = np.array([expression.at(moment) for expression in element.vector])

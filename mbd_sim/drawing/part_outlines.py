@@ -6,14 +6,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mbd_sim.appearance.extent import half_sizes
 from mbd_sim.appearance.palette import Color, from_hex
+from mbd_sim.appearance.solids import half_sizes
 from mbd_sim.drawing.projection import Page
 from mbd_sim.drawing.shape_outlines import (
     BAR,
     capsule,
     dot,
-    solid,
+    shape_paths,
 )
 from mbd_sim.drawing.sheet import INK, MARKS, WHITE, SheetPath, arc, fill_color, outline_color
 from mbd_sim.geometry.pose import Array, Pose
@@ -29,26 +29,28 @@ ROD_TOLERANCE = 1e-6  # relative; how exactly a rod lies along a slide
 
 
 def part_paths(page: Page, mechanism: Mechanism, part: Part, pose: Pose, color: Color) -> list[SheetPath]:
-    """All shapes of a part, or the lines between its points where it has none."""
+    """All shapes of a part; for one without shapes, bars from its origin to its points and a dot at its mass center."""
     paths: list[SheetPath] = []
     for shape in sorted(part.shapes, key=lambda shape: shape.hole):
-        own = from_hex(shape.color) if shape.color else color
-        paths += solid(page, shape, pose, own, tube=shape.kind == "rod" and is_tube(mechanism, part, shape))
-    if part.shapes:
+        own_color = from_hex(shape.color) if shape.color else color
+        tube = shape.kind == "rod" and is_tube(mechanism, part, shape)
+        paths += shape_paths(page, shape, pose, own_color, tube)
+    if part.shapes or not part.mass:
         return paths
-    places = {tuple(point.position) for point in part.points.values()} | {tuple(part.center)} if part.mass else set()
     center = pose.position + pose.rotation @ part.center
-    for place in sorted(places):
-        if not np.any(place) or not _has_joint(mechanism, part):
-            continue
-        ends = page.project(np.array([pose.position, pose.position + pose.rotation @ np.array(place)]))
-        bar = capsule(ends, 0.7 * BAR)
-        paths.append(
-            SheetPath(bar, edge=outline_color(color), fill=fill_color(color), closed=True, depth=page.depth(center))
-        )
-    if part.mass:
-        paths.append(dot(page.project(center), color, page.depth(center)))
-    return paths
+    for point in sorted({tuple(point.position) for point in part.points.values()} | {tuple(part.center)}):
+        if np.any(point) and _has_pin(mechanism, part):
+            ends = page.project(np.array([pose.position, pose.position + pose.rotation @ np.array(point)]))
+            paths.append(
+                SheetPath(
+                    capsule(ends, 0.7 * BAR),
+                    edge=outline_color(color),
+                    fill=fill_color(color),
+                    closed=True,
+                    depth=page.depth(center),
+                )
+            )
+    return [*paths, dot(page.project(center), color, page.depth(center))]
 
 
 def mass_center(page: Page, part: Part, pose: Pose, occupied: list[Array]) -> list[SheetPath]:
@@ -109,11 +111,6 @@ def along_rod(part: Part, joint: Joint, rod: Shape) -> bool:
     )
 
 
-def is_invisible(part: Part) -> bool:
-    """Whether a part has neither mass nor shape: it only carries coordinates, and is not to be seen."""
-    return part.mass == 0.0 and not part.shapes
-
-
 def is_point(part: Part) -> bool:
     """Whether a part is drawn as a dot."""
     return all(shape.kind == "particle" for shape in part.shapes)
@@ -129,7 +126,8 @@ def bounding_points(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array:
     return np.vstack([*points, *used] or [np.zeros((1, 3))])
 
 
-def _has_joint(mechanism: Mechanism, part: Part) -> bool:
+def _has_pin(mechanism: Mechanism, part: Part) -> bool:
+    """Whether a joint holds a point of the part at a point of another."""
     return any(
         part.name in (joint.parent, joint.child) and joint.kind.keeps_point for joint in mechanism.all_joints.values()
     )

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import assert_never
 
 import numpy as np
 
 from mbd_sim.appearance.palette import Color, mixed
+from mbd_sim.appearance.solids import Ball, Box, Cylinder, Ring, Rod, solid_of
 from mbd_sim.drawing.projection import Page
 from mbd_sim.drawing.sheet import BODIES, INK, LINE, WHITE, SheetPath, arc, fill_color, outline_color
 from mbd_sim.geometry.pose import Array, Pose
@@ -15,33 +17,34 @@ from mbd_sim.mechanism.records import Shape
 
 BAR, MAX_BAR, TUBE = 3.6, 5.5, 9.5  # pt, half widths of rods, and of rods in which something slides
 DOT, MAX_DOT = 5.0, 11.0  # pt
-THIN = 0.08  # thickness of a disc by its radius
 ROUNDING = 3.0  # pt
 
 
-def solid(page: Page, shape: Shape, pose: Pose, color: Color, tube: bool = False) -> list[SheetPath]:
-    """The paths of a shape; `pose` places the shape's part in ground's frame. Something slides in a `tube`."""
-    placed, depth = pose @ shape.pose, page.depth((pose @ shape.pose).position)
-    match shape.kind, shape.size:
-        case "rod", (length, radius):
+def shape_paths(page: Page, shape: Shape, pose: Pose, color: Color, tube: bool = False) -> list[SheetPath]:
+    """The paths of a shape of a part whose frame is at `pose` in ground's.
+
+    :param tube: draw a rod wide, because something slides in it.
+    """
+    placed = pose @ shape.pose
+    depth = page.depth(placed.position)
+    match solid_of(shape):
+        case Rod(length, radius):
             half = 0.5 * length * placed.rotation[:, 2]
             ends = page.project(np.array([placed.position - half, placed.position + half]))
-            return [_bar(ends, TUBE if tube else float(np.clip(radius * page.scale, BAR, MAX_BAR)), color, depth, tube)]
-        case "particle", (radius,):
+            half_width = TUBE if tube else float(np.clip(radius * page.scale, BAR, MAX_BAR))
+            return [_bar(ends, half_width, color, depth, tube)]
+        case Ball(radius, particle=True):
             return [dot(page.project(placed.position), color, depth, radius * page.scale)]
-        case "sphere", (radius,):
+        case Ball(radius):
             return _sphere(page, placed, radius, color, depth)
-        case "ring", (radius,):
+        case Ring(radius):
             return _ring(page, placed, radius, color)
-        case "disc", (radius,):
-            return cylinder(page, placed, THIN * radius, radius, color, shape.hole, spoke=True)
-        case "cylinder", (length, radius):
-            return cylinder(page, placed, length, radius, color, shape.hole)
-        case "plate", (x, y):
-            return _block(page, placed, np.array([x, y, 0.02 * min(x, y)]) / 2.0, color, shape.hole)
-        case "block", (x, y, z):
-            return _block(page, placed, np.array([x, y, z]) / 2.0, color, shape.hole)
-    return []
+        case Cylinder(length, radius, disc):
+            return cylinder(page, placed, length, radius, color, shape.hole, spoke=disc)
+        case Box(size):
+            return _block(page, placed, np.array(size) / 2.0, color, shape.hole)
+        case _ as unknown:
+            assert_never(unknown)
 
 
 def dot(at: Array, color: Color, depth: float, radius: float = DOT) -> SheetPath:
@@ -54,14 +57,13 @@ def dot(at: Array, color: Color, depth: float, radius: float = DOT) -> SheetPath
 def cylinder(
     page: Page, pose: Pose, length: float, radius: float, color: Color, hole: bool = False, spoke: bool = False
 ) -> list[SheetPath]:
-    """A cylinder about z of `pose`, which is its centre; a `spoke` shows how it turns."""
+    """A cylinder about z of `pose`, which is its center; a `spoke` makes its rotation visible."""
     axis, depth = pose.rotation[:, 2], page.depth(pose.position)
     sign = 1.0 if axis @ page.view.toward >= 0.0 else -1.0
     circle = pose.rotation[:, :2] @ arc(np.zeros(2), radius, count=73).T
-    near, far = (
-        page.project((pose.position + side * sign * 0.5 * length * axis)[:, None].T + circle.T) for side in (1, -1)
-    )
-    side = SheetPath(
+    half = sign * 0.5 * length * axis
+    near, far = (page.project((pose.position + side * half)[:, None].T + circle.T) for side in (1, -1))
+    outline = SheetPath(
         hull(np.vstack([near, far])),
         edge=outline_color(color),
         fill=WHITE if hole else fill_color(color),
@@ -69,12 +71,12 @@ def cylinder(
         dash=(3.0, 2.0) if hole else (),
         depth=depth,
     )
-    paths = [side]
+    paths = [outline]
     if abs(float(axis @ page.view.toward)) > 1e-3 and not page.view.planar:
-        paths.append(replace(side, points=near, fill=None if hole else _lit(page, color, sign * axis)))
+        paths.append(replace(outline, points=near, fill=None if hole else _lit(page, color, sign * axis)))
     if spoke and abs(float(axis @ page.view.toward)) > 0.2:
-        rim = pose.position + sign * 0.5 * length * axis + radius * pose.rotation[:, 0]
-        hub = pose.position + sign * 0.5 * length * axis
+        hub = pose.position + half
+        rim = hub + radius * pose.rotation[:, 0]
         paths.append(SheetPath(page.project(np.array([hub, rim])), edge=mixed(color, INK, 0.3), width=0.8, depth=depth))
     return paths
 
@@ -137,15 +139,15 @@ def _ring(page: Page, pose: Pose, radius: float, color: Color) -> list[SheetPath
     points, heights = np.roll(points[:-1], -start, axis=0), np.roll(heights[:-1], -start)
     points, heights = np.vstack([points, points[:1]]), np.append(heights, heights[0])
     depth, width = page.depth(pose.position), float(np.clip(0.035 * radius * page.scale, 3.5, 6.0))
-    paths = []
-    for part in (slice(0, 49), slice(48, 97)):
-        behind = 0.0 if page.view.planar else float(np.mean(heights[part]))
-        projected = page.project(points[part])
-        paths.append(SheetPath(projected, edge=outline_color(color), width=width, depth=depth + behind))
-        paths.append(SheetPath(projected, edge=fill_color(color), width=width - 2.0 * LINE, depth=depth + behind))
-    return (
-        sorted(paths, key=lambda path: (path.depth, -path.width)) if not page.view.planar else paths[::2] + paths[1::2]
-    )
+    rims, fills = [], []
+    for half in (slice(0, 49), slice(48, 97)):
+        offset = 0.0 if page.view.planar else float(np.mean(heights[half]))
+        line = page.project(points[half])
+        rims.append(SheetPath(line, edge=outline_color(color), width=width, depth=depth + offset))
+        fills.append(SheetPath(line, edge=fill_color(color), width=width - 2.0 * LINE, depth=depth + offset))
+    if page.view.planar:
+        return rims + fills
+    return sorted([*rims, *fills], key=lambda path: (path.depth, -path.width))
 
 
 def _block(page: Page, pose: Pose, half: Array, color: Color, hole: bool) -> list[SheetPath]:

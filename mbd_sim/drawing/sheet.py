@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mbd_sim.appearance.palette import Color, mixed
+from mbd_sim.appearance.polylines import circle
 from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.rotation import unit_or_zero
 
@@ -96,8 +97,7 @@ def outline_color(color: Color) -> Color:
 
 def arc(center: Array, radius: float, start: float = 0.0, stop: float = 2.0 * np.pi, count: int = 49) -> Array:
     """Points (count, 2) on a circle, from angle `start` to `stop` in rad."""
-    turn = np.linspace(start, stop, count)
-    return np.asarray(center + radius * np.column_stack([np.cos(turn), np.sin(turn)]))
+    return np.asarray(center + radius * circle(np.linspace(start, stop, count)))
 
 
 def left_of(direction: Array) -> Array:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from mbd_sim.appearance.solids import is_invisible
 from mbd_sim.drawing.ground_symbols import hatched_line, wall
 from mbd_sim.drawing.part_outlines import (
     ROD_TOLERANCE,
     along_rod,
-    is_invisible,
     is_point,
 )
 from mbd_sim.drawing.placed_joint import PlacedJoint

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mbd_sim.appearance.polylines import flat_coil, spiral
 from mbd_sim.drawing.projection import Page
 from mbd_sim.drawing.sheet import BODIES, INK, LINE, WHITE, SheetPath, arc, left_of
 from mbd_sim.geometry.pose import Array
@@ -17,16 +18,13 @@ SAW = 4.5  # pt, from tooth to tooth of rough faces
 
 
 def spring(start: Array, stop: Array, layer: int = BODIES, depth: float = 0.0) -> list[SheetPath]:
-    """A coil between two places (2,), with a light rim that sets it off from what is behind."""
+    """A coil between two points (2,), with a white rim that sets it off from what is behind."""
     length = float(np.hypot(*(stop - start)))
     if length < MIN_LENGTH:
         return []
-    along, stub = unit_or_zero(stop - start), float(np.clip(0.12 * length, 0.0, 14.0))
-    turns = int(np.clip(round((length - 2.0 * stub) / PITCH), 4, MAX_TURNS))
-    turn = np.linspace(0.0, 2.0 * np.pi * (turns + 0.5), 24 * turns + 13)
-    loop = 0.26 * (length - 2.0 * stub) / (turns + 0.5)  # a helix seen at a slant runs back on its far side
-    forward = stub + loop + (length - 2.0 * stub - 2.0 * loop) * turn / turn[-1] - loop * np.cos(turn)
-    sideways = AMPLITUDE * np.sin(turn)
+    along, end = unit_or_zero(stop - start), float(np.clip(0.12 * length, 0.0, 14.0))
+    turns = int(np.clip(round((length - 2.0 * end) / PITCH), 4, MAX_TURNS))
+    forward, sideways = flat_coil(length, end, turns, AMPLITUDE).T
     coil = start + np.outer(forward, along) + np.outer(sideways, left_of(along))
     points = np.vstack([start, coil, stop])
     rim = SheetPath(coil, edge=WHITE, width=3.0, layer=layer, depth=depth)
@@ -113,8 +111,6 @@ def brake_shoe(at: Array, away: Array, layer: int, depth: float = 0.0) -> list[S
 
 def torsion_spring(at: Array, layer: int, depth: float = 0.0) -> list[SheetPath]:
     """A spiral spring about a pin."""
-    turn = np.linspace(0.0, 2.0 * np.pi * 2.25, 120)
-    radius = np.linspace(6.2, 13.5, 120)
-    points = at + radius[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+    points = at + spiral(6.2, 13.5, 2.25)
     rim = SheetPath(points, edge=WHITE, width=2.4, layer=layer, depth=depth)
     return [rim, SheetPath(points, edge=INK, width=0.9, layer=layer, depth=depth)]

@@ -1,174 +1,197 @@
-"""`markers`: the mechanism as RViz draws it without TF, every marker in ground's frame."""
+"""The topic `markers`: the mechanism as RViz draws it without TF, every marker in ground's frame."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Literal, assert_never
 
 import numpy as np
 from geometry_msgs.msg import Point, Pose, Vector3
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from mbd_sim.appearance import palette
-from mbd_sim.appearance.extent import extent_of, tip_of
+from mbd_sim.appearance import palette, polylines
+from mbd_sim.appearance.extent import extent_of
+from mbd_sim.appearance.solids import LINE_WIDTH
+from mbd_sim.appearance.trace_points import default_traces
 from mbd_sim.geometry.pose import Array, pack_poses, unpack_poses
+from mbd_sim.mechanism.constraints import Cable, Constraint, Coupling, Distance, Flat, KnifeEdge, Rolling, Surface
+from mbd_sim.mechanism.force_elements import Damper, Spring
 from mbd_sim.mechanism.records import GROUND, Attachment
-from mbd_sim.ros.marker_shapes import COIL, DAMPER, Solid, coil, damper, joint_solids, part_solids, thickness
+from mbd_sim.ros.marker_shapes import PartMarker, Points, joint_markers, part_markers
 from mbd_sim.ros.message_template import STAMP, Template, slot
 from mbd_sim.ros.snapshots import Snapshot
 from mbd_sim.ros.state_messages import placed
 from mbd_sim.simulation.compiled_model import Model
-from mbd_sim.viewer import entity_paths
 
-TRACE = 150  # points of a trace: five seconds at 30 Hz
+TRACE_POINTS = 150  # five seconds at 30 Hz
+COIL_RADIUS, DASHPOT_HALF_WIDTH = 0.03, 0.02  # relative to the mechanism's size
+
+LineKind = Literal["coil", "dashpot", "straight", "trace"]
 
 
 @dataclass(frozen=True, eq=False)
-class _Line:
-    """A line through points that move: its marker's kind, and where its points are written."""
+class _MovingLine:
+    """A line whose points are computed for each message from those of parts.
 
-    kind: str
-    ends: tuple[int, ...]  # rows of `_Places`
-    points: Array
+    `ends` are rows of `_AttachedPoints`, `number` is that of the marker and `count` how many points it has.
+    """
+
+    kind: LineKind
+    ends: tuple[int, ...]
+    number: int
+    count: int
 
 
-class _Places:
-    """Points of parts, all led to ground's frame at once."""
+class _AttachedPoints:
+    """Points of parts, transformed to ground's frame all at once."""
 
     def __init__(self, model: Model) -> None:
         self._index = {name: index for index, name in enumerate((*model.part_names, GROUND))}
         self._parts: list[int] = []
         self._points: list[Array] = []
 
-    def add(self, at: Attachment) -> int:
-        self._parts.append(self._index[at.part])
-        self._points.append(at.point)
+    def add(self, attachment: Attachment) -> int:
+        """Add a point; returns its row."""
+        self._parts.append(self._index[attachment.part])
+        self._points.append(attachment.point)
         return len(self._parts) - 1
 
-    def of(self, poses: Array) -> Array:
-        """(n, 3) from the poses (parts + 1, 12) of `model.pose_array` and of ground."""
+    def at(self, poses: Array) -> Array:
+        """The points (n, 3) in ground's frame, from pose rows (parts + 1, 12) of the parts and of ground."""
         if not self._parts:
             return np.empty((0, 3))
         positions, rotations = unpack_poses(poses[self._parts])
-        turned: Array = np.einsum("nij,nj->ni", rotations, np.array(self._points))
-        return positions + turned
+        rotated: Array = np.einsum("nij,nj->ni", rotations, np.array(self._points))
+        return positions + rotated
 
 
-@dataclass(eq=False)
 class Markers:
-    """The markers of a mechanism, as a message whose numbers are written anew for each snapshot."""
+    """The markers of a mechanism, as a serialized message whose numbers are overwritten for each snapshot."""
 
-    model: Model
-    prefix: str = ""
-    _messages: list[Marker] = field(default_factory=list)
-    _lines: list[tuple[str, tuple[int, ...], int, int]] = field(default_factory=list)
-    _time: float = np.inf
+    def __init__(self, model: Model, prefix: str = "") -> None:
+        """Create the markers of shapes, joints, springs, dampers, constraints and traces.
 
-    def __post_init__(self) -> None:
-        """Lay out shapes, joints, springs, dampers, links and traces."""
-        model, mechanism = self.model, self.model.mechanism
-        size = self._size = extent_of(model).size
-        names = (*model.part_names, GROUND)
-        self._solids: list[Solid] = [
-            *(solid for part in mechanism.parts.values() for solid in part_solids(mechanism, part, size)),
-            *(solid for joint in mechanism.all_joints.values() for solid in joint_solids(mechanism, joint, size)),
-        ]
-        for number, solid in enumerate(self._solids):
-            self._messages.append(self._marker(solid.space, number, solid.kind, solid.scale, solid.color, solid.points))
-        self._part_of = [names.index(solid.part) for solid in self._solids]
-        self._local = np.array([solid.pose.position for solid in self._solids]).reshape(-1, 3)
-        self._local_turn = np.array([solid.pose.rotation for solid in self._solids]).reshape(-1, 3, 3)
-        self._places = _Places(model)
-        self._lay_lines()
-        template = self._template = Template(MarkerArray(markers=self._messages))
-        self._poses = [template.doubles(number, 7) for number in range(len(self._solids))]
-        self._moving = [
-            _Line(kind, ends, template.doubles(number, 3 * count).reshape(-1, 3))
-            for kind, ends, number, count in self._lines
-        ]
+        :param prefix: what precedes `ground` in the name of the frame.
+        """
+        self._model, self._frame = model, prefix + GROUND
+        self._size = extent_of(model).size
+        self._coil = polylines.coil(COIL_RADIUS * self._size)
+        self._dashpot = polylines.dashpot(DASHPOT_HALF_WIDTH * self._size)
+        self._time = np.inf
+        self._messages: list[Marker] = []
+        self._add_part_markers()
+        self._attached, self._lines = _AttachedPoints(model), list[_MovingLine]()
+        self._add_force_elements()
+        for constraint in model.mechanism.constraints:
+            self._add_constraint(constraint)
+        self._add_traces()
+        self._template = Template(MarkerArray(markers=self._messages))
+        self._poses = [self._template.doubles(number, 7) for number in range(len(self._part_rows))]
+        self._line_points = [self._template.doubles(line.number, 3 * line.count).reshape(-1, 3) for line in self._lines]
 
     def payload(self, snapshot: Snapshot) -> bytes:
         """The message at a snapshot, serialized."""
         ground = pack_poses(np.zeros(3), np.eye(3))
-        poses = np.vstack([self.model.pose_array(snapshot.time, snapshot.y, snapshot.inputs), ground])
-        origins, rotations = unpack_poses(poses[self._part_of])
-        positions = origins + np.einsum("nij,nj->ni", rotations, self._local)
-        solids = pack_poses(positions, rotations @ self._local_turn)
-        for view, pose in zip(self._poses, placed(solids), strict=True):
+        poses = np.vstack([self._model.pose_array(snapshot.time, snapshot.y, snapshot.inputs), ground])
+        origins, rotations = unpack_poses(poses[self._part_rows])
+        positions = origins + np.einsum("nij,nj->ni", rotations, self._positions)
+        rows = pack_poses(positions, rotations @ self._rotations)
+        for view, pose in zip(self._poses, placed(rows), strict=True):
             view[:] = pose
-        places = self._places.of(poses)
-        anew, self._time = snapshot.time < self._time, snapshot.time
-        for line in self._moving:
-            self._write(line, places[list(line.ends)], anew)
+        restarted, self._time = snapshot.time < self._time, snapshot.time
+        attached = self._attached.at(poses)
+        for line, points in zip(self._lines, self._line_points, strict=True):
+            self._update(points, line.kind, attached[list(line.ends)], restarted)
         self._template.stamp(snapshot.clock_ns)
         return self._template.payload()
 
-    def _write(self, line: _Line, ends: Array, anew: bool) -> None:
-        match line.kind:
+    def _update(self, points: Array, kind: LineKind, ends: Array, restarted: bool) -> None:
+        """Overwrite the `points` (n, 3) of a line with its `ends` (k, 3) in ground's frame."""
+        match kind:
             case "coil":
-                line.points[:] = coil(ends[0], ends[1], 0.03 * self._size)
-            case "damper":
-                line.points[:] = damper(ends[0], ends[1], 0.02 * self._size)
+                points[:] = polylines.between(self._coil, ends[0], ends[1])
+            case "dashpot":
+                points[:] = polylines.between(self._dashpot, ends[0], ends[1])
+            case "straight":
+                points[:] = ends
             case "trace":
-                line.points[:-1] = line.points[1:]
-                line.points[-1 if not anew else slice(None)] = ends[0]
+                points[:-1] = points[1:]
+                points[slice(None) if restarted else -1] = ends[0]
             case _:
-                line.points[:] = ends
+                assert_never(kind)
 
-    def _lay_lines(self) -> None:
-        mechanism, width = self.model.mechanism, thickness(self._size)
-        for tie in mechanism.ties:
-            ends = (tie.first, tie.second)
-            if getattr(tie, "elastic", False):
-                self._line("coil", "springs", ends, COIL, width, palette.STEEL)
-            if tie.damping:
-                self._line("damper", "dampers", ends, DAMPER, width, palette.STEEL, Marker.LINE_LIST)
-        for constraint in mechanism.constraints:
-            if constraint.kind == "distance":
-                self._line("link", "links", (constraint.first, constraint.second), 2, width, palette.JOINT)  # type: ignore[union-attr]
-            elif constraint.kind == "cable":
-                points = constraint.points  # type: ignore[union-attr]
-                self._line("link", "cables", points, len(points), width, palette.JOINT)
-        colors = palette.part_colors(mechanism)
-        for name in entity_paths.ends(mechanism):
-            at = Attachment(name, tip_of(mechanism.parts[name]))
-            self._line("trace", "traces", (at,), TRACE, 0.5 * width, colors[name])
+    def _add_part_markers(self) -> None:
+        mechanism, size = self._model.mechanism, self._size
+        markers: list[PartMarker] = [
+            *(marker for part in mechanism.parts.values() for marker in part_markers(mechanism, part, size)),
+            *(marker for joint in mechanism.all_joints.values() for marker in joint_markers(mechanism, joint, size)),
+        ]
+        names = (*self._model.part_names, GROUND)
+        self._part_rows = [names.index(marker.part) for marker in markers]
+        self._positions = np.array([marker.pose.position for marker in markers]).reshape(-1, 3)
+        self._rotations = np.array([marker.pose.rotation for marker in markers]).reshape(-1, 3, 3)
+        for marker in markers:
+            self._add_marker(marker.namespace, marker.type, marker.scale, marker.color, marker.points)
 
-    def _line(
-        self,
-        kind: str,
-        space: str,
-        ends: tuple[Attachment, ...],
-        count: int,
-        width: float,
-        color: palette.Color,
-        drawn: int = Marker.LINE_STRIP,
+    def _add_force_elements(self) -> None:
+        for element in self._model.mechanism.ties:
+            ends = (element.first, element.second)
+            match element:
+                case Spring(elastic=elastic, damping=damping):
+                    damped = damping != 0.0
+                case Damper(damping=damping):
+                    elastic, damped = False, damping != 0.0
+                case _:
+                    assert_never(element)
+            if elastic:
+                self._add_line("coil", "springs", ends, len(self._coil), palette.STEEL)
+            if damped:
+                self._add_line("dashpot", "dampers", ends, len(self._dashpot), palette.STEEL)
+
+    def _add_constraint(self, constraint: Constraint) -> None:
+        match constraint:
+            case Distance(first=first, second=second):
+                self._add_line("straight", "links", (first, second), 2, palette.JOINT)
+            case Cable(points=points):
+                self._add_line("straight", "cables", points, len(points), palette.JOINT)
+            case Flat() | Surface() | Coupling() | Rolling() | KnifeEdge():
+                pass  # RViz shows the parts that they constrain, not the constraint
+            case _:
+                assert_never(constraint)
+
+    def _add_traces(self) -> None:
+        colors = palette.part_colors(self._model.mechanism)
+        for name, attachment in default_traces(self._model.mechanism).items():
+            self._add_line("trace", "traces", (attachment,), TRACE_POINTS, colors[name])
+
+    def _add_line(
+        self, kind: LineKind, namespace: str, ends: tuple[Attachment, ...], count: int, color: palette.Color
     ) -> None:
         number = len(self._messages)
-        points = [Point(x=slot(number)), *(Point() for _ in range(count - 1))]
-        marker = self._marker(space, number, drawn, (width, 0.0, 0.0), color, ())
-        marker.pose, marker.points = Pose(), points
-        self._messages.append(marker)
-        self._lines.append((kind, tuple(self._places.add(end) for end in ends), number, count))
+        width = (0.5 if kind == "trace" else 1.0) * LINE_WIDTH * self._size
+        type_ = Marker.LINE_LIST if kind == "dashpot" else Marker.LINE_STRIP
+        self._add_marker(namespace, type_, (width, 0.0, 0.0), color, ())
+        self._messages[-1].pose = Pose()
+        self._messages[-1].points = [Point(x=slot(number)), *(Point() for _ in range(count - 1))]
+        self._lines.append(_MovingLine(kind, tuple(self._attached.add(end) for end in ends), number, count))
 
-    def _marker(
-        self,
-        space: str,
-        number: int,
-        kind: int,
-        scale: tuple[float, float, float],
-        color: palette.Color,
-        points: tuple[tuple[float, float, float], ...],
-    ) -> Marker:
+    def _add_marker(
+        self, namespace: str, type_: int, scale: tuple[float, float, float], color: palette.Color, points: Points
+    ) -> None:
+        """Append a message; the place of its pose in the serialized message is found by its number."""
+        number = len(self._messages)
         red, green, blue = (channel / 255.0 for channel in color)
         x, y, z = scale
-        return Marker(
-            header=Header(stamp=STAMP, frame_id=self.prefix + GROUND),
-            ns=space,
-            id=number,
-            type=kind,
-            pose=Pose(position=Point(x=slot(number))),
-            scale=Vector3(x=x, y=y, z=z),
-            color=ColorRGBA(r=red, g=green, b=blue, a=1.0),
-            points=[Point(x=px, y=py, z=pz) for px, py, pz in points],
+        self._messages.append(
+            Marker(
+                header=Header(stamp=STAMP, frame_id=self._frame),
+                ns=namespace,
+                id=number,
+                type=type_,
+                pose=Pose(position=Point(x=slot(number))),
+                scale=Vector3(x=x, y=y, z=z),
+                color=ColorRGBA(r=red, g=green, b=blue, a=1.0),
+                points=[Point(x=px, y=py, z=pz) for px, py, pz in points],
+            )
         )

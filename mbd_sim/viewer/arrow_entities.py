@@ -1,8 +1,8 @@
-"""Forces as arrows and couples as arcs: those of the file, commanded ones, and those that joints carry.
+"""Forces as arrows and couples as arcs: those of the file, commanded ones, and those that joints transmit.
 
-Lengths are true to scale up to `LONGEST`: an arrow of `LONG` times the mechanism's size is the weight of all parts
-(for a couple: that weight at a quarter of the size), the largest force of the expression for forces of the file, and
-the limit for efforts that have one.
+Lengths are to scale up to `LONGEST`. An arrow of `LONG` times the mechanism's size stands for the largest value of
+the expression for forces of the file, for the limit of efforts that have one, and otherwise for the weight of all
+parts (for couples, that weight times a quarter of the size).
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ import numpy as np
 import rerun as rr
 
 from mbd_sim.appearance import palette
-from mbd_sim.appearance.extent import joint_radius
+from mbd_sim.appearance.joint_geometry import joint_radius
 from mbd_sim.appearance.palette import Color
+from mbd_sim.appearance.polylines import arc_arrow
 from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.force_elements import AppliedForce
@@ -26,15 +27,14 @@ from mbd_sim.viewer.part_poses import PartPoses
 from mbd_sim.viewer.sample_rows import Rows
 from mbd_sim.viewer.scene_description import SceneDescription
 
-LONG, LONGEST = 0.25, 0.6  # of the mechanism's size
-SWEEP, WIDEST = np.radians(240.0), np.radians(330.0)  # of the arc of a couple
-SHORTEST = 2e-3  # of what is drawn at full length, below which nothing is drawn
-AHEAD = 5.0  # s of an expression that are looked at for its largest value
-ARC = 25  # points
+LONG, LONGEST = 0.25, 0.6  # full and largest length of an arrow, relative to the mechanism's size
+SWEEP, MAX_SWEEP = np.radians(240.0), np.radians(330.0)  # of the arc of a couple
+THRESHOLD = 2e-3  # relative to what is drawn at full length; nothing smaller is drawn
+PREVIEW_TIME = 5.0  # s of an expression in which its largest value is sought
 
 
 def arrow_entities(scene: SceneDescription) -> Iterator[Entity]:
-    """All forces and couples that can be told from the samples."""
+    """All forces and couples that the samples contain."""
     for force in scene.mechanism.applied:
         yield _Applied(scene, force)
     for part in scene.wrenches:
@@ -48,9 +48,9 @@ def arrow_entities(scene: SceneDescription) -> Iterator[Entity]:
 
 
 def weight(scene: SceneDescription) -> float:
-    """What an arrow at full length means in N, if nothing else is known: the weight of all parts.
+    """The force in N that an arrow of full length stands for by default: the weight of all parts.
 
-    Without gravity, what gives the mechanism an acceleration of its size each second squared.
+    Without gravity, the force that accelerates the mechanism by its own size each second squared.
     """
     mechanism = scene.mechanism
     return mechanism.mass * (float(np.linalg.norm(mechanism.gravity)) or scene.extent.size) or 1.0
@@ -62,7 +62,7 @@ class _Style:
     color: Color
     size: float  # of the mechanism, m
     full: float  # N or N·m that are drawn at full length
-    radius: float = 0.1  # of an arc, of the size
+    radius: float = 0.1  # of an arc, relative to the size
 
     def static(self, couple: bool) -> LoggedItems:
         radius = 0.008 * self.size
@@ -72,7 +72,7 @@ class _Style:
             yield f"{self.path}/force", rr.Arrows3D.from_fields(radii=[radius], colors=[self.color])
 
     def force(self, origins: Array, vectors: Array) -> LoggedItems:
-        """Arrows from origins (n, 3), for vectors (n, 3) in N."""
+        """Arrows at origins (n, 3), for vectors (n, 3) in N."""
         drawn, length = self._seen(vectors)
         share = np.minimum(LONG * length / self.full, LONGEST) * self.size / np.where(drawn, length, 1.0)
         counts = drawn.astype(int)
@@ -85,7 +85,7 @@ class _Style:
         """Arcs about centers (n, 3), for couples (n, 3) in N·m."""
         drawn, length = self._seen(vectors)
         strips = [
-            arc(center, vector / size, min(SWEEP * size / self.full, WIDEST), self.radius * self.size)
+            arc_arrow(center, vector / size, min(SWEEP * size / self.full, MAX_SWEEP), self.radius * self.size)
             for center, vector, size in zip(centers[drawn], vectors[drawn], length[drawn], strict=True)
         ]
         columns = rr.LineStrips3D.columns(strips=strips).partition(drawn.astype(int))
@@ -93,15 +93,17 @@ class _Style:
 
     def _seen(self, vectors: Array) -> tuple[Array, Array]:
         length = np.linalg.norm(vectors, axis=1)
-        return length > SHORTEST * self.full, length
+        return length > THRESHOLD * self.full, length
 
 
 class _Applied:
-    """A force or a couple of the file: its expressions of time, at the times of the samples."""
+    """A force or a couple of the file, evaluated at the times of the samples."""
 
     def __init__(self, scene: SceneDescription, force: AppliedForce) -> None:
         self._force = force
-        limit = float(np.linalg.norm([self._vector(time) for time in np.linspace(0.0, AHEAD, 101)], axis=1).max())
+        limit = float(
+            np.linalg.norm([self._vector(time) for time in np.linspace(0.0, PREVIEW_TIME, 101)], axis=1).max()
+        )
         self._style = _Style(
             f"{entity_paths.WORLD}/forces/{force.name}", palette.APPLIED, scene.extent.size, limit or 1.0
         )
@@ -123,7 +125,7 @@ class _Applied:
 
 
 class _Wrench:
-    """What is commanded on a part."""
+    """The wrench commanded on a part."""
 
     def __init__(self, scene: SceneDescription, part: str) -> None:
         self._part, self._place, rows = part, scene.wrenches[part], scene.rows
@@ -146,7 +148,7 @@ class _Wrench:
 
 
 class _Effort:
-    """What is commanded on a joint, as it acts on its second part."""
+    """The effort commanded on a joint, as it acts on the child."""
 
     def __init__(self, scene: SceneDescription, joint: Joint) -> None:
         self._joint, self._place = joint, scene.u[joint.name]
@@ -169,7 +171,7 @@ class _Effort:
             yield from self._couple.couple(at, couple)
 
     def vectors(self, rows: Rows, poses: PartPoses) -> tuple[Array, Array]:
-        """The force and the couple (n, 3) on the second part, in ground's axes."""
+        """The force and the couple (n, 3) on the child, in ground's axes."""
         joint, sums = self._joint, (np.zeros((len(rows), 3)), np.zeros((len(rows), 3)))
         for coordinate, values in zip(joint.kind.coordinates, rows.of("inputs")[:, self._place].T, strict=True):
             part, frame = (joint.child, joint.child_pose) if coordinate.on_child else (joint.parent, joint.parent_pose)
@@ -179,7 +181,7 @@ class _Effort:
 
 
 class _Reaction:
-    """The force through a joint on its second part."""
+    """The force through a joint on the child."""
 
     def __init__(self, scene: SceneDescription, index: int, joint: Joint) -> None:
         self._index, self._joint = index, joint
@@ -193,16 +195,3 @@ class _Reaction:
         forces = rows.of("reactions")[:, 6 * self._index : 6 * self._index + 3]
         at = poses.point(Attachment(self._joint.child, self._joint.child_pose.position))
         yield from self._style.force(at, forces)
-
-
-def arc(center: Array, axis: Array, sweep: float, radius: float) -> Array:
-    """(n, 3): an arc about a unit `axis` with the head of an arrow, right-handed."""
-    x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-    x /= np.linalg.norm(x)
-    y = np.cross(axis, x)
-    turn = np.linspace(0.0, sweep, ARC)
-    points = radius * (np.outer(np.cos(turn), x) + np.outer(np.sin(turn), y))
-    back = sweep - min(0.35, 0.6 * sweep)
-    outward = np.cos(back) * x + np.sin(back) * y
-    barbs = [scale * radius * outward for scale in (1.18, 0.82)]
-    return np.asarray(center + np.vstack([points, barbs[0], points[-1], barbs[1]]))

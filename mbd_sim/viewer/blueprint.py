@@ -17,13 +17,13 @@ from mbd_sim.viewer import entity_paths
 from mbd_sim.viewer.constraint_entities import floor_of
 from mbd_sim.viewer.scene_description import SceneDescription
 
-LIVE_TIME = 30.0  # s that plots show while data come in: hours of them would be more than anybody sees
+LIVE_TIME = 30.0  # s that plots show of a live run, rather than all of it
 FIELD_OF_VIEW = np.radians(55.0)  # Rerun's own, vertical
-PANEL_ASPECT = 1.2  # width by height of the scene in a window of common shape
+PANEL_ASPECT = 1.2  # width by height of the scene in a window of usual shape
 
 
 def make_blueprint(scene: SceneDescription, *, live: bool) -> rrb.Blueprint:
-    """The layout for a mechanism; `live` follows what comes in, otherwise it plays again and again."""
+    """The layout for a mechanism; with `live` it follows the incoming data, otherwise it plays them in a loop."""
     upper = rrb.Horizontal(_scene_view(scene), _plots(scene, live), column_shares=[3, 2])
     log = rrb.TextLogView(
         origin=entity_paths.EVENTS,
@@ -41,7 +41,7 @@ def make_blueprint(scene: SceneDescription, *, live: bool) -> rrb.Blueprint:
             state="collapsed",
             timeline=entity_paths.TIMELINE,
             play_state="following" if live else "playing",
-            loop_mode=None if live else "all",  # a loop would end the following
+            loop_mode=None if live else "all",  # a loop would end following
         ),
         auto_views=False,
         auto_layout=False,
@@ -51,8 +51,8 @@ def make_blueprint(scene: SceneDescription, *, live: bool) -> rrb.Blueprint:
 def eye(extent: Extent) -> tuple[Array, Array, Array]:
     """Position, target and up direction (3,) of the eye in ground's frame.
 
-    Planar mechanisms are looked at along the normal of their plane, slightly from above and from the side, so
-    that x goes to the right; spatial ones from a corner.
+    Planar mechanisms are viewed along the normal of their plane, slightly from above and from the side, with x to the
+    right; spatial ones obliquely.
     """
     up = np.array([0.0, 0.0, 1.0])
     if extent.normal is None:
@@ -92,7 +92,7 @@ def _scene_view(scene: SceneDescription) -> rrb.Spatial3DView:
 
 
 def _floor(scene: SceneDescription) -> rrb.LineGrid3D:
-    """A grid with lines at 1, 2 or 5 times a power of ten metres.
+    """A grid with lines at 1, 2 or 5 times a power of ten meters.
 
     It lies in the plane that something rolls or slides on, or else level, a little below the lowest point.
     """

@@ -1,15 +1,16 @@
-"""What constraints look like: rods and cables, wires and surfaces, and where wheels touch."""
+"""Constraints: rods and cables, curves and surfaces, and the contact points of wheels."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import assert_never
 
 import numpy as np
 import rerun as rr
 
 from mbd_sim.appearance import palette
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.constraints import Cable, Distance, Flat, KnifeEdge, Rolling, Surface
+from mbd_sim.mechanism.constraints import Cable, Coupling, Distance, Flat, KnifeEdge, Rolling, Surface
 from mbd_sim.mechanism.records import GROUND, Attachment
 from mbd_sim.viewer import entity_paths
 from mbd_sim.viewer.entity import Entity, LoggedItems
@@ -18,12 +19,12 @@ from mbd_sim.viewer.sample_rows import Rows
 from mbd_sim.viewer.scene_description import ConstraintLines, SceneDescription
 from mbd_sim.viewer.trace_entities import Trace
 
-HALF = 0.7  # of the mechanism's size: how far a line that a point keeps to is drawn
-FLAT = 0.05  # sine of the angle between a wheel and the plane that it lies on
+HALF_LENGTH = 0.7  # of the line on which a point is constrained to lie, relative to the mechanism's size
+MIN_SINE = 0.05  # of the angle between a wheel and its plane: a wheel that lies flat touches with all its rim
 
 
 def constraint_entities(scene: SceneDescription) -> Iterator[Entity]:
-    """All constraints that can be seen."""
+    """All constraints that have a picture."""
     size = scene.extent.size
     for constraint_lines in scene.constraint_lines:
         yield _ConstraintLines(constraint_lines, size)
@@ -40,6 +41,10 @@ def constraint_entities(scene: SceneDescription) -> Iterator[Entity]:
                 yield _PointOnLine(path, record, size)
             case KnifeEdge(point=point) | Surface(point=point):
                 yield _Point(path, point, size)
+            case Coupling():
+                pass  # visible in the motion of its joints only
+            case _:
+                assert_never(record)
 
 
 class _ConstraintLines:
@@ -49,7 +54,7 @@ class _ConstraintLines:
         self._wires, self._size = constraint_lines, size
 
     def static(self) -> LoggedItems:
-        width, color = (-0.7, palette.WIRE) if self._wires.surface else (0.006 * self._size, palette.CLOSING)
+        width, color = (-0.7, palette.CURVE) if self._wires.surface else (0.006 * self._size, palette.CLOSING)
         lines = rr.LineStrips3D(list(self._wires.lines), radii=[width], colors=[color])
         if self._wires.lines:
             yield f"{entity_paths.part(self._wires.part)}/wires/{self._wires.name}", lines
@@ -59,7 +64,7 @@ class _ConstraintLines:
 
 
 class _StraightLine:
-    """Straight from point to point."""
+    """Straight lines from point to point."""
 
     def __init__(self, path: str, points: tuple[Attachment, ...], radius: float, color: palette.Color) -> None:
         self._path, self._points, self._radius, self._color = path, points, radius, color
@@ -76,7 +81,7 @@ class _StraightLine:
 
 
 class _Point:
-    """A point that keeps to something."""
+    """A constrained point."""
 
     def __init__(self, path: str, point: Attachment, size: float) -> None:
         self._path, self._point, self._size = path, point, size
@@ -98,13 +103,13 @@ class _PointOnLine(_Point):
     def static(self) -> LoggedItems:
         yield from super().static()
         if len(self._record.normals) == 2:
-            base, way = self._record.base, HALF * self._size * np.cross(*self._record.normals)
-            line = rr.LineStrips3D([[base.point - way, base.point + way]], radii=[-1.0], colors=[palette.WIRE])
+            base, way = self._record.base, HALF_LENGTH * self._size * np.cross(*self._record.normals)
+            line = rr.LineStrips3D([[base.point - way, base.point + way]], radii=[-1.0], colors=[palette.CURVE])
             yield f"{entity_paths.part(base.part)}/lines/{self._record.name}", line
 
 
 class _RollingContact:
-    """Where a wheel or a ball touches its plane, and the track that it leaves there."""
+    """The point at which a wheel or a ball touches its plane, and the track that it leaves there."""
 
     def __init__(self, record: Rolling, size: float) -> None:
         self._record, self._size = record, size
@@ -122,13 +127,13 @@ class _RollingContact:
 
 
 def contact(record: Rolling, poses: PartPoses) -> Array:
-    """(n, 3): the point of a disc, or a ball, that is nearest to its plane."""
+    """The points (n, 3) of a disc, or a ball, that are nearest to its plane."""
     center = poses.point(record.center)
     down = -poses.direction(record.plane.part, record.normal)
     if record.axis is not None:
         axis = poses.direction(record.center.part, record.axis)
         down = down - np.sum(down * axis, axis=1, keepdims=True) * axis
-        down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), FLAT)
+        down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), MIN_SINE)
     return np.asarray(center + record.radius * down)
 
 

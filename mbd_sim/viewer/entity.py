@@ -1,4 +1,4 @@
-"""What stands on the stage besides the parts: each prop is logged once, and moves by columns."""
+"""The interface of everything that is drawn: each entity is logged once, and changes by columns."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Any, Protocol
 from mbd_sim.viewer.part_poses import PartPoses
 from mbd_sim.viewer.sample_rows import Rows
 
-LoggedItems = Iterator[tuple[str, Any]]  # an entity, and what of Rerun goes there
+LoggedItems = Iterator[tuple[str, Any]]  # the path of an entity, and the archetype or columns logged there
 
 
 class Entity(Protocol):
-    """Something in the scene, or a line in a plot."""
+    """Something in the scene, or the curves of a plot."""
 
     def static(self) -> LoggedItems:
         """What does not change: shapes, styles, names."""
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
-        """What changes, a row for each sample."""
+        """What changes, one row for each sample."""

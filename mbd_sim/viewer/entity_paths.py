@@ -1,4 +1,4 @@
-"""The names of things in the recording."""
+"""The paths of entities in the recording, and the units of what is plotted there."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ REACTION = f"{JOINTS}/reaction"
 ACCOUNT = "energy/account"
 STACK = "energy/stack"
 RESIDUAL = "energy/residual"
-RESIDUAL_PJ = "energy/residual_pJ"  # plots write their numbers out in full: in J they would be rows of zeros
+RESIDUAL_PJ = "energy/residual_pJ"  # Rerun's plots label axes without exponents: in J they would show zeros
 PICO = 1e-12
 
 ANGULAR, LINEAR = "angular", "linear"
-UNITS = {  # of what is plotted, by entity
+UNITS = {  # of the plots, by the paths of their entities
     f"{POSITION}/{ANGULAR}": "rad",
     f"{POSITION}/{LINEAR}": "m",
     f"{VELOCITY}/{ANGULAR}": "rad/s",
@@ -35,12 +35,12 @@ def part(name: str) -> str:
 
 
 def trace(name: str) -> str:
-    """The path that a point leaves behind, in ground's frame."""
+    """The trace that a point leaves, in ground's frame."""
     return f"{WORLD}/traces/{name}"
 
 
 def kinds(joint: Joint) -> list[str]:
-    """Whether each of a joint's coordinates is an angle or a displacement, as in `Joint.motion_names`."""
+    """Whether each of a joint's coordinates is an angle or a displacement, in the order of `Joint.motion_names`."""
     return [ANGULAR if coordinate.rotation else LINEAR for coordinate in joint.kind.coordinates]
 
 
@@ -52,9 +52,3 @@ def free_kinds(mechanism: Mechanism) -> list[str]:
 def driven_kinds(mechanism: Mechanism) -> list[str]:
     """The kind of each driven coordinate."""
     return [kind for joint in mechanism.joints.values() if joint.drive for kind in kinds(joint)]
-
-
-def ends(mechanism: Mechanism) -> tuple[str, ...]:
-    """The parts at the ends of the chains, which leave a trace."""
-    inner = {joint.inboard for joint in mechanism.tree_joints()}
-    return tuple(joint.outboard for joint in mechanism.tree_joints() if joint.outboard not in inner)

@@ -1,4 +1,4 @@
-"""The coordinates of joints over many samples at once."""
+"""The coordinates of joints for many samples at once."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mbd_sim.viewer.scene_description import SceneDescription
 
 
 def coordinates(scene: SceneDescription, rows: Rows) -> Array:
-    """(n, nv): a position for each generalized speed, as `Model.coordinates` gives it for one state."""
+    """A position for each generalized speed, (n, nv), as `Model.coordinates` gives it for one state."""
     y = rows.of("y")
     found = [np.empty((len(rows), 0))]
     for name, where in scene.q.items():
@@ -23,7 +23,7 @@ def coordinates(scene: SceneDescription, rows: Rows) -> Array:
 
 
 def rotation_vectors(quaternions: Array) -> Array:
-    """Axes times angles (n, 3), at most π long, of unit quaternions (n, 4) in the order (w, x, y, z)."""
+    """Rotation vectors (n, 3), at most π long, of unit quaternions (n, 4) in the order (w, x, y, z)."""
     turned = np.where(quaternions[:, :1] >= 0.0, quaternions, -quaternions)
     w, v = turned[:, 0], turned[:, 1:]
     sine = np.linalg.norm(v, axis=1)

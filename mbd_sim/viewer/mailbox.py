@@ -1,4 +1,4 @@
-"""A bounded queue with one writer and one reader that never makes the writer wait."""
+"""A bounded queue with one writer and one reader that never blocks the writer."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ Item = TypeVar("Item")
 
 
 class Mailbox(Generic[Item]):
-    """Holds the newest `capacity` items; `dropped` counts those that were pushed out before they were read.
+    """Keeps the newest `capacity` items; `dropped` counts those that were discarded before they were read.
 
-    Items are numbered as they come in, so the reader sees from the gaps what was lost and no lock is needed:
-    appending to a deque and taking from it are atomic.
+    Items are numbered as they arrive, so that the reader finds lost ones by the gaps and no lock is needed: appending
+    to a deque and removing from it are atomic.
     """
 
     def __init__(self, capacity: int) -> None:
@@ -27,12 +27,12 @@ class Mailbox(Generic[Item]):
         return len(self._items)
 
     def put(self, item: Item) -> None:
-        """Add an item; the oldest one goes when there is no room."""
+        """Add an item; the oldest one is discarded when there is no room."""
         self._items.append((self._written, item))
         self._written += 1
 
     def take(self, limit: int) -> list[Item]:
-        """Take out at most so many items, oldest first."""
+        """Remove and return at most `limit` items, oldest first."""
         taken: list[Item] = []
         while len(taken) < limit:
             try:

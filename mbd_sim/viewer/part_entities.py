@@ -1,4 +1,4 @@
-"""The parts in the recording: their shapes in their own frames, ground's axes, and a few words about the mechanism."""
+"""The parts: their shapes in their own frames, ground's axes, and the page about the mechanism."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import rerun as rr
 
 from mbd_sim.appearance import palette
 from mbd_sim.appearance.palette import Color
+from mbd_sim.appearance.solids import LINE_WIDTH, POINT_MASS_RADIUS, skeleton
 from mbd_sim.geometry.rotation import quaternions
 from mbd_sim.mechanism.records import GROUND, Part
 from mbd_sim.viewer import entity_paths, rerun_shapes
@@ -53,12 +54,12 @@ class _Part:
             if not shape.hole and (mark := rerun_shapes.mark(shape, own)) is not None:
                 yield f"{path}/{index}_{shape.kind}/mark", mark
         if not part.shapes and part.mass:
-            yield f"{path}/center", rerun_shapes.sphere(part.center, 0.02 * self._size, palette.lit(self._color))
-            ends = [pose.position for pose in part.points.values()] or [part.center]
-            strips = [np.array([np.zeros(3), end]) for end in ends if np.any(end)]
-            if strips:
-                lines = rr.LineStrips3D(strips, radii=0.006 * self._size, colors=[self._color])
-                yield f"{path}/points", lines
+            yield (
+                f"{path}/center",
+                rerun_shapes.sphere(part.center, POINT_MASS_RADIUS * self._size, palette.lit(self._color)),
+            )
+            if lines := skeleton(part):
+                yield f"{path}/points", rr.LineStrips3D(lines, radii=LINE_WIDTH * self._size, colors=[self._color])
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         turned = quaternions(rows.rotations[:, self._index])
@@ -67,7 +68,7 @@ class _Part:
 
 
 def about(scene: SceneDescription) -> rr.TextDocument:
-    """What is to be seen, and at which scale."""
+    """The page that explains the scene, its colors and the scale of its arrows."""
     mechanism = scene.mechanism
     free = len(mechanism.coordinate_names)
     lines = [
@@ -75,12 +76,12 @@ def about(scene: SceneDescription) -> rr.TextDocument:
         mechanism.description.strip(),
         f"{len(mechanism.parts)} parts of {mechanism.mass:.4g} kg, {free} coordinates, "
         f"{len(mechanism.closing) + len(mechanism.constraints)} loops and constraints; "
-        f"{scene.method} with a step of {1e3 * mechanism.step:g} ms, if not told otherwise.",
-        "| colour | meaning |\n|---|---|\n"
+        f"by default {scene.method} with a step of {1e3 * mechanism.step:g} ms.",
+        "| color | meaning |\n|---|---|\n"
         "| yellow | driven joints |\n| pink | joints and rods that close loops |\n| grey, white | other joints |\n"
         "| red arrows | forces of the file |\n| green arrows | commanded efforts and wrenches |\n"
-        "| blue arrows | forces through joints, where asked for |",
-        f"An arrow of {LONG * scene.extent.size:.3g} m is {weight(scene):.3g} N, if its force has no scale of its own: "
-        "the largest value of its expression, or the effort limit of its joint.",
+        "| blue arrows | forces through joints, if requested |",
+        f"An arrow of {LONG * scene.extent.size:.3g} m is {weight(scene):.3g} N. A force that has an expression or an "
+        "effort limit is scaled by its largest value instead.",
     ]
     return rr.TextDocument("\n\n".join(lines), media_type=rr.MediaType.MARKDOWN)

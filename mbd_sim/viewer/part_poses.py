@@ -1,4 +1,4 @@
-"""Points and directions of parts over many samples at once, in ground's frame."""
+"""Points and directions of parts for many samples at once, in ground's frame."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ MIN_LENGTH = 1e-9  # m, below which two points count as one
 
 
 class PartPoses:
-    """Where the parts are in each of n samples."""
+    """The poses of the parts in each of n samples."""
 
     def __init__(self, scene: SceneDescription, rows: Rows) -> None:
         self._index = {name: index for index, name in enumerate(scene.part_names)}
         self._rows = rows
 
     def point(self, at: Attachment) -> Array:
-        """(n, 3)."""
+        """A point of a part in ground's frame, (n, 3)."""
         if at.part == GROUND:
             return np.broadcast_to(at.point, (len(self._rows), 3))
         index = self._index[at.part]
         return np.asarray(self._rows.positions[:, index] + self._rows.rotations[:, index] @ at.point)
 
     def direction(self, part: str, direction: Array) -> Array:
-        """(n, 3), of a direction (3,) or (n, 3) in the frame of a part."""
+        """A direction (3,) or (n, 3) in the frame of a part, in ground's axes (n, 3)."""
         along = np.broadcast_to(direction, (len(self._rows), 3))
         if part == GROUND:
             return along
@@ -36,16 +36,16 @@ class PartPoses:
         return turned
 
     def rotations(self, part: str) -> Array:
-        """The axes (n, 3, 3) of a part."""
+        """The rotation matrices (n, 3, 3) of a part."""
         if part == GROUND:
             return np.broadcast_to(np.eye(3), (len(self._rows), 3, 3))
         return self._rows.rotations[:, self._index[part]]
 
 
 def line_transforms(starts: Array, stops: Array, across: Array) -> tuple[Array, Array]:
-    """Lengths (n,) from start to stop, and the quaternions (n, 4) x, y, z, w that turn z to there.
+    """Lengths (n,) of the lines from start to stop, and quaternions (n, 4) x, y, z, w that rotate z onto them.
 
-    x comes as near to `across` (3,) as it can, so that what is drawn does not spin about its line.
+    x is as close to `across` (3,) as possible, so that what is drawn does not spin about its line.
     """
     way = stops - starts
     length = np.linalg.norm(way, axis=1)
@@ -61,7 +61,7 @@ def line_transforms(starts: Array, stops: Array, across: Array) -> tuple[Array, 
 
 
 def transverse_direction(scene: SceneDescription, direction: Array) -> Array:
-    """A direction (3,) across what starts along `direction`: the normal of the plane of motion where there is one."""
+    """A direction (3,) across a line along `direction` (3,): the normal of the plane of motion where there is one."""
     normal = scene.extent.normal
     if normal is not None:
         return normal

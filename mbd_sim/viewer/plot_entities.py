@@ -1,4 +1,4 @@
-"""The lines in the plots: joints, the energy account, and what is left of it."""
+"""The curves in the plots: joints, the energy account, and its residual."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WIDTH = 1.6
 
 @dataclass(frozen=True)
 class Series:
-    """Lines of one plot: their entity, names and colours."""
+    """The curves of one plot: their entity, names and colors; a `stepped` curve is constant between samples."""
 
     path: str
     names: tuple[str, ...]
@@ -33,7 +33,7 @@ class Series:
     stepped: bool = False
 
     def style(self) -> LoggedItems:
-        """What does not change."""
+        """Their names, colors and widths."""
         mode = rr.components.InterpolationMode.StepAfter if self.stepped else None
         count = len(self.names)
         style = rr.SeriesLines(
@@ -42,17 +42,17 @@ class Series:
         yield self.path, style
 
     def values(self, values: Array) -> LoggedItems:
-        """A row (k,) for each sample, (n, k)."""
+        """Their values, a row of k numbers for each sample, (n, k)."""
         yield self.path, scalars(values)
 
 
 def scalars(values: Array) -> Any:
-    """Columns of several numbers a row, (n, k)."""
+    """Columns of rows with several numbers each, (n, k)."""
     return rr.Scalars.columns(scalars=np.ascontiguousarray(values).ravel()).partition([values.shape[1]] * len(values))
 
 
 def plot_entities(scene: SceneDescription) -> Iterator[Entity]:
-    """All of them."""
+    """All plots."""
     if scene.mechanism.coordinate_names or scene.mechanism.driven_names:
         yield _JointPlots(scene)
     yield _EnergyPlots(bool(scene.mechanism.driven_names))
@@ -108,7 +108,7 @@ RESIDUAL_PJ = Series(entity_paths.RESIDUAL_PJ, ("residual",), (palette.RESIDUAL,
 
 
 class _EnergyPlots:
-    """The account names the work of drives only where there are any."""
+    """The energy account, as curves and as a stack, and its residual; the work of drives only if there are any."""
 
     def __init__(self, driven: bool) -> None:
         lines = [("kinetic", palette.KINETIC), ("potential", palette.POTENTIAL), ("total", palette.TOTAL)]
@@ -122,17 +122,17 @@ class _EnergyPlots:
             yield from series.style()
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
-        kinetic, potential, dissipated, applied, drives, total, residual = rows.of("audit").T
+        kinetic, potential, dissipated, applied, drives, total, residual = rows.of("energies").T
         account = np.column_stack([kinetic, potential, total, dissipated, applied, drives])
         yield from self._account.values(account[:, : len(self._account.names)])
         spent = total + dissipated
         yield from STACK.values(np.column_stack([potential, total, spent, spent - applied - drives]))
-        yield from RESIDUAL.values(np.log10(residual_magnitude(rows.of("audit")))[:, None])
+        yield from RESIDUAL.values(np.log10(residual_magnitude(rows.of("energies")))[:, None])
         yield from RESIDUAL_PJ.values(residual[:, None] / entity_paths.PICO)
 
 
 class _ReactionPlots:
-    """How large the forces through the joints are."""
+    """The magnitudes of the forces through the joints."""
 
     def __init__(self, scene: SceneDescription) -> None:
         names = tuple(scene.mechanism.all_joints)

@@ -1,7 +1,7 @@
-"""What passes between the simulation's process and the viewer's: a kind, a length, and bytes.
+"""The messages between the simulation's process and the viewer's: a kind, a length, and bytes.
 
-To the viewer: first the stage and the sink (pickled, by the same program a moment before), then rows of samples as raw
-numbers, events as JSON, and numbered requests to pass on what came so far. Back: lines of JSON.
+To the viewer: first the scene description and the sink, pickled; then rows of samples as raw numbers, events as
+JSON, and numbered requests to flush what was sent before. Back: lines of JSON.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ SCENE, ROWS, EVENTS, FLUSH = b"S", b"R", b"E", b"F"
 
 
 def pack(kind: bytes, payload: bytes) -> bytes:
-    """A message."""
+    """A message as bytes."""
     return HEADER.pack(kind, len(payload)) + payload
 
 
 def read(stream: IO[bytes]) -> tuple[bytes, bytes] | None:
-    """The next message; None where there is none any more, or only a part of one."""
+    """The next message; None at the end of the stream, or when it ends within a message."""
     header = stream.read(HEADER.size)
     if len(header) < HEADER.size:
         return None

@@ -18,7 +18,7 @@ START_TIMEOUT = 20.0  # s
 
 
 def executable() -> str:
-    """The path of Rerun's program: the one that came with the Python package, or one on the PATH.
+    """The path of Rerun's program: the one in the Python package, or one on the PATH.
 
     :raises OSError: there is none.
     """
@@ -32,15 +32,15 @@ def executable() -> str:
 
 
 def _started(arguments: list[str], log: IO[bytes]) -> subprocess.Popen[bytes]:
-    """Rerun's program in a session of its own: a Ctrl-C in the terminal is for the node, which ends it in order."""
+    """Start Rerun's program in its own session: Ctrl-C in the terminal reaches the node, which then ends it."""
     command = [executable(), *arguments]
     return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True)  # noqa: S603
 
 
 def start_server(port: int, web_port: int) -> subprocess.Popen[bytes]:
-    """A server for data on `port` and for browsers on `web_port`; it lives until it is told to stop.
+    """Start a server for data on `port` and for browsers on `web_port`; it runs until it is stopped.
 
-    :raises OSError: it does not come up.
+    :raises OSError: it does not start.
     """
     arguments = ["--serve-web", "--bind", LOOPBACK, "--port", str(port), "--web-viewer-port", str(web_port)]
     with tempfile.TemporaryFile() as log:
@@ -51,15 +51,15 @@ def start_server(port: int, web_port: int) -> subprocess.Popen[bytes]:
                 server.kill()
                 server.wait()
                 log.seek(0)
-                raise OSError(f"Rerun's server does not come up: {_last_line(log.read())}")
+                raise OSError(f"Rerun's server did not start: {_last_line(log.read())}")
             time.sleep(0.02)
     return server
 
 
 def spawn_window(port: int) -> None:
-    """A window that takes data on `port` and stays open when this process ends.
+    """Open a window that takes data on `port` and stays open when this process ends.
 
-    :raises OSError: it does not come up, or there is no display to open it on.
+    :raises OSError: it does not open, or there is no display to open it on.
     """
     if sys.platform == "linux" and not any(os.environ.get(key) for key in ("DISPLAY", "WAYLAND_DISPLAY")):
         raise OSError("there is no display to open a window on. Use 'serve' for a browser, or a path ending in '.rrd'")
@@ -68,16 +68,16 @@ def spawn_window(port: int) -> None:
         [executable(), *arguments], stdin=subprocess.DEVNULL, capture_output=True, check=False, timeout=START_TIMEOUT
     )
     if done.returncode != 0:
-        raise OSError(f"Rerun's window does not open: {_last_line(done.stderr)}")
+        raise OSError(f"Rerun's window did not open: {_last_line(done.stderr)}")
     deadline = time.monotonic() + START_TIMEOUT
     while not listens(LOOPBACK, port):
         if time.monotonic() > deadline:
-            raise OSError(f"Rerun's window does not take data on port {port}")
+            raise OSError(f"Rerun's window does not accept data on port {port}")
         time.sleep(0.02)
 
 
 def stop(server: subprocess.Popen[bytes]) -> None:
-    """End a server."""
+    """Stop a server."""
     server.terminate()
     try:
         server.wait(5.0)
@@ -87,7 +87,7 @@ def stop(server: subprocess.Popen[bytes]) -> None:
 
 
 def listens(host: str, port: int, timeout: float = 2.0) -> bool:
-    """Whether something takes connections there."""
+    """Whether something accepts connections at this address."""
     try:
         socket.create_connection((host, port), timeout).close()
     except OSError:
@@ -96,7 +96,7 @@ def listens(host: str, port: int, timeout: float = 2.0) -> bool:
 
 
 def answers(host: str, port: int, timeout: float = 3.0) -> bool:
-    """Whether what listens there speaks HTTP, as viewers do; Rerun would wait for anything else without end."""
+    """Whether the program that listens there speaks HTTP, as viewers do; Rerun would wait forever for anything else."""
     try:
         with socket.create_connection((host, port), timeout) as connection:
             connection.settimeout(timeout)
@@ -107,7 +107,10 @@ def answers(host: str, port: int, timeout: float = 3.0) -> bool:
 
 
 def free_port(preferred: int) -> int:
-    """The preferred port on loopback if it is free, otherwise another."""
+    """The preferred port on the loopback interface if it is free, otherwise another one.
+
+    :raises OSError: no port is free.
+    """
     for port in (preferred, 0):
         with socket.socket() as trial:
             trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -121,4 +124,4 @@ def free_port(preferred: int) -> int:
 
 def _last_line(output: bytes) -> str:
     lines = output.decode(errors="replace").strip().splitlines()
-    return lines[-1] if lines else "it says nothing"
+    return lines[-1] if lines else "it printed no message"

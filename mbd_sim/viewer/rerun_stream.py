@@ -1,4 +1,4 @@
-"""A mechanism's motion as a recording of Rerun: the stage is set once, then rows of samples come in."""
+"""The motion of a mechanism as a recording of Rerun: the scene is logged once, then rows of samples follow."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ FLUSH_TIMEOUT = 5.0  # s
 
 
 class RerunStream:
-    """One recording. `address` says where to look."""
+    """One recording. `address` is where to view it: a URL, or the path of the file."""
 
     def __init__(self, scene: SceneDescription, sink: str, *, live: bool | None = None) -> None:
         """Open the sink and log what does not change.
 
-        :param live: follow what comes in, rather than play it again and again; None: where somebody watches.
+        :param live: follow the incoming data rather than play them in a loop; by default, loop only in files.
         :raises ViewerError: the sink cannot be opened.
         """
         self._scene = scene
@@ -69,7 +69,7 @@ class RerunStream:
         self._begun = False
 
     def send_samples(self, values: Array) -> None:
-        """Show samples, the rows (n, width) of `RowLayout`, in the order of their times."""
+        """Show samples, rows (n, width) of `RowLayout` in the order of their times."""
         rows = Rows(self._scene.rows, values)
         poses = PartPoses(self._scene, rows)
         if not self._begun:
@@ -86,9 +86,9 @@ class RerunStream:
             self._columns(path, times, columns)
 
     def flush(self) -> None:
-        """Pass on what is in the buffers.
+        """Send what is buffered.
 
-        :raises ValueError: the viewer takes nothing any more.
+        :raises ValueError: the viewer does not accept data any more.
         """
         self._recording.flush(timeout_sec=FLUSH_TIMEOUT)
 

@@ -1,4 +1,4 @@
-"""A sample of a motion as one row of numbers: what the simulation's side hands over, and the viewer's side reads."""
+"""A sample of a motion as one row of numbers: written by the simulation's process, read by the viewer's."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.compiled_model import Energies, Model
 
 ENERGY_NUMBERS = 7  # numbers of `Energies`
-FIELDS = ("times", "audit", "y", "inputs", "poses", "drives", "reactions")
+FIELDS = ("times", "energies", "y", "inputs", "poses", "drives", "reactions")
 
 
 @dataclass(frozen=True)
 class RowLayout:
-    """Where the fields of a row stand; all in SI units.
+    """The layout of a row; SI units throughout.
 
-    `times` are that of the timeline and that of the mechanism; `audit` the fields of `Energies`; `poses` the position
-    and the rotation, column by column, of each of `parts`; `drives` the positions, speeds and forces of the driven
-    coordinates; `reactions` the force and moment through each joint, those of the tree first.
+    `times` are the time on the timeline and the mechanism's own; `energies` the fields of `Energies`; `poses` the
+    position and the rotation matrix, column by column, of each of `parts`; `drives` the positions, speeds and forces of
+    the driven coordinates; `reactions` the force and moment through each joint, those of the tree first.
     """
 
     state: int
@@ -35,19 +35,19 @@ class RowLayout:
 
     @cached_property
     def slices(self) -> Mapping[str, slice]:
-        """The place of each of `FIELDS`."""
+        """The slice of a row that each of `FIELDS` occupies."""
         sizes = (2, ENERGY_NUMBERS, self.state, self.inputs, 12 * self.parts, 3 * self.driven, 6 * self.joints)
         stops = np.cumsum(sizes).tolist()
         return {name: slice(stop - size, stop) for name, size, stop in zip(FIELDS, sizes, stops, strict=True)}
 
     @cached_property
     def width(self) -> int:
-        """How many numbers a row has."""
+        """The number of columns."""
         return int(self.slices[FIELDS[-1]].stop)
 
 
 class RowWriter:
-    """Makes rows from the states of a model, with as little work as possible: the simulation may be waiting."""
+    """Makes rows from the states of a model with as little work as possible: the simulation may be waiting."""
 
     def __init__(self, model: Model, reactions: bool = False) -> None:
         joints = len(model.mechanism.all_joints) if reactions else 0
@@ -77,7 +77,7 @@ class RowWriter:
 
 
 class Rows:
-    """Samples (n, width) by their fields."""
+    """Samples (n, width), accessed by field."""
 
     def __init__(self, layout: RowLayout, values: Array) -> None:
         self._layout, self.values = layout, values
@@ -91,20 +91,20 @@ class Rows:
 
     @property
     def times(self) -> Array:
-        """On the timeline, (n,)."""
+        """The times on the timeline, (n,), s."""
         return self.values[:, 0]
 
     @property
     def motion_times(self) -> Array:
-        """The mechanism's own, (n,)."""
+        """The mechanism's own times, (n,), s."""
         return self.values[:, 1]
 
     @cached_property
     def positions(self) -> Array:
-        """Of the parts in ground's frame, (n, parts, 3)."""
+        """The positions of the parts in ground's frame, (n, parts, 3), m."""
         return unpack_poses(self.of("poses").reshape(len(self), -1, 12))[0]
 
     @cached_property
     def rotations(self) -> Array:
-        """Of the parts in ground's frame, (n, parts, 3, 3)."""
+        """The rotation matrices of the parts in ground's frame, (n, parts, 3, 3)."""
         return unpack_poses(self.of("poses").reshape(len(self), -1, 12))[1]

@@ -1,4 +1,4 @@
-"""All that the viewer's side has to know of a mechanism before the motion begins, as plain records."""
+"""What the viewer's process has to know about a mechanism before the motion begins, as plain records."""
 
 from __future__ import annotations
 
@@ -8,27 +8,28 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbd_sim.appearance.extent import Extent, extent_of, tip_of
+from mbd_sim.appearance.extent import Extent, extent_of
+from mbd_sim.appearance.trace_points import default_traces, tip_of
 from mbd_sim.errors import InputError, nearest
 from mbd_sim.geometry.pose import Array, Pose, identity_pose, unpack_poses
 from mbd_sim.mechanism.attachments import end_of
 from mbd_sim.mechanism.constraints import Surface
 from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
-from mbd_sim.viewer import entity_paths
 from mbd_sim.viewer.sample_rows import RowLayout
 
 if TYPE_CHECKING:
     from mbd_sim.simulation.compiled_model import Model
 
 TRACE_TIME = 1.0  # s
+TOWARD_EYE = np.array([0.55, -1.0, 0.5])  # the direction from which the outline of a surface is found
 
 
 @dataclass(frozen=True)
 class DisplayOptions:
-    """What a person may choose.
+    """What the user may choose to be shown.
 
-    `traces` of points (`part` or `part.point`; None: the ends of the chains), how long they stay in s of simulated
-    time, and whether the forces through the joints are shown.
+    `traces` are points (`part` or `part.point`; None: the ends of the chains) that leave a trace for `trace_time` s of
+    simulated time; `reactions` shows the forces through the joints.
     """
 
     traces: tuple[str, ...] | None = None
@@ -38,7 +39,7 @@ class DisplayOptions:
 
 @dataclass(frozen=True, eq=False)
 class ConstraintLines:
-    """Lines (n, 3) in a part's frame that a curve or a surface is drawn with."""
+    """Lines (n, 3) in a part's frame by which a curve or a surface is drawn."""
 
     name: str
     part: str
@@ -48,10 +49,11 @@ class ConstraintLines:
 
 @dataclass(frozen=True, eq=False)
 class SceneDescription:
-    """A mechanism made ready to be shown.
+    """A mechanism prepared for display.
 
-    `q` and `u` say where the coordinates and speeds of each joint stand in the state, `wrenches` where the commanded
-    wrench on each part stands among the inputs, and `quaternions` where that of a joint begins in the state.
+    `q` and `u` are the places of each joint's coordinates and speeds in the state, `wrenches` the place of the
+    commanded wrench on each part among the inputs, and `quaternions` the index in the state at which that of a joint
+    begins.
     """
 
     mechanism: Mechanism
@@ -72,18 +74,18 @@ class SceneDescription:
 
     @property
     def start_poses(self) -> Mapping[str, Pose]:
-        """Where the parts are at the start, and ground."""
+        """The poses of the parts and of ground at the start."""
         poses = (Pose(*pose) for pose in zip(*unpack_poses(self.start), strict=True))
         return {GROUND: identity_pose(), **dict(zip(self.part_names, poses, strict=True))}
 
-    def at_start(self, at: Attachment) -> Array:
+    def at_start(self, attachment: Attachment) -> Array:
         """A point (3,) in ground's frame at the start."""
-        pose = self.start_poses[at.part]
-        return pose.position + pose.rotation @ at.point
+        pose = self.start_poses[attachment.part]
+        return pose.position + pose.rotation @ attachment.point
 
 
 def describe_scene(model: Model, rows: RowLayout, options: DisplayOptions) -> SceneDescription:
-    """Look at a model.
+    """Describe a model to the viewer.
 
     :raises ValueError: a trace names a part or point that does not exist.
     """
@@ -101,42 +103,43 @@ def describe_scene(model: Model, rows: RowLayout, options: DisplayOptions) -> Sc
         part_names=tuple(model.part_names),
         start=model.pose_array(0.0, model.start),
         traces=_traces(mechanism, options.traces),
-        constraint_lines=tuple(_wires(model)),
+        constraint_lines=tuple(_constraint_lines(model)),
         method=model.method.name,
         options=options,
     )
 
 
-def _traces(mechanism: Mechanism, wanted: Sequence[str] | None) -> Mapping[str, Attachment]:
-    if wanted is None:
-        return {name: Attachment(name, tip_of(mechanism.parts[name])) for name in entity_paths.ends(mechanism)}
-    slices = {name: part.points for name, part in mechanism.parts.items()}
-    found: dict[str, Attachment] = {}
-    for text in wanted:
+def _traces(mechanism: Mechanism, chosen: Sequence[str] | None) -> Mapping[str, Attachment]:
+    if chosen is None:
+        return default_traces(mechanism)
+    points = {name: part.points for name, part in mechanism.parts.items()}
+    traces: dict[str, Attachment] = {}
+    for text in chosen:
         try:
-            part, pose = end_of(text, slices)
+            part, pose = end_of(text, points)
         except InputError as error:
-            raise ValueError(f"traces: {error.message}. {error.remedy or nearest(text, slices)}") from error
+            raise ValueError(f"traces: {error.message}. {error.remedy or nearest(text, points)}") from error
         point = pose.position if "." in text else tip_of(mechanism.parts[part])
-        found[text] = Attachment(part, np.array(point))
-    return found
+        traces[text] = Attachment(part, np.array(point))
+    return traces
 
 
-def _wires(model: Model) -> list[ConstraintLines]:
-    """The curves and surfaces that points keep to, as they are at the start."""
+def _constraint_lines(model: Model) -> list[ConstraintLines]:
+    """The curves and surfaces on which points are constrained to lie, as they are at the start."""
     found: list[ConstraintLines] = []
-    for record in model.mechanism.constraints:
-        if isinstance(record, Surface):
+    for constraint in model.mechanism.constraints:
+        if isinstance(constraint, Surface):
             from mbd_sim.appearance.implicit_curves import curve_lines, surface_lines
 
             poses = {GROUND: identity_pose(), **model.poses(0.0, model.start)}
-            point = poses[record.point.part] @ Pose(record.point.point, np.eye(3))
-            on = (poses[record.base.part].inverse() @ point).position
-            base = Pose(record.base.point, record.axes)
-            one = len(record.equations) == 1
-            drawn = (
-                surface_lines(record, on, base, np.array([0.55, -1.0, 0.5])) if one else curve_lines(record, on, base)
-            )
-            lines = tuple(wire.points for wire in drawn if wire.kind != "outline" and len(wire.points) > 1)
-            found.append(ConstraintLines(record.name, record.base.part, lines, surface=one))
+            point = poses[constraint.point.part] @ Pose(constraint.point.point, np.eye(3))
+            start = (poses[constraint.base.part].inverse() @ point).position
+            base = Pose(constraint.base.point, constraint.axes)
+            is_surface = len(constraint.equations) == 1
+            if is_surface:
+                drawn = surface_lines(constraint, start, base, TOWARD_EYE)
+            else:
+                drawn = curve_lines(constraint, start, base)
+            lines = tuple(line.points for line in drawn if line.kind != "outline" and len(line.points) > 1)
+            found.append(ConstraintLines(constraint.name, constraint.base.part, lines, surface=is_surface))
     return found

@@ -1,4 +1,4 @@
-"""Where a recording goes: a viewer's window, a browser, a viewer that runs already, or a file."""
+"""The destinations of a recording: a viewer's window, a browser, a running viewer, or a file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 DATA_PORT, WEB_PORT = 9876, 9090  # Rerun's own defaults
 VALID = (
     "'spawn' (opens a window), 'serve' (for a browser on this machine), 'connect' or 'connect:<url>' "
-    "(a viewer that runs already), or a path ending in '.rrd' (a file)"
+    "(a running viewer), or a path ending in '.rrd' (a file)"
 )
 
 
@@ -26,29 +26,29 @@ class ViewerError(MbdSimError):
 
 
 class UnknownSinkError(ViewerError, ValueError):
-    """A sink that is none of those there are."""
+    """There is no such sink."""
 
 
 def checked_sink(sink: str) -> str:
     """The sink, if it is one.
 
-    :raises UnknownSinkError: it is not; says which there are.
+    :raises UnknownSinkError: there is no such sink; the message lists those that exist.
     """
     if sink in ("spawn", "serve", "connect") or sink.endswith(".rrd") or sink.partition("connect:")[2]:
         return sink
-    remedy = f" To write a file, say '{sink}.rrd'." if sink and ":" not in sink else ""
+    remedy = f" To write a file, use '{sink}.rrd'." if sink and ":" not in sink else ""
     raise UnknownSinkError(f"there is no viewer sink '{sink}'. Use {VALID}.{remedy}")
 
 
 def is_live(sink: str) -> bool:
-    """Whether somebody watches while the data come in."""
+    """Whether somebody watches while the data arrive: true for all sinks but files."""
     return not sink.endswith(".rrd")
 
 
 class Outlet:
-    """The way out of a recording. `address` says where to look: a URL, or the path of the file.
+    """The connection of a recording to its sink. `address` is where to view it: a URL, or the path of the file.
 
-    :raises ViewerError: the way cannot be opened.
+    :raises ViewerError: the sink cannot be opened.
     """
 
     def __init__(self, recording: RecordingStream, sink: str, blueprint: Blueprint) -> None:
@@ -65,7 +65,7 @@ class Outlet:
             return str(Path(sink).resolve())
         address = url = _data_url(DATA_PORT)
         if sink == "serve":
-            # RecordingStream.serve_grpc would listen on every network (rerun 0.41): a server of our own does not
+            # RecordingStream.serve_grpc listens on all network interfaces (rerun 0.41); Rerun's program need not.
             port, web_port = rerun_process.free_port(DATA_PORT), rerun_process.free_port(WEB_PORT)
             self._server = rerun_process.start_server(port, web_port)
             url = _data_url(port)
@@ -91,7 +91,7 @@ def _data_url(port: int) -> str:
 
 
 def _full_url(url: str) -> str:
-    """The URL of a viewer that listens; `host:port` is enough.
+    """The URL of a running viewer; `host:port` is enough.
 
     :raises OSError: nothing listens there.
     """

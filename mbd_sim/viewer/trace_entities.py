@@ -1,4 +1,4 @@
-"""The ways that points leave behind."""
+"""The traces that points leave."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from mbd_sim.viewer.scene_description import SceneDescription
 
 
 def trace_entities(scene: SceneDescription) -> Iterator[Entity]:
-    """The chosen ones."""
+    """The chosen traces."""
     colors = palette.part_colors(scene.mechanism)
     for name, at in scene.traces.items():
         yield _PointTrace(name, at, colors.get(at.part, palette.JOINT), 0.005 * scene.extent.size)
 
 
 class Trace:
-    """Each row is the way from the sample before; the view shows those of the last second or so.
+    """A trace in pieces: each row is the line from the sample before, and the view shows those of the last second.
 
-    Where the motion begins anew, as after a reset, so does the way.
+    A trace starts again where the motion does, as after a reset.
     """
 
     def __init__(self, path: str, color: palette.Color, radius: float) -> None:
@@ -39,7 +39,7 @@ class Trace:
         yield self.path, rr.LineStrips3D.from_fields(colors=[self._color], radii=[self._radius])
 
     def columns_through(self, rows: Rows, points: Array) -> LoggedItems:
-        """Through points (n, 3)."""
+        """The pieces through points (n, 3)."""
         times = np.concatenate([[self._time], rows.motion_times])
         before = np.vstack([self._end, points[:-1]])
         anew = np.diff(times) <= 0.0

@@ -1,4 +1,4 @@
-"""Shows a motion in Rerun from a process of its own, so that it never makes the simulation wait."""
+"""Shows a motion in Rerun from a separate process, so that the simulation never waits for it."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ _log = logging.getLogger(__name__)
 
 
 class Viewer:
-    """A recording in Rerun that takes samples of a motion.
+    """A recording in Rerun that accepts samples of a motion.
 
-    `rate` is the number of samples kept for each second of simulated time; `capacity` the number that may wait.
-    When the viewer is slower than the simulation, the oldest waiting samples go, and `dropped` counts them.
-    `address` says where to look, `failure` what ended the recording early. Times are simulated time in s and
-    should not go back: the timeline has one place for each time. Offer the start too: before the first sample
-    all parts lie at the origin.
+    `rate` is the number of samples kept for each second of simulated time, `capacity` the number that may wait. When
+    the viewer is slower than the simulation, the oldest waiting samples are discarded and counted in `dropped`.
+    `address` is where to view the recording, `failure` the error that ended it early. Times are simulated time in s
+    and should not decrease, because the timeline shows one sample for each time. Offer the start too: before the first
+    sample all parts lie at the origin.
 
     >>> with Viewer(sim.model, "run.rrd") as viewer:
     ...     while sim.time < 10.0:
@@ -66,7 +66,7 @@ class Viewer:
         """Open the sink: 'spawn', 'serve', 'connect', 'connect:<url>', or a path ending in '.rrd'.
 
         :param traces: points that leave a trace for `trace_time` s, as `part` or `part.point`; None: ends of chains.
-        :param reactions: show the forces through the joints; they take a tenth of a millisecond or more a sample.
+        :param reactions: show the forces through the joints; computing them takes 0.1 ms or more for each sample.
         :raises ViewerError: there is no such sink, it cannot be opened, or Rerun is not installed.
         :raises ValueError: the rate or capacity is not positive, or there is no such part or point to trace.
         """
@@ -103,7 +103,7 @@ class Viewer:
         atexit.register(self.close)
 
     def _open_worker(self, scene: bytes, sink: str) -> str:
-        """Hand over the stage; returns the address."""
+        """Send the scene description to the worker; returns the address."""
         assert self._worker.stdin is not None and self._worker.stdout is not None
         timer = threading.Timer(OPEN_TIMEOUT, self._worker.kill)
         timer.start()
@@ -120,14 +120,15 @@ class Viewer:
 
     @property
     def dropped(self) -> int:
-        """The number of samples that were pushed out before they were sent."""
+        """The number of samples that were discarded before they were sent."""
         return self._samples.dropped
 
     def offer(self, time: float, y: Array, inputs: Array, energies: Energies, motion_time: float | None = None) -> None:
-        """Show a state y with its inputs (see `Simulation.inputs`; the efforts will do) and energies.
+        """Show a state y with its inputs (see `Simulation.inputs`; the efforts are enough) and energies.
 
-        `motion_time` is the mechanism's own time in s, where it is not that of the timeline.
-        Returns at once. Samples closer together than the rate asks for are passed over, but none that begins anew.
+        :param motion_time: the mechanism's own time in s, where it differs from that of the timeline.
+
+        Returns at once. Samples closer together than the rate allows are skipped, except the first after a reset.
         """
         frame = int(time * self._rate + 1e-6)
         own = time if motion_time is None else motion_time
@@ -143,21 +144,21 @@ class Viewer:
             self._events.put((time, event.kind, event.text))
 
     def flush(self, timeout: float = 60.0) -> None:
-        """Wait until what was offered so far is sent: for whoever offers faster than it can be sent.
+        """Wait until everything offered so far is sent, for callers that offer faster than it can be sent.
 
-        :raises ViewerError: it was not sent in `timeout` s, or the recording ended early.
+        :raises ViewerError: it was not sent within `timeout` s, or the recording ended early.
         """
         sent = threading.Event()
         self._flushes += 1
         self._waiting[self._flushes] = sent
         self._wake.set()
         if self.failure is None and not sent.wait(timeout):
-            raise ViewerError(f"the viewer at {self.address} did not take the data within {timeout:g} s")
+            raise ViewerError(f"the viewer at {self.address} did not accept the data within {timeout:g} s")
         if self.failure is not None:
             raise self.failure
 
     def close(self) -> None:
-        """Send what waits and end the recording; a window stays open, a server stops. May be called again."""
+        """Send what is waiting and end the recording; a window stays open, a server stops. May be called again."""
         if self._closing:
             return
         self._closing = True
@@ -186,7 +187,7 @@ class Viewer:
         self.close()
 
     def _feed(self) -> None:
-        """Write batches to the viewer's process until it is told to end."""
+        """Write batches to the worker until the viewer is closed."""
         pipe = self._worker.stdin
         assert pipe is not None
         try:
@@ -205,13 +206,13 @@ class Viewer:
                     flushed = time.monotonic()
                 pipe.flush()
             pipe.close()
-        except OSError as error:  # whatever becomes of the viewer, the simulation goes on
+        except OSError as error:  # a failure of the viewer must not stop the simulation
             self._fail(str(error))
         except ValueError:
             self._fail("it was closed")
 
     def _listen(self) -> None:
-        """Hear what the viewer's process answers until it ends."""
+        """Read the worker's answers until it ends."""
         assert self._worker.stdout is not None
         with contextlib.suppress(OSError, ValueError):
             for line in self._worker.stdout:
@@ -230,7 +231,7 @@ class Viewer:
     def _fail(self, reason: str, *, by_worker: bool = False) -> None:
         if self.failure is None or (by_worker and not self._reported_by_worker):
             self._reported_by_worker = by_worker
-            self.failure = ViewerError(f"the viewer at {self.address} takes no more data: {reason}")
+            self.failure = ViewerError(f"the viewer at {self.address} no longer accepts data: {reason}")
             _log.error("%s", self.failure)
         self._release(self._flushes)
 

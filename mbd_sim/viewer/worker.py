@@ -1,6 +1,6 @@
-"""The viewer's process: turns rows of numbers into columns of Rerun, away from the simulation's interpreter.
+"""The viewer's process: turns rows of numbers into columns of Rerun, outside the simulation's interpreter.
 
-It ends when its input does, so that the recording is finished even where the simulation was killed.
+It ends when its input does, so that the recording is complete even when the simulation was killed.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ import numpy as np
 
 from mbd_sim.viewer import protocol
 
-NICE = 10  # less of the processor than the simulation, where there is not enough for both
+NICENESS = 10  # so that the simulation comes first where there is not enough processor time for both
 
 
 def main() -> int:
-    """Read the stage and the rows from the standard input until it ends; returns the exit code."""
+    """Read the scene description and the rows from standard input until it ends; returns the exit code."""
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", buffering=1)
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what libraries print must not come among the answers
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what libraries print must not mix with the answers
     with contextlib.suppress(OSError):
-        os.nice(NICE)
+        os.nice(NICENESS)
     return _show(sys.stdin.buffer, answers)
 
 
 def _show(source: IO[bytes], answers: IO[str]) -> int:
     def answer(**what: object) -> None:
-        with contextlib.suppress(OSError):  # nobody reads it any more
+        with contextlib.suppress(OSError):  # the simulation's process has ended
             answers.write(f"{json.dumps(what)}\n")
 
     try:
-        # Rerun is loaded while the other process gets the stage ready.
+        # Rerun is imported while the other process prepares the scene description.
         from mbd_sim.simulation.events import EventKind
         from mbd_sim.viewer.event_log import LoggedEvent
         from mbd_sim.viewer.rerun_stream import RerunStream
@@ -44,7 +44,7 @@ def _show(source: IO[bytes], answers: IO[str]) -> int:
             return 1
         scene, sink = pickle.loads(first[1])  # noqa: S301  (from the process that started this one)
         stream = RerunStream(scene, sink)
-    except Exception as error:  # whatever it is, the simulation's side tells it
+    except Exception as error:  # reported by the simulation's process
         answer(failed=str(error) or repr(error))
         return 1
     answer(address=stream.address)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from mbd_sim.appearance.solids import is_invisible
 from mbd_sim.drawing.composition import compose
-from mbd_sim.drawing.part_outlines import is_invisible
 from mbd_sim.drawing.projection import plane_normal, view_of
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism_file.library import shipped

@@ -49,7 +49,7 @@ def test_an_unknown_sink_is_answered_with_those_there_are(model, sink):
 
 
 def test_a_plain_name_gets_the_remedy(model):
-    with pytest.raises(ValueError, match=r"To write a file, say 'run\.rrd'"):
+    with pytest.raises(ValueError, match=r"To write a file, use 'run\.rrd'"):
         Viewer(model, "run")
 
 

@@ -183,7 +183,7 @@ def test_a_killed_viewer_leaves_the_caller_alone(tmp_path):
     viewer = Viewer(sim.model, str(tmp_path / "a.rrd"))
     viewer._worker.kill()
     offer(viewer, sim)
-    with pytest.raises(ViewerError, match="takes no more data"):
+    with pytest.raises(ViewerError, match="no longer accepts data"):
         viewer.flush()
     sim.step(100)
     offer(viewer, sim)
