@@ -1,1 +1,1 @@
-"""What `mbd_sim` costs and how exact it is, beside other simulators: `make bench`."""
+"""Speed and accuracy of `mbd_sim`, compared with other simulators: `make bench`."""

@@ -22,12 +22,12 @@ AGREE = 1e-9
 
 def main() -> None:
     """Measure, print, and save."""
-    parser = argparse.ArgumentParser(prog="benchmarks", description="mbd_sim beside other simulators")
+    parser = argparse.ArgumentParser(prog="benchmarks", description="Compare mbd_sim with other simulators.")
     parser.add_argument("--mechanisms", nargs="*", choices=list(MECHANISMS), default=list(MECHANISMS), metavar="NAME")
     parser.add_argument("--engines", nargs="*", choices=list(CLASSES), default=list(CLASSES), metavar="NAME")
-    parser.add_argument("--rounds", type=int, default=21, help="looks at each stepping loop, by turns (21)")
-    parser.add_argument("--no-fresh", action="store_true", help="set-up times and memory as in the last run")
-    parser.add_argument("--no-plots", action="store_true", help="leave out the work-precision plots")
+    parser.add_argument("--rounds", type=int, default=21, help="interleaved samples of each stepping loop (default 21)")
+    parser.add_argument("--no-fresh", action="store_true", help="take set-up times and memory from the previous run")
+    parser.add_argument("--no-plots", action="store_true", help="skip the work-precision plots")
     parser.add_argument("--docs", action="store_true", help="write docs/benchmarks.md and docs/work_precision.png")
     options = parser.parse_args()
     chosen, lines = candidates(options.engines)
@@ -43,7 +43,9 @@ def main() -> None:
                 add_last(result, plan)
             else:
                 add_fresh(result, candidate, plan)
-        checked = f"Accelerations beside ours: {', '.join(agreements(plan, judge, chosen))}."
+        checked = (
+            f"Largest relative difference of accelerations from ours: {', '.join(agreements(plan, judge, chosen))}."
+        )
         measured[name], default = results, judge.sim.mechanism.method
         table = markdown(results, default)
         print(f"\n## {name}\n\n{table}\n\n{checked}", flush=True)
@@ -64,7 +66,7 @@ def main() -> None:
 
 
 def add_fresh(result: Result, candidate: Candidate, plan: Plan) -> None:
-    """Set-up time and memory, in a process of their own."""
+    """Measure set-up time and memory in a separate process."""
     try:
         found = in_fresh_process(candidate, plan, STEP)
     except RuntimeError as error:
@@ -74,7 +76,7 @@ def add_fresh(result: Result, candidate: Candidate, plan: Plan) -> None:
 
 
 def add_last(result: Result, plan: Plan) -> None:
-    """Set-up time and memory from the last run, if there was one."""
+    """Take set-up time and memory from the previous run, if there was one."""
     file = RESULTS / f"{plan.name}.json"
     last = json.loads(file.read_text(encoding="utf-8"))["results"] if file.exists() else []
     for found in last:
@@ -83,9 +85,9 @@ def add_last(result: Result, plan: Plan) -> None:
 
 
 def agreements(plan: Plan, judge: Judge, chosen: list[Candidate]) -> list[str]:
-    """How far the accelerations of each simulator are from ours, in words.
+    """The largest difference of the accelerations of each simulator from ours, as text.
 
-    :raises RuntimeError: a simulator has another open chain than we have.
+    :raises RuntimeError: the model of an open chain differs from ours.
     """
     found = {}
     for candidate in chosen:
@@ -93,7 +95,9 @@ def agreements(plan: Plan, judge: Judge, chosen: list[Candidate]) -> list[str]:
             found[candidate.module] = agreement(plan, judge, candidate)
     for module, difference in found.items():
         if difference is not None and difference > AGREE and not plan.pins:
-            raise RuntimeError(f"{plan.name}: {NAMES[module]} has another mechanism, by {difference:.1e}")
+            raise RuntimeError(
+                f"{plan.name}: {NAMES[module]} has a different mechanism: its accelerations differ by {difference:.1e}"
+            )
     return [f"{NAMES[module]} {scientific(value)}" for module, value in found.items() if value is not None]
 
 

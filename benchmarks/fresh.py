@@ -1,4 +1,4 @@
-"""Set-up time and memory of one simulator, measured in a process that has nothing else: `in_fresh_process`."""
+"""Set-up time and memory of one simulator, measured in a new process."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def resident() -> int:
 def in_fresh_process(candidate: Candidate, plan: Plan, step: float, seconds: float = 300.0) -> dict[str, float]:
     """`setup` and `again` in s, from the model to the end of the first step, and `memory` in MB of libraries and model.
 
-    Caches that simulators keep in files are empty for `setup`, and what it left there is used for `again`.
+    File caches of the simulators are empty for `setup`, and hold what it wrote for `again`.
 
-    :raises RuntimeError: it did not succeed in time.
+    :raises RuntimeError: the process failed or timed out.
     """
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "job"

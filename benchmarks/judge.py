@@ -1,4 +1,4 @@
-"""What is right: the energies and constraints of a mechanism, its accelerations, and its state after three seconds."""
+"""The reference: energies, constraint violation, accelerations, and the state after three seconds."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Judge:
         return self._model.energies(0.0, self._y(q, u)).total
 
     def violation(self, q: Array, u: Array) -> float:
-        """How far the loops are open, m."""
+        """The violation of the loops in m."""
         return self._model.violation(0.0, self._y(q, u)).position
 
     def accelerations(self, q: Array, u: Array) -> Array:
@@ -44,7 +44,7 @@ class Judge:
 
     @cached_property
     def _reference(self) -> Array:
-        """(n, steps): the states from 0 to END by scipy's adaptive DOP853 at its tightest tolerance."""
+        """(n, steps): the states from 0 to END by SciPy's adaptive DOP853 at its tightest tolerance."""
         size = self._model.u_range.stop
         y = self._model.start.copy()
 
@@ -57,7 +57,7 @@ class Judge:
 
     @cached_property
     def largest_kinetic_energy(self) -> float:
-        """In J, over the first three seconds: what energy drifts are relative to."""
+        """In J, over the first three seconds: to which energy drifts are relative."""
         count = len(self.sim.q)
         states = self._reference.T
         return max(self._model.energies(0.0, self._y(state[:count], state[count:])).kinetic for state in states)

@@ -1,6 +1,6 @@
-"""Torque on a topic → first state that feels it, at 1 kHz stepping and publishing. Asserts nothing.
+"""Latency from a torque on a topic to the first state that it affects, at 1 kHz stepping and publishing.
 
-A torque is sent at random moments; the clock stops when a joint state arrives here whose effort is the one sent.
+Torques are sent at random times; each is timed until a joint state arrives here with that effort.
 
     python -m benchmarks.latency --seconds 60
 """
@@ -30,7 +30,7 @@ def main() -> None:
 
 
 def latencies(node: Measured, seconds: float) -> np.ndarray:
-    """Seconds from publishing a torque to the arrival of the first state with it, for some 100 torques a second."""
+    """Seconds from publishing a torque to the arrival of the first state with it, at about 100 torques per second."""
     commands = node.node.create_publisher(Float64MultiArray, "/sim_node/commands", 10)
     while not commands.get_subscription_count():
         time.sleep(0.05)
@@ -46,7 +46,7 @@ def latencies(node: Measured, seconds: float) -> np.ndarray:
         mark = struct.pack("<d", torque)
         while time.perf_counter() - sent < 1.0 and mark not in node.last:
             time.sleep(2e-4)
-        # `last` may be a state or two further on: the first one with the torque is looked for by its arrival.
+        # `last` may be a state or two later: find the first state with the torque.
         kept = len(node.payloads)
         first = next((i for i in range(seen, len(node.arrivals)) if mark in node.payloads[i % kept]), None)
         if first is not None:

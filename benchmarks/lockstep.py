@@ -1,7 +1,7 @@
-"""Lockstep between two processes: calls a second, and how long a call takes, at 1, 10 and 100 steps a call.
+"""Lockstep between two processes: calls per second and time per call, at 1, 10 and 100 steps per call.
 
-`python benchmarks/lockstep.py [mechanism] [calls]`, in the environment of the tests. Three ways: the command that
-brings its steps along, until the state after them has been read (`mbd_sim.ros.lockstep`); the service `~/step`, until
+`python benchmarks/lockstep.py [mechanism] [calls]`, in the environment of the tests. Three variants: a command that
+triggers its steps, until the resulting state has been read (`mbd_sim.ros.lockstep`); the service `~/step`, until
 its reply, without a command or a state; and the same loop on a `Simulation` in one process, without ROS.
 """
 
@@ -25,7 +25,7 @@ STEPS = (1, 10, 100)
 
 
 def measured(call: Callable[[], object], calls: int) -> str:
-    """Calls a second, median and 99th percentile in µs, as the cells of a table."""
+    """Calls per second, median and 99th percentile in µs, as the cells of a table."""
     took = np.empty(calls)
     for _ in range(50):
         call()
@@ -40,7 +40,7 @@ def measured(call: Callable[[], object], calls: int) -> str:
 def main(mechanism: str = "double_pendulum", calls: int = 2000) -> None:
     """Print the table."""
     print(f"{mechanism}, {calls} calls each, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}\n")
-    print("| way | steps a call | calls/s | p50, µs | p99, µs |\n|---|---|---|---|---|")
+    print("| variant | steps per call | calls/s | p50, µs | p99, µs |\n|---|---|---|---|---|")
     command = [sys.executable, "-m", "mbd_sim.ros.sim_node", "--ros-args", "-p", f"mechanism:={mechanism}"]
     node = subprocess.Popen([*command, "-p", "record:=false"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:

@@ -1,4 +1,4 @@
-"""The measurements: time by turns, error after three seconds, drift of the energy."""
+"""The measurements: interleaved times, error after three seconds, drift of the energy."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from benchmarks.judge import END, Judge
 from benchmarks.plan import Plan
 
 STEP = 1e-3  # s
-SLICE = 2e-3  # s that one look at a stepping loop takes, about
-MOST = 2000  # steps a look
-SLOW = 60e-6  # s a step, beyond which energies are watched for a shorter time
+SAMPLE_TIME = 2e-3  # s, approximate duration of one sample of a stepping loop
+MOST_STEPS = 2000  # of a sample
+SLOW = 60e-6  # s per step, above which the energy is monitored for a shorter time
 LONG, SHORT = 100.0, 10.0  # s
 
 
 @dataclass
 class Result:
-    """What was measured of one simulator on one mechanism; times in µs a millisecond, energies relative."""
+    """Measurements of one simulator on one mechanism; times in µs per step of 1 ms, energies relative."""
 
     label: str
     each: float | None = None
     many: float | None = None
     error: float | None = None
     drift: float | None = None
-    watched: float = LONG
+    monitored: float = LONG
     violation: float | None = None
     setup: float | None = None
     again: float | None = None
     memory: float | None = None
     note: str = ""
-    looks: dict[str, list[float]] = field(default_factory=dict, repr=False)
+    samples: dict[str, list[float]] = field(default_factory=dict, repr=False)
 
 
 def measure(plan: Plan, judge: Judge, chosen: Sequence[Candidate], rounds: int) -> list[Result]:
@@ -47,16 +47,16 @@ def measure(plan: Plan, judge: Judge, chosen: Sequence[Candidate], rounds: int) 
         results[candidate.label] = result = Result(candidate.label)
         try:
             engines[candidate.label] = candidate.build(plan, STEP)
-        except Exception as error:  # whatever a simulator says when it cannot
+        except Exception as error:  # simulators raise all kinds of exceptions for models they do not support
             result.note = f"cannot: {error}"
-    by_turns(plan, engines, results, rounds)
+    time_interleaved(plan, engines, results, rounds)
     for label, engine in engines.items():
         accuracy(plan, judge, engine, results[label])
     return list(results.values())
 
 
-def by_turns(plan: Plan, engines: dict[str, Engine], results: dict[str, Result], rounds: int) -> None:
-    """Time all engines in turn, so that they share whatever else the machine does; medians."""
+def time_interleaved(plan: Plan, engines: dict[str, Engine], results: dict[str, Result], rounds: int) -> None:
+    """Time all engines in turn, so that other load on the machine affects them alike; medians."""
     loops = {
         (label, kind): loop
         for label, engine in engines.items()
@@ -66,18 +66,19 @@ def by_turns(plan: Plan, engines: dict[str, Engine], results: dict[str, Result],
     steps = {}
     for label, kind in loops:
         cost = timed(plan, engines[label], loops[label, kind], 100)
-        fewest = 1 if engines[label].each else MOST // 2  # one that takes steps of its own needs room for them
-        steps[label, kind] = max(fewest, min(MOST, int(SLICE / max(cost, 1e-9))))
+        # An engine with its own step size needs room for its steps.
+        fewest = 1 if engines[label].each else MOST_STEPS // 2
+        steps[label, kind] = max(fewest, min(MOST_STEPS, int(SAMPLE_TIME / max(cost, 1e-9))))
     for _ in range(rounds):
         for (label, kind), loop in loops.items():
-            look = timed(plan, engines[label], loop, steps[label, kind])
-            results[label].looks.setdefault(kind, []).append(1e6 * look)
+            sample = timed(plan, engines[label], loop, steps[label, kind])
+            results[label].samples.setdefault(kind, []).append(1e6 * sample)
     for label, kind in loops:
-        setattr(results[label], kind, statistics.median(results[label].looks[kind]))
+        setattr(results[label], kind, statistics.median(results[label].samples[kind]))
 
 
 def timed(plan: Plan, engine: Engine, loop: Callable[[int], None], steps: int) -> float:
-    """Seconds of the processor a step, from the start state on: what other programs take meanwhile does not count."""
+    """Processor time per step in s, from the start state on."""
     engine.reset(plan.q, plan.u)
     loop(2)
     began = time.thread_time()
@@ -86,13 +87,13 @@ def timed(plan: Plan, engine: Engine, loop: Callable[[int], None], steps: int) -
 
 
 def accuracy(plan: Plan, judge: Judge, engine: Engine, result: Result) -> None:
-    """The error after three seconds, the largest drift of the energy, and how far the loops came open."""
+    """Measure the error after three seconds, the largest drift of the energy, and the violation of the loops."""
     engine.reset(plan.q, plan.u)
     start = judge.energy(plan.q, plan.u)
     second = round(1.0 / STEP)
-    result.watched = LONG if 1e-6 * (result.many or 0.0) < SLOW else SHORT
+    result.monitored = LONG if 1e-6 * (result.many or 0.0) < SLOW else SHORT
     drift = violation = 0.0
-    for t in range(1, round(result.watched) + 1):
+    for t in range(1, round(result.monitored) + 1):
         try:
             engine.many(second)
             q, u = engine.state()
@@ -115,14 +116,14 @@ def accuracy(plan: Plan, judge: Judge, engine: Engine, result: Result) -> None:
 def agreement(plan: Plan, judge: Judge, candidate: Candidate, states: int = 10) -> float | None:
     """The largest relative difference of the accelerations from ours: at random states, with loops at the start state.
 
-    None where a simulator has none to show.
+    None if the simulator provides no accelerations.
     """
     engine = candidate.build(plan, STEP)
     if not hasattr(engine, "accelerations"):
         return None
     rng, worst = np.random.default_rng(4), 0.0
-    looked_at = [(plan.q, plan.u)] if plan.pins else rng.normal(size=(states, 2, len(plan.q)))
-    for q, u in looked_at:
+    states_compared = [(plan.q, plan.u)] if plan.pins else rng.normal(size=(states, 2, len(plan.q)))
+    for q, u in states_compared:
         try:
             found = engine.accelerations(q, u)
         except NotImplementedError:

@@ -1,4 +1,4 @@
-"""`sim_node` as a process beside the measuring one, and what is heard of it; shared by the benchmarks of the node."""
+"""`sim_node` in a process of its own, observed over its topics; shared by the benchmarks of the node."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ class Measured:
         self.payloads: list[bytes] = [b""] * 4096  # the newest ones, by number
         self.last = b""
         self.diagnostics: dict[str, str] = {}
-        # Raw: taking a message apart would cost this process more than the node spends on making it.
-        self.node.create_subscription(JointState, "joint_states", self._heard, 1000, raw=True)
-        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 10)
+        # Raw, because deserializing a message would cost more than the node spends on building it.
+        self.node.create_subscription(JointState, "joint_states", self._on_joint_states, 1000, raw=True)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self.executor = EventsExecutor()
         self.executor.add_node(self.node)
         self._ending = False
@@ -42,12 +42,12 @@ class Measured:
         self._thread.start()
 
     def close(self) -> None:
-        """Listen no more."""
+        """Stop receiving."""
         self._ending = True
         self._thread.join()
 
     def wait(self, messages: int = 500) -> None:
-        """Wait until so many states came, so that start-up is over."""
+        """Wait until so many states have arrived, so that start-up is over."""
         while len(self.stamps) < messages:
             time.sleep(0.05)
 
@@ -55,20 +55,20 @@ class Measured:
         while not self._ending:
             self.executor.spin_once(timeout_sec=0.1)
 
-    def _heard(self, payload: bytes) -> None:
+    def _on_joint_states(self, payload: bytes) -> None:
         self.arrivals.append(time.perf_counter())
         seconds, nanoseconds = struct.unpack_from("<iI", payload, 4)
         self.stamps.append(seconds * 10**9 + nanoseconds)
         self.payloads[(len(self.stamps) - 1) % len(self.payloads)] = self.last = payload
 
-    def _diagnosed(self, message: DiagnosticArray) -> None:
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             self.diagnostics |= {value.key: value.value for value in status.values}
 
 
 @contextlib.contextmanager
 def running(parameters: Sequence[str] = (), domain: int = 96) -> Iterator[Measured]:
-    """A node that publishes every step of 1 ms, heard from here; `parameters` are `name:=value`."""
+    """A node that publishes every step of 1 ms, observed from this process; `parameters` are `name:=value`."""
     os.environ |= {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     rclpy.init(args=[])
     command = [sys.executable, "-m", "mbd_sim.ros.sim_node", "--ros-args"]
@@ -94,5 +94,5 @@ def percentiles(values: Sequence[float] | np.ndarray) -> str:
 
 
 def load() -> str:
-    """What else the machine did: the load of the last minute."""
+    """The load of the machine over the last minute."""
     return f"load of the machine over the last minute {os.getloadavg()[0]:.2f} on {os.cpu_count()} cores"

@@ -1,7 +1,7 @@
-"""A mechanism as every simulator can take it: hinges and sliders along z, rigid bodies, and pins that close loops.
+"""A mechanism in a form that every simulator accepts: hinges and sliders along z, rigid bodies, and loop-closing pins.
 
-A `Plan` is made from our own record of the mechanism, so that no length or mass is written twice. It is plain data and
-can be pickled, so that a process that measures another simulator need not load ours.
+A `Plan` is built from our own record of the mechanism, so that no length or mass is written twice. It is plain data
+and can be pickled, so a process that measures another simulator need not load ours.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ class Body:
     """A rigid body and the joint that carries it.
 
     The body's frame is that of its joint: with q = 0 it lies at `position` (3,) and `rotation` (3, 3), or `quaternion`
-    (w, x, y, z), in the frame of the body `parent` (an index, or GROUND), and it turns about its own z, or slides
-    along it. `mass` in kg, `center` (3,) in m and `inertia` (3, 3) about it in kg·m² are in the body's frame. The joint
-    has a spring of `stiffness` N/m or N·m/rad with its rest at `rest`.
+    (w, x, y, z), in the frame of the body `parent` (an index, or GROUND), and it rotates about its own z axis, or
+    slides along it. `mass` in kg, `center` (3,) in m and `inertia` (3, 3) about it in kg·m² are in the body's
+    frame. The joint has a spring of `stiffness` N/m or N·m/rad with its rest at `rest`.
     """
 
     name: str
@@ -56,7 +56,7 @@ class Body:
 class Pin:
     """A pin that closes a loop: `first_point` (3,) of one body is where `second_point` of another is.
 
-    Its axis is along z of both bodies, which the rest of the mechanism sees to.
+    Its axis is along z of both bodies, which the rest of the mechanism guarantees.
     """
 
     first: int
@@ -85,7 +85,7 @@ class Plan:
 def plan_of(text: str) -> Plan:
     """The plan of a mechanism file, with the start state that `mbd_sim` finds for it.
 
-    :raises ValueError: it has something that plans do not know.
+    :raises ValueError: the mechanism has elements that plans do not support.
     """
     from mbd_sim import Simulation
     from mbd_sim.geometry.pose import identity_pose

@@ -1,4 +1,4 @@
-"""Every shipped mechanism under random commands, recorded and computed again, by several methods. Asserts nothing.
+"""Every shipped mechanism under random commands, recorded and recomputed with several methods.
 
 python -m benchmarks.recompute --seconds 60
 """
@@ -18,13 +18,13 @@ METHODS = ["dop853", "rk4", "rosenbrock"]
 
 
 def main() -> None:
-    """Record each run in this process, as fast as possible, verify it, and print what was found."""
+    """Record each run in this process, as fast as possible, verify it, and print the result."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--methods", nargs="+", default=METHODS)
     parser.add_argument("--mechanisms", nargs="+", default=list(shipped()))
     options = parser.parse_args()
-    held = runs = 0
+    agreeing = runs = 0
     for seed, name in enumerate(options.mechanisms):
         for method in options.methods:
             with tempfile.TemporaryDirectory() as folder:
@@ -35,16 +35,16 @@ def main() -> None:
                 )  # fmt: skip
                 (found,) = verify(path)
             runs += 1
-            held += found.agrees
+            agreeing += found.agrees
             simulated = found.steps * found.step
             print(
-                f"{name:24s} {method:10s} {'holds' if found.agrees else 'DIFFERS':8s} {simulated:6.3g} s, "
+                f"{name:24s} {method:10s} {'agrees' if found.agrees else 'DIFFERS':8s} {simulated:6.3g} s, "
                 f"{sum(found.commands.values())} commands, {simulated / found.wall_time:.0f} × real time",
                 flush=True,
             )
             if not found.agrees:
                 print(verify_text(found), flush=True)
-    print(f"{held} of {runs} hold")
+    print(f"{agreeing} of {runs} runs agree")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""What recording costs: messages a second, bytes a message, the period of stepping with and without. Asserts nothing.
+"""The cost of recording: messages per second, bytes per message, the stepping period with and without.
 
-Runs with and without recording take turns, so that what else the machine does falls on both alike.
+Runs with and without recording alternate, so that other load on the machine affects both alike.
 
     python -m benchmarks.recording --seconds 10 --rounds 7
 """
@@ -25,15 +25,15 @@ from mbd_sim.recording.run_metadata import run_metadata
 from mbd_sim.ros import state_messages
 from mbd_sim.ros.snapshots import Snapshot
 
-CAUGHT_UP = 4e6  # bytes that wait at most, so that nothing is dropped
+QUEUE_LIMIT = 4e6  # bytes that may wait, so that nothing is dropped
 
 
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--mechanism", default="double_rod")
-    parser.add_argument("--seconds", type=float, default=10.0, help="of each run")
-    parser.add_argument("--rounds", type=int, default=5, help="runs with, and as many without")
+    parser.add_argument("--seconds", type=float, default=10.0, help="duration of each run")
+    parser.add_argument("--rounds", type=int, default=5, help="runs with recording, and as many without")
     options = parser.parse_args()
     writer(options.mechanism, options.seconds)
     if options.rounds:
@@ -42,7 +42,7 @@ def main() -> None:
 
 
 def writer(mechanism: str, seconds: float) -> None:
-    """Joint states and energies of a motion, as many as can be written."""
+    """Write joint states and energies of a motion as fast as possible."""
     messages, topics, simulation = motion(mechanism)
     with tempfile.TemporaryDirectory() as folder:
         recorder = Recorder(new_recording_paths(Path(folder), mechanism), topics, simulation.mechanism.source.text)
@@ -52,7 +52,7 @@ def writer(mechanism: str, seconds: float) -> None:
             for key, payload in messages:
                 recorder.put(key, payload, number * 1_000_000, number)
                 number += 1
-            while recorder.queued > CAUGHT_UP:
+            while recorder.queued > QUEUE_LIMIT:
                 time.sleep(1e-3)
         recorder.close()
         took = time.perf_counter() - began
@@ -63,13 +63,13 @@ def writer(mechanism: str, seconds: float) -> None:
     assert found is not None and found.statistics is not None
     print(f"written             {found.statistics.message_count} messages in {took:.1f} s, {recorder.dropped} dropped")
     print(
-        f"sustained           {recorder.written / took:.0f} messages a second, {size / took / 1e6:.1f} MB/s to the disk"
+        f"sustained           {recorder.written / took:.0f} messages per second, {size / took / 1e6:.1f} MB/s to disk"
     )
-    print(f"a message           {raw:.0f} bytes serialized, {size / recorder.written:.1f} in the file, all told")
+    print(f"message size        {raw:.0f} bytes serialized, {size / recorder.written:.1f} in the file on average")
 
 
 def motion(mechanism: str) -> tuple[list[tuple[str, bytes]], dict[str, object], Simulation]:
-    """What the node says of two seconds of a motion, and its topics."""
+    """The messages of the node for two seconds of a motion, and its topics."""
     rclpy.init(args=[])
     node = Node("serializes")
     simulation = Simulation.from_file(mechanism)
@@ -93,7 +93,7 @@ def motion(mechanism: str) -> tuple[list[tuple[str, bytes]], dict[str, object], 
 
 
 def period(mechanism: str, seconds: float, rounds: int) -> None:
-    """The node's own measure of its period at 1 kHz, with and without recording."""
+    """The period at 1 kHz as the node measures it, with and without recording."""
     found: dict[str, list[float]] = {"true": [], "false": []}
     for number in range(rounds):
         for record in ("true", "false") if number % 2 else ("false", "true"):

@@ -1,4 +1,4 @@
-"""How long it takes until `mbd_sim` runs: importing it, and starting its node. Medians of several new processes."""
+"""Start-up time of `mbd_sim`: importing it, and starting its node. Medians over several new processes."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ os.environ |= {'ROS_DOMAIN_ID': '97', 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOS
 import rclpy
 from sensor_msgs.msg import JointState
 rclpy.init()
-node, heard = rclpy.create_node('waits'), []
-node.create_subscription(JointState, 'joint_states', heard.append, 10)
+node, received = rclpy.create_node('waits'), []
+node.create_subscription(JointState, 'joint_states', received.append, 10)
 began = time.perf_counter()
 command = [sys.executable, '-m', 'mbd_sim.ros.sim_node', '--ros-args', '-p', 'record:=false']
 child = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-while not heard:
+while not received:
     rclpy.spin_once(node, timeout_sec=0.01)
 print(time.perf_counter() - began)
 child.terminate()
@@ -44,7 +44,7 @@ def median(code: str) -> float:
 
 
 def main() -> None:
-    """Print them."""
+    """Print the times."""
     first_step = timed("Simulation.from_file('double_rod').step()", "from mbd_sim import Simulation")
     for name, code in (
         ("import mbd_sim", timed("import mbd_sim")),

@@ -1,6 +1,6 @@
-"""A storm of bad commands at a node that runs at 1 kHz: is the motion untouched, and the period kept? Asserts nothing.
+"""A storm of invalid commands at a node that runs at 1 kHz: the effect on motion and period.
 
-Quiet first, then as long with thousands of bad messages a second: wrong length, NaN, unknown names.
+First without commands, then with thousands of invalid messages per second: wrong length, NaN, unknown names.
 
     python -m benchmarks.storm --seconds 60
 """
@@ -24,11 +24,11 @@ from benchmarks.node_process import Measured, load, percentiles, running
 from mbd_sim import Simulation
 from mbd_sim.load import load_mechanism
 
-RATE = 5000  # messages a second
+RATE = 5000  # messages per second
 
 
 def main() -> None:
-    """Run the node quietly and in the storm, and print both."""
+    """Run the node without and with the storm, and print both."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=60.0)
     options = parser.parse_args()
@@ -43,8 +43,8 @@ def main() -> None:
         print(f"storm   {phase(node, options.seconds)}")
         storm.join()
         time.sleep(1.5)
-        told = dict(node.diagnostics)
-        print(f"rejected {told['rejected']}, accepted {told['accepted']}, overruns {told['overruns']}")
+        values = dict(node.diagnostics)
+        print(f"rejected {values['rejected']}, accepted {values['accepted']}, overruns {values['overruns']}")
         print(
             f"motion  {'untouched, bit for bit' if untouched(node) else 'CHANGED'} after {node.stamps[-1] / 1e9:.3f} s"
         )
@@ -52,14 +52,14 @@ def main() -> None:
 
 
 def phase(node: Measured, seconds: float) -> str:
-    """The periods of the arrivals here, and of stepping as the node tells second by second, over some seconds."""
+    """The periods of the arrivals here, and of stepping as the diagnostics report them each second."""
     first, began, periods = len(node.arrivals), time.perf_counter(), []
     while time.perf_counter() - began < seconds:
         time.sleep(1.0)
         periods.append(float(node.diagnostics.get("period p99 (us)", "nan")))
     arrivals = np.diff(node.arrivals[first:])
     usual, most = np.nanmedian(periods), np.nanmax(periods)
-    return f"arrivals {percentiles(arrivals)}; stepping: p99 of a second {usual:.0f} µs, {most:.0f} at most"
+    return f"arrivals {percentiles(arrivals)}; stepping: p99 within a second {usual:.0f} µs, at most {most:.0f} µs"
 
 
 def untouched(node: Measured) -> bool:
@@ -72,7 +72,7 @@ def untouched(node: Measured) -> bool:
 
 
 def send(seconds: float) -> None:
-    """Bad messages for some seconds, in bursts of a millisecond."""
+    """Send invalid messages for some seconds, in a burst every millisecond."""
     os.environ |= {"ROS_DOMAIN_ID": "98", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     rclpy.init(args=[])
     node = rclpy.create_node("storm")
@@ -97,7 +97,7 @@ def send(seconds: float) -> None:
             sent += 1
         due += 1e-3
         time.sleep(max(0.0, due - time.perf_counter()))
-    print(f"sent    {sent} bad messages, {sent / (time.perf_counter() - began):.0f} a second")
+    print(f"sent    {sent} bad messages, {sent / (time.perf_counter() - began):.0f} per second")
     rclpy.shutdown()
 
 

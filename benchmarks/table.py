@@ -9,14 +9,14 @@ from collections.abc import Mapping, Sequence
 from benchmarks.engines import OURS
 from benchmarks.measure import Result
 
-HEAD = ("", "µs a step, `step(1)`", "µs a step, many a call", "× rk4", "× default", "error at 3 s", "energy drift",
-        "loop open, m", "set-up, s", "again, s", "memory, MB")  # fmt: skip
+HEAD = ("", "µs per step, `step(1)`", "µs per step, many per call", "× rk4", "× default", "error at 3 s",
+        "energy drift", "loop open, m", "set-up, s", "again, s", "memory, MB")  # fmt: skip
 
 
 def markdown(results: Sequence[Result], default: str) -> str:
-    """A table of the simulators on one mechanism; ratios are to ours with `rk4` and with our `default` method.
+    """A table of the simulators on one mechanism, with their ratios to ours with `rk4` and with our `default` method.
 
-    Simulators that are not driven step by step are compared by many steps a call.
+    Simulators that cannot be driven step by step are compared with many steps per call.
     """
     times = {result.label: result for result in results}
     lines = [row(HEAD), row(["---", *["--:"] * (len(HEAD) - 1)])]
@@ -36,12 +36,12 @@ def markdown(results: Sequence[Result], default: str) -> str:
 
 
 def summary(measured: Mapping[str, Sequence[Result]], default: str) -> str:
-    """µs a step of all simulators on all mechanisms, and two ratios; in round brackets where many steps are a call."""
+    """µs per step of all simulators on all mechanisms, and two ratios; in parentheses for many steps per call."""
     by_label: dict[str, dict[str, Result]] = {}
     for name, results in measured.items():
         for result in results:
             by_label.setdefault(result.label, {})[name] = result
-    lines = [row(["µs a step", *measured]), row(["---", *["--:"] * len(measured)])]
+    lines = [row(["µs per step", *measured]), row(["---", *["--:"] * len(measured)])]
     for label, found in by_label.items():
         cells = [one_time(found.get(name)) for name in measured]
         lines.append(row([f"**{label}**" if label.startswith(OURS) else label, *cells]))
@@ -53,14 +53,14 @@ def summary(measured: Mapping[str, Sequence[Result]], default: str) -> str:
 
 
 def one_time(result: Result | None) -> str:
-    """By single steps, or else by many."""
+    """The time by single steps if there is one, else by many per call, in parentheses."""
     if result is None:
         return "–"
     return microseconds(result.each) if result.each is not None else f"({microseconds(result.many)})"
 
 
 def without(name: str) -> dict[str, None]:
-    """The heads but one."""
+    """All column heads except one."""
     return dict.fromkeys(head for head in HEAD if head != name)
 
 
@@ -70,7 +70,7 @@ def row(cells: Sequence[str]) -> str:
 
 
 def ratio(result: Result, ours: Result | None) -> str:
-    """How many times our time another takes; in round brackets where only many steps a call can be compared."""
+    """The ratio of times; in parentheses if only many steps per call can be compared."""
     if ours is None or result.many is None or ours.many is None:
         return "–"
     if result.each is None:
@@ -79,8 +79,8 @@ def ratio(result: Result, ours: Result | None) -> str:
 
 
 def compared(result: Result, ours: Result, kind: str) -> float:
-    """The median of the ratios of looks that were taken in the same turn."""
-    pairs = zip(result.looks[kind], ours.looks[kind], strict=True)
+    """The median of the ratios of samples taken in the same round."""
+    pairs = zip(result.samples[kind], ours.samples[kind], strict=True)
     return statistics.median(other / own for other, own in pairs)
 
 
@@ -107,10 +107,10 @@ def scientific(value: float | None) -> str:
 
 
 def drift(result: Result) -> str:
-    """Signed, in percent where it is large, with the time where it is not the usual one."""
+    """Signed, in percent if large, with the duration if it is not the usual one."""
     if result.drift is None:
         return "–"
     if not math.isfinite(result.drift):
         return "∞"
     value = f"{100 * result.drift:+.0f} %" if abs(result.drift) > 0.01 else f"{result.drift:+.0e}"
-    return value if result.watched == 100.0 else f"{value} ({result.watched:g} s)"
+    return value if result.monitored == 100.0 else f"{value} ({result.monitored:g} s)"

@@ -61,10 +61,10 @@ class Tape:
 def tape_of(sim: Simulation) -> Tape:
     """The accelerations without efforts at t = 0.
 
-    What guards against singular configurations (minima, maxima, comparisons) is settled by the start state: the tape
-    holds away from such configurations only.
+    Minima, maxima and comparisons, which guard against singular configurations, are evaluated at the start state: the
+    tape is valid only away from such configurations.
 
-    :raises ValueError: there is an operation that tapes do not know.
+    :raises ValueError: an operation is not supported by tapes.
     """
     import casadi as ca
 
@@ -89,7 +89,7 @@ def tape_of(sim: Simulation) -> Tape:
             work[into] = rates.instruction_constant(index) if operation == "CONST" else 0.0
             steps.append(("CONST", into, (work[into],)))
         elif operation not in numeric:
-            raise ValueError(f"{sim.mechanism.name}: the accelerations hold {operation}, which tapes do not know")
+            raise ValueError(f"{sim.mechanism.name}: the accelerations contain {operation}, which tapes do not support")
         else:
             values = [work[place] for place in sources]
             work[into] = numeric[operation](*values)

@@ -1,4 +1,4 @@
-"""What Rerun costs a node at 1 kHz: time of its stepping thread and lateness, without and with it. Asserts nothing.
+"""The cost of Rerun for a node at 1 kHz: processor time and lateness of its stepping thread, without and with it.
 
 python -m benchmarks.viewing --seconds 5 --turns 4
 """
@@ -19,7 +19,7 @@ from typing import Any
 
 CASES = {"none": 0.0, "60 Hz": 60.0, "1000 Hz": 1000.0}
 SHOWN = {
-    "cpu": "µs CPU a step",
+    "cpu": "µs CPU per step",
     "stepping": "µs stepping",
     "p50": "late p50 µs",
     "p99": "late p99 µs",
@@ -29,7 +29,7 @@ DOMAIN = "87"
 
 
 def main() -> None:
-    """Let the cases take turns, each in a process of its own, and print the medians."""
+    """Run the cases in alternation, each in a process of its own, and print the medians."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=5.0)
     parser.add_argument("--turns", type=int, default=4)
@@ -52,7 +52,7 @@ def main() -> None:
 
 
 def turn(rate: float, seconds: float) -> dict[str, float]:
-    """A node of two rods that steps and publishes at 1 kHz for some seconds, with Rerun where the rate is not 0."""
+    """A node of two rods that steps and publishes at 1 kHz for some seconds, with Rerun if the rate is not 0."""
     import rclpy
     from rclpy.experimental import EventsExecutor
 

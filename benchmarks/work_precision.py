@@ -1,4 +1,4 @@
-"""Work–precision plots: the error after three seconds against the time that a simulated second takes."""
+"""Work–precision plots: the error after three seconds against the computing time of a simulated second."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from benchmarks.plan import Plan, plan_of
 PLOTTED = ("2 rods", "7 rods", "four-bar", "7-axis arm")
 COUNTS = (94, 188, 375, 750, 1500, 3000, 6000, 12000, 24000)  # steps in three seconds
 TOLERANCES = (1e-5, 1e-8, 1e-12, None)
-LOOKS = 5
+SAMPLES = 5
 COLORS = ("#b0b0b0", "#8c8c8c", "#d62728", "#2ca02c", "#1f77b4", "#ff7f0e", "#9467bd", "#8c564b", "#17becf", "#bcbd22")
 PEERS = {"MuJoCo Euler": ("#000000", "s"), "MuJoCo RK4": ("#000000", "^"), "heyoka": ("#e377c2", "D")}
 Point = tuple[float, float]
@@ -68,36 +68,38 @@ def panel(place: Axes, name: str, plan: Plan, judge: Judge, engines: list[str]) 
 
 
 def draw(place: Axes, label: str, points: list[Point], **style: str) -> None:
-    """A curve, without the points that are no solutions."""
+    """A curve, without points that diverged."""
     kept = [(work, error) for work, error in points if math.isfinite(error) and error < 1.0]
     place.plot(*zip(*kept, strict=True) if kept else ((), ()), label=label, linewidth=1.4, markersize=4, **style)
 
 
 def by_steps(kind: type[Engine], plan: Plan, judge: Judge, method: str) -> Iterator[Point]:
-    """Ever shorter steps."""
+    """Points for decreasing step sizes."""
     for count in COUNTS:
         engine = kind(plan, END / count, method)
-        yield from looked_at(engine, plan, judge, count)
+        yield from measured_point(engine, plan, judge, count)
 
 
 def by_tolerances(plan: Plan, judge: Judge) -> Iterator[Point]:
-    """Ever smaller tolerances of heyoka's."""
+    """Points for decreasing tolerances of heyoka."""
     for tolerance in TOLERANCES:
-        yield from looked_at(load("heyoka").Heyoka(plan, 1e-3, "taylor", tolerance), plan, judge, round(END / 1e-3))
+        yield from measured_point(
+            load("heyoka").Heyoka(plan, 1e-3, "taylor", tolerance), plan, judge, round(END / 1e-3)
+        )
 
 
-def looked_at(engine: Engine, plan: Plan, judge: Judge, count: int) -> Iterator[Point]:
-    """The median work and the error of `count` steps, or nothing where it cannot be computed.
+def measured_point(engine: Engine, plan: Plan, judge: Judge, count: int) -> Iterator[Point]:
+    """The median work and the error of `count` steps, or nothing if the computation fails.
 
-    Processor time, because these looks are too long to find the machine idle.
+    Work is processor time, because other processes may run during samples of this length.
     """
     work = []
-    for _ in range(LOOKS):
+    for _ in range(SAMPLES):
         engine.reset(plan.q, plan.u)
         began = time.thread_time()
         try:
             engine.many(count)
-        except Exception:  # whatever a simulator says when a step is too long for it
+        except Exception:  # simulators raise all kinds of exceptions for steps that are too large
             return
         work.append(1e3 * (time.thread_time() - began) / END)
     yield statistics.median(work), judge.error(*engine.state())

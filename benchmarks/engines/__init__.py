@@ -1,4 +1,4 @@
-"""The simulators that are compared: a module each, all with the same interface."""
+"""The simulators that are compared: one module each, all with the same interface."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ class Engine(Protocol):
     """A plan in one simulator, with one of its methods and a fixed step."""
 
     each: Callable[[int], None] | None
-    """Takes so many steps with a call each, as tightly as Python can; None where a simulator cannot be driven so."""
+    """Takes so many steps with one call per step, in the tightest Python loop; None if the simulator cannot do that."""
 
     def many(self, steps: int) -> None:
-        """The same with as few calls as the simulator allows."""
+        """Take so many steps with as few calls as the simulator allows."""
 
     def reset(self, q: Array, u: Array) -> None:
         """Start from a state."""
@@ -47,7 +47,7 @@ class Candidate:
 
     @property
     def label(self) -> str:
-        """As it stands in the tables."""
+        """The name in the tables."""
         return f"{NAMES[self.module]} {self.method}"
 
     def build(self, plan: Plan, step: float) -> Engine:
@@ -65,7 +65,7 @@ def load(module: str):
 
 
 def candidates(modules: list[str]) -> tuple[list[Candidate], list[str]]:
-    """The installed simulators with each of their methods, and a line about every one: its version, or why not."""
+    """The installed simulators with each of their methods, and each one's version, or why it is left out."""
     found, lines = [], []
     for module in modules:
         try:

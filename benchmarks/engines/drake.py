@@ -49,14 +49,14 @@ class Drake:
         self._simulator.Initialize()
 
     def each(self, steps: int) -> None:
-        """Single steps, a call each."""
+        """Take single steps, one call each."""
         advance, step, taken = self._simulator.AdvanceTo, self._step, self._taken
         for index in range(taken + 1, taken + steps + 1):
             advance(index * step)
         self._taken += steps
 
     def many(self, steps: int) -> None:
-        """The same in one call."""
+        """Take the steps in one call."""
         self._taken += steps
         self._simulator.AdvanceTo(self._taken * self._step)
 

@@ -57,7 +57,7 @@ class Exudyn:
         self._q, self._u = q.copy(), u.copy()
 
     def many(self, steps: int) -> None:
-        """On by so many steps, in one call."""
+        """Take the steps in one call."""
         data, start = self._mbs.systemData, exu.ConfigurationType.Initial
         data.SetODE2Coordinates(self._q, start)
         data.SetODE2Coordinates_t(self._u, start)
@@ -116,7 +116,7 @@ def _tree(plan: Plan, node: int) -> items.ObjectKinematicTree:
 
 
 def _settings() -> exu.SimulationSettings:
-    """Nothing written, nothing printed, and dense matrices."""
+    """Solver settings: no output, dense matrices."""
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
     settings.timeIntegration.verboseMode = 0

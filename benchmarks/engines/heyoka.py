@@ -39,7 +39,7 @@ class Heyoka:
         self._starts = True
 
     def many(self, steps: int) -> None:
-        """On by the time of so many steps."""
+        """Advance by the time of so many steps."""
         until = steps * self._step + self._taylor.time
         if self._starts:
             # At rest in a symmetric pose the last terms of the series vanish, and heyoka would take one infinite step.

@@ -21,13 +21,13 @@ class MbdSim:
         self._sim.reset(q, u)
 
     def each(self, steps: int) -> None:
-        """Single steps, a call each."""
+        """Take single steps, one call each."""
         step = self._sim.step
         for _ in range(steps):
             step(1)
 
     def many(self, steps: int) -> None:
-        """The same in one call."""
+        """Take the steps in one call."""
         self._sim.step(steps)
 
     def state(self) -> tuple[Array, Array]:

@@ -24,7 +24,7 @@ OFF = (
 )  # fmt: skip
 IMPEDANCE = "0.9999 0.9999 0.001 0.5 2"
 
-mujoco.set_mju_user_warning(lambda message: None)  # or it writes a file
+mujoco.set_mju_user_warning(lambda message: None)  # otherwise it writes a log file
 
 
 class MuJoCo:
@@ -44,13 +44,13 @@ class MuJoCo:
         self._data.qpos[:], self._data.qvel[:] = q, u
 
     def each(self, steps: int) -> None:
-        """Single steps, a call each."""
+        """Take single steps, one call each."""
         step, model, data = mujoco.mj_step, self._model, self._data
         for _ in range(steps):
             step(model, data)
 
     def many(self, steps: int) -> None:
-        """The same in one call."""
+        """Take the steps in one call."""
         mujoco.mj_step(self._model, self._data, steps)
 
     def state(self) -> tuple[Array, Array]:
@@ -58,7 +58,7 @@ class MuJoCo:
         return self._data.qpos.copy(), self._data.qvel.copy()
 
     def accelerations(self, q: Array, u: Array) -> Array:
-        """What its forward dynamics gives at a state."""
+        """The result of its forward dynamics."""
         self._data.qpos[:], self._data.qvel[:] = q, u
         mujoco.mj_forward(self._model, self._data)
         return np.array(self._data.qacc)

@@ -39,10 +39,10 @@ def test_tables_of_our_own_engine():
 
 def test_tables_tell_what_cannot_be_measured():
     failed = Result("other", note="cannot: no such joint")
-    propagated = Result("another", many=0.5, drift=-0.4, error=math.inf, violation=1e-5, watched=10.0)
-    propagated.looks = {"many": [0.5, 0.4, 9.0]}
+    propagated = Result("another", many=0.5, drift=-0.4, error=math.inf, violation=1e-5, monitored=10.0)
+    propagated.samples = {"many": [0.5, 0.4, 9.0]}
     ours = Result(f"{OURS} rk4", each=0.2, many=0.1, drift=-1e-8, error=1e-9, violation=1e-14)
-    ours.looks = {"each": [0.2, 0.2, 0.2], "many": [0.1, 0.1, 1.8]}
+    ours.samples = {"each": [0.2, 0.2, 0.2], "many": [0.1, 0.1, 1.8]}
     table = markdown([ours, failed, propagated], "rk4")
     assert "| (5.00) |" in table and "-40 % (10 s)" in table and "∞" in table and "loop open" in table
     assert table.endswith("\n\nother: cannot: no such joint.")
