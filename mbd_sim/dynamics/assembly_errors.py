@@ -108,7 +108,7 @@ def _open_loop(mechanism: Mechanism, owner: Location, gap: str, given_positions_
     loop = _loop_of(mechanism, owner)
     what = f"the loop of {loop} stays open here" if loop else "this constraint is violated"
     if given_positions_at_fault:
-        given = [joint.name for joint in mechanism.joints.values() if any(joint.held)]
+        given = [joint.name for joint in mechanism.joints.values() if any(joint.fixed_in_assembly)]
         remedy = (
             f"It closes without the given positions of {listed(given)}: give fewer of them, or mark them as "
             "'guess: true'."

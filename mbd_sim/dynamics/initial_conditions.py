@@ -156,7 +156,7 @@ def start_like(
 def _consistent_speeds(
     mechanism: Mechanism, constraints: ConstraintFunctions, rows: Sequence[ConstraintRow], q: Array, u: Array
 ) -> Array:
-    fixed = _flags([joint.held_speeds for joint in mechanism.joints.values()])
+    fixed = _flags([joint.fixed_speeds for joint in mechanism.joints.values()])
     speeds = fit_speeds(constraints, 0.0, q, u, fixed)
     if not speeds.consistent:
         raise inconsistent_speeds(mechanism, rows, speeds.errors, fixed)
@@ -164,7 +164,7 @@ def _consistent_speeds(
 
 
 def _closed(mechanism: Mechanism, constraints: ConstraintFunctions, rows: Sequence[ConstraintRow], q: Array) -> Array:
-    fixed = _flags([joint.held for joint in mechanism.joints.values()])
+    fixed = _flags([joint.fixed_in_assembly for joint in mechanism.joints.values()])
     closure = close_loops(constraints, 0.0, q, ~fixed)
     if closure.closed:
         return closure.q

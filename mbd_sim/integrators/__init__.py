@@ -1,1 +1,1 @@
-"""Integration methods as data."""
+"""Integration methods as data: coefficients, orders and error estimates."""

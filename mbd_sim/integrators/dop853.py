@@ -1,4 +1,4 @@
-"""Coefficients of Dormand and Prince's explicit Runge–Kutta method of order 8 (Hairer, Nørsett & Wanner, DOP853)."""
+"""Coefficients of Dormand and Prince's explicit Runge–Kutta method of order 8 (Hairer, Nørsett & Wanner I, DOP853)."""
 
 A: tuple[tuple[float, ...], ...] = (
     (),
@@ -92,7 +92,7 @@ C = (
     0.8571428571428571,
     1.0,
 )
-# What the embedded methods of order 5 and 3 differ by.
+# The difference from the embedded methods of order 5 and of order 3.
 E5 = (
     0.01312004499419488,
     0.0,

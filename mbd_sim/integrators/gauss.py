@@ -5,36 +5,36 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from mbd_sim.integrators.estimate import Estimate, Row
+from mbd_sim.integrators.estimate import Coefficients, Estimate
 
 
 @dataclass(frozen=True)
 class Gauss:
-    """y + h Σ b_i k_i with k_i = f(t + c_i h, y + h Σ_j a_ij k_j), the k_i found by sweeps over the stages.
+    """y + h Σ b_i k_i with k_i = f(t + c_i h, y + h Σ_j a_ij k_j); sweeps over the stages solve for the k_i.
 
-    A step takes at most `sweeps` of them, and fewer where they change nothing more. The slopes of the `estimate` are
-    f at the start of the step and then the k_i: what the polynomial through the k_i misses at the start. `reach` is
-    how large h |λ| may be for the sweeps to converge.
+    A step takes at most `sweeps` of them, and fewer once a sweep changes nothing. The slopes of the `estimate` are f at
+    the start of the step and then the k_i: it measures by how much the polynomial through the k_i misses f there.
+    `stability_limit` is the largest h |λ| at which the sweeps converge, for the eigenvalues λ of the system.
     """
 
     name: str
     order: int
-    a: tuple[Row, ...]
-    b: Row
-    c: Row
+    a: tuple[Coefficients, ...]
+    b: Coefficients
+    c: Coefficients
     estimate: Estimate
     sweeps: int = 16
-    reach: float = 2.0
+    stability_limit: float = 2.0
 
     @property
     def stages(self) -> int:
-        """Stages; a step evaluates the accelerations of each of them in every sweep, and once at its start."""
+        """The number of stages. A step evaluates the accelerations once per stage and sweep, and once at its start."""
         return len(self.b)
 
 
 R3, R15 = math.sqrt(3.0), math.sqrt(15.0)
 
-# The factors 0.6 and 0.5 bring the estimates to the size of the errors of a double pendulum, a top and a cart.
+# The factors 0.6 and 0.5 scale the estimates to the errors measured on a double pendulum, a top and a cart.
 GAUSS: dict[str, Gauss] = {
     method.name: method
     for method in (

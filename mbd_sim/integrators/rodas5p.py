@@ -1,6 +1,7 @@
-"""Coefficients of the Rosenbrock method RODAS5P (G. Steinebach, BIT Numerical Mathematics 63, 2023).
+"""Coefficients of the Rosenbrock method RODAS5P (Steinebach, BIT Numerical Mathematics 63, 2023).
 
-Eight stages, order 5, L-stable, stiffly accurate. The last is the difference from the embedded method of order 4.
+It has eight stages and order 5, and is L-stable and stiffly accurate. The last increment is the difference from the
+embedded method of order 4.
 """
 
 GAMMA = 0.21193756319429014

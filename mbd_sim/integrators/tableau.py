@@ -5,35 +5,35 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mbd_sim.integrators import dop853, tsitouras8, verner7
-from mbd_sim.integrators.estimate import Estimate, Row
+from mbd_sim.integrators.estimate import Coefficients, Estimate
 
 
 @dataclass(frozen=True)
 class Tableau:
     """y + h Σ b_i k_i with k_i = f(t + c_i h, y + h Σ_{j<i} a_ij k_j); `a` holds the rows below the diagonal.
 
-    `reach` is how large h |λ| may be, where λ is a damped eigenvalue of the system, for the step to be stable (roughly:
-    the smaller of the reaches along the real and the imaginary axis, and where this is zero, the other one).
+    `stability_limit` is roughly the largest h |λ| at which a step is stable, for a damped eigenvalue λ of the system.
+    It is the smaller of the limits along the real and the imaginary axis, or the other one if that is zero.
     """
 
     name: str
     order: int
-    a: tuple[Row, ...]
-    b: Row
-    c: Row
+    a: tuple[Coefficients, ...]
+    b: Coefficients
+    c: Coefficients
     estimate: Estimate
-    reach: float
+    stability_limit: float
 
     @property
     def stages(self) -> int:
-        """Evaluations of the accelerations a step."""
+        """Evaluations of the accelerations per step."""
         return len(self.b)
 
 
 EXPLICIT: dict[str, Tableau] = {
     method.name: method
     for method in (
-        # The last stage of Euler's method is only for the estimate.
+        # The second stage of Euler's method serves the estimate only.
         Tableau("euler", 1, ((), (1.0,)), (1.0, 0.0), (0.0, 1.0), Estimate((-0.5, 0.5)), 2.0),
         Tableau("midpoint", 2, ((), (0.5,)), (0.0, 1.0), (0.0, 0.5), Estimate((-1.0, 1.0), (1.0,)), 2.0),
         Tableau(

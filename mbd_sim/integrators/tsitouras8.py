@@ -1,4 +1,4 @@
-"""Coefficients of Tsitouras and Papakostas' explicit Runge–Kutta method of order 8 (SIAM J. Sci. Comput. 20, 1999)."""
+"""Coefficients of an explicit Runge–Kutta method of order 8 (Tsitouras & Papakostas, SIAM J. Sci. Comput. 20, 1999)."""
 
 A: tuple[tuple[float, ...], ...] = (
     (),
@@ -117,7 +117,7 @@ C = (
     0.959731543624161,
     1.0,
 )
-# Scaled so that the estimate has the size of the errors of a double pendulum.
+# Scaled so that the estimate has the size of the errors measured on a double pendulum.
 FINE = (
     0.006756266939071373,
     0.0,

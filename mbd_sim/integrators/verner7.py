@@ -1,7 +1,8 @@
-"""Coefficients of Verner's efficient explicit Runge–Kutta method of order 7 (Numerical Algorithms 53, 2010).
+"""Coefficients of an efficient explicit Runge–Kutta method of order 7 (Verner, Numerical Algorithms 53, 2010).
 
-Its tenth stage, which only the embedded method of order 6 needs, is left out. `FINE` is the only combination of the
-nine slopes that vanishes up to order 5, `COARSE` the only one of the first, fourth, fifth and sixth up to order 3.
+The tenth stage serves only the embedded method of order 6 and is left out. `FINE` is the only combination of the nine
+slopes that vanishes up to order 5. `COARSE` is the only combination of the first, fourth, fifth and sixth that vanishes
+up to order 3.
 """
 
 A: tuple[tuple[float, ...], ...] = (
@@ -44,7 +45,7 @@ B = (
     0.08122959073895063,
 )
 C = (0.0, 0.005, 0.10886666666666667, 0.1633, 0.4555, 0.6099375514507946, 0.884, 0.925, 1.0)
-# Scaled so that the estimate has the size of the errors of a double pendulum, a top and a cart.
+# Scaled so that the estimate has the size of the errors measured on a double pendulum, a top and a cart.
 FINE = (
     -0.016537393617373757,
     0.0,

@@ -88,7 +88,8 @@ class Joint:
     expressions of time. A `spring` law takes the elongation q - rest, the laws `damper` and `friction` the speed; only
     revolute and prismatic joints have them. `reversed` joints are walked from child to parent in the spanning tree.
     `velocity_limit` is only described.
-    `held` and `held_speeds` (nv,) tell which start values loops must be assembled around; `cut` joints close loops.
+    `fixed_in_assembly` and `fixed_speeds` (nv,) mark start values that the assembly of loops must not change. A joint
+    with `cut` closes a loop.
     """
 
     name: str
@@ -112,8 +113,8 @@ class Joint:
     spring: ElasticLaw | None = None
     damper: PowerLaw | None = None
     friction: Friction | None = None
-    held: tuple[bool, ...] = ()
-    held_speeds: tuple[bool, ...] = ()
+    fixed_in_assembly: tuple[bool, ...] = ()
+    fixed_speeds: tuple[bool, ...] = ()
     cut: bool = False
     reversed: bool = False
 

@@ -29,10 +29,10 @@ def step_advice(model: Model, time: float, y: Array, inputs: Array, step: float,
     method = model.method
     meaningless = not estimate < 1.0  # then the state says nothing about the mechanism
     fastest = fastest_rate(model, 0.0, model.start, inputs) if meaningless else fastest_rate(model, time, y, inputs)
-    stiff = step * fastest > method.reach
+    stiff = step * fastest > method.stability_limit
     better = step * (TARGET / estimate) ** (1.0 / (method.order + 1)) if math.isfinite(estimate) else 0.1 * step
     if stiff:
-        better = min(better, MARGIN * method.reach / fastest)
+        better = min(better, MARGIN * method.stability_limit / fastest)
     proposals = []
     if stiff or (not math.isfinite(estimate) and not isinstance(method, Rosenbrock)):
         proposals.append("method rosenbrock")

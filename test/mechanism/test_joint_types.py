@@ -98,7 +98,7 @@ def test_its_directions_are_those_of_its_motion(type_, simulations):
         at_zero[kind.quaternion] = 1.0
     motion = JOINT_MOTIONS[type_](link.axes, q, u)
     columns = np.array(ca.Function("columns", [q], [ca.densify(motion.partial_velocities)])(at_zero))
-    turn = joint.parent_pose.rotation.T @ (np.eye(3) @ link.base.rotation)  # the link's axes may be turned
+    turn = joint.parent_pose.rotation.T @ (np.eye(3) @ link.X_PF.rotation)  # the link's axes may be rotated
     for column, coordinate in zip(columns.T, kind.coordinates, strict=True):
         moving = column[:3] if coordinate.rotation else column[3:]
         np.testing.assert_allclose(turn @ moving, joint.direction(coordinate), atol=1e-12)

@@ -49,8 +49,8 @@ def joint_of(
         spring=law_of(found) if (found := getattr(record, "spring", None)) else None,
         damper=damper_of(found) if (found := getattr(record, "damper", None)) else None,
         friction=friction_of(found) if (found := getattr(record, "friction", None)) else None,
-        held=() if drive else _given(record, count, "position", "orientation", not record.guess),
-        held_speeds=() if drive else _given(record, count, "velocity", "angular_velocity", True),
+        fixed_in_assembly=() if drive else _given(record, count, "position", "orientation", not record.guess),
+        fixed_speeds=() if drive else _given(record, count, "velocity", "angular_velocity", True),
         cut=record.cut,
     )
 
@@ -88,12 +88,12 @@ def _start(record: schema.AnyJointSpec) -> tuple[Array, Array]:
     return np.atleast_1d(np.array(record.position)), np.atleast_1d(np.array(record.velocity))
 
 
-def _given(record: schema.AnyJointSpec, count: int, linear: str, angular: str, held: bool) -> tuple[bool, ...]:
-    """For each degree of freedom, whether its start value is written and to be held."""
+def _given(record: schema.AnyJointSpec, count: int, linear: str, angular: str, fixed: bool) -> tuple[bool, ...]:
+    """For each degree of freedom, whether its start value is given and the assembly must keep it."""
     written = record.model_fields_set
     if isinstance(record, schema.FreeJointSpec):
-        return (held and linear in written,) * 3 + (held and angular in written,) * 3
-    return (held and bool({linear, angular} & written),) * count
+        return (fixed and linear in written,) * 3 + (fixed and angular in written,) * 3
+    return (fixed and bool({linear, angular} & written),) * count
 
 
 def _quaternion(orientation: RotationSpec | None) -> Array:

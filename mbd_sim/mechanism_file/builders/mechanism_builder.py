@@ -225,7 +225,7 @@ def _preferences(joints: Collection[Joint], coupled: Collection[str]) -> tuple[l
     """The joints that belong into the tree, those first that cannot do without a coordinate, and those to cut."""
     kept = [joint for joint in joints if not joint.cut]
     wanted = [joint.name for joint in kept if _needs(joint, coupled)]
-    wanted += [joint.name for joint in kept if any(joint.held + joint.held_speeds)]
+    wanted += [joint.name for joint in kept if any(joint.fixed_in_assembly + joint.fixed_speeds)]
     wanted += [joint.name for joint in kept if joint.position.any()]
     return wanted, {joint.name for joint in joints if joint.cut}
 
@@ -251,7 +251,7 @@ def _uncuttable(source: Source, joint: Joint, coupled: Collection[str]) -> Itera
     remedy = "Cut another joint of its loop, which needs no coordinate, with 'cut: true'."
     if what := _needs(joint, coupled):
         yield source.problem(where, f"closes a loop, and so has no coordinate, but has {what}", remedy)
-    elif any(joint.held + joint.held_speeds):
+    elif any(joint.fixed_in_assembly + joint.fixed_speeds):
         message = "closes a loop, and so has no coordinate whose start value could be given"
         yield source.problem(where, message, "Give it for the other joints of the loop, or write 'guess: true'.")
     elif joint.type == "free":
