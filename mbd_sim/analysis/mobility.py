@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import assert_never
 
 import numpy as np
 
@@ -115,9 +116,12 @@ def _planar_equations(constraint: c.Constraint, poses: Mapping[str, Pose], norma
         case c.Rolling(axis=axis, center=center, plane=plane, normal=up) if axis is not None:
             upright = _along(world(center, axis), normal) and _across(world(plane, up), normal)
             return 2 if upright else None
+        case c.Rolling() | c.Surface():
+            return None
         case c.KnifeEdge(plane=plane, normal=up):
             return 1 if _along(world(plane, up), normal) else None
-    return None
+        case _:
+            assert_never(constraint)
 
 
 def _along(direction: Array, normal: Array) -> bool:

@@ -32,7 +32,7 @@ TwoPointElement = Spring | Damper | Distance
 def two_point_elements(mechanism: Mechanism) -> list[TwoPointElement]:
     """The force elements and constraints that act between two points."""
     distances = [constraint for constraint in mechanism.constraints if isinstance(constraint, Distance)]
-    return [*mechanism.ties, *distances]
+    return [*mechanism.two_point_elements, *distances]
 
 
 def two_point_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> list[SheetPath]:

@@ -20,7 +20,7 @@ from mbd_sim.dynamics.time_functions import time_functions
 from mbd_sim.errors import InputError, MechanismError, Problem
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.expression import evaluate
-from mbd_sim.mechanism.force_elements import AppliedForce, Damper, Spring
+from mbd_sim.mechanism.force_elements import AppliedForce, Damper, Spring, TwoPointElement
 from mbd_sim.mechanism.laws import ELONGATION, Expressed, GreenStrain, Linear, Piecewise
 from mbd_sim.mechanism.records import Attachment, Mechanism
 from mbd_sim.mechanism.source import Location
@@ -54,34 +54,34 @@ def element_forces(
     applied = AppliedWrenches(links, motions, poses)
     potential = applied_power = dissipated = ca.SX(1, 1)
     lengths: list[ca.SX] = []
-    for tie in mechanism.ties:
-        length, energy, loss = _apply_between_points(applied, tie)
+    for element in mechanism.two_point_elements:
+        length, energy, loss = _apply_between_points(applied, element)
         lengths.append(length)
         potential += energy
         dissipated += loss
-        if isinstance(tie, Spring) and not is_absent(tie.mass):
-            potential -= _apply_weight(applied, tie, mechanism.gravity)
-    for element in mechanism.applied:
-        applied_power += _apply_force(applied, element, t)
+        if isinstance(element, Spring) and not is_absent(element.mass):
+            potential -= _apply_weight(applied, element, mechanism.gravity)
+    for force in mechanism.applied:
+        applied_power += _apply_force(applied, force, t)
     applied_power += sum((_apply_external(applied, part, wrench) for part, wrench in external.items()), ca.SX(1, 1))
     wrenches = [ca.sparsify(wrench) for wrench in applied.wrenches]
     return ElementForces(wrenches, ca.vertcat(ca.SX(0, 1), *lengths), potential, applied_power, dissipated)
 
 
-def _apply_between_points(applied: AppliedWrenches, tie: Spring | Damper) -> tuple[ca.SX, ca.SX, ca.SX]:
+def _apply_between_points(applied: AppliedWrenches, element: TwoPointElement) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Apply a spring or a damper; returns its length in m, its potential in J and its dissipated power in W."""
-    first, second = applied.motion_of(tie.first), applied.motion_of(tie.second)
+    first, second = applied.motion_of(element.first), applied.motion_of(element.second)
     line, rate = second.position - first.position, second.velocity - first.velocity
-    match tie:
+    match element:
         case Spring():
-            force, energy, loss = spring_force(tie, line, rate)
+            force, energy, loss = spring_force(element, line, rate)
         case Damper():
             energy = ca.SX(1, 1)
-            force, loss = damper_force(tie, line, rate)[:2]
+            force, loss = damper_force(element, line, rate)[:2]
         case _:
-            assert_never(tie)
-    applied.add_force(tie.first, force)
-    applied.add_force(tie.second, -force)
+            assert_never(element)
+    applied.add_force(element.first, force)
+    applied.add_force(element.second, -force)
     return ca.norm_2(line), energy, loss
 
 
@@ -128,14 +128,14 @@ def require_defined_forces(mechanism: Mechanism, lengths: Array) -> None:
     :raises MechanismError: the elements are named.
     """
     problems = list(_undefined_laws(mechanism, lengths))
-    for tie, length in zip(mechanism.ties, lengths, strict=True):
-        if not tie.needs_line or length > COINCIDENT:
+    for element, length in zip(mechanism.two_point_elements, lengths, strict=True):
+        if not element.needs_line or length > COINCIDENT:
             continue
         what, remedy = "spring", "a spring without length and damping needs no direction."
-        if isinstance(tie, Damper):
+        if isinstance(element, Damper):
             what, remedy = "damper", "a damper with 'along: velocity' needs no direction."
         message = f"the ends coincide at the start, where the {what} has no direction"
-        location = ("forces", tie.name, "between")
+        location = ("forces", element.name, "between")
         problems.append(mechanism.source.problem(location, message, f"Move one of the points; {remedy}"))
     if problems:
         raise MechanismError(problems)

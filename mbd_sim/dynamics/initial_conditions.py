@@ -29,6 +29,7 @@ from mbd_sim.dynamics.constraint_rows import ConstraintRow
 from mbd_sim.dynamics.links import CoordinateLayout
 from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.constraints import expressions_of
 from mbd_sim.mechanism.expression import names_in
 from mbd_sim.mechanism.records import Mechanism
 
@@ -181,8 +182,7 @@ def _flags(flags_of_joints: Sequence[Sequence[bool]]) -> NDArray[Any]:
 
 def rheonomic(mechanism: Mechanism) -> bool:
     """Whether the constraints depend on time."""
-    expressions = [getattr(c, key) for c in mechanism.constraints for key in ("length", "value") if hasattr(c, key)]
-    expressions += [equation for c in mechanism.constraints for equation in getattr(c, "equations", ())]
+    expressions = [expression for constraint in mechanism.constraints for expression in expressions_of(constraint)]
     return bool(mechanism.driven_names) or any("t" in names_in(expression.text) for expression in expressions)
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import assert_never
 
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.expression import TimeExpression
@@ -93,3 +94,18 @@ class Cable:
 
 
 Constraint = Distance | Flat | Surface | Coupling | Rolling | KnifeEdge | Cable
+
+
+def expressions_of(constraint: Constraint) -> tuple[TimeExpression, ...]:
+    """The expressions of time in a constraint."""
+    match constraint:
+        case Distance(length=length) | Cable(length=length):
+            return (length,)
+        case Coupling(value=value):
+            return (value,)
+        case Surface(equations=equations):
+            return equations
+        case Flat() | Rolling() | KnifeEdge():
+            return ()
+        case _:
+            assert_never(constraint)

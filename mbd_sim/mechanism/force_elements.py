@@ -49,6 +49,11 @@ class Damper:
     needs_line: bool
 
     @property
+    def elastic(self) -> bool:
+        """Whether it stores energy: a damper does not."""
+        return False
+
+    @property
     def damping(self) -> float:
         """The coefficient of its law."""
         return self.law.coefficient
@@ -72,3 +77,6 @@ class AppliedForce:
     def following(self) -> bool:
         """Whether its axes turn."""
         return self.axes_of != GROUND
+
+
+TwoPointElement = Spring | Damper

@@ -20,7 +20,7 @@ from mbd_sim.mechanism.source import Source
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism.constraints import Constraint
-    from mbd_sim.mechanism.force_elements import AppliedForce, Damper, Spring
+    from mbd_sim.mechanism.force_elements import AppliedForce, Damper, Spring, TwoPointElement
 
 GROUND = "ground"
 
@@ -196,8 +196,8 @@ class Mechanism:
         return {**self.joints, **self.closing}
 
     @property
-    def ties(self) -> tuple[Spring | Damper, ...]:
-        """What acts between two points: the springs, then the dampers."""
+    def two_point_elements(self) -> tuple[TwoPointElement, ...]:
+        """The force elements between two points: the springs, then the dampers."""
         return (*self.springs, *self.dampers)
 
     @property

@@ -135,7 +135,7 @@ class Markers:
             self._add_marker(marker.namespace, marker.type, marker.scale, marker.color, marker.points)
 
     def _add_force_elements(self) -> None:
-        for element in self._model.mechanism.ties:
+        for element in self._model.mechanism.two_point_elements:
             ends = (element.first, element.second)
             match element:
                 case Spring(elastic=elastic, damping=damping):

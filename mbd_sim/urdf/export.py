@@ -148,10 +148,11 @@ def _left_out(mechanism: Mechanism, mimics: Mapping[str, Mimic]) -> dict[str, li
         for constraint in mechanism.constraints
         if isinstance(constraint, Coupling) and frozenset(constraint.factors) in mimicking
     ]
+    elements = (*mechanism.two_point_elements, *mechanism.applied)
     found = {
         "joints that close loops": [*mechanism.closing],
         "constraints": [constraint.name for constraint in mechanism.constraints if constraint not in said],
-        "springs, dampers and forces": [element.name for element in (*mechanism.ties, *mechanism.applied)],
+        "springs, dampers and forces": [element.name for element in elements],
         "springs and dampers of joints": [joint.name for joint in joints if _has_law(joint)],
         "drives": [joint.name for joint in joints if joint.drive],
         "spherical joints, here floating": [joint.name for joint in joints if joint.type == "spherical"],

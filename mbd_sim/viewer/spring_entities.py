@@ -29,7 +29,7 @@ ANCHOR_DISTANCE = 0.35  # from the range of a slide to the far end of its spring
 def spring_entities(scene: SceneDescription) -> Iterator[Entity]:
     """All springs and dampers between points, and the springs of prismatic joints."""
     mechanism = scene.mechanism
-    for element in mechanism.ties:
+    for element in mechanism.two_point_elements:
         spring_path = f"{entity_paths.WORLD}/springs/{element.name}"
         damper_path = f"{entity_paths.WORLD}/dampers/{element.name}"
         match element:
