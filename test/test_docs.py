@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from mbd_sim.cli.main import build_parser, main
-from mbd_sim.integrators.methods import METHODS
 from mbd_sim.ros.realtime import SWITCH_INTERVAL
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -92,11 +91,6 @@ def test_the_readme_shows_every_command_but_list_and_schema():
 def test_command_lines_in_the_pages_are_valid(line):
     words = shlex.split(line, comments=True)[1:]
     build_parser().parse_args(words[: words.index(">")] if ">" in words else words)
-
-
-def test_the_reference_page_names_every_method():
-    text = (ROOT / "docs" / "mechanism_file.md").read_text(encoding="utf-8")
-    assert not [name for name in METHODS if f"`{name}`" not in text]
 
 
 def test_the_readme_quotes_check(capsys):
