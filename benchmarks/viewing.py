@@ -65,7 +65,7 @@ def turn(rate: float, seconds: float) -> dict[str, float]:
             arguments += ["-p", f"rerun:={Path(folder) / 'run.rrd'}", "-p", f"rerun_rate:={rate}"]
         rclpy.init(args=arguments)
         node, ended = SimNode(lambda: None), threading.Event()
-        realtime.settle_memory()
+        realtime.freeze_memory()
         executor = EventsExecutor()
         executor.add_node(node)
 
@@ -79,8 +79,10 @@ def turn(rate: float, seconds: float) -> dict[str, float]:
         first = _counters(node)
         time.sleep(seconds)
         last = _counters(node)
-        late, period = (getattr(node.runner.pacer, name).spread(first[name]) for name in ("lateness", "period"))
-        viewer = node.outputs.viewer
+        late, period = (
+            getattr(node.stepping_thread.pacer, name).summary(first[name]) for name in ("lateness", "period")
+        )
+        viewer = node.publishing_thread.viewer
         node.stop()
         ended.set()
     steps = last["steps"] - first["steps"]
@@ -95,7 +97,7 @@ def turn(rate: float, seconds: float) -> dict[str, float]:
 
 
 def _counters(node: Any) -> dict[str, Any]:
-    runner = node.runner
+    runner = node.stepping_thread
     on_cpu = Path(f"/proc/self/task/{runner.thread_id}/schedstat").read_text().split()[0]
     return {
         "steps": runner.ticks,

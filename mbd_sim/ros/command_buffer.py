@@ -14,31 +14,31 @@ from mbd_sim.simulation.efforts import EffortMap
 from mbd_sim.simulation.events import EventKind
 
 
-class Due(NamedTuple):
-    """Efforts (nv,) that take effect at the next step, and why."""
+class DueEfforts(NamedTuple):
+    """Efforts (nv,) that take effect at the next step; `kind` is `COMMAND` or `EXPIRED`."""
 
     kind: EventKind
     efforts: Array
 
 
 class CommandBuffer:
-    """Takes commands in one thread and hands the newest efforts to the stepping thread.
+    """Takes commands in one thread and passes the newest efforts to the stepping thread.
 
-    A command is accepted or rejected whole. Without a command for `timeout` seconds of simulated time (0: for
-    ever) the efforts go to zero, until the next command.
+    A command is accepted or rejected as a whole. If none has arrived for `timeout` seconds of simulated time
+    (0: no limit), the efforts are set to zero until the next command.
     """
 
     def __init__(self, effort_map: EffortMap, timeout: float) -> None:
         self.map, self.timeout = effort_map, timeout
         self.accepted = self.rejected = self.expired = 0
-        self.lapsed = False  # whether the efforts are zero because commands stopped coming
-        self._wanted = np.zeros(len(effort_map.names))
-        self._fresh = self._alive = False
+        self.lapsed = False  # whether the efforts are zero because commands stopped arriving
+        self._requested = np.zeros(len(effort_map.names))
+        self._new = self._watching = False
         self._last_time = 0.0
         self._lock = threading.Lock()
 
     def by_order(self, efforts: Sequence[float]) -> None:
-        """Take efforts for all coordinates.
+        """Take efforts for all coordinates, in their order.
 
         :raises CommandError: rejected; nothing changes.
         """
@@ -52,40 +52,40 @@ class CommandBuffer:
         if len(names) != len(efforts):
             self.rejected += 1
             raise CommandError(
-                f"'name' and 'effort' differ in length: {len(names)} and {len(efforts)}. Send an effort for each name."
+                f"'name' and 'effort' differ in length: {len(names)} and {len(efforts)}. Send one effort for each name."
             )
         if len(set(names)) != len(names):
             self.rejected += 1
-            raise CommandError("a joint is named twice. Send one effort for each.")
+            raise CommandError("a joint is named twice. Send one effort for each joint.")
         self._take(dict(zip(names, efforts, strict=True)))
 
     def _take(self, efforts: Mapping[str, float] | Sequence[float]) -> None:
         with self._lock:
             try:
-                self._wanted = self.map.merged(self._wanted, efforts)
+                self._requested = self.map.merged(self._requested, efforts)
             except CommandError:
                 self.rejected += 1
                 raise
             self.accepted += 1
-            self._fresh = True
+            self._new = True
 
-    def due(self, time: float) -> Due | None:
-        """What to apply from simulated `time` (s, never going back) on, or None where the efforts stay."""
+    def due(self, time: float) -> DueEfforts | None:
+        """The efforts to apply from simulated `time` (s, monotonic) on, or None where they stay as they are."""
         with self._lock:
-            if self._fresh:
-                self._fresh, self._alive, self._last_time = False, True, time
+            if self._new:
+                self._new, self._watching, self._last_time = False, True, time
                 self.lapsed = False
-                return Due(EventKind.COMMAND, self.map.clamped(self._wanted))
-            if self._alive and self.timeout > 0.0 and time - self._last_time >= self.timeout:
-                self._alive = False
+                return DueEfforts(EventKind.COMMAND, self.map.clamped(self._requested))
+            if self._watching and self.timeout > 0.0 and time - self._last_time >= self.timeout:
+                self._watching = False
                 self.lapsed = True
                 self.expired += 1
-                self._wanted = np.zeros_like(self._wanted)
-                return Due(EventKind.EXPIRED, self._wanted)
+                self._requested = np.zeros_like(self._requested)
+                return DueEfforts(EventKind.EXPIRED, self._requested)
         return None
 
     def clear(self) -> None:
-        """Forget all commands, as after a reset."""
+        """Discard all commands, as after a reset."""
         with self._lock:
-            self._wanted = np.zeros_like(self._wanted)
-            self._fresh = self._alive = self.lapsed = False
+            self._requested = np.zeros_like(self._requested)
+            self._new = self._watching = self.lapsed = False

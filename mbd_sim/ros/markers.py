@@ -19,9 +19,9 @@ from mbd_sim.mechanism.constraints import Cable, Constraint, Coupling, Distance,
 from mbd_sim.mechanism.force_elements import Damper, Spring
 from mbd_sim.mechanism.records import GROUND, Attachment
 from mbd_sim.ros.marker_shapes import PartMarker, Points, joint_markers, part_markers
-from mbd_sim.ros.message_template import STAMP, Template, slot
+from mbd_sim.ros.message_template import STAMP, MessageTemplate, slot
 from mbd_sim.ros.snapshots import Snapshot
-from mbd_sim.ros.state_messages import placed
+from mbd_sim.ros.state_messages import ros_poses
 from mbd_sim.simulation.compiled_model import Model
 
 TRACE_POINTS = 150  # five seconds at 30 Hz
@@ -86,7 +86,7 @@ class Markers:
         for constraint in model.mechanism.constraints:
             self._add_constraint(constraint)
         self._add_traces()
-        self._template = Template(MarkerArray(markers=self._messages))
+        self._template = MessageTemplate(MarkerArray(markers=self._messages))
         self._poses = [self._template.doubles(number, 7) for number in range(len(self._part_rows))]
         self._line_points = [self._template.doubles(line.number, 3 * line.count).reshape(-1, 3) for line in self._lines]
 
@@ -97,7 +97,7 @@ class Markers:
         origins, rotations = unpack_poses(poses[self._part_rows])
         positions = origins + np.einsum("nij,nj->ni", rotations, self._positions)
         rows = pack_poses(positions, rotations @ self._rotations)
-        for view, pose in zip(self._poses, placed(rows), strict=True):
+        for view, pose in zip(self._poses, ros_poses(rows), strict=True):
             view[:] = pose
         restarted, self._time = snapshot.time < self._time, snapshot.time
         attached = self._attached.at(poses)

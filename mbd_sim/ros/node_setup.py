@@ -1,4 +1,4 @@
-"""What the parameters of the node ask for."""
+"""Builds the parts of `sim_node` from its parameters."""
 
 from __future__ import annotations
 
@@ -10,95 +10,100 @@ from mbd_sim.load import load_mechanism
 from mbd_sim.recording.recorder import Recorder
 from mbd_sim.recording.recording_paths import FORMATS, new_recording_paths
 from mbd_sim.recording.run_metadata import run_metadata
-from mbd_sim.ros.node_parameters import Parameters
-from mbd_sim.ros.node_recordings import Limits, Recordings
-from mbd_sim.ros.publishing_thread import Outputs, Wanted
-from mbd_sim.ros.stepping_thread import Runner
-from mbd_sim.ros.wrench_buffer import EVERY, Loadable, loadable
+from mbd_sim.ros.node_parameters import NodeParameters
+from mbd_sim.ros.node_recordings import NodeRecordings, SplitLimits
+from mbd_sim.ros.publishing_thread import PublishingThread
+from mbd_sim.ros.stepping_thread import SteppingThread
+from mbd_sim.ros.topics import CLOCK, DIAGNOSTICS, MARKERS, PART, TOPICS, OutputTopic, for_each_part
+from mbd_sim.ros.wrench_buffer import ALL, WrenchTargets, wrench_targets
 from mbd_sim.simulation.simulation import Simulation
 from mbd_sim.viewer import Viewer, ViewerError
 
 
-def build(parameters: Parameters) -> tuple[Simulation, Loadable]:
-    """The simulation, and what of it takes wrenches.
+def build_simulation(parameters: NodeParameters) -> tuple[Simulation, WrenchTargets]:
+    """The simulation, and the parts and points of it that accept wrenches.
 
-    :raises MechanismError, ValueError: a parameter does not fit the mechanism, or its file is wrong.
+    :raises MechanismError, ValueError: the file is wrong, or a parameter does not fit the mechanism.
     """
     mechanism = load_mechanism(parameters["mechanism"])
-    loads = loadable(mechanism, parameters.listed("wrenches"))
+    targets = wrench_targets(mechanism, parameters.names_in("wrenches"))
     simulation = Simulation(
         mechanism,
         method=parameters["method"] or None,
         step=parameters["step"] or None,
-        wrenches=tuple(dict.fromkeys(part for part, _ in loads)),
-        live=parameters.listed("live"),
+        wrenches=tuple(dict.fromkeys(part for part, _ in targets)),
+        live=parameters.names_in("live"),
     )
-    return simulation, loads
+    return simulation, targets
 
 
-def wanted(parameters: Parameters, part_names: tuple[str, ...]) -> Wanted:
-    """What is published besides joints and energies.
+def requested_topics(parameters: NodeParameters, part_names: tuple[str, ...]) -> list[OutputTopic]:
+    """The topics of the publishing thread: those without a parameter, and those that their parameters request.
 
-    :raises ValueError: `part_poses` names a part that does not exist.
+    :raises ValueError: a parameter names a part that does not exist.
     """
-    given = parameters.listed("part_poses")
-    for name in given:
-        if name not in (*part_names, EVERY):
-            raise ValueError(f"part_poses: there is no part '{name}'. {nearest(name, part_names)}")
-    return Wanted(
-        reactions=parameters["joint_reactions"],
-        violation=parameters["constraint_violation"],
-        poses=part_names if EVERY in given else tuple(given),
-        tf=parameters["tf"],
-        marker_rate=parameters["marker_rate"],
-        frame_prefix=parameters["frame_prefix"],
-    )
+    requested: list[OutputTopic] = []
+    for topic in TOPICS:
+        if topic in (CLOCK, MARKERS, DIAGNOSTICS) or (topic.parameter and not parameters[topic.parameter.name]):
+            continue
+        if PART not in topic.name or topic.parameter is None:
+            requested.append(topic)
+            continue
+        name = topic.parameter.name
+        parts = parameters.names_in(name)
+        for part in parts:
+            if part not in (*part_names, ALL):
+                raise ValueError(f"{name}: there is no part '{part}'. {nearest(part, part_names)}")
+        requested.extend(for_each_part(topic, part_names, part_names if ALL in parts else parts))
+    return requested
 
 
-def recordings(parameters: Parameters, runner: Runner, outputs: Outputs, log: Any) -> Recordings:
-    """What records, now or later.
+def node_recordings(
+    parameters: NodeParameters, stepping_thread: SteppingThread, publishing_thread: PublishingThread, log: Any
+) -> NodeRecordings:
+    """The recordings of the node, of which none has been started.
 
     :raises ValueError: `record_format` is unknown.
     """
-    simulation = runner.simulation
-    mechanism, form = simulation.mechanism, parameters["record_format"]
-    if form not in FORMATS:
-        raise ValueError(f"record_format: there is no '{form}'. {nearest(form, FORMATS)}")
+    simulation = stepping_thread.simulation
+    mechanism, file_format = simulation.mechanism, parameters["record_format"]
+    if file_format not in FORMATS:
+        raise ValueError(f"record_format: there is no format '{file_format}'. {nearest(file_format, FORMATS)}")
 
     def open_recorder() -> Recorder:
         folder = Path(parameters["record_dir"]).expanduser()
-        paths = new_recording_paths(folder, mechanism.name, rosbag2=form == "rosbag2")
-        return Recorder(paths, outputs.topics(), mechanism.source.text)
+        paths = new_recording_paths(folder, mechanism.name, rosbag2=file_format == "rosbag2")
+        return Recorder(paths, publishing_thread.recorded_topics(), mechanism.source.text)
 
-    return Recordings(
+    return NodeRecordings(
         open_recorder,
-        lambda moment: run_metadata(simulation, moment, parameters.values),
-        runner.mark,
-        lambda failure: log.error(f"{failure}. The simulation goes on."),
-        limits(parameters),
+        metadata=lambda moment: run_metadata(simulation, moment, parameters.values),
+        request_moment=stepping_thread.request_moment,
+        on_failure=lambda failure: log.error(f"{failure}. The simulation continues."),
+        limits=split_limits(parameters),
     )
 
 
-def limits(parameters: Parameters) -> Limits:
-    """Where a recording goes on in another file."""
-    return Limits(1e6 * parameters["record_split_size"], parameters["record_split_duration"])
+def split_limits(parameters: NodeParameters) -> SplitLimits:
+    """Where a recording continues in another file."""
+    return SplitLimits(1e6 * parameters["record_split_size"], parameters["record_split_duration"])
 
 
-def viewer(parameters: Parameters, simulation: Simulation, log: Any) -> Viewer | None:
-    """The Rerun viewer; None where it is not wanted or cannot be, which is logged."""
+def rerun_viewer(parameters: NodeParameters, simulation: Simulation, log: Any) -> Viewer | None:
+    """The Rerun viewer; None if it is not requested, or if it cannot be opened, which is logged."""
     if not parameters["rerun"]:
         return None
     try:
-        found = Viewer(
+        viewer = Viewer(
             simulation.model,
             parameters["rerun"],
             rate=parameters["rerun_rate"],
-            traces=parameters.listed("rerun_traces") or None,
+            traces=parameters.names_in("rerun_traces") or None,
             trace_time=parameters["rerun_trace_time"],
             reactions=parameters["joint_reactions"],
         )
     except (ViewerError, ValueError) as error:
         log.error(f"{error} The run is not shown.")
         return None
-    log.info(f"showing in Rerun: {found.address}")
-    return found
+    log.info(f"showing in Rerun: {viewer.address}")
+    return viewer

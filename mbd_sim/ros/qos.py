@@ -1,4 +1,4 @@
-"""Quality of service of the topics, and how rosbag2 writes it down."""
+"""Quality of service of the topics, and its representation in rosbag2."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _INFINITE = "{sec: 9223372036, nsec: 854775807}"
 
 
 def offered_qos_profiles(profile: QoSProfile) -> str:
-    """A profile as rosbag2 (Jazzy, metadata version 9) stores it in a channel's metadata."""
+    """A profile as rosbag2 (Jazzy, metadata version 9) stores it in a channel's metadata, in YAML."""
     history = "keep_all" if profile.history == QoSHistoryPolicy.KEEP_ALL else "keep_last"
     reliability = "best_effort" if profile.reliability == QoSReliabilityPolicy.BEST_EFFORT else "reliable"
     durability = "transient_local" if profile.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL else "volatile"
@@ -37,12 +37,12 @@ def offered_qos_profiles(profile: QoSProfile) -> str:
 
 
 def profile_of(text: str) -> QoSProfile:
-    """The profile to offer for a recorded topic, from what rosbag2 stores of its publishers, in words or numbers.
+    """The profile to offer for a recorded topic, from the profiles of its publishers in rosbag2's YAML.
 
-    Of several publishers the strongest offer counts, which every subscription can take. What is unknown, as history
-    over DDS, is ten messages, reliable and volatile.
+    Values may be words or numbers. Of several publishers the strongest offer counts, which suits every subscription.
+    Unknown values, such as the history over DDS, become: ten messages, reliable, volatile.
     """
-    offers = [offer for offer in _loaded(text) if isinstance(offer, Mapping)]
+    offers = [offer for offer in _load_offers(text) if isinstance(offer, Mapping)]
     first: Mapping[str, Any] = offers[0] if offers else {}
     best_effort = bool(offers) and all(offer.get("reliability") in ("best_effort", 2) for offer in offers)
     latched = any(offer.get("durability") in ("transient_local", 1) for offer in offers)
@@ -59,7 +59,7 @@ def profile_of(text: str) -> QoSProfile:
     return profile
 
 
-def _loaded(text: str) -> list[Any]:
+def _load_offers(text: str) -> list[Any]:
     try:
         found = yaml.safe_load(text)
     except yaml.YAMLError:
@@ -68,7 +68,7 @@ def _loaded(text: str) -> list[Any]:
 
 
 def _duration(value: Any) -> Duration | None:
-    """A duration where it is one: neither zero nor what means for ever."""
+    """A finite, positive duration; None for zero, infinity and anything else."""
     if not isinstance(value, Mapping):
         return None
     seconds, nanoseconds = value.get("sec", 0), value.get("nsec", 0)

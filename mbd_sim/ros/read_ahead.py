@@ -1,4 +1,4 @@
-"""Messages read ahead of their time. Knows no ROS."""
+"""Reads messages before they are due. Knows no ROS."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from itertools import islice
 
 from mbd_sim.recording.recorded_file import Message
 
-BATCH = 200  # messages that are read at once
-AHEAD = 20  # batches that wait, read, for their time
+BATCH_SIZE = 200  # messages read at once
+MAX_BATCHES = 20  # batches that may wait
 
 
-class Ahead:
-    """Reads in a thread of its own, so that unpacking a block delays no message."""
+class ReadAhead:
+    """Iterates over messages that a thread of its own reads, so that unpacking a block delays none of them."""
 
     def __init__(self, messages: Iterator[Message]) -> None:
         self._messages = messages
-        self._queue: queue.Queue[list[Message] | BaseException] = queue.Queue(AHEAD)
+        self._queue: queue.Queue[list[Message] | BaseException] = queue.Queue(MAX_BATCHES)
         self._closed = False
         self._thread = threading.Thread(target=self._read, name="reader", daemon=True)
         self._thread.start()
@@ -30,12 +30,12 @@ class Ahead:
             yield from batch
 
     def close(self) -> None:
-        """Read no further."""
+        """Stop reading."""
         self._closed = True
 
     def _read(self) -> None:
         try:
-            while not self._closed and (batch := list(islice(self._messages, BATCH))):
+            while not self._closed and (batch := list(islice(self._messages, BATCH_SIZE))):
                 self._put(batch)
             self._put([])
         except Exception as error:

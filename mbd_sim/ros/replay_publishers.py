@@ -1,8 +1,7 @@
-"""The topics of a recording as publishers: their types, their QoS, their bytes as they were recorded."""
+"""Publishes the topics of a recording: with their types and QoS, and their bytes as recorded."""
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable
 from contextlib import ExitStack
 
@@ -16,26 +15,29 @@ from rosgraph_msgs.msg import Clock
 from mbd_sim.recording.reader import Recording
 from mbd_sim.recording.recorded_file import Message, RecordedTopic
 from mbd_sim.ros import qos
-from mbd_sim.ros.message_template import STAMP, Template
+from mbd_sim.ros.message_template import STAMP, MessageTemplate
+from mbd_sim.ros.message_types import message_type
 
 CLOCK = "/clock"
 UNPUBLISHABLE = (ImportError, AttributeError, ValueError, LookupError, InvalidTopicNameException)
-ARRIVAL = Duration(seconds=2)  # that the last messages get to reach those who listen
+ACKNOWLEDGMENT_TIMEOUT = Duration(seconds=2)  # for the last messages to reach their subscribers
 
 
-class ReplayTopics:
-    """Publishes recorded messages as they are.
+class ReplayPublishers:
+    """Publishes recorded messages unchanged.
 
-    Names are taken relative to the node's namespace, and can be remapped. `/clock` is told from the recorded times, or
-    is the recorded one where there is one. `skipped` says which topics are left out, and why.
+    Topic names are relative to the node's namespace and can be remapped. `/clock` is computed from the recorded
+    times, unless it has been recorded. `skipped` holds the topics that are not published, with the reasons.
     """
 
-    def __init__(self, node: Node, recording: Recording, tell: Callable[[str], None], end: Callable[[], None]) -> None:
+    def __init__(
+        self, node: Node, recording: Recording, on_warning: Callable[[str], None], on_end: Callable[[], None]
+    ) -> None:
         self.skipped: dict[str, str] = {}
         self.latched: list[str] = []
         self.publishers: dict[str, Publisher] = {}
-        self.tell, self.end = tell, end
-        self._open = ExitStack()
+        self.warn, self.end = on_warning, on_end
+        self._handles = ExitStack()
         self._publish: dict[str, Callable[[bytes], None]] = {}
         for name, topic in recording.topics.items():
             try:
@@ -43,34 +45,32 @@ class ReplayTopics:
             except UNPUBLISHABLE as error:
                 self.skipped[name] = f"{topic.type or 'its type'} cannot be published here ({error})"
         self.clock_recorded = CLOCK in self.publishers
-        self._clock: Callable[[bytes], None] | None = None
+        self._publish_clock: Callable[[bytes], None] | None = None
         if not self.clock_recorded:
-            self._clock = self._raw(node.create_publisher(Clock, CLOCK, qos.CLOCK))
-        self._clock_message = Template(Clock(clock=STAMP))
+            self._publish_clock = self._raw_publish(node.create_publisher(Clock, CLOCK, qos.CLOCK))
+        self._clock_message = MessageTemplate(Clock(clock=STAMP))
 
     def clock(self, time_ns: int) -> None:
         """Publish a time in ns on /clock."""
-        if self._clock is not None:
+        if self._publish_clock is not None:
             self._clock_message.stamp(time_ns)
-            self._clock(self._clock_message.payload())
+            self._publish_clock(self._clock_message.payload())
 
-    def show(self, message: Message) -> None:
-        """Publish a message."""
+    def publish(self, message: Message) -> None:
+        """Publish a recorded message."""
         publish = self._publish.get(message.topic)
         if publish is not None:
             publish(message.payload)
 
     def close(self) -> None:
-        """Wait until those who listen have what was published, and let go of the publishers."""
+        """Wait until the subscribers have received everything, and release the publishers."""
         for publisher in self.publishers.values():
-            if (
-                publisher.get_subscription_count()
-                and publisher.qos_profile.reliability == QoSReliabilityPolicy.RELIABLE
-            ):
-                publisher.wait_for_all_acked(ARRIVAL)
+            reliable = publisher.qos_profile.reliability == QoSReliabilityPolicy.RELIABLE
+            if reliable and publisher.get_subscription_count():
+                publisher.wait_for_all_acked(ACKNOWLEDGMENT_TIMEOUT)
         self._publish.clear()
-        self._clock = None
-        self._open.close()
+        self._publish_clock = None
+        self._handles.close()
 
     def _add(self, node: Node, topic: RecordedTopic) -> None:
         if topic.encoding != "cdr":
@@ -79,25 +79,15 @@ class ReplayTopics:
         name = topic.name if topic.name == CLOCK else topic.name.lstrip("/")
         publisher = node.create_publisher(message_type(topic.type), name, profile)
         self.publishers[topic.name] = publisher
-        self._publish[topic.name] = self._raw(publisher)
+        self._publish[topic.name] = self._raw_publish(publisher)
         if profile.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL:
             self.latched.append(topic.name)
 
-    def _raw(self, publisher: Publisher) -> Callable[[bytes], None]:
-        """Entered once, what `Publisher.publish` enters for each message: that halves the time that one takes."""
-        self._open.enter_context(publisher.handle)
+    def _raw_publish(self, publisher: Publisher) -> Callable[[bytes], None]:
+        """A publisher's function for serialized messages.
+
+        `Publisher.publish` enters the publisher's handle for each message; entering it once halves the cost.
+        """
+        self._handles.enter_context(publisher.handle)
         publish: Callable[[bytes], None] = publisher.handle.publish_raw
         return publish
-
-
-def message_type(name: str) -> type:
-    """The class of a type such as `std_msgs/msg/String`.
-
-    :raises ImportError, AttributeError, ValueError: it is not installed, or no name of a type.
-    """
-    package, _, kind = name.partition("/")
-    kind = kind.rpartition("/")[2]
-    if not package or not kind:
-        raise ValueError(f"'{name}' is no name of a type")
-    found: type = getattr(importlib.import_module(f"{package}.msg"), kind)
-    return found

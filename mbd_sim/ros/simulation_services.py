@@ -1,4 +1,4 @@
-"""The services of `simulation_interfaces`, the standard that simulators share, where that package is installed."""
+"""The services of `simulation_interfaces`, a standard shared by simulators, if that package is installed."""
 
 from __future__ import annotations
 
@@ -9,102 +9,111 @@ from typing import Any
 
 from rclpy.node import Node
 
-from mbd_sim.ros.stepping_thread import Runner
+from mbd_sim.ros.stepping_thread import SteppingThread
 
 FEATURES = (
     "SIMULATION_RESET", "SIMULATION_RESET_TIME", "SIMULATION_RESET_STATE",
     "SIMULATION_STATE_GETTING", "SIMULATION_STATE_SETTING", "SIMULATION_STATE_PAUSE",
     "STEP_SIMULATION_SINGLE", "STEP_SIMULATION_MULTIPLE",
 )  # fmt: skip
-MOST_STEPS = 10_000_000  # that one call takes; the node answers nothing else meanwhile
+MAX_STEPS = 10_000_000  # in one call; the node answers no other request meanwhile
 
 
-def serve_simulation_interfaces(node: Node, runner: Runner, end: Callable[[], None]) -> SimulationServices | None:
-    """Serve them; None where the package is not installed. `end` ends the node."""
+def serve_simulation_interfaces(
+    node: Node, stepping_thread: SteppingThread, end: Callable[[], None]
+) -> SimulationServices | None:
+    """Create the services; None if the package is not installed. `end` ends the program."""
     try:
         messages, services = (importlib.import_module(f"simulation_interfaces.{kind}") for kind in ("msg", "srv"))
     except ImportError:
         return None
-    return SimulationServices(node, runner, end, messages, services)
+    return SimulationServices(node, stepping_thread, end, messages, services)
 
 
 class SimulationServices:
-    """The state of the simulation as the standard has it: playing, paused, or stopped, which is paused at the start."""
+    """The standard's simulation states: playing, paused, or stopped, which here is paused at the start state."""
 
     def __init__(
-        self, node: Node, runner: Runner, end: Callable[[], None], messages: ModuleType, services: ModuleType
+        self,
+        node: Node,
+        stepping_thread: SteppingThread,
+        end: Callable[[], None],
+        messages: ModuleType,
+        services: ModuleType,
     ) -> None:
-        self._runner, self._end, self._messages = runner, end, messages
+        self._stepping_thread, self._end, self._messages = stepping_thread, end, messages
         self._result, self._states = messages.Result, messages.SimulationState
         self._transition = services.SetSimulationState.Response
         self._scopes = services.ResetSimulation.Request
         self._stopped = True
-        for kind, name, answer in (
-            (services.GetSimulatorFeatures, "get_simulator_features", self._features),
-            (services.GetSimulationState, "get_simulation_state", self._get_state),
-            (services.SetSimulationState, "set_simulation_state", self._set_state),
-            (services.ResetSimulation, "reset_simulation", self._reset),
-            (services.StepSimulation, "step_simulation", self._step),
+        for service_type, name, callback in (
+            (services.GetSimulatorFeatures, "get_simulator_features", self._on_get_features),
+            (services.GetSimulationState, "get_simulation_state", self._on_get_state),
+            (services.SetSimulationState, "set_simulation_state", self._on_set_state),
+            (services.ResetSimulation, "reset_simulation", self._on_reset),
+            (services.StepSimulation, "step_simulation", self._on_step),
         ):
-            node.create_service(kind, f"~/{name}", answer)
+            node.create_service(service_type, f"~/{name}", callback)
 
     @property
     def state(self) -> int:
-        """The state now."""
-        if not self._runner.paused:
+        """The present state."""
+        if not self._stepping_thread.paused:
             return int(self._states.STATE_PLAYING)
-        stopped = self._stopped and self._runner.simulation.steps == 0
+        stopped = self._stopped and self._stepping_thread.simulation.steps == 0
         return int(self._states.STATE_STOPPED if stopped else self._states.STATE_PAUSED)
 
-    def _features(self, request: Any, response: Any) -> Any:
+    def _on_get_features(self, request: Any, response: Any) -> Any:
         known = self._messages.SimulatorFeatures
         response.features.features = [getattr(known, name) for name in FEATURES if hasattr(known, name)]
-        response.features.custom_info = f"mbd_sim: {self._runner.simulation.mechanism.name}"
+        response.features.custom_info = f"mbd_sim: {self._stepping_thread.simulation.mechanism.name}"
         return response
 
-    def _get_state(self, request: Any, response: Any) -> Any:
+    def _on_get_state(self, request: Any, response: Any) -> Any:
         response.state.state = self.state
-        return self._ok(response)
+        return self._succeed(response)
 
-    def _set_state(self, request: Any, response: Any) -> Any:
-        wanted, states = request.state.state, self._states
-        if wanted == self.state:
+    def _on_set_state(self, request: Any, response: Any) -> Any:
+        requested, states = request.state.state, self._states
+        if requested == self.state:
             return self._fail(response, self._transition.ALREADY_IN_TARGET_STATE, "already in this state")
-        if wanted == states.STATE_PLAYING:
+        if requested == states.STATE_PLAYING:
             self._stopped = False
-            self._runner.pause(False)
-        elif wanted == states.STATE_PAUSED:
+            self._stepping_thread.pause(False)
+        elif requested == states.STATE_PAUSED:
             self._stopped = False
-            self._runner.pause(True)
-        elif wanted == states.STATE_STOPPED:
-            self._runner.pause(True)
-            if problem := self._runner.reset(rewind_clock=True):
+            self._stepping_thread.pause(True)
+        elif requested == states.STATE_STOPPED:
+            self._stepping_thread.pause(True)
+            if problem := self._stepping_thread.reset(rewind_clock=True):
                 return self._fail(response, self._transition.STATE_TRANSITION_ERROR, problem)
             self._stopped = True
-        elif wanted == getattr(states, "STATE_QUITTING", None):
+        elif requested == getattr(states, "STATE_QUITTING", None):
             self._end()
         else:
-            return self._fail(response, self._result.RESULT_FEATURE_UNSUPPORTED, "there is one mechanism, always there")
-        return self._ok(response)
+            text = "this state is not supported: the mechanism is always loaded"
+            return self._fail(response, self._result.RESULT_FEATURE_UNSUPPORTED, text)
+        return self._succeed(response)
 
-    def _reset(self, request: Any, response: Any) -> Any:
+    def _on_reset(self, request: Any, response: Any) -> Any:
         scope = request.scope or self._scopes.SCOPE_ALL
         rewind, state = bool(scope & self._scopes.SCOPE_TIME), bool(scope & self._scopes.SCOPE_STATE)
         if not (rewind or state):
-            return self._fail(response, self._result.RESULT_FEATURE_UNSUPPORTED, "nothing is ever spawned")
-        if problem := self._runner.reset(rewind, state=state):
+            text = "spawning entities is not supported"
+            return self._fail(response, self._result.RESULT_FEATURE_UNSUPPORTED, text)
+        if problem := self._stepping_thread.reset(rewind, state=state):
             return self._fail(response, self._result.RESULT_OPERATION_FAILED, problem)
-        return self._ok(response)
+        return self._succeed(response)
 
-    def _step(self, request: Any, response: Any) -> Any:
-        if request.steps > MOST_STEPS:
-            text = f"{request.steps} steps are too many for one call: at most {MOST_STEPS}"
+    def _on_step(self, request: Any, response: Any) -> Any:
+        if request.steps > MAX_STEPS:
+            text = f"{request.steps} steps are too many for one call: at most {MAX_STEPS}"
             return self._fail(response, self._result.RESULT_OPERATION_FAILED, text)
-        if problem := self._runner.step(request.steps):
+        if problem := self._stepping_thread.step(request.steps):
             return self._fail(response, self._result.RESULT_OPERATION_FAILED, problem)
-        return self._ok(response)
+        return self._succeed(response)
 
-    def _ok(self, response: Any) -> Any:
+    def _succeed(self, response: Any) -> Any:
         response.result.result = self._result.RESULT_OK
         return response
 

@@ -1,4 +1,4 @@
-"""What the stepping thread hands out."""
+"""What the stepping thread hands to the publishing thread."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from mbd_sim.simulation.events import Event
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """The state at a tick. `clock_ns` is the node's simulated clock, `time` that of the mechanism in s.
+    """The state at a tick.
 
-    `inputs` are those of the equations, the efforts first. `ticks` counts the steps since the node started, over all
-    resets. `state` and `clock` say what is due, and `repeated` that nothing has changed since the last snapshot.
+    `ticks` counts the steps since the node started, across resets. `clock_ns` is the node's simulated clock, `time`
+    the mechanism's time in s. `y` is the integrated state; `inputs` are the inputs of the equations, efforts first.
+    `state` and `clock` say what is due for publication; `repeated` says that nothing has changed since the last one.
     """
 
     ticks: int
@@ -28,12 +29,12 @@ class Snapshot:
     repeated: bool
 
 
-Item = Snapshot | Event | Moment | None  # what the stepping thread hands out; None ends it
+Item = Snapshot | Event | Moment | None  # None ends the output
 
 
 @dataclass
 class Counters:
-    """Where the time of the stepping thread goes: seconds of stepping, and snapshots that were dropped."""
+    """The stepping thread's counters: seconds spent in stepping, and snapshots that were dropped."""
 
     stepping: float = 0.0
     dropped: int = 0

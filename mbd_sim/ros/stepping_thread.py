@@ -1,4 +1,4 @@
-"""The simulation in its own thread, in real time: steps, and hands out snapshots. Knows no ROS."""
+"""The thread that steps the simulation in real time and hands out snapshots and events. Knows no ROS."""
 
 from __future__ import annotations
 
@@ -12,29 +12,34 @@ from mbd_sim.errors import CommandError, DivergedError
 from mbd_sim.recording.run_metadata import Moment
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.pacing import Pacer
+from mbd_sim.ros.requests import RequestQueue
 from mbd_sim.ros.snapshots import Counters, Item, Snapshot
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
 from mbd_sim.simulation.events import AppliedEfforts, AppliedWrench, ChangedValues, Event, EventKind, Payload
+from mbd_sim.simulation.live_values import PreparedValues
 from mbd_sim.simulation.simulation import Simulation
 from mbd_sim.simulation.step_advice import TOLERATED
 
-WAKE_UP = 1e-3  # seconds of real time between wake-ups, where the step is shorter
-FAST_BATCH = 1000  # steps a wake-up when running as fast as possible
-REPEAT = 0.5  # seconds of real time between repeated states while paused, for those who come to listen later
-BACKLOG = 200  # snapshots that may wait when running as fast as possible
-MOST_WAITING = 10_000  # snapshots that may wait at all; when what leaves the node is that slow, they are dropped
+WAKE_UP_PERIOD = 1e-3  # s of real time between wake-ups where the step is shorter
+FAST_BATCH = 1000  # steps between requests when running as fast as possible
+REPEAT_PERIOD = 0.5  # s of real time between repeated states while paused, for subscribers that join later
+BACKLOG = 200  # snapshots that may wait for publication when running as fast as possible
+MAX_WAITING = 10_000  # snapshots that may wait at all; when publishing is that slow, further ones are dropped
 
 
 @dataclass
 class Rates:
-    """What may change while it runs: `real_time_factor` 0 is as fast as possible; rates in Hz of simulated time."""
+    """Rates that may change during the run.
+
+    `real_time_factor` 0 is as fast as possible; `publish` and `clock` are in Hz of simulated time, 0 for never.
+    """
 
     real_time_factor: float = 1.0
     publish: float = 100.0
     clock: float = 200.0
 
 
-class Runner:
+class SteppingThread:
     """Steps a simulation until it is stopped; commands and requests take effect between two steps."""
 
     def __init__(
@@ -54,26 +59,27 @@ class Runner:
         self.paused = paused
         self.problem = self.advice = ""
         self.ticks = 0
-        self._emitted = -1  # the tick of the last state that was handed out
+        self._last_emitted = -1  # the tick of the last state that was handed out
         self._clock_offset = 0
-        self._bearable = TOLERATED
+        self._error_threshold = TOLERATED
         self._step_ns = round(simulation.step_size * 1e9)
-        self._requests: SimpleQueue[tuple[Callable[[], None], threading.Event]] = SimpleQueue()
         self._wake = threading.Event()
+        self._requests: RequestQueue[[]] = RequestQueue(self._wake.set)
+        self._live_lock = threading.Lock()
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="stepper", daemon=True)
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread.start()
 
     @property
     def thread_id(self) -> int:
-        """The system's number of the stepping thread, 0 before it has started."""
+        """The system's id of the thread, 0 before it has started."""
         return self._thread.native_id or 0
 
     def stop(self) -> None:
-        """End the thread and the output; returns when it has ended."""
+        """End the thread, then the output."""
         self._stopping = True
         self._wake.set()
         self._thread.join()
@@ -81,68 +87,65 @@ class Runner:
 
     @property
     def clock_ns(self) -> int:
-        """The node's simulated clock in ns; it never goes back unless a reset asks for it."""
+        """The node's simulated clock in ns; it goes back only when a reset asks for it."""
         return (self.ticks - self._clock_offset) * self._step_ns
 
     def pause(self, paused: bool) -> None:
-        """Pause or go on; returns when it is so."""
-        self._ask(lambda: self._set_paused(paused))
+        """Pause or resume; returns when it has taken effect."""
+        self._requests.call(lambda: self._set_paused(paused), self._thread)
 
     def reset(self, rewind_clock: bool = False, *, state: bool = True) -> str:
-        """Back to the start state, unless that is not to be; the clock goes on, or starts at zero again.
-
-        Returns what went wrong, or "".
-        """
-        return self._ask_whether(lambda: self._reset(rewind_clock, state))
+        """Reset the state to the start state, the clock to zero, or both; returns the problem, or "" on success."""
+        return self._call(lambda: self._reset(rewind_clock, state))
 
     def step(self, steps: int) -> str:
-        """Take some steps while paused; returns what went wrong, or ""."""
-        return self._ask_whether(lambda: self._step_paused(steps))
+        """Take some steps while paused; returns the problem, or "" on success."""
+        return self._call(lambda: self._step_paused(steps))
 
     def set_live(self, changes: Mapping[str, float]) -> str:
-        """Change live values of the mechanism; returns what went wrong, or "": then nothing has changed."""
-        return self._ask_whether(lambda: self._set_live(changes))
+        """Change live values of the mechanism; returns the problem, and then nothing has changed, or "" on success.
 
-    def mark(self) -> None:
-        """Ask for a `Moment` in the output, between two steps; returns at once."""
-        self._requests.put((lambda: self.output.put(self.moment()), threading.Event()))
-        self._wake.set()
+        The new values are validated in the calling thread. Changes from several threads are applied one after another.
+        """
+        with self._live_lock:
+            try:
+                prepared = self.simulation.prepare_live(changes)
+            except CommandError as error:
+                return str(error)
+            return self._call(lambda: self._apply_live(prepared))
+
+    def request_moment(self) -> None:
+        """Have a `Moment` put into the output between two steps; returns at once."""
+        self._requests.submit(lambda: self.output.put(self.moment()))
 
     def moment(self) -> Moment:
-        """All that the motion depends on from here on; for the stepping thread, or before it starts."""
+        """Everything that determines the motion from here on; for the stepping thread, or before it starts."""
         return Moment.of(self.simulation, self.ticks, self.clock_ns)
 
-    def repace(self) -> None:
-        """Start the schedule anew, as after a change of the real-time factor."""
-        self._ask(self.pacer.anchor)
+    def restart_schedule(self) -> None:
+        """Schedule the next steps from now on, as after a change of the real-time factor."""
+        self._requests.call(self.pacer.anchor, self._thread)
 
-    def _ask_whether(self, action: Callable[[], str]) -> str:
-        outcome: list[str] = []
-        self._ask(lambda: outcome.append(action()))
-        return outcome[0] if outcome else "the simulation has stopped"
-
-    def _ask(self, action: Callable[[], None]) -> None:
-        done = threading.Event()
-        self._requests.put((action, done))
-        self._wake.set()
-        while not done.wait(0.1):
-            if not self._thread.is_alive():
-                return
+    def _call(self, action: Callable[[], str]) -> str:
+        """The answer of an action that the stepping thread executes between two steps."""
+        answers: list[str] = []
+        self._requests.call(lambda: answers.append(action()), self._thread)
+        return answers[0] if answers else "the simulation has stopped"
 
     def _run(self) -> None:
         try:
-            self._step_on()
+            self._loop()
         except Exception as error:
             self.problem = self._report(EventKind.FAILED, repr(error)).text
             raise
 
-    def _step_on(self) -> None:
+    def _loop(self) -> None:
         self._emit(state=True, clock=True)
         self.pacer.anchor()
         while not self._stopping:
-            self._serve_requests()
+            self._requests.serve_all()
             if self.paused:
-                if not self._wake.wait(REPEAT):
+                if not self._wake.wait(REPEAT_PERIOD):
                     self._emit(state=True, clock=True, repeated=True)
                 self._wake.clear()
                 self.pacer.anchor()
@@ -154,37 +157,30 @@ class Runner:
                 self.pacer.plan(steps * self.simulation.step_size / factor)
                 while not self.pacer.wait(self._wake) and not self._stopping:
                     self._wake.clear()
-                    self._serve_requests()
+                    self._requests.serve_all()
             else:
                 self.pacer.anchor()
-                self._let_output_catch_up()
+                self._wait_for_output()
 
-    def _let_output_catch_up(self) -> None:
+    def _wait_for_output(self) -> None:
         while self.output.qsize() > BACKLOG and not self._stopping:
             time.sleep(1e-3)
 
-    def _serve_requests(self) -> None:
-        while not self._requests.empty():
-            action, done = self._requests.get()
-            action()
-            done.set()
-
-    def _every(self, rate: float) -> int:
-        """Ticks between two publications at `rate`; 0 where it is never due."""
+    def _ticks_between(self, rate: float) -> int:
+        """Ticks between two publications at `rate` (Hz); 0 for none."""
         return max(1, round(1.0 / (rate * self.simulation.step_size))) if rate > 0.0 else 0
 
     def _steps_until_due(self) -> int:
-        """Steps to take at once: at most a wake-up's worth, and none beyond the next publication."""
+        """Steps to take at once: those of one wake-up period, and none beyond the next publication."""
         factor = self.rates.real_time_factor
-        batch = max(1, round(WAKE_UP * factor / self.simulation.step_size)) if factor > 0.0 else FAST_BATCH
+        steps = max(1, round(WAKE_UP_PERIOD * factor / self.simulation.step_size)) if factor > 0.0 else FAST_BATCH
         for rate in (self.rates.publish, self.rates.clock):
-            every = self._every(rate)
-            if every:
-                batch = min(batch, every - self.ticks % every)
-        return batch
+            if period := self._ticks_between(rate):
+                steps = min(steps, period - self.ticks % period)
+        return steps
 
     def _advance(self, steps: int) -> str:
-        """Apply what was commanded, take the steps, hand out what is due; returns what went wrong, or ""."""
+        """Apply commands, take the steps, hand out a snapshot if due; returns the problem, or ""."""
         self._apply_commands()
         began = time.perf_counter()
         try:
@@ -194,14 +190,16 @@ class Runner:
             self.problem = self._report(EventKind.DIVERGED, str(error)).text
             return str(error)
         self.ticks += steps
-        self._warn()
+        self._check_error_estimate()
         self.counters.stepping += time.perf_counter() - began
-        publish, clock = self._every(self.rates.publish), self._every(self.rates.clock)
-        state_due = bool(publish) and self.ticks % publish == 0
-        clock_due = bool(clock) and self.ticks % clock == 0
+        state_due, clock_due = self._is_due(self.rates.publish), self._is_due(self.rates.clock)
         if state_due or clock_due:
             self._emit(state_due, clock_due)
         return ""
+
+    def _is_due(self, rate: float) -> bool:
+        period = self._ticks_between(rate)
+        return bool(period) and self.ticks % period == 0
 
     def _apply_commands(self) -> None:
         time_now = self.ticks * self.simulation.step_size
@@ -209,26 +207,26 @@ class Runner:
         if due is not None:
             self.simulation.set_efforts(due.efforts)
             self._report(due.kind, AppliedEfforts(due.efforts))
-        for pushed in self.wrenches.due(time_now):
-            pushed.wrench.apply(self.simulation)
-            part = pushed.wrench.part
-            inputs = self.simulation.inputs[self.wrenches.place(part)].copy()
-            self._report(pushed.kind, AppliedWrench(part, inputs))
+        for due_wrench in self.wrenches.due(time_now):
+            due_wrench.wrench.apply(self.simulation)
+            part = due_wrench.wrench.part
+            inputs = self.simulation.inputs[self.wrenches.input_range(part)].copy()
+            self._report(due_wrench.kind, AppliedWrench(part, inputs))
 
-    def _warn(self) -> None:
-        """Say that the step is too large, once, and again where it has become ten times worse."""
+    def _check_error_estimate(self) -> None:
+        """Warn once of a step that is too large, and again when the estimated error has grown tenfold."""
         estimate = self.simulation.error_estimate
-        if estimate > self._bearable:
-            self._bearable = 10.0 * estimate
+        if estimate > self._error_threshold:
+            self._error_threshold = 10.0 * estimate
             self.advice = self.simulation.step_advice or ""
             self._report(EventKind.WARNING, self.advice)
 
     def _emit(self, state: bool, clock: bool, repeated: bool = False) -> None:
-        if self.output.qsize() >= MOST_WAITING:
+        if self.output.qsize() >= MAX_WAITING:
             self.counters.dropped += 1
             return
         if state:
-            self._emitted = self.ticks
+            self._last_emitted = self.ticks
         self.output.put(self._snapshot(state, clock, repeated))
 
     def _snapshot(self, state: bool, clock: bool, repeated: bool) -> Snapshot:
@@ -260,8 +258,8 @@ class Runner:
             try:
                 self.simulation.reset()
             except ValueError as error:
-                return f"no start state with these live values: {error}"
-            self._bearable, self.problem, self.advice = TOLERATED, "", ""
+                return f"the start state cannot be reached with the present live values: {error}"
+            self._error_threshold, self.problem, self.advice = TOLERATED, "", ""
             self.commands.clear()
             self.wrenches.clear()
         if rewind_clock:
@@ -270,24 +268,24 @@ class Runner:
         self._emit(state=True, clock=True)
         return ""
 
-    def _set_live(self, changes: Mapping[str, float]) -> str:
+    def _apply_live(self, prepared: PreparedValues) -> str:
         try:
-            self.simulation.set_live(changes)
+            self.simulation.apply_live(prepared)
         except CommandError as error:
             return str(error)
-        self._report(EventKind.LIVE_VALUES, ChangedValues(dict(changes), self.simulation.live))
+        self._report(EventKind.LIVE_VALUES, ChangedValues(prepared.changes, self.simulation.live))
         return ""
 
     def _step_paused(self, steps: int) -> str:
         if not self.paused:
-            return "running: pause before stepping"
+            return "the simulation is running: pause it before stepping"
         left = steps
         while left > 0 and not self._stopping:
             batch = min(left, self._steps_until_due())
             if problem := self._advance(batch):
                 return problem
             left -= batch
-            self._let_output_catch_up()
-        if self._emitted != self.ticks:
+            self._wait_for_output()
+        if self._last_emitted != self.ticks:
             self._emit(state=True, clock=True)
         return ""

@@ -1,4 +1,4 @@
-"""What the node listens to: efforts and wrenches, each message taken or rejected as a whole."""
+"""The node's subscriptions: efforts and wrenches, each message accepted or rejected as a whole."""
 
 from __future__ import annotations
 
@@ -16,11 +16,13 @@ from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.ros import qos
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.topic_names import topic_names
-from mbd_sim.ros.wrench_buffer import Loadable, WrenchBuffer
+from mbd_sim.ros.wrench_buffer import WrenchBuffer, WrenchTargets
+
+WARNING_PERIOD = 1.0  # s between warnings of rejected messages
 
 
-class Inputs:
-    """The subscriptions of a node; what they reject is told once a second at most."""
+class Subscriptions:
+    """Passes commands to the buffers, and warns of rejected messages."""
 
     def __init__(
         self,
@@ -28,42 +30,43 @@ class Inputs:
         mechanism: Mechanism,
         commands: CommandBuffer,
         wrenches: WrenchBuffer,
-        loadable: Loadable,
+        wrench_targets: WrenchTargets,
         on_efforts: Callable[[], None],
     ) -> None:
-        """Subscribe: `~/wrench/<part>` acts at the mass centre, `~/wrench/<part>/<point>` at a named point.
+        """Subscribe; `on_efforts` is called after efforts have been accepted.
 
-        `on_efforts` is called after efforts have been taken.
+        A wrench on `~/wrench/<part>` acts at the part's mass center, one on `~/wrench/<part>/<point>` at that point.
         """
         self.commands, self.wrenches, self._on_efforts = commands, wrenches, on_efforts
         self.last_rejection: tuple[str, CommandError] | None = None
         self._log = node.get_logger()
-        self._told = 0.0
-        node.create_subscription(Float64MultiArray, "~/commands", self._by_order, qos.COMMAND)
-        node.create_subscription(JointState, "joint_commands", self._by_name, qos.COMMAND)
+        self._last_warning = 0.0
+        node.create_subscription(Float64MultiArray, "~/commands", self._take_by_order, qos.COMMAND)
+        node.create_subscription(JointState, "joint_commands", self._take_by_name, qos.COMMAND)
         tokens = topic_names(mechanism.parts)
-        for part, point in loadable:
+        for part, point in wrench_targets:
             topic = f"~/wrench/{tokens[part]}"
             if point is not None:
                 topic += f"/{topic_names(mechanism.parts[part].points)[point]}"
-            node.create_subscription(WrenchStamped, topic, partial(self._wrench, topic, part, point), qos.COMMAND)
+            take = partial(self._take_wrench, topic, part, point)
+            node.create_subscription(WrenchStamped, topic, take, qos.COMMAND)
 
     @property
     def accepted(self) -> int:
-        """Messages taken."""
+        """How many messages have been accepted."""
         return self.commands.accepted + self.wrenches.accepted
 
     @property
     def rejected(self) -> int:
-        """Messages rejected."""
+        """How many messages have been rejected."""
         return self.commands.rejected + self.wrenches.rejected
 
     @property
     def expired(self) -> int:
-        """How often commands stopped coming."""
+        """How often commands stopped arriving."""
         return self.commands.expired + self.wrenches.expired
 
-    def _by_order(self, message: Float64MultiArray) -> None:
+    def _take_by_order(self, message: Float64MultiArray) -> None:
         try:
             self.commands.by_order(message.data)
         except CommandError as error:
@@ -71,7 +74,7 @@ class Inputs:
         else:
             self._on_efforts()
 
-    def _by_name(self, message: JointState) -> None:
+    def _take_by_name(self, message: JointState) -> None:
         try:
             self.commands.by_name(message.name, message.effort)
         except CommandError as error:
@@ -79,7 +82,7 @@ class Inputs:
         else:
             self._on_efforts()
 
-    def _wrench(self, topic: str, part: str, point: str | None, message: WrenchStamped) -> None:
+    def _take_wrench(self, topic: str, part: str, point: str | None, message: WrenchStamped) -> None:
         force, torque = message.wrench.force, message.wrench.torque
         vectors = (force.x, force.y, force.z), (torque.x, torque.y, torque.z)
         try:
@@ -90,6 +93,6 @@ class Inputs:
     def _reject(self, topic: str, error: CommandError) -> None:
         self.last_rejection = topic, error
         now = time.monotonic()
-        if now - self._told >= 1.0:  # the logger's own throttle looks at the stack of each call
-            self._told = now
+        if now - self._last_warning >= WARNING_PERIOD:  # the logger's own throttle inspects the stack at each call
+            self._last_warning = now
             self._log.warning(f"{topic}: message rejected ({self.rejected} so far): {error}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 from mbd_sim.dynamics.symbolic_parameters import (
     EquationData,
@@ -19,6 +20,14 @@ from mbd_sim.mechanism_file.override import matching, value_of, with_values
 LARGEST_GAP = 1e-6  # violation of the constraints that a change of live values may leave, m or 1
 _PROBE_FACTORS = (1.01, 0.99)  # applied to a value to find what depends on it
 _PROBES_OF_ZERO = (1e-3, -1e-3)
+
+
+class PreparedValues(NamedTuple):
+    """Validated changes of live values: what changes, all live values then, and the values (n,) among the inputs."""
+
+    changes: Mapping[str, float]
+    current: Mapping[str, float]
+    inputs: Array
 
 
 class LiveValues:
@@ -48,8 +57,8 @@ class LiveValues:
         self.current: dict[str, float] = {key: value_of(mechanism, key) or 0.0 for key in found}
         self.values: SymbolicParameters = varying_parameters(base, list(found.values()))
 
-    def changed(self, changes: Mapping[str, float]) -> tuple[dict[str, float], Array]:
-        """All live values by key after a change, and the values (n,) among the inputs of the equations.
+    def prepare(self, changes: Mapping[str, float]) -> PreparedValues:
+        """Validate changes of the current values, without applying them; may be called from any thread.
 
         :raises CommandError: an unknown key, a value that does not fit, or one on which other numbers depend than
             when it was probed.
@@ -59,13 +68,14 @@ class LiveValues:
                 raise CommandError(f"'{key}' is not a live value. {nearest(key, self.current)}")
         current = {**self.current, **{key: float(value) for key, value in changes.items()}}
         try:
-            return current, self.values.checked_values_in(equation_data(with_values(self._mechanism, current)))
+            inputs = self.values.checked_values_in(equation_data(with_values(self._mechanism, current)))
         except MechanismError as error:
             raise CommandError(
                 "; ".join(f"{p.key}: {p.message}. {p.remedy}".strip() for p in error.problems)
             ) from error
         except StructureError as error:
             raise CommandError(f"{', '.join(changes)}: {error}. Change the file, and start again.") from error
+        return PreparedValues(dict(changes), current, inputs)
 
 
 def require_closed(changes: Mapping[str, float], gap: float, before: float) -> None:

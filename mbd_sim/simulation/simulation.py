@@ -18,7 +18,7 @@ from mbd_sim.simulation.argument_checks import finite_vector, step_at, step_coun
 from mbd_sim.simulation.compiled_model import DriveState, Energies, Model, Reaction, Violation, build_model
 from mbd_sim.simulation.efforts import EffortMap
 from mbd_sim.simulation.kernel_memory import KernelMemory, read_only
-from mbd_sim.simulation.live_values import LiveValues, require_closed
+from mbd_sim.simulation.live_values import LiveValues, PreparedValues, require_closed
 from mbd_sim.simulation.options import SimulationOptions
 from mbd_sim.simulation.step_advice import divergence, step_advice
 from mbd_sim.simulation.wrenches import WrenchMap, require_parts
@@ -289,11 +289,24 @@ class Simulation:
         :raises CommandError: an unknown key, a value that does not fit, or one that would open loops; nothing is
             changed then.
         """
-        current, values = self._live.changed(changes)
+        self.apply_live(self.prepare_live(changes))
+
+    def prepare_live(self, changes: Mapping[str, float]) -> PreparedValues:
+        """The first, slow half of `set_live`: validate changes. It changes nothing and may run in any thread.
+
+        :raises CommandError: an unknown key, or a value that does not fit.
+        """
+        return self._live.prepare(changes)
+
+    def apply_live(self, prepared: PreparedValues) -> None:
+        """The second, fast half of `set_live`; no other change may have been applied since `prepare_live`.
+
+        :raises CommandError: the change would open loops in the present state; nothing is changed then.
+        """
         inputs = self.inputs.copy()
-        inputs[self.model.equations.inputs.values] = values
+        inputs[self.model.equations.inputs.values] = prepared.inputs
         gap = self.model.violation(self.time, self.y, inputs).position
-        require_closed(changes, gap, self.violation.position)
+        require_closed(prepared.changes, gap, self.violation.position)
         before = self.energies.total
-        self._memory.inputs[:], self._live.current = inputs, current
+        self._memory.inputs[:], self._live.current = inputs, dict(prepared.current)
         self.start_energy += self.energies.total - before

@@ -54,7 +54,7 @@ def record_run(
     """Record a run with some random commands; returns the file."""
     with stepped_node(folder, mechanism, **parameters) as node:
         drive(node, seconds, commands, random.Random(seed), ACTIONS if resets else ACTIONS[:-1])
-        recorder = node.outputs.recorder
+        recorder = node.publishing_thread.recorder
     return Path(recorder.path)
 
 
@@ -69,7 +69,7 @@ def drive(node: SimNode, seconds: float, commands: int, chance: random.Random, a
             else chance.randint(0, 2 * left // (commands - number))
         )
         steps = min(steps, left)
-        node.runner.step(steps)
+        node.stepping_thread.step(steps)
         left -= steps
 
 
@@ -92,11 +92,11 @@ def _live(node: SimNode, chance: random.Random) -> None:
     keys = [key for key in live if "damping" in key or key.startswith("gravity")]
     if keys:
         key = chance.choice(keys)
-        node.runner.set_live({key: live[key] * chance.uniform(0.9, 1.1)})
+        node.stepping_thread.set_live({key: live[key] * chance.uniform(0.9, 1.1)})
 
 
 def _reset(node: SimNode, chance: random.Random) -> None:
-    node.runner.reset(rewind_clock=chance.random() < 0.5)
+    node.stepping_thread.reset(rewind_clock=chance.random() < 0.5)
 
 
 ACTIONS: list[Action] = [_efforts, _efforts, _efforts, _wrench, _wrench, _live, _reset]

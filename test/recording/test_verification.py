@@ -195,7 +195,7 @@ def test_a_recording_that_was_started_in_the_middle_of_a_run(run, tmp_path):
 def test_recordings_begun_and_split_while_it_runs_hold_each_alone(name, form, tmp_path):
     chance = random.Random(5)
     with stepped_node(tmp_path, name, record=False, record_format=form) as node:
-        recordings = node.outputs.recordings
+        recordings = node.publishing_thread.recordings
         for order in (recordings.start, recordings.split, recordings.stop, recordings.start):
             drive(node, 0.5, 6, chance, ACTIONS)
             done, told = order()

@@ -8,6 +8,7 @@ import pytest
 from mbd_sim.errors import CommandError
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.simulation.efforts import EffortMap
+from mbd_sim.simulation.events import EventKind
 
 
 @pytest.fixture
@@ -22,7 +23,7 @@ def test_nothing_is_due_before_a_command(buffer):
 def test_a_command_is_due_once_and_clamped(buffer):
     buffer.by_order([1.0, -7.0, 3.0])
     due = buffer.due(0.0)
-    assert (due.reason, due.efforts.tolist()) == ("command", [1.0, -5.0, 3.0])
+    assert (due.kind, due.efforts.tolist()) == (EventKind.COMMAND, [1.0, -5.0, 3.0])
     assert buffer.due(0.001) is None
 
 
@@ -59,7 +60,7 @@ def test_efforts_expire_once_after_the_timeout_and_the_next_command_recovers(buf
     buffer.due(10.0)
     assert buffer.due(10.499) is None
     expired = buffer.due(10.5)
-    assert "expired" in expired.reason
+    assert expired.kind is EventKind.EXPIRED
     assert expired.efforts.tolist() == [0.0, 0.0, 0.0]
     assert buffer.due(20.0) is None
     buffer.by_name(["knee"], [1.0])

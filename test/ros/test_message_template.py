@@ -9,13 +9,13 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from mbd_sim.ros.message_template import STAMP, Template, slot
+from mbd_sim.ros.message_template import STAMP, MessageTemplate, slot
 from mbd_sim.ros.topic_names import topic_names
 
 
 def test_joint_states_are_the_same_bytes():
     names = ["a", "elbow_joint", "c"]
-    template = Template(
+    template = MessageTemplate(
         JointState(header=Header(stamp=STAMP), name=names, position=[slot(0), 0.0, 0.0], velocity=[slot(1), 0.0, 0.0])
     )
     position, velocity = template.doubles(0, 3), template.doubles(1, 3)
@@ -34,7 +34,7 @@ def test_every_stamp_and_every_slot_is_found():
     poses = [
         PoseStamped(header=Header(stamp=STAMP, frame_id=name), pose=Pose(position=Point(x=slot(3)))) for name in "a"
     ]
-    template = Template(poses[0])
+    template = MessageTemplate(poses[0])
     template.doubles(3, 7)[:] = range(7)
     template.stamp(2_000_000_007)
     message = deserialize_message(template.payload(), PoseStamped)
@@ -43,7 +43,7 @@ def test_every_stamp_and_every_slot_is_found():
 
 
 def test_a_mechanism_without_coordinates_has_empty_arrays():
-    template = Template(JointState(header=Header(stamp=STAMP)))
+    template = MessageTemplate(JointState(header=Header(stamp=STAMP)))
     assert template.doubles(0, 0).shape == (0,)
 
 

@@ -4,7 +4,7 @@ import re
 
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism_file.library import shipped
-from mbd_sim.ros.node_parameters import PARAMETERS
+from mbd_sim.ros.sim_parameters import PARAMETERS
 from mbd_sim.simulation.live_values import LiveValues
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from mbd_sim.recording.recorder import RecordingError
 from mbd_sim.recording.run_metadata import Moment
-from mbd_sim.ros.node_recordings import Limits, Recordings
+from mbd_sim.ros.node_recordings import NodeRecordings, SplitLimits
 from test.recording.recordings import messages, metadata, recorder_in
 
 
@@ -20,12 +20,12 @@ class Stepping:
 
     def __init__(self, folder, limits=None):
         self.tick, self.asked, self.complaints = 0, 0, []
-        self.recordings = Recordings(
+        self.recordings = NodeRecordings(
             lambda: recorder_in(folder, begun=False),
             lambda moment: {"first_tick": str(moment.ticks)},
             self._ask,
             self.complaints.append,
-            limits or Limits(),
+            limits or SplitLimits(),
         )
 
     def _ask(self):
@@ -35,9 +35,9 @@ class Stepping:
         for _ in range(ticks):
             for _ in range(self.asked):
                 self.asked -= 1
-                self.recordings.at(at(self.tick))
+                self.recordings.at_moment(at(self.tick))
             self.recordings.put("vital", bytes(100), self.tick * 1_000_000, self.tick)
-            self.recordings.look(self.tick * 1_000_000)
+            self.recordings.check_limits(self.tick * 1_000_000)
             self.tick += 1
 
 
@@ -62,8 +62,8 @@ def test_what_comes_between_start_and_stop_is_recorded(tmp_path):
 
 def test_the_last_of_what_is_latched_comes_first_in_each_file(tmp_path):
     node = Stepping(tmp_path)
-    node.recordings.put("text", b"old old ", 0, 0, latched=True)
-    node.recordings.put("text", b"new new ", 1, 1, latched=True)
+    node.recordings.put("text", b"old old ", 0, 0, in_each_file=True)
+    node.recordings.put("text", b"new new ", 1, 1, in_each_file=True)
     node.go(5)
     node.recordings.start(at(5))
     node.go(5)
@@ -77,7 +77,7 @@ def test_the_last_of_what_is_latched_comes_first_in_each_file(tmp_path):
 
 
 def test_a_file_lasts_for_the_duration_that_is_wished(tmp_path):
-    node = Stepping(tmp_path, Limits(duration=0.25))
+    node = Stepping(tmp_path, SplitLimits(duration=0.25))
     node.recordings.start(at(0))
     node.go(1000)
     node.recordings.close()
@@ -87,7 +87,7 @@ def test_a_file_lasts_for_the_duration_that_is_wished(tmp_path):
 
 
 def test_a_file_that_has_become_too_large_is_followed_by_another(tmp_path):
-    node = Stepping(tmp_path, Limits(size=2000))
+    node = Stepping(tmp_path, SplitLimits(size=2000))
     node.recordings.start(at(0))
     while len(list(tmp_path.iterdir())) < 3:
         node.go(10)
@@ -128,7 +128,7 @@ def test_a_folder_that_cannot_be_written_is_an_answer_and_no_error(tmp_path):
 def test_nothing_begins_once_the_node_ends(tmp_path):
     node = Stepping(tmp_path)
     node.recordings.close()
-    assert node.recordings.start() == (False, "the node is ending")
+    assert node.recordings.start() == (False, "the node is shutting down")
     assert not list(tmp_path.iterdir())
 
 

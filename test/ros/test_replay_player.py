@@ -1,4 +1,4 @@
-"""The player alone: what is due when, with a stage that only remembers."""
+"""The player alone: what is due when, with an output that only records."""
 
 import threading
 import time
@@ -19,8 +19,8 @@ from mbd_sim.ros.replay_player import Player
 MS = 1_000_000
 
 
-class Memory:
-    """A stage that remembers what came, and when."""
+class RecordingOutput:
+    """An output that records what is played, and when."""
 
     def __init__(self):
         self.messages, self.clocks, self.texts, self.moments = [], [], [], []
@@ -29,11 +29,11 @@ class Memory:
     def clock(self, time_ns):
         self.clocks.append(time_ns)
 
-    def show(self, message):
+    def publish(self, message):
         self.moments.append(time.perf_counter())
         self.messages.append(message)
 
-    def tell(self, text):
+    def warn(self, text):
         self.texts.append(text)
 
     def end(self):
@@ -68,7 +68,7 @@ def recording(times_ms, own=False, damaged=(), first_ms=0):
 
 
 def played(given, **options):
-    memory = Memory()
+    memory = RecordingOutput()
     player = Player(given, memory, **({"rate": 0.0, "clock_rate": 0.0} | options))
     player.start()
     assert memory.ended.wait(20)
@@ -83,7 +83,7 @@ def shown(memory):
 def test_as_fast_as_possible_everything_comes_in_order():
     memory, player = played(recording(range(1000)))
     assert shown(memory) == list(range(1000))
-    assert player.shown == 1001 and player.time == pytest.approx(0.999)
+    assert player.played == 1001 and player.time == pytest.approx(0.999)
 
 
 def test_foreign_messages_come_by_time_and_a_run_of_ours_as_it_was_written():
@@ -113,7 +113,7 @@ def test_a_recording_of_epoch_times_starts_at_its_first_message():
 
 
 def test_a_loop_begins_again():
-    memory = Memory()
+    memory = RecordingOutput()
     player = Player(recording(range(5)), memory, rate=0.0, clock_rate=0.0, loop=True)
     player.start()
     memory.until(lambda: len(memory.messages) > 30)
@@ -131,7 +131,7 @@ def test_time_passes_as_it_did_scaled_by_the_rate():
 
 
 def test_paused_nothing_comes_and_steps_bring_one_time_each():
-    memory = Memory()
+    memory = RecordingOutput()
     player = Player(recording([0, 10, 10, 10, 20, 30]), memory, paused=True)
     player.start()
     time.sleep(0.1)
@@ -144,11 +144,11 @@ def test_paused_nothing_comes_and_steps_bring_one_time_each():
     memory.until(lambda: shown(memory) == [0, 10, 10, 10, 20, 30])
     assert memory.ended.wait(20)
     player.stop()
-    assert player.step() == "the recording is at its end"
+    assert player.step() == "the recording has ended"
 
 
 def test_seeking_back_and_forth_while_paused_and_while_playing():
-    memory = Memory()
+    memory = RecordingOutput()
     player = Player(recording(range(0, 10_000, 10)), memory, paused=True, stay=True, latched=["/latched"])
     player.start()
     assert player.seek(5.0) == ""
@@ -171,7 +171,7 @@ def test_seeking_back_and_forth_while_paused_and_while_playing():
 
 
 def test_a_change_of_rate_counts_from_where_it_is():
-    memory = Memory()
+    memory = RecordingOutput()
     player = Player(recording([0, 50, 100_000]), memory, rate=1.0)
     player.start()
     memory.until(lambda: shown(memory) == [0, 50])

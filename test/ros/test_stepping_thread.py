@@ -6,10 +6,11 @@ import time
 import pytest
 
 from mbd_sim import Simulation
+from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.ros.command_buffer import CommandBuffer
-from mbd_sim.ros.pacing import RE_ANCHOR, Histogram, Pacer
+from mbd_sim.ros.pacing import MAX_LATENESS, Histogram, Pacer
 from mbd_sim.ros.snapshots import Snapshot
-from mbd_sim.ros.stepping_thread import Rates, Runner
+from mbd_sim.ros.stepping_thread import Rates, SteppingThread
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
 from mbd_sim.simulation.events import AppliedWrench, Event
 
@@ -21,7 +22,7 @@ def make():
     def build(step=None, **rates):
         paused = rates.pop("paused", False)
         simulation = Simulation.from_file("rod_pendulum", method="rk4", step=step)
-        runner = Runner(simulation, CommandBuffer(simulation.effort_map, 0.0), Rates(**rates), paused=paused)
+        runner = SteppingThread(simulation, CommandBuffer(simulation.effort_map, 0.0), Rates(**rates), paused=paused)
         runners.append(runner)
         return runner
 
@@ -126,7 +127,7 @@ def test_a_very_slow_run_answers_requests_and_ends_at_once(make):
     runner.reset()
     assert runner.simulation.steps == 0
     runner.rates.real_time_factor = 50.0
-    runner.repace()
+    runner.restart_schedule()
     wait_for(lambda: runner.ticks > 100)
     runner.rates.real_time_factor = 1e-6
     runner.stop()
@@ -153,7 +154,7 @@ def test_the_pacer_keeps_absolute_deadlines():
         pacer.plan(0.002)
         assert pacer.wait(threading.Event())
     assert time.perf_counter() - began >= 0.2
-    late, period = pacer.lateness.spread(), pacer.period.spread()
+    late, period = pacer.lateness.summary(), pacer.period.summary()
     assert 0.0 <= late.median <= late.p99 <= late.maximum
     assert 0.0 < period.median <= period.p99 <= period.maximum
     assert pacer.period.counts().sum() == 99
@@ -162,7 +163,7 @@ def test_the_pacer_keeps_absolute_deadlines():
 def test_a_long_stall_starts_the_schedule_anew_instead_of_a_burst():
     pacer = Pacer()
     pacer.anchor()
-    time.sleep(RE_ANCHOR + 0.15)
+    time.sleep(MAX_LATENESS + 0.15)
     pacer.plan(0.05)
     assert pacer.wait(threading.Event())
     assert pacer.overruns == 1
@@ -176,12 +177,12 @@ def test_a_histogram_tells_median_p99_and_maximum_of_what_came_since():
     histogram = Histogram()
     for count in range(1, 101):
         histogram.add(count * 1e-4)
-    assert histogram.spread() == pytest.approx((0.005, 0.0099, 0.01), abs=2e-5)
+    assert histogram.summary() == pytest.approx((0.005, 0.0099, 0.01), abs=2e-5)
     before = histogram.counts()
-    assert histogram.spread(before) == (0.0, 0.0, 0.0)
+    assert histogram.summary(before) == (0.0, 0.0, 0.0)
     for seconds in (-1.0, 0.0, 3.0):
         histogram.add(seconds)
-    assert histogram.spread(before) == pytest.approx((0.0, 3.0, 3.0), abs=2e-5)
+    assert histogram.summary(before) == pytest.approx((0.0, 3.0, 3.0), abs=2e-5)
 
 
 def test_live_values_and_wrenches_are_told_with_their_tick(make):
@@ -211,3 +212,51 @@ def test_only_the_clock_goes_back_where_the_state_is_to_stay(make):
     runner.step(30)
     assert runner.reset(rewind_clock=True, state=False) == ""
     assert (runner.clock_ns, runner.simulation.steps) == (0, 30)
+
+
+@pytest.fixture
+def changing(make, monkeypatch):
+    """A stepping thread with live values, and the idents of the threads that validated changes of them."""
+    stepping_thread = make(paused=True)
+    stepping_thread.simulation = Simulation.from_file("rod_pendulum", live=["gravity[*]"])
+    validated_in = []
+
+    def recorded(mechanism, values):
+        validated_in.append(threading.get_ident())
+        return with_values(mechanism, values)
+
+    monkeypatch.setattr("mbd_sim.simulation.live_values.with_values", recorded)
+    stepping_thread.start()
+    return stepping_thread, validated_in
+
+
+def test_live_values_are_validated_in_the_calling_thread(changing):
+    stepping_thread, validated_in = changing
+    assert stepping_thread.set_live({"gravity[2]": -1.6}) == ""
+    assert "gravity" in stepping_thread.set_live({"gravity[2]": float("nan")})
+    assert "'gravty' is not a live value" in stepping_thread.set_live({"gravty": 1.0})
+    assert validated_in and set(validated_in) == {threading.get_ident()}
+    assert stepping_thread.simulation.live["gravity[2]"] == -1.6
+
+
+def test_concurrent_changes_of_live_values_are_all_applied_one_after_another(changing):
+    stepping_thread, validated_in = changing
+
+    def change(axis):
+        for value in range(20):
+            assert stepping_thread.set_live({f"gravity[{axis}]": float(value)}) == ""
+
+    callers = [threading.Thread(target=change, args=(axis,)) for axis in range(3)]
+    for caller in callers:
+        caller.start()
+    for caller in callers:
+        caller.join(30)
+    stepping_thread.stop()
+    assert set(validated_in) == {caller.ident for caller in callers}
+    events = [item.payload for item in collected(stepping_thread) if isinstance(item, Event)]
+    known = {f"gravity[{axis}]": value for axis, value in enumerate((0.0, 0.0, -9.81))}
+    for payload in events:
+        known |= payload.changes
+        assert payload.all_values == known
+    assert len(events) == 60
+    assert stepping_thread.simulation.live == {f"gravity[{axis}]": 19.0 for axis in range(3)}

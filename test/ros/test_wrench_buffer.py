@@ -6,7 +6,8 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.errors import CommandError
 from mbd_sim.load import load_mechanism
-from mbd_sim.ros.wrench_buffer import WrenchBuffer, loadable
+from mbd_sim.ros.wrench_buffer import WrenchBuffer, wrench_targets
+from mbd_sim.simulation.events import EventKind
 
 X = (1.0, 0.0, 0.0)
 NONE = (0.0, 0.0, 0.0)
@@ -64,7 +65,7 @@ def test_each_part_has_a_watchdog_of_its_own(buffer):
     list(buffer.due(0.3))
     (first,) = buffer.due(0.5)
     assert (first.wrench.part, first.wrench.force.tolist()) == ("upper", [0.0, 0.0, 0.0])
-    assert "expired" in first.reason
+    assert first.kind is EventKind.EXPIRED
     (second,) = buffer.due(0.8)
     assert second.wrench.part == "lower"
     assert list(buffer.due(9.0)) == []
@@ -88,7 +89,7 @@ def test_a_wrench_acts_in_the_axes_of_its_frame(simulation, buffer):
         buffer.take("upper", None, frame, X, NONE)
         (due,) = buffer.due(0.0)
         due.wrench.apply(simulation)
-        numbers = simulation.inputs[buffer.place("upper")]
+        numbers = simulation.inputs[buffer.input_range("upper")]
         if expected is None:
             assert numbers[6:9].tolist() == list(X)
             assert not numbers[:6].any()
@@ -99,9 +100,9 @@ def test_a_wrench_acts_in_the_axes_of_its_frame(simulation, buffer):
 
 def test_what_takes_wrenches_is_chosen_by_name():
     mechanism = load_mechanism("double_rod")
-    assert loadable(mechanism, ["upper"]) == [("upper", None)]
+    assert wrench_targets(mechanism, ["upper"]) == [("upper", None)]
     points = [(name, point) for name, part in mechanism.parts.items() for point in part.points]
-    assert set(loadable(mechanism, ["*"])) == {("upper", None), ("lower", None), *points}
-    assert loadable(mechanism, []) == []
+    assert set(wrench_targets(mechanism, ["*"])) == {("upper", None), ("lower", None), *points}
+    assert wrench_targets(mechanism, []) == []
     with pytest.raises(ValueError, match="Did you mean 'upper'"):
-        loadable(mechanism, ["uper"])
+        wrench_targets(mechanism, ["uper"])

@@ -28,7 +28,7 @@ from std_srvs.srv import SetBool, Trigger
 from mbd_sim import Simulation
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.ros.node_parameters import PARAMETERS
+from mbd_sim.ros.sim_parameters import PARAMETERS
 
 _counter = itertools.count()
 PATIENCE = 20.0  # seconds after which something that should come at once counts as missing

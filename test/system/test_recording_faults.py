@@ -59,13 +59,13 @@ def test_when_another_program_fills_the_disk_the_node_says_so_once_and_the_file_
             while other.write(bytes(4096)) == 4096:
                 pass
             other.write(bytes(4096))
-        listener.until(lambda: "The simulation goes on" in node.text, "what the node says")
+        listener.until(lambda: "The simulation continues" in node.text, "what the node says")
         goes_on(listener)
         kept = tmp_path / "kept.mcap"
         shutil.copyfile(path, kept)
         assert node.end() == 0
     assert node.text.count("recording to") == 2  # that it begins, and that it ended
-    assert node.text.count("The simulation goes on") == 1
+    assert node.text.count("The simulation continues") == 1
     assert "Traceback" not in node.text
     assert recomputed(kept) > 100
     with AnyReader([kept]) as reader:

@@ -34,11 +34,9 @@ def recomputed(path: Path) -> int:
         wrenches=json.loads(about["wrenches"]),
         live=list(json.loads(about["live"])),
     )
-    # As if it had run so far; a Simulation has no public way to go on from a state in the middle.
-    simulation._y[:] = exact(about["start"])
-    simulation._inputs[:] = exact(about["inputs"])
-    simulation._clock[0] = int(about["first_step"])
-    simulation.start_energy = float.fromhex(about["start_energy"])
+    simulation.restore(
+        exact(about["start"]), int(about["first_step"]), exact(about["inputs"]), float.fromhex(about["start_energy"])
+    )
     ticks, states = int(about["first_tick"]), 0
     for topic, sequence, content in messages:
         simulation.step(sequence - ticks)

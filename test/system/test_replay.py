@@ -221,7 +221,7 @@ def test_the_offered_qos_is_the_recorded_one(run: Path, tmp_path: Path) -> None:
     [
         ({"bag": "nowhere.mcap"}, "nowhere.mcap: there is no such file"),
         ({}, "Name a recording"),
-        ({"bag": __file__}, "is no MCAP file"),
+        ({"bag": __file__}, "is not an MCAP file"),
         ({"bag": "x.mcap", "rte": 1.0}, "Did you mean 'rate'?"),
     ],
 )

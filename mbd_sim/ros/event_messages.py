@@ -1,0 +1,76 @@
+"""The messages that are published when something happens, and those that are published once at the start."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from rclpy.serialization import serialize_message
+from std_msgs.msg import String
+
+from mbd_sim.ros.state_messages import labeled_array
+from mbd_sim.simulation.compiled_model import Model
+from mbd_sim.simulation.events import AppliedEfforts, AppliedWrench, ChangedValues, Event, EventKind
+from mbd_sim.simulation.wrench_layout import wrench_labels
+from mbd_sim.urdf.export import to_urdf
+
+EventWriter = Callable[[Event], bytes | None]  # the serialized message of an event; None if it has none
+
+
+def applied_efforts(model: Model) -> EventWriter:
+    """The efforts that act from the event's step on, labeled with the coordinates."""
+    template, values = labeled_array(model.coordinate_names)
+
+    def write(event: Event) -> bytes | None:
+        if not isinstance(event.payload, AppliedEfforts):
+            return None
+        values[:] = event.payload.values
+        return template.payload()
+
+    return write
+
+
+def applied_wrenches(model: Model) -> EventWriter:
+    """The wrench on one part that acts from the event's step on, labeled with the part."""
+    arrays = {part: labeled_array(wrench_labels(part)) for part in model.equations.inputs.loaded}
+
+    def write(event: Event) -> bytes | None:
+        if not isinstance(event.payload, AppliedWrench):
+            return None
+        template, values = arrays[event.payload.part]
+        values[:] = event.payload.inputs
+        return template.payload()
+
+    return write
+
+
+def live_values(model: Model) -> EventWriter:
+    """All live values after a change, labeled with their keys."""
+
+    def write(event: Event) -> bytes | None:
+        if not isinstance(event.payload, ChangedValues) or event.payload.all_values is None:
+            return None
+        return live_values_at_start(model, event.payload.all_values)
+
+    return write
+
+
+def event_texts(model: Model) -> EventWriter:
+    """The text of an event; commands have none, as their numbers are published."""
+
+    def write(event: Event) -> bytes | None:
+        return None if event.kind is EventKind.COMMAND else serialize_message(String(data=event.text))
+
+    return write
+
+
+def live_values_at_start(model: Model, live: Mapping[str, float]) -> bytes:
+    """All live values, labeled with their keys."""
+    template, values = labeled_array(list(live))
+    values[:] = list(live.values())
+    return template.payload()
+
+
+def robot_description(model: Model, live: Mapping[str, float]) -> bytes:
+    """The mechanism's spanning tree as URDF."""
+    payload: bytes = serialize_message(String(data=to_urdf(model.mechanism)))
+    return payload

@@ -1,0 +1,113 @@
+"""A node as a program, from the command line to the exit code; `sim_node`, `replay_node` and the examples use it."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from itertools import takewhile
+from typing import Protocol
+
+import rclpy
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.executors import ExternalShutdownException
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from mbd_sim.errors import MbdSimError
+from mbd_sim.ros import realtime
+
+# Errors that a user causes by a parameter, a file or a missing package: reported without a traceback.
+USER_ERRORS = (
+    MbdSimError, ValueError, ImportError, InvalidParameterTypeException, InvalidParameterValueException,
+)  # fmt: skip
+JOIN_TIMEOUT = 2.0  # s that the executor's thread gets to end
+
+
+class ProgramNode(Protocol):
+    """A node that `run_node` can run; it is also an `rclpy.node.Node`."""
+
+    def start(self) -> None:
+        """Begin to work; the executor spins already."""
+
+    def stop(self) -> None:
+        """End the work and release resources; the executor spins no longer."""
+
+
+def run_node(
+    name: str,
+    make_node: Callable[[Callable[[], None]], ProgramNode],
+    arguments: Sequence[str] | None = None,
+    *,
+    example: str,
+) -> int:
+    """Run a node until SIGINT or SIGTERM, or until it ends itself; returns the exit code.
+
+    A further signal while the node ends changes nothing.
+
+    :param make_node: builds the node; its argument is a function that ends the program.
+    :param arguments: words after the program's name; by default those of the command line.
+    :param example: a parameter for the usage line, such as `mechanism:=double_rod`.
+    """
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
+    usage = f"Parameters follow --ros-args, each after -p: {name} --ros-args -p {example}"
+    words = sys.argv[1:] if arguments is None else list(arguments)
+    # rclpy ignores what precedes --ros-args: `-p mechanism:=x` alone would run another mechanism.
+    if ignored := list(takewhile(lambda word: word != "--ros-args", words)):
+        return _fail(name, f"arguments not understood: {' '.join(ignored)}. {usage}")
+    try:
+        rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # rclpy exports no class for arguments that it cannot parse
+        return _fail(name, f"{error}\n{usage}")
+    try:
+        try:
+            node = make_node(ended.set)
+        except USER_ERRORS as error:
+            return _fail(name, str(error))
+        _spin(node, ended)
+        return 0
+    except MbdSimError as error:  # from a callback
+        print(f"{name} failed:\n{error}", file=sys.stderr)
+        return 1
+    finally:
+        rclpy.try_shutdown()
+
+
+def _fail(name: str, problem: str) -> int:
+    print(f"{name} cannot start:\n{problem}", file=sys.stderr)
+    return 1
+
+
+def _spin(node: ProgramNode, ended: threading.Event) -> None:
+    """Start the node, run its callbacks in a thread until `ended`, and stop it; raise what a callback raised."""
+    assert isinstance(node, Node)
+    executor = EventsExecutor()
+    executor.add_node(node)
+    failures: list[Exception] = []
+
+    def spin() -> None:
+        # EventsExecutor.spin() delivers nothing in rclpy 7.1.6 as built for PyPI; spin_once() does, and as fast.
+        try:
+            while not ended.is_set():
+                executor.spin_once(timeout_sec=0.1)
+        except ExternalShutdownException:
+            pass
+        except Exception as error:
+            failures.append(error)
+        finally:
+            ended.set()
+
+    spinning = threading.Thread(target=spin, name="executor", daemon=True)
+    spinning.start()
+    node.start()
+    realtime.wait_for(ended)
+    node.stop()
+    executor.shutdown()
+    spinning.join(timeout=JOIN_TIMEOUT)
+    node.destroy_node()
+    if failures:
+        raise failures[0]

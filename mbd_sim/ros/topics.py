@@ -1,0 +1,217 @@
+"""All topics that `sim_node` publishes: one entry each. The node, the recorder and the documentation's test read it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from functools import partial
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from mbd_sim.recording.topic import Topic
+from mbd_sim.ros import event_messages, qos, state_messages
+from mbd_sim.ros.event_messages import EventWriter
+from mbd_sim.ros.message_types import message_type
+from mbd_sim.ros.node_parameters import ParameterSpec
+from mbd_sim.ros.state_messages import StateWriter
+from mbd_sim.ros.topic_names import topic_names
+from mbd_sim.simulation.compiled_model import Model
+
+PART = "{part}"  # in the name of an entry that stands for one topic for each requested part
+
+
+class When(Enum):
+    """When a topic is published."""
+
+    STATE = "with each state, at `publish_rate`"
+    EVENT = "when it happens"
+    START = "once, at the start"
+    CLOCK = "at `clock_rate`"
+    MARKERS = "at `marker_rate`, while there is a subscriber"
+    DIAGNOSTICS = "once a second of real time"
+
+
+class Recorded(Enum):
+    """How a topic is recorded."""
+
+    NO = "not"
+    YES = "yes; on a slow disk messages may be dropped"
+    VITAL = "yes; no message is ever dropped"  # needed to compute the run again
+    EACH_FILE = "as VITAL, and each file of a recording begins with its last message"
+
+
+@dataclass(frozen=True, eq=False)
+class OutputTopic:
+    """A topic that the node publishes.
+
+    The function that makes its messages is `on_state`, given the model and the frame prefix, or `on_event`, given the
+    model; `at_start`, given the model and its live values, makes the first message. Topics without any of them are
+    published by the module that makes their messages. With a `parameter`, the topic is published only on request.
+    """
+
+    name: str
+    message_type: str
+    when: When
+    qos: QoSProfile
+    recorded: Recorded = Recorded.NO
+    on_state: Callable[[Model, str], StateWriter] | None = None
+    on_event: Callable[[Model], EventWriter] | None = None
+    at_start: Callable[[Model, Mapping[str, float]], bytes] | None = None
+    parameter: ParameterSpec | None = None
+
+
+def _on_request(name: str, default: bool | str, description: str) -> ParameterSpec:
+    return ParameterSpec(name, default, description)
+
+
+JOINT_STATES = OutputTopic(
+    "joint_states",
+    "sensor_msgs/msg/JointState",
+    When.STATE,
+    qos.STATE,
+    Recorded.YES,
+    on_state=lambda model, prefix: state_messages.joint_states(model),
+)
+ENERGIES = OutputTopic(
+    "energies",
+    "std_msgs/msg/Float64MultiArray",
+    When.STATE,
+    qos.STATE,
+    Recorded.YES,
+    on_state=lambda model, prefix: state_messages.energies(model),
+)
+JOINT_REACTIONS = OutputTopic(
+    "joint_reactions",
+    "sensor_msgs/msg/MultiDOFJointState",
+    When.STATE,
+    qos.STATE,
+    Recorded.YES,
+    on_state=state_messages.joint_reactions,
+    parameter=_on_request("joint_reactions", False, "publish the force and moment that each joint transmits"),
+)
+CONSTRAINT_VIOLATION = OutputTopic(
+    "constraint_violation",
+    "std_msgs/msg/Float64MultiArray",
+    When.STATE,
+    qos.STATE,
+    Recorded.YES,
+    on_state=lambda model, prefix: state_messages.constraint_violation(model),
+    parameter=_on_request("constraint_violation", False, "publish by how much loops and constraints are violated"),
+)
+PART_POSES = OutputTopic(
+    f"~/poses/{PART}",
+    "geometry_msgs/msg/PoseStamped",
+    When.STATE,
+    qos.STATE,
+    Recorded.YES,
+    parameter=_on_request("part_poses", "", "parts whose poses are published, separated by commas, or *; empty: none"),
+)
+TF = OutputTopic(
+    "/tf",
+    state_messages.TF_MESSAGE,
+    When.STATE,
+    qos.STATE,
+    on_state=state_messages.transforms,
+    parameter=_on_request(
+        "tf", False, "publish the poses of all parts on /tf; not beside robot_state_publisher. Needs tf2_msgs"
+    ),
+)
+APPLIED_EFFORTS = OutputTopic(
+    "~/applied_efforts",
+    "std_msgs/msg/Float64MultiArray",
+    When.EVENT,
+    qos.COMMAND,
+    Recorded.VITAL,
+    on_event=event_messages.applied_efforts,
+)
+APPLIED_WRENCHES = OutputTopic(
+    "~/applied_wrenches",
+    "std_msgs/msg/Float64MultiArray",
+    When.EVENT,
+    qos.COMMAND,
+    Recorded.VITAL,
+    on_event=event_messages.applied_wrenches,
+)
+LIVE_VALUES = OutputTopic(
+    "~/live_values",
+    "std_msgs/msg/Float64MultiArray",
+    When.EVENT,
+    qos.LATCHED,
+    Recorded.EACH_FILE,
+    on_event=event_messages.live_values,
+    at_start=event_messages.live_values_at_start,
+)
+EVENTS = OutputTopic(
+    "~/events",
+    "std_msgs/msg/String",
+    When.EVENT,
+    qos.LATCHED,
+    Recorded.VITAL,
+    on_event=event_messages.event_texts,
+)
+ROBOT_DESCRIPTION = OutputTopic(
+    "robot_description",
+    "std_msgs/msg/String",
+    When.START,
+    qos.LATCHED,
+    Recorded.EACH_FILE,
+    at_start=event_messages.robot_description,
+)
+CLOCK = OutputTopic("/clock", "rosgraph_msgs/msg/Clock", When.CLOCK, qos.CLOCK)
+MARKERS = OutputTopic("markers", "visualization_msgs/msg/MarkerArray", When.MARKERS, qos.STATE)
+DIAGNOSTICS = OutputTopic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", When.DIAGNOSTICS, qos.STATE)
+
+# Messages of one moment are published, and channels recorded, in this order.
+TOPICS = (
+    JOINT_STATES,
+    ENERGIES,
+    JOINT_REACTIONS,
+    CONSTRAINT_VIOLATION,
+    PART_POSES,
+    TF,
+    APPLIED_EFFORTS,
+    APPLIED_WRENCHES,
+    LIVE_VALUES,
+    EVENTS,
+    ROBOT_DESCRIPTION,
+    CLOCK,
+    MARKERS,
+    DIAGNOSTICS,
+)
+
+
+def for_each_part(topic: OutputTopic, part_names: Sequence[str], parts: Sequence[str]) -> Iterator[OutputTopic]:
+    """The entries of an entry with `{part}` in its name, for some of the mechanism's parts."""
+    tokens = topic_names(part_names)
+    for part in parts:
+        writer = partial(state_messages.part_pose, part=part)
+        yield replace(topic, name=topic.name.replace(PART, tokens[part]), on_state=writer)
+
+
+class TopicPublisher:
+    """An output topic of a node: its publisher, and its description for a recorder."""
+
+    def __init__(self, node: Node, topic: OutputTopic) -> None:
+        """Create the publisher.
+
+        :raises ImportError: the package of the message type is not installed.
+        """
+        self.topic = topic
+        self.publisher = node.create_publisher(_installed_type(topic), topic.name, topic.qos)
+
+    def recorded_topic(self) -> Topic:
+        """The topic as a recording describes it."""
+        vital = self.topic.recorded in (Recorded.VITAL, Recorded.EACH_FILE)
+        profile = qos.offered_qos_profiles(self.topic.qos)
+        return Topic(self.publisher.topic_name, self.topic.message_type, profile, vital)
+
+
+def _installed_type(topic: OutputTopic) -> type:
+    try:
+        return message_type(topic.message_type)
+    except ImportError as error:
+        package = topic.message_type.partition("/")[0]
+        cause = f"parameter '{topic.parameter.name}'" if topic.parameter else f"topic '{topic.name}'"
+        raise ImportError(f"{cause}: {package} is not installed. Install it, or leave the parameter out.") from error

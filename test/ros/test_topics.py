@@ -1,0 +1,79 @@
+"""The table of output topics: the node publishes exactly its entries, and the page describes them."""
+
+import re
+from pathlib import Path
+
+import pytest
+import rclpy
+
+from mbd_sim.ros import topics
+from mbd_sim.ros.sim_node import SimNode
+from mbd_sim.ros.sim_parameters import PARAMETERS
+from mbd_sim.ros.topics import PART, TOPICS, Recorded, When
+
+PAGE = Path(__file__).resolve().parent.parent.parent / "docs" / "node.md"
+RCLPY_TOPICS = {"/rosout", "/parameter_events"}
+
+
+def published(*parameters):
+    """Names and types of the topics of a node in this process."""
+    arguments = ["--ros-args", "--log-level", "ERROR", "-p", "record:=false"]
+    for parameter in parameters:
+        arguments += ["-p", parameter]
+    rclpy.init(args=arguments, domain_id=101)
+    try:
+        node = SimNode(lambda: None)
+        found = dict(node.get_publisher_names_and_types_by_node("sim_node", "/"))
+        recorded = node.publishing_thread.recorded_topics()
+        node.destroy_node()
+        return {name: types for name, types in found.items() if name not in RCLPY_TOPICS}, recorded
+    finally:
+        rclpy.try_shutdown()
+
+
+def resolved(topic):
+    return topic.name.replace("~", "/sim_node") if topic.name[0] in "~/" else f"/{topic.name}"
+
+
+def test_the_node_publishes_the_topics_without_a_parameter():
+    found, recorded = published()
+    expected = {resolved(topic): [topic.message_type] for topic in TOPICS if topic.parameter is None}
+    assert found == expected
+    assert {topic.name for topic in recorded.values()} == {
+        resolved(topic) for topic in TOPICS if topic.parameter is None and topic.recorded is not Recorded.NO
+    }
+
+
+def test_parameters_request_the_other_topics():
+    found, recorded = published("joint_reactions:=true", "constraint_violation:=true", "part_poses:='*'")
+    requested = [topic for topic in TOPICS if topic is not topics.TF]
+    expected = {resolved(topic): [topic.message_type] for topic in requested if PART not in topic.name}
+    poses = {f"/sim_node/poses/{part}": [topics.PART_POSES.message_type] for part in ("upper", "lower")}
+    assert found == expected | poses
+    assert set(poses) < {topic.name for topic in recorded.values()}
+    assert all(topic.vital == ("applied" in topic.name or topic.name.endswith(("live_values", "events",
+               "robot_description"))) for topic in recorded.values())  # fmt: skip
+
+
+def test_each_entry_is_complete():
+    assert len({topic.name for topic in TOPICS}) == len(TOPICS)
+    for topic in TOPICS:
+        assert topic.recorded is not Recorded.EACH_FILE or topic.at_start is not None
+        if topic.when is When.EVENT:
+            assert topic.on_event is not None
+        if topic.when is When.STATE and PART not in topic.name:
+            assert topic.on_state is not None
+        if topic.parameter is not None:
+            assert topic.parameter in PARAMETERS
+
+
+@pytest.mark.parametrize("topic", TOPICS, ids=lambda topic: topic.name)
+def test_the_page_has_a_row_for_each_topic(topic):
+    name = topic.name.replace(PART, "<part>")
+    rows = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith(f"| `{name}` |")]
+    assert len(rows) == 1
+    package, _, kind = topic.message_type.split("/")
+    assert f"{package}/{kind}" in rows[0]
+    if topic.parameter is not None:
+        assert f"`{topic.parameter.name}`" in rows[0]
+    assert not re.search(r"\bnot recorded\b", rows[0]) or topic.recorded is Recorded.NO
