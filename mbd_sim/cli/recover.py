@@ -39,6 +39,6 @@ def execute(options: argparse.Namespace) -> int:
 
 def _report(path: Path, counts: dict[str, int] | None) -> str:
     if counts is None:
-        return f"{path}: is whole"
+        return f"{path}: is complete"
     by_topic = ", ".join(f"{count} of {topic}" for topic, count in counts.items() if count)
     return f"{path}: {sum(counts.values())} messages kept{': ' if by_topic else ''}{by_topic}"

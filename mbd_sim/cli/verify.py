@@ -17,10 +17,15 @@ DESCRIPTION = (
     "recorded state. The exit code is 1 if any differs."
 )
 
-NOUNS = {
-    "joint_states": "joint states", "energies": "energies", "constraint_violation": "constraint violations",
-    "applied_efforts": "efforts", "applied_wrenches": "wrenches", "live_values": "live values", "resets": "resets",
-}  # fmt: skip
+NOUNS = {  # singular and plural
+    "joint_states": ("joint state", "joint states"),
+    "energies": ("set of energies", "energies"),
+    "constraint_violation": ("constraint violation", "constraint violations"),
+    "applied_efforts": ("effort", "efforts"),
+    "applied_wrenches": ("wrench", "wrenches"),
+    "live_values": ("live value", "live values"),
+    "resets": ("reset", "resets"),
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -87,7 +92,7 @@ def _verdict(found: Verification, comparison: str) -> str:
 
 
 def _counted(counts: dict[str, int]) -> str:
-    return ", ".join(f"{count} {NOUNS.get(role, role)}" for role, count in counts.items())
+    return ", ".join(f"{count} {NOUNS[role][count != 1]}" for role, count in counts.items())
 
 
 def _differences(found: Verification, first: Difference) -> list[str]:

@@ -67,7 +67,7 @@ class Recomputation:
             self._reference_tick, self._reference_steps = start.tick, 0
             self._restore_start()
         except ValueError as error:
-            raise RecomputeError(f"{file.path}: its metadata do not fit its mechanism: {error}.") from error
+            raise RecomputeError(f"{file.path}: its metadata does not fit its mechanism: {error}.") from error
         self.roles = topic_roles(file.topics)
         self.first_tick = self.tick = start.tick
         self.steps_taken = 0
@@ -93,7 +93,7 @@ class Recomputation:
         return self.tick + (message.sequence - self.tick) % SEQUENCE_MODULUS
 
     def clock_ns(self, tick: int, message: Message) -> int:
-        """Return the simulated clock at a tick; if the metadata do not give it, the first message sets it."""
+        """Return the simulated clock at a tick; if the metadata does not give it, the first message sets it."""
         if self._clock_offset_ns is None:
             self._clock_offset_ns = tick * self.step_ns - message.time_ns
         return tick * self.step_ns - self._clock_offset_ns

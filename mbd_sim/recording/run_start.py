@@ -1,4 +1,4 @@
-"""The start of a recorded run, as its metadata describe it; `mbd_sim.recording.run_metadata` writes them."""
+"""The start of a recorded run, as its metadata describes it; `mbd_sim.recording.run_metadata` writes it."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ class RunStart:
 def read_run_start(file: RecordedFile) -> RunStart:
     """Read the start of a run from the metadata of a file.
 
-    :raises RecomputeError: the metadata are missing, incomplete or damaged.
+    :raises RecomputeError: the metadata is missing, incomplete or damaged.
     """
     about = file.metadata.get(RUN_METADATA)
     if about is None:
         raise RecomputeError(f"{file.path}: is not a recording of sim_node: it has no metadata '{RUN_METADATA}'.")
     for key in REQUIRED_KEYS:
         if key not in about:
-            raise RecomputeError(f"{file.path}: its metadata '{RUN_METADATA}' lack '{key}'.")
+            raise RecomputeError(f"{file.path}: its metadata '{RUN_METADATA}' lacks '{key}'.")
     try:
         tick = int(about.get("first_tick", about.get("tick", "0")))
         return RunStart(

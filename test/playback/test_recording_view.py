@@ -1,4 +1,4 @@
-"""Recorded runs in Rerun: what its own reader finds there, against the simulation computed again."""
+"""Recorded runs shown in Rerun: the contents that its reader finds, compared with the recomputed simulation."""
 
 import random
 from collections import defaultdict
@@ -20,8 +20,8 @@ from test.viewer.test_viewer import Recorded
 
 
 @pytest.mark.parametrize("mechanism", ["tumbling", "stick_slip"])
-def test_parts_stand_where_the_run_had_them(tmp_path, mechanism):
-    """A free joint with its quaternion, and a driven one; commands, wrenches and a reset in between."""
+def test_parts_have_the_poses_of_the_run(tmp_path, mechanism):
+    """With a free joint and its quaternion, a driven joint, commands, wrenches and a reset."""
     run = record_run(tmp_path, mechanism, seconds=0.5, seed=3, commands=6, publish_rate=100.0, wrenches="'*'")
     shown = tmp_path / "run.rrd"
     assert main(["view", str(run), "--save", str(shown), "--rate", "1000", "--quiet", "--reactions"]) == 0
@@ -40,17 +40,17 @@ def test_parts_stand_where_the_run_had_them(tmp_path, mechanism):
     for time, row in rows:
         poses = expected[round(time * 1e9)].pop(0)
         np.testing.assert_allclose(row["Transform3D:translation"][0], poses[part].position, atol=1e-6)
-        turned = rot.from_quaternion(np.roll(row["Transform3D:quaternion"][0], 1))
-        np.testing.assert_allclose(turned, poses[part].rotation, atol=1e-6)
+        rotation = rot.from_quaternion(np.roll(row["Transform3D:quaternion"][0], 1))
+        np.testing.assert_allclose(rotation, poses[part].rotation, atol=1e-6)
     table = read_table(open_recording(run))
-    told = {row["TextLog:text"][0] for _, row in recorded.rows["/events/log"]}
-    assert {text for _, text in table.events} <= told
+    texts = {row["TextLog:text"][0] for _, row in recorded.rows["/events/log"]}
+    assert {text for _, text in table.events} <= texts
     assert "/joints/reaction" in recorded.rows
     residual = recorded.column("/energy/residual_pJ", "Scalars:scalars")[:, 0]
     assert set((residual * 1e-12).round(20)) <= set(table.energies[:, -1].round(20))
 
 
-def test_a_bag_of_another_robot_is_shown_as_plots(tmp_path, capsys):
+def test_a_bag_without_a_mechanism_is_shown_as_plots(tmp_path, capsys):
     shown = tmp_path / "robot.rrd"
     assert main(["view", str(foreign_bag(tmp_path / "robot.mcap")), "--save", str(shown), "--quiet"]) == 0
     assert "contains no mechanism" in capsys.readouterr().out
@@ -61,7 +61,7 @@ def test_a_bag_of_another_robot_is_shown_as_plots(tmp_path, capsys):
     assert recorded.static["/joints/position"]["SeriesLines:names"] == [["a", "b"]]
 
 
-def test_wrong_sinks_and_points_are_named(tmp_path, capsys):
+def test_invalid_sinks_and_points_are_reported(tmp_path, capsys):
     run = record_run(tmp_path, "rod_pendulum", seconds=0.1, seed=1, commands=1)
     assert main(["view", str(run), "--save", str(tmp_path / "run.txt")]) == 1
     assert "no viewer sink" in capsys.readouterr().err
@@ -69,7 +69,7 @@ def test_wrong_sinks_and_points_are_named(tmp_path, capsys):
     assert "no point" in capsys.readouterr().err
 
 
-def test_a_folder_of_rosbag2_is_shown_across_its_files(tmp_path):
+def test_all_files_of_a_rosbag2_folder_are_shown(tmp_path):
     given = ["mechanism:=rod_pendulum", "start_paused:=true", f"record_dir:={tmp_path}", "record_format:=rosbag2"]
     arguments = [word for pair in given for word in ("-p", pair)]
     rclpy.init(args=["--ros-args", "--log-level", "ERROR", *arguments], domain_id=101)

@@ -1,4 +1,4 @@
-"""Pictures and pages of recorded runs: not empty, and of what was asked for."""
+"""Plots of recorded runs as pictures and HTML pages."""
 
 import re
 import xml.etree.ElementTree as ElementTree
@@ -20,7 +20,7 @@ def recording(tmp_path_factory):
     return record_run(tmp_path_factory.mktemp("pictures"), "double_rod", seconds=1.0, seed=3, commands=6)
 
 
-def test_panels_hold_the_table(recording):
+def test_panels_contain_the_table(recording):
     table = read_table(open_recording(recording))
     found = {(panel.title, panel.y_label): panel for panel in panels(table)}
     assert {title for title, _ in found} == {
@@ -43,7 +43,7 @@ def test_a_picture_is_not_empty(recording, tmp_path):
     assert np.mean(np.any(pixels[..., :3] < 0.9, axis=-1)) > 0.01
 
 
-def test_vectors_carry_the_words(recording, tmp_path):
+def test_a_vector_graphic_contains_its_text(recording, tmp_path):
     path = tmp_path / "run.svg"
     assert main(["plot", str(recording), "--out", str(path), "--show", "residual", "--quiet"]) == 0
     assert ElementTree.parse(path).getroot().tag.endswith("svg")
@@ -52,7 +52,7 @@ def test_vectors_carry_the_words(recording, tmp_path):
     assert "Position" not in text
 
 
-def test_a_page_needs_no_network_and_holds_the_numbers(recording, tmp_path):
+def test_an_html_page_is_self_contained(recording, tmp_path):
     path = tmp_path / "run.html"
     assert main(["plot", str(recording), "--out", str(path), "--show", "joints", "--quiet"]) == 0
     page = path.read_text(encoding="utf-8")
@@ -62,7 +62,7 @@ def test_a_page_needs_no_network_and_holds_the_numbers(recording, tmp_path):
     assert names.count("shoulder") >= 2
 
 
-def test_what_cannot_be_shown_is_said(recording, tmp_path, capsys):
+def test_plots_without_data_are_reported(recording, tmp_path, capsys):
     arguments = ["plot", str(recording), "--out", str(tmp_path / "run.png"), "--quiet", "--show"]
     assert main([*arguments, "enegies"]) == 1
     assert "Did you mean 'energies'" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Recordings read as arrays, and written as tables, against the simulation that made them."""
+"""Recordings as arrays and exported tables."""
 
 import csv
 import json
@@ -22,13 +22,13 @@ from test.recording.runs import record_run
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    """A second of two rods under commands, with a reset among them."""
+    """One second of a double rod under commands, one of them a reset."""
     folder = tmp_path_factory.mktemp("playback")
     return record_run(folder, "double_rod", seconds=1.0, seed=3, commands=6, publish_rate=100.0)
 
 
 def foreign_bag(path: Path, kind=JointState) -> Path:
-    """Joint states of a robot that is none of ours: positions only, and a second joint that comes later."""
+    """Write the joint states of another robot: positions only, and a second joint that appears later."""
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start(profile="ros2")
@@ -46,11 +46,11 @@ def foreign_bag(path: Path, kind=JointState) -> Path:
     return path
 
 
-def test_the_table_is_what_the_messages_say(recording):
+def test_the_table_contains_the_recorded_messages(recording):
     opened = open_recording(recording)
-    heard = []
-    table = read_table(opened, heard.append)
-    assert heard[-1] == 1.0
+    progress = []
+    table = read_table(opened, progress.append)
+    assert progress[-1] == 1.0
     assert table.is_run
     assert table.names == ("shoulder", "elbow")
     assert table.units == ("rad", "rad")
@@ -65,13 +65,13 @@ def test_the_table_is_what_the_messages_say(recording):
     assert table.title == "double_rod"
 
 
-def test_a_run_that_is_cut_off_gives_what_there_is(tmp_path):
+def test_a_truncated_run_gives_the_rows_before_the_cut(tmp_path):
     run = record_run(tmp_path, "double_rod", seconds=10.0, seed=3, commands=4, publish_rate=1000.0)
     whole, blocks = read_table(open_recording(run)), open_recording(run).blocks
     assert len(blocks) > 2
-    for share in (0.9, 0.7, 0.5):
-        cut = tmp_path / f"cut_{share}.mcap"
-        cut.write_bytes(run.read_bytes()[: int(share * run.stat().st_size)])
+    for fraction in (0.9, 0.7, 0.5):
+        cut = tmp_path / f"cut_{fraction}.mcap"
+        cut.write_bytes(run.read_bytes()[: int(fraction * run.stat().st_size)])
         part = read_table(open_recording(cut))
         assert 10 < len(part) <= len(whole)
         np.testing.assert_array_equal(part.position, whole.position[: len(part)])
@@ -102,7 +102,7 @@ def test_exports_agree_with_the_table_and_with_each_other(recording, tmp_path):
     assert json.loads(about["events"]) == [list(event) for event in table.events]
 
 
-def test_a_bag_of_another_robot_has_its_joints_only(tmp_path):
+def test_a_bag_without_a_mechanism_has_joints_only(tmp_path):
     table = read_table(open_recording(foreign_bag(tmp_path / "robot.mcap")))
     assert not table.is_run
     assert table.names == ("a", "b")
@@ -114,13 +114,13 @@ def test_a_bag_of_another_robot_has_its_joints_only(tmp_path):
     assert list(table_export.columns(table)) == ["time_s", "a.position", "b.position"]
 
 
-def test_a_bag_without_joints_says_what_it_holds(tmp_path):
+def test_a_bag_without_joint_states_is_an_error_that_lists_its_topics(tmp_path):
     bag = foreign_bag(tmp_path / "talk.mcap", String)
     with pytest.raises(PlaybackError, match=r"no topic of joint states .* '?/robot/joints"):
         read_table(open_recording(bag))
 
 
-def test_another_kind_of_file_is_refused_before_anything_is_read(tmp_path, capsys):
+def test_an_unknown_output_format_is_refused_before_anything_is_read(tmp_path, capsys):
     assert main(["export", str(tmp_path / "none.mcap"), "--out", "run.xlsx"]) == 1
     assert ".csv, .parquet, .npz" in capsys.readouterr().err
     assert main(["export", str(tmp_path / "none.mcap"), "--out", str(tmp_path / "no" / "run.csv")]) == 1

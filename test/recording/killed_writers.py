@@ -1,6 +1,6 @@
 """Processes that record and are killed at random moments: `python -m test.recording.killed_writers FOLDER COUNT SEED`.
 
-Prints, for each, the file or folder, how many messages had been put and the times of the first and the last.
+Prints, for each, its folder, the number of messages put and the times of the first and the last.
 """
 
 import itertools
@@ -16,8 +16,8 @@ from pathlib import Path
 
 from test.recording.recordings import recorder_in
 
-AT_ONCE = 20  # processes
-LONGEST = 0.8  # s that one lives
+BATCH_SIZE = 20  # processes that run at once
+LONGEST_LIFE = 0.8  # s
 STATE = struct.Struct("<QQQ")
 
 
@@ -34,10 +34,10 @@ def record(folder, shared, *, rosbag2):
 
 
 def main():
-    """Start, kill, and tell."""
+    """Start and kill the processes, and print what they put."""
     folder, count, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
     chance = random.Random(seed)
-    told = []
+    results = []
     for batch in batches(count):
         living = []
         for number in batch:
@@ -45,18 +45,18 @@ def main():
             pid = os.fork()
             if not pid:
                 record(own, shared, rosbag2=number % 4 == 0)
-            living.append((time.monotonic() + chance.uniform(0.0, LONGEST), pid, own, shared))
+            living.append((time.monotonic() + chance.uniform(0.0, LONGEST_LIFE), pid, own, shared))
         for due, pid, own, shared in sorted(living, key=lambda one: one[0]):
             time.sleep(max(0.0, due - time.monotonic()))
             os.kill(pid, signal.SIGKILL)
             os.waitpid(pid, 0)
-            told.append([str(own), *STATE.unpack(shared[:])])
-    print(json.dumps(told))
+            results.append([str(own), *STATE.unpack(shared[:])])
+    print(json.dumps(results))
 
 
 def batches(count):
-    """Numbers from 0 on, some at once."""
-    return [range(first, min(first + AT_ONCE, count)) for first in range(0, count, AT_ONCE)]
+    """Return the numbers from 0 on in batches."""
+    return [range(first, min(first + BATCH_SIZE, count)) for first in range(0, count, BATCH_SIZE)]
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Recordings of made-up messages, and how to read files that may have been cut off."""
+"""Recordings of synthetic messages, and readers of files that may be truncated."""
 
 import contextlib
 import struct
@@ -19,7 +19,7 @@ TOPICS = {
 
 
 def recorder_in(folder, *, begun=True, rosbag2=False, **options):
-    """A recorder of two topics, one of them vital."""
+    """Return a recorder of two topics, one of them vital."""
     recorder = Recorder(new_recording_paths(folder, "name", rosbag2=rosbag2), TOPICS, "mechanism: x\n", **options)
     if begun:
         recorder.begin({"a": "b"})
@@ -27,20 +27,20 @@ def recorder_in(folder, *, begun=True, rosbag2=False, **options):
 
 
 def messages(path):
-    """Topics and messages of a whole file, its check sums tested."""
+    """Return topics and messages of a complete file; its checksums are checked."""
     with path.open("rb") as stream:
         found = make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False)
         return [(channel.topic, message) for _, channel, message in found]
 
 
 def metadata(path):
-    """What it says about the run."""
+    """Return the description of the run."""
     with path.open("rb") as stream:
         return {record.name: record.metadata for record in make_reader(stream).iter_metadata()}["mbd_sim"]
 
 
 def readable(path):
-    """The messages that come out of a file that may be cut off."""
+    """Return the readable messages of a file that may be truncated."""
     found = []
     with path.open("rb") as stream, contextlib.suppress(McapError, EOFError, ValueError, struct.error):
         for _, _, message in NonSeekingReader(stream).iter_messages(log_time_order=False):
@@ -48,7 +48,7 @@ def readable(path):
     return found
 
 
-def whole_chunks(path):
-    """How many messages come out of a file that may be cut off, and the sequence number of the last one or -1."""
+def count_and_last(path):
+    """Return the number of readable messages of a file that may be truncated, and the last sequence number or -1."""
     found = readable(path)
     return len(found), found[-1].sequence if found else -1

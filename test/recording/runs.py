@@ -1,4 +1,4 @@
-"""Recorded runs under random commands: the node's own threads and recorder, stepped from the test."""
+"""Recorded runs under random commands, by the threads and the recorder of a node that a test steps."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Action = Callable[[SimNode, random.Random], None]
 
 @contextlib.contextmanager
 def stepped_node(folder: Path, mechanism: str, **parameters: Any) -> Iterator[SimNode]:
-    """A node in this process that is paused, so that a test steps it."""
+    """Yield a paused node in this process, which the test steps."""
     given = {
         "mechanism": mechanism, "start_paused": True, "record": True, "record_dir": folder, "real_time_factor": 0.0,
         "marker_rate": 0.0, "real_time_priority": 0, "command_timeout": 0.25,
@@ -51,7 +51,7 @@ def record_run(
     resets: bool = True,
     **parameters: Any,
 ) -> Path:
-    """Record a run with some random commands; returns the file."""
+    """Record a run with random commands; return the file."""
     with stepped_node(folder, mechanism, **parameters) as node:
         drive(node, seconds, commands, random.Random(seed), ACTIONS if resets else ACTIONS[:-1])
         recorder = node.publishing_thread.recorder
@@ -59,7 +59,7 @@ def record_run(
 
 
 def drive(node: SimNode, seconds: float, commands: int, chance: random.Random, actions: Sequence[Action]) -> None:
-    """Step through a time, with commands of all kinds in between."""
+    """Step a node for some simulated seconds, with random commands in between."""
     left = max(1, round(seconds / node.simulation.step_size))
     for number in range(commands):
         chance.choice(actions)(node, chance)
@@ -109,7 +109,7 @@ def rewrite(
     about: dict[str, str] | None = None,
     chunk_size: int = 3000,
 ) -> Path:
-    """A copy of a recording, with some messages changed or left out, and its metadata added to."""
+    """Write a copy of a recording with some messages changed or left out, and entries added to its metadata."""
     recording = open_recording(path)
     with out.open("wb") as stream:
         writer = Writer(stream, chunk_size=chunk_size)
@@ -128,7 +128,7 @@ def rewrite(
 
 
 def with_bit_flipped(message: Message, offset: int, bit: int) -> Message:
-    """The message with one bit of its payload flipped; `offset` counts from the end where it is negative."""
+    """Return a message with one bit of its payload flipped; a negative `offset` counts from the end."""
     payload = bytearray(message.payload)
     payload[offset] ^= 1 << bit
     return message._replace(payload=bytes(payload))

@@ -1,4 +1,4 @@
-"""Recorded runs computed again with a change."""
+"""Recorded runs recomputed with a change."""
 
 import numpy as np
 import pytest
@@ -19,19 +19,19 @@ def run(tmp_path_factory):
     return record_run(tmp_path_factory.mktemp("run"), "double_rod", seconds=2.0, seed=1, commands=12)
 
 
-def rerun(path, **changes):
+def changed_run(path, **changes):
     return compute_changed_run(Recomputation(open_recording(path).files[0], **changes))
 
 
 def test_without_a_change_nothing_deviates(run):
-    found = rerun(run)
+    found = changed_run(run)
     for series in (*found.coordinates.values(), found.energies):
         assert [one.largest_deviation[0] for one in series] == [0.0] * len(series)
 
 
-def test_a_changed_value_gives_the_run_of_a_changed_file(tmp_path):
+def test_a_changed_value_has_the_same_effect_as_editing_the_mechanism_file(tmp_path):
     path = record_run(tmp_path, "double_rod", seconds=0.5, commands=1, seed=1)  # one command, before the first step
-    found = rerun(path, changes={"joints.elbow.damping": 0.2})
+    found = changed_run(path, changes={"joints.elbow.damping": 0.2})
     efforts = [
         cdr.multi_array(m.payload).values for m in open_recording(path).messages() if "applied_efforts" in m.topic
     ]
@@ -42,19 +42,19 @@ def test_a_changed_value_gives_the_run_of_a_changed_file(tmp_path):
     at = int(np.flatnonzero(np.isclose(elbow.times, 0.24))[0])
     assert elbow.changed[at] == pytest.approx(simulation.q[1], abs=1e-13)  # of a kernel without wrenches
     assert elbow.recorded[at] != elbow.changed[at]
-    size, moment = elbow.largest_deviation
-    assert size == np.max(np.abs(elbow.recorded - elbow.changed)) and moment in elbow.times
+    size, time = elbow.largest_deviation
+    assert size == np.max(np.abs(elbow.recorded - elbow.changed)) and time in elbow.times
 
 
 def test_another_method_and_step_give_nearly_the_same_motion(run):
-    found = rerun(run, method="rk4", step=0.0005)
+    found = changed_run(run, method="rk4", step=0.0005)
     assert found.recomputation.simulation.model.method.name == "rk4"
     assert all(0.0 < one.largest_deviation[0] < 1e-9 for one in found.coordinates["position"])
-    coarse = rerun(run, step=0.002)
+    coarse = changed_run(run, step=0.002)
     assert all(one.largest_deviation[0] > 0.0 for one in coarse.coordinates["velocity"])
 
 
-def test_a_changed_run_is_a_recording_that_holds(run, tmp_path, capsys):
+def test_the_file_of_a_changed_run_can_be_verified(run, tmp_path, capsys):
     for number, options in enumerate((["--set", "l=0.9", "--set", "gravity[2]=-1.62"], ["--step", "0.0005"])):
         out = tmp_path / f"{number}.mcap"
         assert main(["rerun-with", str(run), *options, "--out", str(out), "--quiet"]) == 0
@@ -65,7 +65,7 @@ def test_a_changed_run_is_a_recording_that_holds(run, tmp_path, capsys):
     assert main(["rerun-with", str(run), "--step", "0.0005", "--out", str(run), "--quiet"]) == 1
 
 
-def test_both_runs_are_in_the_picture_and_the_table(run, tmp_path, capsys):
+def test_both_runs_are_plotted_and_the_deviations_printed(run, tmp_path, capsys):
     picture = tmp_path / "x.png"
     assert main(["rerun-with", str(run), "--set", "joints.elbow.damping=0.2", "--plot", str(picture), "--quiet"]) == 0
     assert picture.read_bytes().startswith(b"\x89PNG") and picture.stat().st_size > 20_000
@@ -73,7 +73,7 @@ def test_both_runs_are_in_the_picture_and_the_table(run, tmp_path, capsys):
     assert "with joints.elbow.damping = 0.2" in out and "elbow position" in out and "t = " in out
 
 
-def test_a_page_holds_both_runs_and_its_library(run, tmp_path):
+def test_an_html_page_contains_both_runs_and_its_library(run, tmp_path):
     pytest.importorskip("plotly")
     page = tmp_path / "x.html"
     assert main(["rerun-with", str(run), "--set", "joints.elbow.damping=0.2", "--plot", str(page), "--quiet"]) == 0
@@ -81,7 +81,7 @@ def test_a_page_holds_both_runs_and_its_library(run, tmp_path):
     assert "joints.elbow.damping = 0.2" in text and "elbow velocity" in text and "<script src=" not in text
 
 
-def test_a_picture_of_another_kind_is_an_error(run, tmp_path, capsys):
+def test_an_unknown_picture_format_is_an_error(run, tmp_path, capsys):
     path = tmp_path / "x.docx"
     assert main(["rerun-with", str(run), "--set", "l=0.9", "--plot", str(path), "--quiet"]) == 1
     assert "x.docx: the file cannot have this format" in capsys.readouterr().err
@@ -96,12 +96,12 @@ def test_a_picture_of_another_kind_is_an_error(run, tmp_path, capsys):
         (["--method", "rk5"], "there is no method 'rk5'"),
     ],
 )
-def test_a_change_that_cannot_be_made_is_named(run, capsys, options, words):
+def test_an_invalid_change_is_reported_by_name(run, capsys, options, words):
     assert main(["rerun-with", str(run), *options, "--quiet"]) == 1
     assert words in capsys.readouterr().err
 
 
-def test_a_recording_of_something_else_is_named(tmp_path):
+def test_a_recording_without_a_run_is_an_error(tmp_path):
     from mcap.writer import Writer
 
     with (tmp_path / "x.mcap").open("wb") as stream:
@@ -109,4 +109,4 @@ def test_a_recording_of_something_else_is_named(tmp_path):
         writer.start()
         writer.finish()
     with pytest.raises(RecomputeError, match=r"x.mcap: is not a recording of sim_node"):
-        rerun(tmp_path / "x.mcap")
+        changed_run(tmp_path / "x.mcap")

@@ -1,4 +1,4 @@
-"""What is left when a recording process is killed at any moment: as much as promised, and it can be made whole."""
+"""Recordings of processes killed at random moments: how much is lost, and recovery."""
 
 import json
 import random
@@ -12,39 +12,39 @@ from rosbags.highlevel import AnyReader
 
 from mbd_sim.cli.main import main
 from mbd_sim.recording.recovery import recover
-from test.recording.recordings import messages, metadata, readable, recorder_in, whole_chunks
+from test.recording.recordings import count_and_last, messages, metadata, readable, recorder_in
 
 KILLS = 100
-PROMISED = 0.5e9  # ns
+LARGEST_LOSS = 0.5e9  # ns
 
 
 @pytest.fixture(scope="module")
 def killed(tmp_path_factory):
-    """The recordings of processes that were killed, with what had been put into each."""
+    """The recordings of killed processes, with the number and the times of the messages put into each."""
     folder, seed = tmp_path_factory.mktemp("killed"), random.randrange(1 << 30)
     command = [sys.executable, "-m", "test.recording.killed_writers", str(folder), str(KILLS), str(seed)]
-    told = subprocess.run(command, check=True, capture_output=True, text=True, timeout=80).stdout
-    return [(next(Path(own).rglob("*.mcap"), None), *rest) for own, *rest in json.loads(told)]
+    printed = subprocess.run(command, check=True, capture_output=True, text=True, timeout=80).stdout
+    return [(next(Path(own).rglob("*.mcap"), None), *rest) for own, *rest in json.loads(printed)]
 
 
-def test_of_a_hundred_killed_recordings_none_lacks_more_than_half_a_second(killed):
+def test_a_kill_costs_at_most_half_a_second_of_messages(killed):
     assert len(killed) == KILLS
     losses = []
     for path, put, first, last in killed:
-        count, newest = whole_chunks(path) if path else (0, -1)
+        count, newest = count_and_last(path) if path else (0, -1)
         assert newest == count - 1 < put or count == put == 0
         saved = readable(path)[-1].log_time if count else first
         losses.append(last - saved)
     assert sum(put for _, put, _, _ in killed) > 5_000
-    assert max(losses) <= PROMISED
+    assert max(losses) <= LARGEST_LOSS
 
 
-def test_killed_recordings_are_made_whole_for_every_tool(killed):
+def test_recovered_recordings_are_complete_for_every_tool(killed):
     saved = 0
     for path, _, _, _ in killed:
         if path is None or not path.stat().st_size:
             continue
-        count, _ = whole_chunks(path)
+        count, _ = count_and_last(path)
         assert sum(recover(path).values()) == count
         assert [message.sequence for _, message in messages(path)] == list(range(count))
         assert metadata(path) == {"a": "b"}
@@ -54,11 +54,11 @@ def test_killed_recordings_are_made_whole_for_every_tool(killed):
             saved += 1
             with AnyReader([path]) as reader:
                 assert reader.message_count == sum(1 for _ in reader.messages()) == count
-        assert recover(path) is None  # once is enough
+        assert recover(path) is None  # the second time it is complete
     assert saved > KILLS // 4
 
 
-def test_the_command_recovers_files_and_folders_of_rosbag2(tmp_path, capsys):
+def test_the_recover_command_accepts_files_and_rosbag2_folders(tmp_path, capsys):
     recorder = recorder_in(tmp_path, rosbag2=True)
     for number in range(20_000):
         if number == 5_000:
@@ -70,9 +70,9 @@ def test_the_command_recovers_files_and_folders_of_rosbag2(tmp_path, capsys):
     cut.write_bytes(cut.read_bytes()[:-400_000])
     (folder / f"{folder.name}_2.mcap").touch()  # killed just after it was opened
     assert main(["recover", str(folder)]) == 0
-    told = capsys.readouterr().out
-    assert f"{folder.name}_0.mcap: is whole" in told
-    assert f"{folder.name}_1.mcap: " in told and "messages kept" in told
+    out = capsys.readouterr().out
+    assert f"{folder.name}_0.mcap: is complete" in out
+    assert f"{folder.name}_1.mcap: " in out and "messages kept" in out
     with AnyReader([folder]) as reader:
         assert reader.message_count == sum(1 for _ in reader.messages()) == 5_000 + len(messages(cut))
         assert all(connection.digest.startswith("RIHS01_") for connection in reader.connections)
@@ -81,37 +81,43 @@ def test_the_command_recovers_files_and_folders_of_rosbag2(tmp_path, capsys):
     assert "not an MCAP file" in capsys.readouterr().err
 
 
-def test_a_recording_cut_off_anywhere_keeps_its_whole_chunks(tmp_path):
+def test_recovery_keeps_the_complete_chunks_of_a_file_truncated_anywhere(tmp_path):
     recorder = recorder_in(tmp_path)
     for number in range(20_000):
         recorder.put("text" if number % 3 else "vital", random.randbytes(120), number, number)
     recorder.close()
-    whole = recorder.path.read_bytes()
+    complete = recorder.path.read_bytes()
     path = tmp_path / "cut.mcap"
     chance = random.Random(1)
-    for length in [9, 100, len(whole) - 1, len(whole) - 9, *(chance.randrange(2000, len(whole)) for _ in range(20))]:
-        path.write_bytes(whole[:length])
-        expected, _ = whole_chunks(path)
+    for length in [
+        9,
+        100,
+        len(complete) - 1,
+        len(complete) - 9,
+        *(chance.randrange(2000, len(complete)) for _ in range(20)),
+    ]:
+        path.write_bytes(complete[:length])
+        expected, _ = count_and_last(path)
         kept = sum(recover(path).values())
         assert kept <= expected
         assert [message.sequence for _, message in messages(path)] == list(range(kept))
 
 
-def test_zeros_or_nonsense_at_the_end_are_cut_off(tmp_path):
+def test_recovery_removes_zeros_and_random_bytes_at_the_end(tmp_path):
     recorder = recorder_in(tmp_path)
     for number in range(20_000):
         recorder.put("vital", random.randbytes(120), number, number)
     recorder.close()
-    whole = recorder.path.read_bytes()
+    complete = recorder.path.read_bytes()
     path = tmp_path / "cut.mcap"
     for tail in (bytes(5000), random.Random(2).randbytes(5000)):
-        path.write_bytes(whole[: len(whole) // 2] + tail)
+        path.write_bytes(complete[: len(complete) // 2] + tail)
         kept = sum(recover(path).values())
         assert 5_000 < kept < 15_000
         assert [message.sequence for _, message in messages(path)] == list(range(kept))
 
 
-def test_what_is_no_recording_is_left_alone(tmp_path):
+def test_recovery_does_not_modify_other_files(tmp_path):
     path = tmp_path / "note.txt"
     path.write_text("not a recording")
     with pytest.raises(ValueError, match="not an MCAP file"):

@@ -1,4 +1,4 @@
-"""Reading recordings: whole, cut off, damaged, of several files, and of others."""
+"""Reading recordings: complete, truncated, damaged, in several files, and from other programs."""
 
 import random
 
@@ -19,7 +19,7 @@ def run(tmp_path_factory):
     return rewrite(recorded, folder / "small chunks.mcap", chunk_size=30_000)
 
 
-def test_messages_and_contents_are_those_that_rosbags_reads(run):
+def test_messages_and_their_contents_equal_those_read_by_rosbags(run):
     recording = open_recording(run)
     store = get_typestore(Stores.ROS2_JAZZY)
     ours = list(recording.messages())
@@ -44,7 +44,7 @@ def test_messages_and_contents_are_those_that_rosbags_reads(run):
             assert decoded == other.data
 
 
-def test_a_file_cut_anywhere_gives_the_messages_before_the_cut(run, tmp_path):
+def test_a_file_truncated_anywhere_yields_the_messages_before_the_cut(run, tmp_path):
     data, whole = run.read_bytes(), list(open_recording(run).messages())
     chance = random.Random(4)
     seen = set()
@@ -60,7 +60,7 @@ def test_a_file_cut_anywhere_gives_the_messages_before_the_cut(run, tmp_path):
     assert max(seen) > len(whole) // 2 and len(seen) > 5
 
 
-def test_a_flipped_bit_anywhere_among_the_messages_is_found(run, tmp_path):
+def test_a_flipped_bit_anywhere_in_the_messages_is_detected(run, tmp_path):
     data = run.read_bytes()
     first = min(block.start_ns for block in open_recording(run).blocks)
     assert first == 0
@@ -82,7 +82,7 @@ def test_a_flipped_bit_anywhere_among_the_messages_is_found(run, tmp_path):
             assert found == whole or recording.problems
 
 
-def test_time_order_and_what_was_latest(run):
+def test_messages_in_time_order_and_the_latest_before_a_time(run):
     recording = open_recording(run)
     times = [message.time_ns for message in recording.in_time_order(start_ns=500_000_000)]
     assert times == sorted(times) and times[0] >= 500_000_000
@@ -113,7 +113,7 @@ def test_a_folder_of_several_files_is_one_recording(run, tmp_path):
     ("content", "words"),
     [(b"", "the file is empty"), (b"hello, world", "is not an MCAP file"), (None, "there is no such file")],
 )
-def test_what_is_no_recording_is_named(tmp_path, content, words):
+def test_a_file_that_is_not_a_recording_is_an_error(tmp_path, content, words):
     path = tmp_path / "x y.mcap"
     if content is not None:
         path.write_bytes(content)
@@ -121,20 +121,20 @@ def test_what_is_no_recording_is_named(tmp_path, content, words):
         open_recording(path)
 
 
-def test_a_database_that_is_no_bag_is_named(tmp_path):
+def test_a_file_that_is_not_a_rosbag2_database_is_an_error(tmp_path):
     (tmp_path / "x.db3").write_bytes(b"nothing of the kind")
     with pytest.raises(ReadingError, match=r"x.db3: is not a rosbag2 database"):
         open_recording(tmp_path / "x.db3")
 
 
-def test_a_message_that_is_not_of_its_type_is_named(run):
+def test_a_message_of_another_type_is_an_error_with_topic_and_time(run):
     recording = open_recording(run)
     for payload in (b"", b"\x00\x01\x00\x00\xff\xff\xff\xff", b"\x07\x07\x00\x00"):
         with pytest.raises(ReadingError, match=r"/energies at t = 1 s"):
             recording.decoded(Message("/energies", payload, 10**9, 0))
 
 
-def test_big_endian_messages_are_read_too():
+def test_big_endian_messages_are_decoded():
     store = get_typestore(Stores.ROS2_JAZZY)
     state, header, stamp = (store.types[n] for n in (
         "sensor_msgs/msg/JointState", "std_msgs/msg/Header", "builtin_interfaces/msg/Time"))  # fmt: skip
@@ -148,7 +148,7 @@ def test_big_endian_messages_are_read_too():
         assert [values.tolist() for values in found[3:]] == [[1.0, 2.0], [], [3.0]]
 
 
-def test_a_flipped_bit_in_the_mechanism_is_told(run, tmp_path):
+def test_a_flipped_bit_in_the_mechanism_is_reported(run, tmp_path):
     data = bytearray(run.read_bytes())
     data[data.index(b"mechanism: double_rod") + 3] ^= 1
     path = tmp_path / "x.mcap"

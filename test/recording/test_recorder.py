@@ -20,10 +20,10 @@ from mbd_sim.recording.message_definitions import definition, type_hash
 from mbd_sim.recording.recorder import Recorder
 from mbd_sim.recording.recording_paths import RecordingPaths
 from mbd_sim.recording.run_metadata import Moment, run_metadata
-from test.recording.recordings import TOPICS, messages, metadata, recorder_in, whole_chunks
+from test.recording.recordings import TOPICS, count_and_last, messages, metadata, recorder_in
 
 
-def test_messages_come_back_with_their_times_and_sequence(tmp_path):
+def test_messages_are_read_back_with_their_times_and_sequence_numbers(tmp_path):
     recorder = recorder_in(tmp_path)
     for number in range(1000):
         recorder.put("text" if number % 2 else "vital", bytes([number % 256]) * 8, number * 10, number)
@@ -39,27 +39,27 @@ def test_messages_come_back_with_their_times_and_sequence(tmp_path):
     assert {index.compression for index in summary.chunk_indexes} == {"zstd"}
 
 
-def test_closing_twice_is_harmless(tmp_path):
+def test_closing_twice_has_no_effect(tmp_path):
     recorder = recorder_in(tmp_path)
     recorder.close()
     recorder.close()
 
 
 @pytest.mark.parametrize("rate", [1.0, 50.0])
-def test_a_message_is_in_the_file_soon_however_few_there_are(tmp_path, rate):
+def test_a_message_reaches_the_file_soon_even_at_a_low_rate(tmp_path, rate):
     recorder = recorder_in(tmp_path)
     for number in range(2):
         recorder.put("text", b"12345678", number, number)
         put = time.monotonic()
-        while whole_chunks(recorder.path)[1] != number and time.monotonic() < put + 10.0:
+        while count_and_last(recorder.path)[1] != number and time.monotonic() < put + 10.0:
             time.sleep(0.01)
-        assert whole_chunks(recorder.path)[1] == number
+        assert count_and_last(recorder.path)[1] == number
         if time.monotonic() - put < 1.0 / rate:
             time.sleep(max(0.0, put + 1.0 / rate - time.monotonic()))
     recorder.close()
 
 
-def test_what_is_put_before_the_beginning_is_not_recorded(tmp_path):
+def test_messages_put_before_begin_are_not_recorded(tmp_path):
     recorder = recorder_in(tmp_path, begun=False)
     recorder.put("vital", b"early", 0, 0)
     recorder.begin({"now": "yes"})
@@ -69,7 +69,7 @@ def test_what_is_put_before_the_beginning_is_not_recorded(tmp_path):
     assert recorder.dropped == 1
 
 
-def test_each_file_of_a_split_recording_is_whole(tmp_path):
+def test_each_file_of_a_split_recording_is_complete(tmp_path):
     recorder = recorder_in(tmp_path)
     for number in range(30):
         if number in (10, 20):
@@ -85,7 +85,7 @@ def test_each_file_of_a_split_recording_is_whole(tmp_path):
 
 
 @pytest.mark.parametrize("split", [False, True])
-def test_a_folder_of_rosbag2_has_its_own_metadata(tmp_path, split):
+def test_a_rosbag2_folder_has_valid_metadata(tmp_path, split):
     recorder = recorder_in(tmp_path, rosbag2=True)
     folder = recorder.paths.location
     deadline = time.monotonic() + 10.0
@@ -114,7 +114,7 @@ def test_a_folder_of_rosbag2_has_its_own_metadata(tmp_path, split):
 
 
 def bag_by_rosbags(folder):
-    """What an independent writer of the same version of the format says of a small bag."""
+    """Return the metadata that an independent writer of the same format version writes for a small bag."""
     with BagWriter(folder, version=9) as writer:
         store = get_typestore(Stores.ROS2_JAZZY)
         with AnyReader([next(folder.parent.glob("name_*"))]) as reader:
@@ -126,13 +126,13 @@ def bag_by_rosbags(folder):
 
 
 def keys(document):
-    """The structure of nested values: keys and types; lists by their first entry. Free-form data is left out."""
+    """Return the structure of nested values: keys and types, of lists the first entry, without free-form data."""
     if isinstance(document, dict):
         return {key: keys(value) for key, value in document.items() if key != "custom_data"}
     return [keys(document[0])] if isinstance(document, list) else type(document)
 
 
-def test_a_full_disk_is_reported_and_counted_and_never_raises():
+def test_a_full_disk_is_reported_and_lost_messages_are_counted():
     recorder = Recorder(RecordingPaths(module.Path("/dev/full")), TOPICS, "")
     recorder.begin({})
     for number in range(2000):
@@ -143,7 +143,7 @@ def test_a_full_disk_is_reported_and_counted_and_never_raises():
     assert recorder.dropped == 2000
 
 
-def test_a_limit_that_the_system_sets_leaves_a_whole_file_with_its_index(tmp_path):
+def test_a_file_size_limit_leaves_a_complete_file_with_an_index(tmp_path):
     recorder = recorder_in(tmp_path)
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, before[1]))
@@ -161,23 +161,23 @@ def test_a_limit_that_the_system_sets_leaves_a_whole_file_with_its_index(tmp_pat
 
 
 class StalledFile(DurableFile):
-    """A disk that stands still until it is let go."""
+    """A file whose disk accepts nothing until `released` is set."""
 
-    go_on = threading.Event()
+    released = threading.Event()
 
     def write(self, data):
-        self.go_on.wait(20)
+        self.released.wait(20)
         return super().write(data)
 
 
 @pytest.fixture
 def stalled():
-    StalledFile.go_on.clear()
-    yield StalledFile.go_on
-    StalledFile.go_on.set()
+    StalledFile.released.clear()
+    yield StalledFile.released
+    StalledFile.released.set()
 
 
-def test_when_the_disk_is_slow_display_topics_are_dropped_and_vital_ones_are_kept(tmp_path, monkeypatch, stalled):
+def test_on_a_slow_disk_display_topics_are_dropped_and_vital_ones_kept(tmp_path, monkeypatch, stalled):
     monkeypatch.setattr(module, "QUEUE_LIMIT", 100 * (module.MESSAGE_OVERHEAD + 8))
     recorder = recorder_in(tmp_path, open_file=StalledFile)
     for number in range(1000):
@@ -192,7 +192,7 @@ def test_when_the_disk_is_slow_display_topics_are_dropped_and_vital_ones_are_kep
     assert recorder.failure == ""
 
 
-def test_memory_stays_bounded_on_a_disk_that_is_always_too_slow(tmp_path, monkeypatch):
+def test_memory_is_bounded_on_a_disk_that_is_always_too_slow(tmp_path, monkeypatch):
     class Throttled(DurableFile):
         rate = 200e3
 
@@ -222,9 +222,7 @@ def test_memory_stays_bounded_on_a_disk_that_is_always_too_slow(tmp_path, monkey
     assert recorder.failure == ""
 
 
-def test_when_not_even_vital_messages_can_be_written_the_recording_ends_and_lacks_none_before(
-    tmp_path, monkeypatch, stalled
-):
+def test_the_recording_ends_without_a_gap_when_even_vital_messages_cannot_be_written(tmp_path, monkeypatch, stalled):
     monkeypatch.setattr(module, "VITAL_QUEUE_LIMIT", 100 * (module.MESSAGE_OVERHEAD + 8))
     recorder = recorder_in(tmp_path, open_file=StalledFile)
     for number in range(1000):
@@ -238,7 +236,7 @@ def test_when_not_even_vital_messages_can_be_written_the_recording_ends_and_lack
     assert 100 <= len(written) == 1000 - recorder.dropped
 
 
-def test_little_room_on_the_disk_ends_the_recording_before_there_is_none(tmp_path):
+def test_the_recording_ends_while_there_is_still_room_to_finish_it(tmp_path):
     class Small(DurableFile):
         def free(self):
             return 3_000_000 - self.tell()
@@ -254,7 +252,7 @@ def test_little_room_on_the_disk_ends_the_recording_before_there_is_none(tmp_pat
     assert recorder.path.stat().st_size < 3_000_000
 
 
-def test_a_next_file_that_cannot_be_opened_ends_the_recording_and_leaves_the_first_whole(tmp_path):
+def test_if_the_next_file_cannot_be_opened_the_first_one_is_complete(tmp_path):
     def once(path):
         if "part2" in path.name:
             raise OSError(30, "Read-only file system", str(path))
@@ -273,7 +271,7 @@ def test_a_next_file_that_cannot_be_opened_ends_the_recording_and_leaves_the_fir
 @pytest.mark.parametrize(
     "kind", ["sensor_msgs/msg/JointState", "std_msgs/msg/Float64MultiArray", "rosgraph_msgs/msg/Clock"]
 )
-def test_a_definition_is_complete_and_gives_the_type_that_ros_knows(kind):
+def test_a_definition_is_complete_and_equals_the_type_in_ros(kind):
     store = get_typestore(Stores.ROS2_JAZZY)
     parsed = get_types_from_msg(definition(kind), kind)
     assert kind in parsed
@@ -281,13 +279,13 @@ def test_a_definition_is_complete_and_gives_the_type_that_ros_knows(kind):
         assert [field for field, _ in fields[1]] == [field for field, _ in store.fielddefs[name][1]]
 
 
-def test_the_hash_is_that_of_the_installed_type():
+def test_the_type_hash_equals_that_of_the_installed_type():
     store = get_typestore(Stores.ROS2_JAZZY)
     assert type_hash("sensor_msgs/msg/JointState") == store.hash_rihs01("sensor_msgs/msg/JointState")
     assert type_hash("std_msgs/msg/Nothing") == ""
 
 
-def test_metadata_holds_the_exact_step_and_start():
+def test_metadata_contains_the_exact_step_and_start():
     simulation = Simulation.from_file("double_rod", step=1e-3 / 3)
     about = run_metadata(simulation)
     assert float.fromhex(about["step"]) == 1e-3 / 3
@@ -296,7 +294,7 @@ def test_metadata_holds_the_exact_step_and_start():
     assert all(isinstance(value, str) for value in about.values())
 
 
-def test_metadata_of_a_moment_holds_all_that_the_motion_depends_on():
+def test_metadata_of_a_moment_contains_everything_the_motion_depends_on():
     simulation = Simulation.from_file("double_rod", live=["gravity[*]"], wrenches=["upper"])
     simulation.step(100)
     simulation.set_efforts([0.1, -0.2])

@@ -1,4 +1,4 @@
-"""Names of recordings."""
+"""Paths of recordings."""
 
 import threading
 
@@ -11,17 +11,17 @@ from mbd_sim.recording.recording_paths import (
 )
 from test.recording.recordings import messages, recorder_in
 
-ODD = ["with spaces", "Übergröße 机构 🤖", "quo'te\"s", "new\nline", "$(touch hacked) `x` *", "-rf", "#?%&=;"]
+UNUSUAL_NAMES = ["with spaces", "Übergröße 机构 🤖", "quo'te\"s", "new\nline", "$(touch hacked) `x` *", "-rf", "#?%&=;"]
 
 
-def test_two_recordings_of_one_second_get_two_files(tmp_path):
+def test_recordings_started_in_the_same_second_get_different_files(tmp_path):
     paths = {new_recording_paths(tmp_path / "new" / "folder", "name").location for _ in range(5)}
     assert len(paths) == 5
     assert all(path.parent == tmp_path / "new" / "folder" and path.suffix == ".mcap" for path in paths)
 
 
 @pytest.mark.parametrize("rosbag2", [False, True])
-def test_recordings_that_begin_at_once_in_one_folder_never_share_a_name(tmp_path, rosbag2):
+def test_recordings_started_at_once_in_one_folder_never_share_a_name(tmp_path, rosbag2):
     found, barrier = [], threading.Barrier(8)
 
     def take():
@@ -36,7 +36,7 @@ def test_recordings_that_begin_at_once_in_one_folder_never_share_a_name(tmp_path
     assert len(set(found)) == len(found) == 80
 
 
-def test_two_recorders_in_the_same_folder_at_once_do_not_mix(tmp_path):
+def test_two_recorders_in_the_same_folder_write_separate_files(tmp_path):
     recorders = [recorder_in(tmp_path) for _ in range(2)]
     for number in range(2000):
         recorders[number % 2].put("text", b"12345678", number, number)
@@ -45,13 +45,13 @@ def test_two_recorders_in_the_same_folder_at_once_do_not_mix(tmp_path):
         assert [message.sequence for _, message in messages(recorder.path)] == list(range(parity, 2000, 2))
 
 
-def test_a_folder_that_cannot_be_made_is_an_error_with_a_remedy(tmp_path):
+def test_a_folder_that_cannot_be_created_is_an_error_with_a_remedy(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(RecordingError, match=r"cannot record to .*file/logs.*record_dir"):
         new_recording_paths(tmp_path / "file" / "logs", "name")
 
 
-def test_a_folder_whose_name_the_system_refuses_is_an_error_with_a_remedy(tmp_path):
+def test_an_invalid_folder_name_is_an_error_with_a_remedy(tmp_path):
     with pytest.raises(RecordingError, match="record_dir"):
         new_recording_paths(tmp_path / "nul\0", "name")
     with pytest.raises(RecordingError, match="too long"):
@@ -59,8 +59,8 @@ def test_a_folder_whose_name_the_system_refuses_is_an_error_with_a_remedy(tmp_pa
 
 
 @pytest.mark.parametrize("rosbag2", [False, True])
-@pytest.mark.parametrize("name", ODD)
-def test_odd_names_of_folders_and_mechanisms_make_recordings_inside_the_folder(tmp_path, name, rosbag2):
+@pytest.mark.parametrize("name", UNUSUAL_NAMES)
+def test_recordings_stay_in_the_folder_for_unusual_names_of_folder_and_mechanism(tmp_path, name, rosbag2):
     folder = tmp_path / name
     recorder = recorder_in(folder, rosbag2=rosbag2)
     recorder.put("vital", b"12345678", 1, 1)
@@ -72,7 +72,7 @@ def test_odd_names_of_folders_and_mechanisms_make_recordings_inside_the_folder(t
     assert new_recording_paths(tmp_path / "of", name, rosbag2=rosbag2).location.parent == tmp_path / "of"
 
 
-def test_a_name_never_leaves_the_folder(tmp_path):
+def test_a_name_cannot_escape_the_folder(tmp_path):
     assert new_recording_paths(tmp_path, "../../etc/x").location.parent == tmp_path
     assert file_name("..") == "_"
     assert len(file_name("机" * 300).encode()) <= 150

@@ -1,4 +1,4 @@
-"""Recorded runs computed again."""
+"""Verification of recorded runs by recomputing them."""
 
 import json
 import math
@@ -16,7 +16,7 @@ from mbd_sim.recording.run_start import RecomputeError
 from mbd_sim.recording.verification import verify
 from test.recording.runs import ACTIONS, drive, record_run, rewrite, stepped_node, with_bit_flipped
 
-# Of each kind one: loops, rolling, drives, quaternions, springs with laws, friction, several parts of a command.
+# One of each kind: loops, rolling, drives, quaternions, springs with laws, friction, wrenches on several parts.
 KINDS = {
     "double_rod": "dop853", "four_bar": "dop853", "rolling_disc": "rk4", "moving_support_pendulum": "rk4",
     "spherical_top": "dop853", "tumbling": "gauss4", "stick_slip": "rosenbrock", "duffing": "rosenbrock",
@@ -26,7 +26,7 @@ KINDS = {
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """Two seconds of two rods, with commands of all kinds and no reset."""
+    """Two seconds of a double rod with commands of all kinds, without a reset."""
     return record_run(tmp_path_factory.mktemp("run"), "double_rod", seconds=2.0, seed=3, commands=12, resets=False)
 
 
@@ -36,7 +36,7 @@ def only(path, **options):
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_a_run_under_random_commands_holds_bit_for_bit(name, tmp_path):
+def test_a_run_under_random_commands_is_recomputed_bit_for_bit(name, tmp_path):
     path = record_run(tmp_path, name, seconds=0.5, seed=len(name), method=KINDS[name], constraint_violation=True)
     found = only(path)
     assert found.agrees and found.tolerance is None, verify_text(found)
@@ -46,17 +46,17 @@ def test_a_run_under_random_commands_holds_bit_for_bit(name, tmp_path):
     assert found.steps * found.step == pytest.approx(0.5, abs=0.1)
 
 
-def test_a_file_that_was_cut_off_holds_as_far_as_it_goes(run, tmp_path):
+def test_a_truncated_file_is_verified_up_to_its_end(run, tmp_path):
     data = rewrite(run, tmp_path / "x.mcap").read_bytes()
-    for part in (0.3, 0.4, 0.5):
+    for fraction in (0.3, 0.4, 0.5):
         path = tmp_path / "cut.mcap"
-        path.write_bytes(data[: int(part * len(data))])
+        path.write_bytes(data[: int(fraction * len(data))])
         found = only(path)
         assert found.agrees and "cut off" in found.problem, verify_text(found)
         assert 0 < found.compared["joint_states"] < only(run).compared["joint_states"]
 
 
-def test_a_flipped_bit_in_a_recorded_state_is_named(run, tmp_path):
+def test_a_flipped_bit_in_a_recorded_state_is_reported(run, tmp_path):
     recording = open_recording(run)
     states = [(n, m) for n, m in enumerate(recording.messages()) if m.topic == "/joint_states"]
     number, message = states[57]
@@ -75,7 +75,7 @@ def test_a_flipped_bit_in_a_recorded_state_is_named(run, tmp_path):
         assert found.differing == 1 and "this record is damaged" in verify_text(found)
 
 
-def test_a_flipped_bit_in_an_energy_a_stamp_or_a_name_is_named(run, tmp_path):
+def test_a_flipped_bit_in_an_energy_a_stamp_or_a_name_is_reported(run, tmp_path):
     numbers = {}
     for number, message in enumerate(open_recording(run).messages()):
         numbers.setdefault(message.topic, []).append(number)
@@ -93,7 +93,7 @@ def test_a_flipped_bit_in_an_energy_a_stamp_or_a_name_is_named(run, tmp_path):
         assert (found.first.topic, found.first.name, found.differing) == (topic, words, 1)
 
 
-def test_a_flipped_bit_in_a_recorded_command_is_named(run, tmp_path):
+def test_a_flipped_bit_in_a_recorded_command_is_reported(run, tmp_path):
     recording = open_recording(run)
     commands = [(n, m) for n, m in enumerate(recording.messages()) if m.topic.endswith("applied_efforts")]
     number, message = commands[1]
@@ -107,14 +107,14 @@ def test_a_flipped_bit_in_a_recorded_command_is_named(run, tmp_path):
     assert found.largest.size >= found.first.size
 
 
-def test_a_live_value_that_contradicts_its_event_is_named(run, tmp_path):
+def test_a_live_value_that_contradicts_its_event_is_reported(run, tmp_path):
     numbers = [n for n, m in enumerate(open_recording(run).messages()) if m.topic.endswith("live_values")]
     path = rewrite(run, tmp_path / "x.mcap", lambda n, m: with_bit_flipped(m, -8, 0) if n == numbers[1] else m)
     found = only(path)
     assert not found.agrees and found.first.topic == "live_values"
 
 
-def test_a_command_that_is_missing_and_a_step_that_is_wrong_are_found(run, tmp_path):
+def test_a_missing_command_and_a_wrong_step_are_detected(run, tmp_path):
     recording = open_recording(run)
     commands = [n for n, m in enumerate(recording.messages()) if m.topic.endswith("applied_efforts")]
     found = only(rewrite(run, tmp_path / "x.mcap", lambda n, m: None if n == commands[0] else m))
@@ -125,7 +125,7 @@ def test_a_command_that_is_missing_and_a_step_that_is_wrong_are_found(run, tmp_p
     assert moved.first.name == "time of the step" and moved.first.topic == "/sim_node/applied_efforts"
 
 
-def test_a_bit_flipped_in_the_file_itself_is_found(run, tmp_path):
+def test_a_flipped_bit_in_the_file_itself_is_detected(run, tmp_path):
     data = bytearray(run.read_bytes())
     data[len(data) // 2] ^= 4
     path = tmp_path / "x.mcap"
@@ -134,7 +134,7 @@ def test_a_bit_flipped_in_the_file_itself_is_found(run, tmp_path):
     assert not found.agrees and "damaged" in found.failure + found.problem, verify_text(found)
 
 
-def test_another_start_or_step_in_the_metadata_is_found(run, tmp_path):
+def test_another_start_or_method_in_the_metadata_is_detected(run, tmp_path):
     about = open_recording(run).about
     start = json.loads(about["start"])
     start[0] = math.nextafter(float.fromhex(start[0]), 9.0).hex()
@@ -144,7 +144,7 @@ def test_another_start_or_step_in_the_metadata_is_found(run, tmp_path):
     assert not other.agrees and other.first.tick > 0
 
 
-def test_of_another_version_it_is_said_and_compared_to_a_tolerance(run, tmp_path):
+def test_a_recording_of_another_version_is_compared_to_a_tolerance(run, tmp_path):
     path = rewrite(run, tmp_path / "x.mcap", about={"casadi": "3.1", "processor": "other"})
     found = only(path)
     assert found.agrees and found.tolerance == 1e-9
@@ -158,22 +158,22 @@ def test_of_another_version_it_is_said_and_compared_to_a_tolerance(run, tmp_path
 
 
 @pytest.mark.parametrize("name", ["spherical_top", "tumbling", "four_bar"])
-def test_to_a_tolerance_each_interval_begins_from_the_recorded_state(name, tmp_path):
+def test_with_a_tolerance_each_interval_starts_from_the_recorded_state(name, tmp_path):
     path = record_run(tmp_path, name, seconds=0.5, seed=1)
     assert only(path, tolerance=1e-11).agrees, verify_text(only(path, tolerance=1e-11))
 
 
-def test_a_recording_that_was_started_in_the_middle_of_a_run(run, tmp_path):
+def test_a_recording_started_in_the_middle_of_a_run_is_verified(run, tmp_path):
     recording = open_recording(run)
     tick = next(m.sequence for m in recording.messages() if m.topic.endswith("applied_efforts")) + 7
-    replica = Recomputation(recording.files[0])
+    recomputation = Recomputation(recording.files[0])
     for message in recording.messages():
         if message.sequence > tick:
             break
-        replica.advance(message.sequence)
-        replica.apply(message)
-    replica.advance(tick)
-    simulation = replica.simulation
+        recomputation.advance(message.sequence)
+        recomputation.apply(message)
+    recomputation.advance(tick)
+    simulation = recomputation.simulation
 
     def exact(values):
         return json.dumps([value.hex() for value in values.tolist()])
@@ -183,7 +183,7 @@ def test_a_recording_that_was_started_in_the_middle_of_a_run(run, tmp_path):
         "first_step": str(simulation.steps), "start_energy": float(simulation.start_energy).hex(),
         "live": json.dumps({name: value.hex() for name, value in simulation.live.items()}),
     }  # fmt: skip
-    assert any(simulation.inputs[:2]), "some effort acts at that moment"
+    assert any(simulation.inputs[:2]), "an effort is applied at that tick"
     path = rewrite(run, tmp_path / "x.mcap", lambda n, m: m if m.sequence > tick else None, about=about)
     found = only(path)
     assert found.agrees and found.compared["joint_states"] > 100, verify_text(found)
@@ -192,23 +192,23 @@ def test_a_recording_that_was_started_in_the_middle_of_a_run(run, tmp_path):
 
 @pytest.mark.parametrize("name", ["double_rod", "moving_support_pendulum"])
 @pytest.mark.parametrize("form", ["mcap", "rosbag2"])
-def test_recordings_begun_and_split_while_it_runs_hold_each_alone(name, form, tmp_path):
+def test_recordings_started_and_split_during_a_run_are_each_verified_alone(name, form, tmp_path):
     chance = random.Random(5)
     with stepped_node(tmp_path, name, record=False, record_format=form) as node:
         recordings = node.publishing_thread.recordings
         for order in (recordings.start, recordings.split, recordings.stop, recordings.start):
             drive(node, 0.5, 6, chance, ACTIONS)
-            done, told = order()
-            assert done, told
+            done, answer = order()
+            assert done, answer
         drive(node, 0.5, 6, chance, ACTIONS)
     found = [one for path in sorted(tmp_path.iterdir()) for one in verify(path)]
     assert len(found) == 3 and all(one.agrees for one in found), "\n".join(map(verify_text, found))
     assert all(one.compared["joint_states"] > 40 and one.commands for one in found)
 
 
-def test_what_cannot_be_computed_again_is_named(run, tmp_path):
+def test_metadata_that_prevents_recomputation_is_reported(run, tmp_path):
     for about, words in (
-        ({"start": "[]"}, "its metadata do not fit its mechanism"),
+        ({"start": "[]"}, "its metadata does not fit its mechanism"),
         ({"start": "[1]"}, "its metadata 'mbd_sim' cannot be read"),
         ({"first_tick": "x"}, "its metadata 'mbd_sim' cannot be read"),
         ({"wrenches": '["nothing"]'}, "there is no part 'nothing'"),
@@ -218,7 +218,7 @@ def test_what_cannot_be_computed_again_is_named(run, tmp_path):
             verify(path)
 
 
-def test_the_command_says_what_it_found(run, tmp_path, capsys):
+def test_the_verify_command_reports_its_result(run, tmp_path, capsys):
     assert main(["verify", str(run), "--quiet"]) == 0
     out = capsys.readouterr().out
     assert "verified, bit for bit" in out and "× real time" in out and "2000 steps, 2 s simulated" in out
