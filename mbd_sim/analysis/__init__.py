@@ -1,1 +1,1 @@
-"""What can be said of a mechanism before it moves: its mobility, its constraints, its small motions."""
+"""Analyses of a mechanism at a state: mobility, integrability, small motions, inverse dynamics, and regulators."""

@@ -1,4 +1,4 @@
-"""The generalized inertia forces split by where they come from (Lidström 9.7-9.10; Géradin & Rixen, p. 26-27)."""
+"""The generalized inertia forces, split by their origin (Lidström, sec. 9.7–9.10; Géradin & Rixen, p. 26–27)."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from mbd_sim.geometry.pose import Array
 class InertiaForces(NamedTuple):
     """The terms (nv,) of d/dt(∂T/∂q') - ∂T/∂q along the speeds, in N or N·m.
 
-    They stand on the side of M u'; d'Alembert's inertia forces are their negatives. With T = T2 + T1 + T0 of second,
-    first and no degree in the speeds:
+    Their sign is that of M u'; d'Alembert's inertia forces are their negatives. The kinetic energy is T = T2 + T1 + T0,
+    of degree 2, 1 and 0 in the speeds.
 
-    - `relative`, d/dt(∂T2/∂q') - ∂T2/∂q with time at rest: what is left when the drives stand still. Without drives
-      it is all there is.
-    - `transport`, ∂²T1/∂t∂q' - ∂T0/∂q: what is left when the speeds and their rates are zero, so that all is carried
-      along by the drives; centrifugal forces are among them.
-    - `gyroscopic`, Σ (∂²T1/∂q'∂q_r - ∂²T1/∂q∂q'_r) q'_r = G u: of Coriolis' forces those that a steady drive makes.
-      G is skew, so that they do no work: u·G u = 0.
-    - `unsteady`, ∂²T2/∂t∂q' = (∂M/∂t) u: of Coriolis' forces those of drives that change the mass matrix. They do
-      work: 2 ∂T2/∂t. They vanish where the drives only carry the mechanism along, as a turning frame does.
+    - `relative`, d/dt(∂T2/∂q') - ∂T2/∂q at fixed time: the terms that remain when the drives stand still. Without
+      drives there are no others.
+    - `transport`, ∂²T1/∂t∂q' - ∂T0/∂q: the terms that remain when the speeds and their rates are zero, so that the
+      drives carry everything along. Centrifugal forces are among them.
+    - `gyroscopic`, Σ (∂²T1/∂q'∂q_r - ∂²T1/∂q∂q'_r) q'_r = G u: the Coriolis forces due to steady drives. G is
+      skew-symmetric, so that they do no work: u·G u = 0.
+    - `unsteady`, ∂²T2/∂t∂q' = (∂M/∂t) u: the Coriolis forces due to drives that change the mass matrix. Their power is
+      2 ∂T2/∂t. They vanish if the drives only carry the mechanism along, as a rotating frame does.
     """
 
     relative: Array
@@ -35,7 +35,7 @@ class InertiaForces(NamedTuple):
 
     @property
     def complementary(self) -> Array:
-        """Coriolis' forces (nv,): the gyroscopic and the unsteady ones; relative + transport + these is the total."""
+        """The Coriolis forces (nv,), gyroscopic and unsteady: the total is relative + transport + complementary."""
         return self.gyroscopic + self.unsteady
 
     @property
@@ -46,10 +46,10 @@ class InertiaForces(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class InertiaSplit:
-    """The split as functions of numbers.
+    """The split as numerical functions.
 
-    `forces(t, q, u, u_rates)` gives (nv, 4), a column for each of `InertiaForces`, `gyroscopic(t, q)` gives G
-    (nv, nv), and `kinetic(t, q, u)` (3,) T2, T1 and T0 in J.
+    `forces(t, q, u, u_rates)` gives (nv, 4), with a column for each of `InertiaForces`; `gyroscopic(t, q)` gives G
+    (nv, nv); `kinetic(t, q, u)` gives (3,) T2, T1 and T0 in J.
     """
 
     forces: ca.Function
@@ -61,7 +61,7 @@ class InertiaSplit:
         return InertiaForces(*(np.array(self.forces(t, q, u, u_rates), dtype=float).T))
 
     def gyroscopic_matrix(self, t: float, q: Array) -> Array:
-        """G (nv, nv), skew, in kg/s, kg·m/s or kg·m²/s: the gyroscopic terms are G u."""
+        """The skew-symmetric matrix G (nv, nv) in kg/s, kg·m/s or kg·m²/s: the gyroscopic terms are G u."""
         return np.array(self.gyroscopic(t, q), dtype=float)
 
     def kinetic_parts(self, t: float, q: Array, u: Array) -> tuple[float, float, float]:
@@ -73,11 +73,11 @@ class InertiaSplit:
 def inertia_split(equations: Equations) -> InertiaSplit:
     """Split the inertia forces of a mechanism, in the coordinates and speeds of its spanning tree.
 
-    Only drives of joints move these coordinates' frames: a constraint that depends on time, such as a leg of a Stewart
-    platform, is a force here. The speeds u need not be derivatives of coordinates. With q' = N(q) u and
-    T2 = ½ q'ᵀA q', T1 = aᵀq', the covectors of each part are projected by Nᵀ, so that the matrix is
-    G = Nᵀ (∂a/∂q - (∂a/∂q)ᵀ) N. Nothing in this depends on how T is continued to quaternions that are not of unit
-    length. As N does not depend on time, the degree in q' is that in u.
+    Only drives of joints move the frames of these coordinates: a constraint that depends on time, such as a leg of a
+    Stewart platform, is a force here. The speeds u need not be derivatives of coordinates. With q' = N(q) u,
+    T2 = ½ q'ᵀA q' and T1 = aᵀq', the covectors are projected by Nᵀ, so that G = Nᵀ (∂a/∂q - (∂a/∂q)ᵀ) N. The result
+    does not depend on how T is continued to quaternions that are not of unit length. As N does not depend on time,
+    the degree in q' is the degree in u.
     """
     nq, nv = equations.layout.nq, equations.layout.nv
     t, q, u, u_rates = ca.SX.sym("t"), ca.SX.sym("q", nq), ca.SX.sym("u", nv), ca.SX.sym("u'", nv)
@@ -90,18 +90,18 @@ def inertia_split(equations: Equations) -> InertiaSplit:
     mass = ca.hessian(kinetic, u)[0]
     carried = ca.substitute(ca.gradient(kinetic, u), u, still)
     constant = ca.substitute(kinetic, u, still)
-    # N's columns are orthogonal, those of quaternions at any length: N⁺ = (NᵀN)⁻¹Nᵀ.
-    back = ca.diag(1.0 / ca.sum1(to_rates**2).T) @ to_rates.T
-    form = back.T @ carried  # a
+    # The columns of N are orthogonal, also for quaternions of any length, so that NᵀN is diagonal: N⁺ = (NᵀN)⁻¹Nᵀ.
+    pseudoinverse = ca.diag(1.0 / ca.sum1(to_rates**2).T) @ to_rates.T
+    form = pseudoinverse.T @ carried  # a
     slopes = to_rates.T @ ca.jacobian(form, q) @ to_rates
 
-    momentum = back.T @ (mass @ u)  # ∂T2/∂q'
+    momentum = pseudoinverse.T @ (mass @ u)  # ∂T2/∂q'
     v = ca.SX.sym("q'", nq)
-    second = 0.5 * ca.dot(back @ v, mass @ (back @ v))
+    second = 0.5 * ca.dot(pseudoinverse @ v, mass @ (pseudoinverse @ v))
     of_second = ca.substitute(ca.gradient(second, q), v, q_rates)
     relative = mass @ u_rates + to_rates.T @ (ca.jtimes(momentum, q, q_rates) - of_second)
     transport = to_rates.T @ (ca.jacobian(form, t) - ca.gradient(constant, q))
-    matrix = slopes - slopes.T  # skew to the last bit
+    matrix = slopes - slopes.T  # exactly skew-symmetric
     unsteady = ca.jtimes(mass @ u, t, ca.SX(1))
     columns = ca.horzcat(relative, transport, matrix @ u, unsteady)
     parts = ca.vertcat(0.5 * ca.dot(u, mass @ u), ca.dot(carried, u), constant)

@@ -1,4 +1,4 @@
-"""What a step costs: the scalar instructions of the compiled functions, counted by kind."""
+"""The cost of a step: the scalar instructions of the compiled functions, counted by kind."""
 
 from __future__ import annotations
 
@@ -29,25 +29,25 @@ _FREE = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST)
 
 
 def cost(equations: Equations, method: Method) -> dict[str, Any]:
-    """Instructions of one evaluation of the accelerations and of one way back to the constraints, and of a step.
+    """The instructions of one evaluation of the accelerations, of one projection onto the constraints, and of a step.
 
-    A step takes `evaluations` of the accelerations and leads back once; methods that solve equations do more.
+    A step takes `evaluations` of the accelerations and one projection; implicit methods take more instructions.
     """
     accelerations = _counted(arranged(equations.rates))
-    back = _counted(arranged(equations.project, fused=False)) if equations.project is not None else {}
+    projection = _counted(arranged(equations.project, fused=False)) if equations.project is not None else {}
     return {
         "accelerations": accelerations,
-        "back_to_constraints": back,
+        "back_to_constraints": projection,
         "evaluations": method.stages,
-        "step": method.stages * sum(accelerations.values()) + sum(back.values()),
+        "step": method.stages * sum(accelerations.values()) + sum(projection.values()),
     }
 
 
 def cost_text(found: dict[str, Any]) -> str:
-    """The same as a table."""
+    """A table of what `cost` returns."""
     columns = [*_KINDS, "others"]
     lines = [f"{'instructions':22s}" + "".join(f"{name:>19s}" for name in ("all", *columns))]
-    for key, name in (("accelerations", "accelerations"), ("back_to_constraints", "back to constraints")):
+    for key, name in (("accelerations", "accelerations"), ("back_to_constraints", "projection")):
         if found[key]:
             counts = (sum(found[key].values()), *(found[key][kind] for kind in columns))
             lines.append(f"{name:22s}" + "".join(f"{count:19d}" for count in counts))

@@ -1,4 +1,4 @@
-"""Whether nonholonomic constraints can be integrated after all (Frobenius; Géradin & Rixen, sec. 1.3)."""
+"""Whether velocity constraints are integrable, by the theorem of Frobenius (Géradin & Rixen, sec. 1.3)."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from mbd_sim.dynamics.assembly import null_space
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.geometry.pose import Array
 
-VANISHING = 1e-9  # of the derivatives themselves, what their skew part may be
+VANISHING = 1e-9  # the skew-symmetric part that counts as zero, relative to the derivatives
 
 
 def integrable_rows(equations: Equations) -> dict[int, bool]:
-    """For each nonholonomic row, by its index, whether it comes from a function of position.
+    """For each velocity constraint, by the index of its row, whether it is the derivative of a position constraint.
 
-    The forms ω = a(x) dx of some rows, with x of the coordinates and the time, do so together exactly where each dω
-    vanishes on all pairs of directions that these rows and the holonomic ones allow. So rows for which it does not
-    are given up, which allows more directions, until none is (the derived flag). That is tested in the configurations
-    around the start.
+    A row is a form ω = a(x) dx, where x is the coordinates and the time. A set of rows is integrable if and only if
+    each dω vanishes on all pairs of directions that these rows and the holonomic ones allow. Rows for which it does
+    not vanish are removed from the set, which allows more directions, until no row has to be removed (the derived
+    flag). The test is made in configurations around the start.
     """
     rows = [index for index, row in enumerate(equations.rows) if row.position is None]
     if not rows:
@@ -34,25 +34,28 @@ def integrable_rows(equations: Equations) -> dict[int, bool]:
     inverse = ca.solve(to_rates.T @ to_rates, to_rates.T)
     forms = ca.horzcat(gradient @ inverse, drift)
     x = ca.vertcat(q, t)
-    turning = [ca.jacobian(forms[index, :].T, x) for index in rows]
-    look = ca.Function("forms", [t, q], [gradient, drift, to_rates, *turning])
-    seen = [[np.array(value) for value in look(moment, at)] for moment, at in equations.start.nearby]
-    left, given_up = set(rows), set(rows)
-    while given_up:
+    derivatives = [ca.jacobian(forms[index, :].T, x) for index in rows]
+    function = ca.Function("forms", [t, q], [gradient, drift, to_rates, *derivatives])
+    values = [
+        [np.array(value) for value in function(time, configuration)] for time, configuration in equations.start.nearby
+    ]
+    left, removed = set(rows), set(rows)
+    while removed:
         kept = [index for index in range(len(equations.rows)) if index not in rows or index in left]
-        given_up = {
+        removed = {
             index
-            for g, b, n, *curls in seen
-            for index, curl in zip(rows, curls, strict=True)
-            if index in left and not _closed(curl, _directions(g[kept], b[kept], n))
+            for g, b, n, *jacobians in values
+            for index, jacobian in zip(rows, jacobians, strict=True)
+            if index in left and not _closed(jacobian, _directions(g[kept], b[kept], n))
         }
-        left -= given_up
+        left -= removed
     return {index: index in left for index in rows}
 
 
-def _closed(curl: Array, allowed: Array) -> bool:
-    skew = allowed.T @ (curl - curl.T) @ allowed
-    size = _largest(curl) * max(_largest(allowed), 1.0) ** 2
+def _closed(jacobian: Array, allowed: Array) -> bool:
+    """Whether dω, the skew-symmetric part of the form's Jacobian, vanishes on the allowed directions."""
+    skew = allowed.T @ (jacobian - jacobian.T) @ allowed
+    size = _largest(jacobian) * max(_largest(allowed), 1.0) ** 2
     return _largest(skew) <= VANISHING * max(size, 1.0)
 
 

@@ -1,4 +1,4 @@
-"""Inverse dynamics: the efforts that a motion takes."""
+"""Inverse dynamics: the efforts that a motion requires (Featherstone 2008, ch. 5)."""
 
 from __future__ import annotations
 
@@ -20,28 +20,30 @@ from mbd_sim.errors import nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 
-FEASIBLE = 1e-9  # of the largest acceleration, what the efforts may miss
+FEASIBLE = 1e-9  # the error of the accelerations that is allowed, relative to the largest one
 
 
 class InverseDynamics:
-    """The efforts that give a mechanism wanted accelerations, at a state.
+    """The efforts that produce given accelerations of a mechanism at a state.
 
-    An open chain takes the recursive Newton–Euler algorithm (Featherstone 2008, sec. 5.3): accelerations outwards,
-    forces inwards, O(n). With loops and constraints the same recursion runs on the spanning tree, and its generalized
-    forces r are shared out among the `actuated` coordinates so that Nᵀ e = Nᵀ r along the free directions N (the
-    constraints do no work there): by as small efforts as possible, where more coordinates are actuated than move.
-    Springs, dampers, friction, applied forces and drives are accounted for.
+    For an open chain they come from the recursive Newton–Euler algorithm (Featherstone 2008, sec. 5.3): accelerations
+    outwards, forces inwards, O(n). With loops and constraints the same recursion runs on the spanning tree. Its
+    generalized forces r are distributed among the `actuated` coordinates so that Nᵀ e = Nᵀ r along the free directions
+    N, in which constraint forces do no work. If more coordinates are actuated than are free, the norm of the efforts e
+    is the least possible. Springs, dampers, friction, applied forces and drives are accounted for.
 
     >>> arm = InverseDynamics(load_mechanism("six_axis_arm"))
-    >>> holding = arm(q, np.zeros(6), np.zeros(6))  # what carries the weight
+    >>> gravity_compensation = arm(q, np.zeros(6), np.zeros(6))
     """
 
     def __init__(
         self, mechanism: Mechanism, actuated: Sequence[str] | None = None, equations: Equations | None = None
     ) -> None:
-        """For efforts at the `actuated` coordinates, all by default; `equations` where they have been derived.
+        """Derive the recursion.
 
-        :raises ValueError: a name that no coordinate has.
+        :param actuated: names of the coordinates with efforts, by default all.
+        :param equations: those of the mechanism, if they have been derived already.
+        :raises ValueError: a coordinate does not exist.
         """
         names = mechanism.coordinate_names
         for name in actuated or ():
@@ -55,12 +57,12 @@ class InverseDynamics:
         self._direct = len(self._places) == len(names) and not (mechanism.closing or mechanism.constraints)
 
     def __call__(self, q: Array, u: Array, u_rates: Array, t: float = 0.0) -> Array:
-        """The efforts (nv,) in N and N·m for the accelerations `u_rates` (nv,); zero where nothing is actuated.
+        """The efforts (nv,) in N and N·m for the accelerations `u_rates` (nv,); zero at coordinates without actuation.
 
-        :param q: (nq,) coordinates, which meet the constraints.
-        :param u: (nv,) speeds.
-        :param t: s, where something depends on time.
-        :raises ValueError: the constraints, or joints without an effort, do not allow these accelerations.
+        :param q: (nq,) coordinates that meet the constraints.
+        :param u: (nv,) speeds that meet the constraints.
+        :param t: time in s, for forces, drives and constraints that depend on it.
+        :raises ValueError: the constraints, or joints without actuation, do not allow these accelerations.
         """
         efforts = np.array(self._tree(q, u, u_rates, t), dtype=float).ravel()
         if self._direct:

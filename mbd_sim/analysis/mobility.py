@@ -1,4 +1,4 @@
-"""Degrees of freedom, counted and measured (Huston & Liu, ch. 11; Lidström, ch. 1; Kutzbach's criterion)."""
+"""Degrees of freedom, by Kutzbach's criterion and by rank (Huston & Liu, ch. 11; Lidström, ch. 1)."""
 
 from __future__ import annotations
 
@@ -18,18 +18,20 @@ from mbd_sim.mechanism.records import (
     Mechanism,
 )
 
-PARALLEL = 1e-9  # of a unit vector, what two directions may differ by
+PARALLEL = 1e-9  # the difference of two unit vectors that count as parallel
 
 
 @dataclass(frozen=True)
 class Mobility:
     """The degrees of freedom of a mechanism.
 
-    `gross` is 6 N of N parts; `joint_equations` is what its joints and drives take from it and `other_equations` what
-    its constraints do; `kutzbach` is the difference and `planar_kutzbach` the same count with 3 N, where all moves in
-    one plane. `rank` is that of the constraint matrix G for the coordinates of the spanning tree, found along a short
-    run, and `rank_at_start` that at the start; `degrees_of_freedom` is what is left, `redundant` are the equations that
-    the others imply.
+    `gross` is 6 N for N parts. Joints and drives remove `joint_equations` of them, and the other constraints
+    `other_equations`; `kutzbach` is the difference. `planar_kutzbach` is the same count with 3 N, or None if the
+    mechanism does not move in one plane.
+
+    `coordinates` is the number of speeds of the spanning tree, and `equations` the number of rows of the constraint
+    matrix G. `rank` is the largest rank of G along a short run, and `rank_at_start` that at the start.
+    `degrees_of_freedom` is coordinates - rank; `redundant` names the equations that the others imply.
     """
 
     gross: int
@@ -46,16 +48,19 @@ class Mobility:
 
 
 def mobility(mechanism: Mechanism, equations: Equations, poses: Mapping[str, Pose]) -> Mobility:
-    """Count and measure; `poses` are those of the parts at the start."""
+    """Count the degrees of freedom.
+
+    :param poses: of the parts at the start, in ground's frame.
+    """
     joints = list(mechanism.all_joints.values())
-    taken = sum(6 - _freedoms(joint) for joint in joints)
+    removed = sum(6 - _freedoms(joint) for joint in joints)
     others = sum(row.owner[0] == "constraints" for row in equations.rows)
     start, size = equations.start, equations.layout.nv
     return Mobility(
         gross=6 * len(mechanism.parts),
-        joint_equations=taken,
+        joint_equations=removed,
         other_equations=others,
-        kutzbach=6 * len(mechanism.parts) - taken - others,
+        kutzbach=6 * len(mechanism.parts) - removed - others,
         planar_kutzbach=_planar(mechanism, {**poses, GROUND: Pose(np.zeros(3), np.eye(3))}),
         coordinates=size,
         equations=len(equations.rows),
@@ -71,62 +76,64 @@ def _freedoms(joint: Joint) -> int:
 
 
 def _planar(mechanism: Mechanism, poses: Mapping[str, Pose]) -> int | None:
-    """Kutzbach's count in the plane, where the mechanism moves in one and nothing else can."""
+    """Kutzbach's count in the plane, or None if the mechanism can also move out of one plane."""
     joints = list(mechanism.all_joints.values())
     if any(joint.kind.planar_freedoms is None for joint in joints):
         return None
     axes = {j.name: poses[j.parent].rotation @ j.parent_pose.rotation @ j.axis for j in joints if j.axis.any()}
     slides = [axes[j.name] for j in joints if j.name in axes and not j.kind.rotates]
     normals = [axes[j.name] for j in joints if j.kind.rotates]
-    normals += [np.cross(slides[0], slide) for slide in slides if not _along(slides[0], slide)]
+    normals += [np.cross(slides[0], slide) for slide in slides if not _parallel(slides[0], slide)]
     if not normals:
         return None
     normal = normals[0] / np.linalg.norm(normals[0])
-    if not all(_along(other, normal) for other in normals) or not all(_across(slide, normal) for slide in slides):
+    if not all(_parallel(other, normal) for other in normals) or not all(
+        _perpendicular(slide, normal) for slide in slides
+    ):
         return None
     equations = 0
     for constraint in mechanism.constraints:
         if (count := _planar_equations(constraint, poses, normal)) is None:
             return None
         equations += count
-    taken = sum(3 - (0 if joint.drive else joint.kind.planar_freedoms or 0) for joint in joints)
-    return 3 * len(mechanism.parts) - taken - equations
+    removed = sum(3 - (0 if joint.drive else joint.kind.planar_freedoms or 0) for joint in joints)
+    return 3 * len(mechanism.parts) - removed - equations
 
 
 def _planar_equations(constraint: c.Constraint, poses: Mapping[str, Pose], normal: Array) -> int | None:
-    """How many equations a constraint gives in a plane, or None where it does not lie in it."""
+    """The number of equations of a constraint in a plane, or None if it does not lie in the plane."""
 
     def world(at: Attachment, direction: Array) -> Array:
         return poses[at.part].rotation @ direction
 
-    def place(at: Attachment) -> Array:
+    def position(at: Attachment) -> Array:
         return poses[at.part].position + poses[at.part].rotation @ at.point
 
     match constraint:
         case c.Coupling():
             return 1
         case c.Distance(first=first, second=second):
-            return 1 if _across(place(second) - place(first), normal) else None
+            return 1 if _perpendicular(position(second) - position(first), normal) else None
         case c.Cable(points=points):
-            return 1 if all(_across(place(point) - place(points[0]), normal) for point in points) else None
+            return 1 if all(_perpendicular(position(point) - position(points[0]), normal) for point in points) else None
         case c.Flat(base=base, normals=normals):
             directions = [world(base, direction) for direction in normals]
-            inside = [direction for direction in directions if not _along(direction, normal)]
-            return len(inside) if all(_across(direction, normal) for direction in inside) else None
+            inside = [direction for direction in directions if not _parallel(direction, normal)]
+            return len(inside) if all(_perpendicular(direction, normal) for direction in inside) else None
         case c.Rolling(axis=axis, center=center, plane=plane, normal=up) if axis is not None:
-            upright = _along(world(center, axis), normal) and _across(world(plane, up), normal)
+            upright = _parallel(world(center, axis), normal) and _perpendicular(world(plane, up), normal)
             return 2 if upright else None
         case c.Rolling() | c.Surface():
             return None
         case c.KnifeEdge(plane=plane, normal=up):
-            return 1 if _along(world(plane, up), normal) else None
+            return 1 if _parallel(world(plane, up), normal) else None
         case _:
             assert_never(constraint)
 
 
-def _along(direction: Array, normal: Array) -> bool:
+def _parallel(direction: Array, normal: Array) -> bool:
     return bool(np.linalg.norm(np.cross(direction, normal)) < PARALLEL)
 
 
-def _across(direction: Array, normal: Array) -> bool:
+def _perpendicular(direction: Array, normal: Array) -> bool:
     return bool(abs(float(direction @ normal)) < PARALLEL * max(1.0, float(np.linalg.norm(direction))))

@@ -1,1 +1,1 @@
-"""What `mbd_sim check` reports about a mechanism."""
+"""The report of `mbd_sim check` about a mechanism, as data and as text."""

@@ -1,4 +1,4 @@
-"""`mbd_sim check --inertia`: mass centre, inertia dyadic and principal axes of every part and of the whole."""
+"""`mbd_sim check --inertia`: center of mass, inertia tensor and principal axes of each part and of the whole."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from mbd_sim.mechanism.mass_properties import MassProperties, composite
 from mbd_sim.mechanism.records import Part
 
 WHOLE = "whole mechanism"
-ROUND_OFF = 1e-15
+ROUND_OFF = 1e-15  # relative to the largest number
 
 
 def inertia_report(parts: Mapping[str, Part], poses: Mapping[str, Pose]) -> list[dict[str, Any]]:
-    """One record a part, in the part's frame, and one of all parts as one rigid body, in ground's frame at `poses`.
+    """One record for each part in its own frame, and one for all parts as one rigid body in ground's frame at `poses`.
 
-    Parts without mass are left out. Principal axes (3, 3) are unit vectors, one a row, of the moments in rising order.
+    Parts without mass are left out. The principal axes (3, 3) are unit vectors, one in each row, in the order of
+    increasing principal moments.
     """
     bodies = {
         name: MassProperties(part.mass, part.center, part.inertia) for name, part in parts.items() if part.mass > 0.0
@@ -44,15 +45,15 @@ def _record(name: str, body: MassProperties) -> dict[str, Any]:
 
 
 def inertia_text(records: list[dict[str, Any]]) -> str:
-    """The report in words, in kg, m and kg·m²."""
+    """The report as text, in kg, m and kg·m²."""
     return "\n\n".join(_text(record) for record in records)
 
 
 def _text(record: dict[str, Any]) -> str:
     frame = "ground's frame, at the start" if record["name"] == WHOLE else "its own frame"
-    lines = [f"{record['name']}: {record['mass']:.6g} kg, mass centre {_row(record['center'])} m, in {frame}"]
-    lines += _matrix("inertia about the mass centre", record["inertia"])
-    lines += _matrix("inertia about the origin", record["inertia_at_origin"])
+    lines = [f"{record['name']}: {record['mass']:.6g} kg, center of mass {_row(record['center'])} m, in {frame}"]
+    lines += _matrix("inertia about center of mass", record["inertia"])
+    lines += _matrix("inertia about origin", record["inertia_at_origin"])
     moments = _cleaned(record["principal_moments"])
     lines += [
         f"  principal moment {moment:.6g}  about {_row(axis)}"
@@ -71,6 +72,6 @@ def _row(values: list[float], size: float = 0.0) -> str:
 
 
 def _cleaned(values: list[float], size: float = 0.0) -> list[float]:
-    """Without the round-off of zeros, which would hide that axes are principal ones."""
+    """The values with round-off replaced by zero; otherwise it would hide that the axes are principal axes."""
     largest = max(size, *(abs(value) for value in values))
     return [0.0 if abs(value) < ROUND_OFF * largest else value for value in values]

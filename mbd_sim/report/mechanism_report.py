@@ -1,4 +1,4 @@
-"""What `mbd_sim check` says of a mechanism, as data."""
+"""The report of `mbd_sim check` about a mechanism, as data."""
 
 from __future__ import annotations
 
@@ -8,14 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from mbd_sim.analysis.equilibrium import equilibrium, is_autonomous
 from mbd_sim.analysis.inertia_split import inertia_split
 from mbd_sim.analysis.integrability import integrable_rows
-from mbd_sim.analysis.linearization import (
-    equilibrium,
-    is_autonomous,
-    linearize,
-    modes,
-)
+from mbd_sim.analysis.linearization import linearize, modes
 from mbd_sim.analysis.mobility import mobility
 from mbd_sim.dynamics.assembly import null_space
 from mbd_sim.dynamics.equations import Equations
@@ -24,11 +20,11 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Joint, Part
 from mbd_sim.simulation.simulation import Simulation
 
-LINEARIZED = 4000  # instructions for the accelerations up to which they are differentiated for the report
+LINEARIZED = 4000  # instructions for the accelerations up to which the report linearizes them
 
 
 def report(simulation: Simulation) -> dict[str, Any]:
-    """All that the report holds, in SI units."""
+    """The contents of the report, in SI units."""
     mechanism, equations = simulation.mechanism, simulation.model.equations
     energies = simulation.energies
     counted = dataclasses.asdict(mobility(mechanism, equations, simulation.poses()))
@@ -70,7 +66,7 @@ def report(simulation: Simulation) -> dict[str, Any]:
 
 
 def _constraints(equations: Equations) -> list[dict[str, Any]]:
-    """One entry for each equation of loops and constraints."""
+    """An entry for each equation of loops and constraints."""
     integrable = integrable_rows(equations)
     return [
         {
@@ -84,7 +80,7 @@ def _constraints(equations: Equations) -> list[dict[str, Any]]:
 
 
 def _mass_matrix(simulation: Simulation) -> dict[str, Any]:
-    """Whether the coordinates are regular, and the kinetic energy by degrees of the speeds (Lidström, ch. 9)."""
+    """Whether the mass matrix is regular, and the kinetic energy by degree in the speeds (Lidström, ch. 9)."""
     constraints, q, u = simulation.model.equations.constraints, simulation.q, simulation.u
     mass = constraints.mass_matrix(0.0, q)
     free = null_space(constraints.gradient(0.0, q))
@@ -107,7 +103,7 @@ def _kinetic(simulation: Simulation, speeds: Array) -> float:
 
 
 def _inertia_forces(simulation: Simulation) -> dict[str, Any] | None:
-    """What the drives add to the inertia forces at the start, or None where nothing is driven."""
+    """The inertia forces at the start by origin, or None if nothing is driven."""
     model = simulation.model
     if not model.driven_names or not len(simulation.u):
         return None
@@ -121,16 +117,17 @@ def _inertia_forces(simulation: Simulation) -> dict[str, Any] | None:
 
 
 def _small_motions(equations: Equations, instructions: int) -> dict[str, Any]:
-    """An equilibrium near the start and its natural motions, or why there are none."""
+    """An equilibrium near the start and its natural modes, or the reason why they were not computed."""
     nv = equations.layout.nv
     if nv == equations.start.rank or instructions > LINEARIZED:
-        reason = "nothing moves freely" if nv == equations.start.rank else "the mechanism is large"
+        no_freedom = nv == equations.start.rank
+        reason = "there is no degree of freedom" if no_freedom else "the equations are too large to linearize"
         return {"equilibrium": None, "reason": reason, "modes": []}
     if not is_autonomous(equations):
-        return {"equilibrium": None, "reason": "the forces or the drives change with time", "modes": []}
+        return {"equilibrium": None, "reason": "forces or drives depend on time", "modes": []}
     q: Array | None = equilibrium(equations)
     if q is None:
-        return {"equilibrium": None, "reason": "none was found near the start", "modes": []}
+        return {"equilibrium": None, "reason": "no equilibrium was found near the start", "modes": []}
     found = modes(linearize(equations, q, np.zeros(nv), np.zeros(nv)))
     return {
         "equilibrium": q.tolist(),
@@ -168,5 +165,5 @@ def _joint(joint: Joint, at: Mapping[str, float]) -> dict[str, Any]:
 
 def _remarks(joint: Joint) -> list[str]:
     if joint.limits is not None and joint.limits.stiffness is None:
-        return [f"the limits of '{joint.name}' are only described: give limits.stiffness to make them stops"]
+        return [f"the limits of '{joint.name}' do not act on the motion: give limits.stiffness to make them stops"]
     return []

@@ -1,4 +1,4 @@
-"""What `mbd_sim check` says of a mechanism, in words."""
+"""The report of `mbd_sim check` about a mechanism, as text."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from typing import Any
 
 
 def report_text(found: dict[str, Any]) -> str:
-    """The report in words."""
+    """The report, see `mbd_sim.report.mechanism_report.report`, as text."""
     start, integrator = found["start"], found["integrator"]
     lines = [
         f"{found['mechanism']}: {found['description'] or 'no description'}",
         f"  from {found['file']}",
         "",
-        f"{'part':16s} {'mass kg':>10s}  {'mass centre m':28s} shapes",
+        f"{'part':16s} {'mass kg':>10s}  {'center of mass m':28s} shapes",
         *(
             f"{part['name']:16s} {part['mass']:10.4g}  {_vector(part['center']):28s} {', '.join(part['shapes'])}"
             for part in found["parts"]
@@ -33,13 +33,13 @@ def report_text(found: dict[str, Any]) -> str:
         ),
         f"Total mass          {found['mass']:.6g} kg",
         f"Gravity             {_vector(found['gravity'])} m/s²",
-        f"Start energies      kinetic {start['kinetic']:.6g} J, potential {start['potential']:.6g} J, "
+        f"Initial energies    kinetic {start['kinetic']:.6g} J, potential {start['potential']:.6g} J, "
         f"total {start['total']:.6g} J",
         *_mass(found["mass_matrix"]),
         *_inertia_forces(found["inertia_forces"]),
         *_motions(found["small_motions"]),
         f"Integrator          {integrator['method']} (order {integrator['order']}), step {integrator['step']:g} s, "
-        f"{integrator['instructions_per_evaluation']} instructions for the accelerations",
+        f"{integrator['instructions_per_evaluation']} instructions per evaluation",
         *(f"Remark              {remark}" for remark in found["remarks"]),
     ]
     return "\n".join(lines)
@@ -52,36 +52,34 @@ def _start(joint: dict[str, Any], found: dict[str, Any]) -> str:
 
 
 def _mobility(found: dict[str, Any]) -> list[str]:
-    """The count, then what is true: the rank."""
+    """The degrees of freedom by Kutzbach's criterion and by rank, and the kinds of constraints."""
     counted = found["mobility"]
-    taken = f"{counted['joint_equations']}" + (f" - {counted['other_equations']}" if counted["other_equations"] else "")
+    removed = str(counted["joint_equations"])
+    if counted["other_equations"]:
+        removed += f" - {counted['other_equations']}"
     coordinates = ", ".join(found["coordinates"]) or "none"
-    planar, loose = counted["planar_kutzbach"], counted["equations"] > 0
+    planar = "" if counted["planar_kutzbach"] is None else f", {counted['planar_kutzbach']} in the plane"
     lines = [
         f"Degrees of freedom  {found['degrees_of_freedom']}  (coordinates: {coordinates})",
-        f"  by counting       6·{len(found['parts'])} - {taken} = {counted['kutzbach']} (Kutzbach)"
-        + (f", in the plane {planar}" if planar is not None else ""),
+        f"  by counting       6·{len(found['parts'])} - {removed} = {counted['kutzbach']} (Kutzbach){planar}",
     ]
-    if loose:
+    if counted["equations"]:
+        same = counted["rank_at_start"] == counted["rank"]
         lines.append(
             f"  by rank           {counted['coordinates']} coordinates - rank {counted['rank']} of "
             f"{counted['equations']} equations = {counted['degrees_of_freedom']}"
-            + (
-                ""
-                if counted["rank_at_start"] == counted["rank"]
-                else f" (rank {counted['rank_at_start']} at the start)"
-            )
+            + ("" if same else f" (rank {counted['rank_at_start']} at the start)")
         )
     if found["closing_joints"]:
         lines.append(f"  loops closed by   {', '.join(found['closing_joints'])}")
     if counted["redundant"]:
         lines += [f"  redundant         {text}" for text in _grouped(counted["redundant"])]
     lines.append(
-        f"Constraints         {_kind(found)}, {'scleronomic' if found['scleronomic'] else 'rheonomic (time enters)'}"
+        f"Constraints         {_kind(found)}, {'scleronomic' if found['scleronomic'] else 'rheonomic (time-dependent)'}"
     )
     for row in found["constraints"]:
         if not row["holonomic"]:
-            verdict = "integrable: it restricts positions as well" if row["integrable"] else "not integrable"
+            verdict = "integrable, so it also restricts positions" if row["integrable"] else "not integrable"
             lines.append(f"  nonholonomic      {row['name']}: {verdict}")
     return lines
 
@@ -89,11 +87,11 @@ def _mobility(found: dict[str, Any]) -> list[str]:
 def _kind(found: dict[str, Any]) -> str:
     if all(row["holonomic"] for row in found["constraints"]):
         return "holonomic"
-    return "holonomic (those of velocity can be integrated)" if found["holonomic"] else "nonholonomic"
+    return "holonomic (the velocity constraints are integrable)" if found["holonomic"] else "nonholonomic"
 
 
 def _grouped(names: list[str]) -> list[str]:
-    """Equations by the joint or constraint that they belong to, one line each."""
+    """The equations of each joint or constraint on one line."""
     found: dict[str, list[str]] = {}
     for name in names:
         owner, _, what = name.partition(": ")
@@ -105,47 +103,44 @@ def _mass(matrix: dict[str, Any]) -> list[str]:
     regular = "positive definite" if matrix["positive_definite"] else "singular"
     return [
         f"Mass matrix         {regular}, condition {matrix['condition']:.3g} at the start",
-        f"Kinetic energy      T2 {matrix['T2']:.6g} J (squares of the speeds), T1 {matrix['T1']:.6g} J, "
-        f"T0 {matrix['T0']:.6g} J",
+        f"Kinetic energy      T2 {matrix['T2']:.6g} J (quadratic in the speeds), T1 {matrix['T1']:.6g} J (linear), "
+        f"T0 {matrix['T0']:.6g} J (constant)",
     ]
 
 
 def _inertia_forces(terms: dict[str, Any] | None) -> list[str]:
-    """The parts of d/dt(∂T/∂q') - ∂T/∂q that motion with time makes; a gyroscopic matrix where it is not zero."""
+    """The terms of d/dt(∂T/∂q') - ∂T/∂q in a driven mechanism, and the gyroscopic matrix if it is not zero."""
     if terms is None:
         return []
     complementary = [a + b for a, b in zip(terms["gyroscopic"], terms["unsteady"], strict=True)]
     lines = [
-        f"Inertia terms       relative {_vector(terms['relative'])}, transport {_vector(terms['transport'])}, "
+        f"Inertia forces      relative {_vector(terms['relative'])}, transport {_vector(terms['transport'])}, "
         f"Coriolis {_vector(complementary)} at the start"
     ]
     if max(abs(value) for row in terms["gyroscopic_matrix"] for value in row) > 1e-12:
         rows = ", ".join(_vector(row) for row in terms["gyroscopic_matrix"])
-        lines.append(f"  gyroscopic matrix [{rows}]: skew, it does no work")
+        lines.append(f"  gyroscopic matrix [{rows}]: skew-symmetric, does no work")
     return lines
 
 
 def _motions(small: dict[str, Any]) -> list[str]:
     if small["equilibrium"] is None:
-        return [
-            f"Equilibrium         not looked for: {small['reason']}"
-            if "none" not in small["reason"]
-            else "Equilibrium         none was found near the start"
-        ]
+        return [f"Equilibrium         not determined: {small['reason']}"]
     lines = [f"Equilibrium         at {_vector(small['equilibrium'])}"]
     for mode in small["modes"]:
         if mode["frequency"]:
-            lines.append(f"  natural motion    {mode['frequency']:.6g} Hz, damping ratio {mode['damping']:.4g}")
+            lines.append(f"  natural mode      {mode['frequency']:.6g} Hz, damping ratio {mode['damping']:.4g}")
         elif mode["growth"]:
-            verb = "grows" if mode["growth"] > 0.0 else "dies away"
-            lines.append(f"  natural motion    {verb} without oscillating, by e in {1.0 / abs(mode['growth']):.4g} s")
-    if still := sum(not mode["frequency"] and not mode["growth"] for mode in small["modes"]):
-        lines.append(f"  neutral           {still} eigenvalues are zero: nothing drives the mechanism back")
+            verb = "grows" if mode["growth"] > 0.0 else "decays"
+            constant = 1.0 / abs(mode["growth"])
+            lines.append(f"  natural mode      {verb} without oscillation, time constant {constant:.4g} s")
+    if zeros := sum(not mode["frequency"] and not mode["growth"] for mode in small["modes"]):
+        lines.append(f"  neutral           zero eigenvalues: {zeros} (no force restores the position)")
     return lines
 
 
 def _axes(joint: dict[str, Any]) -> str:
-    lead = f", {joint['lead']:g} m a turn" if joint["lead"] else ""
+    lead = f", {joint['lead']:g} m per turn" if joint["lead"] else ""
     return " ".join(_vector(axis) for axis in joint["axes"]) + lead
 
 

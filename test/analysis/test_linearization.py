@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
+from mbd_sim.analysis.equilibrium import equilibrium, is_autonomous
 from mbd_sim.analysis.linearization import (
-    equilibrium,
-    is_autonomous,
     linearize,
     modes,
 )

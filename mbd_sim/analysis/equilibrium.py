@@ -1,0 +1,98 @@
+"""Equilibria: configurations near the start in which a mechanism can stay at rest."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mbd_sim.analysis.linearization import ZERO_EIGENVALUE, acceleration_derivatives, linearize
+from mbd_sim.dynamics.assembly import close_loops, null_space
+from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
+from mbd_sim.dynamics.equations import Equations
+from mbd_sim.geometry.pose import Array
+
+ATTEMPTS, ITERATIONS = 12, 80
+LONGEST_STEP = 0.3  # m or rad
+BALANCED = 1e-9  # the acceleration that may remain, relative to that at the first guess
+TIMES = (0.0, 0.137, 0.71, 1.9)  # s, at which accelerations are compared
+
+
+def equilibrium(equations: Equations) -> Array | None:
+    """Coordinates (nq,) near the start in which the mechanism can stay at rest, or None if none is found.
+
+    From the start and from other configurations around it, Gauss–Newton steps along the free directions reduce the
+    accelerations to zero. A stable equilibrium is preferred to an unstable one.
+    """
+    constraints, nv = equations.constraints, equations.layout.nv
+    random = np.random.default_rng(2)
+    unstable: list[tuple[float, Array]] = []
+    for attempt in range(ATTEMPTS):
+        balanced = _balanced(equations, _scattered(constraints, equations.start.q, random, 2 * attempt))
+        if balanced is None:
+            continue
+        rates = np.linalg.eigvals(linearize(equations, balanced, np.zeros(nv), np.zeros(nv)).a).real
+        growth = float(np.max(rates, initial=0.0))
+        if growth < ZERO_EIGENVALUE:
+            return balanced
+        unstable.append((growth, balanced))
+    return min(unstable, key=lambda pair: pair[0])[1] if unstable else None
+
+
+def is_autonomous(equations: Equations) -> bool:
+    """Whether accelerations and constraints do not depend on time, judged by their values at the start at `TIMES`."""
+    constraints, q = equations.constraints, equations.start.q
+    if any(np.abs(constraints.drift(t, q)).max(initial=0.0) > 1e-9 for t in TIMES):
+        return False
+    y = equations.start_state
+    no_efforts = np.zeros(equations.layout.nv)
+    first, *others = (np.array(equations.rates.call([t, y, no_efforts])[0]) for t in TIMES)
+    return all(np.allclose(first, other, rtol=1e-9, atol=1e-9) for other in others)
+
+
+def _scattered(constraints: ConstraintFunctions, q: Array, random: np.random.Generator, steps: int) -> Array:
+    """A configuration (nq,) some steps away from q, in a random free direction."""
+    all_free, direction = np.ones(constraints.gradient(0.0, q).shape[1], dtype=bool), None
+    for _ in range(steps):
+        free = null_space(constraints.gradient(0.0, q))
+        components = random.normal(size=free.shape[1]) if direction is None else free.T @ direction
+        direction = free @ components
+        direction *= LONGEST_STEP / max(float(np.max(np.abs(direction), initial=0.0)), 1e-300)
+        closing = close_loops(constraints, 0.0, constraints.displaced(q, direction), all_free)
+        if not closing.closed:
+            break
+        q = closing.q
+    return q
+
+
+def _balanced(equations: Equations, q: Array) -> Array | None:
+    """The configuration (nq,) near q without accelerations, by Gauss–Newton, or None if there is none."""
+    constraints, (nq, nv) = equations.constraints, (equations.layout.nq, equations.layout.nv)
+    derivatives, at_rest = acceleration_derivatives(equations), np.zeros(nv)
+    all_free = np.ones(nv, dtype=bool)
+
+    def accelerations(q: Array) -> Array:
+        y = np.concatenate([q, at_rest, np.zeros(3)])
+        return np.array(equations.rates.call([0.0, y, at_rest])[0]).ravel()[nq : nq + nv]
+
+    best, least, scale = None, math.inf, 1.0
+    for iteration in range(ITERATIONS):
+        closing = close_loops(constraints, 0.0, q, all_free) if equations.rows else None
+        if closing is not None:
+            if not closing.closed:
+                break
+            q = closing.q
+        remaining = accelerations(q)
+        size = float(np.linalg.norm(remaining))
+        scale = max(scale, size) if iteration == 0 else scale
+        if not math.isfinite(size) or (least <= BALANCED * scale and size >= 0.5 * least):
+            break
+        if size < least:
+            best, least = q, size
+        free = null_space(constraints.gradient(0.0, q))
+        by_state, _, n = (np.array(value) for value in derivatives(0.0, q, at_rest, at_rest))
+        slope = by_state[:, :nq] @ n @ free
+        step = -free @ np.linalg.lstsq(slope, remaining, rcond=1e-10)[0]
+        step *= min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
+        q = constraints.displaced(q, step)
+    return best if least <= BALANCED * scale else None
