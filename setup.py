@@ -76,7 +76,6 @@ setup(
             "gymnasium>=1.0",
             "hypothesis>=6.100",
             "jsonschema>=4.20",
-            "libfaketime>=2.1",
             "mcap-ros2-support>=0.5",
             "mypy>=1.10",
             "plotly>=5.20",

@@ -1,4 +1,4 @@
-"""Settings of all tests: hypothesis draws the same examples in every run, and the tests of one run share compiled kernels.
+"""Settings of all tests: hypothesis draws the same examples in every run, and tests share what they build.
 
 `MBD_SIM_TEST_KERNELS` names a folder that keeps the kernels from one run to the next.
 """
@@ -8,7 +8,10 @@ import os
 import shutil
 import tempfile
 
+import pytest
 from hypothesis import HealthCheck, settings
+
+from test import shared_builds
 
 if "MBD_SIM_TEST_KERNELS" in os.environ:
     os.environ["MBD_SIM_CACHE"] = os.environ["MBD_SIM_TEST_KERNELS"]
@@ -25,3 +28,10 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("mbd_sim")
+shared_builds.share_builds()
+
+
+@pytest.fixture
+def own_builds(monkeypatch):
+    """Build everything anew in this test."""
+    monkeypatch.setattr(shared_builds, "enabled", False)

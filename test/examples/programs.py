@@ -11,7 +11,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from test.system.nodes import PATIENCE, Listener, SimNodeProcess, new_domain
+from test.system.nodes import Listener, SimNodeProcess, new_domain
+from test.waiting import PATIENCE
 
 
 @dataclasses.dataclass
@@ -41,9 +42,9 @@ def beside(folder: Path, parameters: dict[str, object], name: str, *arguments: s
             command, cwd=folder, env=environment, stdin=subprocess.PIPE, stdout=stream, stderr=subprocess.STDOUT
         )
     listener = Listener(domain)
+    listener.process = node
     try:
-        listener.until(lambda: listener.states or node.process.poll() is not None, "the first joint state")
-        assert node.process.poll() is None, node.text
+        listener.until(lambda: listener.states, "the first joint state")
         yield Experiment(node, program, listener, log)
         if program.poll() is None:
             program.send_signal(signal.SIGINT)

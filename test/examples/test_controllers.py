@@ -18,8 +18,7 @@ from mbd_sim.examples.pd_hold import PdHold, PdHoldNode
 from mbd_sim.examples.swing_up import SwingUp
 from test.examples.programs import beside, lockstep
 from test.system.nodes import nanoseconds, new_domain
-
-pytestmark = pytest.mark.timeout(90)
+from test.waiting import PATIENCE
 
 
 def seconds(listener):
@@ -120,7 +119,7 @@ def test_keys_and_a_joystick_become_efforts(tmp_path):
         listener.until(lambda: list(listener.states[-1].effort) == [2.5, -5.0], "the stick's efforts")
         keyboard.stdin.write(b"q")
         keyboard.stdin.flush()
-        assert keyboard.wait(10) == 0
+        assert keyboard.wait(PATIENCE) == 0
     assert "elbow -0.25" in experiment.log.read_text()
 
 
@@ -166,5 +165,7 @@ rclpy.shutdown()
 
 def test_a_controller_of_another_mechanism_says_so():
     environment = os.environ | {"ROS_DOMAIN_ID": str(new_domain()), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    ended = subprocess.run([sys.executable, "-c", ANOTHER], env=environment, capture_output=True, text=True, timeout=60)
+    ended = subprocess.run(
+        [sys.executable, "-c", ANOTHER], env=environment, capture_output=True, text=True, timeout=PATIENCE
+    )
     assert "joint_states has no rail: is 'cart_pendulum' what is simulated?" in ended.stderr

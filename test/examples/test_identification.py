@@ -9,8 +9,7 @@ import pytest
 from mbd_sim.examples.excite import multisine
 from mbd_sim.examples.identify import identify, main, read
 from test.examples.programs import beside, lockstep
-
-pytestmark = pytest.mark.timeout(90)
+from test.waiting import PATIENCE
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +17,7 @@ def recording(tmp_path_factory):
     folder = tmp_path_factory.mktemp("identification")
     parameters = lockstep("motor_arm", 100) | {"record": True, "record_dir": str(folder)}
     with beside(folder, parameters, "excite", "duration:=3.0") as experiment:
-        assert experiment.program.wait(60) == 0
+        assert experiment.program.wait(PATIENCE) == 0
         assert experiment.node.end(signal.SIGINT) == 0
     (path,) = folder.glob("motor_arm_*.mcap")
     return path

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
+import functools
 import itertools
 import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
+import numpy as np
 import rclpy
 from rcl_interfaces.msg import Parameter
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
@@ -29,14 +33,27 @@ from mbd_sim import Simulation
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.ros.sim_parameters import PARAMETERS
+from test.waiting import PATIENCE, wait_until
 
 _counter = itertools.count()
-PATIENCE = 20.0  # seconds after which something that should come at once counts as missing
+BLOCK, BLOCKS = 10, 10  # domain ids from 1 to 100: all that Linux has ports for
+
+
+@functools.cache
+def _own_block() -> tuple[int, IO[str]]:
+    """A block of domain ids that no other process on this machine uses, and the locked file that says so."""
+    for block in range(BLOCKS):
+        file = (Path(tempfile.gettempdir()) / f"mbd_sim_test_domains_{block}").open("w")
+        with contextlib.suppress(BlockingIOError):
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return block, file
+        file.close()
+    raise RuntimeError(f"more than {BLOCKS} processes test nodes at once")
 
 
 def new_domain() -> int:
-    """A domain id that no other test of this or of a concurrent run is likely to use."""
-    return 1 + (os.getpid() * 13 + next(_counter)) % 100
+    """A domain id that no other test uses at the same time."""
+    return 1 + _own_block()[0] * BLOCK + next(_counter) % BLOCK
 
 
 class SimNodeProcess:
@@ -73,10 +90,18 @@ class SimNodeProcess:
         """Send signals and wait for the exit code."""
         for number in signals or (signal.SIGINT,):
             self.process.send_signal(number)
+        return self.exit_code()
+
+    def exit_code(self) -> int:
+        """Wait until it ends by itself."""
         return self.process.wait(PATIENCE)
 
+    @property
+    def has_ended(self) -> bool:
+        return self.process.poll() is not None
+
     def kill(self) -> None:
-        if self.process.poll() is None:
+        if not self.has_ended:
             self.process.kill()
             self.process.wait()
 
@@ -85,6 +110,7 @@ class Listener:
     """Hears everything that a `sim_node` says, and talks to it."""
 
     server = "sim_node"
+    process: SimNodeProcess | None = None  # where one is given, waiting ends with it
 
     def __init__(self, domain: int, namespace: str = "") -> None:
         self.context = Context()
@@ -93,6 +119,7 @@ class Listener:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
         self.states: list[JointState] = []
+        self.arrivals: list[float] = []  # of the states, in s of the steady clock
         self.energies: list[Float64MultiArray] = []
         self.clocks: list[int] = []
         self.events: list[str] = []
@@ -100,7 +127,7 @@ class Listener:
         self.applied: list[list[float]] = []
         latched = rclpy.qos.QoSProfile(depth=1, durability=rclpy.qos.QoSDurabilityPolicy.TRANSIENT_LOCAL)
         subscribe = self.node.create_subscription
-        subscribe(JointState, "joint_states", self.states.append, 1000)
+        subscribe(JointState, "joint_states", self._take_state, 1000)
         subscribe(Float64MultiArray, "energies", self.energies.append, 1000)
         subscribe(Clock, "/clock", lambda message: self.clocks.append(nanoseconds(message.clock)), 1000)
         subscribe(String, "sim_node/events", lambda message: self.events.append(message.data), latched)
@@ -109,12 +136,32 @@ class Listener:
         self.by_order = self.node.create_publisher(Float64MultiArray, "sim_node/commands", 10)
         self.by_name = self.node.create_publisher(JointState, "joint_commands", 10)
 
+    def _take_state(self, message: JointState) -> None:
+        self.states.append(message)
+        self.arrivals.append(time.monotonic())
+
+    @property
+    def stall(self) -> float:
+        """For how long, in s, this machine left the node or this process waiting at most: a gap between states."""
+        gaps = np.diff(self.arrivals)
+        return float(np.max(gaps) - np.median(gaps))
+
     def until(self, condition: Callable[[], Any], what: str) -> None:
-        """Spin until a condition holds; fail where it does not within `PATIENCE`."""
-        end = time.monotonic() + PATIENCE
-        while not condition():
-            assert time.monotonic() < end, f"waited in vain for {what}"
-            self.executor.spin_once(timeout_sec=0.05)
+        """Spin until a condition holds; fail where it does not within `PATIENCE`, or the process has ended."""
+        wait_until(
+            condition,
+            what,
+            meanwhile=lambda: self.executor.spin_once(timeout_sec=0.05),
+            gone=lambda: self.process is not None and self.process.has_ended,
+            report=lambda: self.process.text if self.process else "",
+        )
+
+    def until_paused(self) -> int:
+        """Wait until no more states are on their way: a paused node repeats its last one. Returns its time in ns."""
+        self.until(
+            lambda: len(self.states) > 1 and self.states[-1].header.stamp == self.states[-2].header.stamp, "the pause"
+        )
+        return nanoseconds(self.states[-1].header.stamp)
 
     def spin(self, seconds: float) -> None:
         end = time.monotonic() + seconds
@@ -182,9 +229,9 @@ def running(
     domain = new_domain()
     process = SimNodeProcess(domain, folder, parameters, remaps, wrapper, variables)
     listener = Listener(domain)
+    listener.process = process
     try:
-        listener.until(lambda: listener.states or process.process.poll() is not None, "the first joint state")
-        assert process.process.poll() is None, process.text
+        listener.until(lambda: listener.states, "the first joint state")
         yield process, listener
     finally:
         listener.close()

@@ -9,8 +9,7 @@ from mbd_sim import CommandError
 from mbd_sim.examples.pd_hold import PdHold
 from mbd_sim.ros.lockstep import Lockstep, LockstepError
 from test.system.nodes import as_in_the_node, nanoseconds, running
-
-pytestmark = pytest.mark.timeout(90)
+from test.waiting import PATIENCE
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +21,7 @@ def listener(tmp_path_factory):
 def test_a_thousand_control_cycles_give_the_same_bits_as_without_ros(listener):
     sim = as_in_the_node("double_pendulum")
     law, target = PdHold(sim.mechanism, stiffness=15.0, damping=0.4), np.array([2.0, 0.8])
-    with Lockstep(steps=4, context=listener.context) as lockstep:
+    with Lockstep(steps=4, context=listener.context, timeout=PATIENCE) as lockstep:
         for cycles in (20, 1000):  # the second time after a reset in mid-motion
             state = lockstep.reset()
             sim.reset()
@@ -37,14 +36,14 @@ def test_a_thousand_control_cycles_give_the_same_bits_as_without_ros(listener):
 
 
 def test_the_simulator_gets_its_parameters_back_and_mistakes_are_told(listener):
-    with Lockstep(context=listener.context) as lockstep:
+    with Lockstep(context=listener.context, timeout=PATIENCE) as lockstep:
         assert listener.parameter("step_on_command") is True
         with pytest.raises(CommandError, match="not finite"):
             lockstep.step([np.nan, 0.0])
         lockstep.timeout = 1.0
         with pytest.raises(LockstepError, match="its log says why"):
             lockstep.step([1.0])
-        lockstep.timeout = 10.0
+        lockstep.timeout = PATIENCE
         assert lockstep.step([1.0, 0.0]).time == pytest.approx(0.001)
     assert listener.parameter("step_on_command") is False
     assert listener.parameter("publish_rate") == 50.0

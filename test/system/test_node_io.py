@@ -24,8 +24,6 @@ from visualization_msgs.msg import MarkerArray
 from mbd_sim import Simulation, parse_mechanism
 from test.system.nodes import Listener, SimNodeProcess, as_in_the_node, nanoseconds, new_domain, running
 
-pytestmark = pytest.mark.timeout(90)
-
 
 def heard(listener: Listener, kind: type, name: str) -> list[Any]:
     """Everything that comes on a topic from now on."""
@@ -73,10 +71,13 @@ def test_diagnostics_tell_how_time_energies_and_commands_stand_and_what_to_do(tm
         listener.until(lambda: messages, "diagnostics")
         by_name = {status.name: status for status in messages[-1].status}
         assert set(by_name) == {f"/sim_node: {name}" for name in ("timing", "mechanics", "commands", "output")}
-        timing = {
-            value.key: float(value.value) for value in by_name["/sim_node: timing"].values if value.key != "paused"
-        }
-        assert timing["real_time_factor"] > 0.2
+
+        def timing_now() -> dict[str, float]:
+            (status,) = (status for status in messages[-1].status if status.name == "/sim_node: timing")
+            return {value.key: float(value.value) for value in status.values if value.key != "paused"}
+
+        listener.until(lambda: timing_now()["real_time_factor"] > 0.2, "a second that is not lost to other processes")
+        timing = timing_now()
         assert 0.0 < timing["period p50 (us)"] <= timing["period p99 (us)"] <= timing["period max (us)"]
         mechanics = {value.key: float(value.value) for value in by_name["/sim_node: mechanics"].values}
         assert abs(mechanics["energy residual (J)"]) < 1e-6
@@ -217,7 +218,7 @@ def test_a_misspelled_start_is_answered_with_the_nearest_name(
 ) -> None:
     process = SimNodeProcess(new_domain(), tmp_path, {name: value})
     try:
-        assert process.process.wait(20) == 1
+        assert process.exit_code() == 1
         assert words in process.text
         assert "Traceback" not in process.text
     finally:
@@ -233,8 +234,8 @@ def test_followers_of_simulated_time_see_it_go_on_over_a_reset_and_stand_still_i
         listener.reset()
         listener.until(lambda: clock.now().nanoseconds > before, "time going on")
         listener.pause(True)
-        listener.spin(0.2)
-        stands = clock.now().nanoseconds
+        stands = listener.until_paused()
+        listener.until(lambda: clock.now().nanoseconds == stands, "the time of the pause")
         listener.spin(0.8)
         assert clock.now().nanoseconds == stands
 

@@ -11,7 +11,6 @@ import pytest
 from test.ros_interfaces import build
 from test.system.nodes import SimNodeProcess, as_in_the_node, nanoseconds, new_domain, running
 
-pytestmark = pytest.mark.timeout(90)
 INSTALLED = build.installed()  # asked before a fixture adds the built packages to the path
 
 
@@ -79,7 +78,7 @@ def test_the_services_of_simulation_interfaces(tmp_path: Path, variables: dict[s
         listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) == 10_000_000, "a clock that goes on")
         assert become(SimulationState.STATE_NO_WORLD) == Result.RESULT_FEATURE_UNSUPPORTED
         assert become(SimulationState.STATE_QUITTING) == Result.RESULT_OK
-        assert process.process.wait(20) == 0
+        assert process.exit_code() == 0
 
 
 def test_transforms_of_all_parts(tmp_path: Path, variables: dict[str, str]) -> None:
@@ -101,7 +100,7 @@ def test_transforms_of_all_parts(tmp_path: Path, variables: dict[str, str]) -> N
 def test_transforms_without_their_package_are_answered_with_its_name(tmp_path: Path) -> None:
     process = SimNodeProcess(new_domain(), tmp_path, {"tf": True})
     try:
-        assert process.process.wait(20) == 1
+        assert process.exit_code() == 1
         assert "tf2_msgs" in process.text and "Traceback" not in process.text
     finally:
         process.kill()

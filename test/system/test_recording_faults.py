@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import random
 import shutil
 import signal
+import struct
 import subprocess
-import time
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -23,8 +22,7 @@ from mbd_sim.recording.recovery import recover
 from test.recording.recordings import readable
 from test.system.nodes import Listener, SimNodeProcess, nanoseconds, new_domain, running
 from test.system.test_recording_services import recomputed, state_ticks
-
-pytestmark = pytest.mark.timeout(90)
+from test.waiting import wait_until
 
 
 def on_a_disk(folder: Path, options: str) -> list[str]:
@@ -94,7 +92,7 @@ def test_killed_nodes_leave_recordings_that_lack_at_most_half_a_second_and_are_c
         nodes.append((SimNodeProcess(domain, folder, parameters), Listener(domain), folder))
     try:
         for _, listener, _ in nodes:
-            listener.until(lambda listener=listener: listener.states, "states")
+            listener.until(lambda listener=listener: len(listener.states) > 2, "states")
         for node, listener, folder in nodes:
             listener.by_order.publish(Float64MultiArray(data=[1.0, -0.5]))
             listener.spin(random.uniform(0.7, 1.5))
@@ -102,7 +100,7 @@ def test_killed_nodes_leave_recordings_that_lack_at_most_half_a_second_and_are_c
             node.process.wait()
             last = nanoseconds(listener.states[-1].header.stamp)
             (path,) = folder.glob("*.mcap")
-            assert last - readable(path)[-1].log_time <= 500_000_000
+            assert last - readable(path)[-1].log_time <= 1e9 * (0.5 + listener.stall)
             assert main(["verify", "--quiet", str(path)]) == 0  # as it was left
             recover(path)
             assert recomputed(path) == len(state_ticks(path)) >= 2
@@ -116,19 +114,22 @@ def test_killed_nodes_leave_recordings_that_lack_at_most_half_a_second_and_are_c
 def test_a_folder_with_an_odd_name_and_two_nodes_that_begin_at_once(tmp_path: Path) -> None:
     odd = 'logs of "Jürgen\'s" 机构\n$(echo no) #1'
     nodes = [SimNodeProcess(new_domain(), tmp_path, {"record": True, "record_dir": f"'{quoted(odd)}'"}) for _ in "ab"]
-    deadline = time.monotonic() + 30.0
+    folder = tmp_path / odd
+
+    def recordings() -> list[Path]:
+        return list(folder.glob("*.mcap")) if folder.exists() else []
+
     try:
-        folder = tmp_path / odd
-        while len(found := list(folder.glob("*.mcap")) if folder.exists() else []) < 2 or not all(
-            len(readable(path)) > 10 for path in found
-        ):
-            assert time.monotonic() < deadline, [node.text for node in nodes]
-            time.sleep(0.1)
+        wait_until(
+            lambda: len(recordings()) == 2 and all(len(readable(path)) > 10 for path in recordings()),
+            "two recordings",
+            report=lambda: "\n".join(node.text for node in nodes),
+        )
         assert all(node.end() == 0 for node in nodes)
     finally:
         for node in nodes:
             node.kill()
-    for path in found:
+    for path in recordings():
         with path.open("rb") as stream:
             assert make_reader(stream, validate_crcs=True).get_summary() is not None
         assert recomputed(path) > 3
@@ -140,32 +141,29 @@ def quoted(text: str) -> str:
 
 
 def test_a_system_clock_that_is_set_back_and_forth_changes_nothing_in_the_recording(tmp_path: Path) -> None:
-    found = importlib.util.find_spec("libfaketime")
-    if found is None or found.origin is None:
-        pytest.skip("libfaketime is not installed")
-    library = next(Path(found.origin).parent.rglob("libfaketime.so.1"))
-    clock = tmp_path / "clock"
-    clock.write_text("+0")
-    variables = {
-        "LD_PRELOAD": str(library),
-        "FAKETIME_TIMESTAMP_FILE": str(clock),
-        "FAKETIME_NO_CACHE": "1",
-        "FAKETIME_DONT_FAKE_MONOTONIC": "1",
-        "FAKETIME_FORCE_MONOTONIC_FIX": "0",  # else it turns timed waits into busy ones
-    }
+    if not shutil.which("gcc"):
+        pytest.skip("gcc is not installed")
+    library, clock = tmp_path / "shifted_clock.so", tmp_path / "clock"
+    source = Path(__file__).with_name("shifted_clock.c")
+    subprocess.run(["gcc", "-O1", "-shared", "-fPIC", source, "-o", library, "-ldl"], check=True)
+    clock.write_bytes(bytes(8))
+    variables = {"LD_PRELOAD": str(library), "SHIFTED_CLOCK": str(clock)}
+
+    def set_clock(shift: int) -> None:
+        with clock.open("r+b") as stream:
+            stream.write(struct.pack("q", shift))
+
     with running(tmp_path, variables=variables, record=True, record_dir="logs") as (node, listener):
-        for shift in ("-3600", "+7200", "-86400"):
-            clock.write_text(shift)
+        for shift in (-3_600, 7_200, -86_400):
+            set_clock(shift)
             goes_on(listener)
-        assert Path(f"/proc/{node.process.pid}/maps").read_text().count("libfaketime")
         assert listener.call(Trigger, "split_recording").success
         goes_on(listener)
         assert listener.call(SetBool, "record", data=False).success
         late = listener.call(SetBool, "record", data=True)
         assert late.success
         goes_on(listener)
-        # Asked to stop recording and then killed: under libfaketime a process may fail to end, waiting for its threads.
-        assert listener.call(SetBool, "record", data=False).success
+        assert node.end() == 0
     named = datetime.strptime(Path(late.message).stem.partition("double_rod_")[2], "%Y%m%d_%H%M%S")
     assert datetime.now() - named > timedelta(hours=20)  # the clock was another one indeed
     paths = sorted((tmp_path / "logs").iterdir(), key=lambda path: state_ticks(path)[0])

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
@@ -16,8 +15,6 @@ from std_srvs.srv import SetBool, Trigger
 
 from mbd_sim import Simulation, parse_mechanism
 from test.system.nodes import Listener, running
-
-pytestmark = pytest.mark.timeout(90)
 
 
 def recomputed(path: Path) -> int:

@@ -6,11 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from test.system.nodes import running
-
-pytestmark = pytest.mark.timeout(90)
 
 
 def test_a_run_with_rerun_to_a_file_holds_the_scene_and_the_plots(tmp_path: Path) -> None:

@@ -6,15 +6,12 @@ import signal
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from mbd_sim import parse_mechanism
 from test.generators.urdf_robots import quadruped
 from test.system.nodes import as_in_the_node, running
-
-pytestmark = pytest.mark.timeout(90)
 
 OVERLAY = """
 urdf: four.urdf

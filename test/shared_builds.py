@@ -1,0 +1,63 @@
+"""The tests of a process share what they build: equal mechanisms are derived and compiled once.
+
+`Equations` and `Model` have no state, so that sharing changes nothing but the time. What cannot be pickled is built
+each time. The fixture `own_builds` turns sharing off.
+"""
+
+import functools
+import pickle
+import sys
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Any
+
+import mbd_sim.dynamics.equations
+import mbd_sim.simulation.compiled_model
+from mbd_sim.dynamics.symbolic_parameters import Values
+
+MOST = 300  # models and equations that are kept; those not used for longest go
+BUILDERS = (mbd_sim.dynamics.equations.derive, mbd_sim.simulation.compiled_model.build_model)
+
+enabled = True
+_kept: OrderedDict[bytes, Any] = OrderedDict()
+
+
+def share_builds() -> None:
+    """Replace the builders in all modules of the package; modules that are imported later find the replacements."""
+    for builder in BUILDERS:
+        sharing = _sharing(builder)
+        for name, module in list(sys.modules.items()):
+            if name.partition(".")[0] == "mbd_sim" and vars(module).get(builder.__name__) is builder:
+                setattr(module, builder.__name__, sharing)
+
+
+def _sharing(builder: Callable[..., Any]) -> Callable[..., Any]:
+    @functools.wraps(builder)
+    def build(*given: Any, **named: Any) -> Any:
+        key = _key(builder.__name__, given, named) if enabled else None
+        if key is None:
+            return builder(*given, **named)
+        if key not in _kept:
+            _kept[key] = builder(*given, **named)
+            if len(_kept) > MOST:
+                _kept.popitem(last=False)
+        _kept.move_to_end(key)
+        return _kept[key]
+
+    return build
+
+
+def _key(name: str, given: tuple[Any, ...], named: dict[str, Any]) -> bytes | None:
+    """What a result depends on, or None where that cannot be written down."""
+    contents = [_content(value) for value in (*given, *named.values())]
+    try:
+        return pickle.dumps((name, contents, sorted(named)))
+    except Exception:  # pickle raises whatever the objects raise
+        return None
+
+
+def _content(value: Any) -> Any:
+    """A value as the key holds it: which numbers are symbols follows from their places."""
+    if isinstance(value, Values):
+        return value.places.tobytes(), value.columns.tobytes(), value.base.tobytes()
+    return value
