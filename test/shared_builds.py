@@ -13,7 +13,7 @@ from typing import Any
 
 import mbd_sim.dynamics.equations
 import mbd_sim.simulation.compiled_model
-from mbd_sim.dynamics.symbolic_parameters import Values
+from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 
 MOST = 300  # models and equations that are kept; those not used for longest go
 BUILDERS = (mbd_sim.dynamics.equations.derive, mbd_sim.simulation.compiled_model.build_model)
@@ -57,7 +57,7 @@ def _key(name: str, given: tuple[Any, ...], named: dict[str, Any]) -> bytes | No
 
 
 def _content(value: Any) -> Any:
-    """A value as the key holds it: which numbers are symbols follows from their places."""
-    if isinstance(value, Values):
-        return value.places.tobytes(), value.columns.tobytes(), value.base.tobytes()
+    """A value as the key holds it: of symbolic parameters, which numbers they stand for."""
+    if isinstance(value, SymbolicParameters):
+        return value.indices.tobytes(), value.columns.tobytes(), value.base.tobytes()
     return value

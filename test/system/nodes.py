@@ -168,12 +168,17 @@ class Listener:
         while time.monotonic() < end:
             self.executor.spin_once(timeout_sec=0.02)
 
-    def call(self, kind: type, name: str, **fields: Any) -> Any:
+    def ask(self, kind: type, name: str, **fields: Any) -> Any:
+        """Call a service; returns the future of its answer, which is lost where the node ends too soon."""
         client = self.node.create_client(kind, f"{self.server}/{name}")
         self.until(client.service_is_ready, f"service {name}")
         future = client.call_async(kind.Request(**fields))
+        future.add_done_callback(lambda _: self.node.destroy_client(client))
+        return future
+
+    def call(self, kind: type, name: str, **fields: Any) -> Any:
+        future = self.ask(kind, name, **fields)
         self.until(future.done, f"answer of {name}")
-        self.node.destroy_client(client)
         return future.result()
 
     def reset(self) -> Any:

@@ -77,7 +77,10 @@ def test_the_services_of_simulation_interfaces(tmp_path: Path, variables: dict[s
         assert listener.call(ResetSimulation, "reset_simulation", scope=scope).result.result == Result.RESULT_OK
         listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) == 10_000_000, "a clock that goes on")
         assert become(SimulationState.STATE_NO_WORLD) == Result.RESULT_FEATURE_UNSUPPORTED
-        assert become(SimulationState.STATE_QUITTING) == Result.RESULT_OK
+        quitting = SimulationState(state=SimulationState.STATE_QUITTING)
+        answer = listener.ask(SetSimulationState, "set_simulation_state", state=quitting)
+        listener.until(lambda: answer.done() or process.has_ended, "the end")
+        assert not answer.done() or answer.result().result.result == Result.RESULT_OK
         assert process.exit_code() == 0
 
 
