@@ -12,7 +12,7 @@ from mbd_sim.compiler import kernel_cache, machine_code
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
+def folder(tmp_path, monkeypatch, own_builds):
     monkeypatch.setenv("MBD_SIM_CACHE", str(tmp_path / "kernels"))
     return tmp_path / "kernels"
 
