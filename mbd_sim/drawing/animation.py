@@ -1,4 +1,4 @@
-"""Pictures of a mechanism in motion: every frame of the same size, place and scale."""
+"""Frames of a mechanism in motion, all of the same size, position and scale."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from mbd_sim.drawing.projection import Page, view_of
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.simulation.compiled_model import Model
 
-SAMPLES = 60  # configurations that are looked at to find what the mechanism can reach
-STROKE = 0.5  # m to both sides, of joints without limits that slide
+SAMPLES = 60  # random configurations from which the window is found
+STROKE = 0.5  # m in each direction, of sliding joints without limits
 MARGIN = 1.12
 
 
 class Animation:
-    """Frames of a mechanism, in a window that holds whatever it can reach."""
+    """Frames of a mechanism, in a window that contains every configuration it can reach."""
 
     def __init__(self, model: Model, width: int = 600, height: int = 400) -> None:
-        """Frames of `width` times `height` dots."""
+        """Frames of `width` times `height` pixels."""
         self._mechanism, self._size = model.mechanism, np.array([width, height], dtype=float)
         start = model.poses(0.0, model.start)
         self._view = view_of(self._mechanism, start)
@@ -34,13 +34,13 @@ class Animation:
             np.min([s.min(axis=0) for s in projected], axis=0),
             np.max([s.max(axis=0) for s in projected], axis=0),
         )
-        self._own = max(float(np.max(np.ptp(projected[0], axis=0))), 1e-9)  # what the symbols are in proportion to
+        self._own = max(float(np.max(np.ptp(projected[0], axis=0))), 1e-9)  # symbols are drawn in proportion to it
         scale = float(np.min(self._size / np.maximum((high - low) * MARGIN, 0.2 * self._own)))
         self._page = Page(self._view, scale)
         self._shift = 0.5 * self._size - 0.5 * (low + high) * scale
 
     def frame(self, poses: Mapping[str, Pose]) -> NDArray[np.uint8]:
-        """(height, width, 3): the mechanism with its parts at `poses`, in ground's frame in m."""
+        """The mechanism with its parts at `poses`, in ground's frame in m: (height, width, 3)."""
         curves = constraint_curves(self._mechanism, poses, self._view)
         sheet = mechanism_sheet(self._page, self._mechanism, poses, self._own, curves)
         return pixels(Composition(sheet.translated(self._shift), self._size), POINTS)
@@ -53,13 +53,14 @@ def _reachable_poses(model: Model) -> list[Mapping[str, Pose]]:
     for _ in range(SAMPLES):
         try:
             y[model.q_range] = model.consistent(_random_configuration(model, rng), np.zeros(model.layout.nv))[0]
-        except ValueError:  # no closed loop near it
+        except ValueError:  # the loops do not close near it
             continue
         found.append(model.poses(0.0, y))
     return found
 
 
 def _random_configuration(model: Model, rng: np.random.Generator) -> Array:
+    """Coordinates q, not yet consistent with the loops, drawn within the limits of the joints."""
     q = model.start[model.q_range].copy()
     for name, joint in model.mechanism.joints.items():
         where = model.layout.q[name]

@@ -1,4 +1,4 @@
-"""A mechanism laid out on a sheet, at the scale at which it fits."""
+"""The layout of a drawing: the mechanism, its names and the legend, at the scale at which they fit."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from mbd_sim.drawing.slider_symbols import carries_coordinate_only
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.records import Mechanism, Part
 
-MAX_SIZE = np.array([500.0, 400.0])  # pt, what the mechanism may fill
-MIN_WIDTH = 330.0  # pt, of the whole picture
-MAX_ENLARGEMENT = 1.5  # times the scale at which the mechanism itself would fill the picture
+MAX_SIZE = np.array([500.0, 400.0])  # pt, of the mechanism
+MIN_WIDTH = 330.0  # pt, of the whole drawing
+MAX_ENLARGEMENT = 1.5  # relative to the scale at which the mechanism alone would fill the drawing
 MARGIN, TITLE = 16.0, 26.0  # pt
 PART_NAME, JOINT_NAME = 10.0, 9.0  # pt
-MAX_COVERED = 8.0  # points of lines that the name of a joint may cover
+MAX_COVERED = 8.0  # cost up to which the name of a joint may cover lines
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,11 +52,11 @@ def compose(mechanism: Mechanism, poses: Mapping[str, Pose], title: str | None =
     spread = bounding_points(mechanism, poses) @ np.column_stack([view.right, view.up])
     size = max(float(np.max(np.ptp(spread, axis=0))), 0.0) or 1.0
     scale = float(np.min(MAX_SIZE)) / size
-    for _ in range(5):  # lines and symbols have sizes in points, so that the scale is found by trying
+    for _ in range(5):  # lines and symbols have sizes in points, so that the scale is found by iteration
         sheet = mechanism_sheet(Page(view, scale), mechanism, poses, size, curves)
         low, high = sheet.bounds()
         scale *= float(np.clip(np.min(MAX_SIZE / np.maximum(high - low, 1.0)), 0.2, 5.0))
-        scale = min(scale, MAX_ENLARGEMENT * float(np.max(MAX_SIZE)) / size)  # what is seen may be a dot without a size
+        scale = min(scale, MAX_ENLARGEMENT * float(np.max(MAX_SIZE)) / size)  # the mechanism may be a single dot
     page = Page(view, scale)
     sheet = mechanism_sheet(page, mechanism, poses, size, curves)
     joints = [place_joint(page, mechanism, poses, joint) for joint in mechanism.all_joints.values()]
@@ -76,7 +76,10 @@ def compose(mechanism: Mechanism, poses: Mapping[str, Pose], title: str | None =
 def mechanism_sheet(
     page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], size: float, curves: Sequence[CurveLine]
 ) -> Sheet:
-    """The mechanism alone, without names; `size` in m sets how large its symbols are."""
+    """The mechanism alone, without names.
+
+    :param size: the length in m of the mechanism, to which the size of symbols is relative.
+    """
     sheet, colors = Sheet(), part_colors(mechanism)
     joints = [place_joint(page, mechanism, poses, joint) for joint in mechanism.all_joints.values()]
     for name, part in mechanism.parts.items():
@@ -97,14 +100,14 @@ def mechanism_sheet(
 
 
 def _without_depth(path: SheetPath) -> SheetPath:
-    """Without depth: seen along the common axis, things lie in the order of the file, and springs and pins on top."""
+    """Without depth: in a planar view things lie in the order of the file, with particles, springs and pins on top."""
     return replace(path, depth=0.0, layer=FRONT if path.particle else path.layer)
 
 
 def _joint_and_part_labels(
     page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], joints: Sequence[PlacedJoint], size: float
 ) -> list[tuple[SheetText, float]]:
-    """The names of the parts, and where there is room those of the joints that move."""
+    """The names of the parts, and of the joints that move where there is room, each with the most it may cover."""
     colors = part_colors(mechanism)
     names = [
         (
@@ -122,7 +125,7 @@ def _joint_and_part_labels(
 
 
 def _label_point(page: Page, part: Part, pose: Pose) -> Array:
-    """The place (2,) on the sheet that the name of a part is near to: of a ring, on it."""
+    """The point (2,) on the sheet near which the name of a part is written; of a ring, a point on its rim."""
     if part.shapes and all(shape.kind == "ring" for shape in part.shapes):
         ring = pose @ part.shapes[0].pose
         circle = arc(np.zeros(2), part.shapes[0].size[0]) @ ring.rotation[:, :2].T

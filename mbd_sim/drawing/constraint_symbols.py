@@ -1,4 +1,4 @@
-"""Constraints on the sheet: planes that wheels roll on, lines, curves and planes that points keep to, cables."""
+"""Constraints: planes that wheels roll on, lines and planes that guide points, knife edges, cables."""
 
 from __future__ import annotations
 

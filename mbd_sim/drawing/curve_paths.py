@@ -1,4 +1,4 @@
-"""Curves and surfaces that points keep to, on the sheet."""
+"""Curves and surfaces on which points are constrained to lie."""
 
 from __future__ import annotations
 

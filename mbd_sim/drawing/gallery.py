@@ -1,8 +1,7 @@
 """The gallery of the shipped mechanisms: `python -m mbd_sim.drawing.gallery docs` writes `gallery.md` and its pictures.
 
-Its texts stand in the mechanism files, where whoever changes a mechanism sees them: the comment at the top says what it
-is and in which book, a paragraph in it that begins with `Watch:` says what to look at, and `description` sums it up.
-It is a module and not a script so that it is typed and tested as the rest.
+Its texts are in the mechanism files. The comment at the top of a file says what the mechanism is and which book it
+is from; a paragraph in it that begins with `Watch:` says what to look at; `description` summarizes it.
 """
 
 from __future__ import annotations
@@ -17,18 +16,18 @@ from mbd_sim.errors import MbdSimError
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism_file.library import shipped
 
-FIRST = ("open_chains", "prescribed", "constraints", "forces")  # folders of config/; others follow by name
+FIRST = ("open_chains", "prescribed", "constraints", "forces")  # folders of config/; others follow in alphabetic order
 WATCH = "Watch:"
 HEADER = """# Gallery
 
-The mechanisms that ship, as they stand at the start. `make gallery` writes this page and its pictures from the files.
-`mbd_sim run NAME --rerun spawn` shows one moving, `mbd_sim check NAME` says what it is made of.
+The shipped mechanisms in their start positions. `make gallery` writes this page and its pictures from the files.
+`mbd_sim run NAME --rerun spawn` shows a mechanism in motion, `mbd_sim check NAME` prints its analysis.
 """
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A mechanism of the gallery: its texts, and the folder of `config/` in which its file is."""
+    """A mechanism of the gallery: its texts, and the folder of `config/` that contains its file."""
 
     name: str
     folder: str
@@ -39,9 +38,9 @@ class Entry:
 
 
 def entries() -> list[Entry]:
-    """Every shipped mechanism, grouped as the folders are.
+    """Every shipped mechanism, grouped by folder.
 
-    :raises MbdSimError: a file does not say what to watch; all such files are named.
+    :raises MbdSimError: a file does not say what to watch; the message names all such files.
     """
     found = [_entry(name, path) for name, path in shipped().items()]
     silent = [f"config/{entry.folder}/{entry.file}" for entry in found if not (entry.watch and entry.about)]
@@ -85,7 +84,7 @@ def picture(entry: Entry, folder: Path) -> Path:
 
 
 def main(docs: Path) -> None:
-    """Write the page and the pictures; pictures of mechanisms that no longer ship are removed."""
+    """Write the page and the pictures; pictures of mechanisms that are no longer shipped are removed."""
     listed, folder = entries(), docs / "gallery"
     folder.mkdir(parents=True, exist_ok=True)
     drawn = {picture(entry, folder) for entry in listed}
@@ -101,7 +100,7 @@ def _entry(name: str, path: Path) -> Entry:
 
 
 def comment(text: str) -> tuple[str, str]:
-    """What a file's first comment says of the mechanism, and what to watch; "" where it does not say."""
+    """The first comment of a file in two parts: what the mechanism is, and what to watch; "" where a part is absent."""
     lines: list[str] = []
     for line in text.splitlines():
         if not line.startswith("#"):

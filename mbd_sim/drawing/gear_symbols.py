@@ -1,4 +1,4 @@
-"""Gears and racks on the sheet: pitch circles and pitch lines, dash-dotted, with marks for their teeth."""
+"""Gears and racks: pitch circles and pitch lines, dash-dotted, with marks for their teeth."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from mbd_sim.mechanism.records import Mechanism
 TOOTH_SPACING, TOOTH = 7.0, 2.6  # pt, from tooth to tooth, and half their height
 
 PARALLEL = 1e-6
-FITTING = 0.2  # relative, how near the radius of a wheel must be to the pitch radius
-NUDGE = 0.02  # toward the eye, by the radius
+FITTING = 0.2  # largest difference of a wheel's radius from the pitch radius, relative to the latter
+NUDGE = 0.02  # toward the eye, relative to the radius
 
 
 def coupling_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], coupling: Coupling) -> list[SheetPath]:
-    """Two wheels, or a wheel and a rack or cable; other couplings, and wheels on skew axes, are not to be seen."""
+    """Two wheels, or a wheel and a rack or cable; other couplings, and wheels on skew axes, are not drawn."""
     joints = {
         joint.name: place_joint(page, mechanism, poses, joint)
         for joint in mechanism.all_joints.values()

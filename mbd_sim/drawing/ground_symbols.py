@@ -1,4 +1,4 @@
-"""Symbols of what does not move: hatched lines, pins on a support, bearings."""
+"""Symbols of ground and of what it supports: hatched lines, brackets, bearings, walls, posts."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from mbd_sim.geometry.rotation import unit_or_zero
 
 PIN = 4.6  # pt, radius of a pin
 HATCH, SPACING = 6.0, 5.0  # pt
-SUPPORT = 17.0  # pt, from a pin to the ground that holds it
+SUPPORT = 17.0  # pt, from a pin to the ground below it
 
 
 def hatched_line(start: Array, stop: Array, side: Array, layer: int = BACK, depth: float = 0.0) -> list[SheetPath]:
-    """A line (2,) to (2,) with hatching on its `side`, a direction (2,)."""
+    """A line from `start` (2,) to `stop` (2,) with hatching on its `side`, a direction (2,)."""
     along = unit_or_zero(stop - start)
     across = left_of(along) * (1.0 if left_of(along) @ side >= 0.0 else -1.0)
     length = float(np.hypot(*(stop - start)))
@@ -29,7 +29,7 @@ def hatched_line(start: Array, stop: Array, side: Array, layer: int = BACK, dept
 
 
 def support(at: Array, direction: Array, layer: int = BACK, depth: float = 0.0) -> list[SheetPath]:
-    """A bracket from a pin to hatched ground that lies in `direction` (2,) of it."""
+    """A bracket from a pin to hatched ground in `direction` (2,) from it."""
     down, across = unit_or_zero(direction), left_of(direction)
     foot = at + SUPPORT * down
     bracket = np.array([at + 0.9 * PIN * across, foot + 11.0 * across, foot - 11.0 * across, at - 0.9 * PIN * across])
@@ -52,7 +52,7 @@ def pin(at: Array, layer: int = FRONT, depth: float = 0.0) -> list[SheetPath]:
 
 
 def ball(at: Array, away: Array, depth: float, layer: int) -> list[SheetPath]:
-    """A ball in a socket that opens against the direction `away` (2,)."""
+    """A ball in a socket that opens opposite to the direction `away` (2,)."""
     angle = float(np.arctan2(away[1], away[0]))
     socket = arc(at, 8.6, angle - 1.75, angle + 1.75, 25)
     return [
@@ -63,13 +63,13 @@ def ball(at: Array, away: Array, depth: float, layer: int) -> list[SheetPath]:
 
 
 def wall(at: Array, away: Array, depth: float = 0.0, layer: int = BACK) -> list[SheetPath]:
-    """A short piece of hatched ground at the end of a spring, the hatching in the direction `away` (2,)."""
+    """A short piece of hatched ground at the end of a spring, with the hatching in the direction `away` (2,)."""
     across = left_of(away)
     return hatched_line(at - 13.0 * across, at + 13.0 * across, away, layer, depth)
 
 
 def post(at: Array, direction: Array, length: float, depth: float, layer: int) -> list[SheetPath]:
-    """A short post on hatched ground that lies in `direction` (2,)."""
+    """A short post on hatched ground in `direction` (2,) from its end."""
     down, across = unit_or_zero(direction), left_of(direction)
     foot = at + length * down
     stem = SheetPath(np.array([at, foot]), edge=INK, width=3.2 * LINE, layer=layer, depth=depth)

@@ -1,4 +1,4 @@
-"""The symbols of the joints: pins, balls, crosses, threads, and what in ground holds them."""
+"""The symbols of the joints: pins, balls, crosses, threads, and their supports in ground."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import aligning_z, unit_or_zero
 from mbd_sim.mechanism.records import Shape
 
-NUDGE = 0.03  # toward the eye, by the size of the mechanism, so that a joint is seen on its parts
+NUDGE = 0.03  # toward the eye, relative to the size of the mechanism: joints lie in front of their parts
 THREAD_PITCH = 6.0  # pt
 DRIVE = outline_color(WORK_DRIVES)
 
 
 def joint_paths(page: Page, placed: PlacedJoint, size: float) -> list[SheetPath]:
-    """The symbol of a joint; `size` in m is that of the mechanism. Slides of phantoms have none."""
+    """The symbol of a joint, none for joints that only provide a coordinate; `size` is the length in m of the mechanism."""
     if carries_coordinate_only(placed):
         return []
     match placed.joint.type:
@@ -148,7 +148,7 @@ def _pin_positions(placed: PlacedJoint) -> list[float]:
 
 
 def _rims(placed: PlacedJoint) -> list[float]:
-    """Radii in m of the rings whose diameter is the joint's axis."""
+    """Radii in m of the rings that have the joint's axis as a diameter."""
     radii: list[float] = []
     for part, frame in ((placed.carrier_part, placed.carrier_frame), (placed.mover_part, placed.mover_frame)):
         if part is None:
@@ -166,7 +166,7 @@ def _rims(placed: PlacedJoint) -> list[float]:
 
 
 def _cross(page: Page, placed: PlacedJoint, size: float) -> list[SheetPath]:
-    """The two short shafts of a Cardan cross."""
+    """The two short shafts of a universal joint."""
     center, depth = placed.carrier_frame.position, _depth_in_front(page, placed, size)
     at = page.project(center)
     paths = post(at, placed.support_direction, 24.0, depth, BODIES) if placed.grounded else []
@@ -176,7 +176,7 @@ def _cross(page: Page, placed: PlacedJoint, size: float) -> list[SheetPath]:
 
 
 def _depth_in_front(page: Page, placed: PlacedJoint, size: float) -> float:
-    """A depth at which the symbol is seen on the ends of the rods that it joins."""
+    """A depth at which the symbol lies in front of the ends of the rods that it connects."""
     depths = [page.depth(placed.carrier_frame.position) + NUDGE * size]
     for part, frame in ((placed.carrier_part, placed.carrier_frame), (placed.mover_part, placed.mover_frame)):
         if part is not None:
@@ -214,7 +214,7 @@ def _screw(page: Page, placed: PlacedJoint, size: float) -> list[SheetPath]:
 
 
 def _shafts(placed: PlacedJoint) -> list[Shape]:
-    """The cylinders of the moving part about the axis."""
+    """The cylinders of the moving part whose axis is parallel to the joint's."""
     if placed.mover_part is None:
         return []
     own = frame_on_part(placed, placed.mover_part).rotation @ placed.mover_frame.rotation.T @ placed.axis
@@ -252,7 +252,7 @@ def _drive(page: Page, placed: PlacedJoint) -> list[SheetPath]:
 def turning_arrow(
     page: Page, center: Array, axis: Array, radius: float, color: tuple[int, int, int] = DRIVE
 ) -> list[SheetPath]:
-    """An arrow about an axis (3,), right-handed, of a radius in points."""
+    """An arrow about an axis (3,), right-handed, with a radius in points."""
     frame = aligning_z(unit_or_zero(axis))
     circle = arc(np.zeros(2), radius / page.scale, -0.3, 3.9, 61)
     points = page.project(center + circle @ frame[:, :2].T)

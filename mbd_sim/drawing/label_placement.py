@@ -1,4 +1,4 @@
-"""Where the names stand: near what they name, and clear of lines and of each other."""
+"""The places of names: near what they name, and clear of lines and of each other."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import numpy as np
 from mbd_sim.drawing.sheet import BACK, Sheet, SheetText
 from mbd_sim.geometry.pose import Array
 
-DISTANCES = (13.0, 18.0, 25.0, 34.0)  # pt, from the place to the edge of the text
+DISTANCES = (13.0, 18.0, 25.0, 34.0)  # pt, from the named point to the edge of the text
 DIRECTIONS = 16
-STEP = 3.0  # pt, between the points at which lines are probed
+STEP = 3.0  # pt, between the sampled points of lines
 
 
 def place_labels(sheet: Sheet, names: Sequence[tuple[SheetText, float]]) -> list[SheetText]:
-    """Move each text away from its place to where it hides least; those that cost more than their limit are left out.
+    """Move each text away from its point to where it covers least; texts that cost more than their limit are left out.
 
-    :param names: texts at the places (2,) they name, the most important first, each with the most it may cost.
+    :param names: texts at the points (2,) that they name, the most important first, each with the most it may cost.
     """
     lines, weights = _probes(sheet)
     placed: list[SheetText] = []
@@ -40,6 +40,7 @@ def place_labels(sheet: Sheet, names: Sequence[tuple[SheetText, float]]) -> list
 
 
 def _hidden(text: SheetText, lines: Array, weights: Array, placed: Sequence[SheetText]) -> float:
+    """The cost of a text here: the lines it covers, and other texts."""
     low, high = text.box[0] - 2.0, text.box[1] + 2.0
     covered = float(np.sum(weights[np.all((lines > low) & (lines < high), axis=1)])) if len(lines) else 0.0
     for other in placed:
@@ -50,7 +51,7 @@ def _hidden(text: SheetText, lines: Array, weights: Array, placed: Sequence[Shee
 
 
 def _probes(sheet: Sheet) -> tuple[Array, Array]:
-    """Points (n, 2) along all lines, and how bad it is (n,) to cover each."""
+    """Points (n, 2) along all lines, and the cost (n,) of covering each."""
     points, weights = [np.zeros((0, 2))], [np.zeros(0)]
     for path in sheet.paths:
         corners = np.vstack([path.points, path.points[:1]]) if path.closed else path.points

@@ -1,4 +1,4 @@
-"""The strip below a picture: the axes of ground, the direction of gravity, and a scale."""
+"""The strip below a drawing: the axes of ground, the direction of gravity, and a scale."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SIZE = 10.5  # pt, of texts
 
 
 def add_strip(sheet: Sheet, page: Page, gravity: Array, width: float) -> None:
-    """Put the three into a strip from (0, 0) to (width, HEIGHT)."""
+    """Add the three in a strip from (0, 0) to (width, HEIGHT)."""
     _add_axes(sheet, page, np.array([26.0, 20.0]))
     _add_gravity(sheet, page, gravity, np.array([98.0, 24.0]))
     _add_scale(sheet, page, np.array([width - 14.0, 16.0]), most=0.34 * width)
@@ -34,7 +34,7 @@ def nice_length(most: float) -> float:
 
 
 def length_text(length: float) -> str:
-    """A length in m with the unit that reads best."""
+    """A length in m with the unit in which it is shortest."""
     for unit_name, size in (("km", 1e3), ("m", 1.0), ("cm", 1e-2), ("mm", 1e-3)):
         if length >= 0.999 * size:
             return f"{length / size:.6g} {unit_name}"
@@ -76,7 +76,7 @@ def _add_gravity(sheet: Sheet, page: Page, gravity: Array, at: Array) -> None:
 
 
 def _add_end_on(sheet: Sheet, at: Array, toward: bool, color: tuple[int, int, int]) -> None:
-    """An arrow seen from its end: a dot where it comes, a cross where it goes."""
+    """An arrow seen end-on: a dot where it points toward the viewer, a cross where it points away."""
     sheet.add(SheetPath(arc(at, 5.0), edge=color, fill=(255, 255, 255), width=1.2, closed=True, layer=MARKS))
     if toward:
         sheet.add(SheetPath(arc(at, 1.5), edge=None, fill=color, closed=True, layer=MARKS))

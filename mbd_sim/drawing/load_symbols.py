@@ -1,4 +1,4 @@
-"""Force elements on the sheet: springs and rods between points, arrows of forces and couples."""
+"""Force elements: springs, dampers and rods between points, and the arrows of applied forces and couples."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
 
 LENGTH = 46.0  # pt, of the arrow of any force
 FORCE = outline_color(DISSIPATED)
-MOMENTS = (0.0, 0.05, 0.1, 0.25, 0.5, 1.0)  # s; the first at which a force is not zero is drawn
+MOMENTS = (0.0, 0.05, 0.1, 0.25, 0.5, 1.0)  # s; a force is drawn as it is at the first of these at which it is not zero
 
 
 TwoPointElement = Spring | Damper | Distance
@@ -92,7 +92,7 @@ def force_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> 
 
 
 def point_of(poses: Mapping[str, Pose], at: Attachment) -> Array:
-    """A point (3,) in ground's frame."""
+    """A point of a part in ground's frame, (3,)."""
     return at.point if at.part == GROUND else poses[at.part].position + poses[at.part].rotation @ at.point
 
 

@@ -1,4 +1,4 @@
-"""The parts of a mechanism on the sheet, and where they reach."""
+"""The parts of a mechanism as paths, and the space they occupy."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from mbd_sim.mechanism.records import (
     Shape,
 )
 
-ROD_TOLERANCE = 1e-6  # relative; how exactly a rod lies along a slide
+ROD_TOLERANCE = 1e-6  # relative; largest deviation of a slide from the rod that guides it
 
 
 def part_paths(page: Page, mechanism: Mechanism, part: Part, pose: Pose, color: Color) -> list[SheetPath]:
@@ -54,7 +54,10 @@ def part_paths(page: Page, mechanism: Mechanism, part: Part, pose: Pose, color: 
 
 
 def mass_center(page: Page, part: Part, pose: Pose, occupied: list[Array]) -> list[SheetPath]:
-    """The quartered circle at a part's mass centre, unless it is a dot itself or something else is there."""
+    """The quartered circle at a part's mass center, unless a dot or another symbol is there.
+
+    :param occupied: points (2,) on the sheet at which there are other symbols.
+    """
     at = page.project(pose.position + pose.rotation @ part.center)
     dots = [shape for shape in part.shapes if shape.kind in ("particle", "sphere")]
     hidden = any(np.allclose(shape.pose.position, part.center, atol=1e-9) for shape in dots)
@@ -68,7 +71,7 @@ def mass_center(page: Page, part: Part, pose: Pose, occupied: list[Array]) -> li
 
 
 def corners(part: Part) -> Array:
-    """Points (n, 3) in the part's frame that bound it; the drawn sizes of particles and rods do not count."""
+    """Points (n, 3) in the part's frame that bound it; the drawn radii of particles and rods do not count."""
     points = [np.array(part.center), *(pose.position for pose in part.points.values())] if part.mass else []
     points += [pose.position for pose in part.points.values()]
     signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
@@ -83,7 +86,10 @@ def corners(part: Part) -> Array:
 
 
 def span_along(part: Part, into: Pose, axis: Array, kinds: tuple[str, ...] = ()) -> tuple[float, float] | None:
-    """How far (from, to) in m the shapes of a part go along `axis` (3,), seen in the frame `into` of the part."""
+    """The smallest and largest coordinate in m of a part's shapes along `axis` (3,), in the frame `into` of the part.
+
+    :param kinds: the kinds of shapes that count, all if empty. Returns None where there is no such shape.
+    """
     shapes = tuple(shape for shape in part.shapes if not kinds or shape.kind in kinds)
     if not shapes:
         return None
@@ -102,7 +108,7 @@ def is_tube(mechanism: Mechanism, part: Part, rod: Shape) -> bool:
 
 
 def along_rod(part: Part, joint: Joint, rod: Shape) -> bool:
-    """Whether a slide of a part runs along one of its rods."""
+    """Whether a sliding joint of a part runs along one of its rods."""
     axis, direction = joint.parent_pose.rotation @ joint.axis, rod.pose.rotation[:, 2]
     aside = np.cross(joint.parent_pose.position - rod.pose.position, direction)
     length = rod.size[0]

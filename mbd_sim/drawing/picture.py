@@ -1,4 +1,4 @@
-"""A picture of a mechanism, written by Matplotlib; the same mechanism gives the same file."""
+"""A drawing as a file or as pixels, rendered by Matplotlib; the same mechanism always gives the same file."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ from mbd_sim.geometry.pose import Pose
 from mbd_sim.mechanism.records import Mechanism
 
 FORMATS = (".png", ".svg")
-RESOLUTION = 144  # dots an inch, of PNG
-POINTS = 72.0  # an inch
+RESOLUTION = 144  # pixels per inch, of PNG
+POINTS = 72.0  # per inch
 SETTINGS = {"svg.hashsalt": "mbd_sim", "svg.fonttype": "path", "path.simplify": False, "text.usetex": False}
 
 
 class DrawingError(MbdSimError):
-    """A picture that cannot be written."""
+    """A drawing cannot be written."""
 
 
 def draw(mechanism: Mechanism, poses: Mapping[str, Pose], path: str | Path, *, title: str | None = None) -> None:
     """Draw a mechanism into a file, as PNG or SVG by its suffix.
 
-    A mechanism that moves in one plane is drawn in it, any other one in an oblique view from above.
+    A planar mechanism is drawn in its plane, any other one obliquely from above.
 
     :param poses: the pose of each part in ground's frame in m, as from `Simulation.poses()`.
-    :param title: a line above the picture.
+    :param title: a line above the drawing.
     :raises DrawingError: the suffix is neither `.png` nor `.svg`, or the file cannot be written.
     """
     path = Path(path)
     if path.suffix.lower() not in FORMATS:
         raise DrawingError(
             f"cannot draw {quoted(str(path))}: the suffix is {quoted(path.suffix) if path.suffix else 'missing'}. "
-            f"Write a file name that ends in {' or '.join(FORMATS)}."
+            f"Use a file name that ends in {' or '.join(FORMATS)}."
         )
     picture = compose(mechanism, poses, title)
     try:
-        path.open("ab").close()  # told before Matplotlib is loaded
+        path.open("ab").close()  # fails before Matplotlib is loaded
         _write(picture, path)
     except OSError as error:
         raise DrawingError(
-            f"cannot write {quoted(str(path))}: {error.strerror or error}. Name a file in a folder you may write to."
+            f"cannot write {quoted(str(path))}: {error.strerror or error}. Choose a file in a folder that you may write to."
         ) from error
 
 
@@ -59,7 +59,7 @@ def _write(picture: Composition, path: Path) -> None:
 
 
 def pixels(picture: Composition, resolution: float = POINTS) -> NDArray[np.uint8]:
-    """(height, width, 3): a picture in dots, `resolution` of them an inch."""
+    """A drawing as pixels (height, width, 3), `resolution` of them per inch."""
     with _figure(picture, resolution) as figure:
         figure.canvas.draw()
         return np.array(figure.canvas.buffer_rgba())[:, :, :3]
@@ -67,7 +67,7 @@ def pixels(picture: Composition, resolution: float = POINTS) -> NDArray[np.uint8
 
 @contextlib.contextmanager
 def _figure(picture: Composition, resolution: float) -> Iterator[Any]:
-    """Matplotlib's figure of a picture, within Matplotlib's own settings."""
+    """A Matplotlib figure of a drawing, with Matplotlib's default settings rather than the user's."""
     from matplotlib import style
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -1,4 +1,4 @@
-"""A joint as it stands on the sheet: which part carries, which part moves, where and along what."""
+"""A joint at a state: which part carries it and which one moves, where, and along which axis."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from mbd_sim.mechanism.records import (
 
 @dataclass(frozen=True, eq=False)
 class PlacedJoint:
-    """A joint at a state. `carrier` and `mover` are the frames (in ground's) of the joint on its two parts.
+    """A joint at a state. The carrier is ground wherever ground is one of the two parts.
 
-    `axis` and `second` (3,) are the joint's axes in ground's frame; the carrier is ground wherever ground is one of
-    the two. `away` (2,) is the direction on the sheet in which there is room for ground to hold the joint.
+    `carrier_frame` and `mover_frame` are the joint's frames on the two parts, and `axis` and `second` (3,) its axes, in
+    ground's frame. `support_direction` (2,) is the direction on the sheet in which there is room for ground.
     """
 
     joint: Joint
@@ -37,15 +37,15 @@ class PlacedJoint:
 
     @property
     def grounded(self) -> bool:
-        """Whether ground holds the joint."""
+        """Whether the joint is on ground."""
         return self.carrier_part is None
 
     def elastic(self, place: int = 0) -> bool:
-        """Whether there is a spring for one of its coordinates."""
+        """Whether one of its coordinates has a spring."""
         return bool(self.joint.stiffness[place : place + 1].any()) or self.joint.spring is not None
 
     def damped(self, place: int = 0) -> bool:
-        """Whether there is a damper for one of its coordinates."""
+        """Whether one of its coordinates has a damper."""
         return bool(self.joint.damping[place : place + 1].any()) or self.joint.damper is not None
 
     def mover_span(self, direction: Array, kinds: tuple[str, ...] = ()) -> tuple[float, float] | None:
@@ -68,7 +68,7 @@ class PlacedJoint:
 
     @property
     def displacement(self) -> float:
-        """How far in m the mover's frame has gone along the axis."""
+        """The displacement in m of the mover's frame along the axis."""
         return float((self.mover_frame.position - self.carrier_frame.position) @ self.axis)
 
 
@@ -102,14 +102,14 @@ def frame_on_part(placed: PlacedJoint, part: Part) -> Pose:
 
 
 def middle(part: Part) -> Array:
-    """The middle (3,) of a part, for symbols and names: its mass centre, or that of its shapes."""
+    """The middle (3,) of a part, for symbols and names: its mass center, or that of its shapes if it has no mass."""
     if part.mass or not part.shapes:
         return part.center
     return np.asarray(np.mean([shape.pose.position for shape in part.shapes], axis=0))
 
 
 def _support_direction(page: Page, toward_part: Array) -> Array:
-    """Up for what hangs or lies, down for what stands or turns about its middle."""
+    """Up for parts that hang from or lie beside the joint, down for those that stand on it or are centered on it."""
     projected = page.project(toward_part)
     stands = projected[1] > 0.35 * abs(projected[0]) or float(np.hypot(*projected)) < 1.0
     return np.array([0.0, -1.0 if stands else 1.0])

@@ -1,4 +1,4 @@
-"""From where a mechanism is looked at, and the way from metres to points."""
+"""The direction of view, and the projection from meters in space to points on the sheet."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TOLERANCE = 1e-6
 class View:
     """An orthographic view: unit vectors (3,) to the `right`, `up`, and `toward` the eye, in ground's frame.
 
-    `planar` tells that all motion is across `toward`.
+    `planar` means that all motion is perpendicular to `toward`.
     """
 
     right: Array
@@ -29,17 +29,17 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Page:
-    """A view at a scale, in points a metre."""
+    """A view at a scale, in points per meter."""
 
     view: View
     scale: float
 
     def project(self, points: Array) -> Array:
-        """Points (..., 3) in ground's frame in m to places (..., 2) on the sheet in points."""
+        """Points (..., 3) in ground's frame in m as points (..., 2) on the sheet, in points."""
         return np.asarray(points @ np.column_stack([self.view.right, self.view.up]) * self.scale)
 
     def depth(self, point: Array) -> float:
-        """How far in m a point (3,) is toward the eye."""
+        """The coordinate in m of a point (3,) toward the eye."""
         return float(point @ self.view.toward)
 
     def to_space(self, direction: Array) -> Array:
@@ -47,12 +47,12 @@ class Page:
         return np.asarray(direction @ np.array([self.view.right, self.view.up]))
 
     def direction(self, direction: Array) -> Array:
-        """The direction (2,) on the sheet of a direction (3,), as long as it is seen."""
+        """The direction (2,) on the sheet of a direction (3,), foreshortened."""
         return np.asarray(direction @ np.column_stack([self.view.right, self.view.up]))
 
 
 def view_of(mechanism: Mechanism, poses: Mapping[str, Pose]) -> View:
-    """Along the common axis where all motion is in one plane, and else from a corner."""
+    """The view along the common axis of a planar mechanism, otherwise an oblique one."""
     normal = plane_normal(mechanism, poses)
     if normal is None:
         toward = np.array([np.cos(ELEVATION) * np.cos(AZIMUTH), np.cos(ELEVATION) * np.sin(AZIMUTH), np.sin(ELEVATION)])
@@ -83,7 +83,7 @@ def plane_normal(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array | Non
             slides.append(axis)
     if not turns and not slides:
         return None
-    # With slides alone several planes may do: the vertical one through x first.
+    # With slides alone there may be several such planes: prefer the vertical one through x.
     for normal in turns[:1] or list(np.eye(3)[[1, 2, 0]]) + [unit for s in slides if (unit := _across(s)) is not None]:
         turned = all(float(np.linalg.norm(np.cross(axis, normal))) < TOLERANCE for axis in turns)
         if turned and all(abs(float(axis @ normal)) < TOLERANCE for axis in slides):
@@ -92,7 +92,7 @@ def plane_normal(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array | Non
 
 
 def frame_of(poses: Mapping[str, Pose], part: str, frame: Pose) -> Pose:
-    """A frame of a part, or of ground, placed in ground's frame."""
+    """A frame of a part, or of ground, in ground's frame."""
     return (identity_pose() if part == GROUND else poses[part]) @ frame
 
 

@@ -1,4 +1,4 @@
-"""The shapes of the parts as paths: rounded bars, shaded blocks and cylinders, rings around what they hold."""
+"""The shapes of parts as paths: bars with round ends, shaded blocks and cylinders, rings around what is inside them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import unit_or_zero
 from mbd_sim.mechanism.records import Shape
 
-BAR, MAX_BAR, TUBE = 3.6, 5.5, 9.5  # pt, half widths of rods, and of rods in which something slides
+BAR, MAX_BAR, TUBE = 3.6, 5.5, 9.5  # pt, half widths: of rods, from and to; and of rods on which something slides
 DOT, MAX_DOT = 5.0, 11.0  # pt
 ROUNDING = 3.0  # pt
 
@@ -82,7 +82,7 @@ def cylinder(
 
 
 def hull(points: Array) -> Array:
-    """The convex hull (k, 2) of points (n, 2), anticlockwise."""
+    """The convex hull (k, 2) of points (n, 2), counterclockwise."""
     ordered = sorted({(round(float(x), 6), round(float(y), 6)) for x, y in points})
     chains: list[list[tuple[float, float]]] = []
     for line in (ordered, ordered[::-1]):
@@ -96,7 +96,7 @@ def hull(points: Array) -> Array:
 
 
 def rounded(corners: Array, radius: float) -> Array:
-    """A convex polygon (n, 2), anticlockwise, with round corners."""
+    """A convex polygon (n, 2), counterclockwise, with rounded corners."""
     points: list[Array] = []
     for before, corner, after in zip(np.roll(corners, 1, axis=0), corners, np.roll(corners, -1, axis=0), strict=True):
         cut = min(radius, 0.45 * float(np.hypot(*(before - corner))), 0.45 * float(np.hypot(*(after - corner))))
@@ -173,7 +173,7 @@ def _block(page: Page, pose: Pose, half: Array, color: Color, hole: bool) -> lis
 
 
 def _lit(page: Page, color: Color, normal: Array) -> Color:
-    """The colour of a face, lit from the upper left."""
+    """The color of a face, lit from the upper left."""
     light = 0.9 * page.view.up + 0.55 * page.view.toward - 0.35 * page.view.right
     share = 0.5 + 0.5 * float(normal @ light) / float(np.linalg.norm(light))
     return mixed(mixed(color, INK, 0.06), WHITE, 0.18 + 0.52 * share)

@@ -1,4 +1,4 @@
-"""What a picture is made of: paths and texts in points (1/72 inch), x to the right and y up, without Matplotlib."""
+"""The elements of a drawing: paths and texts in points (1/72 inch), x to the right and y up, without Matplotlib."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ INK: Color = (44, 50, 60)
 GRAY: Color = (120, 128, 140)
 STEEL: Color = (196, 202, 210)
 
-# From the back to the front; within a layer the depth decides, then the order in which things were added.
+# From back to front; within a layer the depth decides, then the order of addition.
 BACK, BODIES, FRONT, MARKS = 0, 1, 2, 3
 
 LINE = 1.1  # pt
@@ -25,7 +25,10 @@ AXIS_DASH = (9.0, 2.5, 1.5, 2.5)  # pt, of axes and pitch lines
 
 @dataclass(frozen=True, eq=False)
 class SheetPath:
-    """A line through `points` (n, 2), in points; `depth` in m grows toward the eye. A `dot` is a particle."""
+    """A line through `points` (n, 2), in points; `depth` in m grows toward the eye.
+
+    `particle` marks the dots of particles, which lie on top in planar views.
+    """
 
     points: Array
     edge: Color | None = INK
@@ -40,7 +43,7 @@ class SheetPath:
 
 @dataclass(frozen=True, eq=False)
 class SheetText:
-    """A text centred on `at` (2,), `size` in points."""
+    """A text centered on `at` (2,), `size` in points."""
 
     text: str
     at: Array
@@ -50,48 +53,48 @@ class SheetText:
 
     @property
     def box(self) -> tuple[Array, Array]:
-        """About the corners, lower left (2,) and upper right (2,), that it fills with DejaVu Sans."""
+        """The approximate corners, lower left (2,) and upper right (2,), of the text in DejaVu Sans."""
         half = 0.5 * np.array([0.61 * self.size * max(len(self.text), 1), 1.1 * self.size])
         return self.at - half, self.at + half
 
 
 @dataclass(eq=False)
 class Sheet:
-    """The paths and texts of a picture."""
+    """The paths and texts of a drawing."""
 
     paths: list[SheetPath] = field(default_factory=list)
     texts: list[SheetText] = field(default_factory=list)
 
     def add(self, *paths: SheetPath) -> None:
-        """Put paths on the sheet."""
+        """Add paths."""
         self.paths += paths
 
     def bounds(self) -> tuple[Array, Array]:
-        """Lower left (2,) and upper right (2,) of all that is on it, in points."""
+        """Lower left (2,) and upper right (2,) of everything on the sheet, in points."""
         corners = [path.points for path in self.paths if len(path.points)]
         corners += [np.array(text.box) for text in self.texts]
         every = np.vstack(corners or [np.zeros((1, 2))])
         return every.min(axis=0), every.max(axis=0)
 
     def translated(self, by: Array) -> Sheet:
-        """The same at another place."""
+        """The same sheet moved by (2,) points."""
         return Sheet(
             [replace(path, points=path.points + by) for path in self.paths],
             [replace(text, at=text.at + by) for text in self.texts],
         )
 
     def back_to_front(self) -> list[SheetPath]:
-        """The paths from the back to the front."""
+        """The paths in drawing order."""
         return sorted(self.paths, key=lambda path: (path.layer, path.depth))
 
 
 def fill_color(color: Color) -> Color:
-    """The fill of a part drawn in `color`."""
+    """The fill of a part of this color."""
     return mixed(color, WHITE, 0.5)
 
 
 def outline_color(color: Color) -> Color:
-    """The outline of a part drawn in `color`, and its name."""
+    """The outline of a part of this color, and its name."""
     return mixed(color, INK, 0.55)
 
 
@@ -106,7 +109,7 @@ def left_of(direction: Array) -> Array:
 
 
 def arrow_head(tip: Array, direction: Array, color: Color, size: float = 7.0, **where: float) -> SheetPath:
-    """A filled head whose tip is at `tip` (2,)."""
+    """A filled arrow head with its tip at `tip` (2,)."""
     along = unit_or_zero(direction)
     across = left_of(along)
     back = tip - size * along

@@ -1,4 +1,4 @@
-"""Joints that slide: guides, sliders on them, and the springs and dampers along them."""
+"""Sliding joints: guides, sliders on them, and the springs and dampers along them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.rotation import unit_or_zero
 
 SLIDER = np.array([11.0, 6.0])  # pt, half sizes
-GUIDE = 0.36  # half length of a guide in ground, by the size of the mechanism
+GUIDE = 0.36  # half length of a guide in ground, relative to the size of the mechanism
 BODY = ("block", "cylinder", "sphere", "plate", "disc")
 
 

@@ -1,4 +1,4 @@
-"""Springs, dampers and rods between two places on the sheet, in points."""
+"""Springs, dampers, rods, cables and friction between two points on the sheet."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from mbd_sim.geometry.rotation import unit_or_zero
 
 AMPLITUDE, PITCH = 5.6, 7.0  # pt
 MAX_TURNS = 11
-BESIDE = 8.5  # pt, from the middle to a spring and its damper in parallel
+BESIDE = 8.5  # pt, from the center line to a spring and its damper in parallel
 MIN_LENGTH = 2.0  # pt
-SAW = 4.5  # pt, from tooth to tooth of rough faces
+SAW = 4.5  # pt, from tooth to tooth
 
 
 def spring(start: Array, stop: Array, layer: int = BODIES, depth: float = 0.0) -> list[SheetPath]:
@@ -32,7 +32,7 @@ def spring(start: Array, stop: Array, layer: int = BODIES, depth: float = 0.0) -
 
 
 def damper(start: Array, stop: Array, layer: int = BODIES, depth: float = 0.0) -> list[SheetPath]:
-    """A dashpot between two places (2,)."""
+    """A dashpot between two points (2,)."""
     length = float(np.hypot(*(stop - start)))
     if length < MIN_LENGTH:
         return []
@@ -58,7 +58,7 @@ def damper(start: Array, stop: Array, layer: int = BODIES, depth: float = 0.0) -
 def spring_and_damper(
     start: Array, stop: Array, elastic: bool, damped: bool, layer: int = BODIES, depth: float = 0.0
 ) -> list[SheetPath]:
-    """What there is of the two, side by side where there are both."""
+    """A spring, a damper, or both side by side."""
     if not (elastic and damped):
         draw = spring if elastic else damper
         return draw(start, stop, layer, depth) if elastic or damped else []
@@ -80,7 +80,7 @@ def spring_and_damper(
 
 
 def link(start: Array, stop: Array, layer: int = BODIES, depth: float = 0.0) -> list[SheetPath]:
-    """A massless rod that keeps two places (2,) apart: dashed."""
+    """A massless rod that keeps two points (2,) at a distance: dashed."""
     ends = [SheetPath(arc(at, 2.2), edge=INK, fill=INK, closed=True, layer=layer, depth=depth) for at in (start, stop)]
     line = np.array([start, stop])
     rim = SheetPath(line, edge=WHITE, width=3.0, layer=layer, depth=depth)
@@ -94,7 +94,7 @@ def cable_paths(page: Page, line: Array, depth: float) -> list[SheetPath]:
 
 
 def friction_teeth(start: Array, stop: Array, side: Array, layer: int, depth: float = 0.0) -> SheetPath:
-    """Rough faces between two places (2,): teeth of a saw that stand on the line, away from `side` (2,)."""
+    """Rough faces between two points (2,): saw teeth on the line, on the side opposite to `side` (2,)."""
     along, length = unit_or_zero(stop - start), float(np.hypot(*(stop - start)))
     count = max(round(length / SAW), 3)
     foot = start + np.outer(np.repeat(np.arange(count + 1), 2)[1:-1] * length / count, along)

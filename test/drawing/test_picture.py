@@ -51,9 +51,9 @@ def test_a_users_own_settings_do_not_show(pendulum, tmp_path):
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("a.jpg", "the suffix is '.jpg'. Write a file name that ends in .png or .svg."),
-        ("a", "the suffix is missing. Write a file name that ends in .png or .svg."),
-        ("none/a.png", "No such file or directory. Name a file in a folder you may write to."),
+        ("a.jpg", "the suffix is '.jpg'. Use a file name that ends in .png or .svg."),
+        ("a", "the suffix is missing. Use a file name that ends in .png or .svg."),
+        ("none/a.png", "No such file or directory. Choose a file in a folder that you may write to."),
     ],
 )
 def test_what_cannot_be_written_is_told_with_a_remedy(pendulum, tmp_path, name, words):
