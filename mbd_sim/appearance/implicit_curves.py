@@ -52,7 +52,7 @@ def section_lines(record: Surface, point: Array, base: Pose, normal: Array) -> l
 
 
 def surface_lines(record: Surface, point: Array, base: Pose, toward: Array) -> list[CurveLine]:
-    """A surface near a point (3,): lines on it, and its outline as seen from the direction `toward` (3,).
+    """A surface near a point (3,): lines on it, and its outline viewed from the direction `toward` (3,).
 
     The lines are level lines and meridians about the third axis of the frame. Where level lines are open, they are
     sections across the first two axes instead.
@@ -66,17 +66,17 @@ def surface_lines(record: Surface, point: Array, base: Pose, toward: Array) -> l
         return follow_curve(_equation_pair(x, ca.vertcat(values, plane)), at, STEP * reach, within_reach)
 
     lines = [line for line in _grid(cut, point, base, reach) if len(line) > 2]
-    seen = _equation_pair(x, ca.vertcat(values, ca.dot(slope.T, ca.DM(toward))))
+    outline_equations = _equation_pair(x, ca.vertcat(values, ca.dot(slope.T, ca.DM(toward))))
     outlines: list[Array] = []
     for line in lines:
         turning = line[int(np.argmin(np.abs(_gradients(x, slope, line) @ toward)))]
-        start = _nearest_solution(seen, turning, 0.2 * reach)
+        start = _nearest_solution(outline_equations, turning, 0.2 * reach)
         if (
             start is not None
             and within_reach(start)
             and all(_distance(o, start) > 2.0 * STEP * reach for o in outlines)
         ):
-            outlines.append(follow_curve(seen, start, STEP * reach, within_reach))
+            outlines.append(follow_curve(outline_equations, start, STEP * reach, within_reach))
     return [*_visible_and_hidden(x, slope, lines, toward), *_curve_lines(outlines, "outline")]
 
 

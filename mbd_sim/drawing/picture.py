@@ -48,7 +48,8 @@ def draw(mechanism: Mechanism, poses: Mapping[str, Pose], path: str | Path, *, t
         _write(picture, path)
     except OSError as error:
         raise DrawingError(
-            f"cannot write {quoted(str(path))}: {error.strerror or error}. Choose a file in a folder that you may write to."
+            f"cannot write {quoted(str(path))}: {error.strerror or error}. "
+            "Choose a file in a folder that you may write to."
         ) from error
 
 

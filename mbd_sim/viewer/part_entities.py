@@ -78,7 +78,7 @@ def about(scene: SceneDescription) -> rr.TextDocument:
         f"{len(mechanism.closing) + len(mechanism.constraints)} loops and constraints; "
         f"by default {scene.method} with a step of {1e3 * mechanism.step:g} ms.",
         "| color | meaning |\n|---|---|\n"
-        "| yellow | driven joints |\n| pink | joints and rods that close loops |\n| grey, white | other joints |\n"
+        "| yellow | driven joints |\n| pink | joints and rods that close loops |\n| gray, white | other joints |\n"
         "| red arrows | forces of the file |\n| green arrows | commanded efforts and wrenches |\n"
         "| blue arrows | forces through joints, if requested |",
         f"An arrow of {LONG * scene.extent.size:.3g} m is {weight(scene):.3g} N. A force that has an expression or an "

@@ -42,8 +42,8 @@ class Trace:
         """The pieces through points (n, 3)."""
         times = np.concatenate([[self._time], rows.motion_times])
         before = np.vstack([self._end, points[:-1]])
-        anew = np.diff(times) <= 0.0
-        before[anew] = points[anew]
+        restarted = np.diff(times) <= 0.0
+        before[restarted] = points[restarted]
         self._end, self._time = points[-1], float(times[-1])
         yield self.path, rr.LineStrips3D.columns(strips=list(np.stack([before, points], axis=1)))
 

@@ -237,7 +237,7 @@ class Viewer:
 
 
 def _started() -> subprocess.Popen[bytes]:
-    """The viewer's process, in a session of its own: a Ctrl-C in the terminal is for the node, which ends it."""
+    """Start the worker in its own session: Ctrl-C in the terminal reaches the node, which then ends the worker."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     command = [sys.executable, "-P", "-c", "import sys; from mbd_sim.viewer.worker import main; sys.exit(main())"]
     return subprocess.Popen(  # noqa: S603  (own arguments)
