@@ -53,7 +53,7 @@ DRIVE = outline_color(WORK_DRIVES)
 
 
 def joint_paths(page: Page, placed: PlacedJoint, size: float) -> list[SheetPath]:
-    """The symbol of a joint, none for joints that only provide a coordinate; `size` is the length in m of the mechanism."""
+    """The symbol of a joint; joints that only provide a coordinate have none. `size` in m is that of the mechanism."""
     if carries_coordinate_only(placed):
         return []
     match placed.joint.type:
