@@ -236,7 +236,7 @@ def check_machine_code(mechanism, rng, states=2):
         by_casadi = np.array(rates(0.0, state, efforts)).ravel()
         if len(u):
             oracle = kane.equations(mechanism, q, u, efforts)
-            condition = oracle.condition * oracle.stiffness
+            condition = oracle.condition * oracle.constraint_condition
             size = 1e-13 * condition * np.max(np.abs(by_casadi))
             assert plain == pytest.approx(by_casadi, rel=1e-11, abs=size)
             assert expected == pytest.approx(by_casadi, rel=1e-11, abs=size)

@@ -1,7 +1,7 @@
 """The recursion against Lagrange's equations by differentiation, and both against Kane's equations in numpy.
 
-Errors are measured with coordinates scaled to a unit diagonal of the mass matrix, where units do not matter;
-they may grow with the condition of that matrix.
+Coordinates are scaled to a unit diagonal of the mass matrix, so that the errors do not depend on units. Errors may grow
+with the condition of that matrix.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from test.generators.mechanisms import (
 from test.oracles import kane
 
 ROUND_OFF = 1e-13
-ILL = 1e4  # times a condition of order one, beyond which 1e-10 is not to be had
+ILL_CONDITIONED = 1e4  # condition of the constraints above which an error of 1e-10 is out of reach
 
 
 def check(mechanism, rng, states=1, t=0.7):
-    """Hold the three derivations against each other; whether it could be done at this time."""
+    """Compare the three derivations; returns whether that was possible at this time."""
     derived, lagrange = derive(mechanism), lagrange_equations(mechanism)
     for _ in range(states):
         state = random_state(mechanism, rng)
@@ -46,7 +46,7 @@ def check(mechanism, rng, states=1, t=0.7):
             return False
         q, u, efforts = state
         oracle = kane.equations(mechanism, q, u, efforts, t)
-        if oracle.stiffness > ILL:
+        if oracle.constraint_condition > ILL_CONDITIONED:
             return False
         found = [value.item() for value in map(np.array, derived.energies(t, np.concatenate([q, u, np.zeros(3)])).nz)]
         assert found == pytest.approx([oracle.kinetic, oracle.potential], rel=1e-12, abs=1e-11)
@@ -55,12 +55,12 @@ def check(mechanism, rng, states=1, t=0.7):
         if len(u) == 0:
             continue
         exact = oracle.accelerations
-        # The forces on these mechanisms are of order one and more; where they cancel, their round-off stays.
+        # The forces on these mechanisms are at least of order one. Where they cancel, their round-off remains.
         largest = max(np.linalg.norm(oracle.scale * exact), 1.0)
-        allowed = min(1e-10, ROUND_OFF * oracle.condition * oracle.stiffness) * largest
+        allowed = min(1e-10, ROUND_OFF * oracle.condition * oracle.constraint_condition) * largest
         assert np.linalg.norm(oracle.scale * (accelerations(derived, q, u, efforts, t) - exact)) <= allowed
         assert np.linalg.norm(oracle.scale * (lagrange.accelerations(q, u, efforts, t) - exact)) <= allowed
-        assert np.max(np.abs(oracle.misses), initial=0.0) <= 1e-12 * oracle.condition
+        assert np.max(np.abs(oracle.errors), initial=0.0) <= 1e-12 * oracle.condition
     return True
 
 
@@ -84,12 +84,12 @@ def test_random_trees(drawn):
 
 
 def test_random_mechanisms_with_loops_and_constraints():
-    """Some contradict their drives, or come out rigid, or close no more a little later: these are few."""
+    """A few contradict their drives, are rigid, or cannot be closed a little later."""
     outcomes = Counter()
 
     @settings(max_examples=30)
     @given(random_mechanisms())
-    def hold(drawn):
+    def compare(drawn):
         text, rng = drawn
         mechanism = parse_mechanism(text)
         if not (mechanism.closing or mechanism.constraints):
@@ -100,7 +100,7 @@ def test_random_mechanisms_with_loops_and_constraints():
         except MechanismError:
             outcomes["refused"] += 1
 
-    hold()
+    compare()
     assert outcomes["compared"] >= 15
     assert outcomes["refused"] + outcomes["not comparable"] <= 5
 
@@ -130,7 +130,7 @@ def test_long_chain():
 
 
 def test_order_of_parts_and_declaration_do_not_matter():
-    """The same mechanism with its joints declared in another order has the same motion, in another order."""
+    """The same mechanism with its joints declared in another order has the same motion, with its coordinates in another order."""
     text = FLOATING.replace("  a: {type: revolute", "  z: {type: revolute")
     lines = text.strip().splitlines()
     moved = next(line for line in lines if line.strip().startswith("z:"))
@@ -145,7 +145,7 @@ def test_order_of_parts_and_declaration_do_not_matter():
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_a_joint_written_the_other_way_round_has_the_opposite_coordinate(kind):
+def test_a_joint_with_its_parts_exchanged_has_the_opposite_coordinate(kind):
     """[ground, body] with axis a and [body, ground] with axis -a are one joint: same coordinate, effort and motion."""
     text = f"""
 mechanism: one
@@ -160,7 +160,7 @@ joints: {{j: {{type: {kind}, between: [ENDS], axis: AXIS, stiffness: 3, rest: 0.
     assert np.array(backward.poses(0.0, y)) == pytest.approx(np.array(forward.poses(0.0, y)), abs=1e-14)
 
 
-def test_a_positive_effort_speeds_its_coordinate_up_whichever_way_the_joint_is_written():
+def test_a_positive_effort_accelerates_its_coordinate_in_either_order_of_the_parts():
     text = """
 mechanism: one
 gravity: [0, 0, 0]
@@ -172,8 +172,8 @@ joints: {j: {type: revolute, between: [ENDS], axis: [0, 0, 1]}}
         assert found == pytest.approx([3.0], rel=1e-15)
 
 
-def test_an_oblique_axis_costs_no_more_than_a_turned_frame():
-    """A link's frame is turned so that its axis is exactly z; round-off in the axis would triple the instructions."""
+def test_an_oblique_axis_costs_no_more_than_a_rotated_frame():
+    """A link's frame is rotated so that its axis is exactly z. Round-off in the axis would triple the instructions."""
     text = """
 mechanism: one
 parts:

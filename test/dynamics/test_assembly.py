@@ -1,4 +1,4 @@
-"""How a mechanism is assembled: which values are kept, which branch is found, and with what speeds it starts."""
+"""Assembly: which values are kept, which branch is found, and the speeds at the start."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ def test_given_positions_are_kept_to_the_last_bit():
     assert start.q[0] == 0.1 + 0.2
 
 
-def test_guesses_far_off_are_tried_around():
+def test_other_guesses_are_tried_around_one_that_is_far_off():
     start = derived(four_bar(1.2, 3.0, -3.0))
     assert np.abs(np.array(start.violation(0.0, start.start_state))).max() < 1e-11
 
 
-def test_a_mechanism_that_fits_stays_as_it_is():
-    """Down to round-off: nothing is moved that need not be."""
+def test_an_assembled_mechanism_is_not_changed():
+    """Up to round-off."""
     coupler, rocker = closed_form(1.0, True)
     start = derived(four_bar(1.0, coupler, rocker)).start
     assert start.q == pytest.approx([1.0, coupler, rocker], abs=1e-15)
@@ -57,7 +57,7 @@ def test_assembling_is_deterministic():
 
 
 def test_given_velocities_are_kept_and_the_others_follow():
-    """Of one degree of freedom one velocity is enough."""
+    """With one degree of freedom one velocity is enough."""
     equations = derived(four_bar(1.0, -1.0, 1.8, "velocity: 2"))
     assert equations.start.u[0] == 2.0
     slope = 1e-5
@@ -66,7 +66,7 @@ def test_given_velocities_are_kept_and_the_others_follow():
     assert equations.start.u == pytest.approx(rates, abs=1e-8)
 
 
-def test_without_velocities_everything_rests():
+def test_without_velocities_the_start_is_at_rest():
     assert not derived(four_bar(1.0, -1.0, 1.8)).start.u.any()
 
 
@@ -81,7 +81,7 @@ constraints:
 """
 
 
-def test_speeds_that_are_not_given_have_the_least_kinetic_energy():
+def test_unspecified_speeds_have_the_least_kinetic_energy():
     equations = derived(PLANAR.replace("POSITION", "position: [0, 1, 0.4], guess: true"))
     q, u = equations.start.q, equations.start.u
     gradient, drift = equations.constraints.gradient(0.0, q), equations.constraints.drift(0.0, q)
@@ -91,8 +91,8 @@ def test_speeds_that_are_not_given_have_the_least_kinetic_energy():
     assert u.any()
 
 
-def test_positions_that_are_not_given_move_as_little_as_needed():
-    """The closing is at right angles to what stays free, to first order of a small gap."""
+def test_guessed_positions_move_as_little_as_needed():
+    """The displacement is perpendicular to the free directions, to first order in a small gap."""
     gap = 1e-4
     equations = derived(PLANAR.replace("POSITION", f"position: [0, {np.cos(0.4) + gap}, 0.4], guess: true"))
     before = np.array([0.0, np.cos(0.4) + gap, 0.4])
@@ -131,7 +131,7 @@ def test_nearest_speeds_change_by_the_least_kinetic_energy():
     assert (mass @ (found - u)) @ null_space(gradient) == pytest.approx(np.zeros(1), abs=1e-13)
 
 
-def test_closing_leaves_held_coordinates_alone():
+def test_closing_does_not_change_fixed_coordinates():
     equations = derived(FOUR_BAR.replace("START", "position: 1").replace("C_GUESS", "-1").replace("R_GUESS", "1.8"))
     constraints, q = equations.constraints, equations.start.q + np.array([0.0, 0.1, 0.05])
     for free in ([True, True, False], [False, True, True]):

@@ -1,4 +1,4 @@
-"""Mechanisms that cannot start are refused: what is said, and where."""
+"""Mechanisms that cannot be assembled are refused: the messages and their locations."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ joints:
 
 
 def four_bar(crank, coupler, rocker, more=""):
-    """The text of a four-bar whose crank is given and whose other angles are guessed."""
+    """The text of a four-bar with a given crank angle and guesses of the other angles."""
     text = FOUR_BAR.replace("START", f"position: {crank}" + (f", {more}" if more else ""))
     return text.replace("C_GUESS", str(coupler)).replace("R_GUESS", str(rocker))
 
 
 def refused(text):
-    """The problems of a refusal."""
+    """The problems with which a mechanism is refused."""
     with pytest.raises(MechanismError) as caught:
         derived(text)
     for problem in caught.value.problems:
@@ -50,7 +50,7 @@ def test_a_loop_that_cannot_close_is_named_with_its_joints_and_its_gap():
         assert "Check the lengths" in problem
 
 
-def test_positions_that_hold_a_loop_open_are_named():
+def test_given_positions_that_keep_a_loop_open_are_named():
     (problem,) = refused(USUAL.replace("position: -1.0, guess: true", "position: 2.5"))
     assert "joints.d: the loop of a, b, d, c stays open here by " in problem
     assert "with the given positions" in problem
@@ -74,10 +74,10 @@ def test_two_drives_of_one_freedom_contradict_each_other():
 
 
 def test_a_drive_of_a_constrained_joint_is_refused():
-    """The rod holds the pendulum; the drive would turn it."""
+    """The strut fixes the pendulum, which the drive would rotate."""
     (problem,) = refused(
         """
-mechanism: held
+mechanism: constrained
 ground: {points: {o: [1, 0, 0]}}
 parts: {rod: {mass: 1, shape: {type: rod, to: [0, 0, -1]}, points: {tip: [0, 0, -1]}}}
 joints: {pin: {type: revolute, between: [ground, rod], axis: [0, -1, 0], drive: 0.1*sin(t)}}
@@ -97,7 +97,7 @@ def test_a_rigid_assembly_is_refused():
     assert "Remove a joint or a constraint." in problem
 
 
-def test_parts_of_nothing_but_welds_in_a_loop_are_rigid():
+def test_a_loop_of_welds_only_is_rigid():
     (problem,) = refused(
         """
 mechanism: welded
@@ -123,7 +123,7 @@ def one_constraint(text):
     return refused(DOT.replace("CONSTRAINT", text))
 
 
-def test_a_constraint_that_cannot_be_met_says_by_how_much():
+def test_a_constraint_that_cannot_be_satisfied_is_reported_with_its_gap():
     (problem,) = one_constraint("{type: on_surface, point: dot, equation: x^2 + y^2 + 4}")
     assert "constraints.k: this constraint " in problem
     assert ", by 4 at best" in problem
@@ -152,8 +152,8 @@ def test_a_constraint_without_a_finite_value_or_derivative_is_named(text):
     assert "constraints.k: has no finite value, or no finite derivative, at the start" in problem
 
 
-def test_what_an_expression_of_time_asks_for_must_be_possible_later():
-    """The rod has its length at the start, but nothing can follow as it grows."""
+def test_constraints_that_depend_on_time_must_be_satisfiable_later():
+    """The rods have the right length at the start, but the block cannot follow their growth."""
     problems = refused(
         """
 mechanism: growing

@@ -1,4 +1,4 @@
-"""Constraint rows: velocities are the rates of positions, and forces on bodies are what G says (d'Alembert)."""
+"""Constraint rows: velocities are the rates of positions, and the forces on bodies correspond to G (d'Alembert)."""
 
 from __future__ import annotations
 
@@ -59,13 +59,13 @@ def check(mechanism, rng, t=0.05):
     assert position == pytest.approx(np.zeros_like(position), abs=1e-10 * derived.constraints.size)
     assert velocity == pytest.approx(np.zeros_like(velocity), abs=1e-12 * max(1.0, np.max(np.abs(gradient))))
 
-    def along_the_motion(output, h):
-        """Where the speeds lead in a time h, with a small step's error of second order in q, which cancels."""
+    def after(output, h):
+        """An output after a time h at constant speeds; the error of second order in q cancels in differences."""
         return np.array(rows.values(t + h, q + h * q_rates.ravel(), u)[output]).ravel()
 
     h = 1e-3
     for output, expected in ((0, velocity), (2, bias)):
-        ahead, further = (along_the_motion(output, k * h) - along_the_motion(output, -k * h) for k in (1, 2))
+        ahead, further = (after(output, k * h) - after(output, -k * h) for k in (1, 2))
         rate = (8.0 * ahead - further) / (12.0 * h)
         known = rows.holonomic if output == 0 else slice(None)
         size = max(1.0, np.max(np.abs(expected)), np.max(np.abs(gradient)))
@@ -101,7 +101,7 @@ NUMBERS = {"revolute": 5, "prismatic": 5, "screw": 5, "cylindrical": 4, "univers
 
 
 @pytest.mark.parametrize(("kind", "count"), NUMBERS.items())
-def test_a_joint_that_closes_a_loop_leaves_its_own_freedoms(kind, count):
+def test_a_closing_joint_leaves_the_freedoms_of_its_type(kind, count):
     axis = AXES.get(kind, ", axis: [0, 0, 1]") + (", lead: 0.5" if kind == "screw" else "")
     derived = derive(parse_mechanism(LOOP.replace("KIND", kind + axis)))
     assert len(derived.rows) >= count
@@ -119,8 +119,8 @@ def test_rows_are_named_after_what_they_constrain():
     ]
 
 
-def test_a_screw_that_closes_a_loop_knows_no_whole_turns():
-    """Its nut has turned several times and advanced as much: the loop is closed there as well."""
+def test_whole_turns_of_a_closing_screw_make_no_difference():
+    """The loop is also closed if the nut has made several turns and advanced accordingly."""
     text = LOOP.replace("KIND", "screw, axis: [0, 0, 1], lead: 0.5").replace("[-0.2, 0.2, 0.2]", "[-0.2, 0.2, 1.7]")
     derived = derive(parse_mechanism(text))
     position = np.array(derived.violation(0.0, derived.start_state))[:, 0]
@@ -128,8 +128,8 @@ def test_a_screw_that_closes_a_loop_knows_no_whole_turns():
     assert derived.start.q[:3] == pytest.approx([-0.2, 0.2, 1.7], abs=1e-14)
 
 
-def test_a_screw_that_closes_a_loop_knows_half_turns():
-    """A nut half a lead further on must have turned half-way; held as it is, it does not fit."""
+def test_half_a_turn_of_a_closing_screw_makes_a_difference():
+    """A nut that is displaced by half a lead must have made half a turn; with a fixed orientation it does not fit."""
     text = LOOP.replace("KIND", "screw, axis: [0, 0, 1], lead: 0.5").replace("[-0.2, 0.2, 0.2]", "[-0.2, 0.2, 0.45]")
     with pytest.raises(MechanismError, match="wrong assembly mode"):
         derive(parse_mechanism(text.replace("0.45]", "0.45], orientation: {rpy: [0, 0, 0]}")))

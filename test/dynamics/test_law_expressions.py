@@ -14,12 +14,12 @@ from mbd_sim.mechanism.laws import Expressed, Friction, Linear, PowerLaw, tabula
 from mbd_sim.mechanism.records import Limits
 
 X = ca.SX.sym("x")
-# Forces, their potentials worked out by hand so that nothing cancels, and where they are asked.
+# Forces, their potentials in a form without cancellation, and the range in which they are evaluated.
 HARDENING = ("10*x + 400*x**3", lambda x: 5 * x**2 + 100 * x**4, (-20, 20))
 SOFTENING = ("40*x/sqrt(1 + x**2)", lambda x: 40 * x**2 / (np.sqrt(1 + x**2) + 1), (-20, 20))
 STEEP = ("3*x/(1e-4 + x**2)", lambda x: 1.5 * np.log1p(x**2 / 1e-4), (-20, 20))
 EXPONENTIAL = ("5*exp(3*x)", lambda x: 5 / 3 * np.expm1(3 * x), (-5, 5))
-GROWING = ("exp(x/0.01)", lambda x: 0.01 * np.expm1(x / 0.01), (-1, 4))  # beyond all numbers before the range ends
+GROWING = ("exp(x/0.01)", lambda x: 0.01 * np.expm1(x / 0.01), (-1, 4))  # overflows within the range
 MORSE = ("(1 - exp(-2*x))*exp(-2*x)", lambda x: np.expm1(-2 * x) ** 2 / 4, (-1, 20))
 WAVES = ("2 + sin(50*x)", lambda x: 2 * x + np.sin(25 * x) ** 2 / 25, (-20, 20))
 ROPE = ("max(0, 50*x)", lambda x: 25 * max(x, 0) ** 2, (-20, 20))
@@ -48,7 +48,7 @@ def test_the_potential_of_an_expression_is_its_integral_to_rounding(case):
     assert at(0.0)[1] == 0.0
 
 
-def test_an_expression_has_the_names_of_its_parameters():
+def test_an_expression_uses_the_values_of_its_parameters():
     force, _ = elastic(Expressed(TimeExpression("k*x + c", {"k": 3.0, "c": 1.0}), -20, 20), X)
     assert function([force])(2.0) == 7.0
 
@@ -98,7 +98,7 @@ def test_the_force_of_a_table_and_its_slope_are_continuous(name):
 
 @pytest.mark.parametrize("exponent", [0.0, 0.5, 1.0, 1.5, 2.0, 3.0])
 def test_the_power_of_a_damper_is_p_plus_one_times_its_dissipation_function(exponent):
-    """Géradin & Rixen p. 30, where the speed is far above that at which the law is made smooth."""
+    """Géradin & Rixen, p. 30; at speeds far above that of the regularization."""
     v = ca.SX.sym("v")
     factor, loss = power_law(PowerLaw(2.5, exponent, 1e-9), v**2)
     at = ca.Function("at", [v], [factor * v, loss])
@@ -133,7 +133,7 @@ def test_friction_has_the_values_of_its_law():
     assert [float(value) for value in at(0.0)] == [0.0, 3.0 / 1e-3 + 0.5]
 
 
-def test_a_stop_never_pulls_and_never_gives_more_than_it_took():
+def test_a_stop_never_pulls_and_never_releases_more_than_it_stored():
     q, v = ca.SX.sym("q"), ca.SX.sym("v")
     push, energy, loss = stop(Limits(-1.0, 2.0, stiffness=50.0, damping=0.4), q, v)
     at = ca.Function("at", [q, v], [push + loss, energy, loss * v])
@@ -147,4 +147,4 @@ def test_a_stop_never_pulls_and_never_gives_more_than_it_took():
         assert force * outward >= 0.0 and power >= 0.0
         assert stored == pytest.approx(25.0 * depth**2, rel=1e-14)
     touch = [float(at(2.0 + 1e-12, speed)[0]) for speed in (-5.0, 5.0)]
-    assert np.max(np.abs(touch)) < 1e-9  # continuous at the touch, whatever the speed
+    assert np.max(np.abs(touch)) < 1e-9  # continuous at the contact at any speed

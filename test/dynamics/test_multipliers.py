@@ -1,4 +1,4 @@
-"""The second elimination, and what the multipliers and the projection must be."""
+"""The factorization of G M⁻¹ Gᵀ, the multipliers, and the projection."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from test.oracles import kane
 
 
 def symbolic(matrix):
-    """A symmetric matrix with a symbol for each entry of its upper triangle that is not zero, and their values."""
+    """A symmetric matrix with a symbol for each nonzero entry of its upper triangle; the symbols and their values."""
     size, symbols, values = len(matrix), [], []
     result = ca.SX(size, size)
     for i in range(size):
@@ -29,7 +29,7 @@ def symbolic(matrix):
 
 
 def solved(matrix, right, floors=None):
-    """The solution by the factors, and how many instructions it takes."""
+    """The solution from the factors, and its number of instructions."""
     matrix_symbols, symbols, values = symbolic(matrix)
     right_symbol = ca.SX.sym("b", len(right))
     floors = np.full(len(right), 1e-13) if floors is None else floors
@@ -52,15 +52,15 @@ def test_factors_solve_like_numpy():
             assert solved(matrix, right)[0] == pytest.approx(expected, abs=10.0 * allowed)
 
 
-def test_rows_in_other_units_make_no_difference():
+def test_the_solution_does_not_depend_on_the_units_of_the_rows():
     rng = np.random.default_rng(2)
     matrix, right, units = sparse_definite(rng, 6, 0.5), rng.normal(size=6), 10.0 ** rng.uniform(-6, 6, 6)
     scaled = solved(matrix * np.outer(units, units), right * units, 1e-13 * units**2 * np.diag(matrix))[0]
     assert scaled * units == pytest.approx(solved(matrix, right)[0], rel=1e-11)
 
 
-def test_an_arrow_is_eliminated_from_its_head_on():
-    """The head stands first, where eliminating it first would fill the matrix."""
+def test_an_arrow_matrix_is_eliminated_without_fill_in():
+    """Its full row is the first; eliminating it first would fill the matrix."""
     size = 30
     matrix = 3.0 * np.eye(size)
     matrix[0, 1:] = matrix[1:, 0] = 0.1
@@ -69,7 +69,7 @@ def test_an_arrow_is_eliminated_from_its_head_on():
     assert instructions < 20 * size
 
 
-def test_a_band_costs_in_proportion_to_its_length():
+def test_the_cost_of_a_band_matrix_is_proportional_to_its_size():
     counts = []
     for size in (20, 40):
         matrix = 3.0 * np.eye(size) + np.eye(size, k=1) + np.eye(size, k=-1)
@@ -77,7 +77,7 @@ def test_a_band_costs_in_proportion_to_its_length():
     assert counts[1] < 2.2 * counts[0]
 
 
-def test_minimum_degree_takes_the_row_with_the_fewest_neighbours():
+def test_minimum_degree_takes_the_row_with_the_fewest_neighbors():
     star = [{0, 1, 2, 3}, {0, 1}, {0, 2}, {0, 3}]
     assert minimum_degree(star)[:2] == [1, 2]
     chain = [{1}, {0, 2}, {1, 3}, {2}]
@@ -88,8 +88,8 @@ def test_minimum_degree_takes_the_row_with_the_fewest_neighbours():
     assert sorted(minimum_degree([set(np.flatnonzero(row).tolist()) for row in pattern])) == list(range(12))
 
 
-def test_a_row_that_depends_on_others_is_let_go():
-    """Of a singular matrix the rows before it are solved; its own unknown is zero."""
+def test_a_dependent_row_is_left_out():
+    """The other rows of a singular matrix are solved; the unknown of the dependent row is zero."""
     rng = np.random.default_rng(4)
     rows = rng.normal(size=(3, 5))
     rows = np.vstack([rows, rows[0] - 2.0 * rows[2]])
@@ -100,59 +100,59 @@ def test_a_row_that_depends_on_others_is_let_go():
     assert matrix @ found == pytest.approx(right, rel=1e-10)
 
 
-def test_an_empty_row_is_let_go():
+def test_an_empty_row_is_left_out():
     matrix = np.diag([2.0, 0.0, 4.0])
     assert solved(matrix, np.array([2.0, 5.0, 8.0]))[0].tolist() == [1.0, 0.0, 2.0]
 
 
 def in_mass_metric(mechanism, q):
     """Speeds (nv, nv) with a unit mass matrix."""
-    nv = kane.places(mechanism)[2]
+    nv = kane.coordinate_slices(mechanism)[2]
     mass = kane.equations(mechanism, q, np.zeros(nv), np.zeros(nv)).mass
     return np.linalg.inv(np.linalg.cholesky(mass)).T
 
 
 def least_change(mechanism, q, defect, gradient):
-    """The smallest change in the metric of M that takes a defect away."""
+    """The smallest change in the metric of M that removes a defect."""
     unit = in_mass_metric(mechanism, q)
     return -unit @ np.linalg.lstsq(gradient @ unit, defect, rcond=1e-9)[0]
 
 
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "a04_bricard"])
-def test_velocities_are_led_back_by_the_least_kinetic_energy(name):
+def test_the_projection_changes_velocities_by_the_least_kinetic_energy(name):
     mechanism = load_mechanism(name)
     derived, rng = derive(mechanism), np.random.default_rng(5)
     q, u, _ = state_near_start(mechanism, derived, rng, 0.0)
     off = u + rng.normal(size=len(u))
-    settled = np.array(derived.project(0.0, np.concatenate([q, off, np.zeros(3)]))).ravel()
+    projected = np.array(derived.project(0.0, np.concatenate([q, off, np.zeros(3)]))).ravel()
     gradient, _, defect = kane.constraint_rows(mechanism, q, off, 0.0)
     expected = off + least_change(mechanism, q, defect, gradient)
-    found = settled[len(q) : len(q) + len(u)]
+    found = projected[len(q) : len(q) + len(u)]
     assert found == pytest.approx(expected, abs=1e-10)
-    again = np.array(derived.project(0.0, settled)).ravel()
-    assert again == pytest.approx(settled, abs=1e-12)
+    again = np.array(derived.project(0.0, projected)).ravel()
+    assert again == pytest.approx(projected, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "a04_bricard"])
-def test_positions_are_led_back_by_the_smallest_displacement(name):
-    """To first order in how far they are off, with an error of second order."""
+def test_the_projection_changes_positions_by_the_smallest_displacement(name):
+    """To first order in the violation, with an error of second order."""
     mechanism = load_mechanism(name)
     derived, rng = derive(mechanism), np.random.default_rng(6)
     q, u, _ = state_near_start(mechanism, derived, rng, 0.0)
     away = 1e-5 * rng.normal(size=len(u))
-    settled = np.array(
+    projected = np.array(
         derived.project(0.0, np.concatenate([derived.constraints.displaced(q, away), u, np.zeros(3)]))
     ).ravel()
     gradient = kane.constraint_rows(mechanism, q, u, 0.0)[0]
     expected = derived.constraints.displaced(q, away + least_change(mechanism, q, gradient @ away, gradient))
-    assert settled[: len(q)] == pytest.approx(expected, abs=1e-8)
-    violation = np.array(derived.violation(0.0, settled))
+    assert projected[: len(q)] == pytest.approx(expected, abs=1e-8)
+    violation = np.array(derived.violation(0.0, projected))
     assert np.max(np.abs(violation[:, 0])) <= 1e-8
 
 
 @settings(max_examples=12)
 @given(random_mechanisms())
-def test_multipliers_are_the_forces_that_accelerations_need(drawn):
+def test_multipliers_are_the_forces_that_the_accelerations_require(drawn):
     """M u' - f = Gᵀ λ with the engine's own G, also in mechanisms with redundant rows."""
     text, rng = drawn
     mechanism = parse_mechanism(text)
@@ -170,6 +170,9 @@ def test_multipliers_are_the_forces_that_accelerations_need(drawn):
     needed = oracle.mass @ oracle.accelerations - oracle.forces
     scale = oracle.scale
     size = 1.0 + np.linalg.norm(oracle.forces / scale) + np.linalg.norm(needed / scale)
-    assert np.linalg.norm((forces - needed) / scale) <= 1e-13 * oracle.condition * max(oracle.stiffness, 10.0) * size
+    assert (
+        np.linalg.norm((forces - needed) / scale)
+        <= 1e-13 * oracle.condition * max(oracle.constraint_condition, 10.0) * size
+    )
     dropped = [row for row in range(len(derived.rows)) if row not in derived.start.independent]
     assert not multipliers[dropped].any()

@@ -1,4 +1,4 @@
-"""Pieces are picked without rounding, and panels stay as few as the integrand allows."""
+"""Pieces are selected without rounding, and there are no more panels than the integrand requires."""
 
 import casadi as ca
 import numpy as np
@@ -9,7 +9,7 @@ from mbd_sim.dynamics.piecewise import MAX_PANELS, integral, panels_of, select
 X = ca.SX.sym("x")
 
 
-def test_select_picks_the_numbers_themselves():
+def test_select_returns_the_numbers_without_rounding():
     knots = np.array([-1.0, 0.5, 2.0])
     columns = np.random.default_rng(72).normal(size=(4, 2)) * [1.0, 1e-20]
     at = ca.Function("at", [X], [select(X, knots, columns)])
@@ -38,7 +38,7 @@ def test_panels_are_halved_about_a_kink_and_are_limited():
     assert len(wild.knots) <= MAX_PANELS + 1
 
 
-def test_panels_end_where_the_force_is_beyond_all_numbers():
+def test_panels_end_where_the_force_overflows():
     panels = panels_of(lambda x: ca.exp(x / 0.01), 0.0, 20.0)
     assert 1.0 < panels.knots[-1] < 7.1
     assert np.all(np.isfinite(panels.values))

@@ -1,4 +1,4 @@
-"""Reactions of the joints against Newton's and Euler's equations of every part by itself, and what they do."""
+"""Joint reactions against the Newton–Euler equations of each part, and the power theorem."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def padded(q, u):
     return np.concatenate([q, u, np.zeros(3)])
 
 
-def acting(mechanism, derived, q, u, efforts, t=T):
-    """(part, place (3,), force (3,), moment (3,)) of everything outside of a part that acts on it."""
+def loads_on_parts(mechanism, derived, q, u, efforts, t=T):
+    """(part, point (3,), force (3,), moment (3,)) of every external load on a part, in ground's frame."""
     rates = accelerations(derived, q, u, efforts, t)
     moving = kane.motions(mechanism, q, u, rates, t)
 
@@ -61,8 +61,8 @@ def check_newton_and_euler(mechanism, rng):
     if (state := state_of(mechanism, derived, rng)) is None:
         return False
     q, u, efforts = state
-    stiffness = kane.equations(mechanism, q, u, efforts, T).stiffness if len(u) else 1.0
-    moving, loads = acting(mechanism, derived, q, u, efforts)
+    condition = kane.equations(mechanism, q, u, efforts, T).constraint_condition if len(u) else 1.0
+    moving, loads = loads_on_parts(mechanism, derived, q, u, efforts)
     size = 1.0 + max(np.linalg.norm(force) + np.linalg.norm(moment) for _, _, force, moment in loads)
     for name, part in mechanism.parts.items():
         motion = moving[name]
@@ -73,12 +73,12 @@ def check_newton_and_euler(mechanism, rng):
             if on == name:
                 force = force - f
                 moment = moment - m - np.cross(point - center, f)
-        assert np.linalg.norm([*force, *moment]) <= 1e-13 * max(stiffness, 10.0) * size
+        assert np.linalg.norm([*force, *moment]) <= 1e-13 * max(condition, 10.0) * size
     return True
 
 
 def without_massive_springs(text):
-    """A spring with mass is not a part: its inertia forces are not those of any."""
+    """Springs with mass lose it, because their inertia forces belong to no part."""
     data = json.loads(text)
     for force in data["forces"].values():
         if force["type"] == "spring":
@@ -91,19 +91,19 @@ def test_every_part_of_random_mechanisms_obeys_newton_and_euler():
 
     @settings(max_examples=20)
     @given(random_mechanisms([*FREEDOMS, "distance"]))
-    def hold(drawn):
+    def compare(drawn):
         text, rng = drawn
         try:
             done.append(check_newton_and_euler(without_massive_springs(text), rng))
         except MechanismError:
             done.append(False)
 
-    hold()
+    compare()
     assert sum(done) >= 16
 
 
 def all_forces_are_known(mechanism):
-    """Whether nothing acts on the parts but joints, force elements, weights and massless rods."""
+    """Whether only joints, force elements, weights and massless rods act on the parts."""
     rods = all(isinstance(record, c.Distance) for record in mechanism.constraints)
     return rods and not any(spring.mass for spring in mechanism.springs)
 
@@ -114,7 +114,7 @@ def test_every_part_of_shipped_mechanisms_obeys_newton_and_euler(name):
 
 
 def power_defect(derived, q, u, efforts, t=T):
-    """d(T + V)/dt less the power of forces and drives plus the dissipated power, and their size, in W."""
+    """d(T + V)/dt less the power of forces and drives plus the dissipated power, and the size of these powers, in W."""
     time, y, e = ca.SX.sym("t"), ca.SX.sym("y", len(padded(q, u))), ca.SX.sym("e", len(efforts))
     rates, energy = derived.rates.call([time, y, e])[0], ca.sum1(derived.energies(time, y))
     change = ca.jtimes(energy, y, rates) + ca.jtimes(energy, time, ca.SX(1))
@@ -133,14 +133,14 @@ def check_power(mechanism, rng):
     allowed = 1e-13
     if oracle:
         size += np.abs(oracle.forces) @ np.abs(u)  # which may cancel
-        allowed *= oracle.condition * oracle.stiffness
-    assert defect <= min(1e-10, allowed) * size or (oracle and oracle.stiffness > 1e4)
+        allowed *= oracle.condition * oracle.constraint_condition
+    assert defect <= min(1e-10, allowed) * size or (oracle and oracle.constraint_condition > 1e4)
     return True
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_power_theorem_on_shipped_mechanisms(name):
-    """Also where constraints and drives move parts."""
+    """Including mechanisms whose constraints and drives depend on time."""
     assert check_power(load_mechanism(name), np.random.default_rng(3))
 
 
@@ -149,12 +149,12 @@ def test_the_power_theorem_on_random_mechanisms():
 
     @settings(max_examples=20)
     @given(random_mechanisms())
-    def hold(drawn):
+    def compare(drawn):
         text, rng = drawn
         try:
             done.append(check_power(parse_mechanism(text), rng))
         except MechanismError:
             done.append(False)
 
-    hold()
+    compare()
     assert sum(done) >= 16

@@ -1,4 +1,4 @@
-"""Mechanisms whose mass matrix is singular, or only looks so, and the plain parts of their solution."""
+"""Mechanisms whose mass matrix is singular or nearly so, and the factorization of small matrices."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from test.oracles import kane
 
 
 def refused(text):
-    """The joints that are named in the refusal."""
+    """The keys of the joints that a mechanism is refused for."""
     with pytest.raises(MechanismError) as caught:
         derived(text)
     for problem in caught.value.problems:
@@ -56,7 +56,7 @@ def test_a_rod_about_itself_is_refused_in_any_direction(mass, size):
         assert refused(chain(("spin", "revolute", "ground", "rod", direction), parts=parts)) == ["joints.spin"]
 
 
-def test_a_rod_about_itself_is_refused_when_turned_by_frames():
+def test_a_rod_about_itself_is_refused_in_rotated_frames():
     rng = np.random.default_rng(6)
     for _ in range(20):
         direction = rng.normal(size=3)
@@ -73,7 +73,7 @@ def test_a_rod_about_itself_is_refused_when_turned_by_frames():
         assert refused(json.dumps(text)) == ["joints.spin"]
 
 
-def test_only_the_joints_to_blame_are_named():
+def test_only_the_joints_that_cause_the_singularity_are_named():
     rods = {"a": rod((0, 0, 1)), "b": rod((1, 2, 3)), "c": rod((3, 1, 2))}
     text = chain(
         ("base", "revolute", "ground", "a", (1, 0, 0)),
@@ -92,14 +92,14 @@ def test_a_free_rod_and_a_free_particle_are_refused():
     assert refused(text) == ["joints.flight"]
 
 
-def test_a_free_base_that_moves_like_its_arm_is_refused():
-    """A massless free part with a hinge: the hinge turns the body about an axis that the free joint turns too."""
+def test_a_massless_free_base_with_a_hinge_is_refused():
+    """The hinge of a massless free part rotates the body about an axis of which the free joint is capable as well."""
     parts = {"base": {"mass": 0.0}, "arm": {"mass": 1.0, "inertia": [1, 2, 2.5]}}
     joints = (("flight", "free", "ground", "base", None), ("hinge", "revolute", "base", "arm", (1, 2, 3)))
     assert refused(chain(*joints, parts=parts)) == ["joints.flight"]
 
 
-def test_two_joints_that_move_alike_are_refused():
+def test_two_joints_with_the_same_motion_are_refused():
     body = {"mass": 3.0, "center": [0.1, 0.2, 0.3], "inertia": [1, 2, 2.5]}
     for kind in ("revolute", "prismatic"):
         for axis in ((0, 0, 1), (1, 2, 3)):
@@ -111,7 +111,7 @@ def test_two_joints_that_move_alike_are_refused():
 @pytest.mark.parametrize("scale", [1e-12, 1e-6, 1.0, 1e6])
 @pytest.mark.parametrize("kind", ["revolute", "prismatic", "free"])
 def test_a_gram_on_a_thousand_tons_is_accepted(kind, scale):
-    """Neither the units nor what stands inboard matter."""
+    """Neither the units nor the inertia of inboard parts matter."""
     parts = {
         "base": {"mass": 1e6 * scale, "inertia": [1e9 * scale] * 3},
         "chip": {"mass": 1e-3 * scale, "center": [1e-3, 0, 0], "inertia": [1e-10 * scale] * 3},
@@ -135,7 +135,7 @@ def test_a_gram_that_carries_a_ton_is_accepted():
 
 
 def test_small_free_bodies_are_solved_as_well_as_large_ones():
-    """Ten nanometres wide: the inertia is 1e-16 of the mass, which a pseudo-inverse would take for zero."""
+    """Ten nanometers wide: the inertia is 1e-16 of the mass, which a pseudo-inverse would treat as zero."""
     body = {"mass": 1e-18, "inertia": [1e-34, 2e-34, 2.5e-34]}
     text = chain(("flight", "free", "ground", "dust", None), parts={"dust": body}, gravity=(0, 0, 0))
     q, u = np.array([0, 0, 0, 1.0, 0, 0, 0]), np.array([0, 0, 0, 1.0, 2.0, 3.0])
@@ -201,7 +201,7 @@ def test_matrices_that_are_not_definite_have_a_pivot_that_is_not_positive(matrix
 def test_factors_give_each_row_its_own_pivot():
     """The symbolic factorization may reorder rows; the pivots must not be reordered with them."""
     values = np.diag([1.0, 10.0, 100.0, 1e3]) + 0.0
-    values[0, 1:] = values[1:, 0] = 0.1  # an arrow, which a fill-reducing order turns round
+    values[0, 1:] = values[1:, 0] = 0.1  # an arrow, which a fill-reducing order reverses
     x = ca.SX.sym("x", 10)
     place = {pair: n for n, pair in enumerate((i, j) for i in range(4) for j in range(i, 4))}
     matrix = ca.SX(4, 4)

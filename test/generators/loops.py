@@ -1,4 +1,4 @@
-"""Random mechanisms with loops and constraints: random trees, closed where their parts happen to be."""
+"""Random mechanisms with loops and constraints: random trees, closed in their current configuration."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ ROWS = {"distance": 1, "cable": 1, "on_plane": 1, "on_line": 2, "on_surface": 1,
 ROWS |= {"coupling": 1, "rolling": 3, "ball": 3, "knife_edge": 1}
 
 
-def state_near_start(mechanism, derived, rng, t, reach=0.3):
-    """Coordinates, speeds and efforts that fit the constraints at time t, or None where they do not close."""
+def state_near_start(mechanism, derived, rng, t, distance=0.3):
+    """Coordinates, speeds and efforts that satisfy the constraints at time t, or None if the loops do not close."""
     constraints, start, nv = derived.constraints, derived.start, derived.layout.nv
     for attempt in range(6):
-        away = constraints.displaced(start.q, rng.uniform(-reach, reach, nv) * 0.5**attempt)
+        away = constraints.displaced(start.q, rng.uniform(-distance, distance, nv) * 0.5**attempt)
         closing = close_loops(constraints, t, away, np.ones(nv, dtype=bool))
         if closing.closed:
             speeds = nearest_speeds(constraints, t, closing.q, rng.uniform(-2.0, 2.0, nv))
@@ -36,7 +36,7 @@ def state_near_start(mechanism, derived, rng, t, reach=0.3):
 
 
 def _given_positions(rng, joints):
-    """Start positions for all joints that have coordinates."""
+    """Give all joints with coordinates a random start position."""
     for joint in joints.values():
         kind = joint["type"]
         if "drive" in joint or kind == "fixed":
@@ -52,7 +52,7 @@ def _given_positions(rng, joints):
 
 
 class _Closer:
-    """A tree with its parts placed, to which loops and constraints are added that hold where they are."""
+    """Adds loops and constraints to a tree so that they are satisfied in its start configuration."""
 
     def __init__(self, data, rng):
         self.data, self.rng = data, rng
@@ -65,7 +65,7 @@ class _Closer:
         self.number = 0
 
     def add_point(self, part, position, rotation=None):
-        """A point of a part at a place in ground's frame, by its name in the file."""
+        """Add a point of a part at a position in ground's frame; returns its name in the file."""
         self.number += 1
         origin, axes = self.frames[part]
         rotation = axes if rotation is None else rotation
@@ -75,14 +75,14 @@ class _Closer:
         points[f"c{self.number}"] = {"at": at, "rotate": {"quaternion": local}}
         return f"{part}.c{self.number}"
 
-    def anywhere(self):
+    def random_position(self):
         return self.rng.uniform(-1.0, 1.0, 3)
 
-    def turned(self):
+    def random_rotation(self):
         return rot.from_quaternion(rot.unit(self.rng.normal(size=4)))
 
     def freedoms_between(self, first, second):
-        """How many free coordinates lie between two parts."""
+        """The number of free coordinates between two parts."""
         inward = {joint.outboard: joint for joint in self.mechanism.joints.values()}
         paths = []
         for part in (first, second):
@@ -99,7 +99,7 @@ class _Closer:
         return parts[first], parts[second]
 
     def loose_pair(self, rows):
-        """Two parts between which more can move than `rows` constrain, or None."""
+        """Two parts between which more coordinates are free than `rows` constrain, or None."""
         for _ in range(8):
             first, second = self.pair()
             if rows < min(self.freedoms_between(first, second), self.left):
@@ -107,7 +107,7 @@ class _Closer:
         return None
 
     def loop(self, kind):
-        """A joint between two parts, away from its zero position."""
+        """Add a closing joint between two parts, away from its zero position."""
         rows = 6 - FREEDOMS[kind]
         if (parts := self.loose_pair(rows)) is None:
             return
@@ -130,17 +130,17 @@ class _Closer:
         elif len(q):
             joint |= {"position": q.tolist() if len(q) > 1 else float(q[0]), "guess": True}
         record = SimpleNamespace(type=kind, axis=axis, second=across, lead=joint.get("lead", 0.0), drive=())
-        still = np.zeros(FREEDOMS[kind])
-        position, turn = kane._joint_jets(record, q, still, still, 0.0)
-        base, axes = self.anywhere(), self.turned()
-        place = base + axes @ position.d[0], axes @ turn.d[0]
+        at_rest = np.zeros(FREEDOMS[kind])
+        position, rotation = kane.joint_jets(record, q, at_rest, at_rest, 0.0)
+        base, axes = self.random_position(), self.random_rotation()
+        place = base + axes @ position.d[0], axes @ rotation.d[0]
         joint["between"] = [self.add_point(parts[0], base, axes), self.add_point(parts[1], *place)]
         self.number += 1
         self.data["joints"][f"loop{self.number}"] = joint
         self.left -= rows
 
     def constrain(self, kind):
-        """A constraint that holds, where enough can move."""
+        """Add a constraint that is satisfied, if enough coordinates are free."""
         if kind in ("gear", "rack", "coupling"):
             record = self._coupled(kind) if self.left > 1 else None
         else:
@@ -157,25 +157,25 @@ class _Closer:
         return f"{value} + 0.05*sin({self.rng.uniform(-3, 3)}*t)"
 
     def _distance(self, first, second):
-        a, b = self.anywhere(), self.anywhere()
+        a, b = self.random_position(), self.random_position()
         length = self._in_time(float(np.linalg.norm(b - a)))
         return {"type": "distance", "between": [self.add_point(first, a), self.add_point(second, b)], "length": length}
 
     def _cable(self, first, second):
-        places = [self.anywhere() for _ in range(4)]
+        places = [self.random_position() for _ in range(4)]
         parts = [first, *self.rng.choice(list(self.frames), 2), second]
         length = float(sum(np.linalg.norm(b - a) for a, b in pairwise(places)))
         points = [self.add_point(part, place) for part, place in zip(parts, places, strict=True)]
         return {"type": "cable", "through": points, "length": self._in_time(length)}
 
     def _on_plane(self, first, second):
-        place, axes, normal = self.anywhere(), self.turned(), rot.unit(self.rng.normal(size=3))
+        place, axes, normal = self.random_position(), self.random_rotation(), rot.unit(self.rng.normal(size=3))
         beside = axes @ np.cross(normal, self.rng.normal(size=3))
         ends = {"point": self.add_point(first, place), "plane": self.add_point(second, place + beside, axes)}
         return {"type": "on_plane", **ends, "normal": normal.tolist()}
 
     def _on_line(self, first, second):
-        place, axes, direction = self.anywhere(), self.turned(), rot.unit(self.rng.normal(size=3))
+        place, axes, direction = self.random_position(), self.random_rotation(), rot.unit(self.rng.normal(size=3))
         ends = {"point": self.add_point(first, place), "line": self.add_point(second, place + axes @ direction, axes)}
         return {"type": "on_line", **ends, "direction": direction.tolist()}
 
@@ -187,7 +187,7 @@ class _Closer:
         return f"({a})*x^2 + ({b})*y*z + sin(z - x) + ({c})*y - ({value}) + {moving}"
 
     def _on_surface(self, first, second, count=1):
-        place, axes, local = self.anywhere(), self.turned(), self.anywhere()
+        place, axes, local = self.random_position(), self.random_rotation(), self.random_position()
         ends = {
             "point": self.add_point(first, place),
             "frame": self.add_point(second, place - axes @ local, axes),
@@ -201,7 +201,7 @@ class _Closer:
         return self._on_surface(first, second, 2)
 
     def _rolling(self, first, second, disc=True):
-        place, axes, turn = self.anywhere(), self.turned(), self.turned()
+        place, axes, turn = self.random_position(), self.random_rotation(), self.random_rotation()
         normal, axis = (rot.unit(self.rng.normal(size=3)) for _ in range(2))
         cosine = float((axes @ normal) @ (turn @ axis)) if disc else 0.0
         if abs(cosine) > 0.9:
@@ -216,13 +216,13 @@ class _Closer:
         return self._rolling(first, second, disc=False)
 
     def _knife_edge(self, first, second):
-        axes, turn = self.turned(), self.turned()
+        axes, turn = self.random_rotation(), self.random_rotation()
         normal, direction = (rot.unit(self.rng.normal(size=3)) for _ in range(2))
         if abs(float((axes @ normal) @ (turn @ direction))) > 0.9:
             return None
         ends = {
-            "at": self.add_point(first, self.anywhere(), turn),
-            "plane": self.add_point(second, self.anywhere(), axes),
+            "at": self.add_point(first, self.random_position(), turn),
+            "plane": self.add_point(second, self.random_position(), axes),
         }
         return {"type": "knife_edge", **ends, "normal": normal.tolist(), "direction": direction.tolist()}
 
@@ -249,7 +249,7 @@ class _Closer:
 
 @st.composite
 def random_mechanisms(draw, kinds=(*FREEDOMS, *ROWS), most=5):
-    """The text of a random mechanism with loops and constraints, and a random generator for its state."""
+    """The text of a random mechanism with loops and constraints, and a random-number generator for its state."""
     text, rng = draw(random_trees(most=most, fewest=3))
     data = json.loads(text)
     _given_positions(rng, data["joints"])

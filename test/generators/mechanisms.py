@@ -72,7 +72,7 @@ joints:
   flight: {type: free, between: [ground, body], velocity: [12, 0, 9], angular_velocity: [0.5, 4, -1]}
 """
 
-# Spring, damper, stop and efforts at once, with one joint written the other way round.
+# Spring, damper, stop and efforts together, with one joint declared from its outboard to its inboard part.
 AUDITED = """
 mechanism: audited
 parts:
@@ -87,7 +87,7 @@ joints:
 
 
 def audited(stops: bool):
-    """The mechanism above, with or without elastic stops at the shoulder."""
+    """The audited mechanism, with or without elastic stops at the shoulder."""
     limits = "limits: {lower: -0.6, upper: 2.0, stiffness: 200}"
     return AUDITED.replace(", STOP", f", {limits}" if stops else "")
 
@@ -119,7 +119,7 @@ def accelerations(equations, q, u, efforts=None, t=0.0):
 
 
 def derived(text):
-    """The equations of a mechanism's text."""
+    """The equations of a mechanism given as text."""
     return derive(parse_mechanism(text))
 
 
@@ -140,7 +140,7 @@ def random_state(mechanism, rng, reach=2.0):
 
 
 def consistent_state(equations, rng, t=0.0, reach=1.0):
-    """Coordinates, speeds and efforts that fit the constraints at time t, up to `reach` from the start's branch."""
+    """Coordinates, speeds and efforts that satisfy the constraints at time t, up to `reach` from the start."""
     constraints, nv = equations.constraints, equations.layout.nv
     for _ in range(20):
         away = constraints.displaced(equations.start.q, rng.uniform(-reach, reach, nv))
@@ -153,12 +153,12 @@ def consistent_state(equations, rng, t=0.0, reach=1.0):
 
 
 def violation(sim, equations):
-    """The largest violation of the constraints at a simulation's state: of positions in m or 1, and of velocities."""
+    """The largest violation of the constraints at a simulation's state: of positions, m or 1, and of velocities."""
     return float(np.max(np.abs(np.array(equations.violation(sim.time, sim.state))), initial=0.0))
 
 
 def _random_inertia(rng, size):
-    """Second moments are positive, so the moments meet the triangle inequality."""
+    """An inertia tensor with positive second moments, so that it satisfies the triangle inequality."""
     second = rng.uniform(0.05, 1.0, 3) * size
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     tensor = turn @ np.diag(second.sum() - second) @ turn.T
@@ -174,7 +174,7 @@ def _random_point(rng):
 
 
 def _random_axes(rng, kind, oblique):
-    """The axes that a joint type wants: along coordinate axes, or anywhere."""
+    """The axes of a joint type, along coordinate axes or in random directions."""
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0] if oblique else np.eye(3)[rng.permutation(3)]
     first, second = (turn[:2] * rng.choice([-1.0, 1.0], (2, 1))).tolist()
     match kind:
@@ -234,7 +234,7 @@ def _random_forces(rng, kinds, parts):
         first, second = rng.choice(points), rng.choice([*points, "ground"])
         vector = [f"{rng.uniform(-3, 3)}*sin({rng.uniform(-3, 3)}*t) + {rng.uniform(-3, 3)}" for _ in range(3)]
         common = {"vector": vector, "axes": str(rng.choice(["ground", "part", *parts, *points]))}
-        joined = re.sub(r".*\D", "", first) == re.sub(r".*\D", "", second)  # maybe the two ends of one joint
+        joined = re.sub(r".*\D", "", first) == re.sub(r".*\D", "", second)  # possibly the two ends of one joint
         if kind in TIES and first.split(".")[0] != second.split(".")[0] and not joined:
             forces[f"f{number}"] = _random_tie(rng, kind, [str(first), str(second)], second == "ground")
         elif kind == "force":

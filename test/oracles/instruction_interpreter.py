@@ -1,4 +1,4 @@
-"""Instruction lists by numpy, one operation at a time."""
+"""Evaluates instruction lists in numpy, one operation at a time."""
 
 from __future__ import annotations
 

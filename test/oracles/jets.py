@@ -1,4 +1,4 @@
-"""Jets: values with their first and second derivatives by time, by the rules of differentiation."""
+"""Jets: values with their first and second time derivatives, by the rules of differentiation."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from mbd_sim.mechanism.expression import FUNCTIONS, Arithmetic, walk
 
 
 class Jet:
-    """A value, or an array of values, with its first and second derivatives by time."""
+    """A value, or an array of values, with its first and second time derivatives."""
 
-    __array_ufunc__ = None  # numpy leaves its operators with jets to the jets
+    __array_ufunc__ = None  # numpy leaves operators between arrays and jets to the jets
 
     def __init__(self, value, first=None, second=None):
         self.d = [np.asarray(value, dtype=float)]
@@ -58,7 +58,7 @@ class Jet:
         return Jet(*(function(a) for a in self.d))
 
     def through(self, function):
-        """A function of one variable, which gives its value and its two derivatives."""
+        """Apply a function of one variable that returns its value and its first two derivatives."""
         x, x1, x2 = self.d
         f, slope, bend = function(x)
         return Jet(f, slope * x1, slope * x2 + bend * x1**2)
@@ -79,7 +79,7 @@ class Jet:
 
     @property
     def rate(self):
-        """The derivative, which has only one more."""
+        """The derivative; its own second derivative is unknown."""
         return Jet(self.d[1], self.d[2], np.full_like(self.d[0], np.nan))
 
 
@@ -122,7 +122,7 @@ _SMOOTH = {
 
 
 def _atan2(y, x):
-    """The angle of a direction: its slope is that of atan(y/x) wherever x is not zero."""
+    """The angle of a direction; its derivative is that of atan(y/x) where x is larger, and of -atan(x/y) elsewhere."""
     angle = _SMOOTH["atan"](jet(y) / x if abs(jet(x).d[0]) > abs(jet(y).d[0]) else -(jet(x) / y))
     return Jet(math.atan2(jet(y).d[0], jet(x).d[0]), *angle.d[1:])
 
@@ -132,5 +132,5 @@ JETS = Arithmetic({name: (FUNCTIONS[name][0], function) for name, function in _S
 
 
 def expression_jet(expression, **names):
-    """The value of an expression of jets by name."""
+    """The value of an expression whose variables are jets."""
     return jet(walk(expression.text, {**expression.names, **names}, JETS))

@@ -1,4 +1,9 @@
-"""Kane's equations in plain numpy, straight from a mechanism's records: an oracle that shares nothing with the engine.
+"""Kane's equations in numpy, from a mechanism's records: an oracle for the equations of motion.
+
+It shares no code with `mbd_sim.dynamics`, `mbd_sim.compiler` or `mbd_sim.simulation`. It does share what comes before
+them: the built mechanism (`mbd_sim.mechanism_file` and the records of `mbd_sim.mechanism`, with the choice of the
+spanning tree, the meaning of units and axes, and the inertia of shapes) and the parser of expressions
+(`mbd_sim.mechanism.expression`). An error in those is invisible here; the closed forms in test/physics cover them.
 
 Every quantity is a jet: its value and its first and second time derivatives, by the rules of differentiation.
 Partial velocities are the velocities at unit speeds (Huston & Liu, sec. 11.4), and the equations are
@@ -14,7 +19,7 @@ import numpy as np
 from mbd_sim.mechanism.laws import GreenStrain
 from test.oracles.jets import Jet, expression_jet
 from test.oracles.kane_laws import dry_friction, elastic, power_law
-from test.oracles.kane_rows import forbidden
+from test.oracles.kane_rows import constrained_velocities
 
 GROUND = "ground"
 
@@ -24,8 +29,8 @@ def cross_matrix(v):
 
 
 @dataclass
-class Motion:
-    """A part's mass centre and rotation in ground's frame, as jets."""
+class PartMotion:
+    """A part's center of mass, axes and origin in ground's frame, as jets."""
 
     center: Jet
     rotation: Jet
@@ -57,8 +62,8 @@ SIZES = {
 }
 
 
-def places(mechanism):
-    """Where each joint's coordinates and speeds stand, in declared order, and how many there are."""
+def coordinate_slices(mechanism):
+    """The slices of each joint's coordinates and speeds, in declared order, and their numbers nq and nv."""
     found, nq, nv = {}, 0, 0
     for name, joint in mechanism.joints.items():
         more_q, more_v = (0, 0) if joint.drive else SIZES[joint.type]
@@ -96,8 +101,8 @@ def _ball(p, omega, omega_rate):
     return Jet(np.eye(3)) + (w * k + k @ k).linear(lambda m: 2.0 * m)
 
 
-def _joint_jets(joint, q, u, u_rate, t):
-    """The child-side frame seen from the parent-side frame: position and rotation."""
+def joint_jets(joint, q, u, u_rate, t):
+    """Position and rotation of the child-side frame in the parent-side frame."""
     if joint.type == "fixed":
         return Jet(np.zeros(3)), Jet(np.eye(3))
     if joint.type == "spherical":
@@ -128,7 +133,7 @@ def _joint_jets(joint, q, u, u_rate, t):
 
 def motions(mechanism, q, u, u_rate=None, t=0.0):
     """The motion of every part, by name."""
-    where, _, nv = places(mechanism)
+    where, _, nv = coordinate_slices(mechanism)
     u_rate = np.zeros(nv) if u_rate is None else u_rate
     frames = {GROUND: (Jet(np.zeros(3)), Jet(np.eye(3)))}
     waiting = dict(mechanism.joints)
@@ -137,9 +142,9 @@ def motions(mechanism, q, u, u_rate=None, t=0.0):
             if (joint.parent in frames) == (joint.child in frames):
                 continue
             in_q, in_u = where[name]
-            position, rotation = _joint_jets(joint, q[in_q], u[in_u], u_rate[in_u], t)
+            position, rotation = joint_jets(joint, q[in_q], u[in_u], u_rate[in_u], t)
             a, b = joint.parent_pose, joint.child_pose
-            # child part seen from the parent part: (a) (joint) (b)⁻¹
+            # the child in the parent's frame: (a) (joint) (b)⁻¹
             rotation = Jet(a.rotation) @ rotation @ Jet(b.rotation.T)
             position = Jet(a.position) + Jet(a.rotation) @ position + -(rotation @ Jet(b.position))
             inner, outer = joint.parent, joint.child
@@ -150,14 +155,14 @@ def motions(mechanism, q, u, u_rate=None, t=0.0):
             frames[outer] = (origin + axes @ position, axes @ rotation)
             del waiting[name]
     return {
-        name: Motion(frames[name][0] + frames[name][1] @ Jet(part.center), frames[name][1], frames[name][0])
+        name: PartMotion(frames[name][0] + frames[name][1] @ Jet(part.center), frames[name][1], frames[name][0])
         for name, part in mechanism.parts.items()
     }
 
 
 def joint_forces(mechanism, q, u, efforts):
     """Generalized forces (nv,) of efforts, springs, dampers and stops, and the potential energy of the springs."""
-    where, _, _ = places(mechanism)
+    where, _, _ = coordinate_slices(mechanism)
     forces, potential = np.array(efforts, dtype=float), 0.0
     for name, joint in mechanism.joints.items():
         in_q, in_u = where[name]
@@ -185,7 +190,7 @@ def joint_forces(mechanism, q, u, efforts):
 
 
 def _velocity_of(moving, at):
-    """Of a point of a part: its position and velocity in ground's frame."""
+    """The position and velocity of a point of a part in ground's frame."""
     if at.part == GROUND:
         return at.point, np.zeros(3)
     frame = moving[at.part]
@@ -193,7 +198,7 @@ def _velocity_of(moving, at):
 
 
 def element_forces(mechanism, moving, t):
-    """(part, point or None, force or moment (3,) in ground's axes) of every force element, and the springs' energy."""
+    """(attachment, whether it is a couple, force or couple (3,) in ground's axes) of every element; springs' energy."""
     found, energy = [], 0.0
     for spring in mechanism.springs:
         (a, a1), (b, b1) = (_velocity_of(moving, at) for at in (spring.first, spring.second))
@@ -226,14 +231,14 @@ def element_forces(mechanism, moving, t):
     return found, energy
 
 
-RANK = 1e-9  # of the largest singular value, what counts as none
+RANK = 1e-9  # singular values below this fraction of the largest count as zero
 
 
 @dataclass
 class Equations:
-    """M u' = f + Gᵀ λ with G u' + γ = 0: u', the energies, and the condition of M scaled to a unit diagonal.
+    """M u' = f + Gᵀ λ with G u' + γ = 0, and the energies in J.
 
-    `gradient` is G (m, nv), `bias` γ (m,), and `misses` (m,) what the velocities are off.
+    `gradient` is G (m, nv), `bias` is γ (m,), and `errors` (m,) are the violations of the velocity constraints.
     """
 
     mass: np.ndarray
@@ -242,11 +247,11 @@ class Equations:
     potential: float
     gradient: np.ndarray
     bias: np.ndarray
-    misses: np.ndarray
+    errors: np.ndarray
 
     @property
     def accelerations(self):
-        """Free accelerations, and the smallest change of them, measured by M, that meets the constraints (Gauss)."""
+        """u' (nv,): free accelerations, changed as little as possible in the metric of M (Gauss's principle)."""
         free = np.linalg.solve(self.mass, self.forces)
         if not self.gradient.size:
             return free
@@ -256,7 +261,7 @@ class Equations:
 
     @property
     def _unit(self):
-        """Speeds (nv, nv) that have a unit mass matrix, and G of these with rows of unit length, and their sizes."""
+        """Speeds (nv, nv) with a unit mass matrix, G in these speeds with rows of unit length, and their lengths."""
         unit = np.linalg.inv(np.linalg.cholesky(self.scaled)).T / self.scale[:, None]
         rows = self.gradient @ unit
         sizes = np.linalg.norm(rows, axis=1)
@@ -264,8 +269,8 @@ class Equations:
         return unit, rows / sizes[:, None], sizes
 
     @property
-    def stiffness(self):
-        """The condition of G M⁻¹ Gᵀ, with rows of unit length, on its range."""
+    def constraint_condition(self):
+        """The condition number of G M⁻¹ Gᵀ on its range, with rows of unit length."""
         if not self.gradient.size:
             return 1.0
         values = np.linalg.svd(self._unit[1])[1]
@@ -273,6 +278,7 @@ class Equations:
 
     @property
     def condition(self):
+        """The condition number of M scaled to a unit diagonal."""
         return np.linalg.cond(self.scaled)
 
     @property
@@ -286,29 +292,29 @@ class Equations:
 
 def equations(mechanism, q, u, efforts, t=0.0):
     """Kane's equations at one state."""
-    _, _, nv = places(mechanism)
-    at_rest = motions(mechanism, q, u, t=t)
-    still = motions(mechanism, q, np.zeros(nv), t=t)
+    _, _, nv = coordinate_slices(mechanism)
+    moving = motions(mechanism, q, u, t=t)
+    without_speeds = motions(mechanism, q, np.zeros(nv), t=t)
     unit = [motions(mechanism, q, direction, t=t) for direction in np.eye(nv)]
     mass, forces = np.zeros((nv, nv)), np.zeros(nv)
     kinetic = 0.0
     spring_forces, potential = joint_forces(mechanism, q, u, efforts)
     forces += spring_forces
-    acting, energy = element_forces(mechanism, at_rest, t)
+    applied, energy = element_forces(mechanism, moving, t)
     potential += energy
-    for at, couple, vector in acting:
+    for at, couple, vector in applied:
         for row, direction in enumerate(unit):
             if at.part == GROUND:
                 continue
             if couple:
-                partial = at_rest[at.part].rotation.d[0] @ (direction[at.part].omega - still[at.part].omega)
+                partial = moving[at.part].rotation.d[0] @ (direction[at.part].omega - without_speeds[at.part].omega)
             else:
-                partial = _velocity_of(direction, at)[1] - _velocity_of(still, at)[1]
+                partial = _velocity_of(direction, at)[1] - _velocity_of(without_speeds, at)[1]
             forces[row] += partial @ vector
     for name, part in mechanism.parts.items():
-        motion = at_rest[name]
-        partial_v = np.array([m[name].center.d[1] - still[name].center.d[1] for m in unit]).reshape(nv, 3)
-        partial_w = np.array([m[name].omega - still[name].omega for m in unit]).reshape(nv, 3)
+        motion = moving[name]
+        partial_v = np.array([m[name].center.d[1] - without_speeds[name].center.d[1] for m in unit]).reshape(nv, 3)
+        partial_w = np.array([m[name].omega - without_speeds[name].omega for m in unit]).reshape(nv, 3)
         w = motion.omega
         mass += part.mass * partial_v @ partial_v.T + partial_w @ part.inertia @ partial_w.T
         forces += partial_v @ (part.mass * (mechanism.gravity - motion.center.d[2]))
@@ -317,22 +323,24 @@ def equations(mechanism, q, u, efforts, t=0.0):
         kinetic += 0.5 * part.mass * velocity @ velocity + 0.5 * w @ part.inertia @ w
         potential -= part.mass * mechanism.gravity @ motion.center.d[0]
     for spring in mechanism.springs:
-        for at in (spring.first, spring.second):  # of a spring with mass one end rests, and the other has a third of it
+        for at in (spring.first, spring.second):  # one end of a spring with mass is fixed; a third of it moves
             if at.part == GROUND or not spring.mass:
                 continue
-            partial = np.array([_velocity_of(m, at)[1] - _velocity_of(still, at)[1] for m in unit]).reshape(nv, 3)
-            frame = at_rest[at.part]
+            partial = np.array([_velocity_of(m, at)[1] - _velocity_of(without_speeds, at)[1] for m in unit]).reshape(
+                nv, 3
+            )
+            frame = moving[at.part]
             forces -= partial @ (frame.origin.d[2] + frame.rotation.d[2] @ at.point) * spring.mass / 3.0
             mass += partial @ partial.T * spring.mass / 3.0
-            velocity = _velocity_of(at_rest, at)[1]
+            velocity = _velocity_of(moving, at)[1]
             kinetic += velocity @ velocity * spring.mass / 6.0
-    gradient, bias, misses = constraint_rows(mechanism, q, u, t)
-    return Equations(mass, forces, kinetic, potential, gradient, bias, misses)
+    gradient, bias, errors = constraint_rows(mechanism, q, u, t)
+    return Equations(mass, forces, kinetic, potential, gradient, bias, errors)
 
 
 def coordinate_jets(mechanism, q, u, t):
-    """The jets of all joint coordinates by name at u' = 0; angular velocities have none."""
-    where, _, _ = places(mechanism)
+    """The jets of all joint coordinates by name at u' = 0; angular velocities have no coordinates."""
+    where, _, _ = coordinate_slices(mechanism)
     found = {}
     for name, joint in mechanism.joints.items():
         in_q, in_u = where[name]
@@ -345,11 +353,13 @@ def coordinate_jets(mechanism, q, u, t):
 
 
 def constraint_rows(mechanism, q, u, t):
-    """G (m, nv), γ (m,), and the velocities (m,) that should be zero; G by unit speeds."""
-    nv = places(mechanism)[2]
+    """G (m, nv) by unit speeds, γ (m,), and the velocities (m,) that should be zero."""
+    nv = coordinate_slices(mechanism)[2]
 
     def velocities(speeds):
-        rows = forbidden(mechanism, motions(mechanism, q, speeds, t=t), coordinate_jets(mechanism, q, speeds, t), t)
+        rows = constrained_velocities(
+            mechanism, motions(mechanism, q, speeds, t=t), coordinate_jets(mechanism, q, speeds, t), t
+        )
         return [np.concatenate([np.zeros(0), *(np.atleast_1d(row.d[place]) for row in rows)]) for place in (0, 1)]
 
     value, rate = velocities(u)

@@ -1,4 +1,4 @@
-"""The laws of springs, dampers and friction in plain numbers, for Kane's equations: written apart from the engine."""
+"""The laws of springs, dampers and friction in numbers, for Kane's equations: written independently of the engine."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mbd_sim.mechanism.laws import Expressed, Piecewise
 
 
 def elastic(law, x):
-    """The force of a law against an elongation, and the energy that it stores; tables by SciPy."""
+    """The force of a law against an elongation, and the energy that it stores. Tables are interpolated by SciPy."""
     if isinstance(law, Expressed):
 
         def f(place):
@@ -34,12 +34,12 @@ def elastic(law, x):
 
 
 def power_law(law, v):
-    """The force, along a velocity of any dimension, of a damper C |v|^p with the speed made smooth at rest."""
+    """The force along a velocity of any dimension of a damper C |v|^p, regularized at rest."""
     smooth = np.sqrt(np.dot(v, v) + (law.regularization**2 if law.exponent != 1.0 else 0.0))
     return law.coefficient * smooth ** (law.exponent - 1.0) * v
 
 
 def dry_friction(law, v):
-    """Friction against a speed (Stribeck)."""
+    """The friction that opposes a speed (Stribeck)."""
     more = (law.static - law.coulomb) * np.exp(-((v / law.stribeck_velocity) ** 2))
     return (law.coulomb + more) * np.tanh(v / law.regularization) + law.viscous * v

@@ -1,4 +1,4 @@
-"""Rooted trees and what order conditions are made of (Hairer, Nørsett & Wanner I, sec. II.2; Hairer & Wanner II, IV.7)."""
+"""Rooted trees and order conditions (Hairer, Nørsett & Wanner I, sec. II.2; Hairer & Wanner II, sec. IV.7)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 @cache
 def trees(order):
-    """The rooted trees of this many nodes, each a sorted tuple of the trees at its root."""
+    """The rooted trees with this many nodes, each a sorted tuple of the subtrees at its root."""
     if order == 1:
         return [()]
 
@@ -32,14 +32,14 @@ def nodes(tree):
 
 
 def density(tree):
-    """γ: the exact solution has Σ b Φ = 1/γ."""
+    """The density γ: the order condition of the tree is Σ b Φ = 1/γ."""
     return nodes(tree) * prod(map(density, tree))
 
 
 def weights(tree, a, single=None):
     """Φ (stages,): the elementary weight of a tree.
 
-    :param single: the matrix in place of `a` where a node has one branch only; Rosenbrock methods have α + Γ there.
+    :param single: the matrix in place of `a` at nodes with a single branch: α + Γ for Rosenbrock methods.
     """
     chosen = single if single is not None and len(tree) == 1 else a
     found = np.ones(len(a))
@@ -49,7 +49,7 @@ def weights(tree, a, single=None):
 
 
 def symmetry(tree):
-    """The number of ways in which a tree maps onto itself."""
+    """The number of automorphisms of a tree."""
     return prod(
         symmetry(branch) ** len(alike) * factorial(len(alike))
         for branch, alike in ((branch, list(group)) for branch, group in groupby(tree))

@@ -1,4 +1,4 @@
-"""Pinocchio as an oracle for mechanisms that were read from a URDF."""
+"""Pinocchio as an oracle for mechanisms read from a URDF."""
 
 import re
 
@@ -8,9 +8,10 @@ from mbd_sim.geometry.rotation import from_quaternion
 
 
 class Oracle:
-    """A URDF's text as a Pinocchio model, of which each joint belongs to ours of that name.
+    """A URDF's text as a Pinocchio model whose joints correspond to ours by name.
 
-    With `free` its root link flies by a joint of Pinocchio's own; else that, if it flies, is a joint of the URDF.
+    With `free` the root link moves on a free-flyer joint that Pinocchio adds. Otherwise a free root link, if any, has a
+    floating joint in the URDF.
     """
 
     def __init__(self, pin, text, mechanism, free):

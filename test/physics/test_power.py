@@ -113,7 +113,7 @@ def power_across(joint, moving, wrench):
 def test_what_goes_through_a_joint_works_only_along_its_coordinates(name):
     """There with its effort, spring, damper, gear and drive, and not at all where it closes a loop."""
     derived, mechanism, rng = equations(name), load_mechanism(name), np.random.default_rng(122)
-    function, (where, _, _) = derived.reactions, kane.places(mechanism)
+    function, (where, _, _) = derived.reactions, kane.coordinate_slices(mechanism)
     for _ in range(5):
         q, u, efforts = state_of(derived, mechanism, rng)
         y, moving = np.concatenate([q, u, np.zeros(3)]), kane.motions(mechanism, q, u, t=T)

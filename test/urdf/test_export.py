@@ -130,8 +130,8 @@ def check_again(mechanism, rng):
     """Hold the accelerations of a mechanism against those of its URDF, read again."""
     again = dataclasses.replace(parse_mechanism(to_urdf(mechanism)), gravity=mechanism.gravity)
     q, u, efforts = random_state(mechanism, rng)
-    where, _, _ = kane.places(mechanism)
-    there, nq, nv = kane.places(again)
+    where, _, _ = kane.coordinate_slices(mechanism)
+    there, nq, nv = kane.coordinate_slices(again)
     q2, u2, efforts2 = np.zeros(nq), np.zeros(nv), np.zeros(nv)
     pairs = []
     for name, joint in mechanism.joints.items():
