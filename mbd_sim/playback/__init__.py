@@ -1,1 +1,1 @@
-"""Recorded runs looked at: as tables, as pictures, and in Rerun."""
+"""Recorded runs as tables, as plots, and in Rerun."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mbd_sim.errors import MbdSimError
+from mbd_sim.errors import InputError, MbdSimError
 from mbd_sim.playback.plot_files import PLOT_SUFFIXES, import_plotly, require_suffix
 from mbd_sim.recording.changed_run import ChangedRun, ComparedSeries
 
@@ -32,6 +32,8 @@ def plot_changed_run(path: Path, run: ChangedRun, title: str, change: str) -> No
             _write_page(path, run, title, change)
         else:
             _draw_picture(path, run, title, change)
+    except InputError:  # already says what to do
+        raise
     except (OSError, ValueError) as error:
         raise MbdSimError(f"{path} cannot be drawn: {error}") from error
 

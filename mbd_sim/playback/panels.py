@@ -10,7 +10,7 @@ import numpy as np
 from mbd_sim.appearance import palette
 from mbd_sim.appearance.palette import Color, mixed
 from mbd_sim.appearance.residual_scale import residual_magnitude
-from mbd_sim.errors import MbdSimError, nearest
+from mbd_sim.errors import InputError, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.playback.run_table import ENERGY_NAMES, RunTable
 
@@ -52,13 +52,13 @@ class Panel:
 def panels(table: RunTable, names: Sequence[str] = ()) -> list[Panel]:
     """Return the named groups of panels, or all for which there are data.
 
-    :raises MbdSimError: a name is unknown, or the recording has no data for it.
+    :raises InputError: a name is unknown, or the recording has no data for it.
     """
     for name in names:
         if name not in _BUILDERS:
-            raise MbdSimError(f"--show {name}: there is no such plot. {nearest(name, _BUILDERS)}")
+            raise InputError(f"--show {name}: there is no such plot", nearest(name, _BUILDERS))
         if not list(_BUILDERS[name](table)):
-            raise MbdSimError(f"{table.path}: the recording contains no data for the plot '{name}'.")
+            raise InputError(f"{table.path}: the recording contains no data for the plot '{name}'")
     found = [panel for name in names or _BUILDERS for panel in _BUILDERS[name](table)]
     return [replace(panel, lines=tuple(_with_gaps(line, table.resets) for line in panel.lines)) for panel in found]
 

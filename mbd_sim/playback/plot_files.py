@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mbd_sim.errors import MbdSimError
+from mbd_sim.errors import InputError
 
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 PLOT_SUFFIXES = (*PICTURE_SUFFIXES, ".html")
@@ -16,22 +16,21 @@ PLOT_SUFFIXES = (*PICTURE_SUFFIXES, ".html")
 def require_suffix(path: Path, suffixes: Sequence[str]) -> None:
     """Refuse a file that cannot be written, before anything is read or computed for it.
 
-    :raises MbdSimError: it has another suffix, or its folder does not exist.
+    :raises InputError: it has another suffix, or its folder does not exist.
     """
     if path.suffix not in suffixes:
-        raise MbdSimError(f"{path}: the file cannot have this format. Choose one of {', '.join(suffixes)}.")
+        raise InputError(f"{path}: the file cannot have this format", f"Choose one of {', '.join(suffixes)}.")
     if not path.parent.is_dir():
-        raise MbdSimError(f"{path}: there is no folder {path.parent}.")
+        raise InputError(f"{path}: there is no folder {path.parent}", "Create it, or choose another file.")
 
 
 def import_plotly() -> tuple[Any, Any]:
     """Return Plotly's modules `graph_objects` and `subplots`.
 
-    :raises MbdSimError: Plotly is not installed.
+    :raises InputError: Plotly is not installed.
     """
     try:
         return importlib.import_module("plotly.graph_objects"), importlib.import_module("plotly.subplots")
     except ImportError as error:
-        raise MbdSimError(
-            "HTML needs Plotly. Install it with: pip install plotly; or choose a .png, .svg or .pdf file."
-        ) from error
+        remedy = "Install it with: pip install plotly; or choose a .png, .svg or .pdf file."
+        raise InputError("HTML needs Plotly", remedy) from error

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mbd_sim.errors import MbdSimError
+from mbd_sim.errors import InputError, MbdSimError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.playback.panels import Line, Panel
 from mbd_sim.playback.plot_files import PLOT_SUFFIXES, import_plotly, require_suffix
@@ -30,6 +30,8 @@ def draw(path: Path, table: RunTable, panels: Sequence[Panel]) -> None:
             _write_page(path, table, panels)
         else:
             _draw_picture(path, table, panels)
+    except InputError:  # already says what to do
+        raise
     except (OSError, ValueError) as error:
         raise MbdSimError(f"{path} cannot be drawn: {error}") from error
 

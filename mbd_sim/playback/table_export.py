@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mbd_sim.errors import MbdSimError
+from mbd_sim.errors import InputError, MbdSimError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.playback.plot_files import require_suffix
 from mbd_sim.playback.run_table import ENERGY_NAMES, RunTable
@@ -77,7 +77,6 @@ def _write_parquet(path: Path, found: Columns, about: Mapping[str, str]) -> None
         import pyarrow as pa
         import pyarrow.parquet
     except ImportError as error:
-        raise MbdSimError(
-            "Parquet needs pyarrow. Install it with: pip install pyarrow; or choose a .csv or .npz file."
-        ) from error
+        remedy = "Install it with: pip install pyarrow; or choose a .csv or .npz file."
+        raise InputError("Parquet needs pyarrow", remedy) from error
     pyarrow.parquet.write_table(pa.table(dict(found)).replace_schema_metadata(dict(about)), str(path))

@@ -1,1 +1,1 @@
-"""Recordings in MCAP."""
+"""Writing, reading, recovering, recomputing and verifying recordings."""

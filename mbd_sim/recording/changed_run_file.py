@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from mbd_sim.errors import MbdSimError
+from mbd_sim.errors import InputError, MbdSimError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism_file.yaml_writer import yaml_text
 from mbd_sim.recording import cdr
@@ -24,11 +24,12 @@ class ChangedRunFile:
     def __init__(self, path: Path, recomputation: Recomputation) -> None:
         """Begin the file, with the simulation at the start of the run.
 
+        :raises InputError: the file is the recording itself.
         :raises MbdSimError: it cannot be written.
         """
         recorded = recomputation.file
         if path.exists() and path.samefile(recorded.path):
-            raise MbdSimError(f"{path} is the recording itself. Choose another file for --out.")
+            raise InputError(f"{path} is the recording itself", "Choose another file for --out.")
         self._path, self._recomputation = path, recomputation
         self._step_ns = round(recomputation.simulation.step_size * 1e9)
         self._steps_at_reset = 0

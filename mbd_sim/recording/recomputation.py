@@ -67,7 +67,8 @@ class Recomputation:
             self._reference_tick, self._reference_steps = start.tick, 0
             self._restore_start()
         except ValueError as error:
-            raise RecomputeError(f"{file.path}: its metadata does not fit its mechanism: {error}.") from error
+            reason = str(error).removesuffix(".")
+            raise RecomputeError(f"{file.path}: its metadata does not fit its mechanism: {reason}.") from error
         self.roles = topic_roles(file.topics)
         self.first_tick = self.tick = start.tick
         self.steps_taken = 0
