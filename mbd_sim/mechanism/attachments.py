@@ -1,4 +1,4 @@
-"""Parts and points by their names, as `part` or `part.point`."""
+"""References to parts and to their points, written as `part` or `part.point`."""
 
 from __future__ import annotations
 
@@ -7,21 +7,22 @@ from collections.abc import Mapping
 from mbd_sim.errors import InputError, nearest, quoted
 from mbd_sim.geometry.pose import Pose, identity_pose
 
+PointsByPart = Mapping[str, Mapping[str, Pose] | None]  # None: the part's points are unknown, any name is accepted
 
-def end_of(text: str, places: Mapping[str, Mapping[str, Pose] | None]) -> tuple[str, Pose]:
-    """The part that a text names, and the frame on it: the part's own where no point is named.
 
-    :param places: the points of each part, or None where any name may stand.
+def resolve_reference(text: str, points_by_part: PointsByPart) -> tuple[str, Pose]:
+    """The part that a reference names, and the pose of the point in the part's frame (the identity without a point).
+
     :raises InputError: there is no such part or point.
     """
     part, dot, point = (word.strip() for word in text.partition("."))
     if not part:
         raise InputError(f"no part is named before the '.' of {quoted(text)}", "Write part.point.")
-    if part not in places:
-        owners = [f"{name}.{part}" for name, points in places.items() if not dot and part in (points or {})]
-        remedy = f"Did you mean its point '{owners[0]}'?" if owners else nearest(part, places)
+    if part not in points_by_part:
+        owners = [f"{name}.{part}" for name, points in points_by_part.items() if not dot and part in (points or {})]
+        remedy = f"Did you mean its point '{owners[0]}'?" if owners else nearest(part, points_by_part)
         raise InputError(f"there is no part {quoted(part)}", remedy)
-    points = places[part]
+    points = points_by_part[part]
     if not dot or points is None:
         return part, identity_pose()
     if point not in points:

@@ -80,3 +80,4 @@ class AppliedForce:
 
 
 TwoPointElement = Spring | Damper
+ForceElement = Spring | Damper | AppliedForce

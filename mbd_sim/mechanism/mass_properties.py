@@ -55,7 +55,7 @@ def composite(bodies: Sequence[MassProperties]) -> MassProperties:
     return MassProperties(mass, center, inertia)
 
 
-def defect(inertia: Array) -> str | None:
+def inertia_defect(inertia: Array) -> str | None:
     """What makes a matrix no inertia of any body, or None: it needs moments ≥ 0 that meet the triangle inequality."""
     if not np.all(np.isfinite(inertia)):
         return None  # of parameters that are reported themselves

@@ -8,7 +8,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from mbd_sim.errors import MechanismError, Problem
 from mbd_sim.mechanism.source import Source
-from mbd_sim.mechanism_file.builders.mechanism_builder import assemble, in_order
+from mbd_sim.mechanism_file.builders.mechanism_builder import build_elements, in_order
 from mbd_sim.mechanism_file.library import SUFFIXES
 from mbd_sim.mechanism_file.parameters import Parameters, resolve_parameters
 from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
@@ -67,7 +67,7 @@ def _reference_problems(source: Source, parameters: Parameters) -> list[Problem]
             forces |= _accepted(records, TypeAdapter(AnyForceSpec), parameters)
     constraints = _accepted(written_constraints, TypeAdapter(AnyConstraintSpec), parameters)
     frame = grounds.get("ground") or GroundSpec()
-    return assemble(parts, joints, forces, constraints, frame, source, unreadable, all_joints).problems
+    return build_elements(parts, joints, forces, constraints, frame, source, unreadable, all_joints).problems
 
 
 def _ends_only(written: dict[str, Any]) -> dict[str, Any]:

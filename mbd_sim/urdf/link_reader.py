@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.mass_properties import defect
+from mbd_sim.mechanism.mass_properties import inertia_defect
 from mbd_sim.mechanism.source import Location, Origin
 from mbd_sim.urdf.value_reader import (
     Reading,
@@ -56,7 +56,7 @@ def _inertial(reading: Reading, inertial: Element, key: str, origins: Origins) -
         ("inertia",): reading.origin(inertia, f"{key}.inertia"),
     }
     record = {"mass": value or 0.0} | ({"center": xyz} if any(xyz) else {}) | {"inertia": _tensor(tensor)}
-    what = "inertia without mass" if not value else "inertia that no rigid body has" if defect(tensor) else ""
+    what = "inertia without mass" if not value else "inertia that no rigid body has" if inertia_defect(tensor) else ""
     if what:
         reading.leave_out(f"{what}, taken as it is", key.removesuffix(".inertial"))
         record["inertia_check"] = False

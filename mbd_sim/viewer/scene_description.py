@@ -12,7 +12,7 @@ from mbd_sim.appearance.extent import Extent, extent_of
 from mbd_sim.appearance.trace_points import default_traces, tip_of
 from mbd_sim.errors import InputError, nearest
 from mbd_sim.geometry.pose import Array, Pose, identity_pose, unpack_poses
-from mbd_sim.mechanism.attachments import end_of
+from mbd_sim.mechanism.attachments import resolve_reference
 from mbd_sim.mechanism.constraints import Surface
 from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
 from mbd_sim.viewer.sample_rows import RowLayout
@@ -116,7 +116,7 @@ def _traces(mechanism: Mechanism, chosen: Sequence[str] | None) -> Mapping[str, 
     traces: dict[str, Attachment] = {}
     for text in chosen:
         try:
-            part, pose = end_of(text, points)
+            part, pose = resolve_reference(text, points)
         except InputError as error:
             raise ValueError(f"traces: {error.message}. {error.remedy or nearest(text, points)}") from error
         point = pose.position if "." in text else tip_of(mechanism.parts[part])

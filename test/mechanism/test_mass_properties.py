@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mbd_sim.geometry.pose import Pose
 from mbd_sim.geometry.rotation import from_rpy
-from mbd_sim.mechanism.mass_properties import MassProperties, composite, defect
+from mbd_sim.mechanism.mass_properties import MassProperties, composite, inertia_defect
 from test.generators.mechanism_texts import part_of
 
 FOOT, POUND = 0.3048, 0.45359237
@@ -204,13 +204,13 @@ def test_composing_in_steps_changes_nothing():
 
 @pytest.mark.parametrize("moments", [(1, 1, 2), (0, 1, 1), (1, 1, 1), (0, 0, 0), (2, 3, 4), (1e-9, 1e-9, 2e-9)])
 def test_possible_moments_pass(moments):
-    assert defect(np.diag(moments).astype(float)) is None
+    assert inertia_defect(np.diag(moments).astype(float)) is None
 
 
 @pytest.mark.parametrize("scale", [1e-40, 1e-9, 1.0, 1e40])
 def test_impossible_moments_are_named_at_any_scale(scale):
-    assert "violates the triangle inequality" in defect(np.diag([1, 1, 2.001]) * scale)
-    assert "negative principal moment" in defect(np.diag([-0.001, 1, 1]) * scale)
-    assert "negative principal moment" in defect(matrix(1, 1, 1, xy=1.01) * scale)
+    assert "violates the triangle inequality" in inertia_defect(np.diag([1, 1, 2.001]) * scale)
+    assert "negative principal moment" in inertia_defect(np.diag([-0.001, 1, 1]) * scale)
+    assert "negative principal moment" in inertia_defect(matrix(1, 1, 1, xy=1.01) * scale)
     turned = from_rpy(0.3, 0.4, 0.5)
-    assert "violates the triangle inequality" in defect(turned @ np.diag([1, 1, 2.001]) @ turned.T * scale)
+    assert "violates the triangle inequality" in inertia_defect(turned @ np.diag([1, 1, 2.001]) @ turned.T * scale)

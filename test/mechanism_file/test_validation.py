@@ -85,7 +85,7 @@ MISTAKES = {
     "a step of zero": ((END, f"{END}integrator: {{step: 0}}\n"), 16, "integrator.step", "must be greater than 0", "positive"),
     "an integrator that is a word": ((END, f"{END}integrator: rk4\n"), 16, "integrator", "must be a mapping", "method, step"),
     "a mass of ground": ((END, f"{END}ground: {{mass: 1}}\n"), 16, "ground.mass", "unknown key 'mass'", "Valid: points."),
-    "a part named ground": (("joints:", "  ground: {mass: 1}\njoints:"), 10, "parts.ground", "'ground' is always there", "another name"),
+    "a part named ground": (("joints:", "  ground: {mass: 1}\njoints:"), 10, "parts.ground", "'ground' always exists", "another name"),
     "a part that is a number": (("joints:", "  bob: 5\njoints:"), 10, "parts.bob", "must be a mapping", "Its keys: mass, center"),
     "an empty part": (("joints:", "  bob:\njoints:"), 10, "parts.bob", "has no value", "Its keys: mass, center"),
     "a part named by a number": (("joints:", "  1: {mass: 1}\njoints:"), 10, "parts.1", "not a valid name", "a letter first"),

@@ -1,169 +1,167 @@
-"""From the constraints of a file to the records that the dynamics reads."""
+"""Builds the constraints of a mechanism from their records in the file."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import assert_never
 
-import numpy as np
-
-from mbd_sim.errors import InputError, Problem, nearest, quoted
+from mbd_sim.errors import nearest, quoted
 from mbd_sim.geometry import rotation as rot
-from mbd_sim.geometry.pose import Pose
+from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism import constraints as c
-from mbd_sim.mechanism.attachments import end_of
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.records import Attachment, Joint
-from mbd_sim.mechanism.source import Location, Source
+from mbd_sim.mechanism.source import Location
+from mbd_sim.mechanism_file.builders.build_context import BuildContext
 from mbd_sim.mechanism_file.schema import constraint_schema as schema
 
-Places = Mapping[str, Mapping[str, Pose] | None]
-NEVER = TimeExpression("0", {})
-_ENDS = {
-    "on_plane": ("point", "plane"),
-    "on_line": ("point", "line"),
-    "on_surface": ("point", "frame"),
-    "on_curve": ("point", "frame"),
-    "rolling": ("wheel", "plane"),
-    "knife_edge": ("at", "plane"),
-}
+ZERO = TimeExpression("0", {})
 
 
-def constraint_records(
-    records: Mapping[str, schema.AnyConstraintSpec],
-    places: Places,
-    joints: Mapping[str, Joint | None],
-    source: Source,
-    problems: list[Problem],
+def build_constraints(
+    specs: Mapping[str, schema.AnyConstraintSpec], joints: Mapping[str, Joint | None], context: BuildContext
 ) -> tuple[c.Constraint, ...]:
-    """The constraints of a file; what is wrong with the others is added to `problems`.
+    """The constraints of a file; invalid ones are left out and reported to `context`.
 
-    :param joints: by name, None for those that cannot be read.
+    :param joints: by name; None for those that could not be built.
     """
-    reader = _Reader(places, joints, source, problems)
-    return tuple(found for name, record in records.items() if (found := reader.read(name, record)) is not None)
+    builder = _ConstraintBuilder(joints, context)
+    built = (builder.build(name, spec) for name, spec in specs.items())
+    return tuple(constraint for constraint in built if constraint is not None)
 
 
-class _Reader:
-    def __init__(
-        self, places: Places, joints: Mapping[str, Joint | None], source: Source, problems: list[Problem]
-    ) -> None:
-        self._places, self._joints, self._source, self._problems = places, joints, source, problems
+def coupled_joints(constraints: Iterable[c.Constraint], joints: Mapping[str, Joint]) -> list[str]:
+    """The joints whose coordinates a coupling refers to."""
+    owners = {label: joint.name for joint in joints.values() for label in joint.motion_names}
+    return [
+        owners[name] for constraint in constraints if isinstance(constraint, c.Coupling) for name in constraint.factors
+    ]
 
-    def read(self, name: str, record: schema.AnyConstraintSpec) -> c.Constraint | None:
-        where: Location = ("constraints", name)
-        match record:
+
+@dataclass(frozen=True, eq=False)
+class _GuidedPoint:
+    """A point of a part and the point of the part that guides it, with the axes (3, 3) there in their parts' frames."""
+
+    point: Attachment
+    base: Attachment
+    point_axes: Array
+    base_axes: Array
+
+    def plane(self, name: str, spec: schema.OnPlaneSpec) -> c.Flat:
+        """The point stays on a plane through the base."""
+        normal = self.base_axes @ rot.unit(spec.normal)
+        return c.Flat(name, self.point, self.base, normal[None, :], spec.type)
+
+    def line(self, name: str, spec: schema.OnLineSpec) -> c.Flat:
+        """The point stays on a line through the base."""
+        across = rot.aligning_z(rot.unit(spec.direction))[:, :2]
+        return c.Flat(name, self.point, self.base, (self.base_axes @ across).T, spec.type)
+
+    def surface(self, name: str, equations: tuple[TimeExpression, ...], kind: str) -> c.Surface:
+        """The point stays where expressions of its coordinates are zero."""
+        return c.Surface(name, self.point, self.base, self.base_axes, equations, kind)
+
+    def rolling(self, name: str, spec: schema.RollingSpec) -> c.Rolling:
+        """The point is the center of a wheel or a ball that rolls on a plane through the base."""
+        axis = None if spec.axis is None else self.point_axes @ rot.unit(spec.axis)
+        return c.Rolling(name, self.point, axis, spec.radius, self.base, self.base_axes @ rot.unit(spec.normal))
+
+    def knife_edge(self, name: str, spec: schema.KnifeEdgeSpec) -> c.KnifeEdge:
+        """The point is on an edge that does not move sideways in a plane through the base."""
+        direction = self.point_axes @ rot.unit(spec.direction)
+        return c.KnifeEdge(name, self.point, direction, self.base, self.base_axes @ rot.unit(spec.normal))
+
+
+class _ConstraintBuilder:
+    def __init__(self, joints: Mapping[str, Joint | None], context: BuildContext) -> None:
+        self._joints, self._context = joints, context
+
+    def build(self, name: str, spec: schema.AnyConstraintSpec) -> c.Constraint | None:
+        match spec:
+            case schema.DistanceSpec(length=length):
+                points = self._points_apart(name, "between", spec.between, length)
+                return c.Distance(name, points[0], points[1], length) if points else None
+            case schema.CableSpec(length=length):
+                points = self._points_apart(name, "through", spec.through, length)
+                return c.Cable(name, tuple(points), length) if points else None
             case schema.GearSpec(joints=names, radii=(first, second), internal=internal):
                 factors = {names[0]: first, names[1]: -second if internal else second}
-                return self._coupled(name, factors, ("joints", names), "gear")
+                return self._coupling(name, factors, ("joints", names), "gear")
             case schema.RackSpec(pinion=pinion, rack=rack, radius=radius, reverse=reverse):
                 factors = {pinion: radius if reverse else -radius, rack: 1.0}
-                return self._coupled(name, factors, ("", (pinion, rack)), "rack")
+                return self._coupling(name, factors, ("", (pinion, rack)), "rack")
             case schema.CouplingSpec(terms=terms, value=value):
-                return self._coupled(name, terms, ("terms", tuple(terms)), "coupling", value)
-            case schema.DistanceSpec(between=ends, length=length):
-                frames = [self._frame((*where, "between", i), text) for i, text in enumerate(ends)]
-                if not (points := self._apart((*where, "between"), frames)) or self._without_length(where, length):
-                    return None
-                return c.Distance(name, points[0], points[1], length)
-            case schema.CableSpec(through=texts, length=length):
-                frames = [self._frame((*where, "through", i), text) for i, text in enumerate(texts)]
-                points = self._apart((*where, "through"), frames)
-                if not points or self._without_length(where, length):
-                    return None
-                return c.Cable(name, tuple(points), length)
-        return self._guided(name, record)
+                return self._coupling(name, terms, ("terms", tuple(terms)), "coupling", value)
+            case schema.OnPlaneSpec():
+                guided = self._guided(name, ("point", spec.point), ("plane", spec.plane))
+                return guided.plane(name, spec) if guided else None
+            case schema.OnLineSpec():
+                guided = self._guided(name, ("point", spec.point), ("line", spec.line))
+                return guided.line(name, spec) if guided else None
+            case schema.OnSurfaceSpec(equation=equation):
+                guided = self._guided(name, ("point", spec.point), ("frame", spec.frame))
+                equations = (equation,) if equation else spec.equations or ()
+                return guided.surface(name, equations, spec.type) if guided else None
+            case schema.RollingSpec():
+                guided = self._guided(name, ("wheel", spec.wheel), ("plane", spec.plane))
+                return guided.rolling(name, spec) if guided else None
+            case schema.KnifeEdgeSpec():
+                guided = self._guided(name, ("at", spec.at), ("plane", spec.plane))
+                return guided.knife_edge(name, spec) if guided else None
+            case _:
+                assert_never(spec)
 
-    def _guided(self, name: str, record: schema.AnyConstraintSpec) -> c.Constraint | None:
-        """A point of one part led by a frame of another."""
+    def _points_apart(
+        self, name: str, key: str, references: list[str] | tuple[str, ...], length: TimeExpression
+    ) -> list[Attachment]:
+        """The points between which a length is given; empty, with a problem, if they or the length are invalid."""
         where: Location = ("constraints", name)
-        ends = [(key, getattr(record, key)) for key in _ENDS[record.type]]
-        frames = [self._frame((*where, key), text) for key, text in ends]
-        points = self._apart((*where, ends[0][0]), frames)
-        if not points or frames[0] is None or frames[1] is None:
-            return None
-        point, base = points
-        turned, axes = frames[0][1].rotation, frames[1][1].rotation
-        match record:
-            case schema.OnPlaneSpec(normal=normal):
-                return c.Flat(name, point, base, (axes @ rot.unit(normal))[None, :], "on_plane")
-            case schema.OnLineSpec(direction=direction):
-                across = rot.aligning_z(rot.unit(direction))[:, :2]
-                return c.Flat(name, point, base, (axes @ across).T, "on_line")
-            case schema.OnSurfaceSpec(type=kind, equation=one, equations=two):
-                return c.Surface(name, point, base, axes, (one,) if one else two or (), kind)
-            case schema.RollingSpec(axis=axis, radius=radius, normal=normal):
-                turning = None if axis is None else turned @ rot.unit(axis)
-                return c.Rolling(name, point, turning, radius, base, axes @ rot.unit(normal))
-            case schema.KnifeEdgeSpec(direction=direction, normal=normal):
-                return c.KnifeEdge(name, point, turned @ rot.unit(direction), base, axes @ rot.unit(normal))
-        raise TypeError(record)
-
-    def _frame(self, location: Location, text: str) -> tuple[str, Pose] | None:
-        try:
-            return end_of(text, self._places)
-        except InputError as error:
-            self._problems.append(self._source.problem_of(location, error))
-            return None
-
-    def _apart(self, location: Location, frames: Iterable[tuple[str, Pose] | None]) -> list[Attachment]:
-        """The points, where all are known and not all of one part."""
-        known = [frame for frame in frames if frame is not None]
-        if len(known) < len(list(frames)):
+        points = self._context.attachments((*where, key), references)
+        if points and (value := length.at(0.0)) <= 0.0:
+            message = f"must be greater than 0, and is {value:g} at the start"
+            self._context.report((*where, "length"), message, "For points that coincide use a spherical joint.")
             return []
-        if len({part for part, _ in known}) < 2:
-            message, remedy = f"connects '{known[0][0]}' with itself", "Name points of different parts."
-            self._problems.append(self._source.problem(location, message, remedy))
-            return []
-        return [Attachment(part, np.array(pose.position)) for part, pose in known]
+        return points
 
-    def _without_length(self, where: Location, length: TimeExpression) -> bool:
-        """Whether a length is not positive at the start, which is a problem then."""
-        if (value := length.at(0.0)) > 0.0:
-            return False
-        message, remedy = (
-            f"must be greater than 0, and is {value:g} at the start",
-            "Let the points meet in a spherical joint.",
-        )
-        self._problems.append(self._source.problem((*where, "length"), message, remedy))
-        return True
+    def _guided(self, name: str, point: tuple[str, str], guide: tuple[str, str]) -> _GuidedPoint | None:
+        """A point and what guides it, each given by its key and its reference."""
+        where: Location = ("constraints", name)
+        frames = [self._context.frame((*where, key), reference) for key, reference in (point, guide)]
+        attachments = self._context.on_different_parts((*where, point[0]), frames)
+        if not attachments or frames[0] is None or frames[1] is None:
+            return None
+        return _GuidedPoint(attachments[0], attachments[1], frames[0][1].rotation, frames[1][1].rotation)
 
-    def _coupled(
+    def _coupling(
         self,
         name: str,
         factors: Mapping[str, float],
         written: tuple[str, tuple[str, ...]],
         kind: str,
-        value: TimeExpression = NEVER,
+        value: TimeExpression = ZERO,
     ) -> c.Coupling | None:
+        """A coupling of coordinates.
+
+        :param written: the key under which the file has the coordinates (`""` for the record itself), and they.
+        """
         key, names = written
         where: Location = ("constraints", name, *([key] if key else []))
         if None in self._joints.values():
-            return None  # which coordinates there are is not known
+            return None  # the coordinates are not all known
         known = {label: joint for joint in self._joints.values() if joint for label in joint.motion_names}
-        good = True
+        before = len(self._context.problems)
         if len(set(names)) < len(names):
-            self._problems.append(self._source.problem(where, f"couples '{names[0]}' with itself", "Name two joints."))
-            good = False
+            self._context.report(where, f"couples '{names[0]}' with itself", "Name two joints.")
         for coordinate in dict.fromkeys(names):
             joint = known.get(coordinate)
             if joint is None:
                 message = f"there is no joint coordinate {quoted(coordinate)}"
-                self._problems.append(self._source.problem(where, message, nearest(coordinate, known)))
+                self._context.report(where, message, nearest(coordinate, known))
             elif joint.kind.quaternion is not None and coordinate.rsplit(".", 1)[1].startswith("r"):
                 message = f"{quoted(coordinate)} is a component of an angular velocity: it has no coordinate to couple"
-                remedy = "Couple joints that turn about axes: revolute, universal, cylindrical, planar or screw."
-                self._problems.append(self._source.problem(where, message, remedy))
+                remedy = "Couple joints that rotate about an axis: revolute, universal, cylindrical, planar or screw."
+                self._context.report(where, message, remedy)
             elif not factors[coordinate]:
-                self._problems.append(self._source.problem((*where, coordinate), "has the factor 0", "Leave it out."))
-            else:
-                continue
-            good = False
-        return c.Coupling(name, dict(factors), value, kind) if good else None
-
-
-def coupled_joints(constraints: Iterable[c.Constraint], joints: Mapping[str, Joint]) -> list[str]:
-    """The joints whose coordinates a constraint refers to."""
-    owners = {label: joint.name for joint in joints.values() for label in joint.motion_names}
-    return [
-        owners[name] for constraint in constraints if isinstance(constraint, c.Coupling) for name in constraint.factors
-    ]
+                self._context.report((*where, coordinate), "has the factor 0", "Leave it out.")
+        return c.Coupling(name, dict(factors), value, kind) if len(self._context.problems) == before else None

@@ -1,8 +1,8 @@
-"""From a joint as written in a file to the record that the dynamics reads."""
+"""Builds the joints of a mechanism from their records in the file."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, assert_never
 
 import numpy as np
 
@@ -11,7 +11,9 @@ from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.joint_types import JOINT_KINDS
 from mbd_sim.mechanism.records import Joint, Limits
-from mbd_sim.mechanism_file.builders.law_builder import damper_of, friction_of, law_of
+from mbd_sim.mechanism.source import Location
+from mbd_sim.mechanism_file.builders.build_context import BuildContext
+from mbd_sim.mechanism_file.builders.law_builder import build_elastic_law, build_friction, build_power_law
 from mbd_sim.mechanism_file.builders.rotation_builder import rotation_matrix
 from mbd_sim.mechanism_file.schema import joint_schema as schema
 from mbd_sim.mechanism_file.schema.base_schema import RotationSpec
@@ -19,17 +21,37 @@ from mbd_sim.mechanism_file.schema.base_schema import RotationSpec
 PARALLEL = 1e-6  # sine of the angle below which two axes count as parallel
 
 
-def joint_of(
-    name: str, record: schema.AnyJointSpec, parent: str, parent_pose: Pose, child: str, child_pose: Pose
-) -> Joint:
-    """The joint between two placed frames."""
-    count = JOINT_KINDS[record.type].nv
-    axis, second = _axes(record)
-    position, velocity = _start(record)
-    limits, drive = getattr(record, "limits", None), getattr(record, "drive", None)
+def build_joint(name: str, spec: schema.AnyJointSpec, context: BuildContext) -> Joint | None:
+    """A joint between two frames of parts; None, with a problem, if its ends or axes are invalid."""
+    location: Location = ("joints", name)
+    frames = [context.frame((*location, "between", index), text) for index, text in enumerate(spec.between)]
+    if frames[0] is None or frames[1] is None:
+        return None
+    (parent, parent_pose), (child, child_pose) = frames[0], frames[1]
+    if parent == child:
+        context.report((*location, "between"), f"connects '{parent}' with itself", "Name two different parts.")
+        return None
+    if spec.type == "universal" and _are_parallel(*spec.axes):
+        message = "the two directions are parallel"
+        context.report((*location, "axes"), message, "Give two axes that are not parallel, usually at a right angle.")
+        return None
+    if spec.type == "planar" and spec.x_axis and _are_parallel(spec.axis, spec.x_axis):
+        message = "the two directions are parallel"
+        context.report((*location, "x_axis"), message, "Give a direction in the plane, at a right angle to the axis.")
+        return None
+    return _joint(name, spec, parent, parent_pose, child, child_pose)
+
+
+def _joint(name: str, spec: schema.AnyJointSpec, parent: str, parent_pose: Pose, child: str, child_pose: Pose) -> Joint:
+    nv = JOINT_KINDS[spec.type].nv
+    axis, second = _axes(spec)
+    position, velocity = _start_values(spec)
+    limits, drive = getattr(spec, "limits", None), getattr(spec, "drive", None)
+    fixed = (False,) * nv if spec.guess else _is_given(spec, nv, "position", "orientation")
+    spring, damper, friction = (getattr(spec, key, None) for key in ("spring", "damper", "friction"))
     return Joint(
         name=name,
-        type=record.type,
+        type=spec.type,
         parent=parent,
         child=child,
         parent_pose=parent_pose,
@@ -38,31 +60,30 @@ def joint_of(
         second=second,
         position=np.zeros(0) if drive else position,
         velocity=np.zeros(0) if drive else velocity,
-        stiffness=_each(record, "stiffness", count),
-        rest=_each(record, "rest", count),
-        damping=_each(record, "damping", count),
-        lead=getattr(record, "lead", 0.0),
+        stiffness=_per_coordinate(spec, "stiffness", nv),
+        rest=_per_coordinate(spec, "rest", nv),
+        damping=_per_coordinate(spec, "damping", nv),
+        lead=getattr(spec, "lead", 0.0),
         drive=_expressions(drive),
         limits=Limits(limits.lower, limits.upper, limits.stiffness, limits.damping) if limits else None,
-        effort_limit=getattr(record, "effort_limit", None),
-        velocity_limit=getattr(record, "velocity_limit", None),
-        spring=law_of(found) if (found := getattr(record, "spring", None)) else None,
-        damper=damper_of(found) if (found := getattr(record, "damper", None)) else None,
-        friction=friction_of(found) if (found := getattr(record, "friction", None)) else None,
-        fixed_in_assembly=() if drive else _given(record, count, "position", "orientation", not record.guess),
-        fixed_speeds=() if drive else _given(record, count, "velocity", "angular_velocity", True),
-        cut=record.cut,
+        effort_limit=getattr(spec, "effort_limit", None),
+        velocity_limit=getattr(spec, "velocity_limit", None),
+        spring=build_elastic_law(spring) if spring else None,
+        damper=build_power_law(damper) if damper else None,
+        friction=build_friction(friction) if friction else None,
+        fixed_in_assembly=() if drive else fixed,
+        fixed_speeds=() if drive else _is_given(spec, nv, "velocity", "angular_velocity"),
+        cut=spec.cut,
     )
 
 
-def parallel(first: tuple[float, ...], second: tuple[float, ...]) -> str:
-    """That two directions are parallel, or ""."""
-    sine = float(np.linalg.norm(np.cross(rot.unit(first), rot.unit(second))))
-    return "the two directions are parallel" if sine < PARALLEL else ""
+def _are_parallel(first: tuple[float, ...], second: tuple[float, ...]) -> bool:
+    return float(np.linalg.norm(np.cross(rot.unit(first), rot.unit(second)))) < PARALLEL
 
 
-def _axes(record: schema.AnyJointSpec) -> tuple[Array, Array]:
-    match record:
+def _axes(spec: schema.AnyJointSpec) -> tuple[Array, Array]:
+    """The `axis` and the `second` direction of a joint, see `Joint`."""
+    match spec:
         case schema.UniversalJointSpec(axes=(first, second)):
             return rot.unit(first), rot.unit(second)
         case schema.PlanarJointSpec(axis=normal, x_axis=x_axis):
@@ -71,38 +92,48 @@ def _axes(record: schema.AnyJointSpec) -> tuple[Array, Array]:
                 return axis, rot.aligning_z(axis)[:, 0]
             along = rot.unit(x_axis)
             return axis, rot.unit(along - axis * (axis @ along))
+        case (
+            schema.RevoluteJointSpec(axis=direction)
+            | schema.PrismaticJointSpec(axis=direction)
+            | schema.ScrewJointSpec(axis=direction)
+            | schema.CylindricalJointSpec(axis=direction)
+        ):
+            return rot.unit(direction), np.zeros(3)
         case schema.SphericalJointSpec() | schema.FixedJointSpec() | schema.FreeJointSpec():
             return np.zeros(3), np.zeros(3)
-    return rot.unit(record.axis), np.zeros(3)
+        case _:
+            assert_never(spec)
 
 
-def _start(record: schema.AnyJointSpec) -> tuple[Array, Array]:
-    match record:
+def _start_values(spec: schema.AnyJointSpec) -> tuple[Array, Array]:
+    """The q (nq,) and u (nv,) of a joint at the start."""
+    match spec:
         case schema.FixedJointSpec():
             return np.zeros(0), np.zeros(0)
         case schema.SphericalJointSpec():
-            return _quaternion(record.orientation), np.array(record.angular_velocity)
+            return _quaternion(spec.orientation), np.array(spec.angular_velocity)
         case schema.FreeJointSpec():
-            position = np.concatenate([np.array(record.position), _quaternion(record.orientation)])
-            return position, np.array([*record.velocity, *record.angular_velocity])
-    return np.atleast_1d(np.array(record.position)), np.atleast_1d(np.array(record.velocity))
+            position = np.concatenate([np.array(spec.position), _quaternion(spec.orientation)])
+            return position, np.array([*spec.velocity, *spec.angular_velocity])
+        case _:
+            return np.atleast_1d(np.array(spec.position)), np.atleast_1d(np.array(spec.velocity))
 
 
-def _given(record: schema.AnyJointSpec, count: int, linear: str, angular: str, fixed: bool) -> tuple[bool, ...]:
-    """For each degree of freedom, whether its start value is given and the assembly must keep it."""
-    written = record.model_fields_set
-    if isinstance(record, schema.FreeJointSpec):
-        return (fixed and linear in written,) * 3 + (fixed and angular in written,) * 3
-    return (fixed and bool({linear, angular} & written),) * count
+def _is_given(spec: schema.AnyJointSpec, nv: int, linear: str, angular: str) -> tuple[bool, ...]:
+    """For each degree of freedom, whether the file gives its start value, under the key `linear` or `angular`."""
+    written = spec.model_fields_set
+    if isinstance(spec, schema.FreeJointSpec):
+        return (linear in written,) * 3 + (angular in written,) * 3
+    return (bool({linear, angular} & written),) * nv
 
 
 def _quaternion(orientation: RotationSpec | None) -> Array:
     return rot.to_quaternion(rotation_matrix(orientation))
 
 
-def _each(record: schema.AnyJointSpec, key: str, count: int) -> Array:
-    """A value for each degree of freedom, of a list, of one number for all, or 0."""
-    return np.array(np.broadcast_to(np.array(getattr(record, key, 0.0), dtype=float), (count,)))
+def _per_coordinate(spec: schema.AnyJointSpec, key: str, nv: int) -> Array:
+    """A value for each degree of freedom: from a list, from one number for all, or 0."""
+    return np.array(np.broadcast_to(np.array(getattr(spec, key, 0.0), dtype=float), (nv,)))
 
 
 def _expressions(drive: Any) -> tuple[TimeExpression, ...]:

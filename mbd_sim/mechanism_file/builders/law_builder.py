@@ -1,4 +1,4 @@
-"""From the laws of a file to the records that the dynamics reads."""
+"""Builds the laws of springs, dampers and friction from their records in the file."""
 
 from __future__ import annotations
 
@@ -8,34 +8,34 @@ from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.laws import ElasticLaw, Expressed, Friction, PowerLaw, tabulated
 from mbd_sim.mechanism_file.schema import law_schema as schema
 
-REACH = 20.0  # m or rad, up to where the potential of an expression is exact
-SLOW = 1e-2  # m/s or rad/s, the regularization of powers below 1, which are infinitely steep at rest
-ALMOST_NOTHING = 1e-9  # m/s or rad/s, that of the others
+LARGEST_ELONGATION = 20.0  # m or rad, up to which the potential of an expression is exact
+REGULARIZATION_BELOW_ONE = 1e-2  # m/s or rad/s, of powers below 1, whose slope at rest is infinite
+REGULARIZATION = 1e-9  # m/s or rad/s, of all other powers
 
 
-def law_of(record: schema.ForceCurveSpec | schema.TorqueCurveSpec) -> ElasticLaw:
+def build_elastic_law(spec: schema.ForceCurveSpec | schema.TorqueCurveSpec) -> ElasticLaw:
     """The law of a spring in a joint."""
-    return curve(record.force, record.table, -REACH, REACH)
+    return build_curve(spec.force, spec.table, -LARGEST_ELONGATION, LARGEST_ELONGATION)
 
 
-def curve(
+def build_curve(
     force: TimeExpression | None, table: list[tuple[float, float]] | None, lower: float, upper: float
 ) -> ElasticLaw:
-    """The law of an expression, or of a table; `lower` and `upper` are where the former's potential is to be exact."""
+    """The law of an expression, or else of a table; the expression's potential is exact from `lower` to `upper`."""
     if force is not None:
         return Expressed(force, lower, upper)
     elongations, forces = zip(*(table or ()), strict=True)
     return tabulated(elongations, forces)
 
 
-def damper_of(record: schema.LinearPowerSpec | schema.TorsionPowerSpec) -> PowerLaw:
+def build_power_law(spec: schema.LinearPowerSpec | schema.TorsionPowerSpec) -> PowerLaw:
     """The law of a damper."""
-    slow = record.regularization or (SLOW if record.exponent < 1.0 else ALMOST_NOTHING)
-    return PowerLaw(record.coefficient, record.exponent, slow)
+    default = REGULARIZATION_BELOW_ONE if spec.exponent < 1.0 else REGULARIZATION
+    return PowerLaw(spec.coefficient, spec.exponent, spec.regularization or default)
 
 
-def friction_of(record: schema.LinearFrictionSpec | schema.TorsionFrictionSpec) -> Friction:
+def build_friction(spec: schema.LinearFrictionSpec | schema.TorsionFrictionSpec) -> Friction:
     """The law of dry friction."""
-    static = record.coulomb if record.static is None else record.static
-    stribeck = math.inf if record.stribeck_velocity is None else record.stribeck_velocity
-    return Friction(record.coulomb, static, stribeck, record.viscous, record.regularization)
+    static = spec.coulomb if spec.static is None else spec.static
+    stribeck = math.inf if spec.stribeck_velocity is None else spec.stribeck_velocity
+    return Friction(spec.coulomb, static, stribeck, spec.viscous, spec.regularization)

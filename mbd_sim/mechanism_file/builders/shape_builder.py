@@ -1,10 +1,11 @@
-"""From the shapes of a file to mass properties and to shapes to draw (Huston & Liu, ch. 7)."""
+"""Builds mass properties and shapes to draw from the shapes of a file (Huston & Liu, ch. 7)."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import assert_never
 
 import numpy as np
 
@@ -16,79 +17,83 @@ from mbd_sim.mechanism.records import Shape
 from mbd_sim.mechanism_file.builders.rotation_builder import rotation_matrix
 from mbd_sim.mechanism_file.schema import file_schema
 
+ROD_RADIUS = 0.02  # of rods drawn without a radius, relative to their length
+PARTICLE_RADIUS = 0.05  # m, of particles drawn without a radius
+
 
 @dataclass(frozen=True)
 class _Solid:
-    dimension: int  # 0 particle, 1 line, 2 surface, 3 solid: sizes of one dimension can be compared
-    measure: float  # m^dimension, 1 for a particle
-    moments: tuple[float, float, float]  # principal moments for unit mass about the centre, m²
+    dimension: int  # 0 for a particle, 1 a line, 2 a surface, 3 a solid; sizes of one dimension can be compared
+    measure: float  # length, area or volume in m^dimension; 1 for a particle
+    moments: tuple[float, float, float]  # principal moments about the center for unit mass, m²
 
 
-def _box(x: float, y: float, z: float) -> tuple[float, float, float]:
+def _box_moments(x: float, y: float, z: float) -> tuple[float, float, float]:
     return ((y * y + z * z) / 12.0, (z * z + x * x) / 12.0, (x * x + y * y) / 12.0)
 
 
-def _round(radius_squared: float, length: float, share: float) -> tuple[float, float, float]:
-    across = share * radius_squared / 2.0 + length * length / 12.0
-    return (across, across, share * radius_squared)
+def _axial_moments(radius: float, length: float, factor: float) -> tuple[float, float, float]:
+    """Those of a body of revolution about z, whose moment about z is `factor` times radius²."""
+    across = factor * (radius * radius) / 2.0 + length * length / 12.0
+    return (across, across, factor * (radius * radius))
 
 
-def _solid(shape: file_schema.ShapeSpec) -> _Solid:
+def _solid(shape: file_schema.AnyShapeSpec) -> _Solid:
     match shape:
         case file_schema.RodSpec(start=a, end=b):
             length = math.dist(a, b)
-            return _Solid(1, length, _box(0.0, 0.0, length))
+            return _Solid(1, length, _box_moments(0.0, 0.0, length))
         case file_schema.DiscSpec(radius=r):
-            return _Solid(2, math.pi * r * r, _round(r * r, 0.0, 0.5))
+            return _Solid(2, math.pi * r * r, _axial_moments(r, 0.0, 0.5))
         case file_schema.RingSpec(radius=r):
-            return _Solid(1, 2.0 * math.pi * r, _round(r * r, 0.0, 1.0))
+            return _Solid(1, 2.0 * math.pi * r, _axial_moments(r, 0.0, 1.0))
         case file_schema.PlateSpec(size=(x, y)):
-            return _Solid(2, x * y, _box(x, y, 0.0))
+            return _Solid(2, x * y, _box_moments(x, y, 0.0))
         case file_schema.BlockSpec(size=(x, y, z)):
-            return _Solid(3, x * y * z, _box(x, y, z))
+            return _Solid(3, x * y * z, _box_moments(x, y, z))
         case file_schema.CylinderSpec(radius=r, length=length):
-            return _Solid(3, math.pi * r * r * length, _round(r * r, length, 0.5))
+            return _Solid(3, math.pi * r * r * length, _axial_moments(r, length, 0.5))
         case file_schema.SphereSpec(radius=r):
             moment = 0.4 * r * r
             return _Solid(3, 4.0 / 3.0 * math.pi * r**3, (moment, moment, moment))
-    return _Solid(0, 1.0, (0.0, 0.0, 0.0))
+        case file_schema.ParticleSpec():
+            return _Solid(0, 1.0, (0.0, 0.0, 0.0))
+        case _:
+            assert_never(shape)
 
 
-def pose_of(shape: file_schema.ShapeSpec) -> Pose:
-    """The centre and axes of a shape in the part's frame: its own z is the axis of rods and axial shapes."""
-    match shape:
-        case file_schema.RodSpec(start=a, end=b):
-            start, end = np.array(a), np.array(b)
-            return Pose((start + end) / 2.0, rot.aligning_z(rot.unit(tuple(end - start))))
-        case file_schema.AxialShapeSpec(at=at, rotate=rotate, axis=axis):
-            return Pose(np.array(at), rotation_matrix(rotate) @ rot.aligning_z(rot.unit(axis)))
-        case file_schema.PlacedShapeSpec(at=at, rotate=rotate):
-            return Pose(np.array(at), rotation_matrix(rotate))
-    raise TypeError(type(shape).__name__)
+def pose_of(shape: file_schema.AnyShapeSpec) -> Pose:
+    """The center and the axes of a shape in the part's frame; z is the axis of rods and axial shapes."""
+    if isinstance(shape, file_schema.RodSpec):
+        start, end = np.array(shape.start), np.array(shape.end)
+        return Pose((start + end) / 2.0, rot.aligning_z(rot.unit(tuple(end - start))))
+    rotation = rotation_matrix(shape.rotate)
+    if isinstance(shape, file_schema.AxialShapeSpec):
+        rotation = rotation @ rot.aligning_z(rot.unit(shape.axis))
+    return Pose(np.array(shape.at), rotation)
 
 
-def drawn(shape: file_schema.ShapeSpec) -> Shape:
-    """The shape as a record to draw."""
+def build_shape(shape: file_schema.AnyShapeSpec) -> Shape:
+    """The shape to draw."""
     size: tuple[float, ...]
     match shape:
         case file_schema.RodSpec(start=a, end=b, radius=r):
             length = math.dist(a, b)
-            size = (length, 0.02 * length if r is None else r)
+            size = (length, ROD_RADIUS * length if r is None else r)
         case file_schema.ParticleSpec(radius=r):
-            size = (0.05 if r is None else r,)
+            size = (PARTICLE_RADIUS if r is None else r,)
         case file_schema.DiscSpec(radius=r) | file_schema.RingSpec(radius=r) | file_schema.SphereSpec(radius=r):
             size = (r,)
         case file_schema.CylinderSpec(length=length, radius=r):
             size = (length, r)
-        case file_schema.PlateSpec(size=size) | file_schema.BlockSpec(size=size):
-            pass
+        case file_schema.PlateSpec() | file_schema.BlockSpec():
+            size = shape.size
         case _:
-            raise TypeError(type(shape).__name__)
-    kind: str = getattr(shape, "type")  # noqa: B009  (the union's members all have it, their base does not)
-    return Shape(kind, size, pose_of(shape), shape.color, shape.hole)
+            assert_never(shape)
+    return Shape(shape.type, size, pose_of(shape), shape.color, shape.hole)
 
 
-def of_shapes(shapes: Sequence[file_schema.ShapeSpec], mass: float | None) -> MassProperties:
+def of_shapes(shapes: Sequence[file_schema.AnyShapeSpec], mass: float | None) -> MassProperties:
     """Mass properties of a part made of shapes.
 
     :param mass: of the whole part in kg; the shapes without mass and density share it in proportion to their size.
@@ -106,7 +111,7 @@ def of_shapes(shapes: Sequence[file_schema.ShapeSpec], mass: float | None) -> Ma
 
 
 def _mass_per_measure(
-    shapes: Sequence[file_schema.ShapeSpec],
+    shapes: Sequence[file_schema.AnyShapeSpec],
     solids: Sequence[_Solid],
     given: Sequence[float | None],
     mass: float | None,
@@ -132,6 +137,6 @@ def _mass_per_measure(
     return rest / total
 
 
-def _given_mass(shape: file_schema.ShapeSpec, solid: _Solid) -> float | None:
+def _given_mass(shape: file_schema.AnyShapeSpec, solid: _Solid) -> float | None:
     density = getattr(shape, "density", None)
     return density * solid.measure if density is not None else shape.mass

@@ -1,0 +1,55 @@
+"""What all builders need: the points of the parts, the file for error messages, and the problems found so far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mbd_sim.errors import InputError, Problem
+from mbd_sim.geometry.pose import Pose
+from mbd_sim.mechanism.attachments import PointsByPart, resolve_reference
+from mbd_sim.mechanism.records import Attachment
+from mbd_sim.mechanism.source import Location, Source
+
+
+@dataclass
+class BuildContext:
+    """Resolves references and collects problems, each with its line in the file."""
+
+    points_by_part: PointsByPart
+    source: Source
+    problems: list[Problem] = field(default_factory=list)
+
+    def report(self, location: Location, message: str, remedy: str = "") -> None:
+        """Add a problem at a location of the file."""
+        self.problems.append(self.source.problem(location, message, remedy))
+
+    def frame(self, location: Location, reference: str) -> tuple[str, Pose] | None:
+        """The part and the frame that a reference names; None, with a problem, if there are none."""
+        try:
+            return resolve_reference(reference, self.points_by_part)
+        except InputError as error:
+            self.problems.append(self.source.problem_of(location, error))
+            return None
+
+    def attachments(self, location: Location, references: list[str] | tuple[str, ...]) -> list[Attachment]:
+        """The points that a list of references names; empty, with a problem, unless two different parts have them."""
+        frames = [self.frame((*location, index), reference) for index, reference in enumerate(references)]
+        return self.on_different_parts(location, frames)
+
+    def on_different_parts(self, location: Location, frames: list[tuple[str, Pose] | None]) -> list[Attachment]:
+        """The origins of frames; empty if one is missing, or, with a problem, if all belong to one part."""
+        known = [frame for frame in frames if frame is not None]
+        if len(known) < len(frames):
+            return []
+        if len({part for part, _ in known}) < 2:
+            self.report(location, f"connects '{known[0][0]}' with itself", "Name points of different parts.")
+            return []
+        return [attachment(frame) for frame in known]
+
+
+def attachment(frame: tuple[str, Pose]) -> Attachment:
+    """The origin of a frame of a part."""
+    part, pose = frame
+    return Attachment(part, np.array(pose.position))

@@ -1,0 +1,109 @@
+"""Builds the parts of a mechanism from their records in the file: points, mass, mass center and inertia."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from mbd_sim.errors import InputError, Problem
+from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.mechanism.mass_properties import MassProperties, inertia_defect
+from mbd_sim.mechanism.records import Mesh, Part
+from mbd_sim.mechanism.source import Location, Source
+from mbd_sim.mechanism_file.builders import shape_builder
+from mbd_sim.mechanism_file.builders.rotation_builder import rotation_matrix
+from mbd_sim.mechanism_file.schema import base_schema, file_schema
+
+
+def build_part(name: str, spec: file_schema.PartSpec, source: Source, problems: list[Problem]) -> Part:
+    """A part; what is wrong with it is added to `problems`."""
+    location: Location = ("parts", name)
+    shapes = _shapes(spec)
+    if spec.inertia is not None or not shapes:
+        body = _given_properties(spec, location, source, problems)
+    else:
+        body = _computed_properties(spec, location, source, problems)
+    _check_inertia(body, spec, location, source, problems)
+    return Part(
+        name=name,
+        mass=body.mass,
+        center=body.center,
+        inertia=body.inertia,
+        points=point_poses(spec.points),
+        shapes=tuple(shape_builder.build_shape(shape) for shape in shapes),
+        meshes=tuple(
+            Mesh(mesh.file, Pose(np.array(mesh.at), rotation_matrix(mesh.rotate)), mesh.scale, mesh.color)
+            for mesh in spec.meshes
+        ),
+    )
+
+
+def point_poses(points: Mapping[str, Any]) -> dict[str, Pose]:
+    """The poses of named points in the frame of their part."""
+    return {
+        name: Pose(np.array(point.at), rotation_matrix(point.rotate))
+        if isinstance(point, base_schema.PointSpec)
+        else Pose(np.array(point), np.eye(3))
+        for name, point in points.items()
+    }
+
+
+def _shapes(spec: file_schema.PartSpec) -> list[file_schema.AnyShapeSpec]:
+    return [spec.shape] if spec.shape is not None else list(spec.shapes or [])
+
+
+def _given_properties(
+    spec: file_schema.PartSpec, location: Location, source: Source, problems: list[Problem]
+) -> MassProperties:
+    """Mass, mass center and inertia from the file; the shapes are only drawn."""
+    if spec.mass is None:
+        problems.append(source.problem(location, "'mass' is missing", "Add 'mass', or a shape with mass or density."))
+    for index, shape in enumerate(_shapes(spec)):
+        if shape.mass is not None or getattr(shape, "density", None) is not None:
+            where = (*location, "shape") if spec.shape else (*location, "shapes", index)
+            remedy = "Remove the shape's mass: if the part gives its inertia, its shapes are only drawn."
+            problems.append(source.problem(where, "gives a mass although the part gives its inertia", remedy))
+    return MassProperties(spec.mass or 0.0, np.array(spec.center or (0.0, 0.0, 0.0)), _inertia_matrix(spec.inertia))
+
+
+def _computed_properties(
+    spec: file_schema.PartSpec, location: Location, source: Source, problems: list[Problem]
+) -> MassProperties:
+    """Mass, mass center and inertia from the shapes."""
+    if spec.center is not None:
+        remedy = "Remove 'center', or give 'inertia' as well."
+        problems.append(source.problem((*location, "center"), "is computed from the shapes", remedy))
+    try:
+        return shape_builder.of_shapes(_shapes(spec), spec.mass)
+    except InputError as error:
+        problems.append(source.problem_of(location, error))
+        return MassProperties(spec.mass or 0.0, np.zeros(3), np.zeros((3, 3)))
+
+
+def _check_inertia(
+    body: MassProperties, spec: file_schema.PartSpec, location: Location, source: Source, problems: list[Problem]
+) -> None:
+    given = spec.inertia is not None
+    if (defect := inertia_defect(body.inertia)) is not None and (spec.inertia_check or not given):
+        remedy = "Keep the holes in the material."
+        if given:
+            location, remedy = (*location, "inertia"), "No rigid body has such an inertia: check its numbers."
+        problems.append(source.problem(location, f"the inertia {defect}", remedy))
+    if spec.mass == 0.0 and np.any(body.inertia) and spec.inertia_check:
+        problems.append(source.problem(location, "has an inertia without mass", "Give the part a mass."))
+
+
+def _inertia_matrix(spec: file_schema.InertiaSpec | tuple[float, float, float] | None) -> Array:
+    if spec is None:
+        return np.zeros((3, 3))
+    if isinstance(spec, tuple):
+        return np.diag(spec)
+    return np.array(
+        [
+            [spec.xx, spec.xy, spec.xz],
+            [spec.xy, spec.yy, spec.yz],
+            [spec.xz, spec.yz, spec.zz],
+        ]
+    )

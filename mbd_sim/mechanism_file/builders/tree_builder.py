@@ -1,0 +1,95 @@
+"""Chooses the joints of the spanning tree, and reports joints and parts that do not fit into one."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+
+from mbd_sim.errors import Problem, listed
+from mbd_sim.mechanism.records import Joint, Part
+from mbd_sim.mechanism.source import Location, Source
+from mbd_sim.mechanism.spanning_tree import SpanningTree, spanning_tree
+
+
+def build_tree(
+    parts: Mapping[str, Part], joints: Mapping[str, Joint], coupled: Collection[str], source: Source
+) -> tuple[SpanningTree, list[Problem]]:
+    """The spanning tree of a mechanism, and what is wrong with it.
+
+    :param coupled: the joints whose coordinates a coupling refers to; they need their coordinates.
+    """
+    tree = spanning_tree(parts, joints.values(), _by_priority(joints.values(), coupled), _to_cut(joints.values()))
+    problems = [problem for name in tree.closing for problem in _cannot_close(source, joints[name], coupled)]
+    problems += [_cannot_be_cut(source, joint) for joint in joints.values() if joint.cut and joint.name in tree.joints]
+    problems += _unconnected(source, tree.unreached, joints.values())
+    if not problems:
+        problems += [_massless(source, joints[name]) for name in tree.massless(parts)]
+    return tree, problems
+
+
+def _by_priority(joints: Collection[Joint], coupled: Collection[str]) -> list[str]:
+    """The joints that should have coordinates, those first that cannot do without them."""
+    candidates = [joint for joint in joints if not joint.cut]
+    preferred = [joint.name for joint in candidates if _needs_coordinate(joint, coupled)]
+    preferred += [joint.name for joint in candidates if any(joint.fixed_in_assembly + joint.fixed_speeds)]
+    preferred += [joint.name for joint in candidates if joint.position.any()]
+    return preferred
+
+
+def _to_cut(joints: Iterable[Joint]) -> set[str]:
+    return {joint.name for joint in joints if joint.cut}
+
+
+def _needs_coordinate(joint: Joint, coupled: Collection[str]) -> str:
+    """The keys of a joint that refer to its coordinate, as a list in words; empty if there are none."""
+    has = {
+        "a drive": bool(joint.drive),
+        "stiffness": bool(joint.stiffness.any()),
+        "damping": bool(joint.damping.any()),
+        "a spring": joint.spring is not None,
+        "a damper": joint.damper is not None,
+        "friction": joint.friction is not None,
+        "limits": joint.limits is not None,
+        "an effort_limit": joint.effort_limit is not None,
+        "a coupling": joint.name in coupled,
+    }
+    return listed([what for what, true in has.items() if true])
+
+
+def _cannot_close(source: Source, joint: Joint, coupled: Collection[str]) -> Iterator[Problem]:
+    """Why a joint cannot close a loop, if it cannot."""
+    where: Location = ("joints", joint.name)
+    if keys := _needs_coordinate(joint, coupled):
+        remedy = "Cut another joint of its loop, one that needs no coordinate, with 'cut: true'."
+        yield source.problem(where, f"closes a loop, and so has no coordinate, but has {keys}", remedy)
+    elif any(joint.fixed_in_assembly + joint.fixed_speeds):
+        message = "closes a loop, and so has no coordinate whose start value could be given"
+        remedy = "Give start values for other joints of the loop, or write 'guess: true'."
+        yield source.problem(where, message, remedy)
+    elif joint.type == "free":
+        yield source.problem(where, "a free joint restricts nothing: it cannot close a loop", "Remove it.")
+
+
+def _cannot_be_cut(source: Source, joint: Joint) -> Problem:
+    message = "cannot be cut: no other joint connects the parts beyond it to ground, or its loop is cut already"
+    return source.problem(("joints", joint.name, "cut"), message, "Remove 'cut', or cut one joint of each loop.")
+
+
+def _unconnected(source: Source, names: Iterable[str], joints: Iterable[Joint]) -> Iterator[Problem]:
+    joints_of: dict[str, list[str]] = {}
+    for joint in joints:
+        for part in (joint.parent, joint.child):
+            joints_of.setdefault(part, []).append(joint.name)
+    remedy = "Connect it with a joint; a part that flies freely has a joint of type free between ground and it."
+    for name in names:
+        message = "is in no joint"
+        if name in joints_of:
+            message = f"is connected only by {listed(joints_of[name])}, which does not lead to ground"
+        yield source.problem(("parts", name), message, remedy)
+
+
+def _massless(source: Source, joint: Joint) -> Problem:
+    return source.problem(
+        ("joints", joint.name),
+        f"nothing that this joint moves has mass: '{joint.outboard}' is a massless chain end",
+        "Give the part a mass, or fix it to a part that has one.",
+    )
