@@ -1,6 +1,7 @@
 """The package as it is installed."""
 
 import ast
+import importlib
 import re
 import subprocess
 import sys
@@ -87,6 +88,27 @@ def test_entry_points_exist():
     for module in modules:
         source = ROOT / f"{module.replace('.', '/')}.py"
         assert "\ndef main(" in source.read_text(encoding="utf-8")
+
+
+def programs_outside_the_package():
+    """Python programs that no other test imports."""
+    scripts = [path for path in (ROOT / "scripts").iterdir() if path.is_file()]
+    scripts = [path for path in scripts if "python" in path.read_text(encoding="utf-8").splitlines()[0]]
+    return sorted([*scripts, *(ROOT / "benchmarks").rglob("*.py"), *(ROOT / "launch").glob("*.py")])
+
+
+@pytest.mark.parametrize("path", programs_outside_the_package(), ids=lambda path: str(path.relative_to(ROOT)))
+def test_names_that_programs_import_exist(path):
+    imports = [
+        node
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] in {"mbd_sim", "test"}
+    ]
+    for node in imports:
+        module = importlib.import_module(node.module)
+        for alias in node.names:
+            if not hasattr(module, alias.name):
+                importlib.import_module(f"{node.module}.{alias.name}")
 
 
 def test_importing_the_package_loads_nothing_heavy():
