@@ -1,5 +1,5 @@
 # make run      set everything up and run the double pendulum: make run ARGS="-p mechanism:=rod_pendulum -p rerun:=spawn"
-# make test     set everything up; run ruff, mypy and all tests: in parallel, then those with real nodes one by one
+# make test     set everything up; run ruff, mypy and all tests, in parallel
 # make lint     run only ruff and mypy
 # make setup    create .venv with all dependencies, including the ROS 2 wheels unless a ROS 2 environment is sourced
 # make gallery  redraw the pictures of the shipped mechanisms in docs/gallery.md
@@ -24,11 +24,11 @@ $(VENV)/interfaces: $(VENV)/ready $(wildcard test/ros_interfaces/*.py test/ros_i
 run: setup
 	@$(BIN)/sim_node --ros-args $(ARGS)
 
-NODES := test/system test/examples
+# One more than there are processors: tests with real nodes wait most of the time.
+WORKERS ?= $(shell expr $$(nproc) + 1)
 
 test: setup lint
-	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(NODES:%=--ignore %)
-	$(BIN)/python -m pytest $(NODES)
+	$(BIN)/python -m pytest --numprocesses $(WORKERS) --dist worksteal
 
 lint: setup
 	$(BIN)/ruff check .

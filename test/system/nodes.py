@@ -36,19 +36,19 @@ from mbd_sim.ros.sim_parameters import PARAMETERS
 from test.waiting import PATIENCE, wait_until
 
 _counter = itertools.count()
-BLOCK, BLOCKS = 10, 10  # domain ids from 1 to 100: all that Linux has ports for
+BLOCK, BLOCKS = 5, 20  # domain ids from 1 to 100: all that Linux has ports for
 
 
 @functools.cache
-def _own_block() -> tuple[int, IO[str]]:
-    """A block of domain ids that no other process on this machine uses, and the locked file that says so."""
+def _own_block() -> tuple[int, IO[str] | None]:
+    """A block of domain ids that no other process on this machine tests with, and the locked file that says so."""
     for block in range(BLOCKS):
         file = (Path(tempfile.gettempdir()) / f"mbd_sim_test_domains_{block}").open("w")
         with contextlib.suppress(BlockingIOError):
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return block, file
         file.close()
-    raise RuntimeError(f"more than {BLOCKS} processes test nodes at once")
+    return os.getpid() % BLOCKS, None  # more processes than blocks
 
 
 def new_domain() -> int:
