@@ -1,0 +1,66 @@
+"""The launch files, run by `launch_runner`: what they start runs, with the parameters that were given."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from mbd_sim.load import load_mechanism
+from test.recording.runs import record_run
+from test.system.launch_runner import ROOT, launched, launching
+from test.system.nodes import Listener, new_domain
+from test.waiting import wait_until
+
+SIMULATION, REPLAY = ROOT / "launch" / "sim.launch.py", ROOT / "launch" / "replay.launch.py"
+EXAMPLES = sorted(ROOT.glob("examples/*/*.launch.py"))
+
+
+def test_the_simulation_runs_with_arguments_and_a_file_of_parameters(tmp_path: Path) -> None:
+    (tmp_path / "live.yaml").write_text('{"/**": {ros__parameters: {joints.pin.damping: 0.25, publish_rate: 50.0}}}')
+    arguments = {"mechanism": "rod_pendulum", "namespace": "lab", "record": "false", "publish_rate": "20"}
+    domain = new_domain()
+    listener = Listener(domain, "lab")
+    try:
+        with launching(SIMULATION, tmp_path, domain, params_file=str(tmp_path / "live.yaml"), **arguments):
+            listener.until(lambda: len(listener.states) > 5, "states")
+            assert listener.states[-1].name == ["pin"]
+            assert listener.parameter("joints.pin.damping") == 0.25
+            assert listener.parameter("publish_rate") == 50.0  # the file has the last word
+            assert listener.parameter("record") is False
+    finally:
+        listener.close()
+
+
+@pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.parent.name)
+def test_an_example_starts_its_simulation_and_its_program(tmp_path: Path, file: Path) -> None:
+    domain = new_domain()
+    listener = Listener(domain)
+    try:
+        with launching(file, tmp_path, domain, record_dir=str(tmp_path)) as processes:
+            assert len(processes) == 2
+            listener.until(lambda: len(listener.node.get_node_names()) == 3, "both nodes")
+            listener.until(lambda: len(listener.states) > 20, "states")
+            assert all(process.poll() is None for process in processes)
+            (name,) = [line for line in file.read_text().splitlines() if line.startswith("SIM = ")]
+            mechanism = load_mechanism(eval(name.removeprefix("SIM = "))["mechanism"])
+            assert list(listener.states[-1].name) == list(mechanism.coordinate_names)
+        assert list(tmp_path.glob("*.mcap"))
+    finally:
+        listener.close()
+
+
+def test_a_recording_is_played(tmp_path: Path) -> None:
+    bag = record_run(tmp_path, "double_rod", seconds=0.3, seed=1, resets=False)
+    with launching(REPLAY, tmp_path, new_domain(), bag=str(bag), rate="0") as (player,):
+        wait_until(lambda: player.poll() is not None, "the end of the recording")
+
+
+def test_what_rviz_needs_and_is_not_installed_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("AMENT_PREFIX_PATH", sys.prefix)
+    context = launched(SIMULATION, tmp_path, rviz="true")
+    programs = [Path(command[0]).name for command in context.commands]
+    assert programs[0] == "sim_node"
+    missing = {"rviz2", "robot_state_publisher"} - set(programs)
+    assert [message for message in context.messages if all(name in message for name in missing)] or not missing
