@@ -1,6 +1,5 @@
 """The recorder alone: files, queues and faults."""
 
-import json
 import os
 import resource
 import threading
@@ -11,15 +10,12 @@ import yaml
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2.writer import Writer as BagWriter
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_typestore
 
-from mbd_sim import Simulation
 from mbd_sim.recording import recorder as module
 from mbd_sim.recording.durable_file import DurableFile
-from mbd_sim.recording.message_definitions import definition, type_hash
 from mbd_sim.recording.recorder import Recorder
 from mbd_sim.recording.recording_paths import RecordingPaths
-from mbd_sim.recording.run_metadata import Moment, run_metadata
 from test.recording.recordings import TOPICS, count_and_last, messages, metadata, recorder_in
 
 
@@ -266,50 +262,3 @@ def test_if_the_next_file_cannot_be_opened_the_first_one_is_complete(tmp_path):
     assert "part2.mcap' stopped: Read-only file system" in recorder.failure
     assert [message.sequence for _, message in messages(recorder.paths.location)] == [1]
     assert (recorder.written, recorder.dropped) == (1, 1)
-
-
-@pytest.mark.parametrize(
-    "kind", ["sensor_msgs/msg/JointState", "std_msgs/msg/Float64MultiArray", "rosgraph_msgs/msg/Clock"]
-)
-def test_a_definition_is_complete_and_equals_the_type_in_ros(kind):
-    store = get_typestore(Stores.ROS2_JAZZY)
-    parsed = get_types_from_msg(definition(kind), kind)
-    assert kind in parsed
-    for name, fields in parsed.items():
-        assert [field for field, _ in fields[1]] == [field for field, _ in store.fielddefs[name][1]]
-
-
-def test_the_type_hash_equals_that_of_the_installed_type():
-    store = get_typestore(Stores.ROS2_JAZZY)
-    assert type_hash("sensor_msgs/msg/JointState") == store.hash_rihs01("sensor_msgs/msg/JointState")
-    assert type_hash("std_msgs/msg/Nothing") == ""
-
-
-def test_metadata_contains_the_exact_step_and_start():
-    simulation = Simulation.from_file("double_rod", step=1e-3 / 3)
-    about = run_metadata(simulation)
-    assert float.fromhex(about["step"]) == 1e-3 / 3
-    assert exact(about["start"]) == simulation.state.tolist()
-    assert about["method"] == "tsitouras8"
-    assert all(isinstance(value, str) for value in about.values())
-
-
-def test_metadata_of_a_moment_contains_everything_the_motion_depends_on():
-    simulation = Simulation.from_file("double_rod", live=["gravity[*]"], wrenches=["upper"])
-    simulation.step(100)
-    simulation.set_efforts([0.1, -0.2])
-    simulation.set_wrench("upper", force=(1.0, 2.0, 3.0))
-    simulation.set_live({"gravity[2]": -5.0})
-    moment = Moment.of(simulation, ticks=250, clock_ns=150_000_000)
-    kept = simulation.state.tolist(), simulation.inputs.tolist(), simulation.start_energy
-    simulation.step(10)
-    about = run_metadata(simulation, moment, {"publish_rate": 100.0})
-    assert (exact(about["start"]), exact(about["inputs"])) == kept[:2]
-    assert float.fromhex(about["start_energy"]) == kept[2]
-    assert (about["first_tick"], about["first_step"], about["first_clock"]) == ("250", "100", "150000000")
-    assert float.fromhex(json.loads(about["live"])["gravity[2]"]) == -5.0
-    assert json.loads(about["parameters"]) == {"publish_rate": 100.0}
-
-
-def exact(text):
-    return [float.fromhex(value) for value in json.loads(text)]
