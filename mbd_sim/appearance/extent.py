@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbd_sim.appearance.solids import half_sizes
-from mbd_sim.geometry.pose import Array, Pose, unpack_poses
+from mbd_sim.geometry.pose import Array, identity_pose, unpack_poses
 from mbd_sim.mechanism.records import (
     GROUND,
     Mechanism,
@@ -55,15 +55,15 @@ def extent_of(model: Model) -> Extent:
     fixed += [joint.parent_pose.position for joint in model.mechanism.all_joints.values() if joint.parent == GROUND]
     times, states = _preview(model)
     frames = [model.pose_array(time, y) for time, y in zip(times, states, strict=True)]
-    points = [_placed(frame, model.part_names, corners) for frame in frames]
+    points = [_points_in_ground(frame, model.part_names, corners) for frame in frames]
     start = np.vstack([points[0], *fixed]) if fixed else points[0]
     lower, upper = start.min(axis=0), start.max(axis=0)
     size = max(float(np.max(upper - lower)), 1e-6)
-    reach = (lower + upper) / 2.0 - 1.5 * size, (lower + upper) / 2.0 + 1.5 * size
-    moved = np.clip(np.vstack(points), *reach)
+    limits = (lower + upper) / 2.0 - 1.5 * size, (lower + upper) / 2.0 + 1.5 * size
+    reached = np.clip(np.vstack(points), *limits)
     return Extent(
-        np.minimum(lower, moved.min(axis=0)),
-        np.maximum(upper, moved.max(axis=0)),
+        np.minimum(lower, reached.min(axis=0)),
+        np.maximum(upper, reached.max(axis=0)),
         size,
         _plane(model.mechanism, model),
         _travel(model, frames, size),
@@ -85,11 +85,11 @@ def _preview(model: Model) -> tuple[list[float], list[Array]]:
 
 
 def _travel(model: Model, frames: list[Array], size: float) -> dict[str, tuple[float, float]]:
-    """Displacements count up to the size of the mechanism beyond their start, for joints that slide without end."""
+    """The range of displacements of each joint, in m; at most the size of the mechanism on both sides of the start."""
     rows = np.array(frames)
     poses = {name: unpack_poses(rows[:, index]) for index, name in enumerate(model.part_names)}
     poses[GROUND] = np.zeros((len(frames), 3)), np.tile(np.eye(3), (len(frames), 1, 1))
-    found = {}
+    travel = {}
     for name, joint in model.mechanism.all_joints.items():
         if not joint.kind.slides_along_axis:
             continue
@@ -97,18 +97,17 @@ def _travel(model: Model, frames: list[Array], size: float) -> dict[str, tuple[f
             poses[part][0] + poses[part][1] @ frame.position
             for part, frame in ((joint.parent, joint.parent_pose), (joint.child, joint.child_pose))
         )
-        axis = joint.parent_pose.rotation @ joint.axis
-        turned = poses[joint.parent][1] @ axis
-        slid = np.sum((child - parent) * turned, axis=1)
-        slid = np.clip(slid, slid[0] - size, slid[0] + size)
-        found[name] = (float(slid.min()), float(slid.max()))
-    return found
+        axes = poses[joint.parent][1] @ joint.parent_pose.rotation @ joint.axis
+        displacement = np.sum((child - parent) * axes, axis=1)
+        displacement = np.clip(displacement, displacement[0] - size, displacement[0] + size)
+        travel[name] = (float(displacement.min()), float(displacement.max()))
+    return travel
 
 
-def _placed(frame: Array, names: tuple[str, ...], corners: dict[str, Array]) -> Array:
+def _points_in_ground(frame: Array, names: tuple[str, ...], corners: dict[str, Array]) -> Array:
     poses = zip(names, *unpack_poses(frame), strict=True)
-    placed = [position + corners[name] @ rotation.T for name, position, rotation in poses]
-    return np.vstack(placed or [np.zeros((1, 3))])
+    points = [position + corners[name] @ rotation.T for name, position, rotation in poses]
+    return np.vstack(points or [np.zeros((1, 3))])
 
 
 def _corners(part: Part) -> Array:
@@ -123,7 +122,7 @@ def _corners(part: Part) -> Array:
 
 def _plane(mechanism: Mechanism, model: Model) -> Array | None:
     """The normal of the plane in which all joints move, found at the start; None when there is no such plane."""
-    poses = {GROUND: Pose(np.zeros(3), np.eye(3)), **model.poses(0.0, model.start)}
+    poses = {GROUND: identity_pose(), **model.poses(0.0, model.start)}
     axes: dict[str, list[Array]] = {"revolute": [], "prismatic": []}
     for joint in mechanism.all_joints.values():
         if joint.type in axes:
@@ -131,6 +130,6 @@ def _plane(mechanism: Mechanism, model: Model) -> Array | None:
         elif joint.type != "fixed":
             return None
     normal = axes["revolute"][0] if axes["revolute"] else np.array([0.0, 1.0, 0.0])
-    turned = all(abs(float(axis @ normal)) > 1.0 - 1e-6 for axis in axes["revolute"])
-    slid = all(abs(float(axis @ normal)) < 1e-6 for axis in axes["prismatic"])
-    return normal if turned and slid and (axes["revolute"] or axes["prismatic"]) else None
+    parallel = all(abs(float(axis @ normal)) > 1.0 - 1e-6 for axis in axes["revolute"])
+    perpendicular = all(abs(float(axis @ normal)) < 1e-6 for axis in axes["prismatic"])
+    return normal if parallel and perpendicular and (axes["revolute"] or axes["prismatic"]) else None

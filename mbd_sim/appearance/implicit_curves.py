@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import casadi as ca
 import numpy as np
@@ -14,6 +15,8 @@ from mbd_sim.geometry.rotation import unit_or_zero
 from mbd_sim.mechanism.constraints import Surface
 
 EquationPair = Callable[[Array], tuple[Array, Array]]  # from a point (3,): two values (2,), gradients (2, 3)
+
+LineKind = Literal["curve", "net", "outline"]
 
 REACH = 1.3  # of the picture, relative to the distance of the constrained point from the frame of the equations
 STEP = 0.04  # from point to point, relative to the reach
@@ -32,32 +35,32 @@ class CurveLine:
     """
 
     points: Array
-    kind: str = "wire"
+    kind: LineKind = "curve"
     front: bool = True
 
 
-def curve_lines(record: Surface, point: Array, base: Pose) -> list[CurveLine]:
+def curve_lines(constraint: Surface, point: Array, base: Pose) -> list[CurveLine]:
     """The curve through a point (3,) on which two equations hold, in ground's frame; the equations' frame is `base`.
 
     It is followed up to `REACH` times the distance of the point from the base.
     """
-    x, values = _equations(record, base)
+    x, values = _equations(constraint, base)
     return _through_point(x, values, point, base)
 
 
-def section_lines(record: Surface, point: Array, base: Pose, normal: Array) -> list[CurveLine]:
+def section_lines(constraint: Surface, point: Array, base: Pose, normal: Array) -> list[CurveLine]:
     """The curve in which the plane through a point (3,) with a normal (3,) cuts a surface."""
-    x, values = _equations(record, base)
+    x, values = _equations(constraint, base)
     return _through_point(x, ca.vertcat(values, ca.dot(ca.DM(normal), x - ca.DM(point))), point, base)
 
 
-def surface_lines(record: Surface, point: Array, base: Pose, toward: Array) -> list[CurveLine]:
+def surface_lines(constraint: Surface, point: Array, base: Pose, toward: Array) -> list[CurveLine]:
     """A surface near a point (3,): lines on it, and its outline viewed from the direction `toward` (3,).
 
     The lines are level lines and meridians about the third axis of the frame. Where level lines are open, they are
     sections across the first two axes instead.
     """
-    x, values = _equations(record, base)
+    x, values = _equations(constraint, base)
     reach = _reach(point, base)
     within_reach, slope = _within_reach(base, reach), ca.jacobian(values, x)
 
@@ -69,22 +72,19 @@ def surface_lines(record: Surface, point: Array, base: Pose, toward: Array) -> l
     outline_equations = _equation_pair(x, ca.vertcat(values, ca.dot(slope.T, ca.DM(toward))))
     outlines: list[Array] = []
     for line in lines:
-        turning = line[int(np.argmin(np.abs(_gradients(x, slope, line) @ toward)))]
-        start = _nearest_solution(outline_equations, turning, 0.2 * reach)
-        if (
-            start is not None
-            and within_reach(start)
-            and all(_distance(o, start) > 2.0 * STEP * reach for o in outlines)
-        ):
+        nearest_to_outline = line[int(np.argmin(np.abs(_gradients(x, slope, line) @ toward)))]
+        start = _nearest_solution(outline_equations, nearest_to_outline, 0.2 * reach)
+        if start is None or not within_reach(start):
+            continue
+        if all(_distance(outline, start) > 2.0 * STEP * reach for outline in outlines):
             outlines.append(follow_curve(outline_equations, start, STEP * reach, within_reach))
     return [*_visible_and_hidden(x, slope, lines, toward), *_curve_lines(outlines, "outline")]
 
 
 def _through_point(x: ca.SX, values: ca.SX, point: Array, base: Pose) -> list[CurveLine]:
     reach = _reach(point, base)
-    return _curve_lines(
-        [follow_curve(_equation_pair(x, values), point, STEP * reach, _within_reach(base, reach))], "wire"
-    )
+    line = follow_curve(_equation_pair(x, values), point, STEP * reach, _within_reach(base, reach))
+    return _curve_lines([line], "curve")
 
 
 def _grid(cut: Callable[[Array, Array], Array], point: Array, base: Pose, reach: float) -> list[Array]:
@@ -150,12 +150,12 @@ def _nearest_solution(pair: EquationPair, point: Array, step: float) -> Array | 
     return None
 
 
-def _equations(record: Surface, base: Pose) -> tuple[ca.SX, ca.SX]:
+def _equations(constraint: Surface, base: Pose) -> tuple[ca.SX, ca.SX]:
     """The symbols of a point (3,) in ground's frame, and the values (k,) of the equations at that point and t = 0."""
     x = ca.SX.sym("x", 3)
     place = ca.DM(base.rotation.T) @ (x - ca.DM(base.position))
     names = {"x": place[0], "y": place[1], "z": place[2], "t": ca.SX(0)}
-    return x, ca.vertcat(*(function_of(equation, names) for equation in record.equations))
+    return x, ca.vertcat(*(function_of(equation, names) for equation in constraint.equations))
 
 
 def _equation_pair(x: ca.SX, values: ca.SX) -> EquationPair:
@@ -189,7 +189,7 @@ def _visible_and_hidden(x: ca.SX, slope: ca.SX, lines: Sequence[Array], toward: 
     return found
 
 
-def _curve_lines(lines: Sequence[Array], kind: str) -> list[CurveLine]:
+def _curve_lines(lines: Sequence[Array], kind: LineKind) -> list[CurveLine]:
     return [CurveLine(line, kind) for line in lines if len(line) > 1]
 
 

@@ -28,21 +28,20 @@ class Animation:
         self._mechanism, self._size = model.mechanism, np.array([width, height], dtype=float)
         start = model.poses(0.0, model.start)
         self._view = view_of(self._mechanism, start)
-        across = np.column_stack([self._view.right, self._view.up])
-        projected = [bounding_points(self._mechanism, poses) @ across for poses in (start, *_reachable_poses(model))]
-        low, high = (
-            np.min([s.min(axis=0) for s in projected], axis=0),
-            np.max([s.max(axis=0) for s in projected], axis=0),
-        )
-        self._own = max(float(np.max(np.ptp(projected[0], axis=0))), 1e-9)  # symbols are drawn in proportion to it
-        scale = float(np.min(self._size / np.maximum((high - low) * MARGIN, 0.2 * self._own)))
+        axes = np.column_stack([self._view.right, self._view.up])
+        projected = [bounding_points(self._mechanism, poses) @ axes for poses in (start, *_reachable_poses(model))]
+        low, high = np.vstack(projected).min(axis=0), np.vstack(projected).max(axis=0)
+        self._mechanism_size = max(
+            float(np.max(np.ptp(projected[0], axis=0))), 1e-9
+        )  # symbols are drawn in proportion to it
+        scale = float(np.min(self._size / np.maximum((high - low) * MARGIN, 0.2 * self._mechanism_size)))
         self._page = Page(self._view, scale)
         self._shift = 0.5 * self._size - 0.5 * (low + high) * scale
 
     def frame(self, poses: Mapping[str, Pose]) -> NDArray[np.uint8]:
         """The mechanism with its parts at `poses`, in ground's frame in m: (height, width, 3)."""
         curves = constraint_curves(self._mechanism, poses, self._view)
-        sheet = mechanism_sheet(self._page, self._mechanism, poses, self._own, curves)
+        sheet = mechanism_sheet(self._page, self._mechanism, poses, self._mechanism_size, curves)
         return pixels(Composition(sheet.translated(self._shift), self._size), POINTS)
 
 
@@ -63,11 +62,11 @@ def _random_configuration(model: Model, rng: np.random.Generator) -> Array:
     """Coordinates q, not yet consistent with the loops, drawn within the limits of the joints."""
     q = model.start[model.q_range].copy()
     for name, joint in model.mechanism.joints.items():
-        where = model.layout.q[name]
+        indices = model.layout.q[name]
         if joint.limits is not None:
-            q[where] = rng.uniform(joint.limits.lower, joint.limits.upper)
+            q[indices] = rng.uniform(joint.limits.lower, joint.limits.upper)
         elif joint.type == "prismatic":
-            q[where] += rng.uniform(-STROKE, STROKE)
+            q[indices] += rng.uniform(-STROKE, STROKE)
         elif joint.type in ("revolute", "universal"):
-            q[where] = rng.uniform(-np.pi, np.pi, where.stop - where.start)
+            q[indices] = rng.uniform(-np.pi, np.pi, indices.stop - indices.start)
     return q

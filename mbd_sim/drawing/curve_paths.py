@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import assert_never
 
-from mbd_sim.appearance.implicit_curves import (
-    CurveLine,
-    curve_lines,
-    section_lines,
-    surface_lines,
-)
+import numpy as np
+
+from mbd_sim.appearance.implicit_curves import CurveLine, curve_lines, section_lines, surface_lines
 from mbd_sim.appearance.palette import mixed
 from mbd_sim.drawing.load_symbols import point_of
 from mbd_sim.drawing.projection import Page, View
 from mbd_sim.drawing.sheet import BACK, GRAY, INK, STEEL, WHITE, SheetPath
-from mbd_sim.geometry.pose import Pose, identity_pose
+from mbd_sim.geometry.pose import Pose
 from mbd_sim.mechanism.constraints import Surface
 from mbd_sim.mechanism.records import GROUND, Mechanism
 
@@ -22,17 +20,17 @@ from mbd_sim.mechanism.records import GROUND, Mechanism
 def constraint_curves(mechanism: Mechanism, poses: Mapping[str, Pose], view: View) -> list[CurveLine]:
     """The lines of all curves and surfaces, in ground's frame in m."""
     curves: list[CurveLine] = []
-    for record in mechanism.constraints:
-        if isinstance(record, Surface):
-            point, carrier_frame = point_of(poses, record.point), record.base.part
-            turned = (identity_pose() if carrier_frame == GROUND else poses[carrier_frame]).rotation @ record.axes
-            base = Pose(point_of(poses, record.base), turned)
-            if len(record.equations) > 1:
-                curves += curve_lines(record, point, base)
+    for constraint in mechanism.constraints:
+        if isinstance(constraint, Surface):
+            point, carrier = point_of(poses, constraint.point), constraint.base.part
+            rotation = np.eye(3) if carrier == GROUND else poses[carrier].rotation
+            base = Pose(point_of(poses, constraint.base), rotation @ constraint.axes)
+            if len(constraint.equations) > 1:
+                curves += curve_lines(constraint, point, base)
             elif view.planar:
-                curves += section_lines(record, point, base, view.toward)
+                curves += section_lines(constraint, point, base, view.toward)
             else:
-                curves += surface_lines(record, point, base, view.toward)
+                curves += surface_lines(constraint, point, base, view.toward)
     return curves
 
 
@@ -40,16 +38,16 @@ def curve_paths(page: Page, curves: Sequence[CurveLine]) -> list[SheetPath]:
     """A curve as a wire, a surface as thin lines, paler on its far side."""
     paths: list[SheetPath] = []
     for curve in sorted(curves, key=lambda curve: (curve.kind != "net", curve.front)):
-        projected = page.project(curve.points)
-        if curve.kind == "outline":
-            paths.append(SheetPath(projected, edge=GRAY, width=1.3, layer=BACK))
-        elif curve.kind == "net":
-            paths.append(
-                SheetPath(projected, edge=STEEL if curve.front else mixed(STEEL, WHITE, 0.6), width=0.7, layer=BACK)
-            )
-        else:
-            paths += [
-                SheetPath(projected, edge=INK, width=3.2, layer=BACK),
-                SheetPath(projected, edge=STEEL, width=1.6, layer=BACK),
-            ]
+        points = page.project(curve.points)
+        match curve.kind:
+            case "outline":
+                paths.append(SheetPath(points, edge=GRAY, width=1.3, layer=BACK))
+            case "net":
+                color = STEEL if curve.front else mixed(STEEL, WHITE, 0.6)
+                paths.append(SheetPath(points, edge=color, width=0.7, layer=BACK))
+            case "curve":
+                paths.append(SheetPath(points, edge=INK, width=3.2, layer=BACK))
+                paths.append(SheetPath(points, edge=STEEL, width=1.6, layer=BACK))
+            case _:
+                assert_never(curve.kind)
     return paths

@@ -40,13 +40,13 @@ class PlacedJoint:
         """Whether the joint is on ground."""
         return self.carrier_part is None
 
-    def elastic(self, place: int = 0) -> bool:
+    def elastic(self, index: int = 0) -> bool:
         """Whether one of its coordinates has a spring."""
-        return bool(self.joint.stiffness[place : place + 1].any()) or self.joint.spring is not None
+        return bool(self.joint.stiffness[index : index + 1].any()) or self.joint.spring is not None
 
-    def damped(self, place: int = 0) -> bool:
+    def damped(self, index: int = 0) -> bool:
         """Whether one of its coordinates has a damper."""
-        return bool(self.joint.damping[place : place + 1].any()) or self.joint.damper is not None
+        return bool(self.joint.damping[index : index + 1].any()) or self.joint.damper is not None
 
     def mover_span(self, direction: Array, kinds: tuple[str, ...] = ()) -> tuple[float, float] | None:
         """The smallest and largest coordinate in m of the moving part along `direction` (3,), from the mover's frame.

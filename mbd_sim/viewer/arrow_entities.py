@@ -57,11 +57,11 @@ def weight(scene: SceneDescription) -> float:
 
 
 @dataclass(frozen=True)
-class _Style:
+class _ArrowStyle:
     path: str
     color: Color
     size: float  # of the mechanism, m
-    full: float  # N or N·m that are drawn at full length
+    full_scale: float  # N or N·m that are drawn at full length
     radius: float = 0.1  # of an arc, relative to the size
 
     def static(self, couple: bool) -> LoggedItems:
@@ -73,27 +73,27 @@ class _Style:
 
     def force(self, origins: Array, vectors: Array) -> LoggedItems:
         """Arrows at origins (n, 3), for vectors (n, 3) in N."""
-        drawn, length = self._seen(vectors)
-        share = np.minimum(LONG * length / self.full, LONGEST) * self.size / np.where(drawn, length, 1.0)
+        drawn, length = self._visible(vectors)
+        scale = np.minimum(LONG * length / self.full_scale, LONGEST) * self.size / np.where(drawn, length, 1.0)
         counts = drawn.astype(int)
         columns = rr.Arrows3D.columns(
-            origins=origins[drawn].reshape(-1, 3), vectors=(share[:, None] * vectors)[drawn].reshape(-1, 3)
+            origins=origins[drawn].reshape(-1, 3), vectors=(scale[:, None] * vectors)[drawn].reshape(-1, 3)
         )
         yield f"{self.path}/force", columns.partition(counts)
 
     def couple(self, centers: Array, vectors: Array) -> LoggedItems:
         """Arcs about centers (n, 3), for couples (n, 3) in N·m."""
-        drawn, length = self._seen(vectors)
+        drawn, length = self._visible(vectors)
         strips = [
-            arc_arrow(center, vector / size, min(SWEEP * size / self.full, MAX_SWEEP), self.radius * self.size)
+            arc_arrow(center, vector / size, min(SWEEP * size / self.full_scale, MAX_SWEEP), self.radius * self.size)
             for center, vector, size in zip(centers[drawn], vectors[drawn], length[drawn], strict=True)
         ]
         columns = rr.LineStrips3D.columns(strips=strips).partition(drawn.astype(int))
         yield f"{self.path}/couple", columns
 
-    def _seen(self, vectors: Array) -> tuple[Array, Array]:
+    def _visible(self, vectors: Array) -> tuple[Array, Array]:
         length = np.linalg.norm(vectors, axis=1)
-        return length > THRESHOLD * self.full, length
+        return length > THRESHOLD * self.full_scale, length
 
 
 class _Applied:
@@ -101,12 +101,10 @@ class _Applied:
 
     def __init__(self, scene: SceneDescription, force: AppliedForce) -> None:
         self._force = force
-        limit = float(
-            np.linalg.norm([self._vector(time) for time in np.linspace(0.0, PREVIEW_TIME, 101)], axis=1).max()
-        )
-        self._style = _Style(
-            f"{entity_paths.WORLD}/forces/{force.name}", palette.APPLIED, scene.extent.size, limit or 1.0
-        )
+        vectors = [self._vector(time) for time in np.linspace(0.0, PREVIEW_TIME, 101)]
+        largest = float(np.linalg.norm(vectors, axis=1).max()) or 1.0
+        path = f"{entity_paths.WORLD}/forces/{force.name}"
+        self._style = _ArrowStyle(path, palette.APPLIED, scene.extent.size, largest)
 
     def static(self) -> LoggedItems:
         yield from self._style.static(self._force.couple)
@@ -130,9 +128,9 @@ class _Wrench:
     def __init__(self, scene: SceneDescription, part: str) -> None:
         self._part, self._place, rows = part, scene.wrenches[part], scene.rows
         self._start = rows.slices["inputs"].start
-        path, full, size = f"{entity_paths.WORLD}/wrenches/{part}", weight(scene), scene.extent.size
-        self._force = _Style(path, palette.COMMANDED, size, full)
-        self._couple = _Style(path, palette.COMMANDED, size, 0.25 * full * size)
+        path, full_scale, size = f"{entity_paths.WORLD}/wrenches/{part}", weight(scene), scene.extent.size
+        self._force = _ArrowStyle(path, palette.COMMANDED, size, full_scale)
+        self._couple = _ArrowStyle(path, palette.COMMANDED, size, 0.25 * full_scale * size)
 
     def static(self) -> LoggedItems:
         yield from self._force.static(couple=False)
@@ -140,11 +138,11 @@ class _Wrench:
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         force, couple, own_force, own_couple, point = np.split(rows.of("inputs")[:, self._place], 5, axis=1)
-        turned = poses.rotations(self._part)
+        rotated = poses.rotations(self._part)
         origin = poses.point(Attachment(self._part, np.zeros(3)))
-        at = origin + np.einsum("nij,nj->ni", turned, point)
-        yield from self._force.force(at, force + np.einsum("nij,nj->ni", turned, own_force))
-        yield from self._couple.couple(at, couple + np.einsum("nij,nj->ni", turned, own_couple))
+        at = origin + np.einsum("nij,nj->ni", rotated, point)
+        yield from self._force.force(at, force + np.einsum("nij,nj->ni", rotated, own_force))
+        yield from self._couple.couple(at, couple + np.einsum("nij,nj->ni", rotated, own_couple))
 
 
 class _Effort:
@@ -155,8 +153,8 @@ class _Effort:
         self._couples = {coordinate.rotation for coordinate in joint.kind.coordinates}
         path, size, limit = f"{entity_paths.WORLD}/efforts/{joint.name}", scene.extent.size, joint.effort_limit
         radius = max(2.6 * joint_radius(scene.mechanism, joint, size) / size, 0.06)
-        self._force = _Style(path, palette.COMMANDED, size, limit or weight(scene))
-        self._couple = _Style(path, palette.COMMANDED, size, limit or 0.25 * weight(scene) * size, radius)
+        self._force = _ArrowStyle(path, palette.COMMANDED, size, limit or weight(scene))
+        self._couple = _ArrowStyle(path, palette.COMMANDED, size, limit or 0.25 * weight(scene) * size, radius)
 
     def static(self) -> LoggedItems:
         for couple in sorted(self._couples):
@@ -186,7 +184,7 @@ class _Reaction:
     def __init__(self, scene: SceneDescription, index: int, joint: Joint) -> None:
         self._index, self._joint = index, joint
         path = f"{entity_paths.WORLD}/reactions/{joint.name}"
-        self._style = _Style(path, palette.REACTION, scene.extent.size, weight(scene))
+        self._style = _ArrowStyle(path, palette.REACTION, scene.extent.size, weight(scene))
 
     def static(self) -> LoggedItems:
         yield from self._style.static(couple=False)

@@ -28,36 +28,36 @@ def constraint_entities(scene: SceneDescription) -> Iterator[Entity]:
     size = scene.extent.size
     for constraint_lines in scene.constraint_lines:
         yield _ConstraintLines(constraint_lines, size)
-    for record in scene.mechanism.constraints:
-        path = f"{entity_paths.WORLD}/constraints/{record.name}"
-        match record:
+    for constraint in scene.mechanism.constraints:
+        path = f"{entity_paths.WORLD}/constraints/{constraint.name}"
+        match constraint:
             case Distance(first=first, second=second):
                 yield _StraightLine(path, (first, second), 0.007 * size, palette.CLOSING)
             case Cable(points=points):
                 yield _StraightLine(path, points, 0.005 * size, palette.ROPE)
             case Rolling():
-                yield _RollingContact(record, size)
+                yield _RollingContact(constraint, size)
             case Flat():
-                yield _PointOnLine(path, record, size)
+                yield _PointOnLine(path, constraint, size)
             case KnifeEdge(point=point) | Surface(point=point):
                 yield _Point(path, point, size)
             case Coupling():
                 pass  # visible in the motion of its joints only
             case _:
-                assert_never(record)
+                assert_never(constraint)
 
 
 class _ConstraintLines:
     """A curve, or lines on a surface, in the frame of the part that carries it."""
 
     def __init__(self, constraint_lines: ConstraintLines, size: float) -> None:
-        self._wires, self._size = constraint_lines, size
+        self._lines, self._size = constraint_lines, size
 
     def static(self) -> LoggedItems:
-        width, color = (-0.7, palette.CURVE) if self._wires.surface else (0.006 * self._size, palette.CLOSING)
-        lines = rr.LineStrips3D(list(self._wires.lines), radii=[width], colors=[color])
-        if self._wires.lines:
-            yield f"{entity_paths.part(self._wires.part)}/wires/{self._wires.name}", lines
+        width, color = (-0.7, palette.CURVE) if self._lines.surface else (0.006 * self._size, palette.CLOSING)
+        lines = rr.LineStrips3D(list(self._lines.lines), radii=[width], colors=[color])
+        if self._lines.lines:
+            yield f"{entity_paths.part(self._lines.part)}/wires/{self._lines.name}", lines
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         yield from ()
@@ -96,52 +96,52 @@ class _Point:
 class _PointOnLine(_Point):
     """A point on a plane, or on a line, which is drawn in the frame of the part that carries it."""
 
-    def __init__(self, path: str, record: Flat, size: float) -> None:
-        super().__init__(path, record.point, size)
-        self._record = record
+    def __init__(self, path: str, constraint: Flat, size: float) -> None:
+        super().__init__(path, constraint.point, size)
+        self._constraint = constraint
 
     def static(self) -> LoggedItems:
         yield from super().static()
-        if len(self._record.normals) == 2:
-            base, way = self._record.base, HALF_LENGTH * self._size * np.cross(*self._record.normals)
-            line = rr.LineStrips3D([[base.point - way, base.point + way]], radii=[-1.0], colors=[palette.CURVE])
-            yield f"{entity_paths.part(base.part)}/lines/{self._record.name}", line
+        if len(self._constraint.normals) == 2:
+            base, half = self._constraint.base, HALF_LENGTH * self._size * np.cross(*self._constraint.normals)
+            line = rr.LineStrips3D([[base.point - half, base.point + half]], radii=[-1.0], colors=[palette.CURVE])
+            yield f"{entity_paths.part(base.part)}/lines/{self._constraint.name}", line
 
 
 class _RollingContact:
     """The point at which a wheel or a ball touches its plane, and the track that it leaves there."""
 
-    def __init__(self, record: Rolling, size: float) -> None:
-        self._record, self._size = record, size
-        self._path = f"{entity_paths.WORLD}/contacts/{record.name}"
-        self._track = Trace(entity_paths.trace(record.name), palette.CONTACT, 0.003 * size)
+    def __init__(self, constraint: Rolling, size: float) -> None:
+        self._constraint, self._size = constraint, size
+        self._path = f"{entity_paths.WORLD}/contacts/{constraint.name}"
+        self._track = Trace(entity_paths.trace(constraint.name), palette.CONTACT, 0.003 * size)
 
     def static(self) -> LoggedItems:
         yield self._path, rr.Points3D.from_fields(radii=[0.014 * self._size], colors=[palette.CONTACT])
         yield from self._track.static()
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
-        touched = contact(self._record, poses)
+        touched = contact(self._constraint, poses)
         yield self._path, rr.Points3D.columns(positions=touched)
         yield from self._track.columns_through(rows, touched)
 
 
-def contact(record: Rolling, poses: PartPoses) -> Array:
+def contact(constraint: Rolling, poses: PartPoses) -> Array:
     """The points (n, 3) of a disc, or a ball, that are nearest to its plane."""
-    center = poses.point(record.center)
-    down = -poses.direction(record.plane.part, record.normal)
-    if record.axis is not None:
-        axis = poses.direction(record.center.part, record.axis)
+    center = poses.point(constraint.center)
+    down = -poses.direction(constraint.plane.part, constraint.normal)
+    if constraint.axis is not None:
+        axis = poses.direction(constraint.center.part, constraint.axis)
         down = down - np.sum(down * axis, axis=1, keepdims=True) * axis
         down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), MIN_SINE)
-    return np.asarray(center + record.radius * down)
+    return np.asarray(center + constraint.radius * down)
 
 
 def floor_of(scene: SceneDescription) -> tuple[Array, Array] | None:
     """A point (3,) and the normal (3,) of the first plane of ground that something rolls or slides on."""
-    for record in scene.mechanism.constraints:
-        if isinstance(record, Rolling) and record.plane.part == GROUND:
-            return record.plane.point, record.normal
-        if isinstance(record, Flat) and record.base.part == GROUND and len(record.normals) == 1:
-            return record.base.point, record.normals[0]
+    for constraint in scene.mechanism.constraints:
+        if isinstance(constraint, Rolling) and constraint.plane.part == GROUND:
+            return constraint.plane.point, constraint.normal
+        if isinstance(constraint, Flat) and constraint.base.part == GROUND and len(constraint.normals) == 1:
+            return constraint.base.point, constraint.normals[0]
     return None

@@ -32,8 +32,8 @@ class PartPoses:
         along = np.broadcast_to(direction, (len(self._rows), 3))
         if part == GROUND:
             return along
-        turned: Array = np.einsum("nij,nj->ni", self._rows.rotations[:, self._index[part]], along)
-        return turned
+        rotated: Array = np.einsum("nij,nj->ni", self._rows.rotations[:, self._index[part]], along)
+        return rotated
 
     def rotations(self, part: str) -> Array:
         """The rotation matrices (n, 3, 3) of a part."""
@@ -47,10 +47,10 @@ def line_transforms(starts: Array, stops: Array, across: Array) -> tuple[Array, 
 
     x is as close to `across` (3,) as possible, so that what is drawn does not spin about its line.
     """
-    way = stops - starts
-    length = np.linalg.norm(way, axis=1)
-    some = length > MIN_LENGTH
-    z = np.where(some[:, None], way / np.where(some, length, 1.0)[:, None], [0.0, 0.0, 1.0])
+    line = stops - starts
+    length = np.linalg.norm(line, axis=1)
+    nonzero = length > MIN_LENGTH
+    z = np.where(nonzero[:, None], line / np.where(nonzero, length, 1.0)[:, None], [0.0, 0.0, 1.0])
     x = across - (z @ across)[:, None] * z
     short = np.linalg.norm(x, axis=1) < 1e-3
     if np.any(short):

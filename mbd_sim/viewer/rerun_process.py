@@ -31,7 +31,7 @@ def executable() -> str:
     raise OSError("the program 'rerun' is not installed. Install it with: pip install rerun-sdk")
 
 
-def _started(arguments: list[str], log: IO[bytes]) -> subprocess.Popen[bytes]:
+def _start(arguments: list[str], log: IO[bytes]) -> subprocess.Popen[bytes]:
     """Start Rerun's program in its own session: Ctrl-C in the terminal reaches the node, which then ends it."""
     command = [executable(), *arguments]
     return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True)  # noqa: S603
@@ -44,7 +44,7 @@ def start_server(port: int, web_port: int) -> subprocess.Popen[bytes]:
     """
     arguments = ["--serve-web", "--bind", LOOPBACK, "--port", str(port), "--web-viewer-port", str(web_port)]
     with tempfile.TemporaryFile() as log:
-        server = _started(arguments, log)
+        server = _start(arguments, log)
         deadline = time.monotonic() + START_TIMEOUT
         while not (listens(LOOPBACK, port) and listens(LOOPBACK, web_port)):
             if server.poll() is not None or time.monotonic() > deadline:

@@ -76,7 +76,7 @@ class Viewer:
                 raise ValueError(f"the {what} must be a positive number, not {value!r}")
         if importlib.util.find_spec("rerun") is None:
             raise ViewerError("Rerun is not installed. Install it with: pip install rerun-sdk")
-        self._rate, self._frame, self._own_time, self._event_filter = rate, -1, -math.inf, EventFilter()
+        self._rate, self._frame, self._motion_time, self._event_filter = rate, -1, -math.inf, EventFilter()
         self._samples: Mailbox[Array] = Mailbox(capacity)
         self._events: Mailbox[tuple[float, EventKind, str]] = Mailbox(capacity)
         self._writer = RowWriter(model, reactions)
@@ -86,7 +86,7 @@ class Viewer:
         self._waiting: dict[int, threading.Event] = {}
         self._flushes, self._wake, self._closing = 0, threading.Event(), False
         self._live = is_live(sink)
-        self._worker = _started()
+        self._worker = _start_worker()
         try:
             scene = describe_scene(model, self._writer.layout, options)
             self.address = self._open_worker(pickle.dumps((scene, sink)), sink)
@@ -132,8 +132,8 @@ class Viewer:
         """
         frame = int(time * self._rate + 1e-6)
         own = time if motion_time is None else motion_time
-        if (frame != self._frame or own < self._own_time) and self.failure is None:
-            self._frame, self._own_time = frame, own
+        if (frame != self._frame or own < self._motion_time) and self.failure is None:
+            self._frame, self._motion_time = frame, own
             self._samples.put(self._writer.row(time, own, y, inputs, energies))
 
     def event(self, time: float, event: Event | str) -> None:
@@ -196,13 +196,13 @@ class Viewer:
             while not closing:
                 self._wake.wait(PERIOD)
                 self._wake.clear()
-                closing, asked = self._closing, self._flushes
+                closing, requested = self._closing, self._flushes
                 while rows := self._samples.take(BATCH):
                     pipe.write(protocol.pack(protocol.ROWS, b"".join(row.data for row in rows)))
                 while events := self._events.take(BATCH):
                     pipe.write(protocol.pack(protocol.EVENTS, json.dumps(events).encode()))
                 if self._waiting or (self._live and time.monotonic() - flushed > FLUSH_PERIOD):
-                    pipe.write(protocol.pack(protocol.FLUSH, asked.to_bytes(8, "little")))
+                    pipe.write(protocol.pack(protocol.FLUSH, requested.to_bytes(8, "little")))
                     flushed = time.monotonic()
                 pipe.flush()
             pipe.close()
@@ -236,7 +236,7 @@ class Viewer:
         self._release(self._flushes)
 
 
-def _started() -> subprocess.Popen[bytes]:
+def _start_worker() -> subprocess.Popen[bytes]:
     """Start the worker in its own session: Ctrl-C in the terminal reaches the node, which then ends the worker."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     command = [sys.executable, "-P", "-c", "import sys; from mbd_sim.viewer.worker import main; sys.exit(main())"]

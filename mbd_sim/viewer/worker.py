@@ -25,10 +25,10 @@ def main() -> int:
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what libraries print must not mix with the answers
     with contextlib.suppress(OSError):
         os.nice(NICENESS)
-    return _show(sys.stdin.buffer, answers)
+    return _run(sys.stdin.buffer, answers)
 
 
-def _show(source: IO[bytes], answers: IO[str]) -> int:
+def _run(source: IO[bytes], answers: IO[str]) -> int:
     def answer(**what: object) -> None:
         with contextlib.suppress(OSError):  # the simulation's process has ended
             answers.write(f"{json.dumps(what)}\n")

@@ -18,30 +18,30 @@ constraints: {kept: {type: on_surface, point: p, frame: FRAME, equation: EQUATIO
 """
 
 
-def wires(simulation):
+def lines_of(simulation):
     mechanism, poses = simulation.mechanism, simulation.poses()
     return constraint_curves(mechanism, poses, view_of(mechanism, poses))
 
 
 def drawn_surface(place, equation, frame="ground"):
     text = SURFACE.replace("PLACE", place).replace("EQUATION", equation).replace("FRAME", frame)
-    return wires(Simulation.from_text(text))
+    return lines_of(Simulation.from_text(text))
 
 
-def test_a_wire_is_followed_both_ways_over_its_whole_length():
-    (wire,) = wires(Simulation.from_file("bead_on_wire"))
-    x, y, z = wire.points.T
+def test_a_curve_is_followed_in_both_directions_over_its_whole_length():
+    (curve,) = lines_of(Simulation.from_file("bead_on_wire"))
+    x, y, z = curve.points.T
     np.testing.assert_allclose(y, 0.3 * np.sin(4.0 * x), atol=1e-9)
     np.testing.assert_allclose(z, (x**2 + y**2) / 1.6, atol=1e-9)
-    assert x.min() < -0.9 and x.max() > 0.9 and wire.kind == "wire"
-    steps = np.linalg.norm(np.diff(wire.points, axis=0), axis=1)
+    assert x.min() < -0.9 and x.max() > 0.9 and curve.kind == "curve"
+    steps = np.linalg.norm(np.diff(curve.points, axis=0), axis=1)
     assert steps.max() < 1.5 * np.median(steps)
 
 
-def test_a_sphere_has_a_round_outline_across_the_eye_and_lines_on_both_sides():
+def test_a_sphere_has_a_round_outline_and_lines_on_both_sides():
     simulation = Simulation.from_file("insect_on_sphere")
     toward = view_of(simulation.mechanism, simulation.poses()).toward
-    lines = wires(simulation)
+    lines = lines_of(simulation)
     for line in lines:
         np.testing.assert_allclose(np.linalg.norm(line.points, axis=1), 0.3, atol=1e-9)
     (outline,) = (line for line in lines if line.kind == "outline")
@@ -68,13 +68,13 @@ def test_open_surfaces_and_points_at_their_base_are_drawn(place, equation, value
         np.testing.assert_allclose(value(*line.points.T), 0.0, atol=1e-8)
 
 
-def test_the_frame_of_the_equations_counts():
+def test_the_frame_of_the_equations_is_used():
     lines = drawn_surface("[0.1, 0.2, 0.8]", "(x**2 + y**2 + z**2 - 0.25)", "ground.base")
     for line in lines:
         np.testing.assert_allclose(np.linalg.norm(line.points - [0.1, 0.2, 0.3], axis=1), 0.5, atol=1e-8)
 
 
-def test_in_a_plane_only_the_cut_through_it_is_drawn():
+def test_in_a_planar_view_only_the_section_is_drawn():
     simulation = Simulation.from_text("""
 mechanism: bowl
 parts: {carrier: {mass: 0}, p: {mass: 1}}
@@ -83,13 +83,13 @@ joints:
   z: {type: prismatic, between: [carrier, p], axis: [0, 0, 1], position: 0.25, guess: true}
 constraints: {bowl: {type: on_surface, point: p, equation: z - x**2 + y}}
 """)
-    (cut,) = wires(simulation)
+    (cut,) = lines_of(simulation)
     np.testing.assert_allclose(cut.points[:, 1], 0.0, atol=1e-12)
     np.testing.assert_allclose(cut.points[:, 2], cut.points[:, 0] ** 2, atol=1e-9)
     assert np.all(np.isfinite(compose(simulation.mechanism, simulation.poses()).size))
 
 
-def test_a_curve_ends_where_it_has_no_direction_or_no_value():
+def test_a_curve_ends_where_its_direction_or_value_is_undefined():
     def ending(point):
         x, y, z = point
         root = np.sqrt(x) if x >= 0.0 else np.nan

@@ -1,4 +1,4 @@
-"""What is on the sheet: every kind of joint, force and shape, at any size, clear of each other."""
+"""Whole drawings: every kind of joint, force and shape, at any size, with legible names."""
 
 import numpy as np
 import pytest
@@ -84,7 +84,7 @@ joints: {pin: {type: revolute, between: [ground, rod], axis: [0, -1, 0], positio
     assert any(text.text.endswith(f" {scale}") for text in picture.sheet.texts)
 
 
-def test_a_single_particle_has_a_picture_too():
+def test_a_single_particle_can_be_drawn():
     assert np.all(
         np.isfinite(
             drawn(
@@ -106,7 +106,7 @@ def test_a_single_particle_has_a_picture_too():
         ("screw_press", None),
     ],
 )
-def test_planar_mechanisms_are_seen_along_their_axis_with_x_to_the_right(name, normal):
+def test_planar_mechanisms_are_viewed_along_their_axis_with_x_to_the_right(name, normal):
     simulation = Simulation.from_file(name)
     found = plane_normal(simulation.mechanism, simulation.poses())
     view = view_of(simulation.mechanism, simulation.poses())
@@ -117,7 +117,7 @@ def test_planar_mechanisms_are_seen_along_their_axis_with_x_to_the_right(name, n
         np.testing.assert_allclose(np.abs(found), normal, atol=1e-12)
 
 
-def test_a_slide_alone_is_drawn_in_a_plane_that_holds_it():
+def test_a_single_slide_is_drawn_in_a_plane_that_contains_it():
     for axis in ([1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 2, 3]):
         text = f"{{mechanism: m, parts: {{p: {{mass: 1}}}}, joints: {{s: {{type: prismatic, between: [ground, p], axis: {axis}}}}}}}"
         simulation = Simulation.from_text(text)
@@ -125,7 +125,7 @@ def test_a_slide_alone_is_drawn_in_a_plane_that_holds_it():
         assert abs(normal @ np.array(axis)) < 1e-9
 
 
-def test_gravity_across_the_picture_is_an_arrow_seen_from_its_end():
+def test_gravity_along_the_direction_of_view_is_drawn_end_on():
     flat = load_mechanism("planar_puck")
     assert flat.gravity[2] < 0.0
     simulation = Simulation(flat)

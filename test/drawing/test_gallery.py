@@ -1,4 +1,4 @@
-"""The gallery holds every mechanism that ships, and is up to date."""
+"""The gallery contains every shipped mechanism and is up to date."""
 
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -18,24 +18,24 @@ def test_every_shipped_mechanism_says_what_it_is_and_what_to_watch():
 
 def test_the_page_is_up_to_date():
     written = (DOCS / "gallery.md").read_text(encoding="utf-8")
-    assert written == gallery.page(gallery.entries()), "docs/gallery.md is not what the files say: run `make gallery`"
+    assert written == gallery.page(gallery.entries()), "docs/gallery.md is out of date: run `make gallery`"
 
 
-def test_every_mechanism_has_a_picture_that_can_be_read():
+def test_every_mechanism_has_a_readable_picture():
     missing = [name for name in shipped() if not (DOCS / "gallery" / f"{name}.svg").is_file()]
-    assert not missing, f"no pictures of {', '.join(missing)}: run `make gallery`"
+    assert not missing, f"there are no pictures of {', '.join(missing)}: run `make gallery`"
     stale = {path.stem for path in (DOCS / "gallery").iterdir()} - set(shipped())
-    assert not stale, f"pictures of what does not ship: {', '.join(sorted(stale))}: run `make gallery`"
+    assert not stale, f"pictures of mechanisms that are not shipped: {', '.join(sorted(stale))}: run `make gallery`"
     for name in shipped():
         assert ElementTree.parse(DOCS / "gallery" / f"{name}.svg").getroot().tag.endswith("svg")
 
 
-def test_a_picture_is_drawn_anew(tmp_path):
+def test_a_picture_can_be_generated(tmp_path):
     (entry,) = [entry for entry in gallery.entries() if entry.name == "double_rod"]
     assert ElementTree.parse(gallery.picture(entry, tmp_path)).getroot().tag.endswith("svg")
 
 
-def test_a_file_without_its_texts_is_named_with_the_remedy(tmp_path, monkeypatch):
+def test_the_error_names_a_file_without_its_texts_and_the_remedy(tmp_path, monkeypatch):
     (tmp_path / "open_chains").mkdir()
     file = tmp_path / "open_chains" / "new.yaml"
     file.write_text(

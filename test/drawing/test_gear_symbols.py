@@ -1,4 +1,4 @@
-"""Gears, racks, blades, and springs, dampers and friction by a law in joints have symbols."""
+"""Symbols of gears, racks and knife edges, and of springs, dampers and friction laws in joints."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def paths(simulation):
 
 
 def circles(found):
-    """Centre and radius in m of each dash-dotted circle."""
+    """Center and radius in m of each dash-dotted circle."""
     rounds = [path.points / 1000.0 for path in found if path.dash and len(path.points) > 10]
     middles = [np.mean(points[:-1], axis=0) for points in rounds]
     return [(m, np.linalg.norm(points - m, axis=1).mean()) for m, points in zip(middles, rounds, strict=True)]
@@ -44,7 +44,7 @@ def test_pitch_circles_touch(distance, internal, sign):
     np.testing.assert_allclose(np.linalg.norm(first - second), distance, atol=1e-9)
 
 
-def test_a_wheel_is_found_where_its_shape_is():
+def test_a_pitch_circle_is_drawn_on_the_wheel():
     simulation = Simulation.from_file("driveline")
     page = Page(view_of(simulation.mechanism, simulation.poses()), 1000.0)
     drawn = paths(simulation)
@@ -63,7 +63,7 @@ def test_a_rack_has_a_pitch_line_that_touches_its_pinion():
     np.testing.assert_allclose(np.ptp(line[:, 0]), 0.4, atol=1e-9)
 
 
-def test_what_hangs_beyond_a_drum_hangs_on_a_cable():
+def test_a_weight_beyond_its_drum_hangs_on_a_cable():
     found = paths(Simulation.from_file("disk_weight"))
     assert not any(path.dash for path in found)
     run = found[-1].points / 1000.0

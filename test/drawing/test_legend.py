@@ -1,4 +1,4 @@
-"""The scale below the picture."""
+"""The scale below the drawing."""
 
 import pytest
 
@@ -16,5 +16,5 @@ def test_the_scale_has_a_round_length(most, length):
     ("length", "text"),
     [(2000, "2 km"), (1.0, "1 m"), (0.5, "50 cm"), (0.01, "1 cm"), (0.005, "5 mm"), (2e-6, "2e-06 m")],
 )
-def test_a_length_has_the_unit_that_reads_best(length, text):
+def test_a_length_has_a_suitable_unit(length, text):
     assert length_text(length) == text

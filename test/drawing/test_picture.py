@@ -1,4 +1,4 @@
-"""Pictures as files: formats, errors, and the same bytes every time."""
+"""Drawings as files: formats, errors, and reproducible bytes."""
 
 import subprocess
 import sys
@@ -37,7 +37,7 @@ def test_the_same_mechanism_gives_the_same_svg(pendulum, tmp_path):
     assert ElementTree.fromstring(first).tag.endswith("svg")
 
 
-def test_a_users_own_settings_do_not_show(pendulum, tmp_path):
+def test_the_users_matplotlib_settings_have_no_effect(pendulum, tmp_path):
     import matplotlib as mpl
 
     draw(pendulum.mechanism, pendulum.poses(), tmp_path / "a.svg")
@@ -56,14 +56,14 @@ def test_a_users_own_settings_do_not_show(pendulum, tmp_path):
         ("none/a.png", "No such file or directory. Choose a file in a folder that you may write to."),
     ],
 )
-def test_what_cannot_be_written_is_told_with_a_remedy(pendulum, tmp_path, name, words):
+def test_the_error_for_an_unwritable_file_contains_a_remedy(pendulum, tmp_path, name, words):
     with pytest.raises(DrawingError) as caught:
         draw(pendulum.mechanism, pendulum.poses(), tmp_path / name)
     assert words in str(caught.value)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_command_draws_beside_its_report(tmp_path, capsys):
+def test_the_command_draws_in_addition_to_its_report(tmp_path, capsys):
     assert main(["check", "rod_pendulum", "--draw", str(tmp_path / "a.svg")]) == 0
     assert "Degrees of freedom" in capsys.readouterr().out
     assert (tmp_path / "a.svg").stat().st_size > 1000

@@ -114,3 +114,12 @@ def test_aligning_z_is_exact_along_the_coordinate_axes(axis):
 def test_the_forms_of_a_rotation_in_a_file(record, image_of_x):
     point = part_of(f"{{mass: 1, points: {{p: {{rotate: {record}}}}}}}").points["p"]
     assert is_rotation(point.rotation) and close(point.rotation @ X, image_of_x)
+
+
+def test_quaternions_of_many_rotations_at_once():
+    random = np.random.default_rng(1)
+    wxyz = np.vstack([np.eye(4), random.normal(size=(200, 4))])
+    wxyz /= np.linalg.norm(wxyz, axis=1, keepdims=True)
+    matrices = np.array([rot.from_quaternion(q) for q in wxyz])
+    again = np.roll(rot.quaternions(matrices), 1, axis=1)
+    np.testing.assert_allclose(np.abs(np.sum(again * wxyz, axis=1)), 1.0, atol=1e-14)

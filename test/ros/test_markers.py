@@ -1,4 +1,4 @@
-"""`markers`: where the parts are, in ground's frame."""
+"""The topic `markers`: poses, springs and traces in ground's frame."""
 
 import numpy as np
 import pytest
@@ -63,7 +63,7 @@ def test_springs_are_coils_between_their_ends_and_traces_follow():
             assert new.points[-1] != old.points[-1] == new.points[-2]
 
 
-def test_every_shipped_mechanism_can_be_drawn():
+def test_markers_of_all_kinds_of_mechanisms_are_finite():
     for name in ("scissor_lift", "spherical_pendulum", "rolling_disc", "stewart", "tube_particles", "atwood"):
         assert name in shipped()
         simulation = Simulation.from_file(name)

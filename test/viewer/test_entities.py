@@ -1,4 +1,4 @@
-"""What stands on the stage besides the parts, read back with Rerun's own reader and held against the simulation."""
+"""Joints, springs, constraints, forces and plots, read back with Rerun's reader and compared with the simulation."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ forces:
 
 
 def show(sim, tmp_path, options=None, seconds=0.4, each=10):
-    """Run, show, and read back; with what `sim` itself said at each moment."""
+    """Run, show, and read back; also returns the poses and reactions of `sim` at each sample."""
     path, options = tmp_path / "a.rrd", options or DisplayOptions()
     writer = RowWriter(sim.model, options.reactions)
     scene = describe_scene(sim.model, writer.layout, options)
@@ -39,7 +39,7 @@ def show(sim, tmp_path, options=None, seconds=0.4, each=10):
         moments.append((sim.time, sim.poses(), sim.reactions() if options.reactions else None))
         sim.step(each)
     half = len(rows) // 2
-    for batch in (rows[:half], rows[half:]):  # with a seam
+    for batch in (rows[:half], rows[half:]):  # in two batches
         stream.send_samples(np.array(batch))
     stream.flush()
     stream.close()
@@ -51,7 +51,7 @@ def static_color(recorded, entity):
     return (values[0][0] >> 24, values[0][0] >> 16 & 255, values[0][0] >> 8 & 255)
 
 
-def test_a_coil_reaches_from_end_to_end_and_its_damper_stands_between(tmp_path):
+def test_a_coil_reaches_from_end_to_end_with_its_damper_in_the_middle(tmp_path):
     sim = Simulation.from_text(TIED)
     recorded, moments, _ = show(sim, tmp_path)
     entity = "/world/springs/spring"
@@ -70,7 +70,7 @@ def test_a_coil_reaches_from_end_to_end_and_its_damper_stands_between(tmp_path):
         np.testing.assert_allclose(middle, (start + top) / 2.0, atol=1e-5)
 
 
-def test_arrows_of_the_files_forces_follow_their_expressions(tmp_path):
+def test_arrows_of_applied_forces_follow_their_expressions(tmp_path):
     recorded, moments, scene = show(Simulation.from_text(TIED), tmp_path)
     entity = "/world/forces/push/force"
     times = recorded.times(entity)
@@ -78,7 +78,7 @@ def test_arrows_of_the_files_forces_follow_their_expressions(tmp_path):
     for time, row in recorded.rows[entity]:
         vectors = row["Arrows3D:vectors"]
         drawn[round(time, 6)] = vectors[0] if vectors else np.zeros(3)
-    assert drawn[0.0] @ np.ones(3) == 0.0  # nothing, rather than an arrow without length
+    assert drawn[0.0] @ np.ones(3) == 0.0  # nothing is drawn rather than an arrow of length zero
     for time in times:
         expected = LONG * scene.extent.size * np.sin(4.0 * time)
         np.testing.assert_allclose(drawn[round(time, 6)], [expected, 0.0, 0.0], rtol=2e-3, atol=2e-3)
@@ -105,7 +105,7 @@ def test_reactions_efforts_and_wrenches_are_arrows_to_scale(tmp_path):
     assert np.ptp(radii) < 1e-4
 
 
-def test_driven_and_closing_joints_are_told_apart(tmp_path):
+def test_driven_and_loop_closing_joints_differ_in_color(tmp_path):
     recorded, _, scene = show(Simulation.from_file("scissor_lift"), tmp_path, seconds=0.05)
     mechanism = scene.mechanism
     found = {
@@ -126,7 +126,7 @@ def test_driven_and_closing_joints_are_told_apart(tmp_path):
             assert color in (palette.STEEL, palette.JOINT)
 
 
-def test_a_wheel_touches_its_plane_below_its_centre(tmp_path):
+def test_a_wheel_touches_its_plane_below_its_center(tmp_path):
     recorded, moments, scene = show(Simulation.from_file("rolling_disc"), tmp_path)
     (rolling,) = scene.mechanism.constraints
     touched = recorded.column(f"/world/contacts/{rolling.name}", "Points3D:positions")[:, 0]
@@ -159,7 +159,7 @@ def test_a_curve_lies_on_its_surfaces_and_passes_through_the_bead(tmp_path):
     assert min(np.linalg.norm(np.array(strip) - bead, axis=1).min() for strip in strips) < 0.05 * scene.extent.size
 
 
-def test_slides_travel_as_far_as_they_will(tmp_path):
+def test_the_travel_of_a_slide_is_found(tmp_path):
     sim = Simulation.from_file("slider_crank")
     extent = extent_of(sim.model)
     (name,) = [name for name, joint in sim.mechanism.all_joints.items() if joint.type == "prismatic"]
@@ -167,13 +167,13 @@ def test_slides_travel_as_far_as_they_will(tmp_path):
     assert high - low > 0.1 * extent.size
 
 
-def test_no_residual_is_smaller_than_the_rounding_of_what_it_is_made_from():
+def test_the_residual_is_not_smaller_than_the_rounding_error_of_its_terms():
     audit = np.array([[10.0, -4.0, 0.0, 0.0, 0.0, 6.0, 0.0], [10.0, -4.0, 0.0, 0.0, 0.0, 6.0, -1e-9], [0.0] * 7])
     np.testing.assert_allclose(residual_magnitude(audit), [5.0 * np.finfo(float).eps, 1e-9, 1e-18])
 
 
 @pytest.mark.parametrize("name", ["follower_force", "driveline", "stewart", "insect_on_sphere", "tricycle"])
-def test_stages_of_all_kinds_can_be_set(tmp_path, name):
+def test_scenes_of_all_kinds_are_shown(tmp_path, name):
     recorded, moments, scene = show(Simulation.from_file(name), tmp_path, seconds=0.03, each=5)
     for part in scene.part_names:
         assert len(recorded.rows[f"/world/parts/{part}"]) == len(moments)
@@ -181,7 +181,7 @@ def test_stages_of_all_kinds_can_be_set(tmp_path, name):
 
 @pytest.mark.parametrize("name", ["universal_pendulum", "planar_puck", "spherical_top", "tumbling"])
 def test_drawn_efforts_have_the_power_of_the_equations(name):
-    """Force times velocity and couple times angular velocity, for each coordinate by itself."""
+    """Force times velocity and couple times angular velocity, for each coordinate separately."""
     sim = Simulation.from_file(name)
     (joint,) = sim.mechanism.joints.values()
     sim.step(50)

@@ -1,4 +1,4 @@
-"""Where recordings go, and what is said when they cannot go there."""
+"""The destinations of recordings, and the errors when they cannot be opened."""
 
 import socket
 import urllib.request
@@ -26,7 +26,7 @@ def closed_port():
 
 
 def listeners(port):
-    """The local addresses, as the kernel writes them, on which somebody listens to a port."""
+    """The local addresses on which a port is open, as the kernel writes them."""
     found = set()
     for table in ("/proc/net/tcp", "/proc/net/tcp6"):
         for line in Path(table).read_text().splitlines()[1:]:
@@ -42,13 +42,13 @@ def opened(sink):
 
 
 @pytest.mark.parametrize("sink", ["", "window", "connect:", "run", "out/run.mcap"])
-def test_an_unknown_sink_is_answered_with_those_there_are(model, sink):
+def test_the_error_for_an_unknown_sink_lists_the_valid_ones(model, sink):
     with pytest.raises(ValueError, match="no viewer sink") as caught:
         Viewer(model, sink)
     assert all(word in str(caught.value) for word in ("'spawn'", "'serve'", "'connect'", "'connect:<url>'", "'.rrd'"))
 
 
-def test_a_plain_name_gets_the_remedy(model):
+def test_the_error_for_a_plain_name_suggests_a_file_name(model):
     with pytest.raises(ValueError, match=r"To write a file, use 'run\.rrd'"):
         Viewer(model, "run")
 
@@ -58,12 +58,12 @@ def test_a_file_in_a_missing_folder(model, tmp_path):
         Viewer(model, str(tmp_path / "missing" / "run.rrd"))
 
 
-def test_connecting_to_nobody(closed_port):
+def test_connecting_where_nothing_listens(closed_port):
     with pytest.raises(ViewerError, match=f"no viewer listens at 127.0.0.1:{closed_port}"):
         opened(f"connect:rerun+http://127.0.0.1:{closed_port}/proxy")
 
 
-def test_connecting_to_something_else():
+def test_connecting_to_a_program_that_is_not_a_viewer():
     with socket.create_server((rerun_process.LOOPBACK, 0)) as mute:
         port = mute.getsockname()[1]
         with pytest.raises(ViewerError, match="no viewer listens"):
@@ -71,7 +71,7 @@ def test_connecting_to_something_else():
 
 
 @pytest.mark.parametrize("url", ["http://127.0.0.1:1", "rerun+http://127.0.0.1:port/proxy", "nonsense://"])
-def test_connecting_to_no_url(url):
+def test_connecting_to_an_invalid_url(url):
     with pytest.raises(ViewerError, match="cannot be opened"):
         opened(f"connect:{url}")
 
@@ -97,7 +97,7 @@ def test_without_rerun(model, monkeypatch):
         Viewer(model, "serve")
 
 
-def test_serving_on_this_machine_only_and_taking_what_another_viewer_sends():
+def test_the_server_listens_on_this_machine_only_and_accepts_another_viewers_data():
     sim = Simulation.from_file("rod_pendulum")
     viewer = Viewer(sim.model, "serve")
     web = urllib.parse.urlsplit(viewer.address)

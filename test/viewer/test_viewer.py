@@ -1,4 +1,4 @@
-"""Recordings written by the viewer, read back with Rerun's own reader."""
+"""Recordings written by the viewer, read back with Rerun's reader."""
 
 import os
 import signal
@@ -25,7 +25,7 @@ from mbd_sim.viewer.scene_description import DisplayOptions, describe_scene
 
 
 class Recorded:
-    """A recording read back: the rows of each entity in the order of time, and the names of what is static."""
+    """A recording read back: the rows of each entity in order of time, and the static components of each entity."""
 
     def __init__(self, path):
         reader = RrdReader(path)
@@ -56,7 +56,7 @@ def offer(viewer, sim):
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """Two seconds of two rods, 100 samples a second, with what the simulation itself said at each."""
+    """Two seconds of two rods, 100 samples per second, with the simulation's own values at each."""
     path = tmp_path_factory.mktemp("viewer") / "run.rrd"
     sim = Simulation.from_file("double_rod")
     moments = []
@@ -67,7 +67,7 @@ def run(tmp_path_factory):
             offer(viewer, sim)
             moments.append((sim.time, sim.poses(), sim.q.copy(), sim.u.copy(), sim.efforts.copy(), sim.energies))
             if index == 100:
-                viewer.flush()  # so that the recording has a seam between two batches
+                viewer.flush()  # so that the recording consists of several batches
             if index < 200:
                 sim.step(10)
         viewer.event(sim.time, "end")
@@ -91,7 +91,7 @@ def test_every_sample_is_recorded_at_its_time(run):
 
 
 @pytest.mark.parametrize("part", ["upper", "lower"])
-def test_parts_stand_where_the_model_says(run, part):
+def test_parts_have_the_poses_of_the_model(run, part):
     recorded, moments, _ = run
     entity = f"/world/parts/{part}"
     positions = recorded.column(entity, "Transform3D:translation")[:, 0]
@@ -101,7 +101,7 @@ def test_parts_stand_where_the_model_says(run, part):
         np.testing.assert_allclose(rot.from_quaternion(np.roll(xyzw, 1)), poses[part].rotation, rtol=0, atol=1e-6)
 
 
-def test_plots_hold_the_simulations_numbers(run):
+def test_plots_contain_the_simulations_numbers(run):
     recorded, moments, _ = run
     _, _, q, u, efforts, energies = (list(column) for column in zip(*moments, strict=True))
     scalars = {entity: recorded.column(entity, "Scalars:scalars") for entity in recorded.rows if "energy" in entity}
@@ -119,7 +119,7 @@ def test_plots_hold_the_simulations_numbers(run):
     assert np.all(shown < 1e-11)
 
 
-def test_the_trace_is_the_way_of_the_tip(run):
+def test_the_trace_is_the_path_of_the_tip(run):
     recorded, moments, _ = run
     tips = np.array([poses["lower"].position - poses["lower"].rotation[:, 2] for _, poses, *_ in moments])
     pieces = recorded.column("/world/traces/lower", "LineStrips3D:strips")[:, 0]
@@ -145,7 +145,7 @@ def test_reruns_own_check_passes(run):
     assert done.returncode == 0, done.stderr
 
 
-def test_rate_thins_out_the_samples(tmp_path):
+def test_the_rate_limits_the_samples(tmp_path):
     sim = Simulation.from_file("rod_pendulum")
     with Viewer(sim.model, str(tmp_path / "a.rrd"), rate=10.0) as viewer:
         for _ in range(101):
@@ -160,7 +160,7 @@ def test_a_slow_viewer_loses_the_oldest_samples_and_counts_them(tmp_path):
     viewer = Viewer(sim.model, str(tmp_path / "a.rrd"), rate=1000.0, capacity=200)
     os.kill(viewer._worker.pid, signal.SIGSTOP)
     try:
-        for _ in range(5000):  # more than fits into the pipe
+        for _ in range(5000):  # more than the pipe can buffer
             offer(viewer, sim)
             sim.step()
             if sim.steps % 100 == 0:
@@ -178,7 +178,7 @@ def test_a_slow_viewer_loses_the_oldest_samples_and_counts_them(tmp_path):
     np.testing.assert_allclose(times[:50], np.arange(50) * 1e-3, atol=1e-9)
 
 
-def test_a_killed_viewer_leaves_the_caller_alone(tmp_path):
+def test_a_killed_viewer_does_not_disturb_the_caller(tmp_path):
     sim = Simulation.from_file("rod_pendulum")
     viewer = Viewer(sim.model, str(tmp_path / "a.rrd"))
     viewer._worker.kill()
@@ -193,7 +193,7 @@ def test_a_killed_viewer_leaves_the_caller_alone(tmp_path):
     assert viewer.failure is not None
 
 
-def test_the_recording_is_finished_where_the_simulation_is_killed(tmp_path):
+def test_the_recording_is_complete_when_the_simulation_is_killed(tmp_path):
     code = """if True:
         import os, signal, sys
         from mbd_sim import Simulation
@@ -217,7 +217,7 @@ def test_the_recording_is_finished_where_the_simulation_is_killed(tmp_path):
     assert len(Recorded(path).times("/world/parts/rod")) == 100
 
 
-def test_the_trace_begins_anew_after_a_reset(tmp_path):
+def test_the_trace_starts_again_after_a_reset(tmp_path):
     sim = Simulation.from_file("rod_pendulum")
     writer, rows = RowWriter(sim.model), []
     for tick in range(20):
