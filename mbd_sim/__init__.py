@@ -1,4 +1,4 @@
-"""Multibody mechanisms from a plain file: Lagrange's equations, compiled, in real time.
+"""Multibody mechanisms from a plain file: Lagrange's equations, compiled to machine code, in real time.
 
 from mbd_sim import Simulation
 
@@ -6,54 +6,98 @@ sim = Simulation.from_file("double_rod")
 sim.set_efforts({"elbow": 2.0})
 sim.run(until=10.0)
 print(sim.q, sim.energies.residual)
+
+This page has the whole Python interface, apart from the learning environments in `mbd_sim.gym`:
+
+- mechanisms: `load_mechanism`, `parse_mechanism`, `Mechanism`
+- motion: `Simulation` and `Ensemble`, and what they return: `Energies`, `EnsembleEnergies`, `Violation`, `DriveState`,
+  `Reaction`, `Pose`; the compiled equations without a state: `Model`
+- analyses: `linearize`, `Linearization`, `modes`, `Mode`, `equilibrium`, `lqr`, `InverseDynamics`, `inertia_split`,
+  `InertiaSplit`
+- equations as formulas: `symbolic_equations`, `SymbolicEquations`, `to_latex`
+- errors: `MbdSimError` and its subclasses
 """
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
-from mbd_sim.errors import CommandError, DivergedError, MbdSimError, MechanismError, Problem
+from mbd_sim.errors import CommandError, DivergedError, InputError, MbdSimError, MechanismError, Problem
 
 if TYPE_CHECKING:
+    from mbd_sim.analysis.equilibrium import equilibrium
+    from mbd_sim.analysis.inertia_split import InertiaSplit, inertia_split
+    from mbd_sim.analysis.inverse_dynamics import InverseDynamics
+    from mbd_sim.analysis.linearization import Linearization, Mode, linearize, modes
+    from mbd_sim.analysis.regulator import lqr
+    from mbd_sim.geometry.pose import Pose
     from mbd_sim.load import load_mechanism, parse_mechanism
     from mbd_sim.mechanism.records import Mechanism
-    from mbd_sim.simulation.compiled_model import Energies, Model
-    from mbd_sim.simulation.ensemble import Ensemble
+    from mbd_sim.simulation.compiled_model import DriveState, Energies, Model, Reaction, Violation
+    from mbd_sim.simulation.ensemble import Ensemble, EnsembleEnergies
     from mbd_sim.simulation.simulation import Simulation
+    from mbd_sim.symbolic import SymbolicEquations, symbolic_equations, to_latex
 
 __version__ = "0.1.0"
 
 __all__ = [
     "CommandError",
     "DivergedError",
+    "DriveState",
     "Energies",
     "Ensemble",
+    "EnsembleEnergies",
+    "InertiaSplit",
+    "InputError",
+    "InverseDynamics",
+    "Linearization",
     "MbdSimError",
     "Mechanism",
     "MechanismError",
+    "Mode",
     "Model",
+    "Pose",
     "Problem",
+    "Reaction",
     "Simulation",
+    "SymbolicEquations",
+    "Violation",
     "__version__",
+    "equilibrium",
+    "inertia_split",
+    "linearize",
     "load_mechanism",
+    "lqr",
+    "modes",
     "parse_mechanism",
+    "symbolic_equations",
+    "to_latex",
 ]
 
-_LAZY = {
-    "Energies": "mbd_sim.simulation.compiled_model",
-    "Ensemble": "mbd_sim.simulation.ensemble",
-    "Mechanism": "mbd_sim.mechanism.records",
-    "Model": "mbd_sim.simulation.compiled_model",
-    "Simulation": "mbd_sim.simulation.simulation",
-    "load_mechanism": "mbd_sim.load",
-    "parse_mechanism": "mbd_sim.load",
+_MODULES = {
+    "mbd_sim.analysis.equilibrium": ("equilibrium",),
+    "mbd_sim.analysis.inertia_split": ("InertiaSplit", "inertia_split"),
+    "mbd_sim.analysis.inverse_dynamics": ("InverseDynamics",),
+    "mbd_sim.analysis.linearization": ("Linearization", "Mode", "linearize", "modes"),
+    "mbd_sim.analysis.regulator": ("lqr",),
+    "mbd_sim.geometry.pose": ("Pose",),
+    "mbd_sim.load": ("load_mechanism", "parse_mechanism"),
+    "mbd_sim.mechanism.records": ("Mechanism",),
+    "mbd_sim.simulation.compiled_model": ("DriveState", "Energies", "Model", "Reaction", "Violation"),
+    "mbd_sim.simulation.ensemble": ("Ensemble", "EnsembleEnergies"),
+    "mbd_sim.simulation.simulation": ("Simulation",),
+    "mbd_sim.symbolic": ("SymbolicEquations", "symbolic_equations", "to_latex"),
 }
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for when it is asked for: `import mbd_sim` itself loads nothing heavy."""
-    if name not in _LAZY:
+    """Import a public name when it is first used: `import mbd_sim` alone loads nothing heavy."""
+    if name not in _MODULE_OF:
         raise AttributeError(f"module 'mbd_sim' has no attribute '{name}'")
-    import importlib
+    return getattr(importlib.import_module(_MODULE_OF[name]), name)
 
-    return getattr(importlib.import_module(_LAZY[name]), name)
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_MODULE_OF})

@@ -10,8 +10,8 @@ from mbd_sim.geometry.pose import Array
 def lqr(a: Array, b: Array, state_cost: Array, effort_cost: Array) -> Array:
     """The gain K (m, n) of e = -K x that minimizes ∫ xᵀ Q x + eᵀ R e dt for x' = A x + B e.
 
-    The Riccati equation is solved with the stable eigenvectors of its Hamiltonian matrix (Potter 1966; Åström & Murray
-    2021, sec. 7.5). The states may differ greatly in scale, but A must not have nearly equal modes.
+    The Riccati equation is solved with the stable eigenvectors of its Hamiltonian matrix (Potter 1966; Åström & Murray,
+    sec. 7.5). The states may differ greatly in scale, but A must not have nearly equal modes.
 
     :param a: A (n, n).
     :param b: B (n, m).

@@ -74,14 +74,14 @@ def execute(options: argparse.Namespace) -> int:
     """Plan the runs, compute them, write and plot the results; returns 1 if any run failed."""
     from mbd_sim.load import load_mechanism
     from mbd_sim.sweep.execution import sweep
-    from mbd_sim.sweep.result_tables import require_kind, write
+    from mbd_sim.sweep.result_tables import require_suffix, write
     from mbd_sim.sweep.sweep_picture import draw, require_column
     from mbd_sim.sweep.sweep_plan import plan, variation
     from mbd_sim.sweep.sweep_runs import Settings, chunks, result_names
 
     for path in (options.out, options.histories):
         if path is not None:
-            require_kind(path)
+            require_suffix(path)
     mechanism = load_mechanism(options.mechanism)
     planned = plan([variation(text, mechanism) for text in options.vary], options.draws, options.seed)
     settings = Settings(

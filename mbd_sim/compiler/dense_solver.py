@@ -1,4 +1,4 @@
-"""Dense linear systems by Gaussian elimination with partial pivoting, as IR (Golub & Van Loan 2013, sec. 3.4)."""
+"""Dense linear systems by Gaussian elimination with partial pivoting, as IR (Golub & Van Loan, sec. 3.4)."""
 
 from __future__ import annotations
 

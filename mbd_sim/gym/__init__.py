@@ -1,6 +1,6 @@
 """Gymnasium environments of mechanisms, without ROS: `pip install "mbd_sim[gym]"`.
 
-Importing this package registers the tasks of `mbd_sim.gym.tasks`:
+Importing this package registers the tasks of `mbd_sim.gym.tasks` with Gymnasium:
 
 import gymnasium, mbd_sim.gym
 

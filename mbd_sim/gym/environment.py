@@ -31,12 +31,12 @@ Action = NDArray[np.float32]
 
 
 class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  # mypy skips Gymnasium
-    """A mechanism that is pushed at some of its joints; the same seed and actions give the same bits.
+    """A mechanism with efforts at some of its joints; the same seed and actions give the same bits.
 
     An action is an effort (N or N·m) for each `actuated` coordinate, within its limit; for a range of ±1 use
-    `gymnasium.wrappers.RescaleAction`. An observation is q and u, with cos and sin in place of angles. `reward` and
-    `terminated` see the `Simulation` after the action, so that they can use q, u, poses, energies and reactions.
-    A motion that becomes infinite ends the episode, with `info["diverged"]`.
+    `gymnasium.wrappers.RescaleAction`. An observation is (q without angles, cos of angles, sin of angles, u), in SI
+    units. `reward` and `terminated` receive the `Simulation` after the action, so that they can use q, u, poses,
+    energies and reactions. A state that becomes infinite ends the episode, with `info["diverged"]`.
 
     >>> env = MechanismEnv("double_pendulum", actuated=["elbow"], reward=lambda sim, action: -abs(sim.q[0]))
     """
@@ -60,21 +60,21 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         render_size: tuple[int, int] = (600, 400),
         step: float | None = None,
     ) -> None:
-        """Build and compile.
+        """Build and compile the mechanism.
 
-        :param mechanism: a file, the name of a mechanism that ships, or a mechanism.
-        :param actuated: the coordinates that take efforts; all by default.
-        :param reward: of the simulation and the action that has just been applied.
-        :param terminated: whether the episode ends in this state.
-        :param effort_limits: the largest efforts, where the file has no `effort_limit` or another one is wanted.
-        :param start: "q" and "u" that an episode starts with, in place of the file's.
-        :param start_noise: q and u start off by up to this much, in m, rad and their rates, drawn evenly.
-        :param trigonometric: observe cos and sin of angles; else the angles.
+        :param mechanism: a file, the name of a shipped mechanism, or a mechanism.
+        :param actuated: the coordinates with efforts; all by default.
+        :param reward: called with the simulation and the action that has just been applied.
+        :param terminated: called with the simulation; whether the episode ends in this state.
+        :param effort_limits: effort limits in N or N·m by coordinate; they replace each `effort_limit` of the file.
+        :param start: "q" and "u" at the start of an episode; they replace those of the file.
+        :param start_noise: bound of the uniform noise that is added to q and u at the start, in m, rad and their rates.
+        :param trigonometric: observe cos and sin of angles instead of the angles.
         :param frame_skip: integration steps for each action.
-        :param horizon: actions after which an episode is truncated; None: never.
+        :param horizon: actions after which an episode is truncated; never, if None.
         :param render_mode: None or "rgb_array".
-        :param render_size: width and height of a frame in dots.
-        :param step: s, in place of the file's integration step.
+        :param render_size: width and height of a frame in pixels.
+        :param step: step size in s; it replaces that of the file.
         :raises MechanismError: with all problems of the file.
         :raises ValueError: an unknown coordinate or render mode, or an effort without a limit.
         """
@@ -95,7 +95,7 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         self._places = [record.coordinate_names.index(name) for name in self.actuated]
         self._efforts = np.zeros(self.simulation.u.size)
         self._angles = _angles(record, self.simulation) if trigonometric else np.zeros(self.simulation.q.size, bool)
-        self._taken = 0
+        self._actions = 0
         self.action_space = spaces.Box(-limits, limits, dtype=np.float32)
         turning = np.count_nonzero(self._angles)
         bounds = np.full(self._observation().size, np.inf)
@@ -105,13 +105,13 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Back to the start, or to `options` "q" and "u", with noise; loops stay closed.
+        """Return to the start, or to the `options` "q" and "u", with noise; loops stay closed.
 
         :raises ValueError: see `Simulation.reset`.
         """
         super().reset(seed=seed)
         sim, given = self.simulation, self.start | (options or {})
-        self._taken = 0
+        self._actions = 0
         if not given and not self.start_noise:
             sim.reset()
             return self._observation(), {}
@@ -124,7 +124,9 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         return self._observation(), {}
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Hold the efforts for `frame_skip` steps.
+        """Apply the efforts for `frame_skip` steps.
+
+        :param action: (actuated,) in N or N·m, clipped to the limits.
 
         :raises CommandError: the action has another shape, or a value that is not finite.
         """
@@ -138,14 +140,14 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
             self.simulation.step(self.frame_skip)
         except DivergedError as error:
             info["diverged"] = str(error)
-        self._taken += 1
+        self._actions += 1
         reward = float(self.reward(self.simulation, action))
         ended = bool(info) or bool(self.terminated(self.simulation))
-        truncated = self.horizon is not None and self._taken >= self.horizon
+        truncated = self.horizon is not None and self._actions >= self.horizon
         return self._observation(), reward, ended, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """(height, width, 3): the mechanism as `mbd_sim check --draw` draws it; None without a render mode."""
+        """A picture (height, width, 3) as drawn by `mbd_sim check --draw`, or None without a render mode."""
         if self.render_mode is None:
             return None
         if self._animation is None:
@@ -159,7 +161,7 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         return np.concatenate([q[~angles], np.cos(q[angles]), np.sin(q[angles]), u])
 
     def _limits(self, given: Mapping[str, float]) -> Array:
-        """The largest effort of each actuated coordinate, that of the simulation as well."""
+        """The effort limits of the actuated coordinates; the given ones are also set in the simulation."""
         names = self.simulation.coordinate_names
         for name in (*self.actuated, *given):
             if name not in names:
@@ -168,16 +170,16 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         for name, limit in given.items():
             limits[names.index(name)] = limit
         found = np.array([limits[names.index(name)] for name in self.actuated])
-        if endless := [name for name, limit in zip(self.actuated, found, strict=True) if not np.isfinite(limit)]:
+        if unlimited := [name for name, limit in zip(self.actuated, found, strict=True) if not np.isfinite(limit)]:
             raise ValueError(
-                f"the effort of {listed(endless)} has no limit. Give joints an 'effort_limit', or the environment "
+                f"the effort of {listed(unlimited)} has no limit. Give joints an 'effort_limit', or the environment "
                 f"'effort_limits'."
             )
         return found
 
 
 def _angles(mechanism: Mechanism, simulation: Simulation) -> NDArray[np.bool_]:
-    """Which of q (nq,) are angles that come round."""
+    """Which of the coordinates q (nq,) are angles."""
     angles = np.zeros(simulation.q.size, dtype=bool)
     for name, joint in mechanism.joints.items():
         if not joint.drive and joint.kind.quaternion is None:

@@ -1,1 +1,1 @@
-"""Many runs of one mechanism with other values: planned, computed here or by Dask, kept as tables, drawn."""
+"""Parameter sweeps: many runs of one mechanism with varied values, computed with Dask, as tables and plots."""

@@ -1,4 +1,4 @@
-"""Where the chunks of a sweep are computed: by Dask, on this machine's processors or on those of a cluster."""
+"""Execution of the chunks of a sweep by Dask: in local processes or on a cluster."""
 
 from __future__ import annotations
 
@@ -12,41 +12,41 @@ from mbd_sim.sweep.sweep_runs import (
     Results,
     Settings,
     compute,
-    gathered,
+    joined,
 )
 
 Progress = Callable[[int], None]
 
 
 class ScheduleError(MbdSimError):
-    """A sweep that cannot be computed where it was asked to be."""
+    """Dask is not installed, or its scheduler cannot be reached."""
 
 
 def sweep(settings: Settings, work: Sequence[Chunk], scheduler: str = "", progress: Progress | None = None) -> Results:
-    """Compute all chunks; `progress` hears how many runs have been computed by one of them.
+    """Compute all chunks; `progress` is called with the number of runs of each chunk that is done.
 
-    :param scheduler: the address of a Dask scheduler such as tcp://host:8786; empty: processes of this machine.
+    :param scheduler: the address of a Dask scheduler, such as tcp://host:8786; if empty, local processes.
     :raises ScheduleError: Dask is not installed, or the scheduler cannot be reached.
     """
     if len(work) == 1 and not scheduler:
-        found = compute(settings, work[0], threads=None)
+        results = compute(settings, work[0], threads=None)
         if progress is not None:
             progress(len(work[0].changes))
-        return found
+        return results
     try:
         import dask
     except ImportError as error:
         raise ScheduleError("a sweep of this size needs Dask: pip install 'mbd_sim[sweep]'") from error
     tasks = [dask.delayed(compute, pure=False)(settings, chunk) for chunk in work]
     if scheduler:
-        return gathered(_on_cluster(tasks, work, scheduler, progress))
-    with _told(work, progress):
-        return gathered(dask.compute(*tasks, scheduler="processes"))
+        return joined(_on_cluster(tasks, work, scheduler, progress))
+    with _reported(progress):
+        return joined(dask.compute(*tasks, scheduler="processes"))
 
 
 @contextmanager
-def _told(work: Sequence[Chunk], progress: Progress | None) -> Iterator[None]:
-    """Hear of Dask's own scheduler when a chunk is done."""
+def _reported(progress: Progress | None) -> Iterator[None]:
+    """Call `progress` when Dask's local scheduler has computed a chunk."""
     from dask.callbacks import Callback
 
     def done(key: Any, result: Any, *_: Any) -> None:
@@ -63,7 +63,7 @@ def _on_cluster(
     try:
         from distributed import Client, as_completed
     except ImportError as error:
-        raise ScheduleError("a Dask scheduler needs distributed: pip install 'mbd_sim[sweep]'") from error
+        raise ScheduleError("a Dask scheduler needs the package distributed: pip install 'mbd_sim[sweep]'") from error
     try:
         client = Client(scheduler, timeout=5)
     except (OSError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""Tables of results as files: Parquet, or text with commas."""
+"""Tables of results as Parquet or CSV files."""
 
 from __future__ import annotations
 
@@ -7,22 +7,25 @@ from pathlib import Path
 from mbd_sim.errors import MbdSimError
 from mbd_sim.sweep.sweep_runs import Table
 
-KINDS = (".parquet", ".csv")
+SUFFIXES = (".parquet", ".csv")
 
 
-def require_kind(path: Path) -> None:
-    """Refuse a file of another kind.
+def require_suffix(path: Path) -> None:
+    """Refuse a file that is not one of `SUFFIXES`.
 
-    :raises MbdSimError: its name ends otherwise, or its folder is not there.
+    :raises MbdSimError: the suffix is a different one, or the folder does not exist.
     """
-    if path.suffix not in KINDS:
-        raise MbdSimError(f"{path}: tables are written as {' or '.join(KINDS)}; name the file so")
+    if path.suffix not in SUFFIXES:
+        raise MbdSimError(f"{path}: the name of a table must end in {' or '.join(SUFFIXES)}.")
     if not path.parent.is_dir():
-        raise MbdSimError(f"{path}: there is no folder {path.parent}")
+        raise MbdSimError(f"{path}: the folder {path.parent} does not exist.")
 
 
 def write(path: Path, table: Table, metadata: dict[str, str]) -> None:
-    """Write a table; Parquet keeps the metadata."""
+    """Write a table; the metadata is written only to Parquet.
+
+    :raises MbdSimError: the file cannot be written.
+    """
     import pyarrow as pa
     import pyarrow.csv
     import pyarrow.parquet

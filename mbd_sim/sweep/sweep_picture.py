@@ -1,4 +1,4 @@
-"""A result of a sweep over what was varied, as a picture."""
+"""A plot of one result of a sweep over the varied values."""
 
 from __future__ import annotations
 
@@ -14,18 +14,21 @@ from mbd_sim.sweep.sweep_runs import Table
 
 
 def require_column(table_columns: Sequence[str], name: str) -> None:
-    """Refuse what is not a result.
+    """Refuse a result that does not exist.
 
     :raises MbdSimError: with the nearest name.
     """
     if name not in table_columns:
-        raise MbdSimError(f"there is no result '{name}' to show. {nearest(name, table_columns)}")
+        raise MbdSimError(f"there is no result '{name}'. {nearest(name, table_columns)}")
 
 
 def draw(path: Path, table: Table, varied: Sequence[str], shown: str, title: str) -> None:
-    """One varied value: a line; two on a full grid: a map; otherwise points over the first, or the first two.
+    """Plot the result `shown` into a file.
 
-    :raises MbdSimError: there is no such result, or the file cannot be written.
+    Without varied values it is a histogram, with one a line, with two on a full grid a color map, and otherwise colored
+    points over the first two.
+
+    :raises MbdSimError: the result does not exist, or the file cannot be written.
     """
     require_column(list(table), shown)
     from matplotlib.figure import Figure
@@ -58,7 +61,7 @@ def draw(path: Path, table: Table, varied: Sequence[str], shown: str, title: str
 
 
 def _on_grid(x: Array, y: Array, z: Array) -> tuple[Array, Array, Array] | None:
-    """The values on the grid of x and y, if there is one value for each point of it."""
+    """The values z on the grid of x and y, or None unless each point of the grid has one value."""
     columns, rows = np.unique(x), np.unique(y)
     if len(columns) * len(rows) != len(z) or len(columns) < 2 or len(rows) < 2:
         return None

@@ -1,8 +1,8 @@
-"""The runs of a sweep: a chunk of them as one ensemble, in this process or in any other."""
+"""The runs of a sweep: each chunk is computed as one ensemble, in this process or in another one."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,16 +16,17 @@ from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.ensemble import Ensemble
 from mbd_sim.sweep.sweep_plan import EFFORT
 
-CHUNK = 256  # runs that are computed together
+CHUNK = 256  # runs
 
 Table = dict[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How each run is computed. It can be sent to another machine: the mechanism is its file's `text`.
+    """The settings of all runs, which can be sent to another machine: the mechanism is the `text` of its file.
 
-    `every` s the extremes are looked at and, with `histories`, the coordinates are kept.
+    The runs end at `until` in s. The coordinates are sampled every `every` s, for their extremes and, with
+    `histories`, for the table of histories.
     """
 
     text: str
@@ -37,13 +38,13 @@ class Settings:
     histories: bool = False
 
     def mechanism(self) -> Mechanism:
-        """The mechanism of the file."""
+        """The mechanism that is built from the text."""
         return parse_mechanism(self.text, self.file)
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """Some runs in a row: the `first` of them, and what differs in each."""
+    """Consecutive runs: the number of the `first` one, and the changes of each."""
 
     first: int
     changes: Sequence[Mapping[str, float]]
@@ -51,7 +52,7 @@ class Chunk:
 
 @dataclass
 class Results:
-    """Tables with a row a run, and with a row a run and time; `problems` are runs that could not be built."""
+    """A table with one row for each run, one with a row for each run and time, and the errors of failed runs."""
 
     runs: Table = field(default_factory=dict)
     histories: Table = field(default_factory=dict)
@@ -59,15 +60,15 @@ class Results:
 
 
 def chunks(changes: Sequence[Mapping[str, float]]) -> list[Chunk]:
-    """The runs in chunks, the same ones wherever they are computed."""
+    """The runs in chunks, which do not depend on where they are computed."""
     return [Chunk(first, changes[first : first + CHUNK]) for first in range(0, len(changes), CHUNK)]
 
 
 def compute(settings: Settings, chunk: Chunk, threads: int | None = 1) -> Results:
-    """The results of a chunk.
+    """Compute the results of a chunk.
 
-    Runs that cannot share one set of equations, as with other directions of axes, are computed one by one; one that
-    cannot be built at all is a problem, and its row holds nan.
+    Runs that cannot share one set of equations, for example because directions of axes differ, are computed one by
+    one. A run that cannot be built is listed in `problems`, and its row contains nan.
     """
     mechanism = settings.mechanism()
     try:
@@ -75,21 +76,21 @@ def compute(settings: Settings, chunk: Chunk, threads: int | None = 1) -> Result
     except MechanismError as error:
         if len(chunk.changes) == 1:
             return _missing(mechanism, chunk, error)
-    ones = (Chunk(chunk.first + place, [change]) for place, change in enumerate(chunk.changes))
-    return gathered(compute(settings, one, threads) for one in ones)
+    single_runs = (Chunk(chunk.first + place, [change]) for place, change in enumerate(chunk.changes))
+    return joined(compute(settings, run, threads) for run in single_runs)
 
 
-def gathered(parts: Iterator[Results] | Sequence[Results]) -> Results:
-    """The tables of some chunks, one after the other."""
-    parts = list(parts)
+def joined(results: Iterable[Results]) -> Results:
+    """The results of several chunks as one."""
+    results = list(results)
 
-    def joined(tables: Sequence[Table]) -> Table:
+    def concatenated(tables: Sequence[Table]) -> Table:
         return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]} if tables else {}
 
     return Results(
-        joined([part.runs for part in parts]),
-        joined([part.histories for part in parts if part.histories]),
-        [problem for part in parts for problem in part.problems],
+        concatenated([chunk.runs for chunk in results]),
+        concatenated([chunk.histories for chunk in results if chunk.histories]),
+        [problem for chunk in results for problem in chunk.problems],
     )
 
 
@@ -100,35 +101,36 @@ def _together(settings: Settings, mechanism: Mechanism, chunk: Chunk, threads: i
     steps, every = round(settings.until / ensemble.step_size), max(1, round(settings.every / ensemble.step_size))
     names = ensemble.model.coordinate_names
     at = _coordinates(ensemble)
-    least, most, kept = at.copy(), at.copy(), [at]
+    least, most, samples = at.copy(), at.copy(), [at]
     while ensemble.steps < steps:
         ensemble.step(min(every, steps - ensemble.steps))
         at = _coordinates(ensemble)
         least, most = np.minimum(least, at), np.maximum(most, at)
         if settings.histories:
-            kept.append(at)
+            samples.append(at)
     table = _head(chunk)
     energies = ensemble.energies
     table |= {"finite": ensemble.alive}
     for place, name in enumerate(names):
         columns = (at[:, place], ensemble.u[:, place], least[:, place], most[:, place])
-        table |= dict(zip((f"{name}.{what}" for what in _WHAT), columns, strict=True))
+        table |= dict(zip((f"{name}.{suffix}" for suffix in _SUFFIXES), columns, strict=True))
     table |= {name: getattr(energies, name) for name in _ENERGIES} | {"error_estimate": ensemble.error_estimates}
-    times = np.minimum(np.arange(len(kept)) * every, steps) * ensemble.step_size
-    return Results(table, _histories(chunk, names, times, kept) if settings.histories else {})
+    times = np.minimum(np.arange(len(samples)) * every, steps) * ensemble.step_size
+    return Results(table, _histories(chunk, names, times, samples) if settings.histories else {})
 
 
-_WHAT = ("position", "velocity", "least", "most")
+_SUFFIXES = ("position", "velocity", "least", "most")
 _ENERGIES = ("kinetic", "potential", "dissipated", "work_applied", "work_drives", "total", "residual")
 
 
 def result_names(mechanism: Mechanism) -> list[str]:
-    """The columns of numbers that a run results in."""
-    columns = [f"{name}.{what}" for name in mechanism.coordinate_names for what in _WHAT]
+    """The names of the columns with the results of a run."""
+    columns = [f"{name}.{suffix}" for name in mechanism.coordinate_names for suffix in _SUFFIXES]
     return [*columns, *_ENERGIES, "error_estimate"]
 
 
 def _head(chunk: Chunk) -> Table:
+    """The columns with the number and the varied values of each run."""
     table: Table = {"run": chunk.first + np.arange(len(chunk.changes))}
     for name in chunk.changes[0]:
         table[name] = np.array([change[name] for change in chunk.changes])
@@ -149,14 +151,14 @@ def _set_efforts(ensemble: Ensemble, chunk: Chunk) -> None:
 
 
 def _coordinates(ensemble: Ensemble) -> Array:
-    """(runs, nv): see `Model.coordinates`."""
+    """The coordinates (runs, nv): see `Model.coordinates`."""
     if not ensemble.model.quaternions:
         return ensemble.q
     return np.array([ensemble.model.coordinates(y) for y in ensemble.state])
 
 
-def _histories(chunk: Chunk, names: Sequence[str], times: Array, kept: Sequence[Array]) -> Table:
+def _histories(chunk: Chunk, names: Sequence[str], times: Array, samples: Sequence[Array]) -> Table:
     runs = len(chunk.changes)
-    values = np.stack(kept, axis=1).reshape(runs * len(times), -1)
+    values = np.stack(samples, axis=1).reshape(runs * len(times), -1)
     table: Table = {"run": np.repeat(chunk.first + np.arange(runs), len(times)), "time": np.tile(times, runs)}
     return table | {name: values[:, place] for place, name in enumerate(names)}

@@ -1,6 +1,7 @@
-"""Equations of motion as a person writes them: exact, simplified, and as LaTeX.
+"""Equations of motion as formulas: exact, simplified, and as LaTeX.
 
-Importing this package does not import SymPy; deriving equations does.
+The equations are Lagrange's, from the kinetic and potential energies (Huston & Liu, ch. 11; Géradin & Rixen), evaluated
+over exact polynomials in place of numbers. Importing this package does not import SymPy; deriving equations does.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""CasADi's instruction lists evaluated over exact polynomials instead of numbers."""
+"""CasADi functions evaluated over exact polynomials in place of numbers."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from mbd_sim.errors import MbdSimError
 from mbd_sim.symbolic.exact_numbers import exact
 from mbd_sim.symbolic.polynomial import Algebra, Polynomial
 
-MOST_FACTORED = 12  # terms under a root that may be the square of a sum
+MOST_FACTORED = 12  # terms under a square root up to which it is factored
 ONE: Polynomial = {(): Fraction(1)}
 
-# What is no polynomial, as SymPy writes it.
-_OTHERS: dict[int, Callable[..., Any]] = {
+# Operations that do not give polynomials, as SymPy functions.
+_FUNCTIONS: dict[int, Callable[..., Any]] = {
     ca.OP_EXP: sp.exp,
     ca.OP_LOG: sp.log,
     ca.OP_ASIN: sp.asin,
@@ -43,10 +43,10 @@ _OTHERS: dict[int, Callable[..., Any]] = {
 
 
 def evaluate(algebra: Algebra, function: ca.Function, inputs: Sequence[Sequence[Polynomial]]) -> list[list[Polynomial]]:
-    """The outputs of a function of scalars, column by column, for inputs given as polynomials.
+    """The outputs of a function of scalars, each one column by column, for inputs that are polynomials.
 
-    :raises TooLargeError: a polynomial grows beyond what could be read.
-    :raises MbdSimError: the function holds an operation that has no formula.
+    :raises TooLargeError: a polynomial becomes too long to be read.
+    :raises MbdSimError: the function has an operation without a formula.
     """
     work: list[Polynomial] = [{}] * function.sz_w()
     outputs: list[list[Polynomial]] = [[{}] * function.nnz_out(index) for index in range(function.n_out())]
@@ -65,7 +65,7 @@ def evaluate(algebra: Algebra, function: ca.Function, inputs: Sequence[Sequence[
 
 
 def constant(algebra: Algebra, value: float) -> Polynomial:
-    """A number as the exact one that it stands for."""
+    """The exact number for which a floating-point number stands, see `exact`."""
     if not value:
         return {}
     number = exact(value)
@@ -90,7 +90,7 @@ def expression(algebra: Algebra, p: Polynomial) -> Any:
 
 
 def ratio(value: Fraction) -> Any:
-    """A fraction as SymPy's."""
+    """A fraction as a SymPy number."""
     return sp.Rational(value.numerator, value.denominator)
 
 
@@ -132,9 +132,9 @@ def _apply(algebra: Algebra, operation: int, values: list[Polynomial]) -> Polyno
             exponent = _whole(y) or 0
             base = x if exponent >= 0 else algebra.inverse(x, written)
             return algebra.power(base, abs(exponent))
-    if operation not in _OTHERS:
+    if operation not in _FUNCTIONS:
         raise MbdSimError(f"CasADi's operation {operation} has no formula. Report it with the mechanism file.")
-    result = _OTHERS[operation](*(written(value) for value in values))
+    result = _FUNCTIONS[operation](*(written(value) for value in values))
     if result.is_Rational:
         return {(): Fraction(int(result.p), int(result.q))} if result else {}
     return algebra.symbol(result)
@@ -158,7 +158,7 @@ def _sine_cosine(algebra: Algebra, x: Polynomial) -> tuple[Polynomial, Polynomia
 
 
 def _whole(x: Polynomial) -> int | None:
-    """The value of a polynomial that is a small whole number."""
+    """The value of a polynomial that is a small integer, else None."""
     if set(x) <= {()} and (value := x.get((), Fraction(0))).denominator == 1 and abs(value) <= 6:
         return int(value)
     return None

@@ -1,4 +1,4 @@
-"""Floating-point numbers as the exact ones that they stand for: 1/3, √3/2, 1/(100 π)."""
+"""The exact numbers for which floating-point numbers stand: 1/3, √3/2, 1/(100 π)."""
 
 from __future__ import annotations
 
@@ -21,13 +21,16 @@ class Exact:
 
 
 def exact(value: float) -> Exact:
-    """The simplest exact number within 1e-12 of a finite value: a fraction, a root, one with π, or its decimals."""
+    """The simplest exact number within a relative 1e-12 of a finite value: a fraction, a root, a multiple of π or 1/π.
+
+    If there is none, its decimals.
+    """
     found = _fraction(value)
     if found is not None:
         return Exact(found)
     square = _fraction(value * value)
     if square is not None and square.numerator * square.denominator < LARGEST_RADICAND:
-        # √(p/q) = √(p q)/q, with the squares taken out of the root
+        # √(p/q) = √(p q)/q, with square factors extracted
         outside, radicand = _square_free(square.numerator * square.denominator)
         return Exact(Fraction(math.copysign(1, value)) * Fraction(outside, square.denominator), radicand)
     for power in (1, -1):
@@ -38,7 +41,7 @@ def exact(value: float) -> Exact:
 
 
 def _fraction(value: float) -> Fraction | None:
-    """A fraction with a small denominator or few decimals."""
+    """A fraction with a small denominator or few decimals, or None."""
     for near in (Fraction(value).limit_denominator(LARGEST_DENOMINATOR), Fraction(f"{value:.6g}")):
         if abs(float(near) - value) <= TOLERANCE * abs(value):
             return near
@@ -46,7 +49,7 @@ def _fraction(value: float) -> Fraction | None:
 
 
 def _square_free(number: int) -> tuple[int, int]:
-    """a and b with a² b = `number`, b without a square factor."""
+    """(a, b) with a² b = `number`, where b has no square factor."""
     outside, divisor = 1, 2
     while divisor * divisor <= number:
         while number % (divisor * divisor) == 0:

@@ -1,4 +1,4 @@
-"""The shortest way to write a polynomial in sines and cosines: as powers, or as sines and cosines of sums."""
+"""The shortest form of a polynomial in sines and cosines: with their powers, or with sines and cosines of sums."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from mbd_sim.symbolic.exact_evaluation import expression, ratio
 from mbd_sim.symbolic.polynomial import Algebra, Monomial, Polynomial
 
 Harmonic = tuple[str, tuple[tuple[int, int], ...]]  # sin or cos of a sum of multiples: (argument, factor)
-LONG = 10**6
-MULTIPLE = 2.0  # what a double angle costs, in operations: sin q cos q reads better than ½ sin 2q
+LONG = 10**6  # numerators and denominators from this on are too long to be factored out
+MULTIPLE = 2.0  # the cost of a multiple angle in operations: sin q cos q reads better than ½ sin 2q
 
 
 def shortest(algebra: Algebra, p: Polynomial) -> Any:
-    """An expression of a polynomial: the sum of its parts without sines and cosines, each times the shortest factor."""
+    """A SymPy expression of a polynomial: a sum of terms without sines and cosines, each times its shortest factor."""
     groups: dict[Monomial, Polynomial] = {}
     for monomial, value in p.items():
         rest = tuple(item for item in monomial if item[0] not in algebra.angles or item[1] < 0)
         angles = tuple(item for item in monomial if item[0] in algebra.angles and item[1] > 0)
         groups.setdefault(rest, {})[angles] = value
-    # Parts that have their factor, or their roots and denominators, in common are joined.
+    # Terms with the same factor, roots and denominators are joined.
     joined: dict[tuple[Any, Monomial], list[Any]] = {}
     for rest, trigonometric in groups.items():
         factor = _shortest_factor(algebra, trigonometric)
@@ -50,7 +50,7 @@ def _joined(factor: Any, outer: Monomial, parts: list[Any]) -> Any:
 
 
 def _simple(number: Any) -> bool:
-    """Whether a number may stand before a bracket: a common divisor of long decimals may not."""
+    """Whether a number may be factored out: a common divisor of long decimals may not."""
     return bool(abs(number.p) < LONG and number.q < LONG)
 
 
@@ -73,7 +73,7 @@ def _cost(candidate: Any) -> float:
 
 
 def _in_sines(algebra: Algebra, p: Polynomial) -> Polynomial:
-    """The same with squares of cosines, instead of those of sines, replaced."""
+    """The same polynomial with squares of cosines replaced, in place of squares of sines."""
     sines = {argument: number for number, (kind, argument) in algebra.angles.items() if kind == "sin"}
     total: Polynomial = {}
     for monomial, value in p.items():
@@ -93,7 +93,7 @@ def _in_sines(algebra: Algebra, p: Polynomial) -> Polynomial:
 
 
 def _times(p: Polynomial, q: Polynomial) -> Polynomial:
-    """A product without reduction."""
+    """The product without reduction."""
     total: Polynomial = {}
     for first, a in p.items():
         for second, b in q.items():
@@ -106,7 +106,7 @@ def _times(p: Polynomial, q: Polynomial) -> Polynomial:
 
 
 def _harmonics(algebra: Algebra, p: Polynomial) -> Mapping[Harmonic, Fraction]:
-    """Products of sines and cosines as sums of sines and cosines of sums."""
+    """The same polynomial as a sum of sines and cosines of sums of angles."""
     total: dict[Harmonic, Fraction] = {}
     for monomial, value in p.items():
         terms: dict[Harmonic, Fraction] = {("cos", ()): value}
@@ -123,10 +123,10 @@ def _multiplied(terms: Mapping[Harmonic, Fraction], by: Harmonic) -> dict[Harmon
     total: dict[Harmonic, Fraction] = {}
     for (kind, first), value in terms.items():
         for sign in (1, -1):
-            # With a = first and b = by: the sum a + b, and the difference a - b.
+            # With a = first and b = by: of a + b, then of a - b.
             angle = _sum(first, by[1], sign)
             same = kind == by[0]
-            # cos a sin b has -sin(a - b), and sin a sin b has -cos(a + b).
+            # cos a sin b contains -sin(a - b)/2, and sin a sin b contains -cos(a + b)/2.
             minus = by[0] == "sin" and sign == (1 if same else -1)
             factor = Fraction(-1 if minus else 1, 2)
             name, turn = _oriented("cos" if same else "sin", angle)
@@ -143,7 +143,7 @@ def _sum(a: tuple[tuple[int, int], ...], b: tuple[tuple[int, int], ...], sign: i
 
 
 def _oriented(kind: str, angle: tuple[tuple[int, int], ...]) -> tuple[Harmonic, int]:
-    """The harmonic with a positive first factor, and its sign; a sine of 0 has sign 0."""
+    """The harmonic with a positive first factor, and its sign; the sign of sin 0 is 0."""
     if not angle:
         return ("cos", ()), int(kind == "cos")
     if angle[0][1] > 0:

@@ -1,4 +1,4 @@
-"""Symbolic equations as a piece of LaTeX: the equations, their matrices entry by entry, and what the symbols mean."""
+"""Symbolic equations as LaTeX: the equations, the entries of their matrices, and the meaning of the symbols."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from mbd_sim.symbolic.latex_printer import escaped, write
 from mbd_sim.symbolic.symbolic_constraints import SymbolicConstraint
 from mbd_sim.symbolic.symbolic_equations import Coordinate, SymbolicEquations
 
-LONGEST_LINE = 420  # characters of LaTeX, about what a line of text holds
+LONGEST_LINE = 420  # characters of LaTeX, about one line of a page
 
 
 def to_latex(equations: SymbolicEquations) -> str:
-    """Text to be put into a LaTeX document with `amsmath`; numbers are in SI units, rounded to six digits."""
+    """LaTeX for a document with the package `amsmath`; numbers are in SI units, rounded to six digits."""
     lines = [
         rf"% Equations of motion of {equations.mechanism}, by mbd_sim. Needs \usepackage{{amsmath}}.",
         r"\begin{align*}",
@@ -36,7 +36,7 @@ def to_latex(equations: SymbolicEquations) -> str:
 
 
 def motion_rows(equations: SymbolicEquations) -> list[tuple[list[str], list[str]]]:
-    """The terms of the left and of the right side of each equation of motion."""
+    """The terms on the left and on the right side of each equation of motion."""
     rows: list[tuple[list[str], list[str]]] = []
     for row, force in enumerate(equations.forces):
         left = _sum(equations, equations.mass[row], equations.u_rates)
@@ -51,7 +51,7 @@ def motion_rows(equations: SymbolicEquations) -> list[tuple[list[str], list[str]
 
 
 def constraint_rows(equations: SymbolicEquations) -> list[tuple[list[str], list[str]]]:
-    """The terms of Φ = 0, or of G u + b = 0 where a row is nonholonomic."""
+    """The terms of Φ = 0 for each holonomic row, and of G u + b = 0 for each nonholonomic row."""
     return [(_constraint_terms(equations, constraint), ["0"]) for constraint in equations.constraints]
 
 
@@ -84,7 +84,7 @@ def _matrix_form(equations: SymbolicEquations) -> str:
 
 
 def entry_rows(equations: SymbolicEquations) -> list[tuple[str, str]]:
-    """Name and value of each entry of M, by its upper triangle, of h and Q, and those of G and b that are not zero."""
+    """The names and values of the entries: the upper triangle of M, h, Q, and the nonzero entries of G and b."""
     rows, count = [], len(equations.u)
     for i in range(count):
         for j in range(i, count):
@@ -115,7 +115,7 @@ def _times(factor: str, entry: Any, symbol: str) -> str:
 
 
 def _aligned(rows: list[tuple[list[str], list[str]]]) -> Iterator[str]:
-    """One line an equation, or, where that is too long for a page, one line a term."""
+    """One line for each equation, or one line for each term if the equation is too long for a page."""
     for number, (left, right) in enumerate(rows, 1):
         end = r" \\" if number < len(rows) else ""
         first, second = _signed(left), _signed(right)
@@ -140,23 +140,23 @@ def _meanings(equations: SymbolicEquations) -> Iterator[str]:
     order = ", ".join(f"{names[symbol]}" for symbol in equations.u)
     yield rf"$u = ({order})$ are the generalized speeds, in the order of the rows;"
     for coordinate in equations.coordinates:
-        yield from _meaning(coordinate, names)
+        yield from _coordinate_meaning(coordinate, names)
     rows = [(c.position or 0) + c.drift + sum(c.gradient) for c in equations.constraints]
     if equations.time in {s for e in (*equations.inertial, *equations.forces, *rows) for s in e.free_symbols}:
         yield r"$t$ is the time, s;"
     if equations.constraints:
         yield (
-            r"$G^{T} \lambda$ are the forces of the constraints; $G u + b$ is the rate of each holonomic constraint, "
-            "and a nonholonomic one itself;"
+            r"$G^{T} \lambda$ are the constraint forces; a row of $G u + b$ is the rate of a holonomic constraint, "
+            "or a nonholonomic constraint itself;"
         )
     for _, group in groupby(equations.constraints, lambda constraint: constraint.owner):
-        yield _kept(list(group), names)
+        yield _multiplier_meaning(list(group), names)
     if equations.left_out:
-        yield f"left out, as these rows imply them: {escaped(', '.join(equations.left_out))};"
+        yield f"omitted, as the other rows imply them: {escaped(', '.join(equations.left_out))};"
 
 
-def _kept(rows: list[SymbolicConstraint], names: dict[Any, str]) -> str:
-    """The multipliers of one joint or constraint, with what each row keeps at zero."""
+def _multiplier_meaning(rows: list[SymbolicConstraint], names: dict[Any, str]) -> str:
+    """The multipliers of one joint or constraint, with the quantity that each row keeps at zero."""
     first = rows[0]
     owner = rf"joint \texttt{{{escaped(first.owner)}}}, which closes a loop" if first.closes else ""
     owner = owner or rf"constraint \texttt{{{escaped(first.owner)}}}"
@@ -165,12 +165,12 @@ def _kept(rows: list[SymbolicConstraint], names: dict[Any, str]) -> str:
 
 
 def _row_meaning(row: SymbolicConstraint, names: dict[Any, str]) -> str:
-    unit = row.load or "J by the unit of the equation"
+    unit = row.load or "J per unit of the equation"
     kind = ", nonholonomic" if row.position is None else ""
     return f"${names[row.multiplier]}$, {unit}, of {escaped(row.what)}{kind}"
 
 
-def _meaning(coordinate: Coordinate, names: dict[Any, str]) -> Iterator[str]:
+def _coordinate_meaning(coordinate: Coordinate, names: dict[Any, str]) -> Iterator[str]:
     joint = rf"joint \texttt{{{escaped(coordinate.joint)}}}"
     kind = JOINT_KINDS[coordinate.type]
     if kind.quaternion is None:

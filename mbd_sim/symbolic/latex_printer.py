@@ -1,4 +1,4 @@
-"""SymPy expressions as LaTeX, with numbers as a person writes them."""
+"""SymPy expressions as LaTeX, with numbers in their usual form."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ LARGEST_DENOMINATOR = 100  # of a number written as a fraction
 
 
 def write(expression: Any, names: dict[Any, str]) -> str:
-    """The LaTeX of an expression; `names` says how each symbol is written."""
+    """The LaTeX of an expression; `names` has the LaTeX of each symbol."""
     return str(_printer()({"symbol_names": names, "fold_func_brackets": True}).doprint(expression))
 
 
 def escaped(name: str) -> str:
-    """A name as LaTeX wants it."""
+    """A name with underscores escaped for LaTeX."""
     return name.replace("_", r"\_")
 
 
 def number(numerator: int, denominator: int) -> str:
-    """A fraction where it is simple and has no short decimals, and else six digits."""
+    """A fraction if it is simple and has no short decimal form, else six digits."""
     if denominator == 1 and abs(numerator) < 10**DIGITS:
         return str(numerator)
     rest = denominator
@@ -38,7 +38,7 @@ def number(numerator: int, denominator: int) -> str:
 
 @cache
 def _printer() -> Any:
-    """The class, made where SymPy is first needed."""
+    """The printer class; defined here, so that SymPy is imported only when it is needed."""
     from sympy import fraction
     from sympy.printing.latex import LatexPrinter
     from sympy.printing.precedence import PRECEDENCE

@@ -1,7 +1,7 @@
-"""Polynomials with exact coefficients over symbols, sines, cosines and roots, always in a reduced form.
+"""Polynomials with exact coefficients in symbols, sines, cosines and roots, always in reduced form.
 
-Squares of a sine, of a root and of a quaternion's scalar part are replaced by what they equal. So the terms that cancel
-do cancel, without a search for identities.
+The squares of sines, of roots and of the scalar part of quaternions are replaced by the polynomials that they equal. So
+terms cancel without a search for identities.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from mbd_sim.errors import MbdSimError
 Monomial = tuple[tuple[int, int], ...]  # (generator, exponent), by generator
 Polynomial = dict[Monomial, Fraction]
 
-MOST_PRODUCTS = 200_000  # of two terms in one derivation; beyond, it would take minutes and fill pages
+MOST_PRODUCTS = 200_000  # products of two terms in one derivation; more would take minutes and fill pages
 
 
 class TooLargeError(MbdSimError):
-    """Formulas that nobody could read."""
+    """Formulas that are too long to be read."""
 
 
 @dataclass
 class Algebra:
-    """The generators: what each is as an expression, and what its square equals where that is known.
+    """The generators of the polynomials: the SymPy expression of each one, and the polynomial of its square if known.
 
-    `angles` holds for sines and cosines their kind and the number of their argument in `arguments`; `products` counts
-    the work.
+    `angles` has for each sine and cosine its kind, and the number of its argument in `arguments`. `products` counts the
+    products of two terms.
     """
 
     expressions: list[Any] = field(default_factory=list)
@@ -39,18 +39,18 @@ class Algebra:
     _known: dict[Any, int] = field(default_factory=dict)
 
     def generator(self, expression: Any) -> int:
-        """The number of the generator that stands for an expression."""
+        """The number of the generator for an expression."""
         if expression not in self._known:
             self._known[expression] = len(self.expressions)
             self.expressions.append(expression)
         return self._known[expression]
 
     def symbol(self, expression: Any) -> Polynomial:
-        """An expression as a polynomial of its own."""
+        """The polynomial of one generator for an expression."""
         return {((self.generator(expression), 1),): Fraction(1)}
 
     def root(self, expression: Any, square: Polynomial) -> Polynomial:
-        """An expression whose square is a polynomial."""
+        """The polynomial of one generator for an expression whose square is a polynomial."""
         number = self.generator(expression)
         self.squares[number] = square
         return {((number, 1),): Fraction(1)}
@@ -91,14 +91,14 @@ class Algebra:
         return total
 
     def power(self, p: Polynomial, exponent: int) -> Polynomial:
-        """p to a whole power, not negative."""
+        """p to an integer power, not negative."""
         result: Polynomial = {(): Fraction(1)}
         for _ in range(exponent):
             result = self.multiply(result, p)
         return result
 
     def inverse(self, p: Polynomial, expression: Callable[[Polynomial], Any]) -> Polynomial:
-        """1/p; a sum becomes a generator of its own."""
+        """1/p; a sum of several terms becomes a generator, whose expression is that of p."""
         if len(p) == 1:
             ((monomial, value),) = p.items()
             return {tuple((number, -exponent) for number, exponent in monomial): 1 / value}

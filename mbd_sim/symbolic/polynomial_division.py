@@ -1,4 +1,4 @@
-"""Quotients of reduced polynomials, by which roots leave denominators where they divide what is above."""
+"""Quotients of reduced polynomials, to cancel roots in denominators."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from itertools import product
 
 from mbd_sim.symbolic.polynomial import Algebra, Monomial, Polynomial
 
-MOST_UNKNOWN = 60  # coefficients of a quotient
+MOST_UNKNOWNS = 60  # coefficients of a quotient
 
 
 def without_denominators(algebra: Algebra, p: Polynomial) -> Polynomial:
-    """The same, with A/s = C s and A/s² = C for each root s whose square divides A."""
+    """The same polynomial, with A/s = C s and A/s² = C for each root s whose square divides A, where A = C s²."""
     for number, square in list(algebra.squares.items()):
         plain = algebra.expressions[number].is_Symbol or algebra.expressions[number].is_number
         if not plain and number not in algebra.angles and any(dict(m).get(number, 0) < 0 for m in p):
@@ -24,7 +24,7 @@ def without_denominators(algebra: Algebra, p: Polynomial) -> Polynomial:
 
 
 def quotient(algebra: Algebra, p: Polynomial, divisor: Polynomial) -> Polynomial | None:
-    """The polynomial that times `divisor` is p, both reduced; None where there is none."""
+    """The polynomial whose product with `divisor` is p, or None if there is none; both are in reduced form."""
     variables = sorted({number for monomial in divisor for number, _ in monomial})
     groups: dict[Monomial, Polynomial] = {}
     for monomial, value in p.items():
@@ -41,7 +41,7 @@ def quotient(algebra: Algebra, p: Polynomial, divisor: Polynomial) -> Polynomial
 
 
 def _shortened(algebra: Algebra, p: Polynomial, number: int, square: Polynomial) -> Polynomial:
-    """What has powers of the root `number` that are all even or all odd, over as low a power of it as possible."""
+    """A polynomial with only even or only odd powers of the root `number`, over the lowest possible power of it."""
     power = -min((dict(monomial).get(number, 0) for monomial in p), default=0)
     if power <= 0:
         return p
@@ -52,7 +52,7 @@ def _shortened(algebra: Algebra, p: Polynomial, number: int, square: Polynomial)
 
 
 def _solved(algebra: Algebra, p: Polynomial, divisor: Polynomial, variables: list[int]) -> Polynomial | None:
-    """The quotient by linear equations for its coefficients: in reduced form, a long division would not end."""
+    """The quotient, by linear equations for its coefficients: long division would not end in reduced form."""
     degree = _degree(p) - _degree(divisor)
     if degree < 0 or any(exponent < 0 for monomial in p for _, exponent in monomial):
         return None
@@ -62,7 +62,7 @@ def _solved(algebra: Algebra, p: Polynomial, divisor: Polynomial, variables: lis
         for exponents in product(*(range(min(high, degree) + 1) for high in highest))
         if sum(exponents) <= degree
     ]
-    if len(unknown) > MOST_UNKNOWN:
+    if len(unknown) > MOST_UNKNOWNS:
         return None
     equations: dict[Monomial, dict[int, Fraction]] = {monomial: {-1: value} for monomial, value in p.items()}
     for column, monomial in enumerate(unknown):
@@ -73,7 +73,7 @@ def _solved(algebra: Algebra, p: Polynomial, divisor: Polynomial, variables: lis
 
 
 def _eliminated(rows: list[dict[int, Fraction]]) -> dict[int, Fraction] | None:
-    """The unknowns of sparse equations Σ row[k] x_k = row[-1]; None where they contradict each other."""
+    """The solution of sparse equations Σ row[k] x_k = row[-1], or None if they contradict each other."""
     pivots: dict[int, dict[int, Fraction]] = {}
     for row in rows:
         left = dict(row)

@@ -20,8 +20,9 @@ class SymbolicConstraint:
     """One row of G u + b = 0, whose `multiplier` λ adds Gᵀλ to the forces.
 
     `position` is Φ(q, t), which stays zero, or None for a nonholonomic row; `gradient` (nv,) is the row of G, and
-    `drift` is b. The row belongs to `owner`, a joint that closes a loop where `closes`, and `what` describes it.
-    `load` is the unit of the multiplier, in LaTeX, and "" where that is J by the unit of an equation of the file.
+    `drift` is b. The row belongs to `owner`: a joint that closes a loop if `closes`, else a constraint; `what`
+    describes it. `load` is the unit of the multiplier as LaTeX, or "" if it depends on the unit of an equation of the
+    file.
     """
 
     owner: str
@@ -35,7 +36,7 @@ class SymbolicConstraint:
 
 
 def constraint_function(derived: Equations) -> ca.Function:
-    """(t, q, u, efforts) to Φ (m,), G (m, nv) and b (m,) of the independent rows; b only of nonholonomic ones."""
+    """(t, q, u, efforts) -> Φ (m,), G (m, nv) and b (m,) of the independent rows; b is zero for holonomic rows."""
     places, kept = derived.layout, list(derived.start.independent)
     t, q = ca.SX.sym("t"), ca.SX.sym("q", places.nq)
     u, efforts = ca.SX.sym("u", places.nv), ca.SX.sym("e", places.nv)
@@ -49,7 +50,7 @@ def constraint_function(derived: Equations) -> ca.Function:
 
 
 def multipliers_of(rows: Sequence[ConstraintRow], names: dict[Any, str]) -> tuple[Any, ...]:
-    """A symbol for each row, called after its owner and numbered where that has several."""
+    """A symbol for each row, named after its owner, and numbered if the owner has several rows."""
     import sympy as sp
 
     owners, made = [str(row.owner[1]) for row in rows], []
@@ -62,7 +63,7 @@ def multipliers_of(rows: Sequence[ConstraintRow], names: dict[Any, str]) -> tupl
 
 
 def load_unit(row: ConstraintRow) -> str:
-    """The unit of a row's multiplier: N for what is in m or m/s, N m for what is in rad."""
+    """The unit of the multiplier of a row as LaTeX: N for a row in m or m/s, N m for a row in rad."""
     if row.unit == "m":
         return "N"
     return r"N\,m" if row.owner[0] == "joints" else ""

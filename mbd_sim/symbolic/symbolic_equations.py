@@ -1,4 +1,4 @@
-"""M(q, t) u' + h(q, u, t) = Q + Gᵀλ and the constraints, with every entry as a simplified SymPy expression."""
+"""The equations M(q, t) u' + h(q, u, t) = Q + Gᵀλ and the constraints as simplified SymPy expressions."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 
 MOST_SPEEDS = 6
 MOST_INSTRUCTIONS = 20_000
-MOST_TERMS = 200  # of one entry, before
-MOST_OPERATIONS = 400  # of one entry, after simplification
-MOST_ALTOGETHER = 1500  # of all entries
+MOST_TERMS = 200  # of one entry before simplification
+MOST_OPERATIONS = 400  # of one entry after simplification
+MOST_TOTAL_OPERATIONS = 1500  # of all entries after simplification
 
 
 @dataclass(frozen=True, eq=False)
 class Coordinate:
-    """What belongs to a joint: symbols of its coordinates, and of its speeds, their rates and efforts, in order."""
+    """The symbols of a joint: its coordinates, its speeds, their rates, and its efforts, in order."""
 
     joint: str
     type: JointType
@@ -45,8 +45,8 @@ class Coordinate:
 class SymbolicEquations:
     """The equations `mass` (nv, nv) · u' + `inertial` (nv,) = `forces` (nv,) + Gᵀλ of a mechanism, in SymPy.
 
-    `names` says how each symbol is written in LaTeX. `constraints` have the rows of G, each with its λ; those that
-    they imply are named in `left_out`. SI units throughout.
+    `names` has the LaTeX of each symbol. `constraints` are the independent rows of G, each with its λ; `left_out` names
+    the redundant rows. All numbers are in SI units.
     """
 
     mechanism: str
@@ -88,7 +88,7 @@ class SymbolicEquations:
 def symbolic_equations(mechanism: Mechanism) -> SymbolicEquations:
     """Derive the equations of a small mechanism, with the numbers of its file.
 
-    :raises MbdSimError: the mechanism is too large for its equations to be read, or nothing in it can move.
+    :raises MbdSimError: the equations are too long to be read, or the mechanism has no degree of freedom.
     """
     places = coordinate_layout(mechanism)
     _require_small(mechanism, places.nv)
@@ -110,7 +110,7 @@ def symbolic_equations(mechanism: Mechanism) -> SymbolicEquations:
     symbols = [[symbol for c in coordinates for symbol in getattr(c, key)] for key in ("q", "u", "efforts")]
     inputs = [[algebra.symbol(symbol) for symbol in group] for group in ([time], *symbols)]
     for coordinate in coordinates:
-        _require_unit(algebra, coordinate)
+        _define_unit_quaternion(algebra, coordinate)
     (mass, inertial, forces), *rows = (_simplified(mechanism, algebra, function, inputs) for function in functions)
     return SymbolicEquations(
         mechanism=mechanism.name,
@@ -148,7 +148,7 @@ def _simplified(mechanism: Mechanism, algebra: Algebra, function: Any, inputs: l
     for number, values in enumerate(outputs):
         rows, columns = function.size_out(number)
         matrix = [[sp.S.Zero] * columns for _ in range(rows)]
-        known: dict[frozenset[Any], Any] = {}  # of a symmetric matrix each entry once
+        known: dict[frozenset[Any], Any] = {}  # equal entries, as in a symmetric matrix, are simplified once
         for row, column, p in _entries(function, number, values):
             key = frozenset(p.items())
             if key not in known:
@@ -158,7 +158,7 @@ def _simplified(mechanism: Mechanism, algebra: Algebra, function: Any, inputs: l
     lengths = [int(entry.count_ops()) for matrix in matrices for row in matrix for entry in row]
     if (longest := max(lengths, default=0)) > MOST_OPERATIONS:
         raise _too_large(mechanism, f"one of their entries has {longest} operations")
-    if sum(lengths) > MOST_ALTOGETHER:
+    if sum(lengths) > MOST_TOTAL_OPERATIONS:
         raise _too_large(mechanism, f"their entries have {sum(lengths)} operations")
     return matrices
 
@@ -186,20 +186,20 @@ def _constraints(
 
 def _require_small(mechanism: Mechanism, speeds: int) -> None:
     if not speeds:
-        raise MbdSimError(f"{mechanism.name} has no degree of freedom, and so no equations of motion.")
+        raise MbdSimError(f"{mechanism.name} has no degree of freedom, so there are no equations of motion.")
     if speeds > MOST_SPEEDS:
-        raise _too_large(mechanism, f"it has {speeds} generalized speeds, and the most are {MOST_SPEEDS}")
+        raise _too_large(mechanism, f"it has {speeds} generalized speeds, more than {MOST_SPEEDS}")
 
 
 def _too_large(mechanism: Mechanism, why: str) -> MbdSimError:
     return MbdSimError(
-        f"{mechanism.name}: the equations of motion are too long to be read: {why}. Write out those of a smaller "
-        "mechanism, or make joints of this one fixed or driven."
+        f"{mechanism.name}: the equations of motion are too long to be read: {why}. Use a smaller mechanism, or make "
+        "some of its joints fixed or driven."
     )
 
 
 def _entries(function: Any, output: int, values: list[Any]) -> list[tuple[int, int, Any]]:
-    """Row, column and value of what is not zero in an output."""
+    """The row, column and value of each nonzero entry of an output."""
     sparsity = function.sparsity_out(output)
     rows, columns = sparsity.get_triplet()
     return list(zip(rows, columns, values, strict=True))
@@ -235,8 +235,8 @@ def _coordinate(mechanism: Mechanism, name: str, names: dict[Any, str]) -> Coord
     return Coordinate(name, joint.type, q + turned, v + omega, v_rate + omega_rate, forces + moments)
 
 
-def _require_unit(algebra: Algebra, coordinate: Coordinate) -> None:
-    """Let the algebra know that w² = 1 - x² - y² - z² for a unit quaternion."""
+def _define_unit_quaternion(algebra: Algebra, coordinate: Coordinate) -> None:
+    """Define w² = 1 - x² - y² - z² in the algebra, for the quaternion of a joint."""
     from fractions import Fraction
 
     start = JOINT_KINDS[coordinate.type].quaternion

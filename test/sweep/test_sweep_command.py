@@ -74,7 +74,7 @@ def test_processes_here_and_workers_of_a_cluster_give_the_same_bits(tmp_path, cl
     [
         (["--vary", "q=1"], "names nothing"),
         (["--vary", "l=1", "--out", "runs.xlsx"], ".parquet or .csv"),
-        (["--vary", "l=1", "--out", "nowhere/runs.csv"], "no folder"),
+        (["--vary", "l=1", "--out", "nowhere/runs.csv"], "nowhere does not exist"),
         (["--vary", "l=1", "--show", "elbow.speed"], "elbow.velocity"),
         (["--vary", "l=1", "--scheduler", "tcp://127.0.0.1:1"], "no Dask scheduler"),
     ],

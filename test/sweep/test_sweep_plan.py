@@ -29,12 +29,12 @@ def test_variations_are_read_with_units(rods):
         ("l", "varies nothing"),
         ("l=", "varies nothing"),
         ("l=1:2", "START:STOP:COUNT"),
-        ("l=1:2:x", "no number of values"),
+        ("l=1:2:x", "the number of values cannot be 'x'"),
         ("l=a,b", "'a' .*unknown"),
-        ("l=gauss(1, 2)", "no law 'gauss'"),
+        ("l=gauss(1, 2)", "no distribution 'gauss'"),
         ("l=uniform(1)", "low, high"),
         ("l=loguniform(-1, 2)", "0 < low"),
-        ("l=normal(1, -2)", "not negative"),
+        ("l=normal(1, -2)", "must not be negative"),
         ("joints.elbw.damping=1", "elbow"),
         ("joints.elbow.type=1", "not a number"),
         ("efforts.elbw=1", "no joint 'elbw'"),
@@ -73,7 +73,7 @@ def test_laws_draw_what_they_say():
 def test_a_plan_is_not_too_large_and_varies_nothing_twice():
     with pytest.raises(CommandError, match="twice"):
         plan([Grid("l", (1.0,)), Grid("l", (2.0,))])
-    with pytest.raises(CommandError, match="runs are not"):
+    with pytest.raises(CommandError, match="the number of runs must be"):
         plan([Grid("l", (1.0,) * 5000), Grid("m", (1.0,) * 5000)])
-    with pytest.raises(CommandError, match="runs are not"):
+    with pytest.raises(CommandError, match="the number of runs must be"):
         plan([Grid("l", (1.0,))], draws=0)

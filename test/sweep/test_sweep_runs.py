@@ -9,7 +9,7 @@ from mbd_sim.sweep.sweep_runs import (
     Settings,
     chunks,
     compute,
-    gathered,
+    joined,
 )
 
 
@@ -72,6 +72,6 @@ def test_chunks_are_put_together_in_order():
     work = chunks(changes)
     assert [len(chunk.changes) for chunk in work] == [CHUNK, 3]
     quick = Settings(**{**vars(settings("rod_pendulum")), "until": 0.01})
-    table = gathered([compute(quick, chunk) for chunk in work]).runs
+    table = joined([compute(quick, chunk) for chunk in work]).runs
     assert table["run"].tolist() == list(range(CHUNK + 3))
     assert table["gravity[2]"].tolist() == [-float(n) for n in range(CHUNK + 3)]

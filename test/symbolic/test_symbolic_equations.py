@@ -170,9 +170,7 @@ def chain(count):
     return "\n".join(["mechanism: chain", "parts:", *parts, "joints:", *joints])
 
 
-@pytest.mark.parametrize(
-    ("count", "why"), [(4, "terms|operations|products"), (9, "9 generalized speeds, and the most are 6")]
-)
+@pytest.mark.parametrize(("count", "why"), [(4, "terms|operations|products"), (9, "9 generalized speeds, more than 6")])
 def test_what_is_too_large_is_refused_with_the_reason(count, why):
     with pytest.raises(MbdSimError, match=rf"chain: the equations of motion are too long to be read: .*({why})"):
         symbolic_equations(parse_mechanism(chain(count)))
