@@ -37,7 +37,7 @@ def near(expected):
 
 
 def test_mass_in_a_rotating_frame():
-    """Géradin & Rixen p. 31-33: m x'' - 2 m Ω y' - m Ω² x and m y'' + 2 m Ω x' - m Ω² y."""
+    """Géradin & Rixen, p. 31-33: m x'' - 2 m Ω y' - m Ω² x and m y'' + 2 m Ω x' - m Ω² y."""
     mechanism = load_mechanism("rotating_frame_mass")
     p, split = mechanism.parameters, inertia_split(derive(mechanism))
     m, spin = p["m"], p["omega"]
@@ -51,7 +51,7 @@ def test_mass_in_a_rotating_frame():
 
 
 def test_pendulum_on_a_moving_support():
-    """Lidström p. 48-53: of the support's acceleration a there is m l a cos φ/2, and T1 makes no force on the rod."""
+    """Lidström, p. 48-53: of the support's acceleration a there is m l a cos φ/2, and T1 makes no force on the rod."""
     mechanism = load_mechanism("moving_support_pendulum")
     p, split = mechanism.parameters, inertia_split(derive(mechanism))
     m, length, w = p["m"], p["l"], p["frequency"]
@@ -66,7 +66,7 @@ def test_pendulum_on_a_moving_support():
 
 
 def test_particle_in_a_spun_tube():
-    """Huston & Liu 8.5: m r² θ'' - m r² Ω² sin θ cos θ; the Coriolis force is across the tube."""
+    """Huston & Liu, sec. 8.5: m r² θ'' - m r² Ω² sin θ cos θ; the Coriolis force is across the tube."""
     mechanism = load_mechanism("spun_tube_particle")
     p, split = mechanism.parameters, inertia_split(derive(mechanism))
     inertia = p["m"] * p["r"] ** 2

@@ -39,7 +39,7 @@ def test_double_rod():
 
 
 def test_a_bead_in_a_spun_tube_rests_where_gravity_and_rotation_balance():
-    """cos θ = g / r Ω², and ω = Ω sin θ (Huston & Liu 8.5)."""
+    """cos θ = g / r Ω², and ω = Ω sin θ (Huston & Liu, sec. 8.5)."""
     simulation = Simulation.from_file("spun_tube_particle")
     p = simulation.mechanism.parameters
     angle = np.arccos(G / (p["r"] * p["omega"] ** 2))

@@ -1,4 +1,4 @@
-"""Gauss methods: their conditions, and over 10⁶ steps energy that stays and motion that returns."""
+"""Gauss methods: their conditions, and conservation of energy and reversibility over many steps."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ALL = pytest.mark.parametrize("method", GAUSS.values(), ids=GAUSS)
 
 
 @ALL
-def test_they_are_collocation_at_the_points_of_gauss(method):
+def test_they_are_collocation_at_the_gauss_points(method):
     a, b, c = map(np.array, (method.a, method.b, method.c))
     nodes, weights = np.polynomial.legendre.leggauss(method.stages)
     assert c == pytest.approx((nodes + 1.0) / 2.0, abs=1e-15)
@@ -24,15 +24,15 @@ def test_they_are_collocation_at_the_points_of_gauss(method):
 
 @ALL
 def test_they_are_symplectic_and_symmetric(method):
-    """b_i a_ij + b_j a_ji = b_i b_j, and a_ij + a_(s-i)(s-j) = b_j (Hairer, Lubich & Wanner, (VI.4.2) and (V.2.4))."""
+    """b_i a_ij + b_j a_ji = b_i b_j, and a_ij + a_(s-i)(s-j) = b_j (Hairer, Lubich & Wanner, eq. VI.4.2 and V.2.4)."""
     a, b = np.array(method.a), np.array(method.b)
     assert b[:, None] * a + (b[:, None] * a).T == pytest.approx(np.outer(b, b), abs=1e-16)
     assert a + a[::-1, ::-1] == pytest.approx(np.tile(b, (method.stages, 1)), abs=1e-15)
 
 
 @ALL
-def test_estimates_compare_with_what_the_stages_say_of_the_start(method):
-    """The polynomial of degree s - 1 through the slopes at the nodes, read at 0, less the slope there."""
+def test_estimates_compare_the_slope_at_the_start_with_its_extrapolation(method):
+    """The polynomial of degree s - 1 through the slopes at the nodes, evaluated at 0, less the slope there."""
     first, *others = np.array(method.estimate.fine)
     for power in range(method.stages):
         assert first * 0.0**power + others @ np.array(method.c) ** power == pytest.approx(0.0, abs=1e-15)
@@ -40,7 +40,7 @@ def test_estimates_compare_with_what_the_stages_say_of_the_start(method):
 
 
 def energies(name, method, step):
-    """The largest energy residual, J, of the first and the last 10⁵ of 10⁶ steps."""
+    """The largest energy residual in J over the first and over the last 10⁵ of 10⁶ steps."""
     simulation = Simulation.from_file(name, method=method, step=step)
     worst = []
     for _ in range(10):
@@ -70,8 +70,8 @@ def test_energy_does_not_drift_over_a_million_steps(name, method, bound):
 
 @pytest.mark.parametrize("name", ["simple_pendulum", "cart_pendulum_spring", "heavy_top"])
 @pytest.mark.parametrize("method", ["gauss4", "gauss6"])
-def test_motion_turned_round_comes_back(name, method):
-    """As far as round-off lets it, where RK4 at the same step comes back nowhere near."""
+def test_reversed_motion_returns_to_the_start(name, method):
+    """Up to round-off, while RK4 at the same step ends far away."""
 
     def gap(method):
         simulation = Simulation.from_file(name, method=method, step=step)
@@ -86,8 +86,8 @@ def test_motion_turned_round_comes_back(name, method):
     assert gap("rk4") > 1e-6
 
 
-def test_quadratic_invariants_are_kept():
-    """The length of a quaternion and the spin's energy and momentum of a free body, at a step of 0.1 s."""
+def test_quadratic_invariants_are_conserved():
+    """The length of the quaternion, and the energy and momentum of the spin of a free body, at a step of 0.1 s."""
     simulation = Simulation.from_file("tumbling", method="gauss4", step=0.1)
     simulation.step(10_000)
     assert abs(simulation.energies.residual) < 1e-12

@@ -1,4 +1,4 @@
-"""The order of every method on mechanisms: driven by time, with quaternions, with loops."""
+"""The order of every method on mechanisms with drives, quaternions and loops."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mbd_sim import Simulation
 from mbd_sim.integrators.methods import METHODS
 
 TIMES = {"moving_support_pendulum": 1.6, "heavy_top": 0.04, "four_bar": 0.4, "tube_particles": 0.16}
-# Steps until that time; the errors of two runs, of this many and of twice as many, are compared.
+# The number of steps until that time. The errors of runs with this many and twice as many steps are compared.
 STEPS = {
     "euler": 8000,
     "midpoint": 1000,
@@ -35,7 +35,7 @@ def state(name, method, steps):
 @pytest.mark.parametrize("name", TIMES)
 @pytest.mark.parametrize("method", METHODS)
 def test_order(name, method):
-    """The energies of the audit, the last three of the state, as well."""
+    """Including the energies of the audit, the last three components of the state."""
     exact = state(name, "dop853", 2000)
     coarse, fine = (np.max(np.abs(state(name, method, n * STEPS[method]) - exact)) for n in (1, 2))
     assert fine > 1e-13

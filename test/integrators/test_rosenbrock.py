@@ -20,7 +20,7 @@ def lower(rows):
 
 
 def classic(method):
-    """α, Γ, b and the embedded weights' difference, of the form with products of J (Hairer & Wanner II, (7.4))."""
+    """α, Γ, b and the embedded weights' difference, in the form with products with J (Hairer & Wanner II, eq. IV.7.4)."""
     gamma = np.linalg.inv(np.eye(method.stages) / method.gamma - lower(method.g))
     return lower(method.a) @ gamma, gamma, np.array(method.m) @ gamma, np.array(method.estimate.fine) @ gamma
 
@@ -44,7 +44,7 @@ def test_every_order_condition_holds(method):
 
 
 @ALL
-def test_the_embedded_method_is_of_one_order_less(method):
+def test_the_embedded_method_has_one_order_less(method):
     alpha, gamma, _, d = classic(method)
     for order in range(1, method.order):
         for tree in trees(order):
@@ -67,7 +67,7 @@ def test_it_is_l_stable_and_stiffly_accurate(method):
 
 @ALL
 def test_singular_configurations_are_passed(method):
-    """A parallelogram goes through its flat position some ten times, where the Jacobian is without bound."""
+    """A parallelogram passes its flat configuration, where the Jacobian is unbounded, about ten times."""
     simulation = Simulation.from_file("a02_four_bars", method=method.name)
     simulation.run(until=20.0)
     assert abs(simulation.energies.residual) < 1e-9

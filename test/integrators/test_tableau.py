@@ -1,4 +1,4 @@
-"""The coefficients of every method: consistency, all order conditions, and the order that a compiled run shows."""
+"""The coefficients of every method: consistency, all order conditions, and the order of a compiled run."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def matrix(method):
     return a
 
 
-def test_there_are_as_many_trees_as_the_literature_says():
+def test_the_number_of_trees_is_that_of_the_literature():
     assert [len(trees(order)) for order in range(1, 9)] == [1, 1, 2, 4, 9, 20, 48, 115]
-    # Σ n!/(σ γ) over the trees of n nodes counts the labelled ones: (n - 1)!
+    # Σ n!/(σ γ) over the trees of n nodes counts the labeled trees: (n - 1)!
     for order in range(1, 9):
         total = sum(Fraction(factorial(order), symmetry(tree) * density(tree)) for tree in trees(order))
         assert total == factorial(order - 1)
@@ -76,7 +76,7 @@ def test_estimates_vanish_up_to_their_order(name, fine, coarse):
 
 
 def orbit(method):
-    """Kepler's ellipse seen from a point that moves as (sin t, t²): nonlinear rates that depend on time.
+    """Kepler's ellipse relative to a point that moves as (sin t, t²): nonlinear rates that depend on time.
 
     y = [x, x', ∫ sin t dt], x = ellipse + s(t) with s = (sin t, t²).
     """
@@ -91,7 +91,7 @@ ECCENTRICITY = 0.3
 
 
 def error(kernel, steps):
-    """The error after one turn, when the ellipse is where it was."""
+    """The error after one period of the ellipse."""
     e, turn = ECCENTRICITY, 2.0 * np.pi
     speed = np.sqrt((1.0 + e) / (1.0 - e))
     y, inputs = np.array([1.0 - e, 0.0, 1.0, speed, 0.0]), np.zeros(1)
@@ -114,7 +114,7 @@ def test_convergence(name, steps):
 
 @ALL
 def test_rates_of_time_alone_are_integrated_exactly_up_to_the_order(method):
-    """y' = t^(p-1) must give 1/p after one step: this is what the nodes c are for."""
+    """y' = t^(p-1) must give 1/p after one step, which checks the nodes c."""
     t, y, inputs = ca.SX.sym("t"), ca.SX.sym("y", method.order), ca.SX.sym("e", 1)
     powers = [ca.SX(1.0)]
     for _ in range(1, method.order):

@@ -1,6 +1,6 @@
-"""Accelerations of the first mechanisms against the closed forms of the textbooks, at random states.
+"""Accelerations at random states against the closed forms of textbooks.
 
-test_systems.py has the others.
+Further mechanisms are in test_systems.py.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ def rng(request):
 
 
 def near(expected):
-    """Equal to the closed form: relative to the largest of the accelerations."""
+    """Equal to the closed form, relative to the largest acceleration."""
     expected = np.asarray(expected, dtype=float)
     return pytest.approx(expected, rel=0.0, abs=TOLERANCE * float(np.max(np.abs(expected))))
 
 
 class TestRodPendulum:
-    """Huston & Liu 8.9: (1/3) m l² θ'' + (1/2) m g l sin θ = 0."""
+    """Huston & Liu, sec. 8.9: (1/3) m l² θ'' + (1/2) m g l sin θ = 0."""
 
     equations = derive(load_mechanism("rod_pendulum"))
 
@@ -44,7 +44,7 @@ class TestRodPendulum:
 
 
 def double_rod(theta, rate, torques, m1=1.0, m2=1.0, l1=1.0, l2=1.0):
-    """θ'' of two rods in absolute angles (Huston & Liu 11.12.3); `torques` are generalized forces of the angles."""
+    """θ'' of two rods in absolute angles (Huston & Liu, sec. 11.12.3); `torques` are generalized forces of the angles."""
     c, s = np.cos(theta[0] - theta[1]), np.sin(theta[0] - theta[1])
     half = 0.5 * m2 * l1 * l2
     mass = np.array([[m1 * l1**2 / 3 + m2 * l1**2, half * c], [half * c, m2 * l2**2 / 3]])
@@ -64,7 +64,7 @@ class TestDoubleRod:
 
     def test_accelerations(self, rng):
         beta, rate, effort = draw(rng, 2, 2, 2)
-        # a torque at the elbow turns the lower rod and, reversed, the upper one
+        # a torque at the elbow acts on the lower rod and, reversed, on the upper one
         absolute = double_rod(np.cumsum(beta), np.cumsum(rate), np.array([effort[0] - effort[1], effort[1]]))
         expected = [absolute[0], absolute[1] - absolute[0]]
         assert accelerations(self.equations, beta, rate, effort) == near(expected)
@@ -76,7 +76,7 @@ def free_state(rng):
 
 
 class TestFreeBody:
-    """Huston & Liu 8.7: the mass centre falls, the spin obeys Euler's equations I ω' + ω × I ω = M."""
+    """Huston & Liu, sec. 8.7: the center of mass falls, and the spin obeys Euler's equations I ω' + ω × I ω = M."""
 
     tumbling = derive(load_mechanism("tumbling"))
 
@@ -86,8 +86,8 @@ class TestFreeBody:
         spin = (effort[3:] - np.cross(w, moments * w)) / moments
         assert accelerations(self.tumbling, q, u, effort) == near([*effort[:3], *spin])
 
-    def test_frame_away_from_the_mass_centre(self, rng):
-        """A force at the frame's origin and a couple, with the mass centre elsewhere: Newton and Euler about it."""
+    def test_frame_away_from_the_center_of_mass(self, rng):
+        """A force at the frame's origin and a couple, with the center of mass elsewhere: Newton–Euler about that center."""
         tensor = np.array([[0.5, 0.05, -0.02], [0.05, 0.6, 0.03], [-0.02, 0.03, 0.4]])
         center = np.array([0.2, -0.1, 0.3])
         equations = derived("""

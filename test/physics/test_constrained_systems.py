@@ -1,7 +1,7 @@
-"""The shipped mechanisms with loops and constraints, each against its textbook.
+"""The shipped mechanisms with loops and constraints against the closed forms of textbooks.
 
-Accelerations at random consistent states against the closed form, reference end states, the energy audit and the
-constraints over ten seconds. test_rolling.py, test_reactions.py and test_loops.py have what needs more words.
+The tests compare accelerations at random consistent states with the closed form, end states with reference values, and
+check the energy audit and the constraints over ten seconds. See also test_rolling.py and test_loops.py.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ def equations(name):
 
 
 def relative(found, expected):
-    """The largest error, relative to the largest component, or to 1: forces of that order cancel in the smallest."""
+    """The largest error relative to the largest component, or to 1: forces of order 1 cancel in smaller ones."""
     expected = np.asarray(expected, dtype=float)
     return np.max(np.abs(found - expected)) / max(np.max(np.abs(expected)), 1.0)
 
 
-# Planar loops in complex numbers: a bar is a exp(iθ), and what it makes turning is solved for two rates at a time.
+# Planar loops in complex numbers: a bar is a exp(iθ), and the loop equation is solved for two rates at a time.
 
 
 def two_rates(first, second, known):
-    """x and y with x first + y second = known, all of these complex numbers."""
+    """Real x and y with x first + y second = known; the other numbers are complex."""
     return np.linalg.solve([[first.real, second.real], [first.imag, second.imag]], [known.real, known.imag])
 
 
@@ -44,7 +44,7 @@ def bar(length, angle):
 
 
 def one_freedom(motions, force):
-    """The acceleration θ'' of Σ m |z|² θ'' = Q - Σ m Re(z* b), of masses m that accelerate as z θ'' + b."""
+    """The acceleration θ'' of Σ m |z|² θ'' = Q - Σ m Re(z* b), for masses m with accelerations z θ'' + b."""
     inertia = sum(m * abs(z) ** 2 for m, z, _ in motions)
     return (force - sum(m * (np.conj(z) * b).real for m, z, b in motions)) / inertia
 
@@ -53,7 +53,7 @@ def one_freedom(motions, force):
 
 
 def constrained_pendulum(p, t, q, u, e):
-    """θ'' + (g/l) sin θ = 0 (Huston & Liu 8.4) in u1 = l cos θ - l and u2 = l sin θ."""
+    """θ'' + (g/l) sin θ = 0 (Huston & Liu, sec. 8.4) in u1 = l cos θ - l and u2 = l sin θ."""
     length = p["l"]
     c, s = 1.0 + q[0] / length, q[1] / length
     rate = (c * u[1] - s * u[0]) / length
@@ -62,24 +62,24 @@ def constrained_pendulum(p, t, q, u, e):
 
 
 def a01_simple_pendulum(p, t, q, u, e):
-    """The same in x and z."""
+    """The pendulum in x and z."""
     down = constrained_pendulum({"m": 1.0, "l": 1.0}, t, [-q[1] - 1.0, q[0]], [-u[1], u[0]], [-e[1], e[0]])
     return [down[1], -down[0]]
 
 
 def on_a_sphere(m, radius, q, u, e):
-    """Along a sphere a particle accelerates as the force does it, and toward the centre by v²/R."""
+    """On a sphere a particle accelerates along the sphere as the force demands, and toward the center by v²/R."""
     normal, free = q / radius, e / m - [0.0, 0.0, G]
     return free - normal * (normal @ free + u @ u / radius)
 
 
 def spherical_pendulum(p, t, q, u, e):
-    """Lidström 9.1, without angles."""
+    """Lidström, sec. 9.1, without angles."""
     return on_a_sphere(p["m"], p["l"], q, u, e)
 
 
 def insect_on_sphere(p, t, q, u, e):
-    """Huston & Liu P11.2.2."""
+    """Huston & Liu, P11.2.2."""
     return on_a_sphere(p["m"], p["radius"], q, u, e)
 
 
@@ -94,7 +94,7 @@ def bead_on_wire(p, t, q, u, e):
 
 
 def slider_crank(p, t, q, u, e):
-    """Lidström p. 10-12, as a mechanism of one degree of freedom."""
+    """Lidström, p. 10-12, as a mechanism of one degree of freedom."""
     r, length = p["r"], p["b"] + p["c"]
     crank, coupler = bar(r, q[0]), bar(length, q[0] + q[1])
     turned, _ = two_rates(1j * coupler, -1.0 + 0j, -1j * crank)
@@ -136,7 +136,7 @@ def four_bar(p, t, q, u, e):
 
 
 def knife_edge(p, t, q, u, e):
-    """Huston & Liu P11.2.3: forward as the force along the edge does it, sideways as the edge turns."""
+    """Huston & Liu, P11.2.3: it accelerates forward by the force along the edge, and sideways as the edge turns."""
     c, s = np.cos(q[2]), np.sin(q[2])
     forward, speed = (c * e[0] + s * e[1]) / p["m"], c * u[0] + s * u[1]
     inertia = p["m"] * (p["length"] ** 2 + 0.004**2) / 12.0
@@ -144,13 +144,13 @@ def knife_edge(p, t, q, u, e):
 
 
 def upright_wheel(p, t, q, u, e):
-    """Géradin & Rixen p. 12-14: (m + I/r²) x'' = m g sin(slope) + F + M/r."""
+    """Géradin & Rixen, p. 12-14: (m + I/r²) x'' = m g sin(slope) + F + M/r."""
     down = (p["m"] * G * np.sin(p["slope"]) + e[1] + e[2] / p["r"]) / (1.5 * p["m"])
     return [0.0, down, down / p["r"]]
 
 
 def disk_weight(p, t, q, u, e):
-    """Huston & Liu 8.8: α = W r/(I + mass r²)."""
+    """Huston & Liu, sec. 8.8: α = W r/(I + mass r²)."""
     alpha = (e[0] + p["r"] * (p["mass"] * G + e[1])) / (0.5 * p["m"] * p["r"] ** 2 + p["mass"] * p["r"] ** 2)
     return [alpha, p["r"] * alpha]
 
@@ -180,7 +180,7 @@ def rack_and_pinion(p, t, q, u, e):
 
 
 def scissor_lift(p, t, q, u, e):
-    """All follows the screw: x'' = lead/2π times its acceleration, and x = l cos α."""
+    """Everything follows the screw: x'' is lead/2π times its angular acceleration, and x = l cos α."""
     w = 2.0 * np.pi / p["period"]
     out = p["lead"] / 2.0 * p["turns"] * w**2 * np.cos(w * t)
     tilt = -(out + q[0] * u[1] ** 2) / (p["l"] * np.sin(q[1]))
@@ -188,7 +188,7 @@ def scissor_lift(p, t, q, u, e):
 
 
 def a02_four_bars(p, t, q, u, e):
-    """((N + 1)/3 + N) θ'' + ((N + 1)/2 + N) g cos θ = 0 for all rods, from the horizontal, and the bars stay level."""
+    """((N + 1)/3 + N) θ'' + ((N + 1)/2 + N) g cos θ = 0 for all rods, from the horizontal; the bars stay level."""
     pull = 3.5 * G * np.sin(q[0]) + e[:3].sum() - e[3:].sum()
     return np.array([1.0, 1.0, 1.0, -1.0, -1.0]) * pull / 3.0
 
@@ -213,7 +213,7 @@ CLOSED_FORMS = {
         a02_four_bars,
     )
 }
-# How far to go from the start, where other branches of the mechanism or singular positions lie near.
+# The distance of random states from the start, where other branches or singular configurations are near.
 REACH = {"slider_crank": 0.5, "four_bar": 0.7, "scissor_lift": 0.2, "swinging_atwood": 0.5, "a02_four_bars": 0.4}
 
 
@@ -234,7 +234,7 @@ LOOPED = sorted(path.stem for path in shipped().values() if path.parent.name in 
 
 @pytest.mark.parametrize("name", LOOPED)
 def test_energy_audit_and_constraints(name):
-    """Over ten seconds; scripts/systems_table goes on for a minute, or for ten."""
+    """Over ten seconds; scripts/systems_table runs for a minute or longer."""
     sim, derived_ = Simulation.from_file(name), equations(name)
     largest = worst = 0.0
     while sim.time < 10.0:
@@ -260,7 +260,7 @@ def test_four_bar_end_state():
 
 
 def test_spherical_pendulum_end_state():
-    """θ from the downward vertical and φ, which has gone round twice."""
+    """θ from the downward vertical, and φ, which has made more than two turns."""
     sim = end("spherical_pendulum", 5.0)
     (x, y, z), (vx, vy, vz) = sim.q, sim.u
     theta, phi = np.arctan2(np.hypot(x, y), -z), np.arctan2(y, x) + 6.0 * np.pi
@@ -271,7 +271,7 @@ def test_spherical_pendulum_end_state():
 
 @pytest.mark.parametrize("start", [0.0, 1e-9, 1e-3])
 def test_spherical_pendulum_swings_through_the_bottom(start):
-    """Where θ and φ are singular."""
+    """There θ and φ are singular."""
     sim = Simulation.from_file("spherical_pendulum")
     sim.reset(q=[start, 0.0, -np.sqrt(1.0 - start**2)], u=[0.0, 1.0, 0.0])
     speeds = []
@@ -282,8 +282,8 @@ def test_spherical_pendulum_swings_through_the_bottom(start):
     assert abs(sim.energies.residual) < 1e-12
 
 
-def test_constrained_pendulum_moves_as_the_simple_one():
-    """A change of coordinates leaves the motion as it is (Lidström, theorem 9.2)."""
+def test_constrained_pendulum_moves_like_the_simple_one():
+    """A change of coordinates does not change the motion (Lidström, theorem 9.2)."""
     constrained, simple = Simulation.from_file("constrained_pendulum"), Simulation.from_file("simple_pendulum")
     for _ in range(20):
         constrained.step(500)
@@ -293,7 +293,7 @@ def test_constrained_pendulum_moves_as_the_simple_one():
 
 
 def test_knife_edge_runs_in_a_circle():
-    """At constant speed, with the radius v/φ'."""
+    """The speed is constant and the radius is v/φ'."""
     sim = Simulation.from_file("knife_edge")
     for _ in range(10):
         sim.step(700)
@@ -309,7 +309,7 @@ def test_insect_has_two_degrees_of_freedom():
 
 
 def test_upright_wheel_is_holonomic():
-    """One degree of freedom: what rolls is integrable, x - r ψ stays."""
+    """It has one degree of freedom: the rolling constraint is integrable, and x - r ψ is constant."""
     sim, derived_ = Simulation.from_file("upright_wheel"), equations("upright_wheel")
     assert derived_.layout.nv - derived_.start.rank == 1
     sim.run(until=5.0)
@@ -319,7 +319,7 @@ def test_upright_wheel_is_holonomic():
 
 
 def test_weight_on_a_disk():
-    """Huston & Liu 8.8: the angle after a second, and the cable's tension I α/r, which is the multiplier."""
+    """Huston & Liu, sec. 8.8: the angle after a second, and the cable's tension I α/r, which is the multiplier."""
     p, derived_ = load_mechanism("disk_weight").parameters, equations("disk_weight")
     sim = end("disk_weight", 1.0)
     inertia, weight = 0.5 * p["m"] * p["r"] ** 2, p["mass"] * G
@@ -356,7 +356,7 @@ constraints:
 
 
 def test_constraint_matrix_of_the_slider_crank():
-    """Lidström p. 10-12: two bars with three coordinates each, five equations, and the matrix has the rank 5."""
+    """Lidström, p. 10-12: two bars with three coordinates each and five equations; the matrix has rank 5."""
     found = derived(SLIDER_CRANK_IN_SIX)
     matrix = found.constraints.gradient(0.0, found.start.q)
     kept = matrix[list(found.start.independent)]
@@ -366,13 +366,13 @@ def test_constraint_matrix_of_the_slider_crank():
 
 
 def test_degree_of_freedom_of_the_slider_crank():
-    """Grübler in the plane: 3 (4 - 1) - 4 · 2 = 1; the loop is cut at one joint, with two equations left for it."""
+    """Grübler in the plane: 3 (4 - 1) - 4 · 2 = 1; the loop is cut at one joint, which leaves two equations."""
     found = equations("slider_crank")
     assert 3 * (4 - 1) - 4 * 2 == found.layout.nv - found.start.rank == 1
 
 
 def test_work_of_the_screw_of_the_lift():
-    """Its torque times its speed is the rate of the energy, and lifts the load."""
+    """Its torque times its speed is the rate of the energy; it lifts the load."""
     sim = end("scissor_lift", 0.0)
     low = sim.energies.potential
     highest = 0.0
@@ -384,7 +384,7 @@ def test_work_of_the_screw_of_the_lift():
 
 
 def test_legs_of_the_stewart_platform():
-    """They have the lengths that the file says, and their forces hold and move the platform."""
+    """They have the lengths of the file, and their forces support and move the platform."""
     p, derived_, sim = load_mechanism("stewart").parameters, equations("stewart"), end("stewart", 0.0)
     mechanism = sim.mechanism
     for _ in range(5):

@@ -1,7 +1,7 @@
-"""A change of coordinates leaves the motion as it is (Lidström, theorem 9.2).
+"""A change of coordinates does not change the motion (Lidström, theorem 9.2).
 
-The same mechanism is written with other joints, cut elsewhere, or with its joints the other way round. Where the two
-start alike they move alike, and the same forces go through what they have in common.
+The same mechanism is written with other joints, cut at another joint, or with the parts of its joints exchanged. From
+the same start both have the same motion, and the joints that they share transmit the same forces.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def near(expected, size):
 
 
 def assert_alike(found, expected, size):
-    """The parts that two simulations share are at the same places, and their energies are the same."""
+    """The parts that two simulations share have the same poses, and the energies agree."""
     poses = found.poses()
     for name, pose in expected.poses().items():
         if name in poses:
@@ -32,7 +32,7 @@ def assert_alike(found, expected, size):
     assert found.energies.potential == near(expected.energies.potential, 10.0 * size)
 
 
-# A rod of 1 kg and 1 m on a pin, which swings in a plane whatever the coordinates say.
+# A rod of 1 kg and 1 m on a pin; it swings in a plane for any choice of coordinates.
 ROD = """
 mechanism: rod
 parts:
@@ -43,7 +43,7 @@ JOINTS
 """
 PIN = "  pin: {type: revolute, between: [ground, rod], axis: [0, -1, 0]"
 
-# Joints, parts and constraints besides; q and u of them from the angle a and the speed w.
+# Further joints, parts and constraints; q and u as functions of the angle a and the speed w.
 RODS = {
     "revolute": (PIN + "}", "", lambda a, w: ([a], [w])),
     "the other way round": (
@@ -57,7 +57,7 @@ RODS = {
         "",
         lambda a, w: ([0.0, 0.0, a], [0.0, 0.0, w]),
     ),
-    "two slides and a hinge at the middle, held at its end on a line": (
+    "two slides and a hinge at the middle, with its end on a line": (
         "  x: {type: prismatic, between: [ground, carriage], axis: [1, 0, 0]}\n"
         "  z: {type: prismatic, between: [carriage, block], axis: [0, 0, 1]}\n"
         "  turn: {type: revolute, between: [block, rod.middle], axis: [0, -1, 0]}\n"
@@ -96,7 +96,7 @@ def test_rod_pendulum_in_other_coordinates(name):
             assert np.sort(np.abs(found.multipliers()["pin"])) == near(np.sort(np.abs(force[[0, 2]])), 1e-12)
 
 
-# A free body that is held in a pin, or on a ball joint: 6 coordinates, of which the loop takes 5 or 3.
+# A free body on a pin or a ball joint: 6 coordinates, of which the loop removes 5 or 3.
 BODY = """
 mechanism: body
 parts:
@@ -109,15 +109,15 @@ HELD["universal"] = ", axes: [[1, 0, 0], [0.2, 1, 0]]"
 
 
 def as_free(sim, part):
-    """q and u of a free joint from ground that moves a part as a simulation does."""
+    """q and u of a free joint that gives a part the pose and velocity it has in a simulation."""
     motion = kane.motions(sim.mechanism, sim.q, sim.u)[part]
     quaternion = to_quaternion(motion.rotation.d[0])
     return [*motion.origin.d[0], *quaternion], [*motion.origin.d[1], *motion.omega]
 
 
 @pytest.mark.parametrize("kind", HELD)
-def test_a_held_body_is_a_free_body_with_its_joint_cut(kind):
-    """Of 6 coordinates the loop takes 2 to 5; the same force and moment hold the body."""
+def test_a_body_on_a_joint_is_a_free_body_with_its_joint_cut(kind):
+    """The loop removes 2 to 5 of the 6 coordinates; the joint exerts the same force and moment on the body."""
     joint = f"hold: {{type: {kind}, between: [ground, body.eye]{HELD[kind]}}}"
     flight = "flight: {type: free, between: [ground, body], guess: true}"
     tree = Simulation.from_text(BODY.replace("JOINTS", joint))
@@ -172,7 +172,7 @@ FOUR_BAR_JOINTS = ("crank_pivot", "crank_pin", "rocker_pivot", "rocker_pin")
 
 
 def four_bar(cut):
-    """The shipped four-bar with one of its joints cut, in the state of the shipped one."""
+    """The shipped four-bar with one of its joints cut, in the same state."""
     shipped = Simulation.from_file("four_bar")
     data = dict(shipped.mechanism.source.data)
     bare = ("position", "velocity", "guess", "cut")
@@ -193,7 +193,7 @@ def four_bar(cut):
 
 @pytest.mark.parametrize("cut", FOUR_BAR_JOINTS)
 def test_four_bar_cut_at_any_of_its_joints(cut):
-    """Two seconds, in which the crank turns a few times, and what its joints hold in the plane."""
+    """Over two seconds, in which the crank makes a few turns; the in-plane reactions of its joints agree."""
     shipped, other = Simulation.from_file("four_bar"), four_bar(cut)
     for _ in range(4):
         shipped.step(500)
@@ -225,20 +225,20 @@ CHAIN = [
 ]
 
 
-def turned_round(kind, options):
-    """The same joint from its second part to its first: opposite axes, of two the second first."""
+def with_parts_exchanged(kind, options):
+    """The same joint from its second part to its first: with opposite axes, and two axes in reverse order."""
     opposite = {key: (-np.array(value, dtype=float)).tolist() for key, value in options.items() if key.startswith("ax")}
     if kind == "universal":
         opposite["axes"].reverse()
     return {**options, **opposite}
 
 
-def test_joints_written_the_other_way_round():
-    """All coordinates stay but the angles of a universal joint, which change places, and a ball's rotation."""
+def test_joints_with_their_parts_exchanged():
+    """All coordinates stay the same except the angles of a universal joint, which swap, and a ball's rotation."""
     lines, others = [], []
     for name, kind, first, second, options in CHAIN:
         lines.append(f"  {name}: {json.dumps({'type': kind, 'between': [first, second], **options})}")
-        other = {"type": kind, "between": [second, first], **turned_round(kind, options)}
+        other = {"type": kind, "between": [second, first], **with_parts_exchanged(kind, options)}
         others.append(f"  {name}: {json.dumps(other)}")
     one, other = (Simulation.from_text(ROW + "\n".join(joints)) for joints in (lines, others))
     rng = np.random.default_rng(142)

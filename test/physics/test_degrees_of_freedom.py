@@ -1,4 +1,4 @@
-"""Degrees of freedom of everyday things (Huston & Liu P11.2.1): speeds less the rank of the constraints."""
+"""Degrees of freedom of everyday objects (Huston & Liu, P11.2.1): speeds less the rank of the constraints."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mbd_sim import Simulation
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.load import load_mechanism, parse_mechanism
 
-# name: speeds of the tree, equations, their rank. The reasons stand in the files.
+# name: speeds of the tree, equations, and their rank. The files give the reasons.
 COUNTS = {
     "eyeglasses": (8, 0, 0),
     "scissors": (7, 0, 0),
@@ -29,14 +29,14 @@ def test_count(name):
 
 @pytest.mark.parametrize(("name", "freedoms"), [("eyeglasses", 8), ("scissors", 7), ("arm", 7)])
 def test_counts_of_open_chains_by_bodies(name, freedoms):
-    """6 for each body, less what each joint takes."""
+    """6 for each body, less the equations of each joint."""
     taken = {"free": 0, "revolute": 5, "spherical": 3}
     mechanism = load_mechanism(name)
     assert 6 * len(mechanism.parts) - sum(taken[joint.type] for joint in mechanism.joints.values()) == freedoms
 
 
 def test_redundant_equation_of_the_tricycle():
-    """The rear wheels forbid the same sideways slip, whichever way the front wheel points."""
+    """The rear wheels forbid the same sideways slip in any direction of the front wheel."""
     found = derive(load_mechanism("tricycle"))
     dropped = [row.name for index, row in enumerate(found.rows) if index not in found.start.independent]
     assert len(dropped) == 1 and dropped[0].split(":")[0] in ("left", "right") and "slip" in dropped[0]
@@ -49,12 +49,12 @@ def test_contacts_of_the_tricycle():
 
 
 def heading(q):
-    """Of the tricycle's frame."""
+    """The heading of the tricycle's frame in rad."""
     w, x, y, z = q[3:7]
     return np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
-def test_rear_wheels_tell_the_heading_of_the_tricycle():
+def test_rear_wheels_determine_the_heading_of_the_tricycle():
     """One combination of the equations of slip can be integrated: r (right - left) = track · heading."""
     p, sim = load_mechanism("tricycle").parameters, Simulation.from_file("tricycle")
     for _ in range(10):
@@ -65,7 +65,7 @@ def test_rear_wheels_tell_the_heading_of_the_tricycle():
 
 
 def test_tricycle_rolls_about_the_point_where_its_axles_meet():
-    """With the steering at δ, v tan δ/base is its turning, and the middle of the rear axle does not slip sideways."""
+    """At a steering angle δ it turns at v tan δ/base, and the middle of the rear axle does not slip sideways."""
     p, sim = load_mechanism("tricycle").parameters, Simulation.from_file("tricycle")
     for _ in range(20):
         sim.step(50)

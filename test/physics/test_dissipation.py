@@ -1,4 +1,4 @@
-"""Dampers by a power, dry friction and lossy stops, against closed forms."""
+"""Power-law dampers, dry friction and dissipative stops against closed forms."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_quadratic_drag_slows_the_puck_as_one_over_t():
 @pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0, 3.0])
 @pytest.mark.parametrize("where", ["joint", "line", "velocity"])
 def test_a_power_law_damper_slows_a_slider_down(exponent, where):
-    """m v' = -C v^p: v^(1-p) = v0^(1-p) + (p - 1) C t / m, for p = 1 an exponential."""
+    """m v' = -C v^p: v^(1-p) = v0^(1-p) + (p - 1) C t / m, and an exponential for p = 1."""
     law = f"coefficient: 1.5, exponent: {exponent}"
     if where == "joint":
         sim = slider(f"velocity: 0.9, damper: {{{law}}}")
@@ -54,7 +54,7 @@ def test_a_damper_leaves_a_mass_at_rest_at_rest(exponent, along):
     assert sim.q[0] == sim.u[0] == sim.energies.dissipated == 0.0
 
 
-def test_a_damper_along_the_line_leaves_motion_across_it_alone():
+def test_a_damper_along_the_line_does_not_damp_transverse_motion():
     text = """
 mechanism: circle
 gravity: [0, 0, 0]
@@ -62,15 +62,18 @@ parts: {arm: {mass: 1, center: [1, 0, 0], points: {end: [1, 0, 0]}}}
 joints: {pin: {type: revolute, between: [ground, arm], axis: [0, 0, 1], velocity: 3}}
 forces: {d: {type: damper, between: [ground, arm.end], coefficient: 2, exponent: 2, along: line}}
 """
-    free, held = Simulation.from_text(text), Simulation.from_text(text.replace("along: line", "along: velocity"))
-    for sim in (free, held):
+    along_line, along_velocity = (
+        Simulation.from_text(text),
+        Simulation.from_text(text.replace("along: line", "along: velocity")),
+    )
+    for sim in (along_line, along_velocity):
         sim.run(until=1.0)
-    assert free.u[0] == pytest.approx(3.0, rel=1e-14)
-    assert held.u[0] == pytest.approx(3.0 / (1 + 2 * 3.0), rel=1e-13)
+    assert along_line.u[0] == pytest.approx(3.0, rel=1e-14)
+    assert along_velocity.u[0] == pytest.approx(3.0 / (1 + 2 * 3.0), rel=1e-13)
 
 
 @pytest.mark.parametrize("kind", ["prismatic", "revolute"])
-def test_friction_stops_a_mass_as_its_law_tells(kind):
+def test_friction_stops_a_mass_according_to_its_law(kind):
     """m v' = -F tanh(v/vr): sinh(v/vr) = sinh(v0/vr) exp(-F t / m vr)."""
     text = f"""
 mechanism: sliding
@@ -87,7 +90,7 @@ joints: {{j: {{type: {kind}, between: [ground, body], axis: [0, 0, 1], velocity:
 
 
 def test_stick_slip_has_the_forces_of_its_law():
-    """m s'' = -k x - F(s') with x = v t + s, the friction by Stribeck."""
+    """m s'' = -k x - F(s') with x = v t + s and Stribeck friction."""
     p = load_mechanism("stick_slip").parameters
     equations, rng = derive(load_mechanism("stick_slip")), np.random.default_rng(74)
     for s, speed, t in zip(rng.uniform(-0.2, 0.2, 50), rng.uniform(-0.2, 0.2, 50), rng.uniform(0, 1, 50), strict=True):
@@ -98,7 +101,7 @@ def test_stick_slip_has_the_forces_of_its_law():
 
 
 def test_stick_slip_sticks_and_slips():
-    """While it sticks, the block creeps far slower than the belt moves; then the spring tears it back."""
+    """While it sticks, the block creeps far slower than the belt moves. Then the spring pulls it back."""
     sim, speeds = Simulation.from_file("stick_slip"), []
     for _ in range(2000):
         sim.step(10)
@@ -110,7 +113,7 @@ def test_stick_slip_sticks_and_slips():
 
 
 def rebound(damping, speed):
-    """Hunt & Crossley: with G(v) = v/c - log(1 + c v)/c² the speeds of a touch, at k δ (1 + c v), have one G."""
+    """Hunt & Crossley: with G(v) = v/c - log(1 + c v)/c² the speeds before and after a contact with k δ (1 + c v) have the same G."""
 
     def g(v):
         return v / damping - np.log1p(damping * v) / damping**2
@@ -121,19 +124,19 @@ def rebound(damping, speed):
 @pytest.mark.parametrize(("damping", "speed"), [(0.1, 2.0), (0.5, 2.0), (2.0, 3.0)])
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_mass_leaves_a_stop_with_the_speed_of_hunt_and_crossley(damping, speed, side):
-    """Whatever the mass and the stiffness, and never faster than 1/c."""
+    """For any mass and stiffness, and never faster than 1/c."""
     lower, upper = (-0.1, 9) if side < 0 else (-9, 0.1)
     for stiffness in (3000, 8000):
         limits = f"limits: {{lower: {lower}, upper: {upper}, stiffness: {stiffness}, damping: {damping}}}"
         sim = slider(f"velocity: {side * speed}, {limits}", step=1e-5)
         sim.run(until=0.25)
-        kink = stiffness * (speed * 1e-5) ** 2  # J: what a method misses of a force that sets in within a step
+        kink = stiffness * (speed * 1e-5) ** 2  # J: the error of a method if a force starts within a step
         assert side * sim.q[0] < 0.1 and -side * sim.u[0] < 1 / damping
         assert -side * sim.u[0] == pytest.approx(rebound(damping, speed), abs=kink)
         assert sim.energies.dissipated == pytest.approx(speed**2 - sim.u[0] ** 2, abs=kink)
 
 
-def test_the_dissipation_of_stops_never_falls():
+def test_the_dissipation_of_stops_never_decreases():
     sim = slider("velocity: 3, limits: {lower: -0.1, upper: 0.1, stiffness: 5000, damping: 1.5}")
     taken = [0.0]
     for _ in range(2000):

@@ -1,4 +1,4 @@
-"""Prescribed motion: what the drives exert, and their work."""
+"""Prescribed motion: the forces of the drives and their work."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ joints:
 
 
 @pytest.mark.parametrize("time", [0.0, 0.7, 2.3])
-def test_a_lift_is_carried_with_its_weight_and_its_acceleration(time):
+def test_the_drive_of_a_lift_carries_its_weight_and_inertia(time):
     simulation = Simulation.from_text(LIFT)
     simulation.run(until=time)
     (position,), (speed,), (force,) = simulation.model.drives(simulation.time, simulation.state, simulation.efforts)
@@ -36,7 +36,7 @@ def test_a_lift_is_carried_with_its_weight_and_its_acceleration(time):
     assert force == pytest.approx(3 * (9.81 + 0.4 - 0.9 * np.sin(3 * time)), rel=1e-14)
 
 
-def test_the_work_of_a_drive_is_what_the_mechanism_gains():
+def test_the_work_of_a_drive_is_the_energy_gained():
     simulation = Simulation.from_text(LIFT)
     simulation.run(until=2.0)
     height, speed = 0.8 + 0.1 * np.sin(6), 0.8 + 0.3 * np.cos(6)
@@ -45,7 +45,7 @@ def test_the_work_of_a_drive_is_what_the_mechanism_gains():
     assert abs(simulation.energies.residual) < 1e-12
 
 
-def test_a_bead_in_a_turning_frame_runs_away_exponentially_and_loads_the_drive_by_coriolis_force():
+def test_a_bead_in_a_rotating_frame_departs_exponentially_and_loads_the_drive_by_its_coriolis_force():
     simulation = Simulation.from_text(ARM)
     simulation.run(until=1.0)
     x, rate = 0.4 * np.cosh(2.0), 0.8 * np.sinh(2.0)
@@ -55,13 +55,13 @@ def test_a_bead_in_a_turning_frame_runs_away_exponentially_and_loads_the_drive_b
     assert abs(simulation.energies.residual) < 1e-12
 
 
-def test_efforts_and_driven_joints_have_names_of_their_own():
+def test_efforts_and_driven_joints_have_separate_names():
     simulation = Simulation.from_text(ARM)
     assert simulation.coordinate_names == ("rail",)
     assert simulation.model.driven_names == ("turn",)
 
 
-def test_reset_starts_the_drives_anew():
+def test_reset_restarts_the_drives():
     simulation = Simulation.from_text(ARM)
     simulation.run(until=1.0)
     first = simulation.state

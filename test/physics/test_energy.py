@@ -1,4 +1,4 @@
-"""The power theorem d(T + V)/dt = power of the efforts - dissipated power, and what is conserved without them."""
+"""The power theorem d(T + V)/dt = power of the efforts - dissipated power, and conserved quantities."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from test.oracles import kane
 
 
 def commanded(sim, seconds, record=None):
-    """Run with efforts that change every 0.1 s, and show every state to `record`."""
+    """Run with efforts that change every 0.1 s, and pass every state to `record`."""
     rng = np.random.default_rng(20)
     per_command = round(0.1 / sim.step_size)
     for _ in range(round(seconds / 0.1)):
@@ -27,7 +27,7 @@ def commanded(sim, seconds, record=None):
 
 
 def boole(values, h):
-    """∫ of equally spaced values, their number one more than a multiple of four: error O(h⁶)."""
+    """The integral of equally spaced values by Boole's rule, with an error of O(h⁶); 4 n + 1 values."""
     values = np.asarray(values)
     weights = np.zeros(len(values))
     for k in range(0, len(values) - 1, 4):
@@ -75,13 +75,13 @@ def residual(method, step, stops, seconds=1.0):
 
 @pytest.mark.parametrize(("method", "order", "steps"), [("midpoint", 2, 500), ("rk4", 4, 100), ("dop853", 8, 40)])
 def test_the_residual_is_the_error_of_the_method(method, order, steps):
-    """It falls as h to the order: the error of the integration, and nothing else, is in it."""
+    """It decreases with h to the power of the order: it contains the error of the integration and nothing else."""
     coarse, fine = (residual(method, 1.0 / n, stops=False) for n in (steps, 4 * steps))
     assert 4.0 ** (order - 1) < coarse / fine < 4.0 ** (order + 1)
 
 
 def test_the_residual_with_elastic_stops():
-    """A stop is a kink in the force: each touch leaves a small part of k v² h², whatever the method."""
+    """A stop is a kink in the force: each contact leaves a small part of k v² h² with any method."""
     sim = Simulation.from_text(audited(stops=True))
     touched = []
     commanded(sim, 3.0, lambda efforts, states: touched.extend(q[1] < -0.6 or q[1] > 2.0 for q, _ in states))
@@ -91,7 +91,7 @@ def test_the_residual_with_elastic_stops():
     assert fine < coarse / 400.0
 
 
-def test_energy_of_a_conservative_chain_is_kept():
+def test_energy_of_a_conservative_chain_is_conserved():
     sim = Simulation.from_file("double_rod")
     sim.run(until=20.0)
     audit = sim.energies
@@ -100,7 +100,7 @@ def test_energy_of_a_conservative_chain_is_kept():
     assert audit.kinetic > 0.1
 
 
-def test_momentum_of_a_free_body_is_kept():
+def test_momentum_of_a_free_body_is_conserved():
     sim = Simulation.from_file("tumbling")
     sim.reset(u=[0.3, -0.2, 0.5, 0.7, 2.0, -1.1])
     linear, angular = kane.momentum(sim.mechanism, sim.q, sim.u)
@@ -113,7 +113,7 @@ def test_momentum_of_a_free_body_is_kept():
     assert np.linalg.norm(sim.q[3:]) == pytest.approx(1.0, abs=1e-15)
 
 
-def test_spin_of_a_projectile_is_kept_about_its_mass_centre():
+def test_spin_of_a_projectile_about_its_center_of_mass_is_conserved():
     sim = Simulation.from_text(PROJECTILE)
     tensor = np.array([0.1, 0.25, 0.3])
     rotation = kane.motions(sim.mechanism, sim.q, sim.u)["body"].rotation.d[0]
@@ -124,13 +124,13 @@ def test_spin_of_a_projectile_is_kept_about_its_mass_centre():
     assert abs(sim.energies.residual) < 1e-10
 
 
-def test_momentum_of_a_floating_chain_is_kept_whatever_its_joints_do():
-    """Springs, dampers and efforts between the parts are internal: linear and angular momentum stay."""
+def test_momentum_of_a_floating_chain_is_conserved_for_any_joint_forces():
+    """Springs, dampers and efforts between the parts are internal: linear and angular momentum are conserved."""
     sim = Simulation.from_text(FLOATING)
     linear, angular = kane.momentum(sim.mechanism, sim.q, sim.u)
     assert np.linalg.norm(angular) > 1.0
     mass = sim.mechanism.mass
-    centre = sum(
+    center = sum(
         part.mass * kane.motions(sim.mechanism, sim.q, sim.u)[name].center.d[0] / mass
         for name, part in sim.mechanism.parts.items()
     )
@@ -145,12 +145,12 @@ def test_momentum_of_a_floating_chain_is_kept_whatever_its_joints_do():
         part.mass * kane.motions(sim.mechanism, sim.q, sim.u)[name].center.d[0] / mass
         for name, part in sim.mechanism.parts.items()
     )
-    assert moved == pytest.approx(centre + linear / mass * sim.time, abs=1e-12)
+    assert moved == pytest.approx(center + linear / mass * sim.time, abs=1e-12)
     assert abs(sim.energies.residual) < 1e-11
 
 
 def test_an_effort_on_a_free_joint_is_a_force_and_a_couple():
-    """Force in ground's axes, couple in the body's; the momenta grow by their impulses."""
+    """Force in ground's axes, couple in the body's; the momenta change by their impulses."""
     sim = Simulation.from_text(PROJECTILE.replace("mechanism: projectile", "mechanism: pushed\ngravity: [0, 0, 0]"))
     sim.set_efforts({"flight.x": 3.0, "flight.z": -1.0})
     before, _ = kane.momentum(sim.mechanism, sim.q, sim.u)

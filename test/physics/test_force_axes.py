@@ -1,4 +1,4 @@
-"""Forces and couples in the axes of parts and points, and the eight on the box kite."""
+"""Forces and couples in the axes of parts and points, and the eight forces on the box kite."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from test.generators.mechanisms import accelerations
 from test.oracles import kane
 
 
-def test_a_force_in_the_axes_of_another_part_turns_with_that_part():
+def test_a_force_in_the_axes_of_another_part_rotates_with_that_part():
     """A clock's hand turns at 2 rad/s; a force along its x pushes a free ball: v = F/2m (sin 2t, 1 - cos 2t)."""
     text = """
 mechanism: clock
@@ -58,7 +58,7 @@ BRYAN = """
 
 @pytest.mark.parametrize("angles", ["quaternion", "bryan"])
 def test_the_eight_forces_on_the_box_kite_equal_one_through_o_and_a_couple(angles):
-    """Huston & Liu P11.5.9-10: F = Σ Fi at O and M = Σ ri × Fi, whose generalized forces are the same."""
+    """Huston & Liu, P11.5.9-10: F = Σ Fi at O and M = Σ ri × Fi, whose generalized forces are the same."""
     text = find("box_kite").read_text(encoding="utf-8")
     if angles == "bryan":
         text = re.sub(r"  tether:.*?\n\n", BRYAN.lstrip("\n") + "\n", text, flags=re.DOTALL)
@@ -79,13 +79,13 @@ def test_the_eight_forces_on_the_box_kite_equal_one_through_o_and_a_couple(angle
         q = rng.uniform(-1, 1, 3) if angles == "bryan" else (lambda p: p / np.linalg.norm(p))(rng.normal(size=4))
         by_eight, by_one, by_none = (accelerations(equations, q, u) for equations in (first, second, third))
         assert by_one == pytest.approx(by_eight, rel=1e-12, abs=1e-11)
-        # What they add to M u' are the generalized forces: M·ω_r, as O does not move.
+        # Their contributions to M u' are the generalized forces M·ω_r, because O does not move.
         gained = kane.equations(eight, q, u, np.zeros(3)).mass @ (by_eight - by_none)
         assert gained == pytest.approx(partial_angular_velocities(angles, q) @ couple, abs=1e-11)
 
 
 def partial_angular_velocities(angles, q):
-    """(3, 3): ω_r in the box's axes, a row for each speed; with dextral angles as in Huston & Liu P11.4.3."""
+    """(3, 3): ω_r in the box's axes, one row per speed, for the dextral angles of Huston & Liu, P11.4.3."""
     if angles == "quaternion":
         return np.eye(3)
     (_, cb, cg), (_, sb, sg) = np.cos(q), np.sin(q)

@@ -1,4 +1,4 @@
-"""The textbook systems with force elements: closed forms and reference end states of other programs."""
+"""Textbook systems with force elements: closed forms and reference end states from other programs."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ G = 9.81
 
 
 def test_tube_particles_has_the_accelerations_of_the_book():
-    """F* + F = 0 with the generalized forces of Huston & Liu 11.10.4 and 11.12.4."""
+    """F* + F = 0 with the generalized forces of Huston & Liu, sec. 11.10.4 and 11.12.4."""
     big, small, k, ell = 2.0, 0.2, 200.0, 0.25
     length = 4 * ell
     equations, rng = derive(load_mechanism("tube_particles")), np.random.default_rng(5)
@@ -38,7 +38,7 @@ def test_tube_particles_reaches_the_reference_end_state():
 
 
 def test_follower_force_gives_the_generalized_forces_of_the_book():
-    """Q1 = l1 f0 sin(θ1 - θ2) and Q2 = M0 (Lidström 9.6), against the double rod without them."""
+    """Q1 = l1 f0 sin(θ1 - θ2) and Q2 = M0 (Lidström, sec. 9.6), against the double rod without them."""
     loaded, plain = derive(load_mechanism("follower_force")), derive(load_mechanism("double_rod"))
     rng = np.random.default_rng(6)
     for _ in range(50):

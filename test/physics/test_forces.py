@@ -24,21 +24,21 @@ def ball(force, **changes):
     return Simulation.from_text(text)
 
 
-def test_a_mass_on_a_spring_swings_with_its_frequency():
+def test_a_mass_on_a_spring_oscillates_at_its_natural_frequency():
     sim = ball("s: {type: spring, between: [ground, ball], stiffness: 50, length: 2}")
     sim.run(until=1.3)
     assert sim.q[0] == pytest.approx(2 + np.cos(5 * 1.3), rel=1e-12)
     assert abs(sim.energies.residual) < 1e-13
 
 
-def test_a_spring_without_length_pulls_to_a_point_in_every_direction():
+def test_a_spring_of_zero_length_attracts_from_every_direction():
     sim = ball("s: {type: spring, between: [ground, ball], stiffness: 50}")
     sim.reset(u=[0, 4, 0, 0, 0, 0])
     sim.run(until=1.3)
     assert sim.q[:3] == pytest.approx([3 * np.cos(6.5), 4 / 5 * np.sin(6.5), 0], abs=1e-12)
 
 
-def test_a_damper_takes_energy_at_c_v_squared():
+def test_a_damper_dissipates_c_v_squared():
     sim = ball("s: {type: spring, between: [ground, ball], damping: 4}")
     sim.reset(u=[1, 0, 0, 0, 0, 0])
     sim.run(until=0.5)
@@ -47,14 +47,14 @@ def test_a_damper_takes_energy_at_c_v_squared():
     assert abs(sim.energies.residual) < 1e-13
 
 
-def test_a_force_in_grounds_axes_at_the_mass_centre_does_not_turn_the_part():
+def test_a_force_in_grounds_axes_at_the_center_of_mass_does_not_rotate_the_part():
     sim = ball('f: {type: force, at: ball, vector: ["6*sin(t)", 0, 0]}')
     sim.run(until=2.0)
     assert sim.u == pytest.approx([3 * (1 - np.cos(2.0)), 0, 0, 0, 0, 0], abs=1e-12)
     assert sim.energies.work_applied == pytest.approx(sim.energies.kinetic, rel=1e-12)
 
 
-def test_a_follower_force_off_the_centre_turns_the_part_at_a_constant_rate():
+def test_a_follower_force_off_the_center_gives_a_constant_angular_acceleration():
     sim = ball("f: {type: force, at: ball.rim, vector: [0, 3, 0], axes: part}")
     sim.run(until=0.8)
     assert sim.u[5] == pytest.approx(3 * 0.1 / 0.4 * 0.8, rel=1e-12)
@@ -62,14 +62,14 @@ def test_a_follower_force_off_the_centre_turns_the_part_at_a_constant_rate():
 
 
 @pytest.mark.parametrize(("axes", "expected"), [("ground", [0.0, 0.0, 0.5 / 0.4]), ("part", [0.0, 0.0, 0.5 / 0.4])])
-def test_a_couple_turns_the_part_and_does_not_move_it(axes, expected):
+def test_a_couple_rotates_the_part_without_translation(axes, expected):
     sim = ball(f"c: {{type: couple, on: ball, vector: [0, 0, 0.5], axes: {axes}}}")
     sim.run(until=1.0)
     assert sim.u == pytest.approx([0, 0, 0, *expected], abs=1e-12)
     assert sim.energies.work_applied == pytest.approx(sim.energies.kinetic, rel=1e-12)
 
 
-def test_springs_and_dampers_between_two_parts_keep_the_momentum():
+def test_springs_and_dampers_between_two_parts_conserve_the_momentum():
     text = """
 mechanism: two
 gravity: [0, 0, 0]
@@ -117,7 +117,7 @@ def test_a_spring_whose_ends_coincide_at_the_start_is_refused():
         ball("s: {type: spring, between: [ground, ball], stiffness: 1, length: 1}", start=("[3, 0, 0]", "[0, 0, 0]"))
 
 
-def test_force_elements_are_checked_beside_other_mistakes():
+def test_force_elements_are_checked_together_with_other_mistakes():
     text = BALL.replace(
         "FORCE", "s: {type: spring, between: [ground.x, ball.rin], lenth: 3}\n  f: {type: force, at: bal}"
     )

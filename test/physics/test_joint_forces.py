@@ -1,4 +1,4 @@
-"""Forces in joints and constraints against Newton's law for what they hold, at random states."""
+"""Forces in joints and constraints against Newton's law for the parts that they support, at random states."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def near(expected):
 
 
 def test_tension_of_the_simple_pendulum():
-    """Huston & Liu 8.4: T = m g cos θ + m l θ'² along the rod; an effort pushes across it."""
+    """Huston & Liu, sec. 8.4: T = m g cos θ + m l θ'² along the rod; an effort pushes across it."""
     p = load_mechanism("simple_pendulum").parameters
     for q, u, effort, _ in free_states("simple_pendulum"):
         (theta,), (rate,) = q, u
@@ -57,7 +57,7 @@ def test_tension_of_the_simple_pendulum():
 
 
 def test_pin_of_the_rod_pendulum():
-    """Huston & Liu 8.9: Ox and Oy hold the rod's weight and move its mass centre."""
+    """Huston & Liu, sec. 8.9: Ox and Oy support the rod's weight and accelerate its center of mass."""
     m, length = 1.0, 1.0
     for q, u, _, _ in free_states("rod_pendulum"):
         (theta,), (rate,) = q, u
@@ -68,9 +68,9 @@ def test_pin_of_the_rod_pendulum():
 
 
 def test_contact_forces_in_the_spun_tube():
-    """Huston & Liu 8.5: N_r = -m g cos θ - m r θ'² - m r Ω² sin²θ outward, and N1 = 2 m r Ω θ' cos θ as the tube turns.
+    """Huston & Liu, sec. 8.5: N_r = -m g cos θ - m r θ'² - m r Ω² sin²θ outward, and N1 = 2 m r Ω θ' cos θ along the rotation.
 
-    (The book's n1 points against the turning.)
+    (The book's n1 points against the rotation.)
     """
     name = "spun_tube_particle"
     p = load_mechanism(name).parameters
@@ -92,7 +92,7 @@ def test_contact_forces_in_the_spun_tube():
 
 
 def test_rod_of_the_constrained_pendulum():
-    """Géradin & Rixen p. 34-40: the multiplier times the constraint's gradient is the force of the rod."""
+    """Géradin & Rixen, p. 34-40: the multiplier times the constraint's gradient is the force of the rod."""
     derived, p = equations("constrained_pendulum"), load_mechanism("constrained_pendulum").parameters
     rng = np.random.default_rng(91)
     for _ in range(20):
@@ -106,7 +106,7 @@ def test_rod_of_the_constrained_pendulum():
 
 
 def needed_wrenches(derived, mechanism, y, efforts):
-    """Force and moment about the mass centre (6,) that each part needs besides its weight, by Newton and Euler."""
+    """Force and moment about the center of mass (6,) that each part needs besides its weight (Newton–Euler)."""
     state = ca.SX.sym("y", len(y))
     rates = derived.rates.call([0.0, state, efforts])[0]
     poses = derived.poses(0.0, state)
@@ -128,8 +128,8 @@ def needed_wrenches(derived, mechanism, y, efforts):
 
 
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr", "a04_bricard", "a02_four_bars"])
-def test_joints_hold_and_move_every_part(name):
-    """The reactions of all joints of a part, cut ones as well, are what Newton and Euler ask for."""
+def test_joint_reactions_satisfy_newton_and_euler_for_every_part(name):
+    """The reactions of all joints of a part, including cut ones, satisfy the Newton–Euler equations."""
     derived, mechanism, rng = equations(name), load_mechanism(name), np.random.default_rng(92)
     for _ in range(5):
         q, u, efforts = consistent_state(derived, rng, reach=0.3)

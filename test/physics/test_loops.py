@@ -1,4 +1,4 @@
-"""Loops in space and what must not matter for them: the driveline, and which joint of a loop is cut."""
+"""Loops in space: the driveline, and independence of the joint at which a loop is cut."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ def written(name):
 
 
 def cardan(p, phi):
-    """ω2/ω1 of the first joint and its slope over φ (Lidström p. 4)."""
+    """ω2/ω1 of the first joint and its derivative by φ (Lidström, p. 4)."""
     c, s = np.cos(p["beta"]), np.sin(p["beta"])
     below = 1.0 - (s * np.cos(phi)) ** 2
     return c / below, -2.0 * c * s**2 * np.sin(phi) * np.cos(phi) / below**2
 
 
 def spin_of_the_intermediate_shaft(q, u):
-    """Of its angular velocity ω1 e1 + a' e2 + b' e3, what is along the shaft."""
+    """The component of its angular velocity ω1 e1 + a' e2 + b' e3 along the shaft."""
     a, b = q[1:3]
     return np.cos(a) * np.cos(b) * u[0] - np.sin(b) * u[1]
 
@@ -51,7 +51,7 @@ def test_driveline_speeds():
 
 
 def axial(name):
-    """The moments of inertia about x, of the parts by name."""
+    """The moments of inertia of the parts about x, by name."""
     return {part.name: part.inertia[0, 0] for part in load_mechanism(name).parts.values()}
 
 
@@ -69,7 +69,7 @@ def test_driveline_accelerations():
         assert accelerations(derived_, q, u, efforts)[[0, 3, 4]] == pytest.approx(expected, rel=1e-10)
 
 
-def test_driveline_shafts_turn_alike_all_the_way():
+def test_driveline_shafts_have_equal_speeds_over_a_turn():
     p, sim = load_mechanism("driveline").parameters, Simulation.from_file("driveline")
     ratios = []
     for _ in range(2000):
@@ -79,8 +79,8 @@ def test_driveline_shafts_turn_alike_all_the_way():
     assert [min(ratios), max(ratios)] == pytest.approx([np.cos(p["beta"]), 1.0 / np.cos(p["beta"])], rel=1e-4)
 
 
-def test_yokes_out_of_phase_do_not_turn_alike():
-    """Yokes turned by a right angle double the unevenness: ω3/ω1 is between cos²β and 1/cos²β."""
+def test_shafts_with_yokes_out_of_phase_have_unequal_speeds():
+    """Yokes offset by a right angle double the speed fluctuation: ω3/ω1 is between cos²β and 1/cos²β."""
     text = written("driveline").replace("axes: [[0, 1, 0], [0, 0, 1]]", "axes: [[0, 0, 1], [0, 1, 0]]")
     sim = Simulation.from_text(text)
     ratios = []
@@ -92,7 +92,7 @@ def test_yokes_out_of_phase_do_not_turn_alike():
 
 
 def test_redundant_constraint_of_the_driveline():
-    """The intermediate shaft's length keeps the bearings apart already: Kutzbach counts 0, the rank 1."""
+    """The length of the intermediate shaft already keeps the bearings apart: Kutzbach's count is 0, the rank gives 1."""
     derived_ = equations("driveline")
     assert (derived_.layout.nv, len(derived_.rows), derived_.start.rank) == (5, 5, 4)
     dropped = [row.name for index, row in enumerate(derived_.rows) if index not in derived_.start.independent]
@@ -111,7 +111,7 @@ CUTS += [("slider_crank", "slider_pin"), ("slider_crank", "crank_pin"), ("a04_br
 
 @pytest.mark.parametrize(("name", "cut"), CUTS)
 def test_it_does_not_matter_which_joint_is_cut(name, cut):
-    """The same mechanism cut elsewhere, in other coordinates, moves alike (but for the idle turn of a coupler)."""
+    """A mechanism cut at another joint has the same motion in other coordinates, except for idle spin of a coupler."""
     text = re.sub(r"(?m)^    cut: true\n", "", written(name))
     line = re.search(rf"(?m)^  {cut}:.*$", text).group()
     other = text.replace(line, line[:-1] + ", cut: true}" if "{" in line else line + "\n    cut: true")
@@ -126,7 +126,7 @@ def test_it_does_not_matter_which_joint_is_cut(name, cut):
 
 
 def free_lift():
-    """The scissor lift with its screw left alone."""
+    """The scissor lift without a drive at its screw."""
     return re.sub(r"(?m)^    drive: .*\n", "", written("scissor_lift"))
 
 
@@ -147,8 +147,8 @@ def test_lift_on_a_free_screw():
         assert accelerations(found, q, u, efforts) == pytest.approx(expected, rel=1e-9)
 
 
-def test_screw_turns_many_times():
-    """The loop of a screw stays closed over whole turns, of which its frames show nothing."""
+def test_screw_makes_many_turns():
+    """The loop of a screw stays closed over whole turns, which do not show in the poses of its frames."""
     text = (
         re.sub("load: 60 kg", "load: 5 kg", free_lift())
         + "forces:\n  push: {type: couple, on: screw, vector: [-6, 0, 0]}\n"
@@ -169,8 +169,8 @@ CARRIERS = {
 
 
 @pytest.mark.parametrize("carrier", CARRIERS)
-def test_a_plane_loop_that_is_carried_about(carrier):
-    """Three of its five equations are redundant, and the same three wherever its plane turns to."""
+def test_a_plane_loop_on_a_moving_carrier(carrier):
+    """Three of its five equations are redundant, the same three in any orientation of its plane."""
     table = "  table:\n    mass: 5 kg\n    inertia: [1, 1, 1]\n    points: {pivot: [base, 0, 0]}\n"
     text = written("four_bar").replace("ground:\n  points: {pivot: [base, 0, 0]}\n", "")
     text = text.replace("parts:\n", f"parts:\n{table}", 1).replace("[ground, crank]", "[table, crank]")
@@ -205,8 +205,8 @@ joints:
 
 
 @pytest.mark.parametrize("cut", ["knee", "foot", "shoulder"])
-def test_a_loop_on_ground_may_turn_about_an_axis_of_its_own(cut):
-    """Which row is redundant turns with Watt's governor: rows along ground's axes would lose it after a quarter turn."""
+def test_a_loop_on_ground_may_rotate_about_an_axis(cut):
+    """The redundant row rotates with Watt's governor; along ground's axes it would not stay redundant."""
     text = GOVERNOR
     if cut != "knee":
         text = text.replace("knee: {", "knee: {position: -80 deg, guess: true, ")

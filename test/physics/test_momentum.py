@@ -1,6 +1,6 @@
-"""Linear and angular momentum of mechanisms that float freely with loops, constraints and forces inside.
+"""Linear and angular momentum of floating mechanisms with internal loops, constraints and forces.
 
-Whatever acts between the parts, constraints and rolling included, is internal. test_energy.py has an open chain.
+All forces between the parts are internal, including those of constraints and rolling. test_energy.py has an open chain.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ forces:
   band: {{type: spring, between: [base, coupler.tip], stiffness: 20, length: 1, damping: 0.2}}
 """
 
-# A ring of three bodies in space: two ball joints, a universal one that is cut, a rod without mass, and a gear.
+# A ring of three bodies in space: two ball joints, a cut universal joint, a massless rod, and a gear.
 RING = f"""
 mechanism: floating_ring
 gravity: [0, 0, 0]
@@ -55,7 +55,7 @@ forces:
   band: {{type: spring, between: [left, right.tip], stiffness: 15, length: 0.8}}
 """
 
-# A ball and a blade on a plate that floats: their friction is internal.
+# A ball and a blade on a floating plate: their constraint forces are internal.
 PLATE = f"""
 mechanism: floating_plate
 gravity: [0, 0, 0]
@@ -75,15 +75,15 @@ constraints:
 FLOATING = {"four_bar": FOUR_BAR, "ring": RING, "plate": PLATE}
 
 
-def centre_of_mass(sim):
+def center_of_mass(sim):
     mechanism, moving = sim.mechanism, kane.motions(sim.mechanism, sim.q, sim.u)
     return sum(part.mass * moving[name].center.d[0] for name, part in mechanism.parts.items()) / mechanism.mass
 
 
 def momenta(sim):
-    """Linear momentum, and angular momentum about the mass centre."""
+    """Linear momentum, and angular momentum about the center of mass."""
     linear, angular = kane.momentum(sim.mechanism, sim.q, sim.u)
-    return linear, angular - np.cross(centre_of_mass(sim), linear)
+    return linear, angular - np.cross(center_of_mass(sim), linear)
 
 
 def push(sim, rng):
@@ -95,10 +95,10 @@ def push(sim, rng):
 @pytest.mark.parametrize("gravity", ["[0, 0, 0]", "[1, -2, -9]"])
 @pytest.mark.parametrize("name", FLOATING)
 def test_momenta_of_a_floating_mechanism(name, gravity):
-    """p grows by m g t, the mass centre flies on its parabola, and the spin about it stays."""
+    """p grows by m g t, the center of mass follows its parabola, and the spin about it is conserved."""
     sim, rng = Simulation.from_text(FLOATING[name].replace("[0, 0, 0]", gravity, 1)), np.random.default_rng(150)
     sim.reset(u=rng.uniform(-1.5, 1.5, len(sim.u)))
-    (linear, angular), centre = momenta(sim), centre_of_mass(sim)
+    (linear, angular), center = momenta(sim), center_of_mass(sim)
     mass, g = sim.mechanism.mass, sim.mechanism.gravity
     assert np.linalg.norm(angular) > 0.3
     start, worst = sim.q.copy(), np.zeros(3)
@@ -107,13 +107,13 @@ def test_momenta_of_a_floating_mechanism(name, gravity):
         sim.step(200)
         moved, spun = momenta(sim)
         t = sim.time
-        flown = centre + (linear / mass + 0.5 * g * t) * t
+        expected = center + (linear / mass + 0.5 * g * t) * t
         worst = np.maximum(
             worst,
             [
                 np.abs(moved - linear - mass * g * t).max(),
                 np.abs(spun - angular).max(),
-                np.abs(centre_of_mass(sim) - flown).max(),
+                np.abs(center_of_mass(sim) - expected).max(),
             ],
         )
     assert np.max(worst) < 1e-12
@@ -123,15 +123,15 @@ def test_momenta_of_a_floating_mechanism(name, gravity):
 
 
 def in_pieces(text):
-    """The floating four-bar with its coupler on a free joint of its own, so that two pins are cut."""
+    """The floating four-bar with its coupler on another free joint, so that two pins are cut."""
     own = "joints:\n  own: {type: free, between: [ground, coupler], position: [0.3, 0.5, 0.2], guess: true}\n"
     thin = "shape: {type: rod, to: [1.4, 0, 0]}"  # which has no inertia about itself
     return text.replace("joints:\n", own).replace(thin, "center: [0.7, 0, 0], inertia: [0.01, 0.2, 0.2]")
 
 
 @pytest.mark.parametrize("text", [FOUR_BAR, in_pieces(FOUR_BAR)], ids=["on_its_base", "in_pieces"])
-def test_a_plane_loop_may_turn_over(text):
-    """Which of its equations are independent does not change as its plane turns in space, whatever ground's axes are."""
+def test_a_plane_loop_may_tumble(text):
+    """The set of independent equations does not change as the plane of the loop rotates relative to ground."""
     for seed in (1, 2):
         sim, rng = Simulation.from_text(text, step=5e-4), np.random.default_rng(seed)
         sim.reset(u=rng.uniform(-3.0, 3.0, len(sim.u)))

@@ -1,8 +1,8 @@
-"""Every shipped mechanism on a world that is turned, shifted, and carried along with a growing speed.
+"""Every shipped mechanism on a base that is rotated, displaced, and accelerated.
 
-In a frame that moves with the acceleration a without turning, bodies move as if gravity were g - a: with g + a in
-place of g nothing in the mechanism changes (Galilei, and Einstein's lift). So q, u and all forces are the same
-numbers, though every joint, constraint and force element now hangs on a part that a drive moves.
+In a frame that moves with acceleration a and does not rotate, bodies move as if gravity were g - a. With g + a in place
+of g nothing in the mechanism changes: q, u and all forces are the same numbers, although every joint, constraint and
+force element is now attached to a part that a drive moves.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ ALONG = unit(np.array([1.0, -2.0, 0.5]))
 AT, SPEED, ACCELERATION = np.array([0.7, -1.1, 0.4]), 1.3, 2.7
 T = 0.3
 
-# Where these stand on ground unless the file says otherwise.
+# Keys that refer to ground unless the file says otherwise.
 CARRIERS = {"on_plane": "plane", "on_line": "line", "on_surface": "frame", "on_curve": "frame"}
 CARRIERS |= {"rolling": "plane", "knife_edge": "plane", "force": "axes", "couple": "axes"}
 
 
 def carried(name):
-    """The mechanism on a world that ground's drive moves by v t + a t²/2, with the gravity that this needs."""
+    """The mechanism on a base that a drive moves by v t + a t²/2, with gravity adjusted accordingly."""
     mechanism = load_mechanism(name)
     data = dict(mechanism.source.data)
 
@@ -62,7 +62,7 @@ def carried(name):
     return json.dumps(data, default=str)
 
 
-# A spring with mass must have one end at rest; the others run between ground and what they carry.
+# A spring with mass must have one end on ground; these mechanisms keep theirs there.
 MOUNTED = [name for name in SHIPPED if not any(spring.mass for spring in load_mechanism(name).springs)]
 
 
@@ -73,7 +73,7 @@ def reactions(mechanism, derived, q, u, efforts):
 
 
 @pytest.mark.parametrize("name", MOUNTED)
-def test_accelerations_and_reactions_stay(name):
+def test_accelerations_and_reactions_are_the_same(name):
     mechanism, mounted = load_mechanism(name), parse_mechanism(carried(name))
     fixed, moving, rng = derive(mechanism), derive(mounted), np.random.default_rng(130)
     assert [row.name for row in moving.rows] == [row.name for row in fixed.rows]
@@ -97,8 +97,8 @@ MOVED = ["double_rod", "four_bar", "rolling_disc", "spherical_top", "stewart", "
 
 
 @pytest.mark.parametrize("name", MOVED)
-def test_the_motion_stays(name):
-    """All parts are where they were, as seen from the world, and the audit closes over the larger energies."""
+def test_the_motion_is_the_same(name):
+    """All parts have the same poses relative to the base, and the audit closes despite the larger energies."""
     fixed, moving = Simulation.from_file(name), Simulation.from_text(carried(name))
     for sim in (fixed, moving):
         sim.run(until=1.0)

@@ -1,6 +1,6 @@
-"""The power theorem along motions, and what constraints and drives do: at every step, by exact differentiation.
+"""The power theorem along motions, and the power of constraints and drives: at every step, by exact differentiation.
 
-test/dynamics/test_reactions.py has the theorem at single random states.
+test/dynamics/test_reactions.py checks the theorem at random states.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def powers(derived):
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_power_theorem_at_every_step(name):
-    """d(T + V)/dt is the power of the forces and of the drives less the dissipated power, with efforts that change."""
+    """d(T + V)/dt is the power of the forces and of the drives less the dissipated power, with varying efforts."""
     sim, rng = Simulation.from_file(name), np.random.default_rng(120)
     function, size, worst = powers(sim.model.equations), 0.0, 0.0
     inertia = np.diag(sim.model.equations.constraints.mass_matrix(0.0, sim.q))
@@ -63,10 +63,10 @@ def multipliers(derived, q, u, efforts):
 
 
 @pytest.mark.parametrize("name", [name for name in SHIPPED if equations(name).rows])
-def test_constraint_forces_do_no_work_but_that_of_time(name):
-    """u·(M u' + h - Q) is the power of Gᵀλ: -λ·b with G u + b = 0, where b is what time makes of the constraints.
+def test_constraint_forces_do_work_only_where_constraints_depend_on_time(name):
+    """u·(M u' + h - Q) is the power of Gᵀλ: -λ·b with G u + b = 0, where b is the rate of the constraints by time.
 
-    M, h and Q come from the energies, b is what the velocities of the constraints are at u = 0.
+    M, h and Q come from the energies, and b is the velocity of the constraints at u = 0.
     """
     derived, mechanism, rng = equations(name), load_mechanism(name), np.random.default_rng(121)
     lagrange = lagrange_equations(mechanism)
@@ -83,7 +83,7 @@ def test_constraint_forces_do_no_work_but_that_of_time(name):
 
 
 def coupled(derived, mechanism, q, u, efforts):
-    """What gears, racks and couplings exert on the coordinates, by name."""
+    """The forces of gears, racks and couplings on the coordinates, by name."""
     found = dict.fromkeys([*mechanism.coordinate_names, *mechanism.driven_names], 0.0)
     for row, force in zip(derived.rows, multipliers(derived, q, u, efforts), strict=True):
         for name, factor in row.factors.items():
@@ -92,7 +92,7 @@ def coupled(derived, mechanism, q, u, efforts):
 
 
 def power_across(joint, moving, wrench):
-    """Of the force and moment (6,) on a joint's second part and their reaction on its first."""
+    """The power of a force and moment (6,) on a joint's second part and of their reaction on its first."""
 
     def twist(part, point):
         if part == kane.GROUND:
@@ -110,8 +110,8 @@ def power_across(joint, moving, wrench):
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_what_goes_through_a_joint_works_only_along_its_coordinates(name):
-    """There with its effort, spring, damper, gear and drive, and not at all where it closes a loop."""
+def test_joint_reactions_do_work_only_along_the_joints_coordinates(name):
+    """Their power is that of effort, spring, damper, gear and drive, and zero for a joint that closes a loop."""
     derived, mechanism, rng = equations(name), load_mechanism(name), np.random.default_rng(122)
     function, (where, _, _) = derived.reactions, kane.coordinate_slices(mechanism)
     for _ in range(5):
@@ -132,8 +132,8 @@ def test_what_goes_through_a_joint_works_only_along_its_coordinates(name):
             assert power_across(joint, moving, wrench) == pytest.approx(expected, abs=1e-12 * size)
 
 
-def test_legs_of_the_stewart_platform_work_as_they_grow():
-    """A leg of the length l that pushes with λ has the power λ l'; the work of the drives is the sum over time."""
+def test_legs_of_the_stewart_platform_do_work_as_they_extend():
+    """A leg of length l that pushes with λ has the power λ l'; the work of the drives is its integral."""
     sim = Simulation.from_file("stewart")
     p, worked, function = sim.mechanism.parameters, [], powers(sim.model.equations)
     for _ in range(40):

@@ -1,6 +1,6 @@
-"""End states that were computed independently of this project, against the default method at 1 ms.
+"""End states computed independently of this project, against the default method at 1 ms.
 
-The reference values have twelve digits; the tolerances are what was measured. test_systems.py has the other systems.
+The reference values have twelve digits; the tolerances are the measured errors. Further systems are in test_systems.py.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def test_other_methods_reach_their_own_accuracy(method, most):
 
 
 def test_projectile_follows_its_parabola():
-    """x = V cos θ0 t and z = V sin θ0 t - g t²/2, at any time, while the body tumbles; the method is exact for it."""
+    """x = V cos θ0 t and z = V sin θ0 t - g t²/2, at any time while the body tumbles; the method integrates it exactly."""
     sim = Simulation.from_text(PROJECTILE)
     for until in (0.5, 1.0, 2.0):
         sim.run(until=until)
@@ -61,14 +61,14 @@ def test_projectile_follows_its_parabola():
 
 
 @pytest.mark.parametrize("axis", range(3))
-def test_steady_spin_about_a_principal_axis_is_kept(axis):
+def test_steady_spin_about_a_principal_axis_is_conserved(axis):
     sim = Simulation.from_text(PROJECTILE)
     spin = np.zeros(6)
     spin[3 + axis] = 7.0
     sim.reset(u=spin)
     sim.run(until=1.0)
     assert sim.u[3:] == pytest.approx(spin[3:], abs=1e-14)
-    # a turn by 7 rad about that axis
+    # a rotation by 7 rad about that axis
     expected = np.zeros(4)
     expected[0], expected[1 + axis] = np.cos(3.5), np.sin(3.5)
     assert sim.q[3:] == pytest.approx(expected, abs=1e-13)

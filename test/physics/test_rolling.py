@@ -1,6 +1,7 @@
-"""The rolling disc (Huston & Liu 11.10.5, 11.12.5): a nonholonomic system, for which free coordinates would lie.
+"""The rolling disc (Huston & Liu, sec. 11.10.5 and 11.12.5).
 
-In the angles of the book, lean θ, yaw φ and spin ψ, with n2 the axis of the disc, n1 level and n3 = n1 × n2.
+The disc is nonholonomic: treating its coordinates as free gives wrong equations. The angles are those of the book, lean
+θ, yaw φ and spin ψ, where n2 is the axis of the disc, n1 is horizontal and n3 = n1 × n2.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ def equations():
 
 
 def frame(q):
-    """n1, n2 and n3 in their rows."""
+    """The unit vectors n1, n2 and n3 as rows."""
     n2 = from_quaternion(q[3:])[:, 1]
     n1 = np.cross(n2, UP)
     n1 /= np.linalg.norm(n1)
@@ -34,7 +35,7 @@ def frame(q):
 
 
 def angles(q):
-    """θ, φ and ψ, each within a turn."""
+    """θ, φ and ψ, each within one turn."""
     n1, n2, _ = n = frame(q)
     ahead = from_quaternion(q[3:])[:, 0]  # lies along n1 where ψ = 0
     return np.array([np.arcsin(n2[2]), np.arctan2(n1[1], n1[0]), np.arctan2(-(ahead @ n[2]), ahead @ n1)])
@@ -49,7 +50,7 @@ def rates(q, omega):
 
 
 def book(theta, rate):
-    """θ'', φ'' and ψ'' of the three equations of motion."""
+    """θ'', φ'' and ψ'' from the three equations of motion of the book."""
     s, c, (theta1, phi1, psi1) = np.sin(theta), np.cos(theta), rate
     first = (G / R * s + 1.25 * phi1**2 * s * c + 1.5 * phi1 * psi1 * c) / 1.25
     matrix = [[1.5 * s, 1.5], [1.5 * s**2 + 0.25 * c**2, 1.5 * s]]
@@ -58,7 +59,7 @@ def book(theta, rate):
 
 
 def as_if_free(theta, rate):
-    """What Lagrange's equations give for T with the constraints put in, as if θ, φ and ψ were free.
+    """Lagrange's equations for T with the constraints inserted, as if θ, φ and ψ were free.
 
     T = ½ m r² ((5/4) θ'² + (3/2) (ψ' + φ' sin θ)² + (1/4) φ'² cos²θ), V = m g r cos θ.
     """
@@ -70,15 +71,15 @@ def as_if_free(theta, rate):
 
 
 def of_angles(q, rate, second):
-    """u' of the free joint for θ'', φ'' and ψ''; the centre moves with r ω × n3."""
+    """u' of the free joint for θ'', φ'' and ψ''; the center moves with r ω × n3."""
     n = n1, n2, n3 = frame(q)
     s, c, (theta1, phi1, psi1) = n2[2], n3[2], rate
     omega = theta1 * n1 + phi1 * UP + psi1 * n2
     turning = theta1 * n1 + phi1 * UP  # of n1, n2, n3
     along = [second[0], second[2] + second[1] * s + phi1 * theta1 * c, second[1] * c - phi1 * theta1 * s]
     alpha = along @ n + np.cross(turning, omega)
-    centre = R * (np.cross(alpha, n3) + np.cross(omega, np.cross(turning, n3)))
-    return np.concatenate([centre, from_quaternion(q[3:]).T @ alpha])
+    center = R * (np.cross(alpha, n3) + np.cross(omega, np.cross(turning, n3)))
+    return np.concatenate([center, from_quaternion(q[3:]).T @ alpha])
 
 
 def states(number):
@@ -97,7 +98,7 @@ def test_accelerations():
 
 
 def test_equations_as_if_the_coordinates_were_free_are_wrong():
-    """They agree on θ'' and miss φ'' and ψ'' by far: the engine gives neither by accident."""
+    """They agree in θ'' but are far off in φ'' and ψ'', so the agreement of the engine is no accident."""
     for q, u, theta, rate in states(20):
         found = accelerations(equations(), q, u)
         wrong = of_angles(q, rate, as_if_free(theta, rate))
@@ -109,8 +110,8 @@ def test_equations_as_if_the_coordinates_were_free_are_wrong():
     assert np.all(np.abs(wrong - right)[1:] > 0.5)
 
 
-def test_momentum_of_the_spin_is_not_kept():
-    """The wrong equations say that (3/2) (ψ' + φ' sin θ) stays, as ψ does not appear in their energies."""
+def test_momentum_of_the_spin_is_not_conserved():
+    """The wrong equations conserve (3/2) (ψ' + φ' sin θ), because ψ does not appear in their energies."""
     sim = Simulation.from_file("rolling_disc")
     about_the_axis = []
     for _ in range(30):
@@ -137,7 +138,7 @@ def test_end_state():
 
 
 def test_a_wheel_rolls_steadily_in_a_circle():
-    """At θ'' = 0 of the book, with lean and yaw rate given, all stays but place and direction."""
+    """At θ'' = 0 in the book's equations, for a given lean and yaw rate, only position and heading change."""
     theta, yaw = 0.3, -1.5
     spin = -(G / R * np.sin(theta) + 1.25 * yaw**2 * np.sin(theta) * np.cos(theta)) / (1.5 * yaw * np.cos(theta))
     sim = Simulation.from_file("rolling_disc")

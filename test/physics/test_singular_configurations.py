@@ -1,7 +1,7 @@
-"""Four-bars that come through configurations in which their constraints lose rank (Grashof's change points).
+"""Four-bars that pass configurations in which their constraints lose rank (Grashof's change points).
 
-Where the sum of two bars is that of the two others the mechanism can lie flat, and there it could go on in two ways. It
-goes on straight, keeps its energy, and its loop stays closed.
+If two bars together are as long as the other two, the mechanism can lie flat and continue in two ways. It continues on
+its branch, conserves its energy, and its loop stays closed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from mbd_sim import Simulation
 from mbd_sim.mechanism_file.library import shipped
 from test.generators.mechanisms import violation
 
-# Ground, crank, coupler and rocker in m, and their angles to start from, in degrees.
+# Lengths of ground, crank, coupler and rocker in m, and start angles in degrees.
 CHANGE_POINTS = {
     "parallelogram": ((1.5, 0.5, 1.5, 0.5), (90, -90, 90)),
     "antiparallelogram": ((1.5, 0.5, 1.5, 0.5), (90, -130, -60)),
@@ -51,7 +51,7 @@ def test_change_points_are_passed(name):
     assert np.max(np.abs(accelerations)) < 50.0 * np.max(np.abs(np.diff(motion, axis=0))) / 0.01
 
 
-def test_a_parallelogram_stays_one():
+def test_a_parallelogram_stays_a_parallelogram():
     sim = Simulation.from_text(four_bar(*CHANGE_POINTS["parallelogram"]))
     while sim.time < 20.0:
         sim.step(20)
@@ -59,8 +59,8 @@ def test_a_parallelogram_stays_one():
         assert [coupler, rocker] == pytest.approx([-crank, crank], abs=1e-10)
 
 
-def test_it_goes_on_through_its_change_points_with_efforts_at_its_joints():
-    """A moment at a pin loads the loop where it is flat; the energy audit has its work."""
+def test_it_passes_its_change_points_with_efforts_at_its_joints():
+    """A moment at a pin loads the flat loop; the energy audit includes its work."""
     sim = Simulation.from_text(four_bar(*CHANGE_POINTS["parallelogram"]))
     sim.set_efforts({"crank_pin": 0.3, "rocker_pivot": 0.5})
     sim.run(until=10.0)

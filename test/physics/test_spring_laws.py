@@ -1,4 +1,4 @@
-"""Nonlinear springs, elastic bars and springs with a mass of their own, against closed forms."""
+"""Nonlinear springs, elastic bars and springs with mass against closed forms."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from test.physics.sliders import slider
 G = 9.81
 
 
-def test_duffing_swings_as_jacobis_cosine():
+def test_duffing_oscillator_is_jacobis_cosine():
     """m x'' + k x + k3 x³ = 0 from rest at A: x = A cn(ω t | k3 A² / 2 m ω²) with ω² = (k + k3 A²) / m."""
     p = load_mechanism("duffing").parameters
     squared = (p["k"] + p["k3"] * p["amplitude"] ** 2) / p["m"]
@@ -43,8 +43,8 @@ def test_a_spring_in_a_joint_and_one_between_points_are_the_same():
     assert inside.q[0] == pytest.approx(mirrored.q[0], abs=1e-10)  # the law is odd
 
 
-def test_a_torsion_spring_by_a_table_swings_as_its_straight_pieces_tell():
-    """A stiffness k to one side and 4k to the other: half periods π √(I/k) and ½ π √(I/k), joined at rest."""
+def test_a_torsion_spring_from_a_table_oscillates_piecewise_harmonically():
+    """A stiffness k to one side and 4k to the other: half periods π √(I/k) and ½ π √(I/k)."""
     text = """
 mechanism: wheel
 gravity: [0, 0, 0]
@@ -54,7 +54,7 @@ joints:
     {type: revolute, between: [ground, wheel], axis: [0, 0, 1], velocity: 1,
      spring: {table: [[-8, -64], [-1e-9, -8e-9], [0, 0], [1e-9, 2e-9], [8, 16]]}}
 """
-    # The steps end at the kink, and the stages of this method stay within them.
+    # Steps end at the kink, and the stages of this method stay within each step.
     sim = Simulation.from_text(text, method="dop853", step=np.pi / 4000.0)
     sim.step(2000)  # half a period at 2 N·m/rad, ω = 2
     assert sim.q[0] == pytest.approx(0.0, abs=1e-8) and sim.u[0] == pytest.approx(-1.0, abs=1e-8)
@@ -63,7 +63,7 @@ joints:
     assert abs(sim.energies.residual) < 1e-7  # the kink costs that
 
 
-def test_a_smooth_table_keeps_the_energy():
+def test_a_smooth_table_conserves_the_energy():
     rows = ", ".join(f"[{x:.3f}, {np.sinh(3 * x):.6f}]" for x in np.linspace(-0.8, 0.8, 9))
     sim = slider(f"velocity: 1.5, spring: {{table: [{rows}]}}")
     sim.run(until=20.0)
@@ -71,7 +71,7 @@ def test_a_smooth_table_keeps_the_energy():
     coarse, fine = (slider(f"velocity: 1.5, spring: {{table: [{rows}]}}", step=h) for h in (4e-3, 5e-4))
     for other in (coarse, fine):
         other.run(until=20.0)
-    # The second derivative jumps at the rows, so that what is left falls with the third power of the step or faster.
+    # The second derivative jumps at the rows, so the error decreases with the third power of the step or faster.
     assert abs(fine.energies.residual) < abs(coarse.energies.residual) / 60.0
 
 
@@ -86,8 +86,8 @@ def test_the_period_of_duffing_shortens_with_its_amplitude():
         assert sim.q[0] == pytest.approx(amplitude, rel=1e-13) and abs(sim.u[0]) < 1e-11
 
 
-def test_snap_through_moves_in_the_two_wells_of_its_bars():
-    """m z'' = -k z (z² - h²) / l0² - m g, for U = k (z² - h²)² / 4 l0² (Lidström p. 103-105)."""
+def test_snap_through_moves_in_the_two_potential_wells_of_its_bars():
+    """m z'' = -k z (z² - h²) / l0² - m g, for U = k (z² - h²)² / 4 l0² (Lidström, p. 103-105)."""
     p = load_mechanism("snap_through").parameters
     square = p["b"] ** 2 + p["h"] ** 2
     equations = derive(load_mechanism("snap_through"))
@@ -121,7 +121,7 @@ def test_the_force_of_an_elastic_bar(elongation):
         assert sim.energies.potential == pytest.approx(energy, rel=1e-12, abs=1e-13)
 
 
-def test_a_bar_with_greens_strain_may_shrink_to_nothing_and_turn_over():
+def test_a_bar_with_greens_strain_may_shrink_to_zero_length_and_invert():
     sim = bar("green", 2.0)
     assert accelerations(derive(sim.mechanism), sim.q, sim.u) == pytest.approx([0.0], abs=1e-15)
     sim.reset(u=[5.0])
@@ -130,7 +130,7 @@ def test_a_bar_with_greens_strain_may_shrink_to_nothing_and_turn_over():
 
 
 def test_cart_massive_spring_has_the_equations_of_the_book():
-    """Lidström ex. 4:14 with T of the spring: (mc + m + ms/3) x'' + m l cθ θ'' - m l sθ θ'² + k x = F."""
+    """Lidström, ex. 4:14 with T of the spring: (mc + m + ms/3) x'' + m l cθ θ'' - m l sθ θ'² + k x = F."""
     p = load_mechanism("cart_massive_spring").parameters
     equations, rng = derive(load_mechanism("cart_massive_spring")), np.random.default_rng(73)
     m, ell = p["m"], p["l"]

@@ -1,7 +1,7 @@
-"""The shipped open chains and prescribed motions, each against its textbook.
+"""The shipped open chains and prescribed motions against the closed forms of textbooks.
 
-Accelerations at random states, times and efforts against the closed form; the reference end states; what is
-conserved; and the energy audit after a minute, with the work of the drives.
+The tests compare accelerations at random states, times and efforts with the closed form, and end states with reference
+values. They check conserved quantities, and the energy audit with the work of the drives after a minute.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def equations(name):
 
 
 def parameters(name):
-    """The file's parameters, to be read as p["l"]."""
+    """The parameters of the file by name."""
     return load_mechanism(name).parameters
 
 
@@ -49,17 +49,17 @@ def relative(found, expected):
 
 
 def simple_pendulum(p, t, q, u, e):
-    """Huston & Liu 8.4: θ'' + (g/l) sin θ = 0."""
+    """Huston & Liu, sec. 8.4: θ'' + (g/l) sin θ = 0."""
     return -G / p["l"] * np.sin(q) + e / (p["m"] * p["l"] ** 2)
 
 
 def particle_on_circle(p, t, q, u, e):
-    """Lidström p. 16: φ'' + (g/r) cos φ = 0, from the horizontal."""
+    """Lidström, p. 16: φ'' + (g/r) cos φ = 0, from the horizontal."""
     return -G / p["r"] * np.cos(q) + e / (p["m"] * p["r"] ** 2)
 
 
 def triple_rod_torsion(p, t, q, u, e):
-    """Huston & Liu P11.5.5-8: Lagrange's equations in absolute angles, springs -k1 θ1 + k2 (θ2 - θ1), …"""
+    """Huston & Liu, P11.5.5-8: Lagrange's equations in absolute angles, springs -k1 θ1 + k2 (θ2 - θ1), …"""
     theta, rate, m, length = np.cumsum(q), np.cumsum(u), p["m"], p["l"]
     beyond = m * np.array([2.0, 1.0, 0.0]) + p["tip"]  # masses that hang at the end of each rod
     inertia = np.array([[m / 3 if i == j else m / 2 for j in range(3)] for i in range(3)])
@@ -72,7 +72,7 @@ def triple_rod_torsion(p, t, q, u, e):
 
 
 def sliding_collars(p, t, q, u, e):
-    """Huston & Liu P11.4.2, with springs: the second displacement is measured from the first collar."""
+    """Huston & Liu, P11.4.2, with springs: the second displacement is measured from the first collar."""
     m1, m2 = 0.7, 0.4
     turning = p["l"] ** 2 + (m1 + m2) * (3 * 0.05**2 + 0.1**2) / 12.0  # rod of 3 kg: m l²/3
     r1, r2, v1, v2, spin = q[1], q[1] + q[2], u[1], u[1] + u[2], u[0]
@@ -83,7 +83,7 @@ def sliding_collars(p, t, q, u, e):
 
 
 def cart_pendulum_spring(p, t, q, u, e):
-    """Lidström ex. 4:14."""
+    """Lidström, ex. 4:14."""
     (x, theta), rate, m, length = q, u[1], p["m"], p["l"]
     c, s = m * length * np.cos(theta), m * length * np.sin(theta)
     right = [e[0] + s * rate**2 - p["k"] * x, e[1] - G * s]
@@ -91,24 +91,24 @@ def cart_pendulum_spring(p, t, q, u, e):
 
 
 def projectile(p, t, q, u, e):
-    """Huston & Liu 8.7: I1 ω1' = (I2 - I3) ω2 ω3 and cyclic, and the mass centre falls."""
+    """Huston & Liu, sec. 8.7: I1 ω1' = (I2 - I3) ω2 ω3 and cyclic; the center of mass falls."""
     moments, w = block(2.0, (0.6, 0.3, 0.1)), u[3:]
     return [*(e[:3] / 2.0 - [0.0, 0.0, G]), *((e[3:] - np.cross(w, moments * w)) / moments)]
 
 
 def disk_driven(p, t, q, u, e):
-    """Huston & Liu 8.8: a force W = e/r at the rim gives W r / I_O."""
+    """Huston & Liu, sec. 8.8: a force W = e/r at the rim gives W r / I_O."""
     return e / (0.5 * p["m"] * p["r"] ** 2)
 
 
 def bryan_rates(q):
-    """ω in the box's axes is this matrix times (α', β', γ') (Huston & Liu P11.4.3)."""
+    """ω in the box's axes is this matrix times (α', β', γ') (Huston & Liu, P11.4.3)."""
     (cb, cc), (sb, sc) = np.cos(q[1:]), np.sin(q[1:])
     return np.array([[cb * cc, sc, 0.0], [-cb * sc, cc, 0.0], [sb, 0.0, 1.0]])
 
 
 def box_bryan(p, t, q, u, e):
-    """Euler's equations with ω of Huston & Liu P11.4.3."""
+    """Euler's equations with ω of Huston & Liu, P11.4.3."""
     (cb, cc), (sb, sc), (a1, b1, c1) = np.cos(q[1:]), np.sin(q[1:]), u
     moments, rates = block(12.0, (0.2, 0.4, 0.3)), bryan_rates(q)
     omega = rates @ u
@@ -156,7 +156,7 @@ def cylindrical_slider(p, t, q, u, e):
 
 
 def planar_puck(p, t, q, u, e):
-    """Newton's equations of a body whose mass centre is off its point, and the moment about that point."""
+    """Newton's equations of a body whose center of mass is off its point, and the moment about that point."""
     c, s, off = np.cos(q[2]), np.sin(q[2]), 0.2 * p["d"]
     mass = [[0.7, 0.0, -off * s], [0.0, 0.7, off * c], [-off * s, off * c, 0.5 * 0.08**2 / 2.0 + off * p["d"]]]
     springs = [20.0 * q[0] - off * c * u[2] ** 2, 30.0 * q[1] - off * s * u[2] ** 2, 0.0]
@@ -164,7 +164,7 @@ def planar_puck(p, t, q, u, e):
 
 
 def spun_tube_particle(p, t, q, u, e):
-    """Huston & Liu 8.5: θ'' - Ω² sin θ cos θ + (g/r) sin θ = 0, from the bottom."""
+    """Huston & Liu, sec. 8.5: θ'' - Ω² sin θ cos θ + (g/r) sin θ = 0, from the bottom."""
     return p["omega"] ** 2 * np.sin(q) * np.cos(q) - G / p["r"] * np.sin(q) + e / (p["m"] * p["r"] ** 2)
 
 
@@ -175,14 +175,14 @@ def support(p, t):
 
 
 def moving_support_pendulum(p, t, q, u, e):
-    """Lidström p. 48-53."""
+    """Lidström, p. 48-53."""
     m, length = p["m"], p["l"]
     moment = -0.5 * m * length * (G * np.sin(q) + support(p, t)[2] * np.cos(q))
     return (e + moment) / (m * length**2 / 3.0)
 
 
 def rotating_frame_mass(p, t, q, u, e):
-    """Géradin & Rixen p. 31-33."""
+    """Géradin & Rixen, p. 31-33."""
     (x, y), (vx, vy), m, spin = q, u, p["m"], p["omega"]
     return [
         (e[0] + 2.0 * m * spin * vy - p["c1"] * vx - (p["k1"] - m * spin**2) * x) / m,
@@ -215,7 +215,7 @@ CLOSED_FORMS = {
 
 @pytest.mark.parametrize("name", CLOSED_FORMS)
 def test_accelerations(name):
-    """Round-off only: where the closed form itself is near a singular position, that much more."""
+    """Up to round-off, which is larger where the closed form is near a singular configuration."""
     mechanism, rng = load_mechanism(name), np.random.default_rng(60)
     for _ in range(40):
         q, u, efforts = random_state(mechanism, rng, reach=2.5)
@@ -233,7 +233,7 @@ def end(name, until):
     return sim
 
 
-# Reference values of twelve digits, in the coordinates of the files except for sums of relative angles.
+# Reference values with twelve digits, in the coordinates of the files, or in sums of relative angles.
 END_STATES = {
     "triple_rod_torsion": (
         3.0,
@@ -266,7 +266,7 @@ def polar(sim):
 
 
 def test_universal_pendulum_is_the_spherical_pendulum():
-    """Lidström 9.1: its end state, and the angular momentum about the vertical."""
+    """Lidström, sec. 9.1: the end state, and the angular momentum about the vertical."""
     sim = end("universal_pendulum", 0.0)
     theta, phi, theta_rate, phi_rate = polar(sim)
     assert [theta, phi, theta_rate, phi_rate] == pytest.approx([0.8, 0.0, 0.0, 2.0], abs=1e-15)
@@ -279,7 +279,7 @@ def test_universal_pendulum_is_the_spherical_pendulum():
 
 
 def test_universal_pendulum_swings_through_the_bottom():
-    """Where polar angles are singular."""
+    """There polar angles are singular."""
     sim = Simulation.from_file("universal_pendulum")
     sim.reset(q=[0.0, 0.0], u=[0.6, 0.8])
     lowest = []
@@ -291,7 +291,7 @@ def test_universal_pendulum_swings_through_the_bottom():
 
 
 def test_projectile_follows_its_parabola():
-    """Huston & Liu 8.7: z = x tan θ0 - g x² / (2 V² cos²θ0)."""
+    """Huston & Liu, sec. 8.7: z = x tan θ0 - g x² / (2 V² cos²θ0)."""
     p, sim = parameters("projectile"), Simulation.from_file("projectile")
     for until in (0.5, 1.0, 3.0):
         sim.run(until=until)
@@ -311,7 +311,7 @@ def test_disk_driven_by_a_force_at_its_rim():
 
 
 def test_partial_velocities_of_a_vertex_of_the_box():
-    """Huston & Liu P11.4.4: the angular partial velocity crossed with the vertex."""
+    """Huston & Liu, P11.4.4: the angular partial velocity crossed with the vertex."""
     name, rng = "box_bryan", np.random.default_rng(61)
     derived = equations(name)
     t, y = ca.SX.sym("t"), ca.SX.sym("y", 9)
@@ -328,7 +328,7 @@ def test_partial_velocities_of_a_vertex_of_the_box():
 
 
 def test_tube_has_an_equilibrium():
-    """cos θ = g/(r Ω²): no acceleration there, and the particle stays."""
+    """At cos θ = g/(r Ω²) the acceleration is zero, and the particle stays."""
     name = "spun_tube_particle"
     p = parameters(name)
     theta = np.arccos(G / (p["r"] * p["omega"] ** 2))
@@ -341,7 +341,7 @@ def test_tube_has_an_equilibrium():
 
 
 def test_parts_of_the_kinetic_energy():
-    """Lidström p. 53: T0 = m v²/2, T1 = m l v cos φ φ'/2, T2 = m l² φ'²/6, with v of the support."""
+    """Lidström, p. 53: T0 = m v²/2, T1 = m l v cos φ φ'/2, T2 = m l² φ'²/6, with v of the support."""
     mechanism, rng = load_mechanism("moving_support_pendulum"), np.random.default_rng(62)
     p, energies = mechanism.parameters, lagrange_equations(mechanism).energies
     m, length = p["m"], p["l"]
@@ -374,7 +374,7 @@ def test_work_of_a_steady_spin(name):
 
 
 def test_work_of_a_shaken_support():
-    """Its force is the rate of the momentum along x; the work is integrated by Boole's rule."""
+    """The force is the rate of the momentum along x; the work is integrated by Boole's rule."""
     p, sim = parameters("moving_support_pendulum"), Simulation.from_file("moving_support_pendulum")
     powers = []
     for _ in range(4001):
@@ -392,11 +392,11 @@ def test_work_of_a_shaken_support():
 
 
 def top(spin, tilt, precession):
-    """u of a top with this spin about its axis and this precession, leaned by `tilt` about y."""
+    """u of a top that is tilted about y, with a spin about its axis and a precession about the vertical."""
     return [-precession * np.sin(tilt), 0.0, spin]
 
 
-def test_top_keeps_its_spin_and_its_vertical_angular_momentum():
+def test_top_conserves_its_spin_and_its_vertical_angular_momentum():
     sim = Simulation.from_file("spherical_top")
     moments = top_moments(parameters("spherical_top"))
 
@@ -414,7 +414,7 @@ def test_top_keeps_its_spin_and_its_vertical_angular_momentum():
 
 @pytest.mark.parametrize("tilt", [0.0, 0.5, np.pi / 2, 2.5, np.pi])
 def test_top_precesses_steadily(tilt):
-    """At a rate Ω with I1 Ω² cos θ - I3 ω3 Ω + m g h = 0 the inclination θ stays, lying, hanging or upright."""
+    """At a rate Ω with I1 Ω² cos θ - I3 ω3 Ω + m g h = 0 the inclination θ is constant, for a horizontal, hanging or upright top."""
     p, rate = parameters("spherical_top"), 4.0
     across, _, along = top_moments(p)
     spin = (across * rate**2 * np.cos(tilt) + p["m"] * G * p["h"]) / (along * rate)
@@ -429,7 +429,7 @@ def test_top_precesses_steadily(tilt):
 
 
 def largest_energy(sim, seconds):
-    """Run, and find the largest energy that appears in the audit."""
+    """Run, and return the largest energy of the audit."""
     largest = 0.0
     while sim.time < seconds:
         sim.step(round(0.1 / sim.step_size))

@@ -27,7 +27,7 @@ def equations(name):
 
 
 def run(sim, seconds, every=20):
-    """Run, and give the largest residual over the largest energy, and the largest violation of the constraints."""
+    """Run, and return the largest residual over the largest energy, and the largest violation of the constraints."""
     derived = derive(sim.mechanism)
     largest = residual = off = 0.0
     while sim.time < seconds - 1e-9:
@@ -39,10 +39,10 @@ def run(sim, seconds, every=20):
 
 
 class TestA01:
-    """A simple pendulum in Cartesian coordinates, released with its rod level."""
+    """A simple pendulum in Cartesian coordinates, released with a horizontal rod."""
 
     def test_period(self):
-        """After half a period, 2 K(sin 45°) sqrt(l/g), it is at rest on the other side; after a period, back."""
+        """After half a period, 2 K(sin 45°) sqrt(l/g), it is at rest on the other side, and after a period at the start."""
         half = 2.0 * ellipk(0.5) * np.sqrt(1.0 / G)
         sim = Simulation.from_file("a01_simple_pendulum", step=half / 1000)
         for number, side in enumerate([1.0, -1.0] * 4, start=1):
@@ -78,7 +78,7 @@ def four_bars(count):
 
 
 class TestA02:
-    """N four-bars in a row, which lie flat twice a turn: there the constraints lose their rank."""
+    """N four-bars in a row, which lie flat twice per turn, where the constraints lose rank."""
 
     @pytest.mark.parametrize("seconds", [1.0, 5.0, 10.0])
     def test_two(self, seconds):
@@ -96,7 +96,7 @@ class TestA02:
         assert generated.q[0] == pytest.approx(shipped.q[0], abs=1e-13)
 
     def test_it_stays_a_row_of_parallelograms(self):
-        """Through a hundred times lying flat, without energy gained or lost."""
+        """It lies flat a hundred times and neither gains nor loses energy."""
         sim = Simulation.from_file("a02_four_bars")
         residual, off = run(sim, 60.0)
         assert sim.q[0] > 2.0 * np.pi * 25
@@ -105,7 +105,7 @@ class TestA02:
         assert off < 1e-11
 
     def test_other_masses_on_its_way_through(self):
-        """With one rod heavy and one light the loops are loaded where they lie flat, and hold."""
+        """With one heavy and one light rod the loops are loaded where they lie flat, and stay closed."""
         text = (
             four_bars(2)
             .replace("rod2: {mass: 1 kg", "rod2: {mass: 7 kg")
@@ -118,7 +118,7 @@ class TestA02:
         assert off < 1e-10
 
     def test_twenty(self):
-        """41 rods and bars, well within real time. (scripts/systems_table has N = 40.)"""
+        """41 rods and bars run well within real time. (scripts/systems_table has N = 40.)"""
         sim = Simulation.from_text(four_bars(20))
         began = time.process_time()
         sim.run(until=5.0)
@@ -130,7 +130,7 @@ class TestA02:
 
 
 class TestA04:
-    """Bricard's mechanism: by Grübler's count rigid, and yet of one degree of freedom."""
+    """Bricard's mechanism: rigid by Grübler's count, but with one degree of freedom."""
 
     def test_count(self):
         derived = equations("a04_bricard")
@@ -143,7 +143,7 @@ class TestA04:
         assert off < 1e-13
 
     def test_joints_in_space(self):
-        """All hinge points stay a metre apart and every hinge stays across both of its bars."""
+        """All hinge points stay one meter apart and every hinge stays perpendicular to both of its bars."""
         sim = Simulation.from_file("a04_bricard")
         lowest = 0.0
         for _ in range(30):
@@ -156,10 +156,10 @@ class TestA04:
             assert last.position + last.rotation[:, 1] == pytest.approx([0.0, 0.0, 1.0], abs=1e-13)
             assert last.rotation[:, 0] == pytest.approx([1.0, 0.0, 0.0], abs=1e-13)  # the hinge on ground
             lowest = min(lowest, points[:, 1].min())
-        assert lowest < -1.2  # it moves a good way
+        assert lowest < -1.2  # it moves far
 
     def test_closure_condition(self):
-        """Every other hinge turns alike, and the two angles obey sin a sin b + sin a + sin b = 0 (from the cube).
+        """Alternate hinges have equal angles, a and b from the cube, with sin a sin b + sin a + sin b = 0.
 
         That is cos α cos β + cos α + cos β = 0 of the threefold symmetric linkage, with α and β from a straight chain.
         """

@@ -1,4 +1,4 @@
-"""The heavy symmetric top and the free one: exact motions, and Euler's equations integrated on their own."""
+"""The heavy symmetric top and the free top: exact motions, and Euler's equations integrated independently."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mbd_sim.geometry.rotation import from_quaternion
 from mbd_sim.load import load_mechanism
 
 G = 9.81
-WEIGHT, ACROSS, ALONG = 15.0 * G, 0.234375 + 15.0, 0.46875  # of the heavy top, about its point
+WEIGHT, TRANSVERSE, AXIAL = 15.0 * G, 0.234375 + 15.0, 0.46875  # of the heavy top, about its point
 
 
 def turned(vector):
@@ -22,7 +22,7 @@ def turned(vector):
 def top_rates(t, state):
     """Euler's equations about the point and R' = R [ω]×, with the nine numbers of R; the axis is the body's y."""
     turn, omega = state[:9].reshape(3, 3), state[9:]
-    moments = np.array([ACROSS, ALONG, ACROSS])
+    moments = np.array([TRANSVERSE, AXIAL, TRANSVERSE])
     moment = np.cross([0.0, 1.0, 0.0], turn.T @ [0.0, 0.0, -WEIGHT])
     x, y, z = omega
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -41,9 +41,9 @@ def test_heavy_top_follows_eulers_equations():
 
 
 def test_heavy_top_keeps_its_momenta():
-    """Its spin, its angular momentum about the vertical, and its energy."""
+    """The spin, the angular momentum about the vertical, and the energy."""
     sim = Simulation.from_file("heavy_top")
-    moments = np.array([ACROSS, ALONG, ACROSS])
+    moments = np.array([TRANSVERSE, AXIAL, TRANSVERSE])
 
     def vertical():
         return (from_quaternion(sim.q) @ (moments * sim.u))[2]
@@ -62,11 +62,13 @@ def test_heavy_top_keeps_its_momenta():
 @pytest.mark.parametrize("tilt", [0.3, np.pi / 2, 2.0])
 @pytest.mark.parametrize("slow", [True, False])
 def test_heavy_top_precesses_steadily(tilt, slow):
-    """At both roots of I1 Ω² cos θ - I3 ω3 Ω + m g h = 0 (at the only one, with the axis level)."""
+    """At both roots of I1 Ω² cos θ - I3 ω3 Ω + m g h = 0 (at the only root if the axis is horizontal)."""
     spin, c = 230.0, np.cos(tilt)
-    roots = np.roots([ACROSS * c, -ALONG * spin, WEIGHT]) if abs(c) > 1e-12 else np.array([WEIGHT / (ALONG * spin)] * 2)
+    roots = (
+        np.roots([TRANSVERSE * c, -AXIAL * spin, WEIGHT]) if abs(c) > 1e-12 else np.array([WEIGHT / (AXIAL * spin)] * 2)
+    )
     rate = roots[np.argmin(np.abs(roots)) if slow else np.argmax(np.abs(roots))].real
-    turn = turned([np.pi / 2 - tilt, 0.0, 0.0])  # the axis, the body's y, leans from the vertical toward +y
+    turn = turned([np.pi / 2 - tilt, 0.0, 0.0])  # the axis, the body's y, is tilted from the vertical toward +y
     omega = turn.T @ [0.0, 0.0, rate]
     omega[1] = spin
     sim = Simulation.from_file("heavy_top")
@@ -81,8 +83,8 @@ def test_heavy_top_precesses_steadily(tilt, slow):
 
 @pytest.mark.parametrize(("spin", "sleeps"), [(1.05, True), (0.95, False)])
 def test_sleeping_top(spin, sleeps):
-    """Upright, it stands only while it spins faster than 2 sqrt(I1 m g h)/I3."""
-    critical = 2.0 * np.sqrt(ACROSS * WEIGHT) / ALONG
+    """An upright top is stable only while it spins faster than 2 sqrt(I1 m g h)/I3."""
+    critical = 2.0 * np.sqrt(TRANSVERSE * WEIGHT) / AXIAL
     sim = Simulation.from_file("heavy_top")
     lean = 1e-4
     quaternion = Rotation.from_rotvec([np.pi / 2 - lean, 0.0, 0.0]).as_quat()[[3, 0, 1, 2]]
