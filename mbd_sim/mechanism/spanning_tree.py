@@ -1,9 +1,9 @@
-"""The spanning tree of a mechanism: which joint leads to which part, from ground outwards, and which close loops."""
+"""The spanning tree of a mechanism: which joint leads to which part from ground outwards, and which close loops."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from mbd_sim.mechanism.records import GROUND, Joint, Part
@@ -11,7 +11,12 @@ from mbd_sim.mechanism.records import GROUND, Joint, Part
 
 @dataclass(frozen=True)
 class SpanningTree:
-    """`joints` by name from ground outwards; what does not fit a tree is named beside it."""
+    """The joints of the tree by name from ground outwards, and what is not in it.
+
+    `outboard` and `inboard` are the parts on the far and on the near side of each joint of the tree, seen from ground;
+    `reversed_joints` have their parent on the far side. `closing` joints close loops; `unreached` parts are not
+    connected to ground.
+    """
 
     joints: tuple[str, ...]
     outboard: Mapping[str, str]
@@ -22,86 +27,101 @@ class SpanningTree:
     unreached: tuple[str, ...]
 
     def massless(self, parts: Mapping[str, Part]) -> list[str]:
-        """The joints that move and carry no mass at all."""
+        """The moving joints that carry no mass at all."""
         carried = {name: part.mass for name, part in parts.items()} | {GROUND: 0.0}
-        empty = []
+        found = []
         for joint in reversed(self.joints):
             mass = carried[self.outboard[joint]]
             if joint in self.moving and mass == 0.0:
-                empty.append(joint)
+                found.append(joint)
             carried[self.inboard[joint]] += mass
-        return empty
+        return found
 
 
 def spanning_tree(
-    parts: Mapping[str, Part], joints: Iterable[Joint], wanted: Sequence[str] = (), cut: Iterable[str] = ()
+    parts: Mapping[str, Part], joints: Iterable[Joint], preferred: Sequence[str] = (), cut: Iterable[str] = ()
 ) -> SpanningTree:
-    """Breadth first from ground, in declared order, so that loops are cut as far from ground as possible.
+    """Search breadth first from ground, in declared order, so that loops are cut as far from ground as possible.
 
-    :param wanted: joints that belong into the tree, the most important ones first: none of them is cut but where they
-        form a loop among themselves.
-    :param cut: joints that close loops where they can.
+    :param preferred: joints that should be in the tree, the most important ones first: one of them closes a loop only
+        if the loop consists of preferred joints.
+    :param cut: joints that should close loops; one of them is in the tree only if nothing else connects its parts.
     """
     joints, cut = list(joints), frozenset(cut)
-    at: dict[str, list[Joint]] = {}
-    for joint in sorted(joints, key=lambda joint: joint.name in cut):
-        at.setdefault(joint.parent, []).append(joint)
-        at.setdefault(joint.child, []).append(joint)
-    bound = _forest({joint.name: joint for joint in joints}, wanted)
-    outboard: dict[str, str] = {}
-    inboard: dict[str, str] = {}
-    reached: set[str] = set()
-    reversed_joints = set()
-
-    def reach(part: str) -> list[str]:
-        """A part, with all that is bound to it."""
-        gained, waiting = [], [part]
-        reached.add(part)
-        while waiting:
-            part = waiting.pop()
-            gained.append(part)
-            waiting += [other for joint in at.get(part, []) if joint.name in bound for other in cross(joint, part)]
-        return gained
-
-    def cross(joint: Joint, part: str) -> list[str]:
-        """The part at the other end of a joint, where it is new."""
-        other = joint.child if part == joint.parent else joint.parent
-        if other in reached:
-            return []
-        outboard[joint.name], inboard[joint.name] = other, part
-        if part == joint.child:
-            reversed_joints.add(joint.name)
-        reached.add(other)
-        return [other]
-
-    queue = deque(reach(GROUND))
-
-    def explore(without: frozenset[str]) -> None:
-        while queue:
-            part = queue.popleft()
-            for joint in at.get(part, []):
-                if joint.name not in without:
-                    queue.extend(gained for other in cross(joint, part) for gained in reach(other))
-
-    explore(cut)
-    for joint in joints:  # over those to cut only where there is no other way
-        for part in (joint.parent, joint.child):
-            if joint.name in cut and part in reached:
-                queue.extend(gained for other in cross(joint, part) for gained in reach(other))
-                explore(cut)
+    forest = _forest({joint.name: joint for joint in joints}, preferred)
+    search = _Search(sorted(joints, key=lambda joint: joint.name in cut), forest)
+    search.explore(cut)
+    for joint in joints:
+        if joint.name in cut:
+            for part in (joint.parent, joint.child):
+                if part in search.reached:
+                    search.cross(joint, part)
+                    search.explore(cut)
+    reached = search.reached
     return SpanningTree(
-        joints=tuple(outboard),
-        outboard=outboard,
-        inboard=inboard,
+        joints=tuple(search.outboard),
+        outboard=search.outboard,
+        inboard=search.inboard,
         moving=frozenset(joint.name for joint in joints if joint.type != "fixed"),
-        reversed_joints=frozenset(reversed_joints),
-        closing=tuple(j.name for j in joints if j.name not in outboard and j.parent in reached and j.child in reached),
+        reversed_joints=frozenset(search.reversed_joints),
+        closing=tuple(
+            j.name for j in joints if j.name not in search.outboard and j.parent in reached and j.child in reached
+        ),
         unreached=tuple(name for name in parts if name not in reached),
     )
 
 
-def _forest(joints: Mapping[str, Joint], wanted: Sequence[str]) -> frozenset[str]:
-    """The wanted joints that form no loop with those before them (Kruskal)."""
+class _Search:
+    """A breadth-first search from ground. A reached part brings all parts with it that the `forest` connects to it."""
+
+    def __init__(self, joints: Iterable[Joint], forest: Collection[str]) -> None:
+        self._forest = forest
+        self._joints_of: dict[str, list[Joint]] = {}
+        for joint in joints:
+            self._joints_of.setdefault(joint.parent, []).append(joint)
+            self._joints_of.setdefault(joint.child, []).append(joint)
+        self.outboard: dict[str, str] = {}
+        self.inboard: dict[str, str] = {}
+        self.reversed_joints: set[str] = set()
+        self.reached: set[str] = {GROUND}
+        self._queue: deque[str] = deque()
+        self._enqueue(GROUND)
+
+    def explore(self, without: Collection[str]) -> None:
+        """Reach all parts that joints connect to those reached so far."""
+        while self._queue:
+            part = self._queue.popleft()
+            for joint in self._joints_of.get(part, []):
+                if joint.name not in without:
+                    self.cross(joint, part)
+
+    def cross(self, joint: Joint, part: str) -> None:
+        """Take a joint of a reached part into the tree if the part at its other end is new."""
+        if (other := self._reach(joint, part)) is not None:
+            self._enqueue(other)
+
+    def _enqueue(self, part: str) -> None:
+        """Queue a reached part and all parts that the forest connects to it."""
+        waiting = [part]
+        while waiting:
+            part = waiting.pop()
+            self._queue.append(part)
+            connected = [joint for joint in self._joints_of.get(part, []) if joint.name in self._forest]
+            waiting += [other for joint in connected if (other := self._reach(joint, part)) is not None]
+
+    def _reach(self, joint: Joint, part: str) -> str | None:
+        other = joint.child if part == joint.parent else joint.parent
+        if other in self.reached:
+            return None
+        self.outboard[joint.name], self.inboard[joint.name] = other, part
+        if part == joint.child:
+            self.reversed_joints.add(joint.name)
+        self.reached.add(other)
+        return other
+
+
+def _forest(joints: Mapping[str, Joint], preferred: Sequence[str]) -> frozenset[str]:
+    """The preferred joints without those that close a loop with preferred joints before them (Kruskal's algorithm)."""
     leader: dict[str, str] = {}
 
     def root(part: str) -> str:
@@ -110,7 +130,7 @@ def _forest(joints: Mapping[str, Joint], wanted: Sequence[str]) -> frozenset[str
         return part
 
     chosen = set()
-    for name in wanted:
+    for name in preferred:
         first, second = root(joints[name].parent), root(joints[name].child)
         if first != second:
             leader[first] = second

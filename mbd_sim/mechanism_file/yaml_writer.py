@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from mbd_sim.mechanism.source import Location
-from mbd_sim.mechanism_file.yaml_reader import UNPRINTABLE, plain_scalar
+from mbd_sim.mechanism_file.yaml_scalars import UNPRINTABLE, plain_scalar
 
 WIDTH = 120
 WHOLE = 1e15  # below which a whole number is written without a point

@@ -12,6 +12,7 @@ from typing import Any, Literal
 from mbd_sim.errors import listed, nearest, quoted
 from mbd_sim.mechanism.records import GROUND
 from mbd_sim.mechanism.source import Location, Origin, Source
+from mbd_sim.mechanism_file.file_limits import file_error
 from mbd_sim.mechanism_file.yaml_writer import yaml_text
 from mbd_sim.urdf.joint_reader import joint_of, mimic_of
 from mbd_sim.urdf.link_reader import Origins, color_of, part_of
@@ -21,7 +22,7 @@ from mbd_sim.urdf.value_reader import (
     own_name,
     valid_names,
 )
-from mbd_sim.urdf.xml_elements import Element, parse_xml, refused
+from mbd_sim.urdf.xml_elements import Element, parse_xml
 
 Base = Literal["fixed", "free"]
 BASE = "base"  # the name of its joint
@@ -50,13 +51,13 @@ def _check_robot(robot: Element, file: str) -> None:
     for element in robot.walk():
         if element.tag.startswith("xacro:"):
             message = "a xacro file is a program that writes a URDF"
-            raise refused(file, element.line, message, XACRO_REMEDY, key=element.tag)
+            raise file_error(file, element.line, message, XACRO_REMEDY, key=element.tag)
     if robot.tag != "robot":
         known = {"sdf": "SDF", "mujoco": "MJCF", "COLLADA": "COLLADA", "gazebo": "SDF"}.get(robot.tag)
         message = f"this is {known}, not URDF" if known else "this is not URDF"
-        raise refused(file, robot.line, message, "A URDF's root element is <robot>.", value=f"<{robot.tag[:60]}>")
+        raise file_error(file, robot.line, message, "A URDF's root element is <robot>.", value=f"<{robot.tag[:60]}>")
     if not robot.all("link"):
-        raise refused(file, robot.line, "has no <link>", "Add the links and joints of the robot.", key="robot")
+        raise file_error(file, robot.line, "has no <link>", "Add the links and joints of the robot.", key="robot")
 
 
 class _Robot:

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
-from mbd_sim.errors import MechanismError, Problem, quoted
-from mbd_sim.mechanism_file.yaml_reader import MAX_BYTES, MAX_DEPTH, MAX_VALUES
+from mbd_sim.errors import quoted
+from mbd_sim.mechanism_file.file_limits import MAX_BYTES, MAX_DEPTH, MAX_VALUES, file_error
 
 _BEGINS_AS_XML = re.compile(r"\ufeff?\s*<(?!<)")
 _SURROGATE = re.compile("[\ud800-\udfff]")
@@ -55,22 +55,17 @@ def parse_xml(text: str, file: str) -> Element:
     :raises MechanismError: it is not XML, has a document type declaration, or is too large.
     """
     if len(text) > MAX_BYTES:
-        raise refused(file, 1, f"the text is longer than {MAX_BYTES} characters", "Remove what is not a robot.")
+        raise file_error(file, 1, f"the text is longer than {MAX_BYTES} characters", "Remove what is not a robot.")
     if found := _SURROGATE.search(text):
         line = text.count("\n", 0, found.start()) + 1
-        raise refused(file, line, f"the character U+{ord(found[0]):04X} is not allowed", "Remove it.")
+        raise file_error(file, line, f"the character U+{ord(found[0]):04X} is not allowed", "Remove it.")
     reader = _Reader(file)
     try:
         reader.parser.Parse(text.removeprefix("\ufeff"), True)
     except expat.ExpatError as error:
         message = f"not valid XML: {expat.ErrorString(error.code)}"
-        raise refused(file, error.lineno, message, "Check the tags and quotes near this line.") from error
+        raise file_error(file, error.lineno, message, "Check the tags and quotes near this line.") from error
     return reader.root.children[0]
-
-
-def refused(file: str, line: int, message: str, remedy: str, key: str = "", value: str = "") -> MechanismError:
-    """The error for a file that cannot be read on."""
-    return MechanismError([Problem(message, remedy, key=key, value=value, file=file, line=line)])
 
 
 class _Reader:
@@ -88,9 +83,9 @@ class _Reader:
         line = self.parser.CurrentLineNumber
         self.count += 1 + len(attributes)
         if self.count > MAX_VALUES:
-            raise refused(self.file, line, f"more than {MAX_VALUES} values", "Remove what is not a robot.")
+            raise file_error(self.file, line, f"more than {MAX_VALUES} values", "Remove what is not a robot.")
         if len(self.open) > MAX_DEPTH:
-            raise refused(self.file, line, f"nested deeper than {MAX_DEPTH} levels", "Flatten the file.")
+            raise file_error(self.file, line, f"nested deeper than {MAX_DEPTH} levels", "Flatten the file.")
         element = Element(tag, attributes, line)
         self.open[-1].children.append(element)
         self.open.append(element)
@@ -101,4 +96,4 @@ class _Reader:
     def _doctype(self, name: str, *_: object) -> None:
         message, remedy = "a document type declaration is not allowed", "Remove it, and the entities that it declares."
         line = self.parser.CurrentLineNumber
-        raise refused(self.file, line, message, remedy, key="DOCTYPE", value=quoted(name))
+        raise file_error(self.file, line, message, remedy, key="DOCTYPE", value=quoted(name))

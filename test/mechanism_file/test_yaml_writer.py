@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mbd_sim.mechanism_file.library import shipped
-from mbd_sim.mechanism_file.yaml_reader import UNPRINTABLE, parse_source
+from mbd_sim.mechanism_file.yaml_reader import parse_source
+from mbd_sim.mechanism_file.yaml_scalars import UNPRINTABLE
 from mbd_sim.mechanism_file.yaml_writer import yaml_text
 
 
