@@ -1,13 +1,24 @@
 """Build of the ament_python package `mbd_sim`, by colcon or by pip."""
 
+import shutil
 import sys
 from pathlib import Path
 
 from setuptools import find_packages, setup
 
 NAME = "mbd_sim"
-EXAMPLES = ["computed_torque", "excite", "identify", "pd_hold", "swing_up", "teleop"]
-NODES = ["sim_node", "replay_node", *(f"example_{name}" for name in EXAMPLES)]
+EXAMPLES = Path(NAME, "examples")
+# Each module of an example's folder that has a main() is a program.
+EXAMPLE_PROGRAMS = {
+    f"example_{module.stem}": f"{NAME}.examples.{module.parent.name}.{module.stem}:main"
+    for module in sorted(EXAMPLES.glob("*/*.py"))
+    if "\ndef main(" in module.read_text(encoding="utf-8")
+}
+ROS_PROGRAMS = {
+    "sim_node": f"{NAME}.ros.sim_node:main",
+    "replay_node": f"{NAME}.ros.replay_node:main",
+    **EXAMPLE_PROGRAMS,
+}
 
 
 def tree(folder: str) -> list[tuple[str, list[str]]]:
@@ -19,16 +30,31 @@ def tree(folder: str) -> list[tuple[str, list[str]]]:
     return [(target, files) for target, files in listed if files]
 
 
+def example_pages() -> list[tuple[str, list[str]]]:
+    """The page and the picture of each example, as entries for the share directory of the package."""
+    folders = sorted(page.parent for page in EXAMPLES.glob("*/README.md"))
+    return [
+        (f"share/{NAME}/examples/{folder.name}", [str(folder / "README.md"), *map(str, sorted(folder.glob("*.png")))])
+        for folder in folders
+    ]
+
+
+def ros2_run_scripts() -> tuple[str, list[str]]:
+    """A script for each program in lib/, where `ros2 run` looks for it."""
+    source, folder = Path("scripts", "ros2_run_program"), Path("build", "ros2_run")
+    folder.mkdir(parents=True, exist_ok=True)
+    return f"lib/{NAME}", [shutil.copy(source, folder / program) for program in ROS_PROGRAMS]
+
+
 data_files = [
     ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
     (f"share/{NAME}", ["package.xml"]),
     *tree("config"),
     *tree("launch"),
-    *tree("examples"),
+    *example_pages(),
 ]
 if "bdist_wheel" in sys.argv:
-    # A wheel does not use install_scripts, so these make the nodes available to `ros2 run`.
-    data_files.append((f"lib/{NAME}", [f"scripts/{node}" for node in NODES]))
+    data_files.append(ros2_run_scripts())
 
 setup(
     name=NAME,
@@ -92,9 +118,7 @@ setup(
     entry_points={
         "console_scripts": [
             "mbd_sim = mbd_sim.cli.main:main",
-            "sim_node = mbd_sim.ros.sim_node:main",
-            "replay_node = mbd_sim.ros.replay_node:main",
-            *(f"example_{name} = mbd_sim.examples.{name}:main" for name in EXAMPLES),
+            *(f"{program} = {function}" for program, function in ROS_PROGRAMS.items()),
         ],
     },
 )

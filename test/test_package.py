@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import json
 import re
 import subprocess
 import sys
@@ -81,13 +82,49 @@ def test_package_xml_names_every_dependency_of_setup_py():
     assert not [name for name in required if name.removeprefix("py") not in described]
 
 
-def test_entry_points_exist():
-    scripts = ast.unparse(setup_keyword("entry_points"))
-    modules = re.findall(r"= ([\w.]+):main", scripts)
+EVALUATED_SETUP = """
+import json, runpy, setuptools
+setuptools.setup = lambda **keywords: print(json.dumps([keywords["entry_points"], keywords["data_files"]]))
+runpy.run_path("setup.py")
+"""
+
+
+@pytest.fixture(scope="module")
+def evaluated_setup():
+    """The entry points and data files that setup.py computes."""
+    command = [sys.executable, "-c", EVALUATED_SETUP]
+    return json.loads(subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout)
+
+
+def test_entry_points_exist(evaluated_setup):
+    modules = re.findall(r"= ([\w.]+):main", "\n".join(evaluated_setup[0]["console_scripts"]))
     assert {"mbd_sim.cli.main", "mbd_sim.ros.sim_node", "mbd_sim.ros.replay_node"} <= set(modules)
     for module in modules:
         source = ROOT / f"{module.replace('.', '/')}.py"
         assert "\ndef main(" in source.read_text(encoding="utf-8")
+
+
+def test_setup_finds_the_programs_and_pages_of_all_examples(evaluated_setup):
+    entry_points, data_files = evaluated_setup
+    examples = ROOT / "mbd_sim" / "examples"
+    programs = {
+        f"example_{path.stem} = mbd_sim.examples.{path.parent.name}.{path.stem}:main"
+        for path in examples.glob("*/*.py")
+        if path.stem != "__init__"
+    }
+    assert programs == {program for program in entry_points["console_scripts"] if program.startswith("example_")}
+    shared = dict(data_files)
+    for folder in (path.parent for path in examples.glob("*/README.md")):
+        files = {f"mbd_sim/examples/{folder.name}/{name}" for name in ("README.md", f"{folder.name}.png")}
+        assert files == set(shared[f"share/mbd_sim/examples/{folder.name}"])
+        assert f"launch/{folder.name}.launch.py" in shared["share/mbd_sim/launch"]
+
+
+def test_ros2_run_finds_the_programs_of_a_wheel(wheel, evaluated_setup):
+    programs = {program.partition(" = ")[0] for program in evaluated_setup[0]["console_scripts"]} - {"mbd_sim"}
+    packed = [info for info in wheel.infolist() if ".data/data/lib/mbd_sim/" in info.filename]
+    assert {info.filename.rsplit("/", 1)[1] for info in packed} == programs
+    assert all((info.external_attr >> 16) & 0o111 for info in packed)
 
 
 def programs_outside_the_package():

@@ -1,1 +1,1 @@
-"""Control experiments: nodes that talk to `sim_node` over topics alone, each a page long, to copy from."""
+"""Control examples: nodes that use only the topics of `sim_node`, one folder each, to be copied."""

@@ -27,7 +27,7 @@ class Experiment:
 
 @contextlib.contextmanager
 def beside(folder: Path, parameters: dict[str, object], name: str, *arguments: str) -> Iterator[Experiment]:
-    """`mbd_sim.examples.NAME` and `sim_node` on a domain of their own, started together.
+    """The module `mbd_sim.examples.NAME` and `sim_node` on a domain of their own, started together.
 
     Where the program has not ended by itself it is ended by SIGINT, which must succeed.
     """

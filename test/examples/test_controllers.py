@@ -13,9 +13,9 @@ from sensor_msgs.msg import Joy
 from std_msgs.msg import Float64MultiArray
 
 from mbd_sim import Simulation
-from mbd_sim.examples.computed_torque import ComputedTorque, sway
-from mbd_sim.examples.pd_hold import PdHold, PdHoldNode
-from mbd_sim.examples.swing_up import SwingUp
+from mbd_sim.examples.computed_torque.computed_torque import ComputedTorque, sway
+from mbd_sim.examples.pd_hold.pd_hold import PdHold, PdHoldNode
+from mbd_sim.examples.swing_up.swing_up import SwingUp
 from test.examples.programs import beside, lockstep
 from test.system.nodes import nanoseconds, new_domain
 from test.waiting import PATIENCE
@@ -36,7 +36,7 @@ def looped(sim, law, steps, count):
 
 
 def test_the_pendulum_swings_up_and_stays_up(tmp_path):
-    with beside(tmp_path, lockstep("cart_pendulum", 200), "swing_up") as experiment:
+    with beside(tmp_path, lockstep("cart_pendulum", 200), "swing_up.swing_up") as experiment:
         listener = experiment.listener
         listener.until(lambda: seconds(listener) > 6.0, "6 s")
         leans = [abs(math.remainder(state.position[1] - math.pi, 2 * math.pi)) for state in listener.states[-100:]]
@@ -59,7 +59,7 @@ def test_swinging_up_succeeds_from_anywhere_and_one_period_late(start):
 
 
 def test_the_double_pendulum_is_held_at_its_target(tmp_path):
-    with beside(tmp_path, lockstep("double_pendulum", 200), "pd_hold", "target:=[2.0, 0.8]") as experiment:
+    with beside(tmp_path, lockstep("double_pendulum", 200), "pd_hold.pd_hold", "target:=[2.0, 0.8]") as experiment:
         listener = experiment.listener
         listener.until(lambda: seconds(listener) > 2.5, "2.5 s")
         assert list(listener.states[-1].position) == pytest.approx([2.0, 0.8], abs=1e-3)
@@ -74,7 +74,7 @@ def test_the_weight_is_carried():
 
 def test_the_arm_follows_its_reference(tmp_path):
     errors = []
-    with beside(tmp_path, lockstep("six_axis_arm", 500), "computed_torque") as experiment:
+    with beside(tmp_path, lockstep("six_axis_arm", 500), "computed_torque.computed_torque") as experiment:
         listener = experiment.listener
         listener.node.create_subscription(
             Float64MultiArray, "computed_torque/tracking_error", lambda m: errors.append(m.data.tolist()), 1000
@@ -95,7 +95,7 @@ def test_faster_control_follows_more_closely():
 
 
 def test_keys_and_a_joystick_become_efforts(tmp_path):
-    with beside(tmp_path, {"mechanism": "double_pendulum"}, "teleop", "effort_step:=0.25") as experiment:
+    with beside(tmp_path, {"mechanism": "double_pendulum"}, "teleop.teleop", "effort_step:=0.25") as experiment:
         keyboard, listener = experiment.program, experiment.listener
 
         def press(keys, efforts):
@@ -124,7 +124,7 @@ def test_keys_and_a_joystick_become_efforts(tmp_path):
 
 
 def test_hands_on_a_mechanism_with_a_driven_joint_push_the_others(tmp_path):
-    with beside(tmp_path, {"mechanism": "moving_support_pendulum"}, "teleop", "effort_step:=0.25") as experiment:
+    with beside(tmp_path, {"mechanism": "moving_support_pendulum"}, "teleop.teleop", "effort_step:=0.25") as experiment:
         keyboard, listener = experiment.program, experiment.listener
 
         def pushed():
@@ -152,7 +152,7 @@ def test_parameters_that_do_not_fit_or_act_at_the_start_alone_are_refused():
 
 ANOTHER = """
 import rclpy
-from mbd_sim.examples.swing_up import SwingUpNode
+from mbd_sim.examples.swing_up.swing_up import SwingUpNode
 from sensor_msgs.msg import JointState
 
 rclpy.init()
@@ -168,4 +168,4 @@ def test_a_controller_of_another_mechanism_says_so():
     ended = subprocess.run(
         [sys.executable, "-c", ANOTHER], env=environment, capture_output=True, text=True, timeout=PATIENCE
     )
-    assert "joint_states has no rail: is 'cart_pendulum' what is simulated?" in ended.stderr
+    assert "joint_states lacks rail: does the simulator run 'cart_pendulum'?" in ended.stderr

@@ -6,8 +6,8 @@ import signal
 import numpy as np
 import pytest
 
-from mbd_sim.examples.excite import multisine
-from mbd_sim.examples.identify import identify, main, read
+from mbd_sim.examples.identification.excite import multisine
+from mbd_sim.examples.identification.identify import identify, main, read
 from test.examples.programs import beside, lockstep
 from test.waiting import PATIENCE
 
@@ -16,7 +16,7 @@ from test.waiting import PATIENCE
 def recording(tmp_path_factory):
     folder = tmp_path_factory.mktemp("identification")
     parameters = lockstep("motor_arm", 100) | {"record": True, "record_dir": str(folder)}
-    with beside(folder, parameters, "excite", "duration:=3.0") as experiment:
+    with beside(folder, parameters, "identification.excite", "duration:=3.0") as experiment:
         assert experiment.program.wait(PATIENCE) == 0
         assert experiment.node.end(signal.SIGINT) == 0
     (path,) = folder.glob("motor_arm_*.mcap")

@@ -6,7 +6,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from mbd_sim import CommandError
-from mbd_sim.examples.pd_hold import PdHold
+from mbd_sim.examples.pd_hold.pd_hold import PdHold
 from mbd_sim.ros.lockstep import Lockstep, LockstepError
 from test.system.nodes import as_in_the_node, nanoseconds, running
 from test.waiting import PATIENCE

@@ -1,4 +1,4 @@
-"""`ros2 run mbd_sim example_excite`: shakes a joint through many frequencies, for `example_identify`."""
+"""`ros2 run mbd_sim example_excite`: excites a joint at many frequencies, for `example_identify`."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import sys
 
 import numpy as np
 
-from mbd_sim.examples.control_node import AT_START, ControlNode, end, run
+from mbd_sim.examples.control_node import READ_ONLY, ControlNode, end_program, run
 from mbd_sim.geometry.pose import Array
 
 SINES = 8
 
 
 def multisine(time: float, amplitude: float, lowest: float = 0.2, highest: float = 4.0) -> float:
-    """A sum of sines from `lowest` to `highest` Hz with Schroeder's phases (1970), which keep its peaks low."""
+    """A sum of sines from `lowest` to `highest` (Hz) with Schroeder's phases (1970), which keep its peaks low."""
     k = np.arange(SINES)
     frequencies = lowest * (highest / lowest) ** (k / (SINES - 1))
     return float(
@@ -23,35 +23,34 @@ def multisine(time: float, amplitude: float, lowest: float = 0.2, highest: float
 
 
 class ExciteNode(ControlNode):
-    """Ends by itself after `duration` seconds of simulated time."""
+    """Ends after `duration` seconds of simulated time."""
 
     def __init__(self) -> None:
         super().__init__("excite", "motor_arm")
         for name, value in (("joint", self.names[0]), ("amplitude", 0.6), ("duration", 10.0)):
-            self.declare_parameter(name, value, AT_START)
+            self.declare_parameter(name, value, READ_ONLY)
         joint = self.get_parameter("joint").value
         if joint not in self.names:
             raise ValueError(f"there is no joint '{joint}'. Choose one of {', '.join(self.names)}.")
-        self.where = self.names.index(joint)
+        self.joint_index = self.names.index(joint)
         self.amplitude, self.duration = (float(self.get_parameter(n).value) for n in ("amplitude", "duration"))
-        self._began: float | None = None
-        self.start()
+        self._start_time: float | None = None
 
     def control(self, time: float, q: Array, u: Array) -> Array:
-        """The torque of this moment at the joint."""
-        self._began = time if self._began is None else self._began
+        """The torque of the multisine at the joint."""
+        self._start_time = time if self._start_time is None else self._start_time
         efforts = np.zeros(len(self.names))
-        if time - self._began > self.duration:
-            self.get_logger().info("done: end sim_node, and give its recording to example_identify", once=True)
-            end()
+        if time - self._start_time > self.duration:
+            self.get_logger().info("done: stop sim_node, and pass its recording to example_identify", once=True)
+            end_program()
         else:
-            efforts[self.where] = multisine(time - self._began, self.amplitude)
+            efforts[self.joint_index] = multisine(time - self._start_time, self.amplitude)
         return efforts
 
 
 def main() -> int:
     """Run the node."""
-    return run(ExciteNode)
+    return run("example_excite", ExciteNode, example="duration:=10.0")
 
 
 if __name__ == "__main__":

@@ -9,13 +9,13 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray
 
 from mbd_sim.analysis.inverse_dynamics import InverseDynamics
-from mbd_sim.examples.control_node import AT_START, ControlNode, run
+from mbd_sim.examples.control_node import READ_ONLY, ControlNode, run
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 
 
 class Reference(NamedTuple):
-    """Where the joints should be: coordinates in rad, speeds and accelerations, (nv,) each."""
+    """The reference motion at one moment: coordinates in rad, speeds and accelerations, (nv,) each."""
 
     q: Array
     u: Array
@@ -23,54 +23,55 @@ class Reference(NamedTuple):
 
 
 def sway(home: Array, amplitude: float, frequency: float, time: float) -> Reference:
-    """Every joint to and fro, from rest at `home`, each a little faster than the one before; Hz and s."""
+    """All joints oscillate from rest at `home` (rad), each at a higher frequency (Hz) than the one before."""
     w = 2.0 * np.pi * frequency * (1.0 + 0.15 * np.arange(len(home)))
     c, s = np.cos(w * time), np.sin(w * time)
     return Reference(home + amplitude * (1.0 - c) / 2.0, amplitude * w * s / 2.0, amplitude * w**2 * c / 2.0)
 
 
 class ComputedTorque:
-    """e = M(q) (q̈_d + kd (q̇_d - u) + kp (q_d - q)) + h(q, u): errors die away as those of a damped oscillator.
+    """Computed-torque control: e = M(q) (q̈_d + kd (q̇_d - u) + kp (q_d - q)) + h(q, u).
 
-    M and h are those of our equations, by inverse dynamics (Siciliano et al. 2009, sec. 8.5.2).
+    M and h are evaluated by inverse dynamics; the error then obeys the equation of a damped oscillator
+    (Siciliano et al. 2009, sec. 8.5.2).
     """
 
     def __init__(self, mechanism: Mechanism, bandwidth: float = 20.0) -> None:
         """Errors decay at the rate `bandwidth` (1/s), critically damped."""
         self.kp, self.kd = bandwidth**2, 2.0 * bandwidth
-        self._inverse = InverseDynamics(mechanism)
+        self._inverse_dynamics = InverseDynamics(mechanism)
 
-    def efforts(self, q: Array, u: Array, wanted: Reference) -> Array:
-        """The efforts (nv,), N·m."""
-        return self._inverse(q, u, wanted.u_rates + self.kd * (wanted.u - u) + self.kp * (wanted.q - q))
+    def efforts(self, q: Array, u: Array, reference: Reference) -> Array:
+        """The efforts (nv,) in N·m."""
+        feedback = self.kd * (reference.u - u) + self.kp * (reference.q - q)
+        return self._inverse_dynamics(q, u, reference.u_rates + feedback)
 
 
 class ComputedTorqueNode(ControlNode):
-    """Publishes how far the joints are off on `~/tracking_error`, in rad."""
+    """Publishes the tracking error of each joint in rad on `~/tracking_error`."""
 
     def __init__(self) -> None:
         super().__init__("computed_torque", "six_axis_arm")
         for name, value in (("amplitude", 0.8), ("frequency", 0.25), ("bandwidth", 20.0)):
-            self.declare_parameter(name, value, AT_START)
+            self.declare_parameter(name, value, READ_ONLY)
         self.amplitude, self.frequency = (float(self.get_parameter(n).value) for n in ("amplitude", "frequency"))
         self.law = ComputedTorque(self.mechanism, float(self.get_parameter("bandwidth").value))
         self._errors = self.create_publisher(Float64MultiArray, "~/tracking_error", 10)
-        self._began: float | None = None
+        self._start_time: float | None = None
         self._home = np.zeros(len(self.names))
-        self.start()
 
     def control(self, time: float, q: Array, u: Array) -> Array:
-        """Along the reference, which begins where the arm is when it is first heard of."""
-        if self._began is None or time < self._began:
-            self._began, self._home = time, q
-        wanted = sway(self._home, self.amplitude, self.frequency, time - self._began)
-        self._errors.publish(Float64MultiArray(data=(wanted.q - q).tolist()))
-        return self.law.efforts(q, u, wanted)
+        """Follow the reference motion, which starts at the first received state."""
+        if self._start_time is None or time < self._start_time:
+            self._start_time, self._home = time, q
+        reference = sway(self._home, self.amplitude, self.frequency, time - self._start_time)
+        self._errors.publish(Float64MultiArray(data=(reference.q - q).tolist()))
+        return self.law.efforts(q, u, reference)
 
 
 def main() -> int:
     """Run the node."""
-    return run(ComputedTorqueNode)
+    return run("example_computed_torque", ComputedTorqueNode, example="amplitude:=0.5")
 
 
 if __name__ == "__main__":

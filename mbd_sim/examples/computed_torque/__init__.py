@@ -1,0 +1,1 @@
+"""Example: a six-axis arm follows a motion by computed-torque control."""

@@ -1,0 +1,1 @@
+"""Example: parameters of a mechanism are identified from a recording."""

@@ -1,0 +1,1 @@
+"""Example: efforts from the keyboard or a joystick."""
