@@ -35,7 +35,7 @@ def test_driven_coordinates_come_last_with_the_forces_of_their_drives():
     model = simulation.model
     names = joint_state_names(model)
     arrays = joint_state_arrays(model, simulation.time, simulation.y, simulation.inputs)
-    drives = simulation.drives
+    drives = simulation.drives()
     assert names[-len(drives) :] == tuple(drives)
     for index, name in enumerate(names[-len(drives) :], len(names) - len(drives)):
         assert tuple(values[index] for values in arrays) == tuple(drives[name])
