@@ -1,4 +1,4 @@
-"""`sim_node` in a process of its own, observed over its topics; shared by the benchmarks of the node."""
+"""`sim_node` in a separate process, observed over its topics; shared by the benchmarks of the node."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Measured:
         self._thread.join()
 
     def wait(self, messages: int = 500) -> None:
-        """Wait until so many states have arrived, so that start-up is over."""
+        """Wait until a number of states have arrived, so that start-up is over."""
         while len(self.stamps) < messages:
             time.sleep(0.05)
 

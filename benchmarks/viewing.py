@@ -29,7 +29,7 @@ DOMAIN = "87"
 
 
 def main() -> None:
-    """Run the cases in alternation, each in a process of its own, and print the medians."""
+    """Run the cases in alternation, each in a separate process, and print the medians."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=5.0)
     parser.add_argument("--turns", type=int, default=4)

@@ -25,10 +25,10 @@ class Engine(Protocol):
     """A plan in one simulator, with one of its methods and a fixed step."""
 
     each: Callable[[int], None] | None
-    """Takes so many steps with one call per step, in the tightest Python loop; None if the simulator cannot do that."""
+    """Takes a number of steps with one call per step in a minimal Python loop; None if the simulator cannot do that."""
 
     def many(self, steps: int) -> None:
-        """Take so many steps with as few calls as the simulator allows."""
+        """Take a number of steps with as few calls as the simulator allows."""
 
     def reset(self, q: Array, u: Array) -> None:
         """Start from a state."""
@@ -65,13 +65,13 @@ def load(module: str):
 
 
 def candidates(modules: list[str]) -> tuple[list[Candidate], list[str]]:
-    """The installed simulators with each of their methods, and each one's version, or why it is left out."""
+    """The installed simulators with each of their methods, and for each simulator its version, or why it is omitted."""
     found, lines = [], []
     for module in modules:
         try:
             loaded = load(module)
         except ImportError as error:
-            lines.append(f"{NAMES[module]}: left out, not installed ({error})")
+            lines.append(f"{NAMES[module]}: omitted, not installed ({error})")
             continue
         lines.append(f"{NAMES[module]} {loaded.VERSION}")
         found += [Candidate(module, method, key) for method, key in loaded.METHODS.items()]

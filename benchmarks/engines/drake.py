@@ -1,7 +1,6 @@
-"""Drake: a discrete MultibodyPlant, advanced by one step of its Simulator a call.
+"""Drake: a discrete MultibodyPlant, advanced by its Simulator with one step per call.
 
-Its discrete update is of first order: TAMSI's, which is the faster one, and SAP's where a ball constraint closes a
-loop.
+Its discrete update is of first order: TAMSI, which is faster, or SAP if a ball constraint closes a loop.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """heyoka: Taylor series of adaptive order and step, propagated, not stepped by 1 ms.
 
-heyoka integrates equations, so it is given ours: the recursion of `mbd_sim`, as symbols. Its steps are its own, tens of
-milliseconds long, at its default tolerance of 2e-16; time is per millisecond that went by. Loops are not led back.
+heyoka integrates equations, so it receives ours: the recursion of `mbd_sim`, as symbols. It chooses its steps, tens of
+milliseconds long, at its default tolerance of 2e-16; times are per simulated millisecond. Loops are not projected.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Heyoka:
         self._starts = True
 
     def many(self, steps: int) -> None:
-        """Advance by the time of so many steps."""
+        """Advance by the duration of a number of steps."""
         until = steps * self._step + self._taylor.time
         if self._starts:
             # At rest in a symmetric pose the last terms of the series vanish, and heyoka would take one infinite step.

@@ -1,10 +1,10 @@
-"""MuJoCo, driven by one `mj_step` a step.
+"""MuJoCo, with one `mj_step` per step.
 
-Everything that these mechanisms do not need is switched off (contacts, limits, friction, actuators, sensors, springs
-where there are none), which takes a tenth off the time of a step. Loops are `connect` equalities, on dense matrices,
-which are faster at this size. Equalities are soft by nature: `solimp` is the hardest that MuJoCo allows, and `solref`
-(stiffness 0.1/h², damping 0.1/h) the one of ten with the smallest error with RK4; harder ones become unstable. The
-Newton solver meets equalities in one iteration.
+Everything that these mechanisms do not need is disabled (contacts, limits, friction, actuators, sensors, and springs if
+there are none), which saves a tenth of the time of a step. Loops are `connect` equalities, with dense matrices, which
+are faster at this size. Equalities are soft in MuJoCo: `solimp` is the hardest that it allows, and `solref` (stiffness
+0.1/h², damping 0.1/h) had the smallest error with RK4 of ten settings; harder ones become unstable. The Newton solver
+satisfies equalities in one iteration.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Pinocchio: its forward dynamics in compiled code, stepped by the classical Runge–Kutta method in Python.
 
-Pinocchio has no integrator. Open chains take `aba`, loops `constraintDynamics` with a point constraint, which is exact
-but for a proximal term, and whose drift Baumgarte's method leads back.
+Pinocchio has no integrator. Open chains use `aba`. Loops use `constraintDynamics` with a point constraint, which is
+exact except for a proximal term; Baumgarte's method corrects its drift.
 """
 
 from __future__ import annotations

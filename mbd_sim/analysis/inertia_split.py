@@ -86,10 +86,10 @@ def inertia_split(equations: Equations) -> InertiaSplit:
     q_rates = equations.rates.call([t, y, ca.SX.zeros(nv)])[0][:nq]
     to_rates = ca.jacobian(q_rates, u)
 
-    still = ca.SX.zeros(nv, 1)
+    at_rest = ca.SX.zeros(nv, 1)
     mass = ca.hessian(kinetic, u)[0]
-    carried = ca.substitute(ca.gradient(kinetic, u), u, still)
-    constant = ca.substitute(kinetic, u, still)
+    carried = ca.substitute(ca.gradient(kinetic, u), u, at_rest)
+    constant = ca.substitute(kinetic, u, at_rest)
     # The columns of N are orthogonal, also for quaternions of any length, so that NᵀN is diagonal: N⁺ = (NᵀN)⁻¹Nᵀ.
     pseudoinverse = ca.diag(1.0 / ca.sum1(to_rates**2).T) @ to_rates.T
     form = pseudoinverse.T @ carried  # a

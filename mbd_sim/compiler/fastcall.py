@@ -102,7 +102,7 @@ def emit_call(module: ir.Module, advance: ir.Function, roles: Sequence[str]) -> 
 def _emit_step_count(
     b: ir.IRBuilder, python: Mapping[str, ir.Function], call: ir.Function, blocks: Mapping[str, ir.Block]
 ) -> ir.Value:
-    """Emit the reading of the arguments: n, or 1 if there is none; whatever is not a count goes to block `other`."""
+    """Emit the reading of n, which is 1 without an argument; anything that is not a count goes to block `other`."""
     _, arguments, count, names = call.args
     null = ir.Constant(POINTER, None)
     positional = b.and_(b.icmp_unsigned("==", names, null), b.icmp_unsigned("<=", count, integer(1)))

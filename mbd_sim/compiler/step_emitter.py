@@ -117,8 +117,7 @@ class StepEmitter:
     def estimator(self, estimate: Estimate, slopes: list[ir.Value]) -> EmitEstimate:
         """A function that emits the update of `largest_error` in a step whose error is estimated.
 
-        It must be called while `y` is still the state at the start of the step. What is not a number counts as
-        infinity.
+        It must be called while `y` is the state at the start of the step. A NaN counts as infinity.
         """
         fine, coarse = self.scalar(), self.scalar()
 

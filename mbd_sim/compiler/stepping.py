@@ -25,7 +25,7 @@ def emit_advance(module: ir.Module, system: System, prepare: Prepare) -> ir.Func
 
     Step k starts at time k h, counted from `first`. Both return 1 if the new state is finite; otherwise they return 0
     and leave y unchanged. `estimating_advance` has a sixth argument, `double* estimate`: it becomes the largest of its
-    previous value and the error estimates of every eighth step, infinity for what is not a number.
+    previous value and the error estimates of every eighth step, infinity for a NaN.
 
     `prepare` allocates what a method needs and returns the function that emits a step.
     """
@@ -76,7 +76,7 @@ def _emit_steps(
     b.store(zero, sum_of_zeros)
 
     def add_zero(i: int | ir.Value) -> None:
-        """Add 0 y, which is not a number if y is not finite."""
+        """Add 0 y, which is NaN if y is not finite."""
         b.store(b.fadd(b.load(sum_of_zeros, typ=DOUBLE), b.fmul(load(b, emitter.y, i), zero)), sum_of_zeros)
 
     each(b, size, add_zero)

@@ -43,7 +43,7 @@ class KernelMemory:
         return True
 
     def compiled_step(self, fallback: Callable[..., None]) -> Callable[..., None]:
-        """`step(n=1)` as compiled code, which calls `fallback` with the same arguments wherever a step fails."""
+        """`step(n=1)` as compiled code, which calls `fallback` with the same arguments if a step fails."""
         arrays = (self._counter, self._step_size, self.y, self.inputs, self._error_estimate)
         return self._kernel.stepper(fallback, [array.ctypes.data for array in arrays], arrays)
 

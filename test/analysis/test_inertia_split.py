@@ -138,7 +138,7 @@ def test_a_body_on_a_ball_joint_in_a_turning_frame():
 
 
 def standing_still(mechanism, t):
-    """The mechanism with its drives held where they are at time t."""
+    """The mechanism with its drives fixed at their positions at time t."""
     joints = {
         name: replace(joint, drive=tuple(TimeExpression(repr(expression.at(t)), {}) for expression in joint.drive))
         for name, joint in mechanism.joints.items()
@@ -161,7 +161,7 @@ def changing_mass(lagrange, t, q, u):
 
 
 def check(mechanism, rng):
-    """Hold the split against Lagrange's equations, with drives or speeds at rest too.
+    """Compare the split with Lagrange's equations, also with drives or speeds at rest.
 
     Returns the largest entry of G, and of the unsteady terms.
     """

@@ -1,4 +1,4 @@
-"""The count of instructions: complete, and of the size that the mechanism lets expect."""
+"""The count of instructions: complete, and of the expected size."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Rolling and blades: which constraints of velocity are constraints of position in disguise."""
+"""Rolling and blades: which velocity constraints are integrable."""
 
 import pytest
 

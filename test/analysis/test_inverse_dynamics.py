@@ -75,7 +75,7 @@ def test_the_efforts_of_rest_carry_the_weight():
     assert np.max(np.abs(sim.q - q)) < 1e-9
 
 
-def test_accelerations_that_cannot_be_are_told():
+def test_impossible_accelerations_are_refused():
     with pytest.raises(ValueError, match=r"no efforts at rail give these accelerations: pin would have -?\d"):
         InverseDynamics(load_mechanism("cart_pendulum"), ["rail"])(np.zeros(2), np.zeros(2), np.array([1.0, 1.0]))
     sim = Simulation.from_file("four_bar")

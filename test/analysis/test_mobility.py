@@ -1,4 +1,4 @@
-"""Degrees of freedom as the textbooks count them, and as the rank tells them."""
+"""Degrees of freedom by the textbooks' count and by rank."""
 
 import pytest
 
@@ -69,7 +69,7 @@ joints:
 """
 
 
-def test_a_singular_start_is_told_from_the_rank_elsewhere():
+def test_the_rank_at_a_singular_start_is_distinguished():
     """A parallelogram that lies flat has one freedom more there, but not along its motion."""
     flat = counted(Simulation.from_text(PARALLELOGRAM.replace("ANGLE", "0")))
     assert (flat.rank_at_start, flat.rank, flat.degrees_of_freedom) == (1, 2, 1)

@@ -26,6 +26,6 @@ def test_the_upright_cart_pendulum_is_held():
     assert np.max(np.linalg.eigvals(upright.a - upright.b[:, :1] @ gain).real) < -0.5
 
 
-def test_what_cannot_be_held_is_told():
+def test_what_cannot_be_stabilized_is_refused():
     with pytest.raises(ValueError, match="there is no regulator"):
         lqr(np.diag([1.0, -1.0]), np.array([[0.0], [1.0]]), np.eye(2), np.eye(1))

@@ -37,7 +37,7 @@ def test_tables_of_our_own_engine():
     assert first.startswith("| **mbd_sim rk4**") and "| 1.00 |" in first and "| 1.00 |" in second
 
 
-def test_tables_tell_what_cannot_be_measured():
+def test_tables_note_what_cannot_be_measured():
     failed = Result("other", note="cannot: no such joint")
     propagated = Result("another", many=0.5, drift=-0.4, error=math.inf, violation=1e-5, monitored=10.0)
     propagated.samples = {"many": [0.5, 0.4, 9.0]}
@@ -48,12 +48,12 @@ def test_tables_tell_what_cannot_be_measured():
     assert table.endswith("\n\nother: cannot: no such joint.")
 
 
-def test_setup_is_measured_in_a_process_of_its_own():
+def test_setup_is_measured_in_a_separate_process():
     found = in_fresh_process(OURS_RK4, plan_of(rods(1)), STEP)
     assert found["again"] > 0.0 and 0.0 < found["setup"] < 60.0 and found["memory"] > 1.0
 
 
-def test_plans_refuse_what_they_do_not_know():
+def test_plans_refuse_unsupported_elements():
     with pytest.raises(ValueError, match="'pin0' is more than a hinge or slider with a spring"):
         plan_of(rods(1).replace("position: 90 deg", "damping: 1"))
 

@@ -1,4 +1,4 @@
-"""The dense solver in machine code against numpy's, and what it does where there is no solution."""
+"""The compiled dense solver against numpy's, and its result for singular matrices."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_it_agrees_with_numpy(size):
 
 
 def test_rows_are_exchanged():
-    """No pivot stands on the diagonal, and then a tiny one that would ruin everything."""
+    """A zero pivot on the diagonal, then a tiny one that would destroy the accuracy."""
     solve = solver(3)
     matrix, right = np.array([[0.0, 0.0, 2.0], [4.0, 0.0, 0.0], [0.0, 8.0, 0.0]]), np.array([2.0, 4.0, 8.0])
     assert solve(matrix, right).tolist() == [1.0, 1.0, 1.0]

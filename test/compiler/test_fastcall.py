@@ -1,4 +1,4 @@
-"""The compiled `step`: an ordinary Python callable, also where something is wrong, and it leaks nothing."""
+"""The compiled `step`: it behaves like an ordinary Python method, including errors, and leaks nothing."""
 
 import contextlib
 import copy

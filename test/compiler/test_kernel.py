@@ -1,4 +1,4 @@
-"""The stepping loop: the method's formula bit for bit, whatever way it was compiled, and what it does when it fails."""
+"""The stepping loop: the formula of the method bit for bit, however it is compiled, and its failures."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_two_compilations_give_the_same_bits():
 
 
 def test_another_process_gets_the_same_bits():
-    """Whatever the seed of hashes and wherever things stand in memory."""
+    """For any hash seed and any addresses in memory."""
     code = (
         "from mbd_sim import Simulation; from test.generators import mechanisms; "
         "sim = Simulation.from_text(mechanisms.FLOATING); sim.step(1000); print(sim.state.tobytes().hex())"
@@ -75,7 +75,7 @@ def test_another_process_gets_the_same_bits():
 
 
 def test_a_processor_without_fused_operations_gets_the_same_bits(monkeypatch):
-    """There they are calls of the C library, which rounds once as well."""
+    """Without them, fused operations are calls of the C library, which also round once."""
     here = run(*compile_model("audited", "dop853"), 300)
     monkeypatch.setattr(machine_code.llvm, "get_host_cpu_name", lambda: "x86-64")
     monkeypatch.setattr(machine_code.llvm, "get_host_cpu_features", machine_code.llvm.FeatureMap)

@@ -1,4 +1,4 @@
-"""Kernels on disk: found again, never trusted when damaged, harmless when the disk is not there."""
+"""The cache of kernels on disk: stored kernels are found, damaged ones are not used, and a missing disk is no error."""
 
 import os
 import subprocess

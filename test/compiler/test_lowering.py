@@ -1,4 +1,4 @@
-"""Every operation of an instruction list becomes the IEEE 754 operation of the same name, and no other comes out."""
+"""Every operation of an instruction list becomes the IEEE 754 operation of the same name, and nothing else."""
 
 from __future__ import annotations
 

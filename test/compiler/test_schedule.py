@@ -1,4 +1,4 @@
-"""Arranged instruction lists: the same values to round-off, no later than before, and the same list every time."""
+"""Arranged instruction lists: equal values to round-off, no longer critical path, and the same list every time."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from test.oracles.instruction_interpreter import interpret
 
 
 def cycles(function):
-    """When the last output is there, if nothing but operands is waited for."""
+    """The length of the critical path in cycles."""
     graph = graph_of(function)
     ready = []
     for node in graph.nodes:
@@ -140,7 +140,7 @@ def test_signs():
 
 
 def test_a_wide_list_keeps_its_order():
-    """Eighty roots of two sums: by need all sums would come first, and eighty values wait."""
+    """Eighty roots of two sums: in critical-path order all sums would come first, and eighty values would wait."""
     x = ca.SX.sym("x", 160)
     function = function_of(ca.vertcat(*(ca.sqrt(x[2 * i] + x[2 * i + 1]) for i in range(80))), x)
     assert operations(arranged(function)) == [ca.OP_ADD, ca.OP_SQRT] * 80

@@ -1,4 +1,4 @@
-"""Instruction lists cut into pieces compute what they compute whole, bit for bit."""
+"""Split instruction lists compute the same values as whole ones, bit for bit."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ def test_a_motion_that_becomes_infinite_ends_the_episode():
     assert np.all(np.isfinite(observation))
 
 
-def test_mistakes_are_told():
+def test_mistakes_are_refused():
     with pytest.raises(ValueError, match=r"no coordinate 'rial'\. Did you mean 'rail'"):
         MechanismEnv("cart_pendulum", ["rial"], reward=upright)
     with pytest.raises(ValueError, match="'effort_limits'"):
@@ -126,7 +126,7 @@ def test_gymnasiums_vectors_run_several(mode):
     assert observations[1].tolist() == observation.tolist() and rewards[1] == reward
 
 
-def test_without_gymnasium_the_remedy_is_told():
+def test_without_gymnasium_the_error_names_the_remedy():
     code = "import sys; sys.modules['gymnasium'] = None; import mbd_sim.gym"
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stderr
-    assert "pip install gymnasium" in told
+    error = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stderr
+    assert "pip install gymnasium" in error

@@ -1,4 +1,4 @@
-"""`mbd_sim check --inertia`, held against worked numbers (Huston & Liu, ch. 7)."""
+"""`mbd_sim check --inertia` against worked examples (Huston & Liu, ch. 7)."""
 
 import json
 

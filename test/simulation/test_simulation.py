@@ -1,4 +1,4 @@
-"""`Simulation`: stepping, resetting, commanding and reading, and that every error leaves all as it was."""
+"""`Simulation`: steps, resets, commands and readings; an error leaves everything unchanged."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def sim():
 
 
 def snapshot(sim):
-    """All that a failed call must leave alone."""
+    """Everything that a failed call must leave unchanged."""
     return sim.state.tolist(), sim.efforts.tolist(), sim.steps, sim.time, sim.start_energy
 
 
@@ -63,10 +63,10 @@ def test_run_goes_to_the_nearest_step_and_never_back(sim):
 
 
 def test_run_reports_its_progress(sim):
-    heard = []
-    sim.run(until=50.0, progress=heard.append)
-    assert heard[-1] == sim.time == 50.0
-    assert heard == sorted(heard) and len(heard) >= 2
+    times = []
+    sim.run(until=50.0, progress=times.append)
+    assert times[-1] == sim.time == 50.0
+    assert times == sorted(times) and len(times) >= 2
 
 
 def test_no_steps_change_nothing(sim):
@@ -306,7 +306,7 @@ def test_a_given_start_is_where_the_energy_audit_starts(sim):
 
 
 def imported_by(statement):
-    """The modules that a fresh interpreter has after a statement."""
+    """The modules that are loaded in a new interpreter after a statement."""
     code = f"{statement}; import sys; print(' '.join(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     return set(done.stdout.split())

@@ -1,4 +1,4 @@
-"""Steps too large: what is estimated, what is advised, and that nothing is said where all is well."""
+"""Steps that are too large: the error estimate, the advice, and no advice for a good step."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def test_a_couple_from_outside_is_the_same_as_one_in_the_file(axes):
     assert outside.state == pytest.approx(inside.state, abs=1e-11)
 
 
-def test_a_force_acts_at_the_mass_centre_unless_told_otherwise():
+def test_a_force_acts_at_the_center_of_mass_by_default():
     sim = Simulation.from_text(PUSHED, wrenches=["body"])
     sim.set_wrench("body", force=VECTOR)
     sim.run(1.0)

@@ -36,7 +36,7 @@ def test_every_kind_of_sweep_can_be_drawn(tmp_path, varied):
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
-    """The address of a scheduler with two workers on loopback, each a process of its own."""
+    """The address of a scheduler with two workers on loopback, in separate processes."""
     place = tmp_path_factory.mktemp("dask")
     file = place / "scheduler.json"
     common = ["--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", str(file)]

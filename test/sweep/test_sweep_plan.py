@@ -45,7 +45,7 @@ def test_what_cannot_be_varied_says_why(rods, text, words):
         variation(text, rods)
 
 
-def test_a_plan_has_every_combination_each_drawn_anew(rods):
+def test_a_plan_has_every_combination_with_new_random_values(rods):
     planned = plan(
         [Grid("l", (1.0, 2.0)), Random("m", "uniform", 0.0, 1.0), Grid("k", (3.0, 4.0, 5.0))], draws=2, seed=1
     )

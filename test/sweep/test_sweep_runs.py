@@ -58,7 +58,7 @@ def test_runs_that_share_no_equations_are_computed_one_by_one():
     assert found.runs["elbow.position"][0] == pytest.approx(-found.runs["elbow.position"][1], abs=1e-10)
 
 
-def test_a_run_that_cannot_be_built_is_told_and_the_others_go_on():
+def test_a_run_that_cannot_be_built_is_reported_and_the_others_continue():
     found = compute(settings("four_bar"), chunks([{"crank": 0.5}, {"crank": 5.0}, {"crank": 0.4}])[0])
     assert found.runs["finite"].tolist() == [True, False, True]
     assert np.isnan(found.runs["residual"][1])

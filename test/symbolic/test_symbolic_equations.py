@@ -28,7 +28,7 @@ def constrained(name):
 
 
 def compare(mechanism, states=4):
-    """Hold u' from the symbolic M, h and Q against the compiled recursion's at random states."""
+    """Compare u' from the symbolic M, h and Q with the compiled recursion at random states."""
     found, engine = symbolic_equations(mechanism), derive(mechanism)
     arguments = [found.time, *found.q, *found.u, *found.efforts]
     terms = sp.lambdify(arguments, [sp.Matrix(found.mass), sp.Matrix(found.inertial), sp.Matrix(found.forces)], "numpy")
