@@ -153,8 +153,8 @@ def _nearest_solution(pair: EquationPair, point: Array, step: float) -> Array | 
 def _equations(constraint: Surface, base: Pose) -> tuple[ca.SX, ca.SX]:
     """The symbols of a point (3,) in ground's frame, and the values (k,) of the equations at that point and t = 0."""
     x = ca.SX.sym("x", 3)
-    place = ca.DM(base.rotation.T) @ (x - ca.DM(base.position))
-    names = {"x": place[0], "y": place[1], "z": place[2], "t": ca.SX(0)}
+    local = ca.DM(base.rotation.T) @ (x - ca.DM(base.position))
+    names = {"x": local[0], "y": local[1], "z": local[2], "t": ca.SX(0)}
     return x, ca.vertcat(*(function_of(equation, names) for equation in constraint.equations))
 
 
@@ -162,8 +162,8 @@ def _equation_pair(x: ca.SX, values: ca.SX) -> EquationPair:
     function = ca.Function("pair", [x], [ca.densify(values), ca.densify(ca.jacobian(values, x))])
 
     def pair(point: Array) -> tuple[Array, Array]:
-        found, slopes = function(point)
-        return np.array(found).ravel(), np.array(slopes)
+        results, gradients = function(point)
+        return np.array(results).ravel(), np.array(gradients)
 
     return pair
 

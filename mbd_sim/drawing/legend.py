@@ -24,13 +24,13 @@ def add_strip(sheet: Sheet, page: Page, gravity: Array, width: float) -> None:
     """Add the three in a strip from (0, 0) to (width, HEIGHT)."""
     _add_axes(sheet, page, np.array([26.0, 20.0]))
     _add_gravity(sheet, page, gravity, np.array([98.0, 24.0]))
-    _add_scale(sheet, page, np.array([width - 14.0, 16.0]), most=0.34 * width)
+    _add_scale(sheet, page, np.array([width - 14.0, 16.0]), limit=0.34 * width)
 
 
-def nice_length(most: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not above `most`."""
-    power = 10.0 ** np.floor(np.log10(most))
-    return float(power * max(digit for digit in (1.0, 2.0, 5.0) if digit * power <= most * (1.0 + 1e-9)))
+def nice_length(limit: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above `limit`."""
+    power = 10.0 ** np.floor(np.log10(limit))
+    return float(power * max(digit for digit in (1.0, 2.0, 5.0) if digit * power <= limit * (1.0 + 1e-9)))
 
 
 def length_text(length: float) -> str:
@@ -86,8 +86,8 @@ def _add_end_on(sheet: Sheet, at: Array, toward: bool, color: tuple[int, int, in
         sheet.add(SheetPath(np.array([at - half, at + half]), edge=color, width=1.0, layer=MARKS))
 
 
-def _add_scale(sheet: Sheet, page: Page, right: Array, most: float) -> None:
-    length = nice_length(most / page.scale)
+def _add_scale(sheet: Sheet, page: Page, right: Array, limit: float) -> None:
+    length = nice_length(limit / page.scale)
     left = right - np.array([length * page.scale, 0.0])
     tick = np.array([0.0, 3.5])
     for line in ([left, right], [left - tick, left + tick], [right - tick, right + tick]):

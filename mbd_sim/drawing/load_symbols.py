@@ -25,11 +25,10 @@ LENGTH = 46.0  # pt, of the arrow of any force
 FORCE = outline_color(DISSIPATED)
 MOMENTS = (0.0, 0.05, 0.1, 0.25, 0.5, 1.0)  # s; a force is drawn as it is at the first of these at which it is not zero
 
+Connector = Spring | Damper | Distance
 
-TwoPointElement = Spring | Damper | Distance
 
-
-def two_point_elements(mechanism: Mechanism) -> list[TwoPointElement]:
+def connectors_of(mechanism: Mechanism) -> list[Connector]:
     """The force elements and constraints that act between two points."""
     distances = [constraint for constraint in mechanism.constraints if isinstance(constraint, Distance)]
     return [*mechanism.two_point_elements, *distances]
@@ -38,7 +37,7 @@ def two_point_elements(mechanism: Mechanism) -> list[TwoPointElement]:
 def two_point_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> list[SheetPath]:
     """Springs, dampers, and massless rods that keep a distance."""
     paths: list[SheetPath] = []
-    for element in two_point_elements(mechanism):
+    for element in connectors_of(mechanism):
         first, second = (point_of(poses, attachment) for attachment in (element.first, element.second))
         depth = page.depth((first + second) / 2.0)
         ends = page.project(first), page.project(second)
@@ -53,7 +52,7 @@ def two_point_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose])
     return paths
 
 
-def _elastic_and_damped(element: TwoPointElement) -> tuple[bool, bool]:
+def _elastic_and_damped(element: Connector) -> tuple[bool, bool]:
     match element:
         case Spring():
             return element.elastic, element.damping != 0.0

@@ -108,11 +108,10 @@ def left_of(direction: Array) -> Array:
     return np.array([-direction[1], direction[0]]) / max(float(np.hypot(*direction)), 1e-300)
 
 
-def arrow_head(tip: Array, direction: Array, color: Color, size: float = 7.0, **where: float) -> SheetPath:
+def arrow_head(tip: Array, direction: Array, color: Color, size: float = 7.0) -> SheetPath:
     """A filled arrow head with its tip at `tip` (2,)."""
     along = unit_or_zero(direction)
     across = left_of(along)
     back = tip - size * along
     points = np.array([tip, back + 0.36 * size * across, back + 0.22 * size * along, back - 0.36 * size * across])
-    layer, depth = int(where.get("layer", MARKS)), where.get("depth", 0.0)
-    return SheetPath(points, edge=None, fill=color, closed=True, layer=layer, depth=depth)
+    return SheetPath(points, edge=None, fill=color, closed=True, layer=MARKS)

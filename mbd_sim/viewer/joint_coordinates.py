@@ -12,14 +12,14 @@ from mbd_sim.viewer.scene_description import SceneDescription
 def coordinates(scene: SceneDescription, rows: Rows) -> Array:
     """A position for each generalized speed, (n, nv), as `Model.coordinates` gives it for one state."""
     y = rows.of("y")
-    found = [np.empty((len(rows), 0))]
+    parts = [np.empty((len(rows), 0))]
     for name, where in scene.q.items():
         values = y[:, where]
         if name in scene.quaternions:
             offset = scene.quaternions[name] - where.start
             values = np.hstack([values[:, :offset], rotation_vectors(values[:, offset:])])
-        found.append(values)
-    return np.hstack(found)
+        parts.append(values)
+    return np.hstack(parts)
 
 
 def rotation_vectors(quaternions: Array) -> Array:

@@ -131,10 +131,10 @@ class Viewer:
         Returns at once. Samples closer together than the rate allows are skipped, except the first after a reset.
         """
         frame = int(time * self._rate + 1e-6)
-        own = time if motion_time is None else motion_time
-        if (frame != self._frame or own < self._motion_time) and self.failure is None:
-            self._frame, self._motion_time = frame, own
-            self._samples.put(self._writer.row(time, own, y, inputs, energies))
+        motion_time = time if motion_time is None else motion_time
+        if (frame != self._frame or motion_time < self._motion_time) and self.failure is None:
+            self._frame, self._motion_time = frame, motion_time
+            self._samples.put(self._writer.row(time, motion_time, y, inputs, energies))
 
     def event(self, time: float, event: Event | str) -> None:
         """Add an event to the log at a time in s; of consecutive commands only the first is shown."""

@@ -6,10 +6,10 @@ from mbd_sim.drawing.legend import length_text, nice_length
 
 
 @pytest.mark.parametrize(
-    ("most", "length"), [(1.0, 1.0), (0.99, 0.5), (4.9, 2.0), (5.0, 5.0), (0.0073, 0.005), (730, 500)]
+    ("limit", "length"), [(1.0, 1.0), (0.99, 0.5), (4.9, 2.0), (5.0, 5.0), (0.0073, 0.005), (730, 500)]
 )
-def test_the_scale_has_a_round_length(most, length):
-    assert nice_length(most) == pytest.approx(length, rel=1e-12)
+def test_the_scale_has_a_round_length(limit, length):
+    assert nice_length(limit) == pytest.approx(length, rel=1e-12)
 
 
 @pytest.mark.parametrize(
