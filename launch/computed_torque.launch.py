@@ -11,7 +11,7 @@ SIM = {"mechanism": "six_axis_arm", "publish_rate": "500.0"}
 
 
 def generate_launch_description():
-    """The simulator, which takes all arguments of sim.launch.py, and the controller."""
+    """The simulator, with all arguments of sim.launch.py, and the controller."""
     sim = PathJoinSubstitution([FindPackageShare("mbd_sim"), "launch", "sim.launch.py"])
     return LaunchDescription(
         [

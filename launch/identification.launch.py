@@ -1,4 +1,4 @@
-"""Shake a motor's arm and record it: `ros2 launch mbd_sim identification.launch.py rerun:=spawn`."""
+"""Excite an arm on a motor and record it: `ros2 launch mbd_sim identification.launch.py rerun:=spawn`."""
 
 from launch.actions import IncludeLaunchDescription
 from launch.substitutions import PathJoinSubstitution
@@ -11,7 +11,7 @@ SIM = {"mechanism": "motor_arm", "publish_rate": "100.0"}
 
 
 def generate_launch_description():
-    """The simulator, which takes all arguments of sim.launch.py, and the controller."""
+    """The simulator, with all arguments of sim.launch.py, and the controller."""
     sim = PathJoinSubstitution([FindPackageShare("mbd_sim"), "launch", "sim.launch.py"])
     return LaunchDescription(
         [

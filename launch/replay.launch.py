@@ -9,10 +9,10 @@ from launch import LaunchDescription
 
 ARGUMENTS = [
     ("rate", "1.0", "1: as recorded; 0: as fast as possible", float),
-    ("start", "0.0", "where to begin, in s after the first message", float),
-    ("end", "0.0", "where to end, in s after the first message; 0: at the end", float),
-    ("loop", "false", "begin again at the end", bool),
-    ("stay", "false", "wait at the end, paused", bool),
+    ("start", "0.0", "where to start, in s after the first message", float),
+    ("end", "0.0", "where to end, in s after the first message; 0: at the recording's end", float),
+    ("loop", "false", "restart at the end", bool),
+    ("stay", "false", "pause at the end instead of exiting", bool),
     ("start_paused", "false", "wait for ~/pause, ~/step or ~/seek", bool),
     ("clock_rate", "200.0", "/clock messages per recorded second", float),
 ]
@@ -24,7 +24,7 @@ def generate_launch_description():
     parameters["bag"] = ParameterValue(LaunchConfiguration("bag"), value_type=str)
     return LaunchDescription(
         [
-            DeclareLaunchArgument("bag", description="the recording: an .mcap or .db3 file, or a folder of rosbag2"),
+            DeclareLaunchArgument("bag", description="the recording: an .mcap or .db3 file, or a rosbag2 folder"),
             *(
                 DeclareLaunchArgument(name, default_value=default, description=about)
                 for name, default, about, _ in ARGUMENTS

@@ -12,21 +12,21 @@ from launch import LaunchDescription
 
 # Parameters of the node: name, default, meaning.
 PARAMETERS = [
-    ("mechanism", "double_rod", "a mechanism file, or the name of a mechanism that ships"),
+    ("mechanism", "double_rod", "a mechanism file, or the name of a shipped mechanism"),
     ("method", "", "integration method; empty: that of the mechanism's file"),
     ("step", "0.0", "integration step in s; 0: that of the mechanism's file"),
     ("publish_rate", "100.0", "joint states per simulated second"),
     ("clock_rate", "200.0", "/clock messages per simulated second; 0: none"),
     ("real_time_factor", "1.0", "1: real time; 0: as fast as possible"),
     ("start_paused", "false", "wait for ~/pause or ~/step"),
-    ("command_timeout", "0.5", "simulated s without a command after which efforts go to zero; 0: never"),
+    ("command_timeout", "0.5", "simulated s without a command after which efforts are set to zero; 0: never"),
     ("record", "true", "record the run to an MCAP file"),
     ("record_dir", "recordings", "folder of the recordings"),
     ("rerun", "", "spawn, serve, connect, or a file.rrd"),
-    ("marker_rate", "30.0", "markers per simulated second, where somebody listens; 0: none"),
-    ("joint_reactions", "false", "publish the force and moment that go through each joint"),
-    ("constraint_violation", "false", "publish how far loops and constraints are off"),
-    ("frame_prefix", "", "put before the names of frames, for several instances: name/"),
+    ("marker_rate", "30.0", "markers per simulated second, while subscribed; 0: none"),
+    ("joint_reactions", "false", "publish the force and moment that each joint transmits"),
+    ("constraint_violation", "false", "publish by how much loops and constraints are violated"),
+    ("frame_prefix", "", "prefix of all frame names, for several instances: name/"),
 ]
 KINDS = {
     **dict.fromkeys(
@@ -35,14 +35,14 @@ KINDS = {
     **dict.fromkeys(["start_paused", "record", "joint_reactions", "constraint_violation"], bool),
 }
 OTHERS = [
-    ("namespace", "", "of all nodes"),
-    ("params_file", "", "a YAML file of parameters, such as live values; it has the last word"),
-    ("rviz", "false", "RViz with the markers beside it, and robot_state_publisher; what is not installed is told"),
+    ("namespace", "", "namespace of all nodes"),
+    ("params_file", "", "a YAML file of parameters, such as live values; it overrides the other arguments"),
+    ("rviz", "false", "start RViz with the markers, and robot_state_publisher, if they are installed"),
 ]
 
 
 def generate_launch_description():
-    """The node with its parameters as launch arguments, and RViz where asked for."""
+    """The node with its parameters as launch arguments, and RViz on request."""
     return LaunchDescription(
         [
             *(
@@ -56,7 +56,7 @@ def generate_launch_description():
 
 
 def simulation(context):
-    """The node; a file of parameters comes last, for the arguments all have a default."""
+    """The node; the parameter file comes last, so that it overrides the defaults of the arguments."""
     parameters = [
         {name: ParameterValue(LaunchConfiguration(name), value_type=KINDS.get(name, str)) for name, _, _ in PARAMETERS}
     ]
@@ -75,7 +75,7 @@ def simulation(context):
 
 
 def rviz(context):
-    """RViz on simulated time, which needs no more than the markers; robot_state_publisher for the URDF and TF."""
+    """RViz on simulated time, which needs only the markers, and robot_state_publisher for the URDF and TF."""
     missing = [package for package in ("rviz2", "robot_state_publisher") if not installed(package)]
     found = [LogInfo(msg=f"rviz:=true: not installed: {', '.join(missing)}")] if missing else []
     simulated, namespace = {"use_sim_time": True}, LaunchConfiguration("namespace")
@@ -86,7 +86,7 @@ def rviz(context):
                 package="robot_state_publisher",
                 executable="robot_state_publisher",
                 namespace=namespace,
-                # The description comes from sim_node on a latched topic; the parameter must not be empty all the same.
+                # sim_node publishes the description on a latched topic, but the parameter must not be empty either.
                 parameters=[simulated, prefix, {"robot_description": described(context)}],
                 remappings=[("robot_description", "robot_description_of_state_publisher")],
             )

@@ -1,4 +1,4 @@
-"""Swing a cart's pendulum up and balance it: `ros2 launch mbd_sim swing_up.launch.py`."""
+"""Swing up the pendulum of a cart and balance it: `ros2 launch mbd_sim swing_up.launch.py`."""
 
 from launch.actions import IncludeLaunchDescription
 from launch.substitutions import PathJoinSubstitution
@@ -11,7 +11,7 @@ SIM = {"mechanism": "cart_pendulum", "publish_rate": "200.0"}
 
 
 def generate_launch_description():
-    """The simulator, which takes all arguments of sim.launch.py, and the controller."""
+    """The simulator, with all arguments of sim.launch.py, and the controller."""
     sim = PathJoinSubstitution([FindPackageShare("mbd_sim"), "launch", "sim.launch.py"])
     return LaunchDescription(
         [

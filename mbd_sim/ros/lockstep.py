@@ -1,7 +1,7 @@
-"""A simulator that waits for you: one command, some steps, and the state that belongs to them.
+"""Controls a running `sim_node` in lockstep: one command, some steps, and the resulting state.
 
 For co-simulation and learning, where the same commands must give the same motion, bit for bit, however busy the machine
-is. A command topic and `~/step` could overtake each other; therefore the command itself brings its steps along
+is. A command and a call of `~/step` could overtake each other; therefore the command itself triggers the steps
 (`step_on_command`), and the answer is the state with the next stamp.
 """
 
@@ -30,11 +30,11 @@ from mbd_sim.geometry.pose import Array
 
 
 class LockstepError(MbdSimError):
-    """The simulator does not answer, or refuses."""
+    """The simulator does not answer, or refuses a request."""
 
 
 class State(NamedTuple):
-    """Time in s since the reset, coordinates, speeds, and the efforts that were applied on the way here."""
+    """Time in s since the reset, coordinates, speeds, and the efforts applied during the last steps."""
 
     time: float
     q: Array
@@ -43,7 +43,7 @@ class State(NamedTuple):
 
 
 class Lockstep:
-    """Takes a running `sim_node` over: pauses and resets it, and steps it until `close`, which gives it back paused.
+    """Pauses and resets a running `sim_node`, and steps it until `close`, which leaves it paused.
 
     `q`, `u` and `efforts` are those of `joint_states`: in the order of `names`, driven joints last.
 
@@ -58,10 +58,10 @@ class Lockstep:
     ) -> None:
         """Find the simulator by its name, with its namespace if it has one, and reset it.
 
-        :param steps: integration steps a command.
-        :param timeout: seconds of real time after which an answer is missed.
-        :param context: of rclpy, initialized; by default that of `rclpy.init()`, which is called where need be.
-        :raises LockstepError: there is no such simulator, or it takes fewer than `steps` at once.
+        :param steps: integration steps for each command.
+        :param timeout: seconds of real time to wait for an answer.
+        :param context: an initialized rclpy context; by default that of `rclpy.init()`, which is called if necessary.
+        :raises LockstepError: there is no such simulator, or it does not accept `steps`.
         """
         self.timeout = timeout
         if context is None and not rclpy.ok():
@@ -72,25 +72,25 @@ class Lockstep:
         self._newest: JointState | None = None
         space = simulator.rpartition("/")[0]
         states = f"{space}/joint_states" if space else "joint_states"
-        self._node.create_subscription(JointState, states, self._hear, QoSProfile(depth=10))
+        self._node.create_subscription(JointState, states, self._on_state, QoSProfile(depth=10))
         self._commands = self._node.create_publisher(Float64MultiArray, f"{simulator}/commands", 10)
         self._simulator = simulator
         self._stamp = -1
         self.names: tuple[str, ...] = ()
         self._clients: dict[str, Any] = {}
-        self._before: dict[str, Any] = {}
-        wanted = {
+        self._original_parameters: dict[str, Any] = {}
+        lockstep_parameters = {
             "step_on_command": True,
             "step_count": steps,
-            "publish_rate": 0.0,  # no states but those at the end of a command's steps
+            "publish_rate": 0.0,  # only the states at the end of a command's steps
             "command_timeout": 0.0,
             "reset_rewinds_clock": True,
         }
         try:
-            self._before = self._parameters(list(wanted))
+            self._original_parameters = self._get_parameters(list(lockstep_parameters))
             self._call(SetBool, "pause", data=True)
-            self._set(wanted)
-            self._until(self._commands.get_subscription_count, "the commands' subscription")
+            self._set_parameters(lockstep_parameters)
+            self._wait_for(self._commands.get_subscription_count, "its subscription to commands")
             self.reset()
         except BaseException:
             self.close()
@@ -105,37 +105,37 @@ class Lockstep:
         self.close()
 
     def reset(self) -> State:
-        """Back to the start state and to time zero."""
+        """Reset to the start state and to time zero."""
         self._call(Trigger, "reset")
         return self._state(0, "the start state")
 
     def step(self, efforts: Sequence[float] | Array) -> State:
-        """Apply efforts (N or N·m, one a coordinate), take the steps, and read the state after them.
+        """Apply efforts (N or N·m, one for each coordinate), take the steps, and return the resulting state.
 
         :raises CommandError: an effort is not finite.
-        :raises LockstepError: no answer, as where the number of efforts is wrong or the motion becomes infinite.
+        :raises LockstepError: no answer, for example because of a wrong number of efforts or a diverged motion.
         """
         values = np.asarray(efforts, dtype=float)
         if not np.all(np.isfinite(values)):
             raise CommandError(f"an effort is not finite: {listed([str(value) for value in values])}.")
         self._commands.publish(Float64MultiArray(data=values.tolist()))
-        return self._state(self._stamp + 1, "the state after the steps; its log says why if it refused the command")
+        return self._state(self._stamp + 1, "the state after the steps (if it rejected the command, its log says why)")
 
     def close(self) -> None:
-        """Give the simulator its own parameters back, and leave; it stays paused."""
+        """Restore the simulator's parameters, and disconnect; it stays paused."""
         try:
-            if self._before and self._node.context.ok():
-                self._set(self._before)
+            if self._original_parameters and self._node.context.ok():
+                self._set_parameters(self._original_parameters)
         finally:
             self._executor.shutdown()
             self._node.destroy_node()
 
-    def _hear(self, state: JointState) -> None:
+    def _on_state(self, state: JointState) -> None:
         self._newest = state
 
     def _state(self, earliest: int, what: str) -> State:
-        """The first state with a stamp from `earliest` (ns) on; after a reset that at zero."""
-        self._until(lambda: self._is_due(earliest), what)
+        """The first state with a stamp of at least `earliest` (ns); for 0 the state at zero, after a reset."""
+        self._wait_for(lambda: self._is_due(earliest), what)
         state = self._newest
         assert state is not None
         self._stamp, self.names = _nanoseconds(state), tuple(state.name)
@@ -148,7 +148,7 @@ class Lockstep:
         stamp = _nanoseconds(self._newest)
         return stamp == 0 if earliest == 0 else stamp >= earliest
 
-    def _until(self, condition: Callable[[], Any], what: str) -> None:
+    def _wait_for(self, condition: Callable[[], Any], what: str) -> None:
         end = time.monotonic() + self.timeout
         while not condition():
             if time.monotonic() > end:
@@ -159,17 +159,17 @@ class Lockstep:
         if name not in self._clients:
             self._clients[name] = self._node.create_client(kind, f"{self._simulator}/{name}")
         client = self._clients[name]
-        self._until(client.service_is_ready, f"its service '{name}'")
+        self._wait_for(client.service_is_ready, f"its service '{name}'")
         future = client.call_async(kind.Request(**fields))
-        self._until(future.done, f"its service '{name}'")
+        self._wait_for(future.done, f"its service '{name}'")
         return future.result()
 
-    def _parameters(self, names: list[str]) -> dict[str, Any]:
+    def _get_parameters(self, names: list[str]) -> dict[str, Any]:
         values = self._call(GetParameters, "get_parameters", names=names).values
         messages = [ParameterMessage(name=name, value=value) for name, value in zip(names, values, strict=True)]
         return {message.name: Parameter.from_parameter_msg(message).value for message in messages}
 
-    def _set(self, values: dict[str, Any]) -> None:
+    def _set_parameters(self, values: dict[str, Any]) -> None:
         messages = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         results = self._call(SetParameters, "set_parameters", parameters=messages).results
         for result, name in zip(results, values, strict=True):
