@@ -3,8 +3,8 @@
 The recursion factorizes the mass matrix once for each position. `FactorizedMassMatrix.solve` then solves with it for
 any generalized forces, at a cost proportional to the number of links between them and ground.
 
-The net joint force of a joint is u = τ - Sᵀ pᴬ in Featherstone's table 7.1: what remains of the generalized forces τ
-to accelerate the joint, after the bias force pᴬ of the links outboard of it.
+The net joint force of a joint is u = τ - Sᵀ pᴬ in Featherstone's table 7.1: the generalized forces τ that remain to
+accelerate the joint, after the bias force pᴬ of the links outboard of it.
 """
 
 from __future__ import annotations
@@ -82,8 +82,8 @@ class FactorizedMassMatrix:
     ) -> tuple[list[ca.SX], list[ca.SX]]:
         """The net joint forces (., 1) of all applied forces, and the links' accelerations (6,) at u' = 0.
 
-        The accelerations are less that of gravity. What `solve` returns for the net forces, added to them, equals
-        `accelerations`. Where constraint forces are to be added first, this saves one pass outward and inward.
+        The accelerations are less that of gravity. Added to the result of `solve` for the net forces, they equal the
+        result of `accelerations`. If constraint forces are added first, this saves one pass outward and inward.
         """
         accelerations: list[ca.SX] = []
         biases: list[ca.SX] = []
@@ -162,7 +162,7 @@ def bias_force(link: Link, motion: LinkMotion) -> ca.SX:
 class _EliminatedJoint:
     """A joint eliminated from the articulated `inertia` (6, 6) of its outboard link.
 
-    `projected_inertia` (6, 6) is what remains of it for the inboard link: Iᵃ in Featherstone's table 7.1. It is zero
+    `projected_inertia` (6, 6) is its contribution to the inboard link: Iᵃ in Featherstone's table 7.1. It is zero
     for a joint that constrains nothing: the link's acceleration is solved for in its own axes.
     """
 

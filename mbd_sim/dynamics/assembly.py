@@ -20,7 +20,7 @@ STALLED = 1e-4  # an iteration that reduces the gap by less than this fraction i
 
 @dataclass(frozen=True, eq=False)
 class LoopClosure:
-    """The coordinates (nq,) with the smallest gap that was found; `gaps` (m,) are what remains, in m or 1."""
+    """The coordinates (nq,) with the smallest gap that was found; `gaps` (m,) remain, in m or 1."""
 
     q: Array
     gaps: Array
@@ -199,7 +199,7 @@ def _unit_rows(gradient: Array) -> Array:
 
 
 def _greedy_rows(gradients: Sequence[Array], rank: int) -> list[int]:
-    """The first row that adds nearly as much as the best one, again and again; what is chosen is projected out."""
+    """Choose rows one by one: the first that adds nearly as much as the best. Chosen rows are projected out."""
     remainders = [gradient.copy() for gradient in gradients]
     chosen: list[int] = []
     for _ in range(rank):

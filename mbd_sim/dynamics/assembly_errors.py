@@ -1,4 +1,4 @@
-"""Why a mechanism cannot be assembled: which loop stays open and by how much, and what contradicts what."""
+"""Errors of mechanisms that cannot be assembled: open loops with their gaps, and contradictions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def open_loops(
 ) -> MechanismError:
     """Loops and constraints that cannot be closed.
 
-    :param gaps: (m,) what remains of each row, in its unit.
+    :param gaps: (m,) the remaining gap of each row, in the row's unit.
     :param size: that of the mechanism in m.
     :param given_positions_at_fault: whether they could be closed without the given positions.
     """
@@ -45,7 +45,7 @@ def undefined_constraints(mechanism: Mechanism, rows: Sequence[ConstraintRow], u
 
 
 def conflict_with_drives(mechanism: Mechanism, rows: Sequence[ConstraintRow], errors: Array) -> MechanismError:
-    """Drives that demand what the constraints forbid; `errors` (m,) show which constraints."""
+    """Drives that demand a motion that the constraints forbid; nonzero `errors` (m,) mark these constraints."""
     return MechanismError([_against_drives(mechanism, owner) for owner, _ in _by_owner(rows, errors, 0.0)])
 
 

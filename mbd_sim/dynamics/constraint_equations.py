@@ -113,7 +113,7 @@ def _stacked(expressions: Sequence[ca.SX | None]) -> ca.SX:
 
 
 def _coupled_coordinates(links: Sequence[Link], state: StateSymbols, rows: Sequence[ConstraintRow]) -> ca.SX:
-    """What the coordinates of joints contribute to the positions (m,) of the rows through their factors."""
+    """The contribution of joint coordinates to the positions (m,) of the rows, through the rows' factors."""
     coordinates = coordinates_by_name(links, state.t, state.q)
     sums = (sum((k * coordinates[name] for name, k in row.factors.items()), ca.SX(1, 1)) for row in rows)
     return ca.vertcat(ca.SX(0, 1), *sums)

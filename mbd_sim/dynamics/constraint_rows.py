@@ -42,7 +42,7 @@ class ConstraintRow:
 
     @property
     def name(self) -> str:
-        """The owner's name and what is constrained."""
+        """The owner's name and the constrained quantity."""
         return f"{self.owner[1]}: {self.what}"
 
 
@@ -180,7 +180,7 @@ def joint_frames(joint: Joint, bodies: BodySymbols) -> tuple[BodyFrame, BodyFram
 
 
 class LoopEquation(NamedTuple):
-    """What stays zero for a joint that closes a loop, its description, and its unit: m, or none for cosines."""
+    """An expression that a closing joint keeps at zero, its description, and its unit: m, or none for cosines."""
 
     what: str
     position: ca.SX

@@ -193,7 +193,7 @@ def _require_compatible_drives(
     independent: Sequence[int],
     nearby: Sequence[tuple[float, Array]],
 ) -> None:
-    """Refuse drives that demand of redundant rows what the independent rows forbid."""
+    """Refuse drives that demand a motion from redundant rows that the independent rows forbid."""
     if not rheonomic(mechanism):
         return
     if all(t == 0.0 for t, _ in nearby):

@@ -12,7 +12,7 @@ from mbd_sim.errors import MechanismError, Problem
 from mbd_sim.geometry.pose import Array, unpack_poses
 from mbd_sim.mechanism.records import Joint, Mechanism
 
-ROUND_OFF = 1e-13  # of an inertia: what round-off may leave in place of a zero
+ROUND_OFF = 1e-13  # relative to an inertia: the largest pivot that counts as zero
 
 
 def require_definite(mechanism: Mechanism, links: Sequence[Link], pivots: Array, poses: Array) -> None:

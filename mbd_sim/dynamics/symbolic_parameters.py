@@ -218,5 +218,5 @@ def _same(one: Any, other: Any) -> bool:
 
 
 def _dotted(path: Path) -> str:
-    """A path for a message, without its first step, which tells the mechanism from its links."""
+    """A path for a message, without its first step, which separates the mechanism from its links."""
     return ".".join(str(step) for step in path[1:])
