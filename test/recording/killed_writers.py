@@ -18,17 +18,19 @@ from test.recording.recordings import recorder_in
 
 BATCH_SIZE = 20  # processes that run at once
 LONGEST_LIFE = 0.8  # s
-STATE = struct.Struct("<QQQ")
+STATE = struct.Struct("<QQQQ")  # messages put, times of the first and the last, longest time between two, in ns
 
 
 def record(folder, shared, *, rosbag2):
     """Record a thousand messages a second until killed."""
     recorder = recorder_in(folder, rosbag2=rosbag2)
-    first = time.monotonic_ns()
+    first = last = time.monotonic_ns()
+    stall = 0
     for number in itertools.count():
         now = time.monotonic_ns()
+        stall, last = max(stall, now - last), now
         recorder.put("text" if number % 3 else "vital", number.to_bytes(8, "little") * 12, now, number)
-        shared[:] = STATE.pack(number + 1, first, now)
+        shared[:] = STATE.pack(number + 1, first, now, stall)
         if number % 2:
             time.sleep(2e-3)
 

@@ -13,6 +13,7 @@ from rosbags.highlevel import AnyReader
 from mbd_sim.cli.main import main
 from mbd_sim.recording.recovery import recover
 from test.recording.recordings import count_and_last, messages, metadata, readable, recorder_in
+from test.waiting import PATIENCE
 
 KILLS = 100
 LARGEST_LOSS = 0.5e9  # ns
@@ -23,25 +24,25 @@ def killed(tmp_path_factory):
     """The recordings of killed processes, with the number and the times of the messages put into each."""
     folder, seed = tmp_path_factory.mktemp("killed"), random.randrange(1 << 30)
     command = [sys.executable, "-m", "test.recording.killed_writers", str(folder), str(KILLS), str(seed)]
-    printed = subprocess.run(command, check=True, capture_output=True, text=True, timeout=80).stdout
+    printed = subprocess.run(command, check=True, capture_output=True, text=True, timeout=PATIENCE).stdout
     return [(next(Path(own).rglob("*.mcap"), None), *rest) for own, *rest in json.loads(printed)]
 
 
 def test_a_kill_costs_at_most_half_a_second_of_messages(killed):
     assert len(killed) == KILLS
     losses = []
-    for path, put, first, last in killed:
+    for path, put, first, last, stall in killed:
         count, newest = count_and_last(path) if path else (0, -1)
         assert newest == count - 1 < put or count == put == 0
         saved = readable(path)[-1].log_time if count else first
-        losses.append(last - saved)
-    assert sum(put for _, put, _, _ in killed) > 5_000
+        losses.append(last - saved - stall)  # less what the machine left the process waiting
+    assert sum(put for _, put, *_ in killed) > 5_000
     assert max(losses) <= LARGEST_LOSS
 
 
 def test_recovered_recordings_are_complete_for_every_tool(killed):
     saved = 0
-    for path, _, _, _ in killed:
+    for path, *_ in killed:
         if path is None or not path.stat().st_size:
             continue
         count, _ = count_and_last(path)
