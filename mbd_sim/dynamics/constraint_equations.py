@@ -13,13 +13,9 @@ from mbd_sim.dynamics.body_symbols import (
     link_wrench,
     world_twist,
 )
-from mbd_sim.dynamics.constraint_rows import (
-    ConstraintRow,
-    branch_checks,
-    constraint_rows,
-    joint_frames,
-)
+from mbd_sim.dynamics.constraint_rows import ConstraintRow, constraint_rows
 from mbd_sim.dynamics.links import Link
+from mbd_sim.dynamics.loop_equations import branch_checks, joint_frames
 from mbd_sim.dynamics.time_functions import time_functions
 from mbd_sim.dynamics.tracing import StateSymbols, TracedMechanism
 

@@ -10,9 +10,9 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.drawing import draw
 from mbd_sim.dynamics.body_symbols import BodySymbols
-from mbd_sim.dynamics.constraint_rows import branch_checks, joint_frames, loop_equations
 from mbd_sim.dynamics.joint_motions import JOINT_MOTIONS
 from mbd_sim.dynamics.links import build_links
+from mbd_sim.dynamics.loop_equations import branch_checks, joint_frames, loop_equations
 from mbd_sim.mechanism.joint_types import JOINT_KINDS, JointType, LoopCondition
 from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
 from mbd_sim.urdf.export import to_urdf
