@@ -51,10 +51,10 @@ class InverseDynamics:
                 raise ValueError(f"there is no coordinate '{name}'. {nearest(name, names)}")
         self.mechanism = mechanism
         self.actuated = names if actuated is None else tuple(actuated)
-        self._places = [names.index(name) for name in self.actuated]
+        self._indices = [names.index(name) for name in self.actuated]
         self._tree = _tree_efforts(mechanism)
         self._equations = equations
-        self._direct = len(self._places) == len(names) and not (mechanism.closing or mechanism.constraints)
+        self._direct = len(self._indices) == len(names) and not (mechanism.closing or mechanism.constraints)
 
     def __call__(self, q: Array, u: Array, u_rates: Array, t: float = 0.0) -> Array:
         """The efforts (nv,) in N and N·m for the accelerations `u_rates` (nv,); zero at coordinates without actuation.
@@ -71,7 +71,7 @@ class InverseDynamics:
             self._equations = derive(self.mechanism)
         free = null_space(self._equations.constraints.gradient(t, np.asarray(q, dtype=float)))
         shared = np.zeros_like(efforts)
-        shared[self._places] = np.linalg.lstsq(free.T[:, self._places], free.T @ efforts, rcond=None)[0]
+        shared[self._indices] = np.linalg.lstsq(free.T[:, self._indices], free.T @ efforts, rcond=None)[0]
         self._require_met(q, u, np.asarray(u_rates, dtype=float), t, shared)
         return shared
 
@@ -91,9 +91,9 @@ class InverseDynamics:
 
 def _tree_efforts(mechanism: Mechanism) -> ca.Function:
     """(q, u, u', t) -> the efforts (nv,) of the spanning tree with its loops open."""
-    places, chain = coordinate_layout(mechanism), build_links(mechanism)
-    t, q = ca.SX.sym("t"), ca.SX.sym("q", places.nq)
-    u, u_rates = ca.SX.sym("u", places.nv), ca.SX.sym("u'", places.nv)
+    layout, chain = coordinate_layout(mechanism), build_links(mechanism)
+    t, q = ca.SX.sym("t"), ca.SX.sym("q", layout.nq)
+    u, u_rates = ca.SX.sym("u", layout.nv), ca.SX.sym("u'", layout.nv)
     motions = link_motions(chain, t, q, u)
     base = constant(np.concatenate([np.zeros(3), -mechanism.gravity]))
     accelerations: list[ca.SX] = []
@@ -103,7 +103,7 @@ def _tree_efforts(mechanism: Mechanism) -> ca.Function:
         accelerations.append(ca.sparsify(carried + motion.joint.partial_velocities @ u_rates[link.u, :]))
     elements = element_forces(mechanism, chain, motions, part_poses(chain, t, q), t)
     wrenches = transmitted_wrenches(chain, motions, accelerations, elements.wrenches)
-    efforts = -joint_forces(chain, q, u, ca.SX(places.nv, 1)).generalized
+    efforts = -joint_forces(chain, q, u, ca.SX(layout.nv, 1)).generalized
     for link, motion, wrench in zip(chain, motions, wrenches, strict=True):
         efforts[link.u, :] += motion.joint.partial_velocities.T @ wrench
     return ca.Function("inverse_dynamics", [q, u, u_rates, t], [ca.densify(efforts)], {"cse": True})

@@ -12,6 +12,8 @@ import llvmlite.ir as ir
 
 from mbd_sim.compiler import kernel_cache
 
+PASSES = "always-inline sroa new-gvn simplify-cfg dse, O1"  # what `_compiled` does, as part of the cache key
+
 
 @dataclass(frozen=True)
 class MachineCode:
@@ -54,9 +56,6 @@ def compile_module(module: ir.Module) -> MachineCode:
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     return MachineCode(engine)
-
-
-PASSES = "always-inline sroa new-gvn simplify-cfg dse, O1"  # what `_compiled` does, as part of the cache key
 
 
 def _compiled(text: str, machine: llvm.TargetMachine) -> bytes:

@@ -92,7 +92,7 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         self.metadata = self.metadata | {"render_fps": round(1.0 / (frame_skip * self.simulation.step_size))}
         self.actuated = tuple(record.coordinate_names if actuated is None else actuated)
         limits = self._limits(effort_limits or {}).astype(np.float32)
-        self._places = [record.coordinate_names.index(name) for name in self.actuated]
+        self._indices = [record.coordinate_names.index(name) for name in self.actuated]
         self._efforts = np.zeros(self.simulation.u.size)
         self._angles = _angles(record, self.simulation) if trigonometric else np.zeros(self.simulation.q.size, bool)
         self._actions = 0
@@ -133,7 +133,7 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         values = np.asarray(action, dtype=float)
         if values.shape != (len(self.actuated),):
             raise CommandError(f"an action of shape {values.shape} for {listed(self.actuated)}.")
-        self._efforts[self._places] = np.clip(values, self.action_space.low, self.action_space.high)
+        self._efforts[self._indices] = np.clip(values, self.action_space.low, self.action_space.high)
         self.simulation.set_efforts(self._efforts)
         info: dict[str, Any] = {}
         try:

@@ -37,13 +37,13 @@ class SymbolicConstraint:
 
 def constraint_function(derived: Equations) -> ca.Function:
     """(t, q, u, efforts) -> Φ (m,), G (m, nv) and b (m,) of the independent rows; b is zero for holonomic rows."""
-    places, kept = derived.layout, list(derived.start.independent)
-    t, q = ca.SX.sym("t"), ca.SX.sym("q", places.nq)
-    u, efforts = ca.SX.sym("u", places.nv), ca.SX.sym("e", places.nv)
-    others = ca.SX.zeros(derived.violation.size1_in(1) - places.nq - places.nv, 1)
+    layout, kept = derived.layout, list(derived.start.independent)
+    t, q = ca.SX.sym("t"), ca.SX.sym("q", layout.nq)
+    u, efforts = ca.SX.sym("u", layout.nv), ca.SX.sym("e", layout.nv)
+    others = ca.SX.zeros(derived.violation.size1_in(1) - layout.nq - layout.nv, 1)
     both = derived.violation(t, ca.vertcat(q, u, others))
     velocity = both[kept, 1]
-    at_rest = ca.substitute(velocity, u, ca.SX.zeros(places.nv, 1))
+    at_rest = ca.substitute(velocity, u, ca.SX.zeros(layout.nv, 1))
     at_rest[[place for place, index in enumerate(kept) if derived.rows[index].position is not None]] = 0
     outputs = [both[kept, 0], ca.jacobian(velocity, u), at_rest]
     return ca.Function("constraints", [t, q, u, efforts], [ca.sparsify(output) for output in outputs])

@@ -90,8 +90,7 @@ def symbolic_equations(mechanism: Mechanism) -> SymbolicEquations:
 
     :raises MbdSimError: the equations are too long to be read, or the mechanism has no degree of freedom.
     """
-    places = coordinate_layout(mechanism)
-    _require_small(mechanism, places.nv)
+    _require_small(mechanism, coordinate_layout(mechanism).nv)
     functions = [lagrange_equations(mechanism).terms]
     derived = derive(mechanism) if mechanism.closing or mechanism.constraints else None
     if derived is not None:
