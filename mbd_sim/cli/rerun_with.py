@@ -1,4 +1,4 @@
-"""`mbd_sim rerun-with`: a recorded run with a change, beside the recorded one."""
+"""`mbd_sim rerun-with`: recompute a recorded run with a change, and compare the two."""
 
 from __future__ import annotations
 
