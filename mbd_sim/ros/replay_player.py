@@ -76,7 +76,7 @@ class Player:
         self._clock_due_ns = NEVER
         self._steps, self._seek_ns = 0, -1
         self._reported: set[str] = set()
-        self._stopping = False
+        self._stopping = self._ended = False
         self._wake = threading.Event()
         self._requests: RequestQueue[[]] = RequestQueue(self._wake.set)
         self._thread = threading.Thread(target=self._run, name="player", daemon=True)
@@ -112,7 +112,7 @@ class Player:
 
     def step(self, steps: int = 1) -> str:
         """While paused, play all messages of the next `steps` times; returns the problem, or "" on success."""
-        if not self._thread.is_alive():
+        if self._ended:
             return "the recording has ended"
         if not self.paused:
             return "the recording is playing: pause it before stepping"
@@ -150,6 +150,7 @@ class Player:
             self.output.warn(f"failed: {error!r}")
             raise
         finally:
+            self._ended = True
             self.output.end()
 
     def _play(self, begin_ns: int) -> bool:

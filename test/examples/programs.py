@@ -17,7 +17,7 @@ from test.waiting import PATIENCE
 
 @dataclasses.dataclass
 class Experiment:
-    """A simulator, a program beside it, and a listener that hears both."""
+    """A simulator, a program beside it, and a listener to both."""
 
     node: SimNodeProcess
     program: subprocess.Popen

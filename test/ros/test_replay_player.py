@@ -130,6 +130,15 @@ def test_time_passes_as_it_did_scaled_by_the_rate():
         )
 
 
+def test_a_step_that_is_requested_before_the_thread_starts_is_taken():
+    memory = RecordingOutput()
+    player = Player(recording([0, 10]), memory, paused=True)
+    assert player.step() == ""
+    player.start()
+    memory.until(lambda: len(memory.messages) == 2)
+    player.stop()
+
+
 def test_paused_nothing_comes_and_steps_bring_one_time_each():
     memory = RecordingOutput()
     player = Player(recording([0, 10, 10, 10, 20, 30]), memory, paused=True)

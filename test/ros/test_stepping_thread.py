@@ -17,24 +17,26 @@ from mbd_sim.simulation.events import AppliedWrench, Event
 
 @pytest.fixture
 def make():
-    runners = []
+    stepping_threads = []
 
     def build(step=None, **rates):
         paused = rates.pop("paused", False)
         simulation = Simulation.from_file("rod_pendulum", method="rk4", step=step)
-        runner = SteppingThread(simulation, CommandBuffer(simulation.effort_map, 0.0), Rates(**rates), paused=paused)
-        runners.append(runner)
-        return runner
+        stepping_thread = SteppingThread(
+            simulation, CommandBuffer(simulation.effort_map, 0.0), Rates(**rates), paused=paused
+        )
+        stepping_threads.append(stepping_thread)
+        return stepping_thread
 
     yield build
-    for runner in runners:
-        if runner._thread.is_alive():
-            runner.stop()
+    for stepping_thread in stepping_threads:
+        if stepping_thread._thread.is_alive():
+            stepping_thread.stop()
 
 
-def collected(runner):
+def collected(stepping_thread):
     items = []
-    while (item := runner.output.get(timeout=10)) is not None:
+    while (item := stepping_thread.output.get(timeout=10)) is not None:
         items.append(item)
     return items
 
@@ -48,100 +50,100 @@ def wait_for(condition):
 
 @pytest.mark.parametrize("factor", [0.0, 1.0, 20.0])
 def test_every_publication_is_handed_out_at_its_very_step(make, factor):
-    runner = make(real_time_factor=factor, publish=125.0, clock=50.0)
-    runner.start()
-    wait_for(lambda: runner.ticks > 200)
-    runner.stop()
-    snapshots = [item for item in collected(runner) if isinstance(item, Snapshot)]
+    stepping_thread = make(real_time_factor=factor, publish=125.0, clock=50.0)
+    stepping_thread.start()
+    wait_for(lambda: stepping_thread.ticks > 200)
+    stepping_thread.stop()
+    snapshots = [item for item in collected(stepping_thread) if isinstance(item, Snapshot)]
     last = snapshots[-1].ticks
     assert [s.ticks for s in snapshots if s.state] == list(range(0, last + 1, 8))[: sum(s.state for s in snapshots)]
     assert all(s.ticks % 20 == 0 for s in snapshots if s.clock)
     assert all(s.clock_ns == s.ticks * 1_000_000 for s in snapshots)
 
 
-def test_a_command_takes_effect_between_two_steps_and_tells_which(make):
-    runner = make(real_time_factor=0.0)
-    runner.commands.by_order([2.0])
-    runner.start()
-    wait_for(lambda: runner.ticks > 100)
-    runner.stop()
-    (event,) = [item for item in collected(runner) if isinstance(item, Event)]
+def test_a_command_takes_effect_between_two_steps_and_reports_which(make):
+    stepping_thread = make(real_time_factor=0.0)
+    stepping_thread.commands.by_order([2.0])
+    stepping_thread.start()
+    wait_for(lambda: stepping_thread.ticks > 100)
+    stepping_thread.stop()
+    (event,) = [item for item in collected(stepping_thread) if isinstance(item, Event)]
     assert (event.ticks, event.text, event.payload.values.tolist()) == (0, "command", [2.0])
 
 
 def test_requests_are_served_while_paused_and_while_running(make):
-    runner = make(paused=True)
-    runner.start()
-    assert runner.step(25) == ""
-    assert runner.ticks == 25
-    runner.pause(False)
-    assert "running" in runner.step(1)
-    wait_for(lambda: runner.ticks > 50)
-    runner.pause(True)
-    ticks = runner.ticks
-    runner.reset()
-    assert (runner.simulation.time, runner.clock_ns) == (0.0, ticks * 1_000_000)
-    runner.reset(rewind_clock=True)
-    assert runner.clock_ns == 0
-    runner.stop()
-    texts = [item.text for item in collected(runner) if isinstance(item, Event)]
+    stepping_thread = make(paused=True)
+    stepping_thread.start()
+    assert stepping_thread.step(25) == ""
+    assert stepping_thread.ticks == 25
+    stepping_thread.pause(False)
+    assert "running" in stepping_thread.step(1)
+    wait_for(lambda: stepping_thread.ticks > 50)
+    stepping_thread.pause(True)
+    ticks = stepping_thread.ticks
+    stepping_thread.reset()
+    assert (stepping_thread.simulation.time, stepping_thread.clock_ns) == (0.0, ticks * 1_000_000)
+    stepping_thread.reset(rewind_clock=True)
+    assert stepping_thread.clock_ns == 0
+    stepping_thread.stop()
+    texts = [item.text for item in collected(stepping_thread) if isinstance(item, Event)]
     assert texts == ["running", "paused", "reset", "reset"]
 
 
-def test_a_request_to_a_runner_that_has_stopped_returns(make):
-    runner = make()
-    runner.start()
-    runner.stop()
-    assert runner.step(1) == "the simulation has stopped"
+def test_a_request_to_a_thread_that_has_stopped_returns(make):
+    stepping_thread = make()
+    stepping_thread.start()
+    stepping_thread.stop()
+    assert stepping_thread.step(1) == "the simulation has stopped"
 
 
 def test_a_step_that_diverges_pauses_and_keeps_the_last_state(make):
-    runner = make(paused=True)
-    runner.start()
-    runner.commands.by_order([1e308])
-    assert "became infinite" in runner.step(100)
-    assert runner.paused
-    assert runner.simulation.q[0] == pytest.approx(1.5707963, abs=1e-6)
-    runner.reset()
-    assert runner.step(100) == ""
+    stepping_thread = make(paused=True)
+    stepping_thread.start()
+    stepping_thread.commands.by_order([1e308])
+    assert "became infinite" in stepping_thread.step(100)
+    assert stepping_thread.paused
+    assert stepping_thread.simulation.q[0] == pytest.approx(1.5707963, abs=1e-6)
+    stepping_thread.reset()
+    assert stepping_thread.step(100) == ""
 
 
 def test_a_step_that_is_too_large_is_warned_of_once_until_a_reset(make):
-    runner = make(step=0.2, paused=True)
-    runner.start()
+    stepping_thread = make(step=0.2, paused=True)
+    stepping_thread.start()
     for _ in range(3):
-        assert runner.step(20) == ""
-    runner.reset()
-    assert runner.step(20) == ""
-    runner.stop()
-    texts = [item.text for item in collected(runner) if isinstance(item, Event)]
+        assert stepping_thread.step(20) == ""
+    stepping_thread.reset()
+    assert stepping_thread.step(20) == ""
+    stepping_thread.stop()
+    texts = [item.text for item in collected(stepping_thread) if isinstance(item, Event)]
     assert [text.split(":")[0] for text in texts] == ["warning", "reset", "warning"]
     assert "a step of 0.2 s is too large for rod_pendulum" in texts[0]
 
 
 def test_a_very_slow_run_answers_requests_and_ends_at_once(make):
-    runner = make(real_time_factor=1e-6)
-    runner.start()
-    wait_for(lambda: runner.ticks == 1)
+    stepping_thread = make(real_time_factor=1e-6)
+    stepping_thread.start()
+    wait_for(lambda: stepping_thread.ticks == 1)
     began = time.monotonic()
-    runner.reset()
-    assert runner.simulation.steps == 0
-    runner.rates.real_time_factor = 50.0
-    runner.restart_schedule()
-    wait_for(lambda: runner.ticks > 100)
-    runner.rates.real_time_factor = 1e-6
-    runner.stop()
+    stepping_thread.reset()
+    assert stepping_thread.simulation.steps == 0
+    stepping_thread.rates.real_time_factor = 50.0
+    stepping_thread.restart_schedule()
+    wait_for(lambda: stepping_thread.ticks > 100)
+    stepping_thread.rates.real_time_factor = 1e-6
+    stepping_thread.stop()
     assert time.monotonic() - began < 5.0
 
 
-def test_a_failure_of_the_stepping_thread_is_told(make, monkeypatch):
-    runner = make(real_time_factor=0.0)
-    monkeypatch.setattr(runner.simulation, "step", lambda n: 1 / 0)
+def test_a_failure_of_the_stepping_thread_is_reported(make, monkeypatch):
+    stepping_thread = make(real_time_factor=0.0)
+    monkeypatch.setattr(stepping_thread.simulation, "step", lambda n: 1 / 0)
     monkeypatch.setattr(threading, "excepthook", lambda arguments: None)
-    runner.start()
-    runner._thread.join(10)
-    runner.stop()
-    assert [item.text for item in collected(runner) if isinstance(item, Event)] == [
+    stepping_thread.start()
+    stepping_thread._thread.join(10)
+    stepping_thread.stop()
+    assert [item.text for item in collected(stepping_thread) if isinstance(item, Event)] == [
         "failed: ZeroDivisionError('division by zero')"
     ]
 
@@ -173,7 +175,7 @@ def test_a_long_stall_starts_the_schedule_anew_instead_of_a_burst():
     assert time.perf_counter() - began >= 0.049
 
 
-def test_a_histogram_tells_median_p99_and_maximum_of_what_came_since():
+def test_a_histogram_summarizes_what_came_since():
     histogram = Histogram()
     for count in range(1, 101):
         histogram.add(count * 1e-4)
@@ -185,18 +187,18 @@ def test_a_histogram_tells_median_p99_and_maximum_of_what_came_since():
     assert histogram.summary(before) == pytest.approx((0.0, 3.0, 3.0), abs=2e-5)
 
 
-def test_live_values_and_wrenches_are_told_with_their_tick(make):
-    runner = make(paused=True)
-    runner.simulation = Simulation.from_file("rod_pendulum", wrenches=["rod"], live=["gravity[2]"])
-    runner.wrenches = WrenchBuffer(runner.simulation.wrench_map, ["rod"], 0.0)
-    runner.start()
-    runner.step(10)
-    assert runner.set_live({"gravity[2]": -1.6}) == ""
-    assert "'gravty' is not a live value" in runner.set_live({"gravty": 1.0})
-    runner.wrenches.take("rod", None, "ground", (3.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    runner.step(5)
-    runner.stop()
-    events = [item for item in collected(runner) if isinstance(item, Event)]
+def test_live_values_and_wrenches_are_reported_with_their_tick(make):
+    stepping_thread = make(paused=True)
+    stepping_thread.simulation = Simulation.from_file("rod_pendulum", wrenches=["rod"], live=["gravity[2]"])
+    stepping_thread.wrenches = WrenchBuffer(stepping_thread.simulation.wrench_map, ["rod"], 0.0)
+    stepping_thread.start()
+    stepping_thread.step(10)
+    assert stepping_thread.set_live({"gravity[2]": -1.6}) == ""
+    assert "'gravty' is not a live value" in stepping_thread.set_live({"gravty": 1.0})
+    stepping_thread.wrenches.take("rod", None, "ground", (3.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    stepping_thread.step(5)
+    stepping_thread.stop()
+    events = [item for item in collected(stepping_thread) if isinstance(item, Event)]
     assert [(event.ticks, event.text) for event in events] == [
         (10, "live values: gravity[2] = -1.6"),
         (10, "command"),
@@ -207,11 +209,11 @@ def test_live_values_and_wrenches_are_told_with_their_tick(make):
 
 
 def test_only_the_clock_goes_back_where_the_state_is_to_stay(make):
-    runner = make(paused=True)
-    runner.start()
-    runner.step(30)
-    assert runner.reset(rewind_clock=True, state=False) == ""
-    assert (runner.clock_ns, runner.simulation.steps) == (0, 30)
+    stepping_thread = make(paused=True)
+    stepping_thread.start()
+    stepping_thread.step(30)
+    assert stepping_thread.reset(rewind_clock=True, state=False) == ""
+    assert (stepping_thread.clock_ns, stepping_thread.simulation.steps) == (0, 30)
 
 
 @pytest.fixture

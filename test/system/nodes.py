@@ -107,7 +107,7 @@ class SimNodeProcess:
 
 
 class Listener:
-    """Hears everything that a `sim_node` says, and talks to it."""
+    """Subscribes to everything that a `sim_node` publishes, and calls its services."""
 
     server = "sim_node"
     process: SimNodeProcess | None = None  # where one is given, waiting ends with it
@@ -230,7 +230,7 @@ def running(
     variables: Mapping[str, str] | None = None,
     **parameters: Any,
 ) -> Iterator[tuple[SimNodeProcess, Listener]]:
-    """A node, started by a wrapper that becomes it, with variables in its environment; and a listener that hears it."""
+    """A node, started by a wrapper that becomes it, with variables in its environment; and a listener to it."""
     domain = new_domain()
     process = SimNodeProcess(domain, folder, parameters, remaps, wrapper, variables)
     listener = Listener(domain)

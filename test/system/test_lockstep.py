@@ -14,8 +14,8 @@ from test.waiting import PATIENCE
 
 @pytest.fixture(scope="module")
 def listener(tmp_path_factory):
-    with running(tmp_path_factory.mktemp("lockstep"), mechanism="double_pendulum", publish_rate=50) as (_, heard):
-        yield heard
+    with running(tmp_path_factory.mktemp("lockstep"), mechanism="double_pendulum", publish_rate=50) as (_, received):
+        yield received
 
 
 def test_a_thousand_control_cycles_give_the_same_bits_as_without_ros(listener):

@@ -1,4 +1,4 @@
-"""What `sim_node` takes and tells besides joints and efforts: wrenches, live values, markers, diagnostics, poses."""
+"""The interfaces of `sim_node` besides joints and efforts: wrenches, live values, markers, diagnostics, poses."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from mbd_sim import Simulation, parse_mechanism
 from test.system.nodes import Listener, SimNodeProcess, as_in_the_node, nanoseconds, new_domain, running
 
 
-def heard(listener: Listener, kind: type, name: str) -> list[Any]:
+def received(listener: Listener, kind: type, name: str) -> list[Any]:
     """Everything that comes on a topic from now on."""
     messages: list[Any] = []
     listener.node.create_subscription(kind, name, messages.append, 100)
@@ -42,21 +42,21 @@ def computed(message: Any, mechanism: str) -> Simulation:
 def test_reactions_violation_poses_and_markers_are_those_of_the_same_run_without_ros(tmp_path: Path) -> None:
     extra = {"joint_reactions": True, "constraint_violation": True, "part_poses": "coupler, rocker"}
     with running(tmp_path, mechanism="four_bar", **extra) as (_, listener):
-        reactions = heard(listener, MultiDOFJointState, "joint_reactions")
-        violations = heard(listener, Float64MultiArray, "constraint_violation")
-        poses = heard(listener, PoseStamped, "sim_node/poses/coupler")
-        markers = heard(listener, MarkerArray, "markers")
+        reactions = received(listener, MultiDOFJointState, "joint_reactions")
+        violations = received(listener, Float64MultiArray, "constraint_violation")
+        poses = received(listener, PoseStamped, "sim_node/poses/coupler")
+        markers = received(listener, MarkerArray, "markers")
         listener.until(lambda: all([reactions, violations, poses, markers]), "all topics")
         topics = {name for name, _ in listener.node.get_topic_names_and_types()}
     assert "/sim_node/poses/rocker" in topics and "/sim_node/poses/crank" not in topics
-    told = reactions[-1]
-    assert told.header.frame_id == "ground"
-    simulation = computed(told, "four_bar")
-    for name, wrench in zip(told.joint_names, told.wrench, strict=True):
+    latest = reactions[-1]
+    assert latest.header.frame_id == "ground"
+    simulation = computed(latest, "four_bar")
+    for name, wrench in zip(latest.joint_names, latest.wrench, strict=True):
         expected = simulation.reactions()[name]
         assert [wrench.force.x, wrench.force.y, wrench.force.z] == expected.force.tolist()
         assert [wrench.torque.x, wrench.torque.y, wrench.torque.z] == expected.moment.tolist()
-    assert set(told.joint_names) == set(simulation.mechanism.all_joints)
+    assert set(latest.joint_names) == set(simulation.mechanism.all_joints)
     assert [dimension.label for dimension in violations[-1].layout.dim] == ["position", "velocity"]
     assert max(violations[-1].data) < 1e-9
     at, expected_at = poses[-1].pose.position, computed(poses[-1], "four_bar").poses()["coupler"].position
@@ -67,7 +67,7 @@ def test_reactions_violation_poses_and_markers_are_those_of_the_same_run_without
 def test_diagnostics_tell_how_time_energies_and_commands_stand_and_what_to_do(tmp_path: Path) -> None:
     with running(tmp_path, mechanism="four_bar") as (_, listener):
         listener.ready_to_command()
-        messages = heard(listener, DiagnosticArray, "/diagnostics")
+        messages = received(listener, DiagnosticArray, "/diagnostics")
         listener.until(lambda: messages, "diagnostics")
         by_name = {status.name: status for status in messages[-1].status}
         assert set(by_name) == {f"/sim_node: {name}" for name in ("timing", "mechanics", "commands", "output")}
@@ -95,7 +95,7 @@ def test_diagnostics_tell_how_time_energies_and_commands_stand_and_what_to_do(tm
 
 def test_a_wrench_acts_expires_is_recorded_and_the_run_can_be_computed_again(tmp_path: Path) -> None:
     with running(tmp_path, record=True, record_dir="logs", command_timeout=0.2) as (process, listener):
-        applied = heard(listener, Float64MultiArray, "sim_node/applied_wrenches")
+        applied = received(listener, Float64MultiArray, "sim_node/applied_wrenches")
         push = listener.node.create_publisher(WrenchStamped, "sim_node/wrench/lower", 10)
         listener.until(push.get_subscription_count, "matching")
         for frame in ("grund", "lower"):
@@ -244,7 +244,7 @@ def test_two_instances_and_two_clocks_are_warned_of(tmp_path: Path) -> None:
     domain = new_domain()
     nodes = [SimNodeProcess(domain, tmp_path, {}, [f"__ns:=/{name}"]) for name in ("left", "right")]
     listener = Listener(domain, "left")
-    messages = heard(listener, DiagnosticArray, "/diagnostics")
+    messages = received(listener, DiagnosticArray, "/diagnostics")
     try:
         listener.until(
             lambda: (

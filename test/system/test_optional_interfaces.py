@@ -88,11 +88,11 @@ def test_transforms_of_all_parts(tmp_path: Path, variables: dict[str, str]) -> N
     from tf2_msgs.msg import TFMessage
 
     with running(tmp_path, variables=variables, tf=True, frame_prefix="left/") as (_, listener):
-        heard: list[object] = []
-        listener.node.create_subscription(TFMessage, "/tf", heard.append, 10)
-        listener.until(lambda: heard, "/tf")
+        received: list[object] = []
+        listener.node.create_subscription(TFMessage, "/tf", received.append, 10)
+        listener.until(lambda: received, "/tf")
         simulation = as_in_the_node("double_rod")
-        (upper, lower) = heard[-1].transforms  # type: ignore[attr-defined]
+        (upper, lower) = received[-1].transforms  # type: ignore[attr-defined]
         simulation.step(nanoseconds(lower.header.stamp) // 1_000_000)
         assert (upper.child_frame_id, lower.header.frame_id) == ("left/upper", "left/ground")
         at = lower.transform.translation

@@ -36,7 +36,7 @@ TOPICS = {
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Any]]:
-    """A recording of a run with commands, a pause and a reset, and the joint states that were heard meanwhile."""
+    """A recording of a run with commands, a pause and a reset, and the joint states that were received meanwhile."""
     folder = tmp_path_factory.mktemp("run")
     with running(folder, record=True, record_dir="logs", command_timeout=0.2) as (process, listener):
         listener.ready_to_command()
@@ -49,9 +49,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Any]]:
         listener.until(lambda: len(listener.states) > seen + 50, "states")
         assert process.end(signal.SIGINT) == 0
         assert "recorded" in process.text
-        heard = list(listener.states)
+        received = list(listener.states)
     (path,) = (folder / "logs").glob("double_rod_*.mcap")
-    return path, heard
+    return path, received
 
 
 def decoded(path: Path) -> list[tuple[Any, Any, Any]]:
@@ -61,7 +61,7 @@ def decoded(path: Path) -> list[tuple[Any, Any, Any]]:
 
 
 def test_two_independent_readers_find_the_same_messages(run: tuple[Path, list[Any]]) -> None:
-    path, heard = run
+    path, received = run
     by_mcap = Counter(channel.topic for channel, _, _ in decoded(path))
     with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
         by_rosbags = Counter(connection.topic for connection, _, _ in reader.messages())
@@ -70,18 +70,18 @@ def test_two_independent_readers_find_the_same_messages(run: tuple[Path, list[An
         state = reader.deserialize(first[2], first[0].msgtype)
     assert by_mcap == by_rosbags
     assert types == TOPICS
-    assert by_mcap["/joint_states"] == by_mcap["/energies"] >= len({nanoseconds(m.header.stamp) for m in heard}) - 1
+    assert by_mcap["/joint_states"] == by_mcap["/energies"] >= len({nanoseconds(m.header.stamp) for m in received}) - 1
     assert list(state.position) == [math.pi / 2, 0.0]
 
 
 def test_every_state_that_was_heard_is_recorded_bit_for_bit(run: tuple[Path, list[Any]]) -> None:
-    path, heard = run
+    path, received = run
     recorded = {
         (nanoseconds(content.header.stamp), tuple(content.position), tuple(content.velocity), tuple(content.effort))
         for channel, _, content in decoded(path)
         if channel.topic == "/joint_states"
     }
-    published = {(nanoseconds(m.header.stamp), tuple(m.position), tuple(m.velocity), tuple(m.effort)) for m in heard}
+    published = {(nanoseconds(m.header.stamp), tuple(m.position), tuple(m.velocity), tuple(m.effort)) for m in received}
     assert len(published) > 50
     assert published <= recorded
 

@@ -63,20 +63,20 @@ class Audience(Listener):
         self.node = Node("audience", context=self.context)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
-        self.heard: dict[str, list[bytes]] = {}
+        self.received: dict[str, list[bytes]] = {}
 
     def listen(self, kind: type, topic: str, profile: QoSProfile | int = 1000) -> None:
-        self.heard[topic] = []
-        self.node.create_subscription(kind, topic, self.heard[topic].append, profile, raw=True)
+        self.received[topic] = []
+        self.node.create_subscription(kind, topic, self.received[topic].append, profile, raw=True)
 
     def all_matched(self) -> None:
-        self.until(lambda: all(self.node.count_publishers(topic) for topic in self.heard), "the publishers")
+        self.until(lambda: all(self.node.count_publishers(topic) for topic in self.received), "the publishers")
         self.parameter("rate")  # a new client: once it is answered, the node knows all earlier subscriptions, too
 
     def take_the_rest(self) -> None:
         """Spin until nothing more comes."""
         count = -1
-        while count != (now := sum(map(len, self.heard.values()))):
+        while count != (now := sum(map(len, self.received.values()))):
             count = now
             self.spin(0.2)
 
@@ -84,7 +84,7 @@ class Audience(Listener):
         return self.call(Trigger, "seek")
 
     def times(self, topic: str = "/joint_states") -> list[int]:
-        return [nanoseconds(deserialize_message(data, JointState).header.stamp) for data in self.heard[topic]]
+        return [nanoseconds(deserialize_message(data, JointState).header.stamp) for data in self.received[topic]]
 
 
 @contextlib.contextmanager
@@ -131,11 +131,11 @@ def test_every_message_comes_back_as_it_was_recorded(run: Path, tmp_path: Path, 
         assert process.process.returncode == 0, process.text
         assert "played" in process.text
         assert ("cut off" in process.text) == (not whole)
-        clocks = [nanoseconds(deserialize_message(data, Clock).clock) for data in audience.heard.pop("/clock")]
+        clocks = [nanoseconds(deserialize_message(data, Clock).clock) for data in audience.received.pop("/clock")]
     recorded = list(open_recording(bag).messages())
-    assert len(audience.heard["/joint_states"]) > 30
-    for topic, heard in audience.heard.items():
-        assert heard == [message.payload for message in recorded if message.topic == topic], topic
+    assert len(audience.received["/joint_states"]) > 30
+    for topic, received in audience.received.items():
+        assert received == [message.payload for message in recorded if message.topic == topic], topic
     assert len(clocks) > 50 and all(np.diff(clocks) > 0)
     assert clocks[-1] <= recorded[-1].time_ns and clocks[0] == 0
 
@@ -151,8 +151,8 @@ def test_steps_seeks_and_latched_topics(run: Path, tmp_path: Path) -> None:
         assert answer.success and answer.message == "at t = 0.5 s"
         audience.step()
         audience.until(lambda: audience.times() == [0, 500_000_000], "the state at 0.5 s")
-        audience.listen(String, "/robot_description", LATCHED)  # comes late, and hears what was latched
-        audience.until(lambda: audience.heard["/robot_description"], "the description")
+        audience.listen(String, "/robot_description", LATCHED)  # subscribes late, and receives what was latched
+        audience.until(lambda: audience.received["/robot_description"], "the description")
         audience.set_parameter("seek_to", 99.0)
         refused = audience.call_seek()
         assert not refused.success and "lasts from 0 to" in refused.message
@@ -163,7 +163,7 @@ def test_steps_seeks_and_latched_topics(run: Path, tmp_path: Path) -> None:
 
 
 def foreign_bag(path: Path, plugin: StoragePlugin) -> None:
-    """A bag that `rosbags` recorded: epoch times, a latched topic, and a type that nobody has here."""
+    """A bag that `rosbags` recorded: epoch times, a latched topic, and a type that is not installed here."""
     store = get_typestore(Stores.ROS2_JAZZY)
     store.register(get_types_from_msg("float64 x\n", "acme_msgs/msg/Thing"))
     header, text, thing = (
@@ -202,10 +202,10 @@ def test_a_foreign_bag_plays_under_another_name_and_in_a_namespace(tmp_path: Pat
         audience.pause(False)
         audience.until(lambda: process.has_ended, "the end")
         audience.take_the_rest()
-        texts = [deserialize_message(data, String).data for data in audience.heard["/talk"]]
+        texts = [deserialize_message(data, String).data for data in audience.received["/talk"]]
         assert texts == [f"hello {number}" for number in range(20)]
-        assert [deserialize_message(data, String).data for data in audience.heard["/lab/map"]] == ["the map"]
-        clocks = [nanoseconds(deserialize_message(data, Clock).clock) for data in audience.heard["/clock"]]
+        assert [deserialize_message(data, String).data for data in audience.received["/lab/map"]] == ["the map"]
+        clocks = [nanoseconds(deserialize_message(data, Clock).clock) for data in audience.received["/clock"]]
         assert clocks[0] >= EPOCH and clocks[-1] <= EPOCH + 190_000_000
         assert "/thing is left out: acme_msgs/msg/Thing" in process.text
 

@@ -182,7 +182,7 @@ def test_reset_returns_to_the_start_while_the_clock_goes_on(tmp_path: Path) -> N
         assert list(listener.states[-1].position) == [math.pi / 2, 0.0]
         assert nanoseconds(listener.states[-1].header.stamp) > 29 * 10 * STEP_NS
         answer = listener.step().message
-        listener.until(lambda: answer == f"t = {1e-9 * listener.clocks[-1]:.9g} s", "the clock that ~/step tells")
+        listener.until(lambda: answer == f"t = {1e-9 * listener.clocks[-1]:.9g} s", "the clock that ~/step returns")
         listener.pause(False)
         listener.spin(0.3)
         assert all(np.diff(listener.clocks) >= 0)
