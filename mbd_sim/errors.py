@@ -1,4 +1,4 @@
-"""What went wrong, said so that the reader can mend it."""
+"""The exceptions of the package, and the words of error messages: what is wrong, where, and the remedy."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import difflib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-MOST_SHOWN = 50  # problems in the text of one error
-MOST_COMPARED = 500  # names among which the nearest is looked for
+MOST_SHOWN = 50  # problems listed in the text of one error
+MOST_COMPARED = 500  # names compared with a misspelled one
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing wrong with a mechanism: where it stands, what stands there, and the remedy."""
+    """One problem with a mechanism: what is wrong, the remedy, and the key, value, file and line."""
 
     message: str
     remedy: str = ""
@@ -31,7 +31,7 @@ class Problem:
 
 
 class MbdSimError(Exception):
-    """Base of every error that this package raises on purpose."""
+    """Base class of the errors that this package raises deliberately."""
 
 
 class InputError(MbdSimError, ValueError):
@@ -49,7 +49,7 @@ class InputError(MbdSimError, ValueError):
 
 
 class MechanismError(MbdSimError):
-    """A mechanism file that cannot be used; `problems` holds all that is wrong with it."""
+    """A mechanism file that cannot be used; `problems` lists everything that is wrong with it."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = list(problems)
@@ -60,15 +60,15 @@ class MechanismError(MbdSimError):
 
 
 class DivergedError(MbdSimError):
-    """The state became infinite or undefined; the simulation stands at the last finite state."""
+    """The state became infinite or undefined; the simulation stays at the last finite state."""
 
 
 class CommandError(MbdSimError, ValueError):
-    """A command that cannot be applied; it is rejected whole."""
+    """A command that cannot be applied; no part of it is."""
 
 
 def nearest(name: str, valid: Iterable[str]) -> str:
-    """A remedy that names the valid names, the nearest one to `name` first."""
+    """A remedy that lists the valid names, the one most similar to `name` first; empty if there are none."""
     names = sorted({other for other in valid if other})
     if not names:
         return ""
@@ -80,12 +80,12 @@ def nearest(name: str, valid: Iterable[str]) -> str:
 
 
 def quoted(value: object, most: int = 60) -> str:
-    """A value as the user would recognise it: on one line, printable, cut to `most` characters."""
+    """A value as the user wrote it, for an error message: printable, on one line, cut to `most` characters."""
     text = str(value) if isinstance(value, int | float) else repr(value)
     return text if len(text) <= most else text[: most - 1] + "…"
 
 
 def listed(names: Sequence[str], most: int = 12) -> str:
-    """The names separated by commas, cut after `most`."""
+    """The names separated by commas; beyond `most` only their number."""
     shown = ", ".join(names[:most])
     return shown if len(names) <= most else f"{shown}, … ({len(names) - most} more)"

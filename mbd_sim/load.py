@@ -1,4 +1,4 @@
-"""Mechanism files and URDFs to `Mechanism` records."""
+"""Loads mechanism files and URDFs as `Mechanism` records."""
 
 from __future__ import annotations
 
@@ -17,16 +17,19 @@ from mbd_sim.urdf.xml_elements import is_xml
 def load_mechanism(mechanism: str | Path, base: Base | None = None) -> Mechanism:
     """Load a mechanism file or a URDF, given by its path, or a shipped mechanism by its name.
 
-    :param base: how the root link of a URDF is held: fixed (as by default) or free.
-    :raises MechanismError: with all problems of the file, each with its line and a remedy.
+    :param base: whether the root link of a URDF is `fixed` to ground, the default, or `free`.
+    :raises MechanismError: with every problem of the file, each with its line and a remedy.
     """
     path = find(mechanism)
     return parse_mechanism(read_text(path), str(path), base)
 
 
 def parse_mechanism(text: str, file: str = "<text>", base: Base | None = None) -> Mechanism:
-    """The mechanism that YAML or URDF text describes; `file` names it in errors, and `urdf` is looked for beside it.
+    """The mechanism that YAML or URDF text describes.
 
+    :param file: its name in errors; the file that `urdf` names is searched in the same folder.
+
+    :param base: see `load_mechanism`.
     :raises MechanismError: see `load_mechanism`.
     """
     source = urdf_source(text, file, base) if is_xml(text) else with_urdf(parse_source(text, file), base)

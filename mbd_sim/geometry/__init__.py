@@ -1,1 +1,1 @@
-"""Poses and rotations as numbers."""
+"""Poses and rotations as numerical arrays."""

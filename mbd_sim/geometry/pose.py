@@ -21,12 +21,12 @@ class Pose:
         return Pose(self.position + self.rotation @ inner.position, self.rotation @ inner.rotation)
 
     def inverse(self) -> Pose:
-        """The outer frame placed in the inner one."""
+        """The pose of the outer frame in the inner frame."""
         return Pose(-self.rotation.T @ self.position, self.rotation.T)
 
 
 def identity_pose() -> Pose:
-    """A frame that coincides with its outer frame."""
+    """The pose of a frame that coincides with its outer frame."""
     return Pose(np.zeros(3), np.eye(3))
 
 

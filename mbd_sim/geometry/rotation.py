@@ -1,4 +1,4 @@
-"""Rotations as numbers: matrices and quaternions (w, x, y, z), right-handed."""
+"""Rotation matrices, unit quaternions (w, x, y, z) and roll-pitch-yaw angles; rotations are right-handed."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ def skew(v: Array) -> Array:
 
 
 def unit(v: Sequence[float] | Array) -> Array:
-    """The vector scaled to length 1, without overflow for very large or small ones."""
+    """The vector scaled to length 1; very long and very short vectors do not overflow."""
     array = np.array(v, dtype=float)
     array /= np.max(np.abs(array))
     return array / math.sqrt(float(array @ array))
 
 
 def unit_or_zero(v: Array) -> Array:
-    """The vector scaled to length 1, or zero where its length is below 1e-12."""
+    """The vector scaled to length 1, or zero if its length is below 1e-12."""
     length = float(np.linalg.norm(v))
     return v / length if length > 1e-12 else np.zeros_like(v)
 
@@ -62,14 +62,14 @@ def to_quaternion(rotation: Array) -> Array:
 def of_vector(vector: Array) -> Array:
     """The unit quaternion (w, x, y, z) of a rotation vector (3,): axis times angle in rad."""
     angle = float(np.linalg.norm(vector))
-    half = 0.5 * np.sinc(0.5 * angle / np.pi)  # sin(angle / 2) / angle, also at zero
+    half = 0.5 * np.sinc(0.5 * angle / np.pi)  # sin(angle / 2) / angle, defined at zero too
     return np.array([math.cos(0.5 * angle), *(half * vector)])
 
 
 def quaternions(matrices: Array) -> Array:
     """The unit quaternions (n, 4) in the order (x, y, z, w) of ROS and Rerun, of rotation matrices (n, 3, 3).
 
-    Of the four ways to divide, each matrix takes the one with the largest divisor (Shepperd's method).
+    Each matrix uses the one of four formulas with the largest divisor (Shepperd's method).
     """
     m = matrices
     xx, yy, zz = m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]
@@ -91,7 +91,7 @@ def quaternions(matrices: Array) -> Array:
 
 
 def aligning_z(axis: Array) -> Array:
-    """A rotation matrix that takes z to the unit `axis`, exactly so along the coordinate axes."""
+    """A rotation matrix (3, 3) that maps z to the unit `axis`; its entries are exact for coordinate axes."""
     if np.count_nonzero(axis) == 1:
         index, sign = int(np.flatnonzero(axis)[0]), float(np.sign(axis[np.flatnonzero(axis)[0]]))
         columns = np.zeros((3, 3))
@@ -105,15 +105,15 @@ def aligning_z(axis: Array) -> Array:
 
 
 def from_rpy(roll: float, pitch: float, yaw: float) -> Array:
-    """Turn about fixed x by roll, then fixed y by pitch, then fixed z by yaw (as URDF does)."""
+    """The matrix (3, 3) of rotations about fixed x by roll, fixed y by pitch, fixed z by yaw, in rad, as in URDF."""
     x, y, z = np.eye(3)
     return about(z, yaw) @ about(y, pitch) @ about(x, roll)
 
 
 def to_rpy(rotation: Array) -> tuple[float, float, float]:
-    """Roll, pitch and yaw of a rotation matrix; inverse of `from_rpy`.
+    """Roll, pitch and yaw in rad of a rotation matrix (3, 3); the inverse of `from_rpy`.
 
-    Roll is what is left when yaw is turned back, so that the three fit together where the pitch nears a right angle.
+    Roll is computed with yaw undone, so that the angles stay consistent as the pitch approaches a right angle.
     """
     r = rotation
     yaw = np.arctan2(r[1, 0], r[0, 0])

@@ -1,4 +1,4 @@
-"""Constraints as plain records: what restricts a mechanism besides the joints of its tree.
+"""Constraints as plain records: they restrict the motion in addition to the joints.
 
 Directions (3,) are unit vectors in the frame of the part that carries them; SI units throughout.
 """
@@ -16,7 +16,7 @@ from mbd_sim.mechanism.records import Attachment
 
 @dataclass(frozen=True, eq=False)
 class Distance:
-    """Two points a `length` apart, in m, a function of time."""
+    """Two points at the distance `length` in m, a function of time."""
 
     name: str
     first: Attachment
@@ -27,7 +27,7 @@ class Distance:
 
 @dataclass(frozen=True, eq=False)
 class Flat:
-    """A point that has no displacement from `base` along `normals` (k, 3): one for a plane, two for a line."""
+    """A point on the planes through `base` with these `normals` (k, 3): one normal makes a plane, two a line."""
 
     name: str
     point: Attachment
@@ -38,7 +38,11 @@ class Flat:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A point where `equations` of its x, y and z in m along `axes` (3, 3) from `base`, and of t in s, are 0."""
+    """A point at which all `equations` are 0: expressions of its coordinates x, y, z in m and of the time t in s.
+
+    The coordinates are measured from `base` along the columns of `axes` (3, 3). One equation makes a surface, two make
+    a curve.
+    """
 
     name: str
     point: Attachment
@@ -50,7 +54,7 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """Σ factor · coordinate = `value`, over coordinates of joints by name."""
+    """The linear relation Σ factor · coordinate = `value` between joint coordinates by name."""
 
     name: str
     factors: Mapping[str, float]
@@ -60,7 +64,7 @@ class Coupling:
 
 @dataclass(frozen=True, eq=False)
 class Rolling:
-    """A disc about `axis`, or a ball where there is none, that rolls on the plane through `plane`."""
+    """A disc with this `axis`, or a ball if it is None, that rolls without slip on the plane through `plane`."""
 
     name: str
     center: Attachment
@@ -73,7 +77,7 @@ class Rolling:
 
 @dataclass(frozen=True, eq=False)
 class KnifeEdge:
-    """A point that moves along `direction` only, as seen in the plane with this `normal`."""
+    """A point whose velocity in the plane with this `normal` has the given `direction` (a skate or a wheel edge)."""
 
     name: str
     point: Attachment
@@ -85,7 +89,7 @@ class KnifeEdge:
 
 @dataclass(frozen=True, eq=False)
 class Cable:
-    """Points between which a cable of constant or prescribed `length` in m runs straight."""
+    """A taut cable that runs straight from point to point; its total `length` in m is a function of time."""
 
     name: str
     points: tuple[Attachment, ...]

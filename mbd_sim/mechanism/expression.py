@@ -1,4 +1,4 @@
-"""Arithmetic over named values: parsed, checked and walked, never evaluated as code."""
+"""Arithmetic expressions with named values: parsed, checked and evaluated node by node, never executed as code."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Mult: lambda a, b: a * b,
     ast.Div: lambda a, b: a / b,
 }
-# Numbers, names and operators: nothing else reaches Python's parser.
+# Only numbers, names and operators reach Python's parser.
 _TOKENS = re.compile(r"(?>\s+|(?>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])|[^\W\d]\w*|[-+*/(),^])*+")
 
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """What functions and powers mean: for numbers, or for the symbols of another library."""
+    """The functions and the power operator to evaluate with: for numbers, or for the symbols of a library."""
 
     functions: Mapping[str, tuple[int, Callable[..., Any]]]
     power: Callable[[Any, Any], Any]
@@ -44,21 +44,21 @@ NUMBERS = Arithmetic(FUNCTIONS, math.pow)
 
 @dataclass(frozen=True)
 class TimeExpression:
-    """An expression of the time `t` in s, with the values of the other names in it."""
+    """An expression of the time `t` in s or of other variables, with the values of all other names in it."""
 
     text: str
     names: Mapping[str, float]
 
     def at(self, time: float) -> float:
-        """Its value.
+        """Its value at a time in s.
 
-        :raises InputError: it has none that is finite.
+        :raises InputError: it has no finite value.
         """
         return evaluate(self.text, {**self.names, TIME: time})
 
 
 def names_in(text: str) -> set[str]:
-    """The names that an expression refers to, without constants and functions.
+    """The names that an expression refers to, except constants and functions.
 
     :raises InputError: not an arithmetic expression.
     """
@@ -75,7 +75,7 @@ def evaluate(text: str, names: Mapping[str, float]) -> float:
     try:
         value = float(walk(text, names, NUMBERS))
     except ZeroDivisionError as error:
-        raise InputError("division by zero", "Check what it divides by.") from error
+        raise InputError("division by zero", "Check the divisor.") from error
     except InputError:
         raise
     except (ValueError, OverflowError) as error:
@@ -88,7 +88,7 @@ def evaluate(text: str, names: Mapping[str, float]) -> float:
 
 
 def walk(text: str, names: Mapping[str, Any], arithmetic: Arithmetic) -> Any:
-    """The value of an expression in an arithmetic of one's own.
+    """The value of an expression in the given arithmetic.
 
     :raises InputError: not arithmetic, or an unknown name.
     """
@@ -106,7 +106,7 @@ def _parse(text: str) -> ast.Expression:
         raise InputError(_NO_VALUE, _EXAMPLES) from error
 
 
-_OUT_OF_RANGE = "Check the numbers that it is made of."
+_OUT_OF_RANGE = "Check the numbers in it."
 _NO_VALUE = "not a number, a value with a unit, or an expression"
 _EXAMPLES = "Write for example 0.5, 30 deg, l/2, or ${l/2} mm."
 
@@ -131,7 +131,7 @@ def _value(node: ast.expr, names: Mapping[str, Any], arithmetic: Arithmetic) -> 
             return arithmetic.power(_value(left, names, arithmetic), _value(right, names, arithmetic))
         case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
             if name in names:
-                raise InputError(f"'{name}' is no function", f"To multiply, write {name}*(...).")
+                raise InputError(f"'{name}' is not a function", f"To multiply, write {name}*(...).")
             if name not in arithmetic.functions:
                 raise InputError(f"unknown function {quoted(name)}", nearest(name, arithmetic.functions))
             count, function = arithmetic.functions[name]
@@ -141,4 +141,4 @@ def _value(node: ast.expr, names: Mapping[str, Any], arithmetic: Arithmetic) -> 
                     f"{name}() takes {values}, not {len(args)}", f"Write {name}({'a, b'[: 3 * count - 2]})."
                 )
             return function(*(_value(arg, names, arithmetic) for arg in args))
-    raise InputError("only numbers, names, + - * / ** ( ) and functions may stand here", _EXAMPLES)
+    raise InputError("only numbers, names, + - * / ** ( ) and functions are allowed here", _EXAMPLES)

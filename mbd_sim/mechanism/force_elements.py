@@ -1,4 +1,4 @@
-"""The force elements of a mechanism as plain records: springs and dampers between points, forces and couples."""
+"""Force elements as plain records: springs and dampers between two points, applied forces and couples."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from mbd_sim.mechanism.records import GROUND, Attachment
 class Spring:
     """A spring and a damper in parallel between two points at the distance l.
 
-    The tension along their line is that of the `law` for the elongation l - `length`, plus `damping` times l'. A
-    spring with a `mass`, of which one end is on ground, moves with a velocity that grows evenly from end to end.
+    The tension along their line is the force of the `law` at the elongation l - `length`, plus `damping` times l'. A
+    spring with `mass` has one end on ground; its velocity grows linearly from there to the other end.
     """
 
     name: str
@@ -28,19 +28,22 @@ class Spring:
 
     @property
     def elastic(self) -> bool:
-        """Whether it is more than a damper."""
+        """Whether it stores energy, and is more than a damper."""
         return self.law != Linear(0.0)
 
     @property
     def needs_line(self) -> bool:
-        """Whether its force has no direction where its ends meet."""
+        """Whether its force has no direction if its ends coincide."""
         smooth = isinstance(self.law, GreenStrain) or (isinstance(self.law, Linear) and self.length == 0.0)
         return self.damping != 0.0 or not smooth
 
 
 @dataclass(frozen=True, eq=False)
 class Damper:
-    """A damper between two points: against the rate of their distance, or, without a line, their relative velocity."""
+    """A damper between two points.
+
+    With `needs_line` it resists the rate of their distance, along their line, otherwise their relative velocity.
+    """
 
     name: str
     first: Attachment
@@ -63,7 +66,7 @@ class Damper:
 class AppliedForce:
     """A force in N at a point, or, with `couple`, a moment in N·m on a part, as expressions of time.
 
-    `vector` is in the axes of the part `axes_of`, or of ground, turned by `axes` (3, 3).
+    `vector` has components along the columns of `axes` (3, 3), which are fixed in the part `axes_of` or in ground.
     """
 
     name: str
@@ -75,7 +78,7 @@ class AppliedForce:
 
     @property
     def following(self) -> bool:
-        """Whether its axes turn."""
+        """Whether its axes rotate with a part."""
         return self.axes_of != GROUND
 
 

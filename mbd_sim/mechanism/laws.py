@@ -1,4 +1,4 @@
-"""Laws of one variable: how a force follows an elongation, or a speed. Records that hold numbers and texts only."""
+"""Force laws of one variable as plain records: a force as a function of an elongation or of a speed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mbd_sim.mechanism.expression import TimeExpression
 
-ELONGATION = "x"  # in the expression of a force
+ELONGATION = "x"  # the variable in the expression of a force
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class GreenStrain:
 
 @dataclass(frozen=True)
 class Expressed:
-    """f(x) as an expression; the potential is its integral from 0. `lower` and `upper` are where it is to be exact."""
+    """f(x) as an expression; its potential is the integral from 0, exact between `lower` and `upper`."""
 
     force: TimeExpression
     lower: float
@@ -42,7 +42,7 @@ class Expressed:
 
 @dataclass(frozen=True, eq=False)
 class Piecewise:
-    """f by cubics: left of `knots` (n,) by the first of `coefficients` (n + 1, 4), then by the next, and so on.
+    """f(x) by cubic pieces: the first of `coefficients` (n + 1, 4) is left of all `knots` (n,), the last right of them.
 
     Piece i is c0 + c1 d + c2 d² + c3 d³ with d = x - `origins[i]`, and `energies[i]` is its potential at d = 0.
     """
@@ -60,8 +60,8 @@ ElasticLaw = Linear | Expressed | Piecewise
 class PowerLaw:
     """A damper C |v|ᵖ against the speed v (Géradin & Rixen, p. 30): F = C v (v² + ε²)^((p - 1)/2).
 
-    `coefficient` C ≥ 0 in N/(m/s)ᵖ, `exponent` p ≥ 0. The speed ε = `regularization` makes F smooth at rest; it is
-    nothing at p = 1, where F is smooth as it is.
+    `coefficient` C ≥ 0 in N/(m/s)ᵖ, `exponent` p ≥ 0. The speed ε = `regularization` makes F smooth at rest; at
+    p = 1, where F is smooth already, it has no effect.
     """
 
     coefficient: float
@@ -73,7 +73,7 @@ class PowerLaw:
 class Friction:
     """Dry friction F = (Fc + (Fs - Fc) exp(-(v/vs)²)) tanh(v/vr) + d v against the speed v, in N or N·m.
 
-    `coulomb` Fc, `static` Fs, `stribeck_velocity` vs (infinite where Fs = Fc), `viscous` d, `regularization` vr > 0.
+    `coulomb` Fc, `static` Fs, `stribeck_velocity` vs (infinite if Fs = Fc), `viscous` d, `regularization` vr > 0.
     """
 
     coulomb: float
@@ -84,12 +84,13 @@ class Friction:
 
 
 def tabulated(elongations: Sequence[float], forces: Sequence[float]) -> Piecewise:
-    """A table as a continuous force with a continuous derivative: cubics between its points, straight beyond them.
+    """A table as a force with a continuous derivative: cubic between its points, linear beyond them.
 
     The slopes are those of Fritsch and Butland (PCHIP): the force rises and falls only where the table does. The
     potential, zero at x = 0, is the integral of the pieces and therefore exact to rounding.
 
-    :param elongations: (n,) ≥ 2 of them, growing.
+    :param elongations: (n,) at least two, increasing.
+    :param forces: (n,) N or N·m.
     """
     x, f = np.array(elongations, dtype=np.float64), np.array(forces, dtype=np.float64)
     h, slopes = np.diff(x), _slopes(x, f)
@@ -118,7 +119,7 @@ def _integral(coefficients: NDArray[np.float64], d: float) -> float:
 
 
 def _slopes(x: NDArray[np.float64], f: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The derivatives (n,) at the points: weighted harmonic means of the secants, 0 where these change sign."""
+    """The derivatives (n,) at the points: weighted harmonic means of the secant slopes, 0 where these change sign."""
     h, secants = np.diff(x), np.diff(f) / np.diff(x)
     if len(x) == 2:
         return np.array([secants[0], secants[0]])
@@ -134,7 +135,7 @@ def _slopes(x: NDArray[np.float64], f: NDArray[np.float64]) -> NDArray[np.float6
 
 
 def _end_slope(near: float, far: float, secant: float, next_secant: float) -> float:
-    """Three-point formula at an end, cut to what keeps the force monotone (Fritsch & Carlson 1980)."""
+    """Three-point formula at an end, limited so that the force stays monotone (Fritsch & Carlson 1980)."""
     slope = ((2.0 * near + far) * secant - near * next_secant) / (near + far)
     if slope * secant <= 0.0:
         return 0.0

@@ -1,6 +1,6 @@
-"""Mass, mass centre and inertia dyadic of bodies and of composites (Huston & Liu, ch. 7).
+"""Mass, mass center and inertia of bodies and of composites (Huston & Liu, ch. 7).
 
-An inertia is a symmetric matrix (3, 3) in kg·m² about the mass centre: I = ∫ (r·r 1 - r rᵀ) dm, so its products
+An inertia is a symmetric matrix (3, 3) in kg·m² about the mass center: I = ∫ (r·r 1 - r rᵀ) dm, so its products
 are I_xy = -∫ x y dm.
 """
 
@@ -30,7 +30,7 @@ class MassProperties:
         return MassProperties(self.mass * factor, self.center, self.inertia * factor)
 
     def placed(self, pose: Pose) -> MassProperties:
-        """The body seen from the outer frame of `pose`."""
+        """The same properties in the outer frame of `pose`."""
         center = pose.position + pose.rotation @ self.center
         return MassProperties(self.mass, center, pose.rotation @ self.inertia @ pose.rotation.T)
 
@@ -43,22 +43,22 @@ class MassProperties:
 def composite(bodies: Sequence[MassProperties]) -> MassProperties:
     """Several bodies as one; holes have negative mass.
 
-    :raises InputError: the holes take away all mass.
+    :raises InputError: the holes remove all mass.
     """
     if not any(body.mass for body in bodies):
         return MassProperties(0.0, np.zeros(3), np.zeros((3, 3)))
     mass = math.fsum(body.mass for body in bodies)
     if mass <= 1e-12 * math.fsum(abs(body.mass) for body in bodies):
-        raise InputError(f"the holes take away all mass, {mass:g} kg are left", "Make them smaller or lighter.")
+        raise InputError(f"the holes remove all mass: {mass:g} kg are left", "Make them smaller or lighter.")
     center = sum((body.mass * body.center for body in bodies), np.zeros(3)) / mass
     inertia = sum((body.about(center) for body in bodies), np.zeros((3, 3)))
     return MassProperties(mass, center, inertia)
 
 
 def inertia_defect(inertia: Array) -> str | None:
-    """What makes a matrix no inertia of any body, or None: it needs moments ≥ 0 that meet the triangle inequality."""
+    """Why no rigid body has this inertia (3, 3), or None: moments must be ≥ 0 and satisfy the triangle inequality."""
     if not np.all(np.isfinite(inertia)):
-        return None  # of parameters that are reported themselves
+        return None  # the parameters that make it so are reported
     moments = np.linalg.eigvalsh(inertia)
     slack = 1e-9 * max(float(np.max(np.abs(moments))), 1e-300)
     text = ", ".join(f"{moment:.6g}" for moment in moments)

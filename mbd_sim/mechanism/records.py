@@ -1,7 +1,7 @@
-"""A mechanism as plain records: what the dynamics, the viewer and the exporters read.
+"""A mechanism as plain records, which the dynamics, the viewer and the exporters read.
 
-Frames: every part has a frame of its own, in which its points, mass centre and inertia are given. A `Pose`
-places one frame in another: `x_outer = position + rotation @ x_inner`. SI units throughout.
+Frames: every part has its own frame, in which its points, mass center and inertia are given. A `Pose` places one
+frame in another: `x_outer = position + rotation @ x_inner`. SI units throughout.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ GROUND = "ground"
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A shape to draw: `kind` and `size` as in the file, centred on `pose`, rods and axial shapes along z.
+    """A shape to draw: `kind` as in the file, centered on `pose`; rods and axial shapes are along z.
 
     `size` is (length, radius) for rods, (radius,) for discs, rings, spheres and particles, (x, y) for plates,
     (x, y, z) for blocks and (length, radius) for cylinders.
@@ -42,7 +42,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """The URI of a surface for others to draw, its origin at `pose`, and its factors (3,) of size along its axes."""
+    """A surface for other programs to draw: its URI, the pose of its origin, scale factors (3,) along its axes."""
 
     file: str
     pose: Pose
@@ -65,9 +65,9 @@ class Part:
 
 @dataclass(frozen=True)
 class Limits:
-    """The range of a joint coordinate; `stiffness` k is None where the limits are only described.
+    """The range of a joint coordinate; `stiffness` k is None if the limits are only passed on to URDF.
 
-    A stop takes k δ (1 + c δ') for the depth δ beyond it, never less than 0, with `damping` c in s/rad or s/m.
+    A stop pushes back with k δ (1 + c δ') at the depth δ beyond it, never less than 0; `damping` c is in s/rad or s/m.
     """
 
     lower: float
@@ -78,7 +78,7 @@ class Limits:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint: the motion of `child` seen from `parent`, between the frames `parent_pose` and `child_pose`.
+    """A joint: the motion of `child` relative to `parent`, between the frames `parent_pose` and `child_pose`.
 
     `axis` and `second` (3,) are unit vectors in the parent-side frame, or zero: the axis, a universal joint's
     second axis, a planar joint's x direction. `position` and `velocity` are start values of the joint's q and u; a
@@ -86,8 +86,8 @@ class Joint:
     there, a free one after its position and velocity (3,) in the parent-side frame. `stiffness`, `rest` and
     `damping` have a value for each degree of freedom. A joint with a `drive` has none: its coordinates are these
     expressions of time. A `spring` law takes the elongation q - rest, the laws `damper` and `friction` the speed; only
-    revolute and prismatic joints have them. `reversed` joints are walked from child to parent in the spanning tree.
-    `velocity_limit` is only described.
+    revolute and prismatic joints have them. A `reversed` joint leads from child to parent in the spanning tree.
+    `velocity_limit` is not simulated, only passed on to URDF.
     `fixed_in_assembly` and `fixed_speeds` (nv,) mark start values that the assembly of loops must not change. A joint
     with `cut` closes a loop.
     """
@@ -120,7 +120,7 @@ class Joint:
 
     @property
     def kind(self) -> JointKind:
-        """What its type is."""
+        """The properties of its type."""
         return JOINT_KINDS[self.type]
 
     @property
@@ -140,7 +140,7 @@ class Joint:
 
     @property
     def motion_names(self) -> tuple[str, ...]:
-        """A name for each way in which the joint moves, freely or driven."""
+        """A name for each coordinate of the joint, also of a driven joint."""
         return tuple(f"{self.name}{label}" for label in self.kind.labels)
 
     def direction(self, coordinate: JointCoordinate) -> Array:
@@ -168,9 +168,9 @@ class Attachment:
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
-    """A whole mechanism. `joints`, which make a tree, stand in declared order: that of q, u and the efforts.
+    """A mechanism. `joints`, which form a tree, are in declared order, which is that of q, u and the efforts.
 
-    `closing` are the joints that close loops; they have no coordinates.
+    `tree` has their names from ground outwards. `closing` joints close loops; they have no coordinates.
     """
 
     name: str
@@ -192,7 +192,7 @@ class Mechanism:
 
     @property
     def all_joints(self) -> Mapping[str, Joint]:
-        """The joints of the tree and those that close loops."""
+        """The joints of the tree, then those that close loops."""
         return {**self.joints, **self.closing}
 
     @property
@@ -216,11 +216,11 @@ class Mechanism:
         return float(sum(part.mass for part in self.parts.values()))
 
     def tree_joints(self) -> Iterator[Joint]:
-        """The joints from ground outwards: each one's inboard part comes before it."""
+        """The joints of the tree from ground outwards."""
         return (self.joints[name] for name in self.tree)
 
     def effort_limits(self) -> Array:
-        """The largest effort of each degree of freedom, (nv,), infinite where none is given."""
+        """The largest effort (nv,) of each degree of freedom in N or N·m, infinite if none is given."""
         limits = [
             np.inf if joint.effort_limit is None else joint.effort_limit
             for joint in self.joints.values()

@@ -1,4 +1,4 @@
-"""The file that a mechanism was read from, and the line on which every value stands."""
+"""The file of a mechanism: its data, and the line of every value."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _PLAIN_KEY = re.compile(r"[\w<-]{1,60}")
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a value stands that was read from another file: the file, the line, and its name there."""
+    """Where a value comes from: the file, the line, and its key there."""
 
     file: str
     line: int
@@ -26,9 +26,9 @@ class Origin:
 class Source:
     """A parsed file: its data, and the line of each value by its location (a tuple of keys and indices).
 
-    `text` is YAML and alone enough to build the mechanism again. `origins` are the places of values that came from
-    another file. `problems` are those that did not keep the file from being read, such as a key given twice;
-    `notes` say what was not taken over from another format.
+    `text` is YAML from which alone the mechanism can be built again. `origins` are the places of values from another
+    file. `problems` are those that did not prevent reading the file, such as a duplicate key; `notes` say what was not
+    imported from another format.
     """
 
     data: Any
@@ -40,7 +40,7 @@ class Source:
     notes: tuple[str, ...] = ()
 
     def origin(self, location: Location) -> Origin:
-        """Where the value at `location` stands, or else the nearest thing that encloses it."""
+        """The origin of the value at `location`, or else of the innermost value around it that has one."""
         for length in range(len(location), -1, -1):
             outer = location[:length]
             if outer in self.lines:
@@ -50,7 +50,7 @@ class Source:
         return Origin(self.file, 1, dotted(location))
 
     def line(self, location: Location) -> int:
-        """The line of the value at `location`, or of the nearest thing that encloses it."""
+        """The line of the value at `location`, or of the innermost value around it that has one."""
         return self.origin(location).line
 
     def problem(self, location: Location, message: str, remedy: str = "", value: Any = None) -> Problem:

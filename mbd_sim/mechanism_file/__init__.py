@@ -1,1 +1,1 @@
-"""What a user writes: mechanism files read, checked, and made into records."""
+"""Mechanism files: read, checked against the schema, and built into records."""

@@ -1,4 +1,4 @@
-"""The mechanisms that ship with the package, found by name."""
+"""The mechanisms that ship with the package, by name."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def shipped() -> dict[str, Path]:
 def find(mechanism: str | Path) -> Path:
     """The file of a mechanism given as a path or as a shipped name.
 
-    :raises MechanismError: neither; the remedy lists what ships, the nearest name first.
+    :raises MechanismError: it is neither; the remedy lists the shipped names, the most similar one first.
     """
     try:
         path = Path(mechanism).expanduser()
@@ -40,7 +40,11 @@ def find(mechanism: str | Path) -> Path:
     except (OSError, ValueError, RuntimeError) as error:  # a name too long, a NUL in it, no such home directory
         why = getattr(error, "strerror", None) or str(error)
         raise MechanismError(
-            [Problem(f"cannot look for it: {why}", "Check the path.", key="mechanism", value=quoted(str(mechanism)))]
+            [
+                Problem(
+                    f"cannot be searched for: {why}", "Check the path.", key="mechanism", value=quoted(str(mechanism))
+                )
+            ]
         ) from error
 
 

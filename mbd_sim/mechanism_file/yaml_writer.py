@@ -1,4 +1,4 @@
-"""The data of a mechanism file as YAML text for people: a line for each thing, short ones in brackets."""
+"""The data of a mechanism file as readable YAML: an entry per line, short mappings and lists in brackets."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from mbd_sim.mechanism.source import Location
 from mbd_sim.mechanism_file.yaml_scalars import UNPRINTABLE, plain_scalar
 
 WIDTH = 120
-WHOLE = 1e15  # below which a whole number is written without a point
+WHOLE = 1e15  # whole numbers below it are written without a decimal point
 
 _STRING = "tag:yaml.org,2002:str"
 _RESOLVER = yaml.resolver.Resolver()
 
 
 def yaml_text(data: dict[str, Any], comments: Iterable[str] = ()) -> str:
-    """The text, from which `parse_source` reads the same data; keys without a value are left out."""
+    """The text from which `parse_source` reads the same data; keys without a value are left out."""
     head = "".join(f"# {_one_line(comment)}\n" for comment in comments)
     body: str = yaml.serialize(_node(data, ()), Dumper=yaml.SafeDumper, width=WIDTH, allow_unicode=True)
     return head + body
@@ -42,7 +42,7 @@ def _node(value: Any, location: Location) -> yaml.Node:
 
 
 def _block(location: Location) -> bool:
-    """Whether what stands here takes lines of its own: sections, their entries, and the lists of parts."""
+    """Whether each entry at a location is on its own line: in sections, in their entries, and in the lists of parts."""
     match location:
         case () | ("parameters" | "parts" | "joints" | "constraints" | "forces" | "ground",):
             return True
@@ -62,7 +62,7 @@ def _scalar(value: Any) -> yaml.ScalarNode:
 
 
 def _tag(text: str) -> Any:
-    """What YAML 1.1, which the writer follows, takes a text without quotes for."""
+    """The tag of a text without quotes in YAML 1.1, which the writer follows."""
     return _RESOLVER.resolve(yaml.ScalarNode, text, (True, False))  # type: ignore[no-untyped-call]
 
 

@@ -148,7 +148,7 @@ def _color(reading: Reading, element: Element, key: str, colors: dict[str, str])
 
 
 def color_of(reading: Reading, material: Element, key: str) -> str | None:
-    """The colour of a material as #rrggbb, where it has one of its own."""
+    """The color of a material as #rrggbb, where it has one of its own."""
     color = material.first("color")
     if color is None:
         return None
@@ -157,6 +157,6 @@ def color_of(reading: Reading, material: Element, key: str) -> str | None:
         return None
     if not all(0.0 <= value <= 1.0 for value in rgba):
         remedy = "Write red, green, blue and alpha from 0 to 1, such as 0.5 0.5 0.5 1."
-        reading.complain(color, f"{key}.color.rgba", "is not a colour", remedy, color.attributes["rgba"])
+        reading.complain(color, f"{key}.color.rgba", "is not a color", remedy, color.attributes["rgba"])
         return None
     return "#" + "".join(f"{math.floor(255.0 * value + 0.5):02x}" for value in rgba[:3])

@@ -202,7 +202,7 @@ class _Robot:
         return {name: {"type": self.base, "between": [GROUND, self.part_names[self.root]]}}
 
     def _colors(self) -> dict[str, str]:
-        """The colours of the materials of the whole robot, by name."""
+        """The colors of the materials of the whole robot, by name."""
         found: dict[str, str] = {}
         for material in [element for element in self.robot.walk() if element.tag == "material"]:
             name = material.attributes.get("name", "")

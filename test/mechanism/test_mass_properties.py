@@ -140,9 +140,9 @@ def test_a_hollow_sphere_shares_its_mass_among_material_and_hole():
     assert_part(part, 3.0, [0, 0, 0], moment * np.eye(3))
 
 
-def test_a_plate_with_a_hole_off_its_centre():
+def test_a_plate_with_a_hole_off_its_center():
     # A square of side 2 less a square of side 1 in its corner is an L of three unit squares of 1 kg each:
-    # centres (-½, -½), (½, -½), (-½, ½), G = (-1/6, -1/6), about which
+    # centers (-½, -½), (½, -½), (-½, ½), G = (-1/6, -1/6), about which
     # I_xx = I_yy = 3·(1/12) + (1/9 + 1/9 + 4/9) = 11/12 and I_xy = -(1/9 - 2/9 - 2/9) = 1/3.
     part = part_of(
         """{mass: 3, shapes: [

@@ -95,7 +95,7 @@ def test_the_unit_is_split_from_the_expression():
 @pytest.mark.parametrize(
     ("text", "message", "remedy"),
     [
-        ("5 m", "the unit 'm' does not fit, as a value in kg stands here", "Write for example 0.5 kg."),
+        ("5 m", "the unit 'm' does not fit: a value in kg is expected here", "Write for example 0.5 kg."),
         ("5 kgs", "unknown unit 'kgs'", "Did you mean 'kg'?"),
         ("5 Kg", "unknown unit 'Kg'", "Did you mean 'kg'?"),
         ("5 Nm", "unknown unit 'Nm'", "Did you mean 'N*m'?"),

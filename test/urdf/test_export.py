@@ -70,7 +70,7 @@ def test_the_frames_of_the_urdf_are_those_of_the_engine(source):
         assert found[name][1] == pytest.approx(pose.rotation, abs=1e-14)
 
 
-def test_masses_limits_and_colours_are_there():
+def test_masses_limits_and_colors_are_there():
     robot = ElementTree.fromstring(to_urdf(Simulation.from_text(TURNED).mechanism))
     assert [float(mass.get("value")) for mass in robot.iter("mass")] == [2.0, 1.0, 1.0]
     rail = robot.find("joint[@name='rail']/limit")

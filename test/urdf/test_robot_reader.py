@@ -201,7 +201,7 @@ def test_inertias_that_no_body_has_are_taken_as_they_are_and_noted():
     assert parse_mechanism(mechanism.source.text).parts["b"].inertia.tolist() == mechanism.parts["b"].inertia.tolist()
 
 
-def test_shapes_and_colours():
+def test_shapes_and_colors():
     inside = """
       <visual><origin xyz="1 0 0" rpy="0 0 0.5"/><geometry><box size="1 2 3"/></geometry><material name="red"/></visual>
       <visual><geometry><cylinder radius="1" length="2"/></geometry></visual>

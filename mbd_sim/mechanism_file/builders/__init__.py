@@ -1,1 +1,1 @@
-"""From a checked mechanism file to the records of a mechanism."""
+"""Builds the records of a mechanism from a checked file."""

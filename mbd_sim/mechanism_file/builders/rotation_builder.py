@@ -1,4 +1,4 @@
-"""From a rotation as written in a file to a rotation matrix."""
+"""Builds rotation matrices from rotations as written in a file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mbd_sim.mechanism_file.schema.base_schema import RotationSpec
 
 
 def rotation_matrix(rotation: RotationSpec | None) -> Array:
-    """The matrix of a rotation as written in a file."""
+    """The matrix (3, 3) of a rotation; the identity for None."""
     if rotation is None:
         return np.eye(3)
     if rotation.rpy is not None:

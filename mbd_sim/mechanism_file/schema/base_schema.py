@@ -1,4 +1,4 @@
-"""What the records of a mechanism file are made of."""
+"""The base class and the common fields of the records of a mechanism file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pydantic import (
 from mbd_sim.errors import InputError
 from mbd_sim.mechanism_file.quantity import Angle, Length, Number
 
-SUFFIX = "Spec"  # of the names of these classes, which JSON Schema leaves out
+SUFFIX = "Spec"  # of the class names; the JSON Schema omits it
 FORMER_KEYS = {"regularisation": "regularization"}  # former spellings of keys, still read in their place
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"
 Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN, max_length=60)]
@@ -34,7 +34,7 @@ def as_written(key: Any, data: Collection[Any]) -> Any:
 
 def _not_zero(numbers: tuple[float, ...]) -> tuple[float, ...]:
     if not any(numbers):
-        raise InputError("must not be zero", f"Give for example [{', '.join(['0'] * (len(numbers) - 1))}, 1].")
+        raise InputError("must not be zero", f"Write for example [{', '.join(['0'] * (len(numbers) - 1))}, 1].")
     return numbers
 
 
@@ -45,7 +45,7 @@ Value = Annotated[Any, WithJsonSchema({"type": ["number", "string"]})]
 
 
 class Spec(BaseModel):
-    """A mapping in the file: unknown keys are errors, and a key without value counts as not given."""
+    """A mapping in the file. Unknown keys are errors; a key without value counts as absent."""
 
     model_config = ConfigDict(
         extra="forbid",
@@ -90,14 +90,14 @@ class RotationSpec(Spec):
 
 
 class PointSpec(Spec):
-    """A named point of a part, with an orientation where a joint needs one."""
+    """A named point of a part, with an orientation if a joint needs one."""
 
     at: Vector = (0.0, 0.0, 0.0)
     rotate: RotationSpec | None = None
 
 
 def written_as(value: Any) -> str:
-    """Whether a value that may be either is written as a list or as a mapping."""
+    """Whether a value is written as a `list` or as a `mapping`."""
     return "list" if isinstance(value, list | tuple) else "mapping"
 
 

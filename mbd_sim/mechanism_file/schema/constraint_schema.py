@@ -1,4 +1,4 @@
-"""The constraints of a mechanism file, besides the joints that close loops."""
+"""The constraints of a mechanism file, in addition to the joints."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Z: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
 
 class DistanceSpec(Spec):
-    """A rod without mass: two points stay `length` apart, which may be an expression of time."""
+    """A massless rod: two points keep the distance `length`, which may be an expression of time."""
 
     type: Literal["distance"]
     between: tuple[str, str]
@@ -63,7 +63,7 @@ class OnSurfaceSpec(Spec):
 
 
 class GearSpec(Spec):
-    """Two wheels in mesh: the coordinates of their joints turn as -r₁/r₂, or as r₁/r₂ where one has inner teeth."""
+    """Two gear wheels in mesh: the second rotates by -r₁/r₂ times the first, or by r₁/r₂ if one has internal teeth."""
 
     type: Literal["gear"]
     joints: tuple[Coordinate, Coordinate]
@@ -72,17 +72,17 @@ class GearSpec(Spec):
 
 
 class RackSpec(Spec):
-    """A rack on a pinion, or a cable on a drum: the slide of one joint is `radius` times the turn of another."""
+    """A rack on a pinion, or a cable on a drum: a displacement is `radius` times the angle of another joint."""
 
     type: Literal["rack"]
     pinion: Coordinate
     rack: Coordinate
     radius: PositiveLength
-    reverse: bool = Field(False, description="the rack moves backwards where the pinion turns forwards")
+    reverse: bool = Field(False, description="the rack moves backward when the pinion rotates forward")
 
 
 class CouplingSpec(Spec):
-    """A linear relation of joint coordinates: the sum of `terms` (factor by coordinate) stays `value`."""
+    """A linear relation between joint coordinates: the sum of `terms` (factors by coordinate) equals `value`."""
 
     type: Literal["coupling"]
     terms: dict[Coordinate, Number] = Field(min_length=2)
@@ -90,7 +90,7 @@ class CouplingSpec(Spec):
 
 
 class RollingSpec(Spec):
-    """A wheel with an `axis`, or a ball without one, rolls on a plane without slipping; `wheel` is its centre."""
+    """A wheel with an `axis`, or a ball without one, rolls on a plane without slipping; `wheel` is its center."""
 
     type: Literal["rolling"]
     wheel: str
@@ -101,7 +101,7 @@ class RollingSpec(Spec):
 
 
 class KnifeEdgeSpec(Spec):
-    """A blade at a point does not move across its `direction` (of its part) within a plane of this `normal`."""
+    """A blade at a point does not move sideways to its `direction` (in its part), in a plane with this `normal`."""
 
     type: Literal["knife_edge"]
     at: str
@@ -111,7 +111,7 @@ class KnifeEdgeSpec(Spec):
 
 
 class CableSpec(Spec):
-    """A taut cable without mass from point to point, over smooth small pulleys between; its length stays."""
+    """A taut massless cable from point to point over small frictionless pulleys; its total length is prescribed."""
 
     type: Literal["cable"]
     through: list[str] = Field(min_length=2)

@@ -1,6 +1,6 @@
-"""The mechanism file, as data: one class for each thing that a user may write.
+"""The mechanism file as data: one class for each kind of mapping in it.
 
-All numbers are SI once read. These records mirror the file; `mbd_sim.mechanism.records` holds what is made of them.
+All numbers are in SI units once read. `mbd_sim.mechanism.records` has the records that are built from these.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ class GroundSpec(Spec):
 
 
 class ShapeSpec(Spec):
-    """What all shapes share. Without `mass` or `density` a shape takes its share of the part's mass by size."""
+    """The keys of all shapes. Shapes without `mass` and `density` share the part's mass in proportion to their size."""
 
-    mass: Mass | None = Field(None, description="the shape's own mass; 0 where it is only drawn")
-    hole: bool = Field(False, description="takes material away")
+    mass: Mass | None = Field(None, description="mass of the shape; 0 if it is only drawn")
+    hole: bool = Field(False, description="removes material")
     color: Color | None = None
 
     @model_validator(mode="after")
@@ -57,7 +57,7 @@ class ShapeSpec(Spec):
 
 
 class PlacedShapeSpec(ShapeSpec):
-    """A shape about its centre `at`, turned by `rotate`."""
+    """A shape centered at `at` and rotated by `rotate`."""
 
     at: Vector = (0.0, 0.0, 0.0)
     rotate: RotationSpec | None = None
@@ -70,7 +70,7 @@ class AxialShapeSpec(PlacedShapeSpec):
 
 
 class RodSpec(ShapeSpec):
-    """A thin uniform rod between two points; `radius` is only drawn."""
+    """A thin uniform rod between two points; `radius` is only for drawing."""
 
     type: Literal["rod"]
     start: Vector = Field((0.0, 0.0, 0.0), alias="from")
@@ -85,7 +85,7 @@ class RodSpec(ShapeSpec):
 
 
 class ParticleSpec(PlacedShapeSpec):
-    """A point mass; `radius` is only drawn."""
+    """A point mass; `radius` is only for drawing."""
 
     type: Literal["particle"]
     radius: PositiveLength | None = None
@@ -144,7 +144,7 @@ AnyShapeSpec = Annotated[
 
 
 class MeshSpec(Spec):
-    """A file with a surface to draw, which this program does not read: its URI is told to others in URDF."""
+    """A file with a surface to draw. It is not read; its URI is passed on to exported URDF."""
 
     file: Annotated[str, StringConstraints(min_length=1, max_length=1000)]
     scale: tuple[Number, Number, Number] = (1.0, 1.0, 1.0)
@@ -154,7 +154,7 @@ class MeshSpec(Spec):
 
 
 class InertiaSpec(Spec):
-    """Moments and products of inertia about the mass centre, in the part's axes (I_xy = -∫ x y dm)."""
+    """Moments and products of inertia about the mass center, in the part's axes (I_xy = -∫ x y dm)."""
 
     xx: MomentOfInertia
     yy: MomentOfInertia
@@ -172,12 +172,12 @@ InertiaOrMoments = Annotated[
 
 
 class PartSpec(Spec):
-    """A rigid body: its mass, mass centre and inertia, given or computed from its shapes."""
+    """A rigid body: its mass, mass center and inertia, given or computed from its shapes."""
 
-    mass: Mass | None = Field(None, description="kg; shared among the shapes by their size")
-    center: Vector | None = Field(None, description="mass centre, where it is not computed from shapes")
+    mass: Mass | None = Field(None, description="kg; shared among the shapes in proportion to their size")
+    center: Vector | None = Field(None, description="mass center; computed if the part has shapes with mass")
     inertia: InertiaOrMoments | None = None
-    inertia_check: bool = Field(True, description="false: take an inertia that no rigid body has as it is")
+    inertia_check: bool = Field(True, description="false: accept an inertia that no rigid body can have")
     shape: AnyShapeSpec | None = None
     shapes: list[AnyShapeSpec] | None = None
     meshes: list[MeshSpec] = Field([], description="only told to others, in URDF")
@@ -191,7 +191,7 @@ class PartSpec(Spec):
 
 
 class IntegrationSpec(Spec):
-    """How the equations are integrated."""
+    """The integration method and its step."""
 
     method: str = "tsitouras8"
     step: PositiveTime = 1e-3
@@ -202,15 +202,17 @@ class MechanismFile(Spec):
 
     mechanism: Name = Field(description="the mechanism's name")
     description: str = ""
-    urdf: str | None = Field(None, description="a URDF file whose links and joints this file adds to")
-    base: Literal["fixed", "free"] | None = Field(None, description="how the root link of the URDF is held")
-    parameters: dict[Name, Value] = Field({}, description="named numbers, which expressions may use")
+    urdf: str | None = Field(None, description="a URDF file that this file extends")
+    base: Literal["fixed", "free"] | None = Field(
+        None, description="whether the root link of the URDF is fixed to ground or free"
+    )
+    parameters: dict[Name, Value] = Field({}, description="named numbers for use in expressions")
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, -9.81)
     integrator: IntegrationSpec = IntegrationSpec()
     ground: GroundSpec = GroundSpec()
     parts: dict[Name, PartSpec] = Field(min_length=1)
     joints: dict[Name, AnyJointSpec] = Field(min_length=1)
     constraints: dict[Name, AnyConstraintSpec] = Field(
-        default={}, description="what restricts the motion besides joints"
+        default={}, description="restrictions of the motion in addition to joints"
     )
     forces: dict[Name, AnyForceSpec] = Field(default={}, description="springs, dampers, forces and couples")

@@ -1,4 +1,4 @@
-"""The force elements of a mechanism file: what acts between points of parts, or on a part."""
+"""The force elements of a mechanism file: between points of parts, or on a part."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from mbd_sim.mechanism_file.schema.law_schema import ForceOfElongation, ForceTab
 NaturalLength = Annotated[Length, Quantity("m", at_least=0)]
 Force = Annotated[TimeExpression, ExpressionField("N")]
 Torque = Annotated[TimeExpression, ExpressionField("N*m")]
-Axes = Annotated[str, Field(description="ground, part (of the element itself), or any part or part.point")]
+Axes = Annotated[str, Field(description="ground, part (the part that the element acts on), or any part or part.point")]
 PositiveStiffness = Annotated[float, Quantity("N/m", above=0)]
 
 
 class SpringSpec(Spec):
     """A spring with a damper in parallel, straight between two points; it pushes where it is shorter than `length`.
 
-    `force`, an expression of the elongation x in m, or `table` take the place of `stiffness`.
+    `force`, an expression of the elongation x in m, or `table` replaces `stiffness`.
     """
 
     type: Literal["spring"]
@@ -40,7 +40,7 @@ class SpringSpec(Spec):
     table: ForceTable | None = None
     length: NaturalLength = Field(0.0, description="natural length")
     damping: LinearDamping = 0.0
-    mass: Mass = Field(0.0, description="the spring's own, where one end is on ground")
+    mass: Mass = Field(0.0, description="mass of the spring itself; one end must be on ground")
 
     @model_validator(mode="after")
     def _one_law(self) -> SpringSpec:
@@ -51,7 +51,7 @@ class SpringSpec(Spec):
 
 
 class ElasticBarSpec(Spec):
-    """A bar that stretches, straight between two points, with the strain of Green and St. Venant or with small strain.
+    """An elastic bar, straight between two points, with the strain of Green and St. Venant or with small strain.
 
     Its stiffness is E A / length.
     """

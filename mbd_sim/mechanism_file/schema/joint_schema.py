@@ -44,7 +44,7 @@ LengthOfTime = Annotated[TimeExpression, ExpressionField("m")]
 
 
 class LimitsSpec(Spec):
-    """What both kinds of limits share."""
+    """The checks of both kinds of limits."""
 
     @model_validator(mode="after")
     def _ordered(self) -> LimitsSpec:
@@ -52,12 +52,12 @@ class LimitsSpec(Spec):
         if lower >= upper:
             raise InputError(f"lower {lower:g} is not below upper {upper:g}", "Swap them.")
         if getattr(self, "damping") and not getattr(self, "stiffness"):  # noqa: B009
-            raise InputError("damping of stops without stiffness does nothing", "Add 'stiffness'.")
+            raise InputError("damping of stops has no effect without stiffness", "Add 'stiffness'.")
         return self
 
 
 class AngleLimitsSpec(LimitsSpec):
-    """The range of a revolute joint; with `stiffness` its ends are elastic stops, with `damping` lossy ones."""
+    """The range of a revolute joint. With `stiffness` its ends are elastic stops, which `damping` damps."""
 
     lower: Angle
     upper: Angle
@@ -66,7 +66,7 @@ class AngleLimitsSpec(LimitsSpec):
 
 
 class LengthLimitsSpec(LimitsSpec):
-    """The range of a prismatic joint; with `stiffness` its ends are elastic stops, with `damping` lossy ones."""
+    """The range of a prismatic joint. With `stiffness` its ends are elastic stops, which `damping` damps."""
 
     lower: Length
     upper: Length
@@ -75,19 +75,19 @@ class LengthLimitsSpec(LimitsSpec):
 
 
 class JointSpec(Spec):
-    """What all joints share. `between` names two parts, or points of them as `part.point`.
+    """The keys of all joints. `between` names two parts, or points of them as `part.point`.
 
-    Where loops must be closed, start values that are given are kept, and those with `guess` only say from where to
-    look. A joint with `cut` closes a loop and has no coordinate.
+    When loops are assembled, given start values are kept; with `guess` they are only the initial guess. A joint with
+    `cut` closes a loop and has no coordinate.
     """
 
     between: tuple[str, str]
-    guess: bool = Field(False, description="the start position is only a guess, from which the loops are assembled")
-    cut: bool = Field(False, description="cut this joint rather than another of its loop")
+    guess: bool = Field(False, description="the start position is only the initial guess for assembling loops")
+    cut: bool = Field(False, description="cut this joint instead of another one of its loop")
 
 
 class DriveableJointSpec(JointSpec):
-    """A joint that is moved by springs and forces, or else by a `drive`: its coordinates as expressions of time t."""
+    """A joint that moves under forces, or as prescribed by a `drive`: its coordinates as expressions of the time t."""
 
     @model_validator(mode="after")
     def _driven_or_free(self) -> DriveableJointSpec:
@@ -106,7 +106,7 @@ class DriveableJointSpec(JointSpec):
         free |= {"spring", "damper", "friction"}
         if getattr(self, "drive") is not None and (both := sorted(free & self.model_fields_set)):  # noqa: B009
             raise InputError(
-                f"has a drive and {', '.join(both)}", "A driven joint moves as its drive says: remove the others."
+                f"has a drive and {', '.join(both)}", "The drive alone prescribes the motion: remove the other keys."
             )
         if {"stiffness", "spring"} <= self.model_fields_set:
             raise InputError("has stiffness and spring", "Give one of them.")
@@ -114,7 +114,7 @@ class DriveableJointSpec(JointSpec):
 
 
 class RevoluteJointSpec(DriveableJointSpec):
-    """A hinge. Its coordinate is the right-handed angle of the second part about `axis`, of the first part's frame."""
+    """A hinge. Its coordinate is the right-handed angle of the second part about `axis` (in the first part's frame)."""
 
     type: Literal["revolute"]
     axis: Direction
@@ -128,12 +128,14 @@ class RevoluteJointSpec(DriveableJointSpec):
     friction: TorsionFrictionSpec | None = None
     limits: AngleLimitsSpec | None = None
     effort_limit: PositiveTorque | None = None
-    velocity_limit: PositiveAngularVelocity | None = Field(None, description="only told to others, in URDF")
+    velocity_limit: PositiveAngularVelocity | None = Field(
+        None, description="not simulated; passed on to exported URDF"
+    )
     drive: AngleOfTime | None = None
 
 
 class PrismaticJointSpec(DriveableJointSpec):
-    """A slider. Its coordinate is the displacement of the second part along `axis`, of the first part's frame."""
+    """A slider. Its coordinate is the displacement of the second part along `axis` (in the first part's frame)."""
 
     type: Literal["prismatic"]
     axis: Direction
@@ -147,7 +149,7 @@ class PrismaticJointSpec(DriveableJointSpec):
     friction: LinearFrictionSpec | None = None
     limits: LengthLimitsSpec | None = None
     effort_limit: PositiveForce | None = None
-    velocity_limit: PositiveVelocity | None = Field(None, description="only told to others, in URDF")
+    velocity_limit: PositiveVelocity | None = Field(None, description="not simulated; passed on to exported URDF")
     drive: LengthOfTime | None = None
 
 
@@ -168,7 +170,7 @@ class ScrewJointSpec(DriveableJointSpec):
 
 
 class CylindricalJointSpec(DriveableJointSpec):
-    """A slider that also turns. Its coordinates are the displacement along and the angle about `axis`."""
+    """A slider that also rotates. Its coordinates are the displacement along and the angle about `axis`."""
 
     type: Literal["cylindrical"]
     axis: Direction
@@ -181,7 +183,7 @@ class CylindricalJointSpec(DriveableJointSpec):
 
 
 class UniversalJointSpec(DriveableJointSpec):
-    """A Cardan joint: a turn about the first axis, then about the second, which the first turn carries along."""
+    """A Cardan joint: a rotation about the first axis, then about the second, which the first one carries along."""
 
     type: Literal["universal"]
     axes: tuple[Direction, Direction]
@@ -194,7 +196,7 @@ class UniversalJointSpec(DriveableJointSpec):
 
 
 class PlanarJointSpec(DriveableJointSpec):
-    """A part that slides and turns on a plane with normal `axis`: coordinates x, y and the angle about the normal.
+    """A part that slides and rotates on a plane with normal `axis`, with coordinates x, y and the angle about `axis`.
 
     `x_axis` is the direction of x; the y direction is axis × x_axis.
     """
@@ -235,7 +237,7 @@ class FixedJointSpec(JointSpec):
 
 
 class FreeJointSpec(JointSpec):
-    """No connection: six degrees of freedom, with the pose of the second part seen from the first."""
+    """No connection: six degrees of freedom, with the pose of the second part relative to the first."""
 
     type: Literal["free"]
     position: Vector = (0.0, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""Laws in a mechanism file: force against elongation, and against speed, along lengths and about axes."""
+"""Force laws in a mechanism file: against an elongation or a speed, along a length or about an axis."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _finite_at_rest(expression: TimeExpression) -> TimeExpression:
     try:
         evaluate(expression.text, {**expression.names, ELONGATION: 0.0})
     except InputError as error:
-        message = f"has no finite value at {ELONGATION} = 0, from where its potential is counted"
+        message = f"has no finite value at {ELONGATION} = 0, where its potential is zero"
         raise InputError(message, "Write a force that is finite there.") from error
     return expression
 
@@ -45,7 +45,7 @@ def _growing(rows: list[tuple[float, float]]) -> list[tuple[float, float]]:
         raise InputError("needs at least two rows", "Add one, as [elongation, force].")
     for (before, _), (after, _) in pairwise(rows):
         if after <= before:
-            raise InputError(f"{after:g} comes after {before:g}", "Let the elongations of the rows grow.")
+            raise InputError(f"{after:g} comes after {before:g}", "Sort the rows by increasing elongation.")
     return rows
 
 
@@ -57,7 +57,7 @@ TorqueTable = Annotated[list[tuple[Angle, TorqueValue]], AfterValidator(_growing
 
 
 def require_one(record: Spec, *keys: str) -> None:
-    """Refuse a record that gives none or several of these keys."""
+    """Refuse a record unless it gives exactly one of these keys."""
     given = [key for key in keys if key in record.model_fields_set]
     if len(given) != 1:
         message = f"gives {' and '.join(given)}" if given else f"gives none of {', '.join(keys)}"
@@ -65,7 +65,7 @@ def require_one(record: Spec, *keys: str) -> None:
 
 
 class ForceCurveSpec(Spec):
-    """A nonlinear spring: its `force` as an expression of the elongation x in m, or a `table` of both."""
+    """A nonlinear spring: its `force` as an expression of the elongation x in m, or a `table` of force against x."""
 
     force: ForceOfElongation | None = None
     table: ForceTable | None = None
@@ -77,7 +77,7 @@ class ForceCurveSpec(Spec):
 
 
 class TorqueCurveSpec(Spec):
-    """A nonlinear torsion spring: its torque as an expression of the angle x in rad, or a `table` of both."""
+    """A nonlinear torsion spring: the torque as an expression of the angle x in rad, or a `table` of both."""
 
     force: TorqueOfAngle | None = None
     table: TorqueTable | None = None
@@ -105,13 +105,16 @@ class TorsionPowerSpec(Spec):
 
 
 class FrictionSpec(Spec):
-    """What friction along lengths and about axes shares."""
+    """The checks of friction along lengths and about axes."""
 
     @model_validator(mode="after")
     def _stribeck(self) -> FrictionSpec:
         coulomb, static, speed = (getattr(self, key) for key in ("coulomb", "static", "stribeck_velocity"))
         if static is not None and static < coulomb:
-            raise InputError(f"static {static:g} is less than coulomb {coulomb:g}", "Sticking takes more than sliding.")
+            raise InputError(
+                f"static {static:g} is less than coulomb {coulomb:g}",
+                "Static friction is at least as large as sliding friction.",
+            )
         if (static is None) != (speed is None):
             missing = "static" if static is None else "stribeck_velocity"
             raise InputError("static and stribeck_velocity belong together", f"Add '{missing}'.")
@@ -119,20 +122,20 @@ class FrictionSpec(Spec):
 
 
 class LinearFrictionSpec(FrictionSpec):
-    """Dry friction in a slider: of constant size, whatever presses the surfaces together, and smooth at rest."""
+    """Dry friction in a slider: of constant size, independent of the normal force, and smooth at rest."""
 
     coulomb: FrictionForce
     static: FrictionForce | None = None
     stribeck_velocity: PositiveVelocity | None = None
     viscous: LinearDamping = 0.0
-    regularization: PositiveVelocity = Field(1e-2, description="speed below which friction dies away")
+    regularization: PositiveVelocity = Field(1e-2, description="speed below which friction falls to zero")
 
 
 class TorsionFrictionSpec(FrictionSpec):
-    """Dry friction in a hinge: of constant size, whatever loads the bearing, and smooth at rest."""
+    """Dry friction in a hinge: of constant size, independent of the bearing load, and smooth at rest."""
 
     coulomb: FrictionTorque
     static: FrictionTorque | None = None
     stribeck_velocity: PositiveAngularVelocity | None = None
     viscous: TorsionDamping = 0.0
-    regularization: PositiveAngularVelocity = Field(1e-2, description="speed below which friction dies away")
+    regularization: PositiveAngularVelocity = Field(1e-2, description="speed below which friction falls to zero")

@@ -123,7 +123,7 @@ def test_beside_a_given_inertia_shapes_are_only_drawn():
     assert (shape.kind, shape.size, shape.color, shape.hole) == ("block", (9.0, 9.0, 9.0), "#00ff7f", False)
 
 
-def test_shapes_are_drawn_centred_with_their_axis_along_z():
+def test_shapes_are_drawn_centerd_with_their_axis_along_z():
     part = part_of(
         """{mass: 1, inertia: [1, 1, 1], shapes: [
           {type: rod, from: [1, 0, 0], to: [1, 2, 0], radius: 0.1},
