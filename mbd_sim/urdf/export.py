@@ -1,8 +1,8 @@
 """A mechanism's spanning tree as URDF, for robot_state_publisher, RViz, Rerun and every other reader of URDF.
 
-A URDF link's frame is that of its inboard joint. Where a part's own frame is another one, a link named after the
-joint stands between them, so that every part keeps its frame and its name. A joint with several coordinates becomes a
-chain of joints with one each, named as in `joint_states`, with links without mass between them.
+A URDF link's frame is that of its inboard joint. If a part has another frame, a link named after the joint is
+put between them, so that every part keeps its frame and its name. A joint with several coordinates becomes a chain of
+joints with one coordinate each, named as in `joint_states`, with massless links between them.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from mbd_sim.urdf.value_reader import own_name
 
 Element = ElementTree.Element
 
-UNLIMITED = 1e6  # URDF demands numbers where a mechanism has no limit
-THICKNESS = 0.01  # of flat shapes, as a share of their size
+UNLIMITED = 1e6  # URDF requires numbers where a mechanism has no limit
+THICKNESS = 0.01  # of flat shapes, relative to their size
 
 
 @dataclass(frozen=True)
 class Mimic:
-    """A coordinate that is `multiplier` times that of `joint`, and `offset` in m or rad."""
+    """A coordinate equal to `multiplier` times the coordinate of `joint`, plus `offset` in m or rad."""
 
     joint: str
     multiplier: float
@@ -47,7 +47,7 @@ class Mimic:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A URDF joint: its type, its axis (3,) unless it has none, and what acts in it."""
+    """A URDF joint: its type, its axis (3,) if it has one, its damping and friction, and the joint that it mimics."""
 
     name: str
     type: str
@@ -58,10 +58,11 @@ class Motion:
 
 
 def to_urdf(mechanism: Mechanism) -> str:
-    """The URDF of a mechanism; a comment in it names what URDF cannot say.
+    """The URDF of a mechanism; a comment in it names what URDF cannot represent.
 
-    Gears, racks and couplings of two coordinates become `<mimic>`, a screw a hinge that a slider mimics. A spherical
-    joint, for which URDF has no word, becomes `floating`. Beside meshes, a part's shapes are what collides.
+    Gears, racks and couplings of two coordinates become `<mimic>`; a screw becomes a hinge and a slider that mimics it.
+    A spherical joint, which URDF does not have, becomes `floating`. If a part has meshes, its shapes are the collision
+    geometry.
     """
     robot = Element("robot", name=mechanism.name)
     mimics = _mimics(mechanism)
@@ -78,7 +79,7 @@ def to_urdf(mechanism: Mechanism) -> str:
 
 
 def _motions(joint: Joint) -> list[Motion]:
-    """The URDF joints that make up a joint, from its inboard to its outboard side."""
+    """The URDF joints that represent a joint, from its inboard to its outboard side."""
     match joint.type:
         case "fixed":
             return [Motion(joint.name, "fixed")]
@@ -117,7 +118,7 @@ def _single_motions(joint: Joint) -> list[Motion]:
 
 
 def _mimics(mechanism: Mechanism) -> dict[str, Mimic]:
-    """What follows from constant couplings of two coordinates: no coordinate follows one that follows another."""
+    """The mimics for constant couplings of two coordinates; no coordinate mimics one that mimics another."""
     found: dict[str, Mimic] = {}
     single = {name for joint in mechanism.joints.values() if joint.axis.any() for name in joint.coordinate_names}
     for constraint in mechanism.constraints:
@@ -140,7 +141,7 @@ def _is_constant(coupling: Coupling) -> bool:
 
 
 def _left_out(mechanism: Mechanism, mimics: Mapping[str, Mimic]) -> dict[str, list[str]]:
-    """What URDF cannot say, by kind."""
+    """What URDF cannot represent, by kind."""
     joints = mechanism.joints.values()
     mimicking = {frozenset((name, mimic.joint)) for name, mimic in mimics.items()}
     said = [
@@ -167,7 +168,7 @@ def _has_law(joint: Joint) -> bool:
 
 
 def _add_joint(robot: Element, joint: Joint, motions: list[Motion], names: set[str]) -> None:
-    """The joints and the links between them; `names` are those of the links so far."""
+    """Add the joints and the links between them; `names` are the links so far."""
     origin, outboard = joint.parent_pose, joint.child_pose
     if joint.reversed:
         origin, outboard = outboard, origin

@@ -1,4 +1,4 @@
-"""A URDF joint as a joint of a mechanism file, and its `<mimic>` as a coupling."""
+"""Converts URDF joints to joints of a mechanism file, and `<mimic>` to couplings."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ X = [1.0, 0.0, 0.0]  # URDF's axis where none is given
 
 
 def joint_of(reading: Reading, joint: Element, key: str, origins: Origins) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The joint's record but for `between`, and the place of its frame on the parent link."""
+    """The joint's record without `between`, and the keys that place its frame on the parent link."""
     kind = joint.attributes.get("type", "")
     if kind not in TYPES:
         what = f"unknown type {quoted(kind)}" if kind else "'type' is missing"
@@ -46,7 +46,9 @@ def _axis(reading: Reading, joint: Element, key: str, origins: Origins) -> list[
     origins[("axis",)] = reading.origin(axis, f"{key}.axis")
     xyz = reading.numbers(axis, "xyz", f"{key}.axis", 3)
     if xyz is not None and not any(xyz):
-        reading.complain(axis, f"{key}.axis.xyz", "must not be zero", "Give for example 0 0 1.", axis.attributes["xyz"])
+        reading.complain(
+            axis, f"{key}.axis.xyz", "must not be zero", "Write for example 0 0 1.", axis.attributes["xyz"]
+        )
         return X
     return xyz or X
 

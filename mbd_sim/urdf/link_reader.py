@@ -1,4 +1,4 @@
-"""A URDF link as a part of a mechanism file: inertia, and the shapes to draw."""
+"""Converts URDF links to parts of a mechanism file: inertia, and shapes to draw."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ Origins = dict[Location, Origin]
 
 
 def part_of(reading: Reading, link: Element, key: str, colors: dict[str, str], origins: Origins) -> dict[str, Any]:
-    """The part's record; `origins` takes the places of its keys."""
+    """The part's record; the origins of its keys are added to `origins`."""
     part: dict[str, Any] = {"mass": 0.0}
     if inertial := link.first("inertial"):
         part |= _inertial(reading, inertial, f"{key}.inertial", origins)
     drawn = _drawn(reading, link, key, colors, origins)
     if "shapes" in drawn:
-        part.setdefault("inertia", [0.0, 0.0, 0.0])  # beside which shapes are only drawn
+        part.setdefault("inertia", [0.0, 0.0, 0.0])  # given, so that shapes are only drawn
     return part | drawn
 
 
@@ -56,9 +56,11 @@ def _inertial(reading: Reading, inertial: Element, key: str, origins: Origins) -
         ("inertia",): reading.origin(inertia, f"{key}.inertia"),
     }
     record = {"mass": value or 0.0} | ({"center": xyz} if any(xyz) else {}) | {"inertia": _tensor(tensor)}
-    what = "inertia without mass" if not value else "inertia that no rigid body has" if inertia_defect(tensor) else ""
+    what = (
+        "inertia without mass" if not value else "inertia that no rigid body can have" if inertia_defect(tensor) else ""
+    )
     if what:
-        reading.leave_out(f"{what}, taken as it is", key.removesuffix(".inertial"))
+        reading.leave_out(f"{what}, used as given", key.removesuffix(".inertial"))
         record["inertia_check"] = False
     return record
 
@@ -66,7 +68,7 @@ def _inertial(reading: Reading, inertial: Element, key: str, origins: Origins) -
 def _moments(reading: Reading, inertia: Element, key: str) -> Array:
     tensor = np.zeros((3, 3))
     for name, place in MOMENTS.items():
-        read = reading.needed if place[0] == place[1] else reading.number  # products are 0 where they are not given
+        read = reading.needed if place[0] == place[1] else reading.number  # products are optional
         tensor[place] = tensor[place[::-1]] = read(inertia, name, key) or 0.0
     return tensor
 
@@ -78,7 +80,7 @@ def _tensor(tensor: Array) -> Any:
 
 
 def _drawn(reading: Reading, link: Element, key: str, colors: dict[str, str], origins: Origins) -> dict[str, Any]:
-    """The meshes of the visual elements, and their shapes, or else those of the collision elements."""
+    """The meshes and the shapes of the visual elements, or else the shapes of the collision elements."""
     drawn: dict[str, list[dict[str, Any]]] = {"meshes": [], "shapes": []}
     for tag in ("visual", "collision"):
         for element in link.all(tag):
@@ -93,7 +95,7 @@ def _drawn(reading: Reading, link: Element, key: str, colors: dict[str, str], or
         if drawn["shapes"]:
             break
     if drawn["meshes"]:
-        reading.leave_out("meshes, which are only told to others", key)
+        reading.leave_out("meshes, which are not drawn but passed on to exported URDF", key)
     return {kind: shapes for kind, shapes in drawn.items() if shapes}
 
 
@@ -148,7 +150,7 @@ def _color(reading: Reading, element: Element, key: str, colors: dict[str, str])
 
 
 def color_of(reading: Reading, material: Element, key: str) -> str | None:
-    """The color of a material as #rrggbb, where it has one of its own."""
+    """The color of a material as #rrggbb; None if it only refers to another material by its name."""
     color = material.first("color")
     if color is None:
         return None

@@ -1,8 +1,8 @@
-"""A mechanism file that begins from a URDF, and adds what URDF cannot say.
+"""Mechanism files that extend a URDF by what URDF cannot represent.
 
-Entries of the same name are merged key by key, those of the file before those of the URDF. A joint that is given
-another type keeps only what it connects; one that is given a drive keeps its axis as well. A part that is given shapes
-with a mass loses the mass of the URDF.
+Entries of the same name are merged key by key; the keys of the file take precedence. If the file changes the type of a
+joint, only its ends are kept from the URDF; if it adds a drive, also the axis. If it gives a part shapes with mass,
+the mass properties of the URDF are dropped.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ INNER = ("points", "limits", "friction")  # keys that are merged key by key them
 
 
 def with_urdf(source: Source, base: Base | None = None) -> Source:
-    """The source with its `urdf` taken in; itself where it has none.
+    """The source merged with the URDF that it names; the source itself if it names none.
 
-    :param base: how the root link of the URDF is held, instead of the file's `base`.
+    :param base: whether the root link of the URDF is `fixed` or `free`; replaces the file's `base`.
     :raises MechanismError: the URDF cannot be read.
     """
     if not isinstance(source.data, dict):
@@ -33,7 +33,7 @@ def with_urdf(source: Source, base: Base | None = None) -> Source:
     if not isinstance(urdf, str):
         if urdf is None and (written or base):
             remedy = "Give 'urdf' too, or a joint of type free or fixed instead."
-            source.problems.append(source.problem(("base",), "only a URDF has a base, and 'urdf' is missing", remedy))
+            source.problems.append(source.problem(("base",), "'base' needs a URDF, but 'urdf' is missing", remedy))
         return source
     if written not in (None, *BASES):
         source.problems.append(source.problem(("base",), "unknown word", "Write fixed or free.", written))
@@ -59,7 +59,7 @@ def _check_path(source: Source, path: Path) -> None:
 
 
 def overlaid(under: Source, over: Source) -> Source:
-    """The data of two sources as one: that of `over` before that of `under`."""
+    """The merged data of two sources; `over` takes precedence over `under`."""
     written = {key: value for key, value in over.data.items() if key not in ("urdf", "base") and value is not None}
     origins = dict(under.origins)
     merged = Source(
@@ -98,7 +98,7 @@ def _section(merged: Source, section: str, under: dict[str, Any], over: dict[str
 
 
 def _kept(section: str, under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    """What stays of a record of the URDF beside that of the file."""
+    """The keys that are kept from a URDF record, given the record of the file."""
     if section == "joints":
         if over.get("type") not in (None, under["type"]):
             return {"between": under["between"]}

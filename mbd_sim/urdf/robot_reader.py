@@ -35,7 +35,7 @@ def urdf_source(text: str, file: str, base: Base | None = None) -> Source:
 
     Problems of single elements are among its `problems`, with which `validate` refuses it.
 
-    :param base: how the root link is held: `fixed` (as by default) or `free`.
+    :param base: whether the root link is `fixed` to ground, the default, or `free`.
     :raises MechanismError: the text is not XML, or not a URDF.
     """
     robot = parse_xml(text, file)

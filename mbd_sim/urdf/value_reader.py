@@ -1,4 +1,4 @@
-"""What a URDF's elements hold: numbers, poses and names, with every problem noted at its line."""
+"""Reads numbers, poses and names of URDF elements, and collects problems with their lines."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 
 
 class Reading:
-    """A URDF as it is read: the `problems` found so far, and what is `left_out`, by kind."""
+    """The state of reading a URDF: the `problems` found so far, and notes on what is not imported."""
 
     def __init__(self, file: str) -> None:
         self.file = file
@@ -39,16 +39,16 @@ class Reading:
         self.problems.append(Problem(message, remedy, key=key, value=shown, file=self.file, line=element.line))
 
     def leave_out(self, what: str, of: str) -> None:
-        """Note that something of a link or joint is not taken over."""
+        """Note that something in a link or joint is not imported."""
         self._left_out.setdefault(what, []).append(of)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was left out, a sentence for each kind."""
+        """What was not imported, a sentence for each kind."""
         return tuple(f"{what}: {listed(list(dict.fromkeys(of)))}" for what, of in self._left_out.items())
 
     def numbers(self, element: Element, attribute: str, key: str, count: int) -> list[float] | None:
-        """The numbers of an attribute; None where there is none, or where they are wrong, which is noted."""
+        """The numbers of an attribute; None if it is missing, or, with a problem, if it is invalid."""
         text = element.attributes.get(attribute)
         if text is None:
             return None
@@ -56,7 +56,7 @@ class Reading:
         if wrong := [word for word in words if not _NUMBER.fullmatch(word)]:
             remedy = "Write plain numbers."
             if "$" in text:
-                remedy = "It is an expression of xacro: expand the file with xacro first."
+                remedy = "This is a xacro expression: expand the file with xacro first."
             self.complain(element, where, f"{quoted(wrong[0])} is not a number", remedy, text)
         elif len(words) != count:
             form = "one number" if count == 1 else f"{count} numbers separated by spaces"
@@ -77,7 +77,7 @@ class Reading:
         return self.number(element, attribute, key)
 
     def pose(self, element: Element, key: str) -> tuple[list[float], list[float]]:
-        """xyz and rpy of the element's `<origin>`, zero where they are not given."""
+        """xyz in m and rpy in rad of the element's `<origin>`, zero by default."""
         origin = element.first("origin")
         zero = [0.0, 0.0, 0.0]
         if origin is None:
@@ -92,7 +92,7 @@ def pose_of(xyz: list[float], rpy: list[float]) -> Pose:
 
 
 def placed(xyz: list[float], rpy: list[float]) -> dict[str, Any]:
-    """The keys of a mechanism file that place something so."""
+    """The keys of a mechanism file for a pose."""
     return ({"at": xyz} if any(xyz) else {}) | ({"rotate": {"rpy": rpy}} if any(rpy) else {})
 
 
@@ -102,7 +102,7 @@ def rows(array: Array) -> list[float]:
 
 
 def valid_names(written: Iterable[str], otherwise: str) -> dict[str, str]:
-    """A valid name of its own for each written one, which it is itself where that can be."""
+    """A unique valid name for each written name; valid names stay as they are."""
     written = list(dict.fromkeys(written))
     found = {name: name for name in written if re.match(NAME_PATTERN, name) and len(name) <= LONGEST_NAME}
     found.pop(GROUND, None)
@@ -119,7 +119,7 @@ def valid_names(written: Iterable[str], otherwise: str) -> dict[str, str]:
 
 
 def own_name(wanted: str, taken: Iterable[str]) -> str:
-    """The wanted name, cut to the longest length, with a number behind it where it is taken."""
+    """The wanted name, cut to the maximum length, with a number appended if it is taken."""
     taken, number, name = set(taken), 1, wanted[:LONGEST_NAME]
     while name in taken:
         number += 1

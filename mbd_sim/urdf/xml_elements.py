@@ -1,7 +1,7 @@
-"""XML text to elements that know their lines.
+"""Parses XML text to elements with their lines.
 
-There are no entities but XML's own five, as a document type declaration is refused, and size, depth and number of
-elements are bounded: no file can exhaust the machine.
+Document type declarations are refused, so that only XML's five predefined entities exist. Size, depth and the number of
+elements are bounded, so that no file can exhaust the machine.
 """
 
 from __future__ import annotations
