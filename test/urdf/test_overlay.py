@@ -223,7 +223,7 @@ parts:
         ("urdf: [1]\nmechanism: a", "urdf: must be text"),
         ('urdf: "a\\0b"', "there is no such file"),
         ("urdf: robot.yaml", "not valid XML"),
-        ("base: free\nmechanism: a", "base: only a URDF has a base, and 'urdf' is missing"),
+        ("base: free\nmechanism: a", "base: 'base' needs a URDF, but 'urdf' is missing"),
         ("mechanism: a\nurd: x", "unknown key 'urd'. Did you mean 'urdf'?"),
         ("urdf: robots/five.urdf\nparts: 3", "robot.yaml:2: parts: must be a mapping"),
         ("urdf: robots/five.urdf\njoints: {left_hip: 3}", "joints.left_hip"),

@@ -195,8 +195,8 @@ def test_inertias_that_no_body_has_are_taken_as_they_are_and_noted():
     assert np.diag(mechanism.parts["b"].inertia).tolist() == [1, 1, 3]
     assert np.diag(mechanism.parts["c"].inertia).tolist() == [1, 1, 1]
     assert mechanism.source.notes == (
-        "inertia that no rigid body has, taken as it is: link[b]",
-        "inertia without mass, taken as it is: link[c]",
+        "inertia that no rigid body can have, used as given: link[b]",
+        "inertia without mass, used as given: link[c]",
     )
     assert parse_mechanism(mechanism.source.text).parts["b"].inertia.tolist() == mechanism.parts["b"].inertia.tolist()
 
@@ -288,10 +288,10 @@ def test_all_problems_are_reported_with_line_element_value_and_remedy():
         "r.urdf:5: link[a].inertial.inertia: 'izz' is missing. Add it.",
         "r.urdf:7: link[a].visual.origin.xyz: has 2 of them (got '0 1'). Write 3 numbers separated by spaces.",
         "r.urdf:7: link[a].visual.box.size: '${z}' is not a number (got '1 2 ${z}'). "
-        "It is an expression of xacro: expand the file with xacro first.",
+        "This is a xacro expression: expand the file with xacro first.",
         "r.urdf:10: link[b]: is there twice, first on line 9. Rename one of them.",
         "r.urdf:12: joint[hinge].child.link: there is no link 'c'. Valid: a, b.",
-        "r.urdf:16: joint[slide].axis.xyz: must not be zero (got '0 0 0'). Give for example 0 0 1.",
+        "r.urdf:16: joint[slide].axis.xyz: must not be zero (got '0 0 0'). Write for example 0 0 1.",
         "r.urdf:17: joint[slide].limit: lower 1 is above upper -1. Swap them.",
         "r.urdf:17: joint[slide].limit.effort: must not be negative (got '-2'). Write its size.",
         "r.urdf:18: joint[slide].dynamics.damping: must not be negative (got '-1'). Write its size.",
@@ -400,7 +400,7 @@ def test_convert_prints_a_mechanism_file_that_loads(tmp_path, capsys):
     assert text.startswith("# From four.urdf.\nmechanism: four_legs\n")
     assert parse_mechanism(text).joints["base"].type == "free"
     assert main(["convert", "double_rod", "--base", "free"]) == 1
-    assert "only a URDF has a base" in capsys.readouterr().err
+    assert "'base' needs a URDF" in capsys.readouterr().err
 
 
 def test_check_tells_what_was_left_out(tmp_path, capsys):
@@ -409,5 +409,5 @@ def test_check_tells_what_was_left_out(tmp_path, capsys):
     assert main(["check", str(path), "--json"]) == 0
     remarks = json.loads(capsys.readouterr().out)["remarks"]
     assert any(
-        remark.startswith("from the URDF, meshes, which are only told to others: link[link1]") for remark in remarks
+        remark.startswith("from the URDF, meshes, passed on to exported URDF only: link[link1]") for remark in remarks
     )
