@@ -14,7 +14,7 @@ from test.system.nodes import Listener, new_domain
 from test.waiting import wait_until
 
 SIMULATION, REPLAY = ROOT / "launch" / "sim.launch.py", ROOT / "launch" / "replay.launch.py"
-EXAMPLES = sorted(ROOT.glob("examples/*/*.launch.py"))
+EXAMPLES = sorted(file for file in ROOT.glob("launch/*.launch.py") if file not in (SIMULATION, REPLAY))
 
 
 def test_the_simulation_runs_with_arguments_and_a_file_of_parameters(tmp_path: Path) -> None:
@@ -33,7 +33,7 @@ def test_the_simulation_runs_with_arguments_and_a_file_of_parameters(tmp_path: P
         listener.close()
 
 
-@pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.parent.name)
+@pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.name.partition(".")[0])
 def test_an_example_starts_its_simulation_and_its_program(tmp_path: Path, file: Path) -> None:
     domain = new_domain()
     listener = Listener(domain)
