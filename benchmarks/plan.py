@@ -92,7 +92,7 @@ def plan_of(text: str) -> Plan:
 
     sim = Simulation.from_text(text)
     mechanism = sim.mechanism
-    if mechanism.ties or mechanism.applied or mechanism.constraints:
+    if mechanism.two_point_elements or mechanism.applied or mechanism.constraints:
         raise ValueError(f"{mechanism.name}: springs between points, forces and constraints are not compared")
     index: dict[str, int] = {"ground": GROUND}
     frames: dict[str, Pose] = {"ground": identity_pose()}  # of each body, in its part's axes

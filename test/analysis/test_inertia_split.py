@@ -263,6 +263,6 @@ def test_the_report_shows_what_the_drives_add():
     assert found["inertia_forces"]["gyroscopic_matrix"] == near([[0.0, -6.0], [6.0, 0.0]])
     text = report_text(found)
     assert "relative [-9.1, 0], transport [-0.9, 0], Coriolis [0, 0]" in text
-    assert "gyroscopic matrix [[0, -6], [6, 0]]: skew, it does no work" in text
+    assert "gyroscopic matrix [[0, -6], [6, 0]]: skew-symmetric, does no work" in text
     found = report(Simulation.from_file("double_rod"))
     assert found["inertia_forces"] is None and "gyroscopic" not in report_text(found)

@@ -62,7 +62,7 @@ def test_a_change_must_not_open_loops():
 
 def test_lengths_of_loops_may_change_before_a_new_start():
     sim = Simulation.from_file("four_bar", live=["parameters.crank"])
-    values = sim._live.changed({"parameters.crank": 0.45})[1]
+    values = sim._live.prepare({"parameters.crank": 0.45}).inputs
     q, u = sim.model.consistent(sim.q, sim.u, values)
     other = Simulation(with_values(load_mechanism("four_bar"), {"crank": 0.45}))
     assert np.abs(other.model.equations.constraints.position(0.0, q)).max() < 1e-10
