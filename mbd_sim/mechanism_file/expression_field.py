@@ -58,7 +58,7 @@ class ExpressionField:
             raise InputError(f"unknown name {quoted(unknown[0])}", nearest(unknown[0], [*values, *self.variables]))
         if unit:
             expression = f"({expression})*{unit_factor(unit, self.unit)!r}"
-        result = TimeExpression(expression, {name: values[name] for name in used & set(values)})
+        result = TimeExpression(expression, {name: value for name, value in values.items() if name in used})
         if self.variables == (TIME,):
             result.at(0.0)  # raises where it has no finite value at the start
         return result

@@ -1,0 +1,53 @@
+"""Equations, inputs and kernels do not depend on the seed of Python's hashes, with everything live that can be."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PROGRAM = """
+import hashlib, json
+from mbd_sim import Simulation, load_mechanism
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.mechanism_file.library import shipped
+from mbd_sim.simulation.live_values import LiveValues
+from mbd_sim.compiler import kernel_cache
+
+LIVE = ["gravity[*]", "parameters.*", "joints.*", "forces.*", "constraints.*"]
+
+
+def digest(*contents):
+    return hashlib.sha256(repr(contents).encode()).hexdigest()
+
+
+found = {}
+for name in shipped():
+    mechanism = load_mechanism(name)
+    live = LiveValues(mechanism, LIVE)
+    equations = derive(mechanism, tuple(mechanism.parts), live.values)
+    functions = [equations.rates, equations.project, equations.energies, equations.multipliers]
+    found[name] = digest(list(live.current.items()), live.values.base.tobytes(), live.values.columns.tobytes(),
+                         [function and function.serialize() for function in functions])
+keys = []
+load = kernel_cache.load
+kernel_cache.load = lambda key: keys.append(key) or load(key)
+for name in ("bead_on_wire", "moving_support_pendulum"):
+    sim = Simulation.from_file(name, method="rk4", wrenches=list(load_mechanism(name).parts), live=LIVE)
+    sim.step(200)
+    found[f"{name}, computed"] = digest(sim.state.tobytes(), sim.inputs.tobytes(), keys)
+print(json.dumps(found))
+"""
+
+
+def test_processes_of_several_hash_seeds_derive_and_compute_the_same():
+    outputs = []
+    for seed in ("1", "2"):
+        environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": str(ROOT)}
+        command = [sys.executable, "-c", PROGRAM]
+        outputs.append(subprocess.run(command, env=environment, cwd=ROOT, check=True, capture_output=True, text=True))
+    first, *others = [json.loads(output.stdout) for output in outputs]
+    assert len(first) > 50
+    for other in others:
+        assert [name for name in first if first[name] != other[name]] == []
