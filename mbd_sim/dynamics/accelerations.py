@@ -29,7 +29,7 @@ class AppliedForces:
 class ConstrainedMotion:
     """The accelerations of a mechanism and the forces that belong to them.
 
-    `multipliers` (m,) are λ of the independent constraints. `u_rates` (nv,) are u'. `transmitted` are the wrenches
+    `multipliers` (m,) are λ of the active constraints. `u_rates` (nv,) are u'. `transmitted` are the wrenches
     F_L (6,) on each link through its joint. `drives` (n, 3) are described in `drive_table`.
     """
 
@@ -57,7 +57,7 @@ def solve_accelerations(
 ) -> ConstrainedMotion:
     """Solve M u' + h = Q + Gᵀ λ with G u' = -γ.
 
-    :param constraints: the independent rows.
+    :param constraints: the active rows.
     :param solver: None where there are no constraints.
     """
     wrenches, gravity = forces.elements.wrenches, traced.mechanism.gravity

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.geometry.pose import Array
@@ -13,6 +14,7 @@ from mbd_sim.geometry.pose import Array
 CLOSED = 1e-10  # tolerated gap, relative to the size of the mechanism
 CONSISTENT = 1e-9  # tolerated error of given speeds, relative to the speeds
 RANK = 1e-9  # singular values below this fraction of the largest count as zero
+ZERO = 1e-9  # relative to the norm of all rows, below which a row counts as zero
 ITERATIONS, ATTEMPTS = 60, 30
 LONGEST_STEP = 0.6  # m or rad
 STALLED = 1e-4  # an iteration that reduces the gap by less than this fraction is the last
@@ -185,6 +187,23 @@ def independent_rows(gradients: Sequence[Array]) -> tuple[list[int], list[int]]:
     highest = max(ranks)
     regular = [gradient for gradient, rank in zip(unit, ranks, strict=True) if rank == highest]
     return _greedy_rows(regular, highest), ranks
+
+
+def nonzero_rows(gradients: Sequence[Array]) -> list[int]:
+    """The rows that are not zero in all configurations."""
+    sizes = [np.linalg.norm(gradient, axis=1) for gradient in gradients]
+    return [int(row) for row in np.flatnonzero(np.any([size > ZERO * np.linalg.norm(size) for size in sizes], axis=0))]
+
+
+def dependent_rows(gradients: Sequence[Array]) -> NDArray[np.bool_]:
+    """Which rows take part in a linear dependence that exists in all configurations of the highest rank."""
+    unit = [_unit_rows(gradient) for gradient in gradients]
+    most = max((rank_of(gradient) for gradient in unit), default=0)
+    found = np.zeros(len(gradients[0]) if gradients else 0, dtype=bool)
+    for gradient in unit:
+        if rank_of(gradient) == most < len(gradient):
+            found |= np.any(np.abs(null_space(gradient.T)) > RANK, axis=1)
+    return found
 
 
 def rank_of(matrix: Array) -> int:

@@ -18,9 +18,12 @@ from mbd_sim.dynamics.body_symbols import BodyFrame, BodySymbols
 from mbd_sim.dynamics.loop_equations import LoopEquation, joint_frames, loop_equations, perpendiculars
 from mbd_sim.dynamics.spatial_algebra import constant
 from mbd_sim.dynamics.time_functions import function_of
+from mbd_sim.geometry import rotation as rot
 from mbd_sim.mechanism import constraints as c
 from mbd_sim.mechanism.records import Attachment, Joint, Mechanism
 from mbd_sim.mechanism.source import Location
+
+AXIS_NAMES = ("across the axis, 1", "across the axis, 2", "along the axis")
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,11 +167,16 @@ def _velocity_at(frame: BodyFrame, point: ca.SX) -> ca.SX:
 
 
 def _loop(joint: Joint, bodies: BodySymbols, own_axes: bool) -> Iterator[LoopEquation]:
-    """The equations of a closing joint, along axes of the common carrier or of one of its ends."""
+    """The equations of a closing joint, along axes of the common carrier or of one of its ends.
+
+    Of axes of an end, one is the joint's axis: along it, the ends of a plane loop always coincide.
+    """
     first, second = joint_frames(joint, bodies)
     carrier = bodies.common_carrier(joint.parent, joint.child)
     if not own_axes:
         return loop_equations(joint, first, second, bodies.frame(carrier, np.zeros(3)).rotation)
     if joint.parent == carrier and joint.type != "universal":
         first, second = second, first
+    if "parallel axes" in joint.kind.loop_conditions and np.count_nonzero(joint.axis) > 1:
+        return loop_equations(joint, first, second, first.rotation @ constant(rot.aligning_z(joint.axis)), AXIS_NAMES)
     return loop_equations(joint, first, second, first.rotation)

@@ -53,7 +53,7 @@ class Equations:
     - `energies(t, y)`: T and V.
     - `poses(t, y)`: X_WB of each of `part_names`, (12,) each: the position, then the rotation column by column.
     - `drives(t, y, inputs)`: coordinates (n,) of driven joints in declared order, their speeds, and their forces.
-    - `multipliers(t, y, inputs)`: λ (m,) of all `rows`, zero for redundant ones.
+    - `multipliers(t, y, inputs)`: λ (m,) of all `rows`, zero for those that are zero everywhere.
     - `violation(t, y)`: Φ and G u + b (m, 2).
     - `reactions(t, y, inputs)`: (6, joints), see `joint_reactions`.
 
@@ -98,10 +98,11 @@ def derive(mechanism: Mechanism, loaded: Sequence[str] = (), parameters: Symboli
     forces = applied_forces(traced)
     mass_matrix = FactorizedMassMatrix(traced.links, traced.motions, traced.layout.nv)
     _require_regular_start(traced, assembly, forces, mass_matrix)
-    constraints = assembly.independent
+    constraints = assembly.active
     solver = None
     if constraints.rows:
-        solver = ConstraintSolver(mass_matrix, constraints, typical_diagonal(assembly.functions, assembly.start))
+        scales = typical_diagonal(assembly.functions, assembly.start)
+        solver = ConstraintSolver(mass_matrix, constraints, scales, assembly.dependent)
     motion = solve_accelerations(traced, mass_matrix, constraints, solver, forces)
     y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, audit_rates(constraints, forces, motion))
     return _packaged(traced, assembly, forces, solver, motion, y_rates)
@@ -145,8 +146,8 @@ def _packaged(
     potential = forces.joints.potential + forces.elements.potential
     potential += gravitational_potential(traced.mechanism, traced.links, traced.poses)
     multipliers = ca.SX(len(constraints.rows), 1)
-    multipliers[list(assembly.start.independent)] = motion.multipliers
-    margin = [] if solver is None else [ca.densify(solver.margin)]
+    multipliers[list(assembly.start.active)] = motion.multipliers
+    margin = [] if solver is None or solver.margin is None else [ca.densify(solver.margin)]
     projected = projected_state(traced, solver)
     violation = ca.horzcat(constraints.position, constraints.velocity)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,11 @@ from numpy.typing import NDArray
 
 from mbd_sim.dynamics.assembly import (
     close_loops,
+    dependent_rows,
     fit_speeds,
     independent_rows,
     nearby_configurations,
+    nonzero_rows,
     undefined_rows,
 )
 from mbd_sim.dynamics.assembly_errors import (
@@ -33,7 +36,6 @@ from mbd_sim.mechanism.constraints import expressions_of
 from mbd_sim.mechanism.expression import names_in
 from mbd_sim.mechanism.records import Mechanism
 
-ZERO = 1e-9  # relative to the norm of all rows, below which a row counts as zero
 LATER = (1e-3, 0.1, 0.25, 0.5)  # s, times after the start at which constraints that depend on time are examined
 
 
@@ -41,13 +43,15 @@ LATER = (1e-3, 0.1, 0.25, 0.5)  # s, times after the start at which constraints 
 class AssembledStart:
     """Coordinates q (nq,) and speeds u (nv,) at t = 0 that satisfy the constraints.
 
-    `independent` are the indices of the rows that are used. `nearby` are pairs (t, q) of configurations, the start
-    first, and `ranks` those of the constraint matrix G in each.
+    `independent` are the indices of rows that span all others around the start. `active` are those of the rows that are
+    used: the independent ones and, because other rows may be needed elsewhere, every row that is not simply zero.
+    `nearby` are pairs (t, q) of configurations, the start first, and `ranks` those of the constraint matrix G in each.
     """
 
     q: Array
     u: Array
     independent: Sequence[int] = ()
+    active: Sequence[int] = ()
     ranks: Sequence[int] = (0,)
     nearby: Sequence[tuple[float, Array]] = field(default_factory=tuple)
 
@@ -61,7 +65,7 @@ class AssembledStart:
 class Assembly:
     """The constraints of a mechanism as `equations` and as `functions` of numbers, and a `start` that satisfies them.
 
-    `independent` are those of the equations that are used.
+    `active` are the equations that are used, and `dependent` (m,) marks those among them that depend on others.
     """
 
     equations: ConstraintEquations
@@ -69,17 +73,22 @@ class Assembly:
     start: AssembledStart
 
     @property
-    def independent(self) -> ConstraintEquations:
+    def active(self) -> ConstraintEquations:
         """The rows that are used."""
-        return self.equations.select(self.start.independent)
+        return self.equations.select(self.start.active)
+
+    @cached_property
+    def dependent(self) -> NDArray[np.bool_]:
+        """Which active rows take part in a linear dependence, in some configuration around the start."""
+        return dependent_rows([self.functions.gradient(t, q)[list(self.start.active)] for t, q in self.start.nearby])
 
 
 def assemble(traced: TracedMechanism) -> Assembly:
-    """Write the constraints, close the loops, and drop redundant rows.
+    """Write the constraints, close the loops, and drop the rows that are zero everywhere.
 
-    Rows are dropped once and for all, so each must stay redundant. A dropped row that is simply zero, such as that out
-    of the plane of a plane loop, does. If another row is dropped, the rows of its loop are written again, along axes
-    that rotate with the loop.
+    Rows out of the plane of a plane loop are zero if they are written along axes that rotate with the loop. So where a
+    row is redundant and not zero, the rows of its loop are written again along such axes. Redundant rows that are not
+    zero then stay: which of them the others replace may change with the configuration.
 
     :raises MechanismError: see `assembled_start`.
     """
@@ -97,13 +106,10 @@ def _assembled(traced: TracedMechanism, own_axes: Collection[str]) -> Assembly:
 def _doubtful_loops(assembly: Assembly) -> list[str]:
     """The closing joints of which a row is dropped that is not zero everywhere."""
     rows, start = assembly.equations.rows, assembly.start
-    gradients = [assembly.functions.gradient(t, q) for t, q in start.nearby] if rows else []
     names = [
         str(row.owner[1])
         for index, row in enumerate(rows)
-        if index not in start.independent
-        and row.owner[0] == "joints"
-        and any(np.linalg.norm(gradient[index]) > ZERO * np.linalg.norm(gradient) for gradient in gradients)
+        if index in start.active and index not in start.independent and row.owner[0] == "joints"
     ]
     return list(dict.fromkeys(names))
 
@@ -133,11 +139,13 @@ def assembled_start(
     if (undefined := undefined_rows(constraints, 0.0, q)).any():
         raise undefined_constraints(mechanism, rows, undefined)
     nearby = nearby_configurations(constraints, q, LATER if rheonomic(mechanism) else ())
-    independent, ranks = independent_rows([constraints.gradient(t, at) for t, at in nearby])
+    gradients = [constraints.gradient(t, at) for t, at in nearby]
+    independent, ranks = independent_rows(gradients)
+    active = sorted({*independent, *nonzero_rows(gradients)})
     _require_compatible_drives(mechanism, constraints, rows, independent, nearby)
     if max(ranks) == layout.nv and not rheonomic(mechanism):
         raise no_mobility(mechanism, rows, layout.nv)
-    return AssembledStart(q, _consistent_speeds(mechanism, constraints, rows, q, u), independent, ranks, nearby)
+    return AssembledStart(q, _consistent_speeds(mechanism, constraints, rows, q, u), independent, active, ranks, nearby)
 
 
 def start_like(

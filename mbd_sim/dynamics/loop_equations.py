@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, assert_never
 
@@ -43,7 +43,8 @@ class LoopEquation(NamedTuple):
 class _ClosingJoint:
     """A joint between two frames, and the `gap` (3,) from the first origin to the second in ground's axes.
 
-    `base` (3, 3) are the axes along which a shared point is compared. All other directions belong to the first frame.
+    `base` (3, 3) are the axes along which a shared point is compared, and `base_names` describe them. All other
+    directions belong to the first frame.
     """
 
     joint: Joint
@@ -51,6 +52,7 @@ class _ClosingJoint:
     second: BodyFrame
     gap: ca.SX
     base: ca.SX
+    base_names: Sequence[str]
 
     @property
     def axis(self) -> Array:
@@ -68,8 +70,8 @@ class _ClosingJoint:
 
 def _shared_point(closing: _ClosingJoint) -> Iterator[LoopEquation]:
     gap = ca.sparsify(closing.base.T @ closing.gap)
-    for index, name in enumerate("xyz"):
-        yield LoopEquation(f"displacement along {name}", gap[index])
+    for index, direction in enumerate(closing.base_names):
+        yield LoopEquation(f"displacement {direction}", gap[index])
 
 
 def _shared_line(closing: _ClosingJoint) -> Iterator[LoopEquation]:
@@ -90,12 +92,18 @@ def _same_orientation(closing: _ClosingJoint) -> Iterator[LoopEquation]:
         yield LoopEquation(f"rotation about {name}", cosine, "")
 
 
-def loop_equations(joint: Joint, first: BodyFrame, second: BodyFrame, base: ca.SX) -> Iterator[LoopEquation]:
+def loop_equations(
+    joint: Joint,
+    first: BodyFrame,
+    second: BodyFrame,
+    base: ca.SX,
+    base_names: Sequence[str] = ("along x", "along y", "along z"),
+) -> Iterator[LoopEquation]:
     """The equations of a joint between two frames (Nikravesh, sec. 7.2).
 
     :param base: (3, 3) the axes along which a shared point is compared, in ground's axes.
     """
-    closing = _ClosingJoint(joint, first, second, second.position - first.position, base)
+    closing = _ClosingJoint(joint, first, second, second.position - first.position, base, base_names)
     for condition in joint.kind.loop_conditions:
         yield from _equations_of(condition, closing)
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.dynamics.articulated_body import Accelerations, FactorizedMassMatrix
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
@@ -18,22 +19,43 @@ from mbd_sim.geometry.pose import Array
 # Fractions of its typical size at which a pivot counts as weak, as vanished, and as about to become weak.
 WEAK, VANISHED, NEARLY_WEAK = 1e-7, 1e-13, 1e-2
 
+# What is added to the diagonal of dependent rows relative to its typical size, in the solution for accelerations and in
+# projections, and the corrections that remove its effect. A state that violates the constraints by d makes the right
+# side inconsistent; the error that this causes is of the order of d²/REGULARIZATION, or d³/PROJECTION in projections.
+REGULARIZATION, PROJECTION, CORRECTIONS = 1e-6, 1e-4, 4
+TINY = 1e-30
+
 
 class ConstraintSolver:
-    """G M⁻¹ Gᵀ of independent constraints, factorized; `scales` (m,) are the typical sizes of its diagonal.
+    """G M⁻¹ Gᵀ factorized; `scales` (m,) are the typical sizes of its diagonal.
 
-    `margin` is negative where one of the constraints has become weak. There the accelerations respond to a state that
-    violates the constraints with an error that grows without bound, so the stages of a step must not drift.
+    Rows may depend on each other: `dependent` (m,) marks them. Which of them could be left out changes with the
+    configuration, so all of them stay. Their multipliers are those with the smallest Σ scales λ².
+
+    `margin` is negative where one of the other constraints has become weak, and None if there are none. There the
+    accelerations respond to a state that violates the constraints with an error that grows without bound, so the stages
+    of a step must not drift.
     """
 
-    def __init__(self, mass_matrix: FactorizedMassMatrix, constraints: ConstraintEquations, scales: Array) -> None:
+    def __init__(
+        self,
+        mass_matrix: FactorizedMassMatrix,
+        constraints: ConstraintEquations,
+        scales: Array,
+        dependent: NDArray[np.bool_],
+    ) -> None:
         self._mass_matrix, self._constraints = mass_matrix, constraints
         self._net_forces = mass_matrix.net_joint_forces(constraints.gradient.T)
         product = mass_matrix.product(self._net_forces, self._net_forces)
-        self._factors = GuardedFactors(product, VANISHED * scales)
-        self._cautious_factors = GuardedFactors(product, WEAK * scales)
-        margins = [self._factors.pivots[row] - NEARLY_WEAK * scale for row, scale in enumerate(scales)]
-        self.margin = functools.reduce(ca.fmin, margins)
+        self._factors = _factorized(product, scales, VANISHED, dependent, REGULARIZATION)
+        self._cautious_factors = self._projection_factors = _factorized(
+            product, scales, WEAK, dependent, REGULARIZATION
+        )
+        if dependent.any():
+            self._projection_factors = _factorized(product, scales, WEAK, dependent, PROJECTION)
+        self._all_dependent = bool(dependent.all())
+        margins = [self._factors.pivots[row] - NEARLY_WEAK * scales[row] for row in np.flatnonzero(~dependent).tolist()]
+        self.margin = functools.reduce(ca.fmin, margins) if margins else None
 
     def multipliers(self, applied: Sequence[ca.SX]) -> ca.SX:
         """λ (m,) that keeps G u' + γ = 0 under applied forces with these net joint forces.
@@ -42,6 +64,8 @@ class ConstraintSolver:
         pivot.
         """
         unconstrained = self._mass_matrix.product(self._net_forces, applied)
+        if self._all_dependent:  # then both factorizations are the same
+            return -self._factors.solve(unconstrained + self._constraints.bias)
         return -self._factors.solve(unconstrained) - self._cautious_factors.solve(self._constraints.bias)
 
     def accelerations(self, applied: Sequence[ca.SX], multipliers: ca.SX) -> Accelerations:
@@ -60,10 +84,10 @@ class ConstraintSolver:
         the free directions.
         """
         constraints = self._constraints
-        displacement = self.response(self._cautious_factors.solve(-constraints.position))
+        displacement = self.response(self._projection_factors.solve(-constraints.position))
         q_change = ca.jacobian(state.q_rates, state.u) @ displacement
         defect = constraints.velocity + ca.jtimes(constraints.velocity, state.q, q_change)
-        return displacement, self.response(self._cautious_factors.solve(-defect))
+        return displacement, self.response(self._projection_factors.solve(-defect))
 
 
 class GuardedFactors:
@@ -106,6 +130,39 @@ class GuardedFactors:
         return ca.sparsify(ca.vertcat(ca.SX(0, 1), *(x[index] for index in range(len(x)))))
 
 
+class RegularizedFactors:
+    """A singular symmetric positive semidefinite matrix A (m, m) as A + E = L D Lᵀ with a small diagonal E.
+
+    For a right side in the range of A, x ← x + (A + E)⁻¹ (b - A x) converges to the solution with the smallest xᵀ E x:
+    the error in the direction of an eigenvalue σ shrinks by ε / (σ + ε) each time. This is iterative improvement with a
+    perturbed matrix (Golub & Van Loan, sec. 3.5.3).
+    """
+
+    def __init__(self, matrix: ca.SX, added: Array, floors: Array) -> None:
+        self._matrix = matrix
+        self._factors = GuardedFactors(matrix + ca.diag(ca.sparsify(ca.SX(ca.DM(added)))), floors)
+
+    @property
+    def pivots(self) -> Mapping[int, ca.SX]:
+        """The pivots of the regularized matrix, by row."""
+        return self._factors.pivots
+
+    def solve(self, right: ca.SX) -> ca.SX:
+        """The solution (m,) for a right side (m,)."""
+        x = self._factors.solve(right)
+        for _ in range(CORRECTIONS):
+            x = x + self._factors.solve(right - self._matrix @ x)
+        return x
+
+
+def _factorized(
+    matrix: ca.SX, scales: Array, floor: float, dependent: NDArray[np.bool_], regularization: float
+) -> GuardedFactors | RegularizedFactors:
+    if not dependent.any():
+        return GuardedFactors(matrix, floor * scales)
+    return RegularizedFactors(matrix, regularization * scales * dependent, np.where(dependent, TINY, floor) * scales)
+
+
 def minimum_degree(neighbors: Sequence[set[int]]) -> list[int]:
     """An elimination order with little fill-in: always the row with the fewest entries left.
 
@@ -124,8 +181,8 @@ def minimum_degree(neighbors: Sequence[set[int]]) -> list[int]:
 
 
 def typical_diagonal(functions: ConstraintFunctions, start: AssembledStart) -> Array:
-    """The largest diagonal (m,) of G M⁻¹ Gᵀ in the configurations around the start, of the independent rows."""
-    rows = list(start.independent)
+    """The largest diagonal (m,) of G M⁻¹ Gᵀ in the configurations around the start, of the active rows."""
+    rows = list(start.active)
     diagonals = [np.zeros(len(rows))]
     for t, q in start.nearby:
         gradient = functions.gradient(t, q)[rows]

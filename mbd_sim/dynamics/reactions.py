@@ -44,7 +44,7 @@ def joint_reactions(
     everything that it transmits: its constraint forces, springs and effort. Those that close loops come after them.
 
     :param transmitted: F_L (6,) of each link, from `transmitted_wrenches`.
-    :param multipliers: λ (m,) of all rows of the constraints, zero for redundant ones.
+    :param multipliers: λ (m,) of all rows of the constraints.
     """
     mechanism, links, poses = traced.mechanism, traced.links, traced.poses
     link_of_part = {link.joint.outboard: index for index, link in enumerate(links)}

@@ -57,7 +57,7 @@ class Reaction(NamedTuple):
 
     The moment is about the joint's point on the child. Springs, efforts and drives of the joint are included, and so
     is what a gear, rack or coupling exerts: it acts on the coordinates of the joints as a couple or a force between
-    the parts of each joint, and puts no additional load on the bearings. Redundant equations carry no force.
+    the parts of each joint, and puts no additional load on the bearings. Redundant equations share the load.
     """
 
     force: Array
@@ -140,7 +140,7 @@ class Model:
         """The Lagrange multipliers λ of each loop and constraint by name, one for each equation: M u' + h = Q + Gᵀ λ.
 
         The multiplier of a distance constraint is the force in N that pushes its ends apart. Those of a rolling
-        constraint are the normal force and the two components of friction. Redundant equations have 0.
+        constraint are the normal force and the two components of friction. Redundant equations share the load.
         """
         values = np.array(self.equations.multipliers(time, y, inputs)).ravel()
         names = [str(row.owner[1]) for row in self.equations.rows]

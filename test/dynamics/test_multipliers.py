@@ -174,5 +174,5 @@ def test_multipliers_are_the_forces_that_the_accelerations_require(drawn):
         np.linalg.norm((forces - needed) / scale)
         <= 1e-13 * oracle.condition * max(oracle.constraint_condition, 10.0) * size
     )
-    dropped = [row for row in range(len(derived.rows)) if row not in derived.start.independent]
-    assert not multipliers[dropped].any()
+    unused = [row for row in range(len(derived.rows)) if row not in derived.start.active]
+    assert not multipliers[unused].any()

@@ -79,9 +79,12 @@ def compare_constrained(mechanism, states=4):
         matrix = np.block([[mass, -gradient.T], [gradient, np.zeros((len(rows), len(rows)))]])
         solved = np.linalg.solve(matrix, np.vstack([forces - inertial, -bias])).ravel()
         y = np.concatenate([q, u, np.zeros(3)])
-        multipliers = np.array(engine.multipliers(t, y, efforts)).ravel()[rows]
-        for own, expected in ((solved[: len(mass)], accelerations(engine, q, u, efforts, t)),
-                              (solved[len(mass) :], multipliers)):  # fmt: skip
+        multipliers = np.array(engine.multipliers(t, y, efforts)).ravel()
+        pairs = [(solved[: len(mass)], accelerations(engine, q, u, efforts, t))]
+        pairs.append((gradient.T @ solved[len(mass) :], engine.constraints.gradient(t, q).T @ multipliers))
+        if len(engine.start.active) == len(rows):  # otherwise the multipliers are not unique
+            pairs.append((solved[len(mass) :], multipliers[rows]))
+        for own, expected in pairs:
             assert np.max(np.abs(own - expected)) <= 1e-10 * max(1.0, float(np.max(np.abs(expected))))
     return found
 

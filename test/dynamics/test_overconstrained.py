@@ -1,0 +1,73 @@
+"""Linkages whose redundant constraints cannot be dropped once and for all, against least squares over all rows."""
+
+import functools
+
+import numpy as np
+import pytest
+
+from mbd_sim import Simulation
+from test.generators.mechanisms import accelerations
+from test.generators.overconstrained import LINKAGES
+from test.oracles import kane
+
+DRIVES = {
+    "bennett": "2.0*t",
+    "goldberg": "0.15*sin(3*t)",
+    "bricard": "0.15*sin(3*t)",
+    "sarrus": "0.15*sin(3*t)",
+    "parallel_cranks": "2.0*t + 0.3*sin(2*t)",
+    "spatial_parallelogram": ["0.3*sin(2*t)", "0.2*sin(3*t)"],
+    "tilted_four_bar": "0.15*sin(3*t)",
+    "double_wishbone": "0.15*sin(3*t)",
+}
+SPEEDS = {"sarrus": 1.0, "spatial_parallelogram": [0.8, 0.5]}
+
+
+@functools.cache
+def simulation(name, driven):
+    linkage = LINKAGES[name](np.random.default_rng(int(driven)))
+    text = linkage.text(drive=DRIVES[name]) if driven else linkage.text(speed=SPEEDS.get(name, 3.0))
+    return Simulation.from_text(text)
+
+
+def relative_error(sim):
+    """The error of u' in the metric of the masses."""
+    state = np.array(sim.q), np.array(sim.u), np.array(sim.efforts)
+    oracle = kane.equations(sim.mechanism, *state, sim.time)
+    exact = oracle.accelerations
+    error = accelerations(sim.model.equations, *state, sim.time) - exact
+    return np.linalg.norm(oracle.scale * error) / max(np.linalg.norm(oracle.scale * exact), 1.0)
+
+
+@pytest.mark.parametrize("driven", [False, True], ids=["free", "driven"])
+@pytest.mark.parametrize("name", LINKAGES)
+def test_accelerations_and_energy_through_the_motion(name, driven):
+    sim = simulation(name, driven)
+    sim.reset()
+    largest = 1.0
+    for _ in range(8):
+        sim.step(450)
+        energies = sim.energies
+        largest = max(largest, abs(energies.kinetic), abs(energies.work_drives))
+        if sim.u.size:
+            assert relative_error(sim) < 1e-11
+        assert abs(energies.residual) < 1e-11 * largest
+        assert max(sim.violation) < 1e-11
+
+
+@pytest.mark.parametrize("name", LINKAGES)
+def test_the_power_of_the_drives_is_the_rate_of_the_energy(name):
+    """The rate of T + V by a difference quotient of order four."""
+    sim = simulation(name, True)
+    sim.reset()
+    h = sim.step_size
+    for _ in range(5):
+        sim.step(296)
+        energy, power = [], 0.0
+        for place in range(5):
+            energy.append(sim.energies.kinetic + sim.energies.potential)
+            if place == 2:
+                power = sum(drive.velocity * drive.force for drive in sim.drives().values())
+            sim.step(1)
+        rate = (energy[0] - 8.0 * energy[1] + 8.0 * energy[3] - energy[4]) / (12.0 * h)
+        assert power == pytest.approx(rate, rel=1e-7, abs=1e-8)
