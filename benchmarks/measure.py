@@ -16,7 +16,7 @@ from benchmarks.plan import Plan
 
 STEP = 1e-3  # s
 SAMPLE_TIME = 2e-3  # s, approximate duration of one sample of a stepping loop
-MOST_STEPS = 2000  # of a sample
+MAX_STEPS = 2000  # of a sample
 SLOW = 60e-6  # s per step, above which the energy is monitored for a shorter time
 LONG, SHORT = 100.0, 10.0  # s
 
@@ -67,8 +67,8 @@ def time_interleaved(plan: Plan, engines: dict[str, Engine], results: dict[str, 
     for label, kind in loops:
         cost = timed(plan, engines[label], loops[label, kind], 100)
         # An engine with its own step size needs room for its steps.
-        fewest = 1 if engines[label].each else MOST_STEPS // 2
-        steps[label, kind] = max(fewest, min(MOST_STEPS, int(SAMPLE_TIME / max(cost, 1e-9))))
+        fewest = 1 if engines[label].each else MAX_STEPS // 2
+        steps[label, kind] = max(fewest, min(MAX_STEPS, int(SAMPLE_TIME / max(cost, 1e-9))))
     for _ in range(rounds):
         for (label, kind), loop in loops.items():
             sample = timed(plan, engines[label], loop, steps[label, kind])

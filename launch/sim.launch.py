@@ -109,7 +109,7 @@ def rviz(context):
 def described(context):
     """The URDF of the mechanism, from the same file as the node's."""
     from mbd_sim.load import load_mechanism
-    from mbd_sim.urdf.export import to_urdf
+    from mbd_sim.urdf.urdf_writer import to_urdf
 
     return to_urdf(load_mechanism(LaunchConfiguration("mechanism").perform(context)))
 

@@ -1,4 +1,4 @@
-"""The exceptions of the package, and the words of error messages: what is wrong, where, and the remedy."""
+"""The exceptions of the package, the problem record, and helpers that word error messages."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import difflib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-MOST_SHOWN = 50  # problems listed in the text of one error
-MOST_COMPARED = 500  # names compared with a misspelled one
+MAX_SHOWN = 50  # problems listed in the text of one error
+MAX_COMPARED = 500  # names compared with a misspelled one
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,8 @@ class Problem:
     line: int = 0
 
     def __str__(self) -> str:
-        place = ":".join(str(part) for part in (self.file, self.line) if part)
-        head = " ".join(part for part in (place and f"{place}:", self.key and f"{self.key}:") if part)
+        position = ":".join(str(part) for part in (self.file, self.line) if part)
+        head = " ".join(part for part in (position and f"{position}:", self.key and f"{self.key}:") if part)
         text = f"{head} {self.message}".strip()
         if self.value:
             text += f" (got {self.value})"
@@ -53,9 +53,9 @@ class MechanismError(MbdSimError):
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = list(problems)
-        lines = [str(problem) for problem in self.problems[:MOST_SHOWN]]
-        if len(self.problems) > MOST_SHOWN:
-            lines.append(f"… and {len(self.problems) - MOST_SHOWN} more problems.")
+        lines = [str(problem) for problem in self.problems[:MAX_SHOWN]]
+        if len(self.problems) > MAX_SHOWN:
+            lines.append(f"… and {len(self.problems) - MAX_SHOWN} more problems.")
         super().__init__("\n".join(lines))
 
 
@@ -72,20 +72,20 @@ def nearest(name: str, valid: Iterable[str]) -> str:
     names = sorted({other for other in valid if other})
     if not names:
         return ""
-    close = difflib.get_close_matches(name[:100], names[:MOST_COMPARED], n=1, cutoff=0.5)
+    close = difflib.get_close_matches(name[:100], names[:MAX_COMPARED], n=1, cutoff=0.5)
     if close:
         rest = [other for other in names if other != close[0]]
         return f"Did you mean '{close[0]}'?" + (f" Others: {listed(rest)}." if rest else "")
     return f"Valid: {listed(names)}."
 
 
-def quoted(value: object, most: int = 60) -> str:
-    """A value as the user wrote it, for an error message: printable, on one line, cut to `most` characters."""
+def quoted(value: object, max_length: int = 60) -> str:
+    """A value as the user wrote it, for an error message: printable, on one line, cut to `max_length` characters."""
     text = str(value) if isinstance(value, int | float) else repr(value)
-    return text if len(text) <= most else text[: most - 1] + "…"
+    return text if len(text) <= max_length else text[: max_length - 1] + "…"
 
 
-def listed(names: Sequence[str], most: int = 12) -> str:
-    """The names separated by commas; beyond `most` only their number."""
-    shown = ", ".join(names[:most])
-    return shown if len(names) <= most else f"{shown}, … ({len(names) - most} more)"
+def listed(names: Sequence[str], max_count: int = 12) -> str:
+    """The names separated by commas; beyond `max_count` only their number."""
+    shown = ", ".join(names[:max_count])
+    return shown if len(names) <= max_count else f"{shown}, … ({len(names) - max_count} more)"

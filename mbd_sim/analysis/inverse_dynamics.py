@@ -72,10 +72,10 @@ class InverseDynamics:
         free = null_space(self._equations.constraints.gradient(t, np.asarray(q, dtype=float)))
         shared = np.zeros_like(efforts)
         shared[self._indices] = np.linalg.lstsq(free.T[:, self._indices], free.T @ efforts, rcond=None)[0]
-        self._require_met(q, u, np.asarray(u_rates, dtype=float), t, shared)
+        self._require_feasible(q, u, np.asarray(u_rates, dtype=float), t, shared)
         return shared
 
-    def _require_met(self, q: Array, u: Array, u_rates: Array, t: float, efforts: Array) -> None:
+    def _require_feasible(self, q: Array, u: Array, u_rates: Array, t: float, efforts: Array) -> None:
         assert self._equations is not None
         (nq, nv), y = (len(q), len(u)), np.concatenate([q, u, np.zeros(3)])
         found = np.array(self._equations.rates.call([t, y, efforts])[0]).ravel()[nq : nq + nv]

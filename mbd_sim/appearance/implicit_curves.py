@@ -195,8 +195,8 @@ def _curve_lines(lines: Sequence[Array], kind: LineKind) -> list[CurveLine]:
 
 def _evenly_spaced(line: Array, count: int) -> list[Array]:
     """Points (3,) evenly spaced along a line, without its ends."""
-    places = np.linspace(0, len(line) - 1, count + 1 if len(line) > count else 2).round().astype(int)
-    return [line[place] for place in places[:-1] + (places[1] - places[0]) // 2]
+    indices = np.linspace(0, len(line) - 1, count + 1 if len(line) > count else 2).round().astype(int)
+    return [line[index] for index in indices[:-1] + (indices[1] - indices[0]) // 2]
 
 
 def _distance(line: Array, at: Array) -> float:

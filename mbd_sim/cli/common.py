@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 if TYPE_CHECKING:
     from mbd_sim.playback.run_table import RunTable
 
-PERCENT = "{task.percentage:.0f} %"  # how a progress bar prints what is completed
+PERCENT = "{task.percentage:.0f} %"  # how a progress bar prints the completed amount
 SECONDS = "{task.completed:.1f} s"
 COUNT = "{task.completed:.0f}/{task.total:.0f}"
 
@@ -92,7 +92,7 @@ class ProgressBar:
         self._display.update(self._task, completed=completed)
 
     def advance(self, amount: float) -> None:
-        """Add to what is completed."""
+        """Add to the completed amount."""
         self._display.advance(self._task, amount)
 
 

@@ -27,7 +27,7 @@ from mbd_sim.errors import MbdSimError
 
 
 class Command(Protocol):
-    """A subcommand: a module of this package. What it needs is imported in `execute`, so that `--help` stays fast."""
+    """A subcommand: a module of this package. Its imports are in `execute`, so that `--help` stays fast."""
 
     HELP: str  # one line in the list of commands
     DESCRIPTION: str  # the first paragraph of its own --help

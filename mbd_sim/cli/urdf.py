@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Print the URDF."""
     from mbd_sim.load import load_mechanism
-    from mbd_sim.urdf.export import to_urdf
+    from mbd_sim.urdf.urdf_writer import to_urdf
 
     print(to_urdf(load_mechanism(options.mechanism)))
     return 0

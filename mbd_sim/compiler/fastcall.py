@@ -78,8 +78,8 @@ def emit_call(module: ir.Module, advance: ir.Function, roles: Sequence[str]) -> 
     b.position_at_end(blocks["run"])
     table = b.call(python["PyBytes_AsString"], [b.call(python["PyTuple_GetItem"], [own, integer(0)])])
 
-    def address(place: int) -> ir.Value:
-        return b.load(element(b, table, place), typ=POINTER)
+    def address(index: int) -> ir.Value:
+        return b.load(element(b, table, index), typ=POINTER)
 
     counter = address(0)
     first = b.load(counter, typ=INT)
@@ -151,15 +151,15 @@ def _emit_advance(
     return result
 
 
-def callable_of(address: int, fallback: Callable[..., None], addresses: Sequence[int], kept: object) -> Any:
+def callable_of(address: int, fallback: Callable[..., None], addresses: Sequence[int], keep_alive: object) -> Any:
     """The Python callable of an emitted `call` at an address.
 
-    :param fallback: what the callable calls with its own arguments where it cannot advance.
+    :param fallback: is called with the same arguments where the callable cannot advance.
     :param addresses: of the step counter (int64), of the step size (double), and of the pointers that it passes on.
-    :param kept: what must live as long as the callable: the machine code, and the arrays at the addresses.
+    :param keep_alive: an object that lives as long as the callable: it refers to the machine code and the arrays.
     """
     table = b"".join(value.to_bytes(8, "little") for value in addresses)
     definition = _MethodDefinition(b"step", address, _FASTCALL_WITH_KEYWORDS, None)
     create = ctypes.pythonapi.PyCFunction_NewEx
     create.restype, create.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p]
-    return create(ctypes.addressof(definition), (table, fallback, definition, kept), None)
+    return create(ctypes.addressof(definition), (table, fallback, definition, keep_alive), None)

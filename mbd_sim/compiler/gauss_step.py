@@ -12,10 +12,10 @@ from mbd_sim.compiler.ir_types import (
 )
 from mbd_sim.compiler.ir_vectors import (
     Index,
-    add_squares,
+    add_square,
     combine,
     copy,
-    each,
+    for_each,
     load,
     store,
     weighted,
@@ -38,7 +38,7 @@ def gauss_step(method: Gauss) -> Prepare:
         emit_estimate = emitter.estimator(method.estimate, [start, *k])
 
         def sweep(t: ir.Value) -> None:
-            """Compute each stage from the newest slopes of the others; `change` is the squared norm of what changed."""
+            """Compute each stage from the newest slopes of the others; `change` is the squared norm of the change."""
             b.store(number(0.0), change)
             for stage, (weights, c) in enumerate(zip(method.a, method.c, strict=True)):
                 stage_time, slopes = emitter.stage_time(t, c), k[stage]
@@ -48,10 +48,10 @@ def gauss_step(method: Gauss) -> Prepare:
 
                 def component(i: Index, slopes: ir.Value = slopes) -> None:
                     moved = b.fmul(emitter.h, b.fsub(load(b, fresh, i), load(b, slopes, i)))
-                    add_squares(b, change, b.fmul(moved, emitter.scale(i)))
+                    add_square(b, change, b.fmul(moved, emitter.scale(i)))
                     store(b, load(b, fresh, i), slopes, i)
 
-                each(b, size, component)
+                for_each(b, size, component)
 
         def step(t: ir.Value) -> None:
             emitter.rates(t, emitter.y, start, first=True)

@@ -51,7 +51,7 @@ def loop(b: ir.IRBuilder, first: Index, beyond: Index, body: Callable[[ir.Value]
     b.position_at_end(after)
 
 
-def each(b: ir.IRBuilder, size: int, body: Callable[[Index], object]) -> None:
+def for_each(b: ir.IRBuilder, size: int, body: Callable[[Index], object]) -> None:
     """Emit `body` for every component: unrolled if there are few, as a loop if there are many."""
     if size <= UNROLLED:
         for index in range(size):
@@ -62,7 +62,7 @@ def each(b: ir.IRBuilder, size: int, body: Callable[[Index], object]) -> None:
 
 def copy(b: ir.IRBuilder, size: int, source: ir.Value, target: ir.Value) -> None:
     """Target = source."""
-    each(b, size, lambda i: store(b, load(b, source, i), target, i))
+    for_each(b, size, lambda i: store(b, load(b, source, i), target, i))
 
 
 def weighted(weights: Sequence[float], vectors: Sequence[ir.Value]) -> Terms:
@@ -89,7 +89,7 @@ def combine(b: ir.IRBuilder, size: int, target: ir.Value, base: ir.Value, h: ir.
         added, start = total(b, terms, i), load(b, base, i)
         store(b, b.fadd(start, added) if h is None else b.fma(h, added, start), target, i)
 
-    each(b, size, component)
+    for_each(b, size, component)
 
 
 def combine_at_once(b: ir.IRBuilder, size: int, target: ir.Value, base: ir.Value, h: ir.Value, terms: Terms) -> None:
@@ -106,9 +106,9 @@ def combine_at_once(b: ir.IRBuilder, size: int, target: ir.Value, base: ir.Value
             start = b.fma(h, total(b, early, i), start)
         store(b, b.fma(factor, load(b, last, i), start), target, i)
 
-    each(b, size, component)
+    for_each(b, size, component)
 
 
-def add_squares(b: ir.IRBuilder, into: ir.Value, value: ir.Value) -> None:
+def add_square(b: ir.IRBuilder, into: ir.Value, value: ir.Value) -> None:
     """Add value² to the number at the address `into`."""
     b.store(b.fma(value, value, b.load(into, typ=DOUBLE)), into)

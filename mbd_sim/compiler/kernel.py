@@ -49,11 +49,13 @@ class Kernel:
     instructions: int
     code: MachineCode
 
-    def stepper(self, fallback: Callable[..., None], addresses: Sequence[int], kept: object) -> Callable[..., None]:
+    def stepper(
+        self, fallback: Callable[..., None], addresses: Sequence[int], keep_alive: object
+    ) -> Callable[..., None]:
         """`step(n=1)` as a Python callable with a cheap call: see `emit_call` and `callable_of`."""
         return cast(
             Callable[..., None],
-            callable_of(self.code.address("call"), fallback, addresses, (self, kept)),
+            callable_of(self.code.address("call"), fallback, addresses, (self, keep_alive)),
         )
 
 

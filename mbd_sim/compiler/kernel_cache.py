@@ -31,7 +31,7 @@ def folder() -> Path | None:
 
 
 def key(*contents: str) -> str:
-    """The cache key of what is made from these texts: their SHA-256 hash."""
+    """The cache key of code that is generated from these texts: their SHA-256 hash."""
     digest = hashlib.sha256()
     for content in contents:
         digest.update(len(content).to_bytes(8, "little"))
@@ -41,9 +41,9 @@ def key(*contents: str) -> str:
 
 def load(name: str) -> bytes | None:
     """The code that was stored under a key, or None."""
-    if (place := folder()) is None:
+    if (directory := folder()) is None:
         return None
-    path = place / name
+    path = directory / name
     try:
         content = path.read_bytes()
     except OSError:
@@ -58,20 +58,20 @@ def load(name: str) -> bytes | None:
 
 def store(name: str, code: bytes) -> None:
     """Store code under a key; if the folder cannot be written, nothing is stored."""
-    if (place := folder()) is None:
+    if (directory := folder()) is None:
         return
     with contextlib.suppress(OSError):
-        place.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=place, delete=False) as file:
+        directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=directory, delete=False) as file:
             file.write(hashlib.sha256(code).digest() + code)
-        Path(file.name).replace(place / name)
-        _prune(place)
+        Path(file.name).replace(directory / name)
+        _prune(directory)
 
 
-def _prune(place: Path) -> None:
+def _prune(directory: Path) -> None:
     """Remove the least recently used kernels until all together are at most `LARGEST` bytes."""
     found = []
-    for path in place.iterdir():
+    for path in directory.iterdir():
         with contextlib.suppress(OSError):
             state = path.stat()
             found.append((state.st_mtime, state.st_size, path))

@@ -154,9 +154,9 @@ class _Lowering:
             elif operation in _BINARY:
                 work[target[0]] = _BINARY[operation](self, work[source[0]], work[source[1]])
             elif operation in _TERNARY:
-                work[target[0]] = _TERNARY[operation](self, *(work[place] for place in source))
+                work[target[0]] = _TERNARY[operation](self, *(work[index] for index in source))
             elif operation in _LIBRARY:
-                work[target[0]] = self.library(_LIBRARY[operation], *(work[place] for place in source))
+                work[target[0]] = self.library(_LIBRARY[operation], *(work[index] for index in source))
             else:
                 raise NotImplementedError(f"no kernel instruction for CasADi operation {operation}")
 

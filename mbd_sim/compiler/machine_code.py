@@ -40,7 +40,7 @@ def new_module() -> ir.Module:
 
 
 def compile_module(module: ir.Module) -> MachineCode:
-    """Optimize and compile, or load what was compiled from the same code before."""
+    """Optimize and compile, or load the object code if the same code was compiled before."""
     _prepare()
     cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
     machine = llvm.Target.from_default_triple().create_target_machine(opt=1, cpu=cpu, features=features)

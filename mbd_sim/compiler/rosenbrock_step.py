@@ -9,7 +9,7 @@ from mbd_sim.compiler.ir_types import local_array, number
 from mbd_sim.compiler.ir_vectors import (
     Index,
     combine,
-    each,
+    for_each,
     load,
     store,
     total,
@@ -106,4 +106,4 @@ class _RosenbrockStep:
                 value = b.fadd(value, b.fmul(d_h_squared, load(b, self._time_rates, i)))
             store(b, b.fmul(number(method.gamma), value), self._right, i)
 
-        each(b, emitter.system.size, component)
+        for_each(b, emitter.system.size, component)

@@ -222,13 +222,13 @@ class _Rebuilding:
 
     def _sum(self, terms: list[_Term]) -> int:
         """The sum of the terms: the two that are ready first are added first."""
-        waiting = [(term.ready, place, term) for place, term in enumerate(terms)]
+        waiting = [(term.ready, number, term) for number, term in enumerate(terms)]
         heapq.heapify(waiting)
-        place = len(terms)
+        number = len(terms)
         while len(waiting) > 1:
             total = self._added(heapq.heappop(waiting)[2], heapq.heappop(waiting)[2])
-            heapq.heappush(waiting, (total.ready, place, total))
-            place += 1
+            heapq.heappush(waiting, (total.ready, number, total))
+            number += 1
         (last,) = (term for _, _, term in waiting)
         value = self._product(last.factors)
         return self._add(Node(ca.OP_NEG, (value,))) if last.negative else value

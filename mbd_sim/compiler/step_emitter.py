@@ -1,4 +1,4 @@
-"""What every method needs to emit a step, as IR: the state, the rates, the projection, and the error estimate."""
+"""The elements of a step that all methods share, as IR: state, rates, projection, and error estimate."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ import llvmlite.ir as ir
 from mbd_sim.compiler.ir_types import DOUBLE, local_array, number
 from mbd_sim.compiler.ir_vectors import (
     Index,
-    add_squares,
+    add_square,
     copy,
-    each,
+    for_each,
     load,
     store,
     total,
     weighted,
 )
 from mbd_sim.compiler.simd_builder import LaneBuilder
-from mbd_sim.integrators.estimate import Estimate
+from mbd_sim.integrators.estimate import ErrorEstimate
 
 TINIEST = 1e-300  # keeps 0/0 out of estimates
 
@@ -114,7 +114,7 @@ class StepEmitter:
         size = self.b.call(self.b.module.declare_intrinsic("llvm.fabs", [DOUBLE]), [load(self.b, self.y, index)])
         return self.b.fdiv(number(1.0), self.b.fadd(number(1.0), size))
 
-    def estimator(self, estimate: Estimate, slopes: list[ir.Value]) -> EmitEstimate:
+    def estimator(self, estimate: ErrorEstimate, slopes: list[ir.Value]) -> EmitEstimate:
         """A function that emits the update of `largest_error` in a step whose error is estimated.
 
         It must be called while `y` is the state at the start of the step. A NaN counts as infinity.
@@ -133,7 +133,7 @@ class StepEmitter:
         return emit
 
     def _estimated(
-        self, estimate: Estimate, slopes: list[ir.Value], fine: ir.Value, coarse: ir.Value, h: ir.Value | None
+        self, estimate: ErrorEstimate, slopes: list[ir.Value], fine: ir.Value, coarse: ir.Value, h: ir.Value | None
     ) -> ir.Value:
         """The estimated error: the norm of the fine estimate, or Hairer's combination with the coarse one."""
         b = self.b
@@ -142,11 +142,11 @@ class StepEmitter:
             scale = self.scale(i) if h is None else b.fmul(h, self.scale(i))
             for into, weights in ((fine, estimate.fine), (coarse, estimate.coarse)):
                 if weights:
-                    add_squares(b, into, b.fmul(scale, total(b, weighted(weights, slopes), i)))
+                    add_square(b, into, b.fmul(scale, total(b, weighted(weights, slopes), i)))
 
         b.store(number(0.0), fine)
         b.store(number(0.0), coarse)
-        each(b, self.system.error_size, component)
+        for_each(b, self.system.error_size, component)
         small = b.load(fine, typ=DOUBLE)
         if not estimate.coarse:
             return self.square_root(small)
@@ -159,4 +159,6 @@ class StepEmitter:
 
 
 EmitStep = Callable[[ir.Value], None]  # emits a step from the time (the argument) on: it moves the emitter's y by h
-Prepare = Callable[[StepEmitter], EmitStep]  # allocates what a method needs
+Prepare = Callable[
+    [StepEmitter], EmitStep
+]  # allocates the arrays of a method and returns the function that emits its step

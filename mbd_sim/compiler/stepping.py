@@ -13,7 +13,7 @@ from mbd_sim.compiler.ir_types import (
     local_array,
     number,
 )
-from mbd_sim.compiler.ir_vectors import copy, each, load, loop, store
+from mbd_sim.compiler.ir_vectors import copy, for_each, load, loop, store
 from mbd_sim.compiler.simd_builder import new_builder
 from mbd_sim.compiler.step_emitter import Prepare, StepEmitter, System
 
@@ -27,7 +27,7 @@ def emit_advance(module: ir.Module, system: System, prepare: Prepare) -> ir.Func
     and leave y unchanged. `estimating_advance` has a sixth argument, `double* estimate`: it becomes the largest of its
     previous value and the error estimates of every eighth step, infinity for a NaN.
 
-    `prepare` allocates what a method needs and returns the function that emits a step.
+    `prepare` allocates the arrays of a method and returns the function that emits a step.
     """
     arguments = [POINTER, POINTER, INT, DOUBLE, INT]
     function = ir.Function(module, ir.FunctionType(INT, [*arguments, POINTER]), "estimating_advance")
@@ -79,7 +79,7 @@ def _emit_steps(
         """Add 0 y, which is NaN if y is not finite."""
         b.store(b.fadd(b.load(sum_of_zeros, typ=DOUBLE), b.fmul(load(b, emitter.y, i), zero)), sum_of_zeros)
 
-    each(b, size, add_zero)
+    for_each(b, size, add_zero)
     return b.fcmp_ordered("==", b.load(sum_of_zeros, typ=DOUBLE), zero)
 
 
@@ -104,7 +104,7 @@ def emit_advance_members(
     finite = _emit_steps(emitter, prepare, y, estimates, first, h, steps)
     was_alive = b.load(alive, typ=DOUBLE)
     moved = b.and_(finite, b.fcmp_ordered("!=", was_alive, number(0.0)))
-    each(b, system.size, lambda i: store(b, b.select(moved, load(b, emitter.y, i), load(b, y, i)), y, i))
+    for_each(b, system.size, lambda i: store(b, b.select(moved, load(b, emitter.y, i), load(b, y, i)), y, i))
     b.store(b.select(moved, number(1.0), number(0.0)), alive)
     b.ret_void()
     return _emit_groups(module, group, lanes, (system.size, inputs_size, 1, 1))

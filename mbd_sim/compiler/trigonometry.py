@@ -107,7 +107,7 @@ def _one_by_one(module: ir.Module, b: LaneBuilder, x: ir.Value) -> list[ir.Value
     scalar = _function(module, 1)
     scalar.attributes.discard("alwaysinline")
     pairs = [b.call(scalar, [b.lane(x, index)]) for index in range(b.lanes)]
-    return [b.gathered([b.extract_value(pair, place) for pair in pairs]) for place in (0, 1)]
+    return [b.gathered([b.extract_value(pair, index) for pair in pairs]) for index in (0, 1)]
 
 
 def _flip(b: ir.IRBuilder, value: ir.Value, quadrant: ir.Value) -> ir.Value:

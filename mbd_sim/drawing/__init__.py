@@ -6,7 +6,7 @@ mechanism is chosen, its lines and texts are laid out in points on a `Sheet`, an
 | module | contents |
 |---|---|
 | `picture` | `draw`: a drawing as a file, or as pixels |
-| `composition`, `legend`, `label_placement` | the whole sheet; the strip below it; the places of names |
+| `composition`, `legend`, `label_placement` | the whole sheet; the strip below it; the placement of names |
 | `projection`, `sheet` | the view, and the paths and texts it is drawn with |
 | `part_outlines`, `shape_outlines` | parts and their shapes |
 | `placed_joint`, `joint_symbols`, `slider_symbols`, `gear_symbols` | joints and couplings |

@@ -26,7 +26,7 @@ HALF_LENGTH = 0.6  # of a plane or a line, relative to the size of the mechanism
 
 @dataclass(frozen=True, eq=False)
 class _Guide:
-    """What a point is guided by: a plane through `base` (one of `normals`, in the base's part) or a line (two)."""
+    """The plane (one of `normals`) or the line (two) through `base` on which `point` lies, in the frame of the base's part."""
 
     base: Attachment
     point: Attachment

@@ -1,4 +1,4 @@
-"""Symbols of ground and of what it supports: hatched lines, brackets, bearings, walls, posts."""
+"""Symbols of ground and of its supports: hatched lines, brackets, bearings, walls, posts."""
 
 from __future__ import annotations
 

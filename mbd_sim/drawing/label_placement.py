@@ -1,4 +1,4 @@
-"""The places of names: near what they name, and clear of lines and of each other."""
+"""Placement of names: near the points that they name, and clear of lines and of each other."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ SIZE = 10.5  # pt, of texts
 
 
 def add_strip(sheet: Sheet, page: Page, gravity: Array, width: float) -> None:
-    """Add the three in a strip from (0, 0) to (width, HEIGHT)."""
+    """Add axes, gravity and scale in a strip from (0, 0) to (width, HEIGHT)."""
     _add_axes(sheet, page, np.array([26.0, 20.0]))
     _add_gravity(sheet, page, gravity, np.array([98.0, 24.0]))
     _add_scale(sheet, page, np.array([width - 14.0, 16.0]), limit=0.34 * width)

@@ -23,7 +23,7 @@ from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
 
 LENGTH = 46.0  # pt, of the arrow of any force
 FORCE = outline_color(DISSIPATED)
-MOMENTS = (0.0, 0.05, 0.1, 0.25, 0.5, 1.0)  # s; a force is drawn as it is at the first of these at which it is not zero
+TIMES = (0.0, 0.05, 0.1, 0.25, 0.5, 1.0)  # s; a force is drawn as it is at the first of these at which it is not zero
 
 Connector = Spring | Damper | Distance
 
@@ -96,10 +96,10 @@ def point_of(poses: Mapping[str, Pose], at: Attachment) -> Array:
 
 
 def _first_vector(element: AppliedForce) -> Array:
-    """The value (3,) of a force at the first of `MOMENTS` at which it is not zero, or zero."""
-    for moment in MOMENTS:
+    """The value (3,) of a force at the first of `TIMES` at which it is not zero, or zero."""
+    for time in TIMES:
         try:
-            vector = np.array([expression.at(moment) for expression in element.vector])
+            vector = np.array([expression.at(time) for expression in element.vector])
         except InputError:
             continue
         if vector.any():

@@ -1,4 +1,4 @@
-"""A joint at a state: which part carries it and which one moves, where, and along which axis."""
+"""A joint at a state: the part that carries it, the part that moves, its frames and its axes."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from mbd_sim.dynamics.tracing import TracedMechanism
 
 @dataclass(frozen=True, eq=False)
 class AppliedForces:
-    """Everything that acts besides gravity and the constraints."""
+    """All forces except gravity and the constraint forces."""
 
     joints: JointForces
     elements: ElementForces

@@ -65,9 +65,9 @@ def inconsistent_speeds(
     problems = []
     for owner, error in _by_owner(rows, errors, 1.0):
         loop = _loop_of(mechanism, owner)
-        what = f"the given velocities break {f'the loop of {loop}' if loop else 'this constraint'}"
+        violation = f"the given velocities break {f'the loop of {loop}' if loop else 'this constraint'}"
         remedy = f"Give fewer of {listed(given)}: the others are computed for the least kinetic energy."
-        problems.append(mechanism.source.problem(owner, f"{what} (off by {error} per second)", remedy))
+        problems.append(mechanism.source.problem(owner, f"{violation} (off by {error} per second)", remedy))
     return MechanismError(problems)
 
 
@@ -106,24 +106,24 @@ def _loop_of(mechanism: Mechanism, owner: Location) -> str:
 
 def _open_loop(mechanism: Mechanism, owner: Location, gap: str, given_positions_at_fault: bool) -> Problem:
     loop = _loop_of(mechanism, owner)
-    what = f"the loop of {loop} stays open here" if loop else "this constraint is violated"
+    violation = f"the loop of {loop} stays open here" if loop else "this constraint is violated"
     if given_positions_at_fault:
         given = [joint.name for joint in mechanism.joints.values() if any(joint.fixed_in_assembly)]
         remedy = (
             f"It closes without the given positions of {listed(given)}: give fewer of them, or mark them as "
             "'guess: true'."
         )
-        return mechanism.source.problem(owner, f"{what} by {gap} with the given positions", remedy)
+        return mechanism.source.problem(owner, f"{violation} by {gap} with the given positions", remedy)
     driven = [joint.name for joint in mechanism.joints.values() if joint.drive]
     drives = f", the drives of {listed(driven)} at t = 0" if driven else ""
     remedy = f"Check the lengths, points and axes of its parts{drives}, and the initial guesses ('guess: true')."
-    return mechanism.source.problem(owner, f"{what}, by {gap} at best", remedy)
+    return mechanism.source.problem(owner, f"{violation}, by {gap} at best", remedy)
 
 
 def _against_drives(mechanism: Mechanism, owner: Location) -> Problem:
     driven = [joint.name for joint in mechanism.joints.values() if joint.drive]
     loop = _loop_of(mechanism, owner)
-    what = f"the loop of {loop}" if loop else "this constraint"
+    constraint = f"the loop of {loop}" if loop else "this constraint"
     cause = f"the drive of {listed(driven)}" if driven else "an expression of time"
-    message = f"{what} leaves no freedom for {cause}: the two contradict each other just after the start"
+    message = f"{constraint} leaves no freedom for {cause}: the two contradict each other just after the start"
     return mechanism.source.problem(owner, message, "Remove a drive, or a constraint.")

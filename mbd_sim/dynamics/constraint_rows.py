@@ -28,14 +28,14 @@ AXIS_NAMES = ("across the axis, 1", "across the axis, 2", "along the axis")
 
 @dataclass(frozen=True, eq=False)
 class ConstraintRow:
-    """One scalar constraint of the joint or constraint at `owner`, described by `what`.
+    """One scalar constraint of the joint or constraint at `owner`, whose constrained quantity is `quantity`.
 
     A holonomic row has a `position` that stays zero, in `unit`; a nonholonomic row has a `velocity`, linear in the
     velocities of the parts. `factors` are those of joint coordinates, which the position does not include.
     """
 
     owner: Location
-    what: str
+    quantity: str
     position: ca.SX | None = None
     velocity: ca.SX | None = None
     unit: str = "m"
@@ -44,7 +44,7 @@ class ConstraintRow:
     @property
     def name(self) -> str:
         """The owner's name and the constrained quantity."""
-        return f"{self.owner[1]}: {self.what}"
+        return f"{self.owner[1]}: {self.quantity}"
 
 
 def constraint_rows(
@@ -53,13 +53,13 @@ def constraint_rows(
     """The rows of all closing joints and constraints.
 
     The gap of a loop is measured along the axes of the part from which both branches of the loop start: there a plane
-    loop stays in its plane, however it is carried about. For the joints in `own_axes` it is measured along the axes of
+    loop stays in its plane, however that plane moves. For the joints in `own_axes` it is measured along the axes of
     one of the joint's ends, for loops that rotate about an axis of that part.
 
     :param time: the symbol of time in the expressions of the constraints.
     """
     rows = [
-        ConstraintRow(("joints", joint.name), equation.what, equation.position, unit=equation.unit)
+        ConstraintRow(("joints", joint.name), equation.quantity, equation.position, unit=equation.unit)
         for joint in mechanism.closing.values()
         for equation in _loop(joint, bodies, joint.name in own_axes)
     ]
@@ -73,8 +73,8 @@ class _RowWriter:
     def __init__(self, bodies: BodySymbols, time: ca.SX) -> None:
         self._bodies, self._time = bodies, time
 
-    def _at(self, place: Attachment) -> BodyFrame:
-        return self._bodies.frame(place.part, place.point)
+    def _at(self, attachment: Attachment) -> BodyFrame:
+        return self._bodies.frame(attachment.part, attachment.point)
 
     def rows_of(self, record: c.Constraint) -> Iterator[ConstraintRow]:
         """The rows of a constraint."""
@@ -112,16 +112,18 @@ class _RowWriter:
         base = self._at(record.base)
         line = self._at(record.point).position - base.position
         for number, normal in enumerate(record.normals):
-            what = "distance from the plane" if len(record.normals) == 1 else f"distance from the line, {number + 1}"
-            yield ConstraintRow(_owner(record), what, ca.dot(base.rotation @ constant(normal), line))
+            quantity = (
+                "distance from the plane" if len(record.normals) == 1 else f"distance from the line, {number + 1}"
+            )
+            yield ConstraintRow(_owner(record), quantity, ca.dot(base.rotation @ constant(normal), line))
 
     def _surface(self, record: c.Surface) -> Iterator[ConstraintRow]:
         base = self._bodies.frame(record.base.part, record.base.point, record.axes)
         point = base.rotation.T @ (self._at(record.point).position - base.position)
         names = {"x": point[0], "y": point[1], "z": point[2], "t": self._time}
         for number, equation in enumerate(record.equations):
-            what = "equation" if len(record.equations) == 1 else f"equation {number + 1}"
-            yield ConstraintRow(_owner(record), what, function_of(equation, names), unit="")
+            quantity = "equation" if len(record.equations) == 1 else f"equation {number + 1}"
+            yield ConstraintRow(_owner(record), quantity, function_of(equation, names), unit="")
 
     def _coupling(self, record: c.Coupling) -> ConstraintRow:
         value = function_of(record.value, {"t": self._time})

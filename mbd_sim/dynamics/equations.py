@@ -32,8 +32,8 @@ from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.dynamics.links import CoordinateLayout, build_links
 from mbd_sim.dynamics.mass_matrix_check import require_definite
 from mbd_sim.dynamics.multipliers import ConstraintSolver, typical_diagonal
-from mbd_sim.dynamics.projection import projected_state
 from mbd_sim.dynamics.reactions import joint_reactions
+from mbd_sim.dynamics.state_projection import projected_state
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.dynamics.time_functions import require_smooth
 from mbd_sim.dynamics.tracing import TracedMechanism, trace

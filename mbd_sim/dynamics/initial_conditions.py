@@ -1,4 +1,4 @@
-"""The start of a mechanism: assembled, with its independent constraints determined, or refused with the reason."""
+"""The start of a mechanism: assembly, independent constraints, consistent speeds, or an error."""
 
 from __future__ import annotations
 

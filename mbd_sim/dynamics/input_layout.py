@@ -60,7 +60,7 @@ class InputLayout:
 
     def external_wrenches(self, inputs: ca.SX) -> Mapping[str, ExternalWrench]:
         """The symbols of the wrench on each loaded part."""
-        return {part: ExternalWrench(*ca.vertsplit(inputs[place], 3)) for part, place in self.wrenches.items()}
+        return {part: ExternalWrench(*ca.vertsplit(inputs[span], 3)) for part, span in self.wrenches.items()}
 
     def without_commands(self, centers: Sequence[Array], values: Array) -> Array:
         """The inputs (size,) with zero efforts and wrenches.
@@ -69,7 +69,7 @@ class InputLayout:
         :param values: (value_count,) values of the symbolic parameters.
         """
         inputs = np.zeros(self.size)
-        for place, center in zip(self.wrenches.values(), centers, strict=True):
-            inputs[place.stop - 3 : place.stop] = center
+        for span, center in zip(self.wrenches.values(), centers, strict=True):
+            inputs[span.stop - 3 : span.stop] = center
         inputs[self.values] = values
         return inputs

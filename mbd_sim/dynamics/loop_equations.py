@@ -34,7 +34,7 @@ def joint_frames(joint: Joint, bodies: BodySymbols) -> tuple[BodyFrame, BodyFram
 class LoopEquation(NamedTuple):
     """An expression that a closing joint keeps at zero, its description, and its unit: m, or none for cosines."""
 
-    what: str
+    quantity: str
     position: ca.SX
     unit: str = "m"
 

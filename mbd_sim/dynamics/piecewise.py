@@ -63,8 +63,8 @@ def panels_of(f: Callable[[ca.SX], ca.SX], lower: float, upper: float) -> Panels
     x = ca.SX.sym("x")
     values = ca.Function("f", [x], [f(x)])
 
-    def at(places: Array) -> Array:
-        return np.array(values(ca.DM(places.ravel()).T)).reshape(places.shape)
+    def at(points: Array) -> Array:
+        return np.array(values(ca.DM(points.ravel()).T)).reshape(points.shape)
 
     below, above = _edges(at, lower), _edges(at, upper)
     edges = np.array([*reversed(below), 0.0, *above])

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.errors import MechanismError
-from mbd_sim.mechanism.expression import Arithmetic, TimeExpression, walk
+from mbd_sim.mechanism.expression import Arithmetic, TimeExpression, evaluate_with
 from mbd_sim.mechanism.records import Mechanism
 
 _FUNCTIONS: dict[str, tuple[int, Callable[..., Any]]] = {
@@ -49,4 +49,4 @@ def time_functions(expressions: Sequence[TimeExpression], t: ca.SX) -> tuple[ca.
 
 def function_of(expression: TimeExpression, names: Mapping[str, ca.SX]) -> ca.SX:
     """The value of an expression with symbols for these names."""
-    return ca.SX(walk(expression.text, {**expression.names, **names}, _ARITHMETIC))
+    return ca.SX(evaluate_with(expression.text, {**expression.names, **names}, _ARITHMETIC))

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """A frame placed in another: `position` (3,) in metres, `rotation` (3, 3) orthonormal."""
+    """A frame placed in another: `position` (3,) in m, `rotation` (3, 3) orthonormal."""
 
     position: Array
     rotation: Array

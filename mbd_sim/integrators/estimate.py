@@ -8,7 +8,7 @@ Coefficients = tuple[float, ...]
 
 
 @dataclass(frozen=True)
-class Estimate:
+class ErrorEstimate:
     """F² / √(F² + w C²) with F = |Σ fine k| and C = |Σ coarse k|, or F alone without `coarse`; w is `weight`.
 
     |·| is the Euclidean norm over the components of the state, each divided by 1 + |y|. k are h times the slopes of a

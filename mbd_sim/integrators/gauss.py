@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from mbd_sim.integrators.estimate import Coefficients, Estimate
+from mbd_sim.integrators.estimate import Coefficients, ErrorEstimate
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Gauss:
     a: tuple[Coefficients, ...]
     b: Coefficients
     c: Coefficients
-    estimate: Estimate
+    estimate: ErrorEstimate
     sweeps: int = 16
     stability_limit: float = 2.0
 
@@ -44,7 +44,7 @@ GAUSS: dict[str, Gauss] = {
             ((0.25, 0.25 - R3 / 6.0), (0.25 + R3 / 6.0, 0.25)),
             (0.5, 0.5),
             (0.5 - R3 / 6.0, 0.5 + R3 / 6.0),
-            Estimate(tuple(0.6 * d for d in (1.0, -(1.0 + R3) / 2.0, -(1.0 - R3) / 2.0)), (1.0,)),
+            ErrorEstimate(tuple(0.6 * d for d in (1.0, -(1.0 + R3) / 2.0, -(1.0 - R3) / 2.0)), (1.0,)),
         ),
         Gauss(
             "gauss6",
@@ -56,7 +56,7 @@ GAUSS: dict[str, Gauss] = {
             ),
             (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0),
             (0.5 - R15 / 10.0, 0.5, 0.5 + R15 / 10.0),
-            Estimate(tuple(0.5 * d for d in (1.0, -(5.0 + R15) / 6.0, 2.0 / 3.0, -(5.0 - R15) / 6.0)), (1.0,)),
+            ErrorEstimate(tuple(0.5 * d for d in (1.0, -(5.0 + R15) / 6.0, 2.0 / 3.0, -(5.0 - R15) / 6.0)), (1.0,)),
         ),
     )
 }

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from mbd_sim.integrators import rodas5p
-from mbd_sim.integrators.estimate import Coefficients, Estimate
+from mbd_sim.integrators.estimate import Coefficients, ErrorEstimate
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Rosenbrock:
     c: Coefficients
     d: Coefficients
     m: Coefficients
-    estimate: Estimate
+    estimate: ErrorEstimate
     stability_limit: float = math.inf
 
     @property
@@ -50,7 +50,7 @@ ROSENBROCK: dict[str, Rosenbrock] = {
             rodas5p.C,
             rodas5p.D,
             rodas5p.M,
-            Estimate((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)),
+            ErrorEstimate((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)),
         ),
     )
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mbd_sim.integrators import dop853, tsitouras8, verner7
-from mbd_sim.integrators.estimate import Coefficients, Estimate
+from mbd_sim.integrators.estimate import Coefficients, ErrorEstimate
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Tableau:
     a: tuple[Coefficients, ...]
     b: Coefficients
     c: Coefficients
-    estimate: Estimate
+    estimate: ErrorEstimate
     stability_limit: float
 
     @property
@@ -34,27 +34,27 @@ EXPLICIT: dict[str, Tableau] = {
     method.name: method
     for method in (
         # The second stage of Euler's method serves the estimate only.
-        Tableau("euler", 1, ((), (1.0,)), (1.0, 0.0), (0.0, 1.0), Estimate((-0.5, 0.5)), 2.0),
-        Tableau("midpoint", 2, ((), (0.5,)), (0.0, 1.0), (0.0, 0.5), Estimate((-1.0, 1.0), (1.0,)), 2.0),
+        Tableau("euler", 1, ((), (1.0,)), (1.0, 0.0), (0.0, 1.0), ErrorEstimate((-0.5, 0.5)), 2.0),
+        Tableau("midpoint", 2, ((), (0.5,)), (0.0, 1.0), (0.0, 0.5), ErrorEstimate((-1.0, 1.0), (1.0,)), 2.0),
         Tableau(
             "rk4",
             4,
             ((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)),
             (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0),
             (0.0, 0.5, 0.5, 1.0),
-            Estimate((1.0 / 3.0, -1.0 / 3.0, -1.0 / 3.0, 1.0 / 3.0), (1.0,)),
+            ErrorEstimate((1.0 / 3.0, -1.0 / 3.0, -1.0 / 3.0, 1.0 / 3.0), (1.0,)),
             2.8,
         ),
-        Tableau("verner7", 7, verner7.A, verner7.B, verner7.C, Estimate(verner7.FINE, verner7.COARSE), 4.6),
+        Tableau("verner7", 7, verner7.A, verner7.B, verner7.C, ErrorEstimate(verner7.FINE, verner7.COARSE), 4.6),
         Tableau(
             "tsitouras8",
             8,
             tsitouras8.A,
             tsitouras8.B,
             tsitouras8.C,
-            Estimate(tsitouras8.FINE, tsitouras8.COARSE),
+            ErrorEstimate(tsitouras8.FINE, tsitouras8.COARSE),
             2.9,
         ),
-        Tableau("dop853", 8, dop853.A, dop853.B, dop853.C, Estimate(dop853.E5, dop853.E3, 0.01), 6.0),
+        Tableau("dop853", 8, dop853.A, dop853.B, dop853.C, ErrorEstimate(dop853.E5, dop853.E3, 0.01), 6.0),
     )
 }

@@ -73,7 +73,7 @@ def evaluate(text: str, names: Mapping[str, float]) -> float:
     :raises InputError: not arithmetic, an unknown name, or no finite value.
     """
     try:
-        value = float(walk(text, names, NUMBERS))
+        value = float(evaluate_with(text, names, NUMBERS))
     except ZeroDivisionError as error:
         raise InputError("division by zero", "Check the divisor.") from error
     except InputError:
@@ -87,7 +87,7 @@ def evaluate(text: str, names: Mapping[str, float]) -> float:
     return value
 
 
-def walk(text: str, names: Mapping[str, Any], arithmetic: Arithmetic) -> Any:
+def evaluate_with(text: str, names: Mapping[str, Any], arithmetic: Arithmetic) -> Any:
     """The value of an expression in the given arithmetic.
 
     :raises InputError: not arithmetic, or an unknown name.

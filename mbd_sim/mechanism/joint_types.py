@@ -1,7 +1,7 @@
-"""The types of joints: the coordinates of each, and what it keeps together where it closes a loop.
+"""The types of joints: the coordinates of each, and the conditions that it imposes where it closes a loop.
 
-`JOINT_KINDS` is the only table of what a joint type is. How each type moves is in `mbd_sim.dynamics.joint_motions`,
-and its keys in a mechanism file are in `mbd_sim.mechanism_file.schema.joint_schema`.
+`JOINT_KINDS` is the only table of joint types. The motion of each type is in `mbd_sim.dynamics.joint_motions`, and its
+keys in a mechanism file are in `mbd_sim.mechanism_file.schema.joint_schema`.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class JointCoordinate:
     """A degree of freedom of a joint: a rotation about a direction, or a translation along it.
 
     `label` follows the joint's name in the name of the coordinate. `direction` is a vector of the joint (see
-    `Joint.direction`), in the axes of the parent-side frame, or of the child-side frame with `on_child`: that along
-    which a positive effort acts on the child.
+    `Joint.direction`), in the axes of the parent-side frame, or of the child-side frame with `on_child`. A positive
+    effort acts on the child along this direction.
     """
 
     label: str
@@ -52,13 +52,13 @@ class JointCoordinate:
 
 @dataclass(frozen=True)
 class JointKind:
-    """What a joint type is.
+    """The properties of a joint type.
 
-    `coordinates` are its degrees of freedom in the order of the generalized speeds u. `loop_conditions` is what it
-    keeps together where it closes a loop (Nikravesh, sec. 7.2). `quaternion` is the index in q of the first
-    component of a unit quaternion (w, x, y, z), which stands in place of three angles. An `axial` joint seen from the
-    other side is the same joint with its axis reversed. `planar_freedoms` is the number of degrees of freedom in a
-    planar mechanism, None where the joint leads out of every plane.
+    `coordinates` are its degrees of freedom in the order of the generalized speeds u. `loop_conditions` are
+    imposed where it closes a loop (Nikravesh, sec. 7.2). `quaternion` is the index in q of the first
+    component of a unit quaternion (w, x, y, z), which replaces three angles. An `axial` joint is the same joint with
+    its axis reversed if its two parts are exchanged. `planar_freedoms` is the number of degrees of freedom in a
+    planar mechanism, None for a joint that cannot be part of one.
     """
 
     coordinates: tuple[JointCoordinate, ...]
@@ -79,7 +79,7 @@ class JointKind:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What follows the joint's name in the name of each coordinate."""
+        """The suffixes that make the names of the coordinates from the joint's name."""
         return tuple(coordinate.label for coordinate in self.coordinates)
 
     @property
@@ -94,7 +94,7 @@ class JointKind:
 
     @property
     def slides(self) -> bool:
-        """Whether the joint guides a translation, along an axis or on a plane."""
+        """Whether the joint is a slider: it allows a translation along an axis or in a plane."""
         return self.connects and any(not coordinate.rotation for coordinate in self.coordinates)
 
     @property

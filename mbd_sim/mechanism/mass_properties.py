@@ -58,7 +58,7 @@ def composite(bodies: Sequence[MassProperties]) -> MassProperties:
 def inertia_defect(inertia: Array) -> str | None:
     """Why no rigid body has this inertia (3, 3), or None: moments must be ≥ 0 and satisfy the triangle inequality."""
     if not np.all(np.isfinite(inertia)):
-        return None  # the parameters that make it so are reported
+        return None  # the parameters that cause this are reported
     moments = np.linalg.eigvalsh(inertia)
     slack = 1e-9 * max(float(np.max(np.abs(moments))), 1e-300)
     text = ", ".join(f"{moment:.6g}" for moment in moments)

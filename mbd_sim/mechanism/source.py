@@ -26,7 +26,7 @@ class Origin:
 class Source:
     """A parsed file: its data, and the line of each value by its location (a tuple of keys and indices).
 
-    `text` is YAML from which alone the mechanism can be built again. `origins` are the places of values from another
+    `text` is YAML from which alone the mechanism can be built again. `origins` are those of values from another
     file. `problems` are those that did not prevent reading the file, such as a duplicate key; `notes` say what was not
     imported from another format.
     """
@@ -60,7 +60,7 @@ class Source:
         return Problem(message, remedy, key=origin.key, value=shown, file=origin.file, line=origin.line)
 
     def problem_of(self, location: Location, error: InputError) -> Problem:
-        """A `Problem` at a location of this file, from what is wrong with the value there."""
+        """A `Problem` at a location of this file, from the error about the value there."""
         return self.problem(location, error.message, error.remedy, error.value)
 
 

@@ -11,7 +11,7 @@ from mbd_sim.mechanism.records import GROUND, Joint, Part
 
 @dataclass(frozen=True)
 class SpanningTree:
-    """The joints of the tree by name from ground outwards, and what is not in it.
+    """The joints of the tree by name from ground outwards, and the joints and parts outside it.
 
     `outboard` and `inboard` are the parts on the far and on the near side of each joint of the tree, seen from ground;
     `reversed_joints` have their parent on the far side. `closing` joints close loops; `unreached` parts are not

@@ -1,4 +1,4 @@
-"""The JSON Schema of mechanism files, for editors and for the words of error messages."""
+"""The JSON Schema of mechanism files, for editors and for error messages."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from mbd_sim.mechanism_file.schema.base_schema import FORMER_KEYS, SUFFIX
 from mbd_sim.mechanism_file.schema.file_schema import MechanismFile
 
 PydanticLocation = tuple[int | str, ...]  # keys, indices, and tags of unions
-Node = dict[str, Any]
+SchemaNode = dict[str, Any]
 
 MERGED_SECTIONS = ("parts", "joints")  # whose entries may be incomplete beside a URDF that has the rest of them
 
 
-def json_schema() -> Node:
+def json_schema() -> SchemaNode:
     """The JSON Schema of mechanism files. A file with `urdf` may leave out what the URDF has."""
     schema = copy.deepcopy(_json_schema())
     _admit_former_keys(schema)
@@ -54,13 +54,13 @@ class _NamesWithoutSuffix(GenerateJsonSchema):
 
 
 @functools.cache
-def _json_schema() -> Node:
+def _json_schema() -> SchemaNode:
     schema = MechanismFile.model_json_schema(by_alias=True, schema_generator=_NamesWithoutSuffix)
     _forbid_other_names(schema)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "mbd_sim mechanism"}
 
 
-def _admit_former_keys(schema: Node) -> None:
+def _admit_former_keys(schema: SchemaNode) -> None:
     for definition in schema["$defs"].values():
         properties = definition.get("properties", {})
         for former, current in FORMER_KEYS.items():
@@ -76,7 +76,7 @@ def _forbid_other_names(node: object) -> None:
         node["additionalProperties"] = False
 
 
-def _nodes_at(location: PydanticLocation) -> list[Node]:
+def _nodes_at(location: PydanticLocation) -> list[SchemaNode]:
     """The parts of the schema that describe a location; several where a value may have several forms."""
     nodes = _forms(_json_schema())
     for step in location:
@@ -84,7 +84,7 @@ def _nodes_at(location: PydanticLocation) -> list[Node]:
     return nodes
 
 
-def _forms(node: Node) -> list[Node]:
+def _forms(node: SchemaNode) -> list[SchemaNode]:
     """A node with its reference resolved, or all its alternatives."""
     if "$ref" in node:
         node = _json_schema()["$defs"][node["$ref"].rsplit("/", 1)[-1]]
@@ -94,7 +94,7 @@ def _forms(node: Node) -> list[Node]:
     return [form for alternative in alternatives for form in _forms(alternative)]
 
 
-def _below(node: Node, step: int | str) -> list[Node]:
+def _below(node: SchemaNode, step: int | str) -> list[SchemaNode]:
     """The nodes below a node under a key, an index or the tag of an alternative."""
     tagged = node.get("discriminator", {}).get("mapping", {})
     if step in tagged:
@@ -108,5 +108,5 @@ def _below(node: Node, step: int | str) -> list[Node]:
     return list(node.get("patternProperties", {}).values())
 
 
-def _variants(node: Node) -> list[Node]:
+def _variants(node: SchemaNode) -> list[SchemaNode]:
     return [form for reference in node["discriminator"]["mapping"].values() for form in _forms({"$ref": reference})]

@@ -71,7 +71,7 @@ def _reference_problems(source: Source, parameters: Parameters) -> list[Problem]
 
 
 def _ends_only(written: dict[str, Any]) -> dict[str, Any]:
-    """A valid force element with the ends of a written one and nothing else of it."""
+    """A valid force element with only the ends of the one in the file."""
     if "between" in written:
         return {"type": "spring", "between": written["between"], "stiffness": 1}
     kind, key = ("couple", "on") if "on" in written else ("force", "at")

@@ -1,4 +1,4 @@
-"""What pydantic finds wrong with a mechanism file, as problems in the words of the file."""
+"""Pydantic's errors about a mechanism file as problems, worded in terms of the file."""
 
 from __future__ import annotations
 

@@ -14,17 +14,17 @@ _Loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 
 
 @dataclass(eq=False)
-class Node:
+class YamlNode:
     """A YAML value: a scalar with its `text`, or a list or a map with its `items` (keys and values alternate)."""
 
     kind: Literal["scalar", "list", "map"]
     line: int
     text: str = ""
     plain: bool = False
-    items: list[Node] = field(default_factory=list)
+    items: list[YamlNode] = field(default_factory=list)
 
 
-def compose(text: str, file: str) -> Node:
+def compose(text: str, file: str) -> YamlNode:
     """The tree of nodes of a YAML text; aliases share the node that they repeat.
 
     :raises yaml.YAMLError: the text is not YAML.
@@ -39,10 +39,10 @@ class _Composer:
     def __init__(self, text: str, file: str) -> None:
         self.text = text
         self.file = file
-        self.anchors: dict[str, Node] = {}
+        self.anchors: dict[str, YamlNode] = {}
 
-    def compose(self) -> Node:
-        root = Node("list", 1)
+    def compose(self) -> YamlNode:
+        root = YamlNode("list", 1)
         stack = [root]
         documents = values = 0
         last = max(1, len(self.text.splitlines()))
@@ -67,9 +67,9 @@ class _Composer:
                 stack.append(node)
                 if len(stack) > MAX_DEPTH:
                     raise file_error(self.file, line, f"nested deeper than {MAX_DEPTH} levels", "Flatten the file.")
-        return root.items[0] if root.items else Node("scalar", 1, plain=True)
+        return root.items[0] if root.items else YamlNode("scalar", 1, plain=True)
 
-    def _node(self, event: yaml.NodeEvent, line: int) -> Node:
+    def _node(self, event: yaml.NodeEvent, line: int) -> YamlNode:
         if isinstance(event, yaml.AliasEvent):
             name = str(event.anchor)
             if name not in self.anchors:
@@ -81,9 +81,9 @@ class _Composer:
             tag = quoted(tag.replace("tag:yaml.org,2002:", "!!"))
             raise file_error(self.file, line, f"the tag {tag} is not allowed", "Write plain values, without it.")
         if isinstance(event, yaml.ScalarEvent):
-            node = Node("scalar", line, text=event.value, plain=bool(event.implicit[0]))
+            node = YamlNode("scalar", line, text=event.value, plain=bool(event.implicit[0]))
         else:
-            node = Node("list" if isinstance(event, yaml.SequenceStartEvent) else "map", line)
+            node = YamlNode("list" if isinstance(event, yaml.SequenceStartEvent) else "map", line)
         if event.anchor:
             self.anchors[event.anchor] = node
         return node

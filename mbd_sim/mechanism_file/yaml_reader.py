@@ -11,7 +11,7 @@ import yaml
 from mbd_sim.errors import Problem
 from mbd_sim.mechanism.source import Location, Source, dotted
 from mbd_sim.mechanism_file.file_limits import MAX_BYTES, MAX_DEPTH, MAX_VALUES, file_error
-from mbd_sim.mechanism_file.yaml_nodes import Node, compose
+from mbd_sim.mechanism_file.yaml_nodes import YamlNode, compose
 from mbd_sim.mechanism_file.yaml_scalars import UNPRINTABLE, plain_scalar
 
 
@@ -79,7 +79,7 @@ class _Constructor:
         self.count = 0
         self.open: set[int] = set()
 
-    def construct(self, node: Node, location: Location) -> Any:
+    def construct(self, node: YamlNode, location: Location) -> Any:
         self.count += 1
         if self.count > MAX_VALUES:
             remedy = "Use fewer aliases."
@@ -99,9 +99,9 @@ class _Constructor:
         finally:
             self.open.discard(id(node))
 
-    def _mapping(self, node: Node, location: Location) -> dict[str, Any]:
+    def _mapping(self, node: YamlNode, location: Location) -> dict[str, Any]:
         mapping: dict[str, Any] = {}
-        merged: list[tuple[Node, Any]] = []
+        merged: list[tuple[YamlNode, Any]] = []
         for key_node, value_node in zip(node.items[::2], node.items[1::2], strict=True):
             if key_node.kind != "scalar":
                 remedy = "In [ ] and { } and at the start of a line, quote texts that hold ? or { or [."
@@ -127,8 +127,8 @@ class _Constructor:
                     continue
                 for key, inherited in source.items():
                     if key not in mapping:
-                        place = (*location, "<<", *([index] if several else []), key)
-                        self.source.lines[(*location, key)] = self.source.lines[place]
+                        source_location = (*location, "<<", *([index] if several else []), key)
+                        self.source.lines[(*location, key)] = self.source.lines[source_location]
                         mapping[key] = inherited
         return mapping
 

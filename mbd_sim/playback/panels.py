@@ -1,4 +1,4 @@
-"""The plots of a run as data, independent of what draws them: panels of lines."""
+"""The plots of a run as data, independent of the plotting library: panels of lines."""
 
 from __future__ import annotations
 

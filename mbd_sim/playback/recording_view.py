@@ -169,7 +169,7 @@ def show_joint_plots(table: RunTable, sink: str, when_sent: AddressCallback = _i
     from mbd_sim.appearance import palette
     from mbd_sim.viewer import entity_paths
     from mbd_sim.viewer.plot_entities import Series
-    from mbd_sim.viewer.sinks import Outlet
+    from mbd_sim.viewer.sinks import SinkConnection
 
     quantities = {"position": table.position, "velocity": table.velocity, "effort": table.effort}
     recorded = {name: values for name, values in quantities.items() if not np.all(np.isnan(values))}
@@ -177,7 +177,7 @@ def show_joint_plots(table: RunTable, sink: str, when_sent: AddressCallback = _i
     panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
     stream = rr.RecordingStream("mbd_sim")
     time_panel = rrb.TimePanel(state="collapsed", timeline=entity_paths.TIMELINE)
-    outlet = Outlet(stream, sink, rrb.Blueprint(rrb.Vertical(*views), *panels, time_panel))
+    connection = SinkConnection(stream, sink, rrb.Blueprint(rrb.Vertical(*views), *panels, time_panel))
     try:
         stream.send_recording_name(table.title)
         colors = tuple(palette.PARTS[index % len(palette.PARTS)] for index in range(len(table.names)))
@@ -189,8 +189,8 @@ def show_joint_plots(table: RunTable, sink: str, when_sent: AddressCallback = _i
             for entity, columns in series.values(values):
                 rr.send_columns(entity, indexes=[times], columns=columns, recording=stream, strict=True)
         stream.flush()
-        when_sent(outlet.address)
+        when_sent(connection.address)
         stream.disconnect()
     finally:
-        outlet.close()
-    return outlet.address
+        connection.close()
+    return connection.address

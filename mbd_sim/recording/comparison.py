@@ -28,7 +28,7 @@ _FIELDS = ("position", "velocity", "effort")
 
 
 class Comparison:
-    """Advances a recomputation through the messages of a file and adds what it finds to a `Verification`."""
+    """Advances a recomputation through the messages of a file and adds the results to a `Verification`."""
 
     def __init__(self, recomputation: Recomputation, result: Verification) -> None:
         self.recomputation, self.result = recomputation, result

@@ -34,7 +34,7 @@ _CRC = struct.Struct("<I")
 
 @dataclass
 class _FileContents:
-    """What one pass over the records of a file finds."""
+    """The results of one pass over the records of a file."""
 
     definitions: Definitions = field(default_factory=Definitions)
     attachments: dict[str, bytes] = field(default_factory=dict)

@@ -69,7 +69,7 @@ class OutputFile(Protocol):
 
 
 class WrittenTopic(Protocol):
-    """What a file says of a topic: see `Topic` and `RecordedTopic`."""
+    """The description of a topic in a file: see `Topic` and `RecordedTopic`."""
 
     @property
     def name(self) -> str:

@@ -50,7 +50,7 @@ class Moment:
 def run_metadata(
     simulation: Simulation, moment: Moment | None = None, parameters: Mapping[str, Any] | None = None
 ) -> dict[str, str]:
-    """Return mechanism, method, step, the moment of the first message, versions and host; numbers are hexadecimal.
+    """Return mechanism, method, step, the `Moment` of the first message, versions and host; numbers are hexadecimal.
 
     :param moment: by default the present state of the simulation, with ticks and clock at zero.
     :param parameters: those of the node.

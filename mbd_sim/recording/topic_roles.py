@@ -10,7 +10,7 @@ from mbd_sim.recording.recorded_file import RecordedTopic
 
 
 class TopicRole(StrEnum):
-    """What a topic of a run carries; the last word of the topic's name."""
+    """The kinds of data that topics of a run carry; each is the last word of the topic's name."""
 
     JOINT_STATES = "joint_states"
     ENERGIES = "energies"

@@ -1,4 +1,4 @@
-"""Efforts on their way from topics to the simulation, with their watchdog. Knows no ROS."""
+"""Buffers commanded efforts from the topics until the next step, with a watchdog. Independent of ROS."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ BUSY = "other programs occupy the processor, or publish_rate is too high for it"
 
 @dataclass
 class CounterSample:
-    """The counters at a moment of the steady clock `time` (s); two samples give rates."""
+    """The counters at the `time` (s) of the steady clock; two samples give rates."""
 
     time: float
     simulated: float
@@ -43,7 +43,7 @@ class CounterSample:
 
 
 class Diagnostics:
-    """Samples the counters of a node's parts and publishes what they mean; call `publish` once a second."""
+    """Publishes diagnostics from the counters of a node's parts; call `publish` once a second."""
 
     def __init__(
         self,
@@ -134,7 +134,7 @@ class Diagnostics:
         })  # fmt: skip
 
     def _timing_problem(self, now: CounterSample, text: str, factor: float, stepping: float) -> str:
-        """What is wrong with the timing since the last sample, or ""; `stepping` is the part of time spent in it."""
+        """The problem with the timing since the last sample, or ""; `stepping` is the fraction of time spent in stepping."""
         last, rates = self._last, self.stepping_thread.rates
         running = not self.stepping_thread.paused and now.simulated > last.simulated > 0.0
         if running and factor < rates.real_time_factor * (1.0 - MAX_SLOWNESS):

@@ -1,4 +1,4 @@
-"""The messages that are published when something happens, and those that are published once at the start."""
+"""The messages that are published with an event, and those that are published once at the start."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mbd_sim.ros.state_messages import labeled_array
 from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.events import AppliedEfforts, AppliedWrench, ChangedValues, Event, EventKind
 from mbd_sim.simulation.wrench_layout import wrench_labels
-from mbd_sim.urdf.export import to_urdf
+from mbd_sim.urdf.urdf_writer import to_urdf
 
 EventWriter = Callable[[Event], bytes | None]  # the serialized message of an event; None if it has none
 

@@ -72,7 +72,7 @@ class Markers:
     def __init__(self, model: Model, prefix: str = "") -> None:
         """Create the markers of shapes, joints, springs, dampers, constraints and traces.
 
-        :param prefix: what precedes `ground` in the name of the frame.
+        :param prefix: precedes `ground` in the name of the frame.
         """
         self._model, self._frame = model, prefix + GROUND
         self._size = extent_of(model).size

@@ -26,7 +26,7 @@ class MessageTemplate:
     """A serialized message, with views into the bytes that change."""
 
     def __init__(self, message: Any) -> None:
-        """Serialize a message in which `STAMP` and `slot` values mark what is written later."""
+        """Serialize a message in which `STAMP` and `slot` values mark the values that are written later."""
         self._buffer = bytearray(serialize_message(message))
         self._words = np.frombuffer(self._buffer, dtype=np.uint32, count=len(self._buffer) // 4)
         seconds = np.flatnonzero((self._words[:-1] == STAMP.sec) & (self._words[1:] == STAMP.nanosec))

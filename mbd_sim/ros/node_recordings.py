@@ -16,7 +16,7 @@ DISK_TIMEOUT = 0.2  # s that a service call waits for the disk; commands wait as
 
 @dataclass(frozen=True)
 class SplitLimits:
-    """Where a file ends and the next one begins: bytes, and s of simulated time; 0: never."""
+    """The limits at which a recording continues in another file: bytes, and s of simulated time; 0: none."""
 
     size: float = 0.0
     duration: float = 0.0
@@ -25,8 +25,8 @@ class SplitLimits:
 class NodeRecordings:
     """At most one recording at a time, fed by the publishing thread; any other thread starts, stops and splits it.
 
-    A request takes effect when the publishing thread meets the next `Moment` between the messages: after those before
-    it and before those after it.
+    A request takes effect when the publishing thread takes the next `Moment` from its queue: after the messages before
+    it, and before the messages after it.
     """
 
     def __init__(
@@ -37,11 +37,11 @@ class NodeRecordings:
         on_failure: Callable[[str], None],
         limits: SplitLimits,
     ) -> None:
-        """Record nothing yet.
+        """Create the object, without a recording.
 
         :param open_recorder: opens a recorder for a new recording.
         :param metadata: the metadata of a file that begins at a moment.
-        :param request_moment: has the stepping thread hand out a `Moment`.
+        :param request_moment: requests a `Moment` from the stepping thread.
         :param on_failure: is called with the reason when a recording has ended by a failure.
         """
         self.limits = limits
@@ -49,7 +49,7 @@ class NodeRecordings:
         self._requests: RequestQueue[[Moment]] = RequestQueue(request_moment)
         self._each_file: dict[str, bytes] = {}  # the last message of each topic that begins every file
         self._requested: Recorder | None = None  # the recorder as the services see it
-        self._fed: Recorder | None = None  # the recorder that the publishing thread feeds
+        self._current: Recorder | None = None  # the recorder that the publishing thread feeds
         self._file_start_ns = 0
         self._splitting = self._closed = False
         self._lock = threading.Lock()
@@ -122,17 +122,17 @@ class NodeRecordings:
         """Record a message of a topic; with `in_each_file`, further files begin with the topic's last message."""
         if in_each_file:
             self._each_file[name] = payload
-        recorder = self._fed
+        recorder = self._current
         if recorder is None:
             return
         recorder.put(name, payload, time_ns, ticks)
         if recorder.failure:
-            self._fed = None
+            self._current = None
             self._on_failure(recorder.failure)
 
     def check_limits(self, time_ns: int) -> None:
         """Split the recording if its file has become too large or too long."""
-        recorder = self._fed
+        recorder = self._current
         if recorder is None or self._splitting:
             return
         size, duration = self.limits.size, self.limits.duration
@@ -146,17 +146,17 @@ class NodeRecordings:
         return self._requested
 
     def _begin_file(self, recorder: Recorder, moment: Moment) -> None:
-        self._fed, self._file_start_ns = recorder, moment.clock_ns
+        self._current, self._file_start_ns = recorder, moment.clock_ns
         recorder.begin(self._metadata(moment))
         for name, payload in self._each_file.items():
             recorder.put(name, payload, moment.clock_ns, moment.ticks)
 
     def _split(self, moment: Moment) -> None:
         self._splitting = False
-        if self._fed is not None:
-            self._begin_file(self._fed, moment)
+        if self._current is not None:
+            self._begin_file(self._current, moment)
 
     def _end(self, recorder: Recorder) -> None:
-        if self._fed is recorder:
-            self._fed = None
+        if self._current is recorder:
+            self._current = None
         recorder.close(timeout=0.0)

@@ -1,4 +1,4 @@
-"""Reads messages before they are due. Knows no ROS."""
+"""Reads messages before they are due. Independent of ROS."""
 
 from __future__ import annotations
 

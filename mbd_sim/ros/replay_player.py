@@ -1,4 +1,4 @@
-"""Plays a recording in time: decides when each message is due. Knows no ROS."""
+"""Plays a recording in time: decides when each message is due. Independent of ROS."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NEVER = 1 << 63  # ns
 
 
 class PlayerOutput(Protocol):
-    """The receiver of what is played; all methods are called from the player's thread."""
+    """The receiver of the messages played; all methods are called from the player's thread."""
 
     def clock(self, time_ns: int) -> None:
         """Publish the recorded time."""
@@ -55,7 +55,7 @@ class Player:
         latched: Sequence[str] = (),
         on_threads_started: Callable[[], None] = lambda: None,
     ) -> None:
-        """Play nothing yet.
+        """Create the player, which `start` starts.
 
         :param stay: pause at the end.
         :param clock_rate: clock messages per recorded second; 0: none.

@@ -1,4 +1,4 @@
-"""Requests from other threads, which one thread serves when it gets to them. Knows no ROS."""
+"""A queue of requests from other threads to one serving thread. Independent of ROS."""
 
 from __future__ import annotations
 

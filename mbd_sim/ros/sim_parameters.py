@@ -1,4 +1,4 @@
-"""The parameters of `sim_node`; those that request a topic stand with the topic, in `topics`."""
+"""The parameters of `sim_node`; those that request a topic are declared with the topic, in `topics`."""
 
 from __future__ import annotations
 

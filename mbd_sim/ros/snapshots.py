@@ -1,4 +1,4 @@
-"""What the stepping thread hands to the publishing thread."""
+"""The records that the stepping thread passes to the publishing thread."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Snapshot:
 
     `ticks` counts the steps since the node started, across resets. `clock_ns` is the node's simulated clock, `time`
     the mechanism's time in s. `y` is the integrated state; `inputs` are the inputs of the equations, efforts first.
-    `state` and `clock` say what is due for publication; `repeated` says that nothing has changed since the last one.
+    `state` and `clock` say which messages are due; `repeated` says that nothing has changed since the last snapshot.
     """
 
     ticks: int

@@ -1,4 +1,4 @@
-"""The messages that are published with each state; the table in `topics` says which of them always are."""
+"""The messages that are published with each state; the table in `topics` says which of them are always published."""
 
 from __future__ import annotations
 

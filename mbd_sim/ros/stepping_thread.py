@@ -1,4 +1,4 @@
-"""The thread that steps the simulation in real time and hands out snapshots and events. Knows no ROS."""
+"""The thread that steps the simulation in real time and hands out snapshots and events. Independent of ROS."""
 
 from __future__ import annotations
 

@@ -163,7 +163,7 @@ CLOCK = OutputTopic("/clock", "rosgraph_msgs/msg/Clock", When.CLOCK, qos.CLOCK)
 MARKERS = OutputTopic("markers", "visualization_msgs/msg/MarkerArray", When.MARKERS, qos.STATE)
 DIAGNOSTICS = OutputTopic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", When.DIAGNOSTICS, qos.STATE)
 
-# Messages of one moment are published, and channels recorded, in this order.
+# Messages of one tick are published, and channels recorded, in this order.
 TOPICS = (
     JOINT_STATES,
     ENERGIES,
@@ -183,7 +183,7 @@ TOPICS = (
 
 
 def for_each_part(topic: OutputTopic, part_names: Sequence[str], parts: Sequence[str]) -> Iterator[OutputTopic]:
-    """The entries of an entry with `{part}` in its name, for some of the mechanism's parts."""
+    """An entry with `{part}` in its name as one entry for each of some of the mechanism's parts."""
     tokens = topic_names(part_names)
     for part in parts:
         writer = partial(state_messages.part_pose, part=part)

@@ -1,4 +1,4 @@
-"""Wrenches on their way from topics to the simulation, with their watchdog. Knows no ROS."""
+"""Buffers commanded wrenches from the topics until the next step, with a watchdog. Independent of ROS."""
 
 from __future__ import annotations
 

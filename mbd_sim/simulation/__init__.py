@@ -1,1 +1,1 @@
-"""A mechanism in motion: one, or many at once."""
+"""Simulation of one mechanism, or of many at once."""

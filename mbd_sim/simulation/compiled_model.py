@@ -53,10 +53,10 @@ class DriveState(NamedTuple):
 
 
 class Reaction(NamedTuple):
-    """What a joint transmits: `force` (3,) in N and `moment` (3,) in N·m on its child, in ground's axes.
+    """The load that a joint transmits: `force` (3,) in N and `moment` (3,) in N·m on its child, in ground's axes.
 
     The moment is about the joint's point on the child. Springs, efforts and drives of the joint are included, and so
-    is what a gear, rack or coupling exerts: it acts on the coordinates of the joints as a couple or a force between
+    is the load of a gear, rack or coupling: it acts on the coordinates of the joints as a couple or a force between
     the parts of each joint, and puts no additional load on the bearings. Redundant equations share the load.
     """
 
@@ -147,7 +147,7 @@ class Model:
         return {name: values[[other == name for other in names]] for name in dict.fromkeys(names)}
 
     def reactions(self, time: float, y: Array, inputs: Array) -> Mapping[str, Reaction]:
-        """What each joint transmits: the joints of the spanning tree first, then those that close loops."""
+        """The load that each joint transmits: the joints of the spanning tree first, then those that close loops."""
         found = np.array(self._reactions(time, y, inputs)).T
         names = [*self.mechanism.joints, *self.mechanism.closing]
         return {name: Reaction(row[:3], row[3:]) for name, row in zip(names, found, strict=True)}

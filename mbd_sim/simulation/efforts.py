@@ -39,7 +39,7 @@ class EffortMap:
         try:
             if isinstance(efforts, Mapping):
                 for name, value in efforts.items():
-                    merged[self._place(name)] = value
+                    merged[self._index_of(name)] = value
             elif len(efforts) != len(self.names):
                 raise CommandError(
                     f"{_counted(len(self.names), 'effort')} expected and {len(efforts)} given. "
@@ -60,7 +60,7 @@ class EffortMap:
         """The efforts within the effort limits of the joints."""
         return np.clip(efforts, -self.limits, self.limits)
 
-    def _place(self, name: str) -> int:
+    def _index_of(self, name: str) -> int:
         if name in self._driven:
             raise CommandError(f"joint '{name}' is driven: its drive prescribes the motion, so it takes no effort.")
         if name not in self._index:

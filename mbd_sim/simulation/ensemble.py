@@ -1,4 +1,4 @@
-"""Many copies of one mechanism in motion, each with its own values, start and efforts, advanced together."""
+"""Ensembles: many simulations of one mechanism, each with its own values, start and efforts, advanced together."""
 
 from __future__ import annotations
 

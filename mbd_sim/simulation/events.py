@@ -1,4 +1,4 @@
-"""What happens during a run besides its motion: commands, pauses, resets, changed values, warnings, failures.
+"""The events of a run: commands, pauses, resets, changed values, warnings, failures.
 
 The node publishes and records the text of each event (`~/events`); programs work with its kind and payload.
 `parse_event` reads a recorded text back.
@@ -15,7 +15,7 @@ from mbd_sim.geometry.pose import Array
 
 
 class EventKind(StrEnum):
-    """What happened; the text of an event begins with these words."""
+    """The kinds of events; the text of an event begins with these words."""
 
     COMMAND = "command"  # new efforts, or a new wrench, act from this step on
     EXPIRED = "commands expired"  # no command within the timeout

@@ -18,7 +18,7 @@ from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.override import matching, value_of, with_values
 
 LARGEST_GAP = 1e-6  # violation of the constraints that a change of live values may leave, m or 1
-_PROBE_FACTORS = (1.01, 0.99)  # applied to a value to find what depends on it
+_PROBE_FACTORS = (1.01, 0.99)  # applied to a value to find the numbers that depend on it
 _PROBES_OF_ZERO = (1e-3, -1e-3)
 
 

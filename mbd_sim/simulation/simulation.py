@@ -1,4 +1,4 @@
-"""A mechanism in motion: build it, step it, read it. Knows no ROS, no files but the mechanism's, and no clock."""
+"""The simulation of one mechanism. It needs no ROS, no files other than the mechanism's, and no clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The labels and numbers of an `applied_wrenches` message: a wrench as it stands among the inputs of the equations."""
+"""The labels and numbers of an `applied_wrenches` message: a wrench in the layout of the equations' inputs."""
 
 from __future__ import annotations
 

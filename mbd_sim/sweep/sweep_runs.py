@@ -60,7 +60,7 @@ class Results:
 
 
 def chunks(changes: Sequence[Mapping[str, float]]) -> list[Chunk]:
-    """The runs in chunks, which do not depend on where they are computed."""
+    """The runs in chunks of `CHUNK`, the same wherever they are computed."""
     return [Chunk(first, changes[first : first + CHUNK]) for first in range(0, len(changes), CHUNK)]
 
 
@@ -76,7 +76,7 @@ def compute(settings: Settings, chunk: Chunk, threads: int | None = 1) -> Result
     except MechanismError as error:
         if len(chunk.changes) == 1:
             return _missing(mechanism, chunk, error)
-    single_runs = (Chunk(chunk.first + place, [change]) for place, change in enumerate(chunk.changes))
+    single_runs = (Chunk(chunk.first + index, [change]) for index, change in enumerate(chunk.changes))
     return joined(compute(settings, run, threads) for run in single_runs)
 
 
@@ -111,8 +111,8 @@ def _together(settings: Settings, mechanism: Mechanism, chunk: Chunk, threads: i
     table = _head(chunk)
     energies = ensemble.energies
     table |= {"finite": ensemble.alive}
-    for place, name in enumerate(names):
-        columns = (at[:, place], ensemble.u[:, place], least[:, place], most[:, place])
+    for index, name in enumerate(names):
+        columns = (at[:, index], ensemble.u[:, index], least[:, index], most[:, index])
         table |= dict(zip((f"{name}.{suffix}" for suffix in _SUFFIXES), columns, strict=True))
     table |= {name: getattr(energies, name) for name in _ENERGIES} | {"error_estimate": ensemble.error_estimates}
     times = np.minimum(np.arange(len(samples)) * every, steps) * ensemble.step_size
@@ -161,4 +161,4 @@ def _histories(chunk: Chunk, names: Sequence[str], times: Array, samples: Sequen
     runs = len(chunk.changes)
     values = np.stack(samples, axis=1).reshape(runs * len(times), -1)
     table: Table = {"run": np.repeat(chunk.first + np.arange(runs), len(times)), "time": np.tile(times, runs)}
-    return table | {name: values[:, place] for place, name in enumerate(names)}
+    return table | {name: values[:, index] for index, name in enumerate(names)}

@@ -13,7 +13,7 @@ from mbd_sim.errors import MbdSimError
 from mbd_sim.symbolic.exact_numbers import exact
 from mbd_sim.symbolic.polynomial import Algebra, Polynomial
 
-MOST_FACTORED = 12  # terms under a square root up to which it is factored
+MAX_FACTORED = 12  # terms under a square root up to which it is factored
 ONE: Polynomial = {(): Fraction(1)}
 
 # Operations that do not give polynomials, as SymPy functions.
@@ -60,7 +60,7 @@ def evaluate(algebra: Algebra, function: ca.Function, inputs: Sequence[Sequence[
         elif operation == ca.OP_CONST:
             work[target[0]] = constant(algebra, function.instruction_constant(index))
         else:
-            work[target[0]] = _apply(algebra, operation, [work[place] for place in source])
+            work[target[0]] = _apply(algebra, operation, [work[index] for index in source])
     return outputs
 
 
@@ -144,7 +144,7 @@ def _root(algebra: Algebra, x: Polynomial) -> Polynomial:
     if set(x) <= {()}:
         return constant(algebra, float(x.get((), Fraction(0))) ** 0.5)
     square = expression(algebra, x)
-    return algebra.root(sp.sqrt(sp.factor(square) if len(x) <= MOST_FACTORED else square), x)
+    return algebra.root(sp.sqrt(sp.factor(square) if len(x) <= MAX_FACTORED else square), x)
 
 
 def _sine_cosine(algebra: Algebra, x: Polynomial) -> tuple[Polynomial, Polynomial]:

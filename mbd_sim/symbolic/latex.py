@@ -127,12 +127,12 @@ def _aligned(rows: list[tuple[list[str], list[str]]]) -> Iterator[str]:
             yield rf"  & \quad {{}} {term} " + r"\\"
         lines = [" ".join(second)] if sum(map(len, second)) <= LONGEST_LINE else second
         yield f"  &= {lines[0]}" + (r" \\" if lines[1:] else end)
-        for place, term in enumerate(lines[1:], 2):
-            yield rf"  & \quad {{}} {term}" + (r" \\" if place < len(lines) else end)
+        for number, term in enumerate(lines[1:], 2):
+            yield rf"  & \quad {{}} {term}" + (r" \\" if number < len(lines) else end)
 
 
 def _signed(terms: list[str]) -> list[str]:
-    return [term if place == 0 or term.startswith("-") else f"+ {term}" for place, term in enumerate(terms or ["0"])]
+    return [term if number == 0 or term.startswith("-") else f"+ {term}" for number, term in enumerate(terms or ["0"])]
 
 
 def _meanings(equations: SymbolicEquations) -> Iterator[str]:
@@ -167,7 +167,7 @@ def _multiplier_meaning(rows: list[SymbolicConstraint], names: dict[Any, str]) -
 def _row_meaning(row: SymbolicConstraint, names: dict[Any, str]) -> str:
     unit = row.load or "J per unit of the equation"
     kind = ", nonholonomic" if row.position is None else ""
-    return f"${names[row.multiplier]}$, {unit}, of {escaped(row.what)}{kind}"
+    return f"${names[row.multiplier]}$, {unit}, of {escaped(row.quantity)}{kind}"
 
 
 def _coordinate_meaning(coordinate: Coordinate, names: dict[Any, str]) -> Iterator[str]:

@@ -67,9 +67,9 @@ def _printer() -> Any:
             terms = sorted(self._as_ordered_terms(expr, order=order), key=lambda term: not term.is_number)
             terms.sort(key=lambda term: bool(term.as_coeff_Mul()[0].is_negative))
             text = ""
-            for place, term in enumerate(terms):
+            for index, term in enumerate(terms):
                 negative = bool(term.as_coeff_Mul()[0].is_negative)
-                if place:
+                if index:
                     text += " - " if negative else " + "
                     term = -term if negative else term
                 text += self._print(term)

@@ -16,7 +16,7 @@ from mbd_sim.errors import MbdSimError
 Monomial = tuple[tuple[int, int], ...]  # (generator, exponent), by generator
 Polynomial = dict[Monomial, Fraction]
 
-MOST_PRODUCTS = 200_000  # products of two terms in one derivation; more would take minutes and fill pages
+MAX_PRODUCTS = 200_000  # products of two terms in one derivation; more would take minutes and fill pages
 
 
 class TooLargeError(MbdSimError):
@@ -81,8 +81,8 @@ class Algebra:
         :raises TooLargeError: the products so far have had too many terms.
         """
         self.products += len(p) * len(q)
-        if self.products > MOST_PRODUCTS:
-            raise TooLargeError(f"their derivation takes more than {MOST_PRODUCTS} products")
+        if self.products > MAX_PRODUCTS:
+            raise TooLargeError(f"their derivation takes more than {MAX_PRODUCTS} products")
         total: Polynomial = {}
         for first, a in p.items():
             for second, b in q.items():
@@ -105,10 +105,10 @@ class Algebra:
         return {((self.generator(expression(p)), -1),): Fraction(1)}
 
     def _reduced(self, monomial: Monomial) -> Iterator[tuple[Monomial, Fraction]]:
-        for place, (number, exponent) in enumerate(monomial):
+        for index, (number, exponent) in enumerate(monomial):
             if exponent >= 2 and number in self.squares:
                 left = ((number, exponent - 2),) if exponent > 2 else ()
-                rest = {monomial[:place] + left + monomial[place + 1 :]: Fraction(1)}
+                rest = {monomial[:index] + left + monomial[index + 1 :]: Fraction(1)}
                 yield from self.multiply(rest, self.squares[number]).items()
                 return
         yield monomial, Fraction(1)

@@ -7,7 +7,7 @@ from itertools import product
 
 from mbd_sim.symbolic.polynomial import Algebra, Monomial, Polynomial
 
-MOST_UNKNOWNS = 60  # coefficients of a quotient
+MAX_UNKNOWNS = 60  # coefficients of a quotient
 
 
 def without_denominators(algebra: Algebra, p: Polynomial) -> Polynomial:
@@ -62,7 +62,7 @@ def _solved(algebra: Algebra, p: Polynomial, divisor: Polynomial, variables: lis
         for exponents in product(*(range(min(high, degree) + 1) for high in highest))
         if sum(exponents) <= degree
     ]
-    if len(unknown) > MOST_UNKNOWNS:
+    if len(unknown) > MAX_UNKNOWNS:
         return None
     equations: dict[Monomial, dict[int, Fraction]] = {monomial: {-1: value} for monomial, value in p.items()}
     for column, monomial in enumerate(unknown):

@@ -20,13 +20,13 @@ class SymbolicConstraint:
     """One row of G u + b = 0, whose `multiplier` λ adds Gᵀλ to the forces.
 
     `position` is Φ(q, t), which stays zero, or None for a nonholonomic row; `gradient` (nv,) is the row of G, and
-    `drift` is b. The row belongs to `owner`: a joint that closes a loop if `closes`, else a constraint; `what`
-    describes it. `load` is the unit of the multiplier as LaTeX, or "" if it depends on the unit of an equation of the
-    file.
+    `drift` is b. The row belongs to `owner`: a joint that closes a loop if `closes`, else a constraint. `quantity` is
+    the constrained quantity. `load` is the unit of the multiplier as LaTeX, or "" if it depends on the unit of an
+    equation of the file.
     """
 
     owner: str
-    what: str
+    quantity: str
     closes: bool
     position: Any | None
     gradient: tuple[Any, ...]
@@ -44,7 +44,7 @@ def constraint_function(derived: Equations) -> ca.Function:
     both = derived.violation(t, ca.vertcat(q, u, others))
     velocity = both[kept, 1]
     at_rest = ca.substitute(velocity, u, ca.SX.zeros(layout.nv, 1))
-    at_rest[[place for place, index in enumerate(kept) if derived.rows[index].position is not None]] = 0
+    at_rest[[row for row, index in enumerate(kept) if derived.rows[index].position is not None]] = 0
     outputs = [both[kept, 0], ca.jacobian(velocity, u), at_rest]
     return ca.Function("constraints", [t, q, u, efforts], [ca.sparsify(output) for output in outputs])
 
@@ -54,9 +54,9 @@ def multipliers_of(rows: Sequence[ConstraintRow], names: dict[Any, str]) -> tupl
     import sympy as sp
 
     owners, made = [str(row.owner[1]) for row in rows], []
-    for place, owner in enumerate(owners):
+    for row, owner in enumerate(owners):
         several = owners.count(owner) > 1
-        number = f",{owners[: place + 1].count(owner)}" if several else ""
+        number = f",{owners[: row + 1].count(owner)}" if several else ""
         made.append(sp.Symbol(f"lambda_{owner}{number}", real=True))
         names[made[-1]] = rf"\lambda_{{\mathrm{{{escaped(owner)}}}{number}}}"
     return tuple(made)

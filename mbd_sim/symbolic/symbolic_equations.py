@@ -22,11 +22,11 @@ from mbd_sim.symbolic.symbolic_constraints import (
 if TYPE_CHECKING:
     from mbd_sim.symbolic.polynomial import Algebra
 
-MOST_SPEEDS = 6
-MOST_INSTRUCTIONS = 20_000
-MOST_TERMS = 200  # of one entry before simplification
-MOST_OPERATIONS = 400  # of one entry after simplification
-MOST_TOTAL_OPERATIONS = 1500  # of all entries after simplification
+MAX_SPEEDS = 6
+MAX_INSTRUCTIONS = 20_000
+MAX_TERMS = 200  # of one entry before simplification
+MAX_OPERATIONS = 400  # of one entry after simplification
+MAX_TOTAL_OPERATIONS = 1500  # of all entries after simplification
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ def symbolic_equations(mechanism: Mechanism) -> SymbolicEquations:
     if derived is not None:
         functions.append(constraint_function(derived))
     operations = sum(function.n_instructions() for function in functions)
-    if operations > MOST_INSTRUCTIONS:
+    if operations > MAX_INSTRUCTIONS:
         raise _too_large(mechanism, f"their derivation takes {operations} operations")
     import sympy as sp
 
@@ -141,7 +141,7 @@ def _simplified(mechanism: Mechanism, algebra: Algebra, function: Any, inputs: l
     except TooLargeError as error:
         raise _too_large(mechanism, str(error)) from error
     longest = max((len(p) for output in outputs for p in output), default=0)
-    if longest > MOST_TERMS:
+    if longest > MAX_TERMS:
         raise _too_large(mechanism, f"one of their entries has {longest} terms")
     matrices = []
     for number, values in enumerate(outputs):
@@ -155,9 +155,9 @@ def _simplified(mechanism: Mechanism, algebra: Algebra, function: Any, inputs: l
             matrix[row][column] = known[key]
         matrices.append(matrix)
     lengths = [int(entry.count_ops()) for matrix in matrices for row in matrix for entry in row]
-    if (longest := max(lengths, default=0)) > MOST_OPERATIONS:
+    if (longest := max(lengths, default=0)) > MAX_OPERATIONS:
         raise _too_large(mechanism, f"one of their entries has {longest} operations")
-    if sum(lengths) > MOST_TOTAL_OPERATIONS:
+    if sum(lengths) > MAX_TOTAL_OPERATIONS:
         raise _too_large(mechanism, f"their entries have {sum(lengths)} operations")
     return matrices
 
@@ -169,7 +169,7 @@ def _constraints(
     return tuple(
         SymbolicConstraint(
             owner=str(row.owner[1]),
-            what=row.what,
+            quantity=row.quantity,
             closes=row.owner[0] == "joints",
             position=None if row.position is None else position,
             gradient=tuple(gradient),
@@ -186,8 +186,8 @@ def _constraints(
 def _require_small(mechanism: Mechanism, speeds: int) -> None:
     if not speeds:
         raise MbdSimError(f"{mechanism.name} has no degree of freedom, so there are no equations of motion.")
-    if speeds > MOST_SPEEDS:
-        raise _too_large(mechanism, f"it has {speeds} generalized speeds, more than {MOST_SPEEDS}")
+    if speeds > MAX_SPEEDS:
+        raise _too_large(mechanism, f"it has {speeds} generalized speeds, more than {MAX_SPEEDS}")
 
 
 def _too_large(mechanism: Mechanism, why: str) -> MbdSimError:
@@ -223,14 +223,14 @@ def _coordinate(mechanism: Mechanism, name: str, names: dict[Any, str]) -> Coord
     if quaternion is None:
         q, u = symbols("q", "q", own), symbols("u", r"\dot{q}", own)
         return Coordinate(name, joint.type, q, u, symbols("du", r"\ddot{q}", own), symbols("e", r"\tau", own))
-    place = [f"{name},{axis}" for axis in "xyz"]
+    subscripts = [f"{name},{axis}" for axis in "xyz"]
     turned = symbols("p", "p", [f"{name},{axis}" for axis in "wxyz"])
-    omega, omega_rate = symbols("w", r"\omega", place), symbols("dw", r"\dot{\omega}", place)
-    moments = symbols("m", r"\tau", place)
+    omega, omega_rate = symbols("w", r"\omega", subscripts), symbols("dw", r"\dot{\omega}", subscripts)
+    moments = symbols("m", r"\tau", subscripts)
     if quaternion == 0:
         return Coordinate(name, joint.type, turned, omega, omega_rate, moments)
-    q, v, v_rate = symbols("q", "q", place), symbols("v", "v", place), symbols("dv", r"\dot{v}", place)
-    forces = symbols("f", "F", place)
+    q, v, v_rate = symbols("q", "q", subscripts), symbols("v", "v", subscripts), symbols("dv", r"\dot{v}", subscripts)
+    forces = symbols("f", "F", subscripts)
     return Coordinate(name, joint.type, q + turned, v + omega, v_rate + omega_rate, forces + moments)
 
 

@@ -25,10 +25,10 @@ def joint_of(reading: Reading, joint: Element, key: str, origins: Origins) -> tu
     """The joint's record without `between`, and the keys that place its frame on the parent link."""
     kind = joint.attributes.get("type", "")
     if kind not in TYPES:
-        what = f"unknown type {quoted(kind)}" if kind else "'type' is missing"
-        reading.complain(joint, f"{key}.type", what, nearest(kind, TYPES))
+        message = f"unknown type {quoted(kind)}" if kind else "'type' is missing"
+        reading.report(joint, f"{key}.type", message, nearest(kind, TYPES))
     record: dict[str, Any] = {"type": TYPES.get(kind, "fixed")}
-    place = placed(*reading.pose(joint, key))
+    pose = placed(*reading.pose(joint, key))
     if kind in (*AXIAL, "planar"):
         record["axis"] = _axis(reading, joint, key, origins)
     if kind in AXIAL:
@@ -36,7 +36,7 @@ def joint_of(reading: Reading, joint: Element, key: str, origins: Origins) -> tu
     for tag in ("calibration", "safety_controller"):
         if joint.first(tag):
             reading.leave_out(f"<{tag}>", key)
-    return record, place
+    return record, pose
 
 
 def _axis(reading: Reading, joint: Element, key: str, origins: Origins) -> list[float]:
@@ -46,9 +46,7 @@ def _axis(reading: Reading, joint: Element, key: str, origins: Origins) -> list[
     origins[("axis",)] = reading.origin(axis, f"{key}.axis")
     xyz = reading.numbers(axis, "xyz", f"{key}.axis", 3)
     if xyz is not None and not any(xyz):
-        reading.complain(
-            axis, f"{key}.axis.xyz", "must not be zero", "Write for example 0 0 1.", axis.attributes["xyz"]
-        )
+        reading.report(axis, f"{key}.axis.xyz", "must not be zero", "Write for example 0 0 1.", axis.attributes["xyz"])
         return X
     return xyz or X
 
@@ -67,7 +65,7 @@ def _limit(reading: Reading, joint: Element, kind: str, key: str, origins: Origi
     if kind != "continuous":
         if lower > upper:
             message = f"lower {lower:g} is above upper {upper:g}"
-            reading.complain(limit, where, message, "Swap them.")
+            reading.report(limit, where, message, "Swap them.")
         elif lower == upper:
             reading.leave_out("limits without a range between them, taken as unlimited", key)
         else:
@@ -75,7 +73,7 @@ def _limit(reading: Reading, joint: Element, kind: str, key: str, origins: Origi
     for name in ("effort", "velocity"):
         value = reading.number(limit, name, where)
         if value is not None and value < 0.0:
-            reading.complain(limit, f"{where}.{name}", "must not be negative", "Write its size.", f"{value:g}")
+            reading.report(limit, f"{where}.{name}", "must not be negative", "Write its size.", f"{value:g}")
         elif value:
             record[f"{name}_limit"] = value
         elif value == 0.0:
@@ -93,7 +91,7 @@ def _dynamics(reading: Reading, joint: Element, key: str, origins: Origins) -> d
         origins[(name,)] = reading.origin(dynamics, where)
         value = reading.number(dynamics, name, where)
         if value is not None and value < 0.0:
-            reading.complain(dynamics, f"{where}.{name}", "must not be negative", "Write its size.", f"{value:g}")
+            reading.report(dynamics, f"{where}.{name}", "must not be negative", "Write its size.", f"{value:g}")
         elif value:
             record[name] = value if name == "damping" else {"coulomb": value}
     return record
@@ -115,23 +113,23 @@ def mimic_of(
         reading.leave_out("<mimic> of fixed joints", key)
         return None
     if other not in kinds:
-        what = f"there is no joint {quoted(other)}" if other else "'joint' is missing"
-        reading.complain(mimic, f"{where}.joint", what, nearest(other, set(kinds) - {own}))
+        message = f"there is no joint {quoted(other)}" if other else "'joint' is missing"
+        reading.report(mimic, f"{where}.joint", message, nearest(other, set(kinds) - {own}))
         return None
     if other not in names:
         return None  # its own problems are reported
     if other == own:
-        reading.complain(mimic, f"{where}.joint", "a joint cannot mimic itself", "Name another joint.", other)
+        reading.report(mimic, f"{where}.joint", "a joint cannot mimic itself", "Name another joint.", other)
         return None
     if unfit := [name for name in (own, other) if kinds[name] not in AXIAL]:
         remedy = f"Only {', '.join(AXIAL)} joints can."
-        reading.complain(mimic, where, f"{quoted(unfit[0])} has no single coordinate to mimic", remedy)
+        reading.report(mimic, where, f"{quoted(unfit[0])} has no single coordinate to mimic", remedy)
         return None
     multiplier, offset = (reading.number(mimic, name, where) for name in ("multiplier", "offset"))
     multiplier = 1.0 if multiplier is None else multiplier
     if multiplier == 0.0:
         message = "does not follow the other joint"
-        reading.complain(mimic, f"{where}.multiplier", message, "Give a factor, or make it a fixed joint.", "0")
+        reading.report(mimic, f"{where}.multiplier", message, "Give a factor, or make it a fixed joint.", "0")
         return None
     return {
         "type": "coupling",

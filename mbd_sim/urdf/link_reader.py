@@ -39,10 +39,10 @@ def _inertial(reading: Reading, inertial: Element, key: str, origins: Origins) -
     mass, inertia = inertial.first("mass"), inertial.first("inertia")
     for name, element in (("mass", mass), ("inertia", inertia)):
         if element is None:
-            reading.complain(inertial, key, f"<{name}> is missing", "Add it, or remove <inertial>.")
-    value = reading.needed(mass, "value", f"{key}.mass") if mass else None
+            reading.report(inertial, key, f"<{name}> is missing", "Add it, or remove <inertial>.")
+    value = reading.required(mass, "value", f"{key}.mass") if mass else None
     if mass and value is not None and value < 0.0:
-        reading.complain(mass, f"{key}.mass.value", "must be at least 0", "Write 0 or a positive mass.", f"{value:g}")
+        reading.report(mass, f"{key}.mass.value", "must be at least 0", "Write 0 or a positive mass.", f"{value:g}")
     tensor = _moments(reading, inertia, f"{key}.inertia") if inertia else np.zeros((3, 3))
     if mass is None or inertia is None or not (value or np.any(tensor)):
         return {}
@@ -56,27 +56,27 @@ def _inertial(reading: Reading, inertial: Element, key: str, origins: Origins) -
         ("inertia",): reading.origin(inertia, f"{key}.inertia"),
     }
     record = {"mass": value or 0.0} | ({"center": xyz} if any(xyz) else {}) | {"inertia": _tensor(tensor)}
-    what = (
+    defect = (
         "inertia without mass" if not value else "inertia that no rigid body can have" if inertia_defect(tensor) else ""
     )
-    if what:
-        reading.leave_out(f"{what}, used as given", key.removesuffix(".inertial"))
+    if defect:
+        reading.leave_out(f"{defect}, used as given", key.removesuffix(".inertial"))
         record["inertia_check"] = False
     return record
 
 
 def _moments(reading: Reading, inertia: Element, key: str) -> Array:
     tensor = np.zeros((3, 3))
-    for name, place in MOMENTS.items():
-        read = reading.needed if place[0] == place[1] else reading.number  # products are optional
-        tensor[place] = tensor[place[::-1]] = read(inertia, name, key) or 0.0
+    for name, index in MOMENTS.items():
+        read = reading.required if index[0] == index[1] else reading.number  # products are optional
+        tensor[index] = tensor[index[::-1]] = read(inertia, name, key) or 0.0
     return tensor
 
 
 def _tensor(tensor: Array) -> Any:
     if not np.any(tensor - np.diag(np.diag(tensor))):
         return rows(np.diag(tensor))
-    return {name[1:]: float(tensor[place]) for name, place in MOMENTS.items()}
+    return {name[1:]: float(tensor[index]) for name, index in MOMENTS.items()}
 
 
 def _drawn(reading: Reading, link: Element, key: str, colors: dict[str, str], origins: Origins) -> dict[str, Any]:
@@ -102,25 +102,25 @@ def _drawn(reading: Reading, link: Element, key: str, colors: dict[str, str], or
 def _shape(reading: Reading, element: Element, key: str, link_key: str) -> dict[str, Any] | None:
     geometry = element.first("geometry")
     if geometry is None or not geometry.children:
-        reading.complain(
+        reading.report(
             geometry or element, key, "has no shape in its <geometry>", f"Add one, or remove <{element.tag}>."
         )
         return None
     form = geometry.children[0]
     where = f"{key}.{form.tag}"
-    place = placed(*reading.pose(element, key))
+    pose = placed(*reading.pose(element, key))
     match form.tag:
         case "mesh":
-            return _mesh(reading, form, where, place)
+            return _mesh(reading, form, where, pose)
         case "box":
             if "size" not in form.attributes:
-                reading.complain(form, where, "'size' is missing", "Add it.")
+                reading.report(form, where, "'size' is missing", "Add it.")
             size = reading.numbers(form, "size", where, 3)
             shape: dict[str, Any] = {"type": "block", "size": size}
             sizes = size or []
         case "cylinder" | "sphere":
             keys = ("radius", "length") if form.tag == "cylinder" else ("radius",)
-            found = {name: reading.needed(form, name, where) for name in keys}
+            found = {name: reading.required(form, name, where) for name in keys}
             shape = {"type": form.tag, **found}
             sizes = [value for value in found.values() if value is not None]
         case _:
@@ -131,15 +131,15 @@ def _shape(reading: Reading, element: Element, key: str, link_key: str) -> dict[
     if min(sizes) <= 0.0:
         reading.leave_out("shapes without size, which are not drawn", link_key)
         return None
-    return shape | place
+    return shape | pose
 
 
-def _mesh(reading: Reading, form: Element, key: str, place: dict[str, Any]) -> dict[str, Any] | None:
+def _mesh(reading: Reading, form: Element, key: str, pose: dict[str, Any]) -> dict[str, Any] | None:
     if not form.attributes.get("filename"):
-        reading.complain(form, key, "'filename' is missing", "Add it.")
+        reading.report(form, key, "'filename' is missing", "Add it.")
         return None
     scale = reading.numbers(form, "scale", key, 3)
-    return {"file": form.attributes["filename"]} | ({"scale": scale} if scale else {}) | place
+    return {"file": form.attributes["filename"]} | ({"scale": scale} if scale else {}) | pose
 
 
 def _color(reading: Reading, element: Element, key: str, colors: dict[str, str]) -> str | None:
@@ -159,6 +159,6 @@ def color_of(reading: Reading, material: Element, key: str) -> str | None:
         return None
     if not all(0.0 <= value <= 1.0 for value in rgba):
         remedy = "Write red, green, blue and alpha from 0 to 1, such as 0.5 0.5 0.5 1."
-        reading.complain(color, f"{key}.color.rgba", "is not a color", remedy, color.attributes["rgba"])
+        reading.report(color, f"{key}.color.rgba", "is not a color", remedy, color.attributes["rgba"])
         return None
     return "#" + "".join(f"{math.floor(255.0 * value + 0.5):02x}" for value in rgba[:3])

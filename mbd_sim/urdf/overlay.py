@@ -1,4 +1,4 @@
-"""Mechanism files that extend a URDF by what URDF cannot represent.
+"""Mechanism files that extend a URDF, for example by loops and springs, which URDF cannot represent.
 
 Entries of the same name are merged key by key; the keys of the file take precedence. If the file changes the type of a
 joint, only its ends are kept from the URDF; if it adds a drive, also the axis. If it gives a part shapes with mass,
@@ -124,6 +124,6 @@ def _record(merged: Source, location: Location, under: dict[str, Any], over: dic
             result[key] = {**below, **value}
             continue
         result[key] = value
-        for place in [place for place in merged.origins if place[: len(here)] == here]:
-            del merged.origins[place]
+        for location in [location for location in merged.origins if location[: len(here)] == here]:
+            del merged.origins[location]
     return result

@@ -19,7 +19,7 @@ from mbd_sim.urdf.link_reader import Origins, color_of, part_of
 from mbd_sim.urdf.value_reader import (
     LONGEST_NAME,
     Reading,
-    own_name,
+    unique_name,
     valid_names,
 )
 from mbd_sim.urdf.xml_elements import Element, parse_xml
@@ -31,7 +31,7 @@ XACRO_REMEDY = "Expand it first: xacro robot.urdf.xacro > robot.urdf (the ROS pa
 
 
 def urdf_source(text: str, file: str, base: Base | None = None) -> Source:
-    """The mechanism file that a URDF amounts to, with the places of its values.
+    """A URDF as the source of a mechanism file, with the origins of its values.
 
     Problems of single elements are among its `problems`, with which `validate` refuses it.
 
@@ -79,7 +79,7 @@ class _Robot:
                 self.reading.leave_out("names that are not valid here, as old → new", f"{written} → {name}")
 
     def source(self) -> Source:
-        """The data, and where it stands."""
+        """The data, and the origins of its values."""
         name = self.robot.attributes.get("name") or "robot"
         data: dict[str, Any] = {"mechanism": valid_names([name], "robot")[name]}
         colors = self._colors()
@@ -91,12 +91,12 @@ class _Robot:
         ground: dict[str, Any] = {}
         joints = self._base_joint() if self.root and not self.grounded else {}
         for name, joint in self.joints.items():
-            record, place = self._joint(name, joint)
-            if place:
+            record, pose = self._joint(name, joint)
+            if pose:
                 parent = self.part_names[_link(joint, "parent")]
                 holder = ground if parent == GROUND else parts[parent]
                 points = holder.setdefault("points", {})
-                points[self.joint_names[name]] = place["at"] if place.keys() == {"at"} else place
+                points[self.joint_names[name]] = pose["at"] if pose.keys() == {"at"} else pose
             joints[self.joint_names[name]] = record
         data |= {"ground": ground} if ground else {}
         data |= {"parts": parts, "joints": joints}
@@ -119,38 +119,38 @@ class _Robot:
         for element in self.robot.all(tag):
             name = element.attributes.get("name", "")
             if not name:
-                self.reading.complain(element, tag, "'name' is missing", "Add it.")
+                self.reading.report(element, tag, "'name' is missing", "Add it.")
             elif name in found:
                 first = found[name].line
                 remedy = "Rename one of them."
-                self.reading.complain(element, _key(tag, name), f"is there twice, first on line {first}", remedy)
+                self.reading.report(element, _key(tag, name), f"is there twice, first on line {first}", remedy)
             else:
                 found[name] = element
         return found
 
     def _connected(self, joints: dict[str, Element]) -> dict[str, Element]:
-        """The joints whose links are there, each link the child of one at most."""
+        """The joints whose links exist; of several joints with the same child, only the first."""
         connected: dict[str, Element] = {}
-        held: dict[str, str] = {}
+        joint_of_child: dict[str, str] = {}
         for name, joint in joints.items():
             key, problems = _key("joint", name), len(self.reading.problems)
             for end in ("parent", "child"):
                 element = joint.first(end)
                 link = _link(joint, end)
                 if element is None or not link:
-                    self.reading.complain(joint, key, f"<{end} link=…> is missing", "Add it.")
+                    self.reading.report(joint, key, f"<{end} link=…> is missing", "Add it.")
                 elif link not in self.links:
                     message, remedy = f"there is no link {quoted(link)}", nearest(link, self.links)
-                    self.reading.complain(element, f"{key}.{end}.link", message, remedy)
+                    self.reading.report(element, f"{key}.{end}.link", message, remedy)
             if len(self.reading.problems) > problems:
                 continue
             child = _link(joint, "child")
-            if child in held:
-                message = f"the link {quoted(child)} is the child of joint {quoted(held[child])} already"
+            if child in joint_of_child:
+                message = f"the link {quoted(child)} is the child of joint {quoted(joint_of_child[child])} already"
                 remedy = "URDF describes trees: close loops in a mechanism file with 'urdf:' and a joint of its own."
-                self.reading.complain(joint, f"{key}.child.link", message, remedy)
+                self.reading.report(joint, f"{key}.child.link", message, remedy)
                 continue
-            held[child] = name
+            joint_of_child[child] = name
             connected[name] = joint
         return connected
 
@@ -164,11 +164,11 @@ class _Robot:
         if not roots or len(roots) == 1:
             circle = [name for name in self.links if name not in (self._below(roots[0]) if roots else ())]
             message, at = f"the joints go round in a circle: {listed(circle)}", self.links[circle[0]]
-            self.reading.complain(at, _key("link", circle[0]), message, "Remove a joint of it: URDF describes trees.")
+            self.reading.report(at, _key("link", circle[0]), message, "Remove a joint of it: URDF describes trees.")
         else:
             message = f"the robot is in pieces, as {len(roots)} links have no parent: {listed(roots)}"
             remedy = "Connect them with joints, or keep one piece."
-            self.reading.complain(self.links[roots[1]], _key("link", roots[1]), message, remedy)
+            self.reading.report(self.links[roots[1]], _key("link", roots[1]), message, remedy)
         return None
 
     def _below(self, root: str) -> set[str]:
@@ -191,12 +191,12 @@ class _Robot:
             key = _key("link", self.root)
             message, at = "stands for ground, to which the robot is fixed", self.links[self.root]
             remedy = "For a free base remove this link and its joint, or make that joint floating (free)."
-            self.reading.complain(at, key, message, remedy)
+            self.reading.report(at, key, message, remedy)
         return True
 
     def _base_joint(self) -> dict[str, Any]:
         assert self.root is not None
-        name = own_name(BASE, self.joint_names.values())
+        name = unique_name(BASE, self.joint_names.values())
         origin = self.reading.origin(self.links[self.root], _key("link", self.root))
         self.origins[("joints", name)] = origin
         return {name: {"type": self.base, "between": [GROUND, self.part_names[self.root]]}}
@@ -209,7 +209,7 @@ class _Robot:
             problems = len(self.reading.problems)
             color = color_of(self.reading, material, _key("material", name))
             if material not in self.robot.children:
-                del self.reading.problems[problems:]  # noted with its link
+                del self.reading.problems[problems:]  # reported with the link that uses it
             if color and name:
                 found.setdefault(name, color)
         return found
@@ -217,34 +217,34 @@ class _Robot:
     def _part(self, link: Element, name: str, colors: dict[str, str]) -> dict[str, Any]:
         key, inner = _key("link", name), Origins()
         record = part_of(self.reading, link, key, colors, inner)
-        self._place(("parts", self.part_names[name]), self.reading.origin(link, key), inner)
+        self._add_origins(("parts", self.part_names[name]), self.reading.origin(link, key), inner)
         return record
 
     def _joint(self, name: str, joint: Element) -> tuple[dict[str, Any], dict[str, Any]]:
         key, inner, own = _key("joint", name), Origins(), self.joint_names[name]
-        record, place = joint_of(self.reading, joint, key, inner)
-        self._place(("joints", own), self.reading.origin(joint, key), inner)
+        record, pose = joint_of(self.reading, joint, key, inner)
+        self._add_origins(("joints", own), self.reading.origin(joint, key), inner)
         parent, child = (self.part_names[_link(joint, end)] for end in ("parent", "child"))
         point = "points", own
         self.origins[("ground", *point) if parent == GROUND else ("parts", parent, *point)] = self.reading.origin(
             joint.first("origin") or joint, f"{key}.origin"
         )
-        between = [f"{parent}.{own}" if place else parent, child]
-        return {"type": record.pop("type"), "between": between, **record}, place
+        between = [f"{parent}.{own}" if pose else parent, child]
+        return {"type": record.pop("type"), "between": between, **record}, pose
 
     def _couplings(self) -> dict[str, Any]:
         couplings: dict[str, Any] = {}
         for name, joint in self.joints.items():
             key = _key("joint", name)
             if (coupling := mimic_of(self.reading, joint, key, self.joint_names, self.kinds)) is not None:
-                own = own_name(f"{self.joint_names[name]}_mimic", couplings)
+                own = unique_name(f"{self.joint_names[name]}_mimic", couplings)
                 couplings[own] = coupling
                 self.origins[("constraints", own)] = self.reading.origin(joint, f"{key}.mimic")
         return couplings
 
-    def _place(self, location: Location, origin: Origin, inner: Origins) -> None:
+    def _add_origins(self, location: Location, origin: Origin, inner: Origins) -> None:
         self.origins[location] = origin
-        self.origins |= {(*location, *rest): place for rest, place in inner.items()}
+        self.origins |= {(*location, *rest): origin for rest, origin in inner.items()}
 
 
 def _key(tag: str, name: str) -> str:

@@ -30,22 +30,22 @@ class Reading:
         self._left_out: dict[str, list[str]] = {}
 
     def origin(self, element: Element, key: str) -> Origin:
-        """Where an element stands."""
+        """The origin of a value: the file and the line of an element."""
         return Origin(self.file, element.line, key)
 
-    def complain(self, element: Element, key: str, message: str, remedy: str = "", value: str | None = None) -> None:
+    def report(self, element: Element, key: str, message: str, remedy: str = "", value: str | None = None) -> None:
         """Note a problem of an element, named by `key`."""
         shown = "" if value is None else quoted(value)
         self.problems.append(Problem(message, remedy, key=key, value=shown, file=self.file, line=element.line))
 
-    def leave_out(self, what: str, of: str) -> None:
+    def leave_out(self, kind: str, element: str) -> None:
         """Note that something in a link or joint is not imported."""
-        self._left_out.setdefault(what, []).append(of)
+        self._left_out.setdefault(kind, []).append(element)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was not imported, a sentence for each kind."""
-        return tuple(f"{what}: {listed(list(dict.fromkeys(of)))}" for what, of in self._left_out.items())
+        """The elements that were not imported, a sentence for each kind."""
+        return tuple(f"{kind}: {listed(list(dict.fromkeys(elements)))}" for kind, elements in self._left_out.items())
 
     def numbers(self, element: Element, attribute: str, key: str, count: int) -> list[float] | None:
         """The numbers of an attribute; None if it is missing, or, with a problem, if it is invalid."""
@@ -57,10 +57,10 @@ class Reading:
             remedy = "Write plain numbers."
             if "$" in text:
                 remedy = "This is a xacro expression: expand the file with xacro first."
-            self.complain(element, where, f"{quoted(wrong[0])} is not a number", remedy, text)
+            self.report(element, where, f"{quoted(wrong[0])} is not a number", remedy, text)
         elif len(words) != count:
             form = "one number" if count == 1 else f"{count} numbers separated by spaces"
-            self.complain(element, where, f"has {len(words)} of them", f"Write {form}.", text)
+            self.report(element, where, f"has {len(words)} of them", f"Write {form}.", text)
         else:
             return [float(word) + 0.0 for word in words]
         return None
@@ -70,10 +70,10 @@ class Reading:
         found = self.numbers(element, attribute, key, 1)
         return found[0] if found else None
 
-    def needed(self, element: Element, attribute: str, key: str) -> float | None:
+    def required(self, element: Element, attribute: str, key: str) -> float | None:
         """The number of an attribute that must be there."""
         if attribute not in element.attributes:
-            self.complain(element, key, f"'{attribute}' is missing", "Add it.")
+            self.report(element, key, f"'{attribute}' is missing", "Add it.")
         return self.number(element, attribute, key)
 
     def pose(self, element: Element, key: str) -> tuple[list[float], list[float]]:
@@ -106,22 +106,22 @@ def valid_names(written: Iterable[str], otherwise: str) -> dict[str, str]:
     written = list(dict.fromkeys(written))
     found = {name: name for name in written if re.match(NAME_PATTERN, name) and len(name) <= LONGEST_NAME}
     found.pop(GROUND, None)
-    taken = {*found.values(), GROUND}
+    used = {*found.values(), GROUND}
     for name in written:
         if name in found:
             continue
         plain = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_")
         if not re.match(NAME_PATTERN, plain) or plain == GROUND:
             plain = f"{otherwise}_{plain}".rstrip("_")
-        found[name] = own_name(plain, taken)
-        taken.add(found[name])
+        found[name] = unique_name(plain, used)
+        used.add(found[name])
     return {name: found[name] for name in written}
 
 
-def own_name(wanted: str, taken: Iterable[str]) -> str:
-    """The wanted name, cut to the maximum length, with a number appended if it is taken."""
-    taken, number, name = set(taken), 1, wanted[:LONGEST_NAME]
-    while name in taken:
+def unique_name(wanted: str, used: Iterable[str]) -> str:
+    """The wanted name, cut to the maximum length, with a number appended if another object has it."""
+    used, number, name = set(used), 1, wanted[:LONGEST_NAME]
+    while name in used:
         number += 1
         ending = f"_{number}"
         name = wanted[: LONGEST_NAME - len(ending)] + ending

@@ -6,7 +6,7 @@ Importing this package does not import Rerun; creating a `Viewer` does. Rerun ru
 |---|---|
 | `viewer` | `Viewer`: the simulation's side |
 | `worker`, `protocol`, `mailbox` | the viewer's process, the messages to it, and the queue before it |
-| `sample_rows`, `scene_description` | what is handed over: samples as rows of numbers, the mechanism once |
+| `sample_rows`, `scene_description` | the data sent: samples as rows of numbers, the mechanism once |
 | `rerun_stream`, `sinks`, `rerun_process` | the recording, where it goes, and Rerun's own program |
 | `blueprint`, `entity_paths` | the layout of the window, the paths of entities |
 | `entity` | the interface of everything that is drawn |

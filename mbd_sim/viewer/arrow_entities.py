@@ -126,7 +126,7 @@ class _Wrench:
     """The wrench commanded on a part."""
 
     def __init__(self, scene: SceneDescription, part: str) -> None:
-        self._part, self._place, rows = part, scene.wrenches[part], scene.rows
+        self._part, self._slice, rows = part, scene.wrenches[part], scene.rows
         self._start = rows.slices["inputs"].start
         path, full_scale, size = f"{entity_paths.WORLD}/wrenches/{part}", weight(scene), scene.extent.size
         self._force = _ArrowStyle(path, palette.COMMANDED, size, full_scale)
@@ -137,7 +137,7 @@ class _Wrench:
         yield from self._couple.static(couple=True)
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
-        force, couple, own_force, own_couple, point = np.split(rows.of("inputs")[:, self._place], 5, axis=1)
+        force, couple, own_force, own_couple, point = np.split(rows.of("inputs")[:, self._slice], 5, axis=1)
         rotated = poses.rotations(self._part)
         origin = poses.point(Attachment(self._part, np.zeros(3)))
         at = origin + np.einsum("nij,nj->ni", rotated, point)
@@ -149,7 +149,7 @@ class _Effort:
     """The effort commanded on a joint, as it acts on the child."""
 
     def __init__(self, scene: SceneDescription, joint: Joint) -> None:
-        self._joint, self._place = joint, scene.u[joint.name]
+        self._joint, self._slice = joint, scene.u[joint.name]
         self._couples = {coordinate.rotation for coordinate in joint.kind.coordinates}
         path, size, limit = f"{entity_paths.WORLD}/efforts/{joint.name}", scene.extent.size, joint.effort_limit
         radius = max(2.6 * joint_radius(scene.mechanism, joint, size) / size, 0.06)
@@ -171,7 +171,7 @@ class _Effort:
     def vectors(self, rows: Rows, poses: PartPoses) -> tuple[Array, Array]:
         """The force and the couple (n, 3) on the child, in ground's axes."""
         joint, sums = self._joint, (np.zeros((len(rows), 3)), np.zeros((len(rows), 3)))
-        for coordinate, values in zip(joint.kind.coordinates, rows.of("inputs")[:, self._place].T, strict=True):
+        for coordinate, values in zip(joint.kind.coordinates, rows.of("inputs")[:, self._slice].T, strict=True):
             part, frame = (joint.child, joint.child_pose) if coordinate.on_child else (joint.parent, joint.parent_pose)
             direction = poses.direction(part, frame.rotation @ joint.direction(coordinate))
             sums[int(coordinate.rotation)][:] += direction * values[:, None]

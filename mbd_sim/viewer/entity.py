@@ -15,7 +15,7 @@ class Entity(Protocol):
     """Something in the scene, or the curves of a plot."""
 
     def static(self) -> LoggedItems:
-        """What does not change: shapes, styles, names."""
+        """The archetypes that do not change: shapes, styles, names."""
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
-        """What changes, one row for each sample."""
+        """The columns that change, one row for each sample."""

@@ -33,7 +33,7 @@ def joint_entities(scene: SceneDescription) -> Iterator[Entity]:
 
 
 def color_of(scene: SceneDescription, joint: Joint) -> Color:
-    """The color that tells whether a joint is driven, closes a loop, stands on ground, or connects two parts."""
+    """The color of a joint, by whether it is driven, closes a loop, is on ground, or connects two parts."""
     if joint.drive:
         return palette.DRIVEN
     if joint.name in scene.mechanism.closing:

@@ -45,7 +45,7 @@ class PartPoses:
 def line_transforms(starts: Array, stops: Array, across: Array) -> tuple[Array, Array]:
     """Lengths (n,) of the lines from start to stop, and quaternions (n, 4) x, y, z, w that rotate z onto them.
 
-    x is as close to `across` (3,) as possible, so that what is drawn does not spin about its line.
+    x is as close to `across` (3,) as possible, so that a drawn object does not spin about its line.
     """
     line = stops - starts
     length = np.linalg.norm(line, axis=1)

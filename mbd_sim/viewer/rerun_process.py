@@ -23,7 +23,7 @@ def executable() -> str:
     :raises OSError: there is none.
     """
     package = importlib.util.find_spec("rerun_cli")
-    bundled = [Path(place) / "rerun" for place in (package.submodule_search_locations or [])] if package else []
+    bundled = [Path(location) / "rerun" for location in (package.submodule_search_locations or [])] if package else []
     candidates = [os.environ.get("RERUN_CLI_PATH"), *bundled, shutil.which("rerun")]
     for candidate in candidates:
         if candidate and Path(candidate).is_file():

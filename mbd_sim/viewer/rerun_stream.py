@@ -21,7 +21,7 @@ from mbd_sim.viewer.part_poses import PartPoses
 from mbd_sim.viewer.plot_entities import plot_entities
 from mbd_sim.viewer.sample_rows import Rows
 from mbd_sim.viewer.scene_description import SceneDescription
-from mbd_sim.viewer.sinks import Outlet, is_live
+from mbd_sim.viewer.sinks import SinkConnection, is_live
 from mbd_sim.viewer.spring_entities import spring_entities
 from mbd_sim.viewer.trace_entities import trace_entities
 
@@ -33,17 +33,17 @@ class RerunStream:
     """One recording. `address` is where to view it: a URL, or the path of the file."""
 
     def __init__(self, scene: SceneDescription, sink: str, *, live: bool | None = None) -> None:
-        """Open the sink and log what does not change.
+        """Open the sink and log the scene.
 
         :param live: follow the incoming data rather than play them in a loop; by default, loop only in files.
         :raises ViewerError: the sink cannot be opened.
         """
         self._scene = scene
         self._recording = rr.RecordingStream(APPLICATION, batcher_config=rr.ChunkBatcherConfig.LOW_LATENCY())
-        self._outlet = Outlet(
+        self._connection = SinkConnection(
             self._recording, sink, make_blueprint(scene, live=is_live(sink) if live is None else live)
         )
-        self.address = self._outlet.address
+        self.address = self._connection.address
         try:
             self._recording.send_recording_name(scene.mechanism.name)
             self._recording.log(entity_paths.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -59,12 +59,12 @@ class RerunStream:
             )
             self._entities: list[Entity] = [item for source in sources for item in source(scene)]
             for item in self._entities:
-                for path, what in item.static():
-                    self._recording.log(path, what, static=True)
-            for path, what in event_log.static():
-                self._recording.log(path, what, static=True)
+                for path, archetype in item.static():
+                    self._recording.log(path, archetype, static=True)
+            for path, archetype in event_log.static():
+                self._recording.log(path, archetype, static=True)
         except BaseException:
-            self._outlet.close()
+            self._connection.close()
             raise
         self._begun = False
 
@@ -95,7 +95,7 @@ class RerunStream:
     def close(self) -> None:
         """End the recording; a window stays open, a server stops."""
         self._recording.disconnect()
-        self._outlet.close()
+        self._connection.close()
 
     def _columns(self, path: str, times: np.ndarray, columns: Any) -> None:
         index = rr.TimeColumn(entity_paths.TIMELINE, duration=times)

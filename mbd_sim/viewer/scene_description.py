@@ -1,4 +1,4 @@
-"""What the viewer's process has to know about a mechanism before the motion begins, as plain records."""
+"""The description of a mechanism that the viewer's process receives before the samples, as plain records."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TOWARD_EYE = np.array([0.55, -1.0, 0.5])  # the direction from which the outline
 
 @dataclass(frozen=True)
 class DisplayOptions:
-    """What the user may choose to be shown.
+    """The user's choice of what is shown.
 
     `traces` are points (`part` or `part.point`; None: the ends of the chains) that leave a trace for `trace_time` s of
     simulated time; `reactions` shows the forces through the joints.
@@ -51,8 +51,8 @@ class ConstraintLines:
 class SceneDescription:
     """A mechanism prepared for display.
 
-    `q` and `u` are the places of each joint's coordinates and speeds in the state, `wrenches` the place of the
-    commanded wrench on each part among the inputs, and `quaternions` the index in the state at which that of a joint
+    `q` and `u` are the slices of each joint's coordinates and speeds in the state, `wrenches` the slice of the
+    commanded wrench on each part in the inputs, and `quaternions` the index in the state at which that of a joint
     begins.
     """
 

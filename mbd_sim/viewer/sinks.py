@@ -45,7 +45,7 @@ def is_live(sink: str) -> bool:
     return not sink.endswith(".rrd")
 
 
-class Outlet:
+class SinkConnection:
     """The connection of a recording to its sink. `address` is where to view it: a URL, or the path of the file.
 
     :raises ViewerError: the sink cannot be opened.
@@ -99,12 +99,12 @@ def _full_url(url: str) -> str:
         url = _data_url(DATA_PORT)
     elif "://" not in url:
         url = f"rerun+http://{url.rstrip('/')}/proxy"
-    place = urlsplit(url)
+    parsed = urlsplit(url)
     try:
-        host, port = place.hostname or "", place.port or DATA_PORT
+        host, port = parsed.hostname or "", parsed.port or DATA_PORT
     except ValueError as error:
         raise OSError(f"{error} in '{url}'") from error
-    plain = place.scheme == "rerun+http"
+    plain = parsed.scheme == "rerun+http"
     if not (rerun_process.answers(host, port) if plain else rerun_process.listens(host, port)):
         raise OSError(f"no viewer listens at {host}:{port}. Start one with 'rerun', or use 'spawn'")
     return url

@@ -71,7 +71,7 @@ class _TwoPointEntity:
         return starts, *line_transforms(starts, stops, self._transverse)
 
     def _stretched(self, path: str, starts: Array, lengths: Array, quaternions: Array) -> LoggedItems:
-        """The transforms that stretch what leads along z from 0 to 1 m to these lengths."""
+        """The transforms that stretch an object along z from 0 to 1 m to these lengths."""
         scale = np.column_stack([np.ones_like(lengths), np.ones_like(lengths), np.maximum(lengths, MIN_LENGTH)])
         yield path, rr.Transform3D.columns(translation=starts, quaternion=quaternions, scale=scale)
 

@@ -71,9 +71,9 @@ class Viewer:
         :raises ValueError: the rate or capacity is not positive, or there is no such part or point to trace.
         """
         checked_sink(sink)
-        for what, value in (("rate", rate), ("trace_time", trace_time)):
+        for name, value in (("rate", rate), ("trace_time", trace_time)):
             if not 0.0 < value < float("inf"):
-                raise ValueError(f"the {what} must be a positive number, not {value!r}")
+                raise ValueError(f"the {name} must be a positive number, not {value!r}")
         if importlib.util.find_spec("rerun") is None:
             raise ViewerError("Rerun is not installed. Install it with: pip install rerun-sdk")
         self._rate, self._frame, self._motion_time, self._event_filter = rate, -1, -math.inf, EventFilter()

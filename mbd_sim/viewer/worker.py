@@ -29,9 +29,9 @@ def main() -> int:
 
 
 def _run(source: IO[bytes], answers: IO[str]) -> int:
-    def answer(**what: object) -> None:
+    def answer(**fields: object) -> None:
         with contextlib.suppress(OSError):  # the simulation's process has ended
-            answers.write(f"{json.dumps(what)}\n")
+            answers.write(f"{json.dumps(fields)}\n")
 
     try:
         # Rerun is imported while the other process prepares the scene description.

@@ -113,7 +113,7 @@ def by_numpy(function, *, fused=True):
     return lambda t, *vectors: interpret(arranged(function, fused=fused), None, [[t], *vectors])
 
 
-def textbook_step(rates, settle, method, y, inputs, step, h):
+def textbook_step(rates, project, method, y, inputs, step, h):
     """y + h Σ b k, term by term in the order of the stages; of a stage the last term is added to all others."""
     k = []
     t = np.float64(step) * h
@@ -136,7 +136,7 @@ def textbook_step(rates, settle, method, y, inputs, step, h):
     for a, c in zip(method.a, method.c, strict=True):
         k.append(rates(t if c == 0.0 else t + c * h, stage(a), inputs))
     new = fused(h, total([(weight, slope) for weight, slope in zip(method.b, k, strict=True) if weight]), y)
-    return new if settle is None else settle(np.float64(step + 1) * h, new)
+    return new if project is None else project(np.float64(step + 1) * h, new)
 
 
 @pytest.mark.parametrize("method", EXPLICIT.values(), ids=EXPLICIT)
@@ -148,9 +148,9 @@ def test_a_step_is_the_formula_of_the_method(method):
         [t, y, inputs],
         [ca.vertcat(y[1] * t - inputs[0], -y[0] / ca.sqrt(1.0 + y[2] ** 2), y[0] * y[1] - 0.1 * t * t + inputs[1])],
     )
-    settle = ca.Function("settle", [t, y], [y * (1.0 - 1e-3 * t * ca.dot(y, y))])
+    project = ca.Function("settle", [t, y], [y * (1.0 - 1e-3 * t * ca.dot(y, y))])
     start, forces = np.array([0.3, -0.2, 0.7]), np.array([0.11, -0.7])
-    for scale in (None, settle):
+    for scale in (None, project):
         kernel = compile_kernel(rates, scale, {}, method)
         found, expected = start.copy(), start.copy()
         for step in range(3, 40):

@@ -15,7 +15,7 @@ from mbd_sim.dynamics.links import build_links
 from mbd_sim.dynamics.loop_equations import branch_checks, joint_frames, loop_equations
 from mbd_sim.mechanism.joint_types import JOINT_KINDS, JointType, LoopCondition
 from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
-from mbd_sim.urdf.export import to_urdf
+from mbd_sim.urdf.urdf_writer import to_urdf
 from mbd_sim.viewer.joint_entities import joint_entities
 from mbd_sim.viewer.sample_rows import RowWriter
 from mbd_sim.viewer.scene_description import DisplayOptions, describe_scene

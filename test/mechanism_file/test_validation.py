@@ -2,7 +2,7 @@
 
 import pytest
 
-from mbd_sim.errors import MOST_SHOWN, MechanismError, Problem
+from mbd_sim.errors import MAX_SHOWN, MechanismError, Problem
 from mbd_sim.load import parse_mechanism
 from test.generators.mechanism_texts import PENDULUM, changed, problem_of, problems_of
 
@@ -247,8 +247,8 @@ def test_many_problems_are_all_kept_and_the_first_are_printed():
     with pytest.raises(MechanismError) as caught:
         parse_mechanism(text)
     lines = str(caught.value).splitlines()
-    assert len(caught.value.problems) == 2000 and len(lines) == MOST_SHOWN + 1
-    assert lines[-1] == f"… and {2000 - MOST_SHOWN} more problems."
+    assert len(caught.value.problems) == 2000 and len(lines) == MAX_SHOWN + 1
+    assert lines[-1] == f"… and {2000 - MAX_SHOWN} more problems."
 
 
 def count_problems(text):

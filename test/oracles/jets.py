@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from mbd_sim.mechanism.expression import FUNCTIONS, Arithmetic, walk
+from mbd_sim.mechanism.expression import FUNCTIONS, Arithmetic, evaluate_with
 
 
 class Jet:
@@ -133,4 +133,4 @@ JETS = Arithmetic({name: (FUNCTIONS[name][0], function) for name, function in _S
 
 def expression_jet(expression, **names):
     """The value of an expression whose variables are jets."""
-    return jet(walk(expression.text, {**expression.names, **names}, JETS))
+    return jet(evaluate_with(expression.text, {**expression.names, **names}, JETS))

@@ -10,7 +10,7 @@ from mbd_sim.dynamics.equations import derive
 from mbd_sim.errors import MbdSimError
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.symbolic import symbolic_equations
-from mbd_sim.symbolic.symbolic_equations import MOST_SPEEDS
+from mbd_sim.symbolic.symbolic_equations import MAX_SPEEDS
 from test.generators.mechanisms import AUDITED, SHIPPED, accelerations, audited, consistent_state, random_state
 
 LONG = ("six_axis_arm", "stewart")  # with few coordinates, but long equations
@@ -18,7 +18,7 @@ LONG = ("six_axis_arm", "stewart")  # with few coordinates, but long equations
 
 def small(name):
     """Whether there are equations to be written out: of mechanisms with a few speeds."""
-    return name not in LONG and 0 < len(load_mechanism(name).coordinate_names) <= MOST_SPEEDS
+    return name not in LONG and 0 < len(load_mechanism(name).coordinate_names) <= MAX_SPEEDS
 
 
 def constrained(name):

@@ -13,7 +13,7 @@ import pytest
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.errors import MechanismError
 from mbd_sim.load import parse_mechanism
-from mbd_sim.urdf.export import to_urdf
+from mbd_sim.urdf.urdf_writer import to_urdf
 from test.generators.mechanisms import accelerations, random_state
 
 pin = pytest.importorskip("pinocchio", reason="needs the extra 'robots': pip install '.[robots]'")

@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 
 from mbd_sim import Simulation
 from mbd_sim.viewer import Viewer, ViewerError, rerun_process
-from mbd_sim.viewer.sinks import Outlet
+from mbd_sim.viewer.sinks import SinkConnection
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def listeners(port):
 
 
 def opened(sink):
-    return Outlet(rr.RecordingStream("test_sinks"), sink, rrb.Blueprint())
+    return SinkConnection(rr.RecordingStream("test_sinks"), sink, rrb.Blueprint())
 
 
 @pytest.mark.parametrize("sink", ["", "window", "connect:", "run", "out/run.mcap"])

@@ -15,7 +15,7 @@ from mbd_sim.mechanism.records import Mechanism
 
 
 class Reference(NamedTuple):
-    """The reference motion at one moment: coordinates in rad, speeds and accelerations, (nv,) each."""
+    """The reference motion at one time: coordinates in rad, speeds and accelerations, (nv,) each."""
 
     q: Array
     u: Array

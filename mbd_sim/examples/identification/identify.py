@@ -46,7 +46,7 @@ class Run:
     efforts: list[tuple[int, Array]]
 
 
-class Estimate(NamedTuple):
+class ParameterEstimate(NamedTuple):
     """An identified parameter and its standard error; noise in the intervals' initial states makes it too small."""
 
     value: float
@@ -82,7 +82,7 @@ def read(path: str | Path) -> Run:
     return Run(text, about["method"], float.fromhex(about["step"]), np.array(ticks), np.array(q), np.array(u), efforts)
 
 
-def identify(run: Run, guess: Mapping[str, float], interval: float = 0.5) -> dict[str, Estimate]:
+def identify(run: Run, guess: Mapping[str, float], interval: float = 0.5) -> dict[str, ParameterEstimate]:
     """Improve guessed parameters until simulations over intervals (s) from recorded states on match the recording.
 
     :raises MbdSimError: an unknown parameter, one that is built into the equations such as a length, or guesses from
@@ -102,7 +102,7 @@ def identify(run: Run, guess: Mapping[str, float], interval: float = 0.5) -> dic
         return np.asarray((_predicted(simulation, run, interval) - recorded) / scale).ravel()
 
     values, errors = _least_squares(residuals, np.array(list(guess.values()), dtype=float))
-    return {name: Estimate(*pair) for name, *pair in zip(guess, values.tolist(), errors.tolist(), strict=True)}
+    return {name: ParameterEstimate(*pair) for name, *pair in zip(guess, values.tolist(), errors.tolist(), strict=True)}
 
 
 def _least_squares(residuals: Callable[[Array], Array], values: Array) -> tuple[Array, Array]:

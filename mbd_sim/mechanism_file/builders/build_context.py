@@ -1,4 +1,4 @@
-"""What all builders need: the points of the parts, the file for error messages, and the problems found so far."""
+"""The context that all builders share: points of the parts, the file for error messages, and problems found so far."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def coupled_joints(constraints: Iterable[c.Constraint], joints: Mapping[str, Joi
 
 @dataclass(frozen=True, eq=False)
 class _GuidedPoint:
-    """A point of a part and the point of the part that guides it, with the axes (3, 3) there in their parts' frames."""
+    """A constrained point, the base of its guide, and the axes (3, 3) at both points in the frames of their parts."""
 
     point: Attachment
     base: Attachment
@@ -125,7 +125,7 @@ class _ConstraintBuilder:
         return points
 
     def _guided(self, name: str, point: tuple[str, str], guide: tuple[str, str]) -> _GuidedPoint | None:
-        """A point and what guides it, each given by its key and its reference."""
+        """A point and its guide, each given by its key and its reference."""
         where: Location = ("constraints", name)
         frames = [self._context.frame((*where, key), reference) for key, reference in (point, guide)]
         attachments = self._context.on_different_parts((*where, point[0]), frames)
@@ -143,7 +143,7 @@ class _ConstraintBuilder:
     ) -> c.Coupling | None:
         """A coupling of coordinates.
 
-        :param written: the key under which the file has the coordinates (`""` for the record itself), and they.
+        :param written: the key of the coordinates in the file (`""` for the record itself), and the coordinates.
         """
         key, names = written
         where: Location = ("constraints", name, *([key] if key else []))

@@ -18,7 +18,7 @@ from mbd_sim.mechanism_file.schema import base_schema, file_schema
 
 
 def build_part(name: str, spec: file_schema.PartSpec, source: Source, problems: list[Problem]) -> Part:
-    """A part; what is wrong with it is added to `problems`."""
+    """A part; its problems are added to `problems`."""
     location: Location = ("parts", name)
     shapes = _shapes(spec)
     if spec.inertia is not None or not shapes:

@@ -33,7 +33,7 @@ def _box_moments(x: float, y: float, z: float) -> tuple[float, float, float]:
 
 
 def _axial_moments(radius: float, length: float, factor: float) -> tuple[float, float, float]:
-    """Those of a body of revolution about z, whose moment about z is `factor` times radius²."""
+    """The moments of a body of revolution about z; that about z is `factor` times radius²."""
     across = factor * (radius * radius) / 2.0 + length * length / 12.0
     return (across, across, factor * (radius * radius))
 
@@ -116,7 +116,7 @@ def _mass_per_measure(
     given: Sequence[float | None],
     mass: float | None,
 ) -> float:
-    """What a shape without mass and density weighs by its length, area or volume, in kg/m^dimension."""
+    """The mass per length, area or volume of the shapes without mass and density, in kg/m^dimension."""
     bare = [solid for solid, value in zip(solids, given, strict=True) if value is None]
     if mass is None and bare:
         raise InputError("has shapes without mass", "Give 'mass' on the part, or mass or density on each shape.")

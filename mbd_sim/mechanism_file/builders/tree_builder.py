@@ -13,7 +13,7 @@ from mbd_sim.mechanism.spanning_tree import SpanningTree, spanning_tree
 def build_tree(
     parts: Mapping[str, Part], joints: Mapping[str, Joint], coupled: Collection[str], source: Source
 ) -> tuple[SpanningTree, list[Problem]]:
-    """The spanning tree of a mechanism, and what is wrong with it.
+    """The spanning tree of a mechanism, and the problems found.
 
     :param coupled: the joints whose coordinates a coupling refers to; they need their coordinates.
     """
@@ -27,7 +27,7 @@ def build_tree(
 
 
 def _by_priority(joints: Collection[Joint], coupled: Collection[str]) -> list[str]:
-    """The joints that should have coordinates, those first that cannot do without them."""
+    """The joints that should have coordinates; those that require them come first."""
     candidates = [joint for joint in joints if not joint.cut]
     preferred = [joint.name for joint in candidates if _needs_coordinate(joint, coupled)]
     preferred += [joint.name for joint in candidates if any(joint.fixed_in_assembly + joint.fixed_speeds)]

@@ -14,7 +14,7 @@ from mbd_sim.mechanism_file.schema.base_schema import Direction, Spec
 
 Coordinate = Annotated[str, StringConstraints(min_length=1)]
 LengthOfTime = Annotated[TimeExpression, ExpressionField("m")]
-Place = Annotated[TimeExpression, ExpressionField("", ("x", "y", "z", "t"))]
+SurfaceExpression = Annotated[TimeExpression, ExpressionField("", ("x", "y", "z", "t"))]
 Z: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
 
@@ -50,8 +50,8 @@ class OnSurfaceSpec(Spec):
     type: Literal["on_surface", "on_curve"]
     point: str
     frame: str = "ground"
-    equation: Place | None = None
-    equations: tuple[Place, Place] | None = None
+    equation: SurfaceExpression | None = None
+    equations: tuple[SurfaceExpression, SurfaceExpression] | None = None
 
     @model_validator(mode="after")
     def _count(self) -> OnSurfaceSpec:

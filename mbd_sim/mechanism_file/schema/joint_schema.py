@@ -154,7 +154,7 @@ class PrismaticJointSpec(DriveableJointSpec):
 
 
 class ScrewJointSpec(DriveableJointSpec):
-    """A screw: a hinge that moves `lead` metres along its axis for each turn about it."""
+    """A screw: a hinge that moves `lead` meters along its axis for each turn about it."""
 
     type: Literal["screw"]
     axis: Direction

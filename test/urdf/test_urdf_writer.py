@@ -13,7 +13,7 @@ from mbd_sim.cli.main import main
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.geometry.rotation import about, from_rpy
 from mbd_sim.load import load_mechanism, parse_mechanism
-from mbd_sim.urdf.export import to_urdf
+from mbd_sim.urdf.urdf_writer import to_urdf
 from test.generators.mechanisms import SHIPPED, accelerations, random_state, random_trees
 from test.oracles import kane
 

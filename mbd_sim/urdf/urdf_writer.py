@@ -28,7 +28,7 @@ from mbd_sim.mechanism.records import (
     Part,
     Shape,
 )
-from mbd_sim.urdf.value_reader import own_name
+from mbd_sim.urdf.value_reader import unique_name
 
 Element = ElementTree.Element
 
@@ -66,7 +66,7 @@ def to_urdf(mechanism: Mechanism) -> str:
     """
     robot = Element("robot", name=mechanism.name)
     mimics = _mimics(mechanism)
-    if missing := [f"{what}: {listed(names, most=1000)}" for what, names in _left_out(mechanism, mimics).items()]:
+    if missing := [f"{kind}: {listed(names, max_count=1000)}" for kind, names in _left_out(mechanism, mimics).items()]:
         robot.append(ElementTree.Comment(f" not in this file: {'; '.join(missing)} "))
     ElementTree.SubElement(robot, "link", name=GROUND)
     names = {GROUND, *mechanism.parts}
@@ -141,10 +141,10 @@ def _is_constant(coupling: Coupling) -> bool:
 
 
 def _left_out(mechanism: Mechanism, mimics: Mapping[str, Mimic]) -> dict[str, list[str]]:
-    """What URDF cannot represent, by kind."""
+    """The names of what URDF cannot represent, by kind."""
     joints = mechanism.joints.values()
     mimicking = {frozenset((name, mimic.joint)) for name, mimic in mimics.items()}
-    said = [
+    mimicked = [
         constraint
         for constraint in mechanism.constraints
         if isinstance(constraint, Coupling) and frozenset(constraint.factors) in mimicking
@@ -152,13 +152,13 @@ def _left_out(mechanism: Mechanism, mimics: Mapping[str, Mimic]) -> dict[str, li
     elements = (*mechanism.two_point_elements, *mechanism.applied)
     found = {
         "joints that close loops": [*mechanism.closing],
-        "constraints": [constraint.name for constraint in mechanism.constraints if constraint not in said],
+        "constraints": [constraint.name for constraint in mechanism.constraints if constraint not in mimicked],
         "springs, dampers and forces": [element.name for element in elements],
         "springs and dampers of joints": [joint.name for joint in joints if _has_law(joint)],
         "drives": [joint.name for joint in joints if joint.drive],
         "spherical joints, here floating": [joint.name for joint in joints if joint.type == "spherical"],
     }
-    return {what: names for what, names in found.items() if names}
+    return {kind: names for kind, names in found.items() if names}
 
 
 def _has_law(joint: Joint) -> bool:
@@ -177,7 +177,7 @@ def _add_joint(robot: Element, joint: Joint, motions: list[Motion], names: set[s
     for motion in motions:
         last = motion is motions[-1]
         child = (
-            joint.outboard if last and not moved else own_name(f"{joint.name if last else motion.name}_frame", names)
+            joint.outboard if last and not moved else unique_name(f"{joint.name if last else motion.name}_frame", names)
         )
         names.add(child)
         _add_motion(robot, motion, joint, origin, parent, child)
@@ -197,8 +197,10 @@ def _add_motion(robot: Element, motion: Motion, joint: Joint, origin: Pose, pare
     ElementTree.SubElement(element, "axis", xyz=_text(motion.axis))
     _add_limit(element, joint, motion)
     if motion.damping or motion.friction:
-        acting = {"damping": motion.damping, "friction": motion.friction}
-        ElementTree.SubElement(element, "dynamics", {key: _number(value) for key, value in acting.items() if value})
+        coefficients = {"damping": motion.damping, "friction": motion.friction}
+        ElementTree.SubElement(
+            element, "dynamics", {key: _number(value) for key, value in coefficients.items() if value}
+        )
     if mimic := motion.mimic:
         law = {"multiplier": _number(mimic.multiplier), "offset": _number(mimic.offset)}
         ElementTree.SubElement(element, "mimic", {"joint": mimic.joint, **law})
@@ -229,7 +231,7 @@ def _add_link(robot: Element, part: Part) -> None:
         _add_origin(inertial, Pose(part.center, np.eye(3)))
         ElementTree.SubElement(inertial, "mass", value=_number(part.mass))
         names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-        moments = {name: _number(float(part.inertia[place])) for name, place in names.items()}
+        moments = {name: _number(float(part.inertia[index])) for name, index in names.items()}
         ElementTree.SubElement(inertial, "inertia", moments)
     for mesh in part.meshes:
         geometry = _add_geometry(link, "visual", part, mesh)
@@ -244,7 +246,7 @@ def _add_geometry(link: Element, tag: str, part: Part, drawn: Shape | Mesh) -> E
     _add_origin(element, drawn.pose)
     geometry = ElementTree.SubElement(element, "geometry")
     if drawn.color and tag == "visual":
-        red, green, blue = (int(drawn.color[place : place + 2], 16) / 255 for place in (1, 3, 5))
+        red, green, blue = (int(drawn.color[start : start + 2], 16) / 255 for start in (1, 3, 5))
         material = ElementTree.SubElement(element, "material", name=f"{part.name}_{drawn.color[1:]}")
         ElementTree.SubElement(material, "color", rgba=_text(np.array([red, green, blue, 1.0])))
     return geometry
