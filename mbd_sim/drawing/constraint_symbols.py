@@ -26,7 +26,7 @@ HALF_LENGTH = 0.6  # of a plane or a line, relative to the size of the mechanism
 
 @dataclass(frozen=True, eq=False)
 class _Guide:
-    """The plane (one of `normals`) or the line (two) through `base` on which `point` lies, in the frame of the base's part."""
+    """The plane (one normal) or line (two) through `base` on which `point` lies; `normals` are in the base's part."""
 
     base: Attachment
     point: Attachment

@@ -1,4 +1,4 @@
-"""The numeric fields of a mechanism file: a field of type `Length` accepts `0.5`, `12 in` or `l/2` in meters."""
+"""The numeric fields of a mechanism file: a `Length` accepts `0.5`, `12 in` or `l/2`, and its value is in m."""
 
 from __future__ import annotations
 

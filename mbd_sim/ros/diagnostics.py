@@ -134,7 +134,7 @@ class Diagnostics:
         })  # fmt: skip
 
     def _timing_problem(self, now: CounterSample, text: str, factor: float, stepping: float) -> str:
-        """The problem with the timing since the last sample, or ""; `stepping` is the fraction of time spent in stepping."""
+        """The problem with the timing since the last sample, or ""; `stepping` is the fraction of time in steps."""
         last, rates = self._last, self.stepping_thread.rates
         running = not self.stepping_thread.paused and now.simulated > last.simulated > 0.0
         if running and factor < rates.real_time_factor * (1.0 - MAX_SLOWNESS):

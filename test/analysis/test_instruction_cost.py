@@ -28,7 +28,7 @@ def test_a_pendulum_has_one_angle():
     assert found["step"] == 4 * sum(found["accelerations"].values())
 
 
-def test_a_loop_is_led_back_once_a_step():
+def test_a_loop_is_projected_once_a_step():
     found, _ = counted("four_bar", "rk4")
     back = sum(found["back_to_constraints"].values())
     assert back > 0

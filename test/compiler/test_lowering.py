@@ -171,20 +171,20 @@ def test_constants():
     assert bits(call(2.0)) == bits([*values, 2.0])
 
 
-def test_inputs_and_outputs_stand_in_their_places():
+def test_inputs_and_outputs_have_their_indices():
     a, b = ca.SX.sym("a", 3), ca.SX.sym("b", 2)
     (call,) = compiled(ca.Function("f", [a, b], [ca.vertcat(b[1], a[2], a[0] * 0, b[0] - a[1])]))
     assert call([1.0, 2.0, 4.0], [8.0, 16.0]).tolist() == [16.0, 4.0, 0.0, 6.0]
 
 
 @pytest.mark.parametrize("function", [ca.floor, ca.ceil, ca.erf, ca.sinh], ids=lambda f: f.__name__)
-def test_an_operation_without_a_place_in_a_kernel_is_refused(function):
+def test_an_operation_that_kernels_do_not_support_is_refused(function):
     x = ca.SX.sym("x")
     with pytest.raises(NotImplementedError, match=r"no kernel instruction for CasADi operation \d+"):
         lowering.lower(new_module(), ca.Function("f", [x], [function(x)]), inline=True)
 
 
-def test_binary_operations_without_a_place_in_a_kernel_are_refused():
+def test_binary_operations_that_kernels_do_not_support_are_refused():
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     for value in (ca.fmod(x, y), ca.copysign(x, y)):
         with pytest.raises(NotImplementedError):

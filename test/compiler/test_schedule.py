@@ -148,7 +148,7 @@ def test_a_wide_list_keeps_its_order():
     assert operations(arranged(few)) == [ca.OP_ADD] * 8 + [ca.OP_SQRT] * 8
 
 
-def test_what_no_output_needs_is_left_out_and_places_are_used_again():
+def test_unused_operations_are_left_out_and_work_vector_entries_are_reused():
     rates = derive(load_mechanism("double_rod")).rates
     graph = graph_of(arranged(rates))
     order = critical_path_order(graph)

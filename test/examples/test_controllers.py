@@ -163,7 +163,7 @@ rclpy.shutdown()
 """
 
 
-def test_a_controller_of_another_mechanism_says_so():
+def test_a_controller_of_another_mechanism_reports_it():
     environment = os.environ | {"ROS_DOMAIN_ID": str(new_domain()), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     ended = subprocess.run(
         [sys.executable, "-c", ANOTHER], env=environment, capture_output=True, text=True, timeout=PATIENCE

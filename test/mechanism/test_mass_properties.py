@@ -181,7 +181,7 @@ def test_a_block_anywhere_is_eight_particles_at_its_gauss_points(rpy, at):
     assert block.inertia == pytest.approx(np.trace(second) * np.eye(3) - second, abs=1e-10)
 
 
-def test_a_body_is_seen_from_the_frame_that_it_is_placed_in():
+def test_mass_properties_in_the_outer_frame_of_a_pose():
     body = MassProperties(2.0, np.array([1.0, 0.0, 0.0]), np.diag([1.0, 2.0, 3.0]))
     placed = body.placed(Pose(np.array([0.0, 0.0, 5.0]), from_rpy(0.0, 0.0, math.pi / 2)))  # x to y, y to -x
     assert placed.mass == 2.0 and placed.center == pytest.approx(np.array([0, 1, 5]))

@@ -57,7 +57,7 @@ def test_a_loop_is_cut_as_far_from_ground_as_possible():
     assert not found.joints["j1"].reversed
 
 
-def test_coordinates_stand_in_declared_order_without_those_of_cut_joints():
+def test_coordinates_are_in_declared_order_without_those_of_cut_joints():
     assert mechanism(ring()).coordinate_names == ("j0", "j1", "j3")
 
 

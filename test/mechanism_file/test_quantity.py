@@ -82,7 +82,7 @@ def test_a_value_with_a_unit_is_converted_to_si(text, si_unit, value):
         ("1e-3*l", 0.006),
     ],
 )
-def test_arithmetic_stands_bare_or_in_braces_and_may_carry_a_unit(text, value):
+def test_arithmetic_is_bare_or_in_braces_and_may_have_a_unit(text, value):
     assert parse_value(text, {"l": 6.0}, "m") == pytest.approx(value, rel=1e-15)
 
 

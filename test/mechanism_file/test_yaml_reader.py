@@ -158,13 +158,13 @@ def test_terminal_escapes_do_not_reach_the_message():
 
 
 @pytest.mark.parametrize("text", ["", "# only a comment", "null", "[]", "7", "hello", "---"])
-def test_a_file_that_is_no_mapping_is_told_how_to_begin(text):
+def test_the_error_for_a_file_without_a_mapping_says_how_to_begin(text):
     problem = problem_of(text)
     assert problem.line == 1 and "mapping with 'mechanism', 'parts' and 'joints'" in problem.message
     assert "mechanism: pendulum" in problem.remedy
 
 
-def test_a_path_in_place_of_text_is_recognised():
+def test_a_path_in_place_of_text_is_recognized():
     assert "load_mechanism" in problem_of("config/double_rod.yaml").remedy
 
 

@@ -99,7 +99,7 @@ def test_a_file_that_has_become_too_large_is_followed_by_another(tmp_path):
     assert all(path.stat().st_size >= 2000 for path in full)
 
 
-def test_a_recording_that_fails_is_told_once_and_another_can_be_started(tmp_path, monkeypatch):
+def test_a_recording_that_fails_is_reported_once_and_another_can_be_started(tmp_path, monkeypatch):
     node = Stepping(tmp_path)
     node.recordings.start(at(0))
     node.go(1)

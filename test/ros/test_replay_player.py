@@ -190,7 +190,7 @@ def test_a_change_of_rate_counts_from_where_it_is():
     player.stop()
 
 
-def test_damaged_blocks_are_left_out_and_told_once():
+def test_damaged_blocks_are_left_out_and_reported_once():
     for own in (False, True):
         memory, _ = played(recording(range(50), damaged=[2], own=own))
         assert shown(memory) == [*range(19), *range(29, 50)]

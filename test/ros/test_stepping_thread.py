@@ -162,7 +162,7 @@ def test_the_pacer_keeps_absolute_deadlines():
     assert pacer.period.counts().sum() == 99
 
 
-def test_a_long_stall_starts_the_schedule_anew_instead_of_a_burst():
+def test_a_long_stall_restarts_the_schedule_instead_of_a_burst():
     pacer = Pacer()
     pacer.anchor()
     time.sleep(MAX_LATENESS + 0.15)

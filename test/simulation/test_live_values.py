@@ -78,7 +78,7 @@ def test_lengths_of_loops_may_change_before_a_new_start():
         ("joints.elbw.damping", "elbow"),
     ],
 )
-def test_what_cannot_be_live_says_why(key, words):
+def test_the_error_for_a_value_that_cannot_be_live_says_why(key, words):
     with pytest.raises(MechanismError, match=words):
         Simulation.from_file("double_rod", live=[key])
 

@@ -40,7 +40,7 @@ def test_variations_are_read_with_units(rods):
         ("efforts.elbw=1", "no joint 'elbw'"),
     ],
 )
-def test_what_cannot_be_varied_says_why(rods, text, words):
+def test_the_error_for_a_value_that_cannot_be_varied_says_why(rods, text, words):
     with pytest.raises(CommandError, match=words):
         variation(text, rods)
 

@@ -35,7 +35,7 @@ def test_a_thousand_control_cycles_give_the_same_bits_as_without_ros(listener):
         assert lockstep.names == ("shoulder", "elbow")
 
 
-def test_the_simulator_gets_its_parameters_back_and_mistakes_are_told(listener):
+def test_the_parameters_of_the_simulator_are_restored_and_mistakes_are_reported(listener):
     with Lockstep(context=listener.context, timeout=PATIENCE) as lockstep:
         assert listener.parameter("step_on_command") is True
         with pytest.raises(CommandError, match="not finite"):

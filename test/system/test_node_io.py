@@ -64,7 +64,7 @@ def test_reactions_violation_poses_and_markers_are_those_of_the_same_run_without
     assert {marker.header.frame_id for marker in markers[-1].markers} == {"ground"}
 
 
-def test_diagnostics_tell_how_time_energies_and_commands_stand_and_what_to_do(tmp_path: Path) -> None:
+def test_diagnostics_report_time_energies_and_commands_with_remedies(tmp_path: Path) -> None:
     with running(tmp_path, mechanism="four_bar") as (_, listener):
         listener.ready_to_command()
         messages = received(listener, DiagnosticArray, "/diagnostics")
@@ -225,7 +225,7 @@ def test_a_misspelled_start_is_answered_with_the_nearest_name(
         process.kill()
 
 
-def test_followers_of_simulated_time_see_it_go_on_over_a_reset_and_stand_still_in_a_pause(tmp_path: Path) -> None:
+def test_simulated_time_continues_over_a_reset_and_stops_in_a_pause(tmp_path: Path) -> None:
     with running(tmp_path, clock_rate=500) as (_, listener):
         listener.node.set_parameters([NodeParameter("use_sim_time", value=True)])
         clock = listener.node.get_clock()

@@ -74,7 +74,7 @@ def test_two_independent_readers_find_the_same_messages(run: tuple[Path, list[An
     assert list(state.position) == [math.pi / 2, 0.0]
 
 
-def test_every_state_that_was_heard_is_recorded_bit_for_bit(run: tuple[Path, list[Any]]) -> None:
+def test_every_received_state_is_recorded_bit_for_bit(run: tuple[Path, list[Any]]) -> None:
     path, received = run
     recorded = {
         (nanoseconds(content.header.stamp), tuple(content.position), tuple(content.velocity), tuple(content.effort))

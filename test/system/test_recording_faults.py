@@ -45,7 +45,9 @@ def goes_on(listener: Listener) -> None:
     listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) > newest + 300_000_000, "more states")
 
 
-def test_when_another_program_fills_the_disk_the_node_says_so_once_and_the_file_stays_readable(tmp_path: Path) -> None:
+def test_when_another_program_fills_the_disk_the_node_reports_it_once_and_the_file_stays_readable(
+    tmp_path: Path,
+) -> None:
     disk = tmp_path / "disk"
     disk.mkdir()
     wrapper = on_a_disk(disk, "size=2m")

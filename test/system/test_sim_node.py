@@ -269,7 +269,7 @@ def test_two_instances_run_in_two_namespaces(tmp_path: Path) -> None:
         ({"publish_rate": "often"}, ["publish_rate"]),
     ],
 )
-def test_a_wrong_start_says_what_is_wrong_and_ends(
+def test_a_wrong_start_is_reported_and_ends_the_program(
     tmp_path: Path, parameters: dict[str, object], words: list[str]
 ) -> None:
     process = SimNodeProcess(new_domain(), tmp_path, parameters)

@@ -104,7 +104,7 @@ def test_a_free_base_starts_where_it_is_put(overlay):
     assert simulation.q[:3].tolist() == [0, 0, 0.4] and simulation.u[0] == 1.0
 
 
-def test_the_base_may_stand_on_a_point_of_ground(overlay):
+def test_the_base_may_be_fixed_to_a_point_of_ground(overlay):
     path = overlay("""
 urdf: robots/arm.urdf
 ground: {points: {table: [0, 0, 0.8]}}
@@ -188,7 +188,7 @@ def test_entries_without_a_value_change_nothing(overlay):
     assert plain.source.data == empty.source.data
 
 
-def test_problems_stand_in_the_file_that_has_them(overlay):
+def test_problems_name_the_file_that_has_them(overlay):
     path = overlay("""urdf: robots/five.urdf
 base: loose
 joints:

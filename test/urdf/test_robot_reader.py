@@ -187,7 +187,7 @@ def test_an_inertia_is_turned_into_the_axes_of_its_link():
     assert part.inertia == pytest.approx(np.array([[2, -0.1, 0], [-0.1, 1, 0], [0, 0, 2.5]]), abs=1e-15)
 
 
-def test_inertias_that_no_body_has_are_taken_as_they_are_and_noted():
+def test_inertias_that_no_body_has_are_used_as_given_and_noted():
     bad = '<link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="3"/></inertial></link>'
     light = '<link name="c"><inertial><mass value="0"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>'
     text = robot(link("a"), bad, light, joint("j", "continuous"), joint("k", "fixed", parent="b", child="c"))
@@ -329,7 +329,7 @@ def test_problems(elements, expected):
     assert any(expected in problem for problem in problems_of(robot(*elements)))
 
 
-def test_problems_of_the_mechanism_stand_at_the_line_of_the_urdf():
+def test_problems_of_the_mechanism_have_the_line_of_the_urdf():
     text = robot(link("a"), '<link name="b"/>', joint("j", "continuous"))
     assert problem_of(text).startswith("r.urdf:4: joint[j]: nothing that this joint moves has mass")
 

@@ -79,7 +79,7 @@ def test_a_mistake_is_named_with_its_key_and_remedy(text, key, message, remedy):
     assert problem.message
 
 
-def test_mistakes_in_constraints_are_told_beside_those_in_joints_and_parts():
+def test_problems_of_constraints_are_reported_with_those_of_joints_and_parts():
     text = TEXT.replace("CONSTRAINT", "{type: distance, between: [a.p, b.x], length: 1}")
     with pytest.raises(MechanismError) as caught:
         parse_mechanism(

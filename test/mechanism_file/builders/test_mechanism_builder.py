@@ -59,7 +59,7 @@ def test_a_joint_walked_from_its_second_part_is_reversed(arm):
     assert (elbow.parent, elbow.child, elbow.inboard, elbow.outboard) == ("lower", "upper", "upper", "lower")
 
 
-def test_a_joint_stands_at_its_points_with_their_orientation(arm):
+def test_a_joint_is_at_its_points_with_their_orientation(arm):
     elbow, shoulder = arm.joints["elbow"], arm.joints["shoulder"]
     assert elbow.parent_pose.position.tolist() == [0.0, 0.0, 0.5]
     assert elbow.parent_pose.rotation.tolist() == np.eye(3).tolist()
@@ -136,7 +136,7 @@ def test_shapes_are_drawn_centerd_with_their_axis_along_z():
     assert (cylinder.pose.rotation @ [0, 0, 1]).tolist() == [1.0, 0.0, 0.0]
 
 
-def test_a_massless_part_may_stand_between_massive_ones():
+def test_a_massless_part_may_be_between_massive_ones():
     mechanism = parse_mechanism(
         """
         mechanism: gimbal
