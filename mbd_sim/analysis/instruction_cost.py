@@ -44,7 +44,7 @@ def cost(equations: Equations, method: Method) -> dict[str, Any]:
 
 
 def cost_text(found: dict[str, Any]) -> str:
-    """A table of what `cost` returns."""
+    """The result of `cost` as a table."""
     columns = [*_KINDS, "others"]
     lines = [f"{'instructions':22s}" + "".join(f"{name:>19s}" for name in ("all", *columns))]
     for key, name in (("accelerations", "accelerations"), ("back_to_constraints", "projection")):

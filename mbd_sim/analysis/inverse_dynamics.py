@@ -59,8 +59,8 @@ class InverseDynamics:
     def __call__(self, q: Array, u: Array, u_rates: Array, t: float = 0.0) -> Array:
         """The efforts (nv,) in N and N·m for the accelerations `u_rates` (nv,); zero at coordinates without actuation.
 
-        :param q: (nq,) coordinates that meet the constraints.
-        :param u: (nv,) speeds that meet the constraints.
+        :param q: (nq,) coordinates that satisfy the constraints.
+        :param u: (nv,) speeds that satisfy the constraints.
         :param t: time in s, for forces, drives and constraints that depend on it.
         :raises ValueError: the constraints, or joints without actuation, do not allow these accelerations.
         """

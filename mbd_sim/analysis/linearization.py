@@ -48,7 +48,7 @@ class Mode(NamedTuple):
 
 
 def linearize(equations: Equations, q: Array, u: Array, efforts: Array, t: float = 0.0) -> Linearization:
-    """Linearize about a state that meets the constraints.
+    """Linearize about a state that satisfies the constraints.
 
     :param q: (nq,) coordinates.
     :param u: (nv,) speeds.
@@ -63,7 +63,7 @@ def linearize(equations: Equations, q: Array, u: Array, efforts: Array, t: float
     if not len(gradient):
         displacements = speeds = np.eye(nv)
     by_displacements, by_speeds = by_state[:, :nq] @ n @ displacements, by_state[:, nq:]
-    # The speeds that meet the displaced constraints are not only combinations of the free directions.
+    # The speeds that satisfy the displaced constraints are not only combinations of the free directions.
     required = _speed_changes(constraints, t, q, u, displacements)
     to_p, to_w = np.linalg.pinv(displacements), np.linalg.pinv(speeds)
     a = np.block(

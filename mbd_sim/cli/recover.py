@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Recover the recordings and print what each contains.
+    """Recover the recordings and print the contents of each.
 
     :raises RecordingError: one cannot be read or written, or is not a recording.
     """

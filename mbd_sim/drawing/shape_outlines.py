@@ -1,4 +1,4 @@
-"""The shapes of parts as paths: bars with round ends, shaded blocks and cylinders, rings around what is inside them."""
+"""The shapes of parts as paths: bars with round ends, shaded blocks and cylinders, rings around other parts."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def _sphere(page: Page, pose: Pose, radius: float, color: Color, depth: float) -
 
 
 def _ring(page: Page, pose: Pose, radius: float, color: Color) -> list[SheetPath]:
-    """Two halves, the far one behind what is inside the ring."""
+    """Two halves, the far one behind the parts inside the ring."""
     circle = arc(np.zeros(2), radius, count=97)
     points = pose.position + circle @ pose.rotation[:, :2].T
     heights = (points - pose.position) @ page.view.toward

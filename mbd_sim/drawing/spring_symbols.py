@@ -18,7 +18,7 @@ SAW = 4.5  # pt, from tooth to tooth
 
 
 def spring(start: Array, stop: Array, layer: int = BODIES, depth: float = 0.0) -> list[SheetPath]:
-    """A coil between two points (2,), with a white rim that sets it off from what is behind."""
+    """A coil between two points (2,), with a white rim that sets it off from the background."""
     length = float(np.hypot(*(stop - start)))
     if length < MIN_LENGTH:
         return []

@@ -27,7 +27,7 @@ class Source:
     """A parsed file: its data, and the line of each value by its location (a tuple of keys and indices).
 
     `text` is YAML from which alone the mechanism can be built again. `origins` are those of values from another
-    file. `problems` are those that did not prevent reading the file, such as a duplicate key; `notes` say what was not
+    file. `problems` are those that did not prevent reading the file, such as a duplicate key; `notes` list what was not
     imported from another format.
     """
 

@@ -18,7 +18,7 @@ MERGED_SECTIONS = ("parts", "joints")  # whose entries may be incomplete beside 
 
 
 def json_schema() -> SchemaNode:
-    """The JSON Schema of mechanism files. A file with `urdf` may leave out what the URDF has."""
+    """The JSON Schema of mechanism files. A file with `urdf` may leave out entries that the URDF has."""
     schema = copy.deepcopy(_json_schema())
     _admit_former_keys(schema)
     alone = {"required": schema.pop("required")}
@@ -46,7 +46,7 @@ def known_types(location: PydanticLocation) -> list[str]:
 
 
 class _NamesWithoutSuffix(GenerateJsonSchema):
-    """Names the definitions after what they describe, without the suffix of the Python classes."""
+    """Names the definitions like the Python classes, without their suffix."""
 
     def normalize_name(self, name: str) -> str:
         """The name of a definition."""

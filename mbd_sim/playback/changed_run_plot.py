@@ -32,7 +32,7 @@ def plot_changed_run(path: Path, run: ChangedRun, title: str, change: str) -> No
             _write_page(path, run, title, change)
         else:
             _draw_picture(path, run, title, change)
-    except InputError:  # already says what to do
+    except InputError:  # already has a remedy
         raise
     except (OSError, ValueError) as error:
         raise MbdSimError(f"{path} cannot be drawn: {error}") from error

@@ -30,7 +30,7 @@ def draw(path: Path, table: RunTable, panels: Sequence[Panel]) -> None:
             _write_page(path, table, panels)
         else:
             _draw_picture(path, table, panels)
-    except InputError:  # already says what to do
+    except InputError:  # already has a remedy
         raise
     except (OSError, ValueError) as error:
         raise MbdSimError(f"{path} cannot be drawn: {error}") from error

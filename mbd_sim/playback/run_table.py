@@ -25,7 +25,7 @@ Progress = Callable[[float], None]  # called with the completed fraction, from 0
 
 
 class PlaybackError(MbdSimError):
-    """A recording that does not contain what is asked for."""
+    """A recording that does not contain the requested data."""
 
 
 @dataclass(frozen=True, eq=False)

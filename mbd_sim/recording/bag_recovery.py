@@ -20,7 +20,7 @@ from mbd_sim.recording.topic import Topic
 
 
 def recover_bag(folder: Path) -> Iterator[tuple[Path, dict[str, int] | None]]:
-    """Recover the files of a folder one by one, yielding what `recover` returns for each; then update its metadata.
+    """Recover the files of a folder one by one, yielding the result of `recover` for each; then update its metadata.
 
     :raises ValueError: a file is not an MCAP file.
     :raises OSError: a file cannot be read or written.

@@ -69,7 +69,7 @@ def compute_changed_run(
 
     :param progress: called with the completed fraction, from 0 to 1.
     :param write: called with each message, and the arrays that it would contain in the changed run.
-    :raises DamagedError: the recording is not what was written.
+    :raises DamagedError: the recording is damaged.
     """
     rows: dict[TopicRole, list[_Row]] = {TopicRole.JOINT_STATES: [], TopicRole.ENERGIES: []}
     ended = ""

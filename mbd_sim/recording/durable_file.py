@@ -61,7 +61,7 @@ class DurableFile:
         return system.f_bavail * system.f_frsize
 
     def sync(self) -> None:
-        """Force what has been written to the disk; from any thread."""
+        """Force the written data to the disk; from any thread."""
         with self._lock:
             if self._closed or self._position == self._synced or not self._regular:
                 return

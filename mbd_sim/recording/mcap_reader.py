@@ -176,7 +176,7 @@ def _message_counts(data: ByteSource, found: _FileContents) -> Mapping[int, int]
 def _chunk_records(data: ByteSource, chunk: StoredChunk) -> bytes:
     """Return the uncompressed records of a chunk.
 
-    :raises BrokenRecordError: they are not what was written.
+    :raises BrokenRecordError: they are damaged.
     """
     stored = bytes(data[chunk.offset : chunk.offset + chunk.length])
     try:

@@ -1,6 +1,6 @@
 """Records of MCAP data (https://mcap.dev/spec): a file, whole, truncated or damaged, or the content of a chunk.
 
-This is the only place that steps from record to record. `mcap_reader` and `recovery` interpret what it yields.
+This is the only place that steps from record to record. `mcap_reader` and `recovery` interpret the records.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _MESSAGE = int(Opcode.MESSAGE)  # members of an enumeration are slow to look up
 
 
 class BrokenRecordError(ValueError):
-    """A record that is not whole, or not what was written; the message says where and why, without the file's name."""
+    """A record that is incomplete or damaged; the message says where and why, without the file's name."""
 
 
 class ByteSource(Protocol):
@@ -144,7 +144,7 @@ def _header_reader(data: ByteSource) -> Callable[[int], tuple[int, int]]:
 def scan_messages(data: bytes) -> Iterator[tuple[int, int, int, bytes]]:
     """Yield channel, sequence number, log time in ns and payload of each message in the content of a chunk.
 
-    :raises BrokenRecordError: a record is not whole.
+    :raises BrokenRecordError: a record is incomplete.
     """
     unpack, header = MESSAGE_HEADER.unpack_from, MESSAGE_HEADER.size
     for opcode, begin, end in scan_records(data):
@@ -173,7 +173,7 @@ def stored_chunk(data: ByteSource, begin: int, end: int) -> StoredChunk:
 def chunk_content(stored: bytes, compression: str, size: int, crc: int) -> bytes:
     """Decompress the records of a chunk; `size` and `crc` (0: none) are those of the uncompressed records.
 
-    :raises BrokenRecordError: they cannot be decompressed, or are not what was written.
+    :raises BrokenRecordError: they cannot be decompressed, or the checksum differs.
     """
     try:
         content = _decompressed(stored, compression, size)

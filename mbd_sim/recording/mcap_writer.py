@@ -223,13 +223,13 @@ class McapWriter:
         self._written()
 
     def sync(self) -> None:
-        """Force what has been written to the disk, however long it takes; from any thread."""
+        """Force the written data to the disk, however long it takes; from any thread."""
         self._file.sync()
 
     def finish(self) -> None:
         """Write the last chunk, the summary and the index.
 
-        :raises OSError: that was not possible; `abandon` then saves what can be saved.
+        :raises OSError: they cannot be written; `abandon` then saves as much as possible.
         """
         self._write_chunk()
         self._file.write(self._summary().file_end(self._file.tell()))

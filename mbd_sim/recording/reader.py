@@ -80,7 +80,7 @@ class Recording:
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
         """Yield the messages of some topics, or of all, in file order.
 
-        :raises DamagedError: a block is not what was written; all earlier messages have been yielded.
+        :raises DamagedError: a block is damaged; all earlier messages have been yielded.
         """
         for block in self.blocks:
             if topics is None:
@@ -94,7 +94,7 @@ class Recording:
         """Yield all messages from a time on, by log time.
 
         :param on_damage: called for each damaged block, which is left out.
-        :raises DamagedError: a block is not what was written, if `on_damage` is None.
+        :raises DamagedError: a block is damaged, if `on_damage` is None.
         """
         pending: list[Message] = []
         for block in sorted(self.blocks, key=lambda block: block.start_ns):

@@ -1,4 +1,4 @@
-"""Plain records of what a recorded file contains, whatever its format."""
+"""Plain records of the contents of a recorded file, the same for all formats."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class ReadingError(MbdSimError):
 
 
 class DamagedError(ReadingError):
-    """Recorded data that differ from what was written; `problem` is the message without the name of the file."""
+    """Damaged data in a recording; `problem` is the message without the name of the file."""
 
     def __init__(self, path: Path, problem: str) -> None:
         super().__init__(f"{path}: {problem}")
@@ -28,7 +28,7 @@ class Message(NamedTuple):
     """One recorded message: `payload` is its CDR serialization, `time_ns` its log time.
 
     In recordings of `sim_node` the log time is the simulated clock, and `sequence` the tick: steps since the node
-    started, modulo 2³². In other recordings `sequence` is what their writer chose, or 0.
+    started, modulo 2³². In other recordings `sequence` is the number that their writer chose, or 0.
     """
 
     topic: str
@@ -58,7 +58,7 @@ class RecordedTopic:
 class Block:
     """Consecutive messages of a file, read when `load` is called; `topics` is None where they are not known before.
 
-    `load` raises `DamagedError` if the messages are not what was written.
+    `load` raises `DamagedError` if the messages are damaged.
     """
 
     start_ns: int

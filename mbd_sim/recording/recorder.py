@@ -19,7 +19,7 @@ QUEUE_LIMIT = 16e6  # bytes that may wait for a slow disk before messages of dis
 VITAL_QUEUE_LIMIT = 128e6  # bytes after which the recording ends, if the disk is too slow even for vital messages
 MESSAGE_OVERHEAD = 300  # bytes of memory that a queued message takes besides its payload
 CHUNK_PERIOD = 0.2  # s of real time after which a chunk is written however small it is: the most that a kill can cost
-SYNC_PERIOD = 0.25  # s between requests to write data to the disk: what a power failure costs in addition
+SYNC_PERIOD = 0.25  # s between requests to write data to the disk: the additional loss at a power failure
 
 _QueuedMessage = tuple[int, bytes, int, int]  # number of the topic, payload, log time in ns, sequence number
 
@@ -73,7 +73,7 @@ class Recorder:
 
     @property
     def location(self) -> Path:
-        """What a user opens: the file that is being written, or rosbag2's folder."""
+        """The path for a user to open: the file that is being written, or rosbag2's folder."""
         return self.paths.location if self.paths.rosbag2 else self.path
 
     @property

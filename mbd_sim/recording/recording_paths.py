@@ -24,7 +24,7 @@ class RecordingError(MbdSimError):
 class RecordingPaths:
     """The files of a recording: `NAME.mcap`, `NAME_part2.mcap`; or `NAME/NAME_0.mcap` with rosbag2's metadata.
 
-    `location` is what a user opens: the first file, or the folder.
+    `location` is the path for a user to open: the first file, or the folder.
     """
 
     location: Path

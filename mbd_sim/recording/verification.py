@@ -13,7 +13,7 @@ from mbd_sim.recording.run_metadata import run_metadata
 from mbd_sim.recording.verification_result import Verification
 
 TOLERANCE = 1e-9  # of 1 + the largest number, from one recorded state to the next, for other machines and versions
-ENVIRONMENT = ("mbd_sim", "casadi", "llvmlite", "numpy", "processor")  # what the bits may depend on
+ENVIRONMENT = ("mbd_sim", "casadi", "llvmlite", "numpy", "processor")  # on which the bits may depend
 
 
 def verify(

@@ -133,9 +133,9 @@ class Lockstep:
     def _on_state(self, state: JointState) -> None:
         self._newest = state
 
-    def _state(self, earliest: int, what: str) -> State:
+    def _state(self, earliest: int, awaited: str) -> State:
         """The first state with a stamp of at least `earliest` (ns); for 0 the state at zero, after a reset."""
-        self._wait_for(lambda: self._is_due(earliest), what)
+        self._wait_for(lambda: self._is_due(earliest), awaited)
         state = self._newest
         assert state is not None
         self._stamp, self.names = _nanoseconds(state), tuple(state.name)
@@ -148,11 +148,13 @@ class Lockstep:
         stamp = _nanoseconds(self._newest)
         return stamp == 0 if earliest == 0 else stamp >= earliest
 
-    def _wait_for(self, condition: Callable[[], Any], what: str) -> None:
+    def _wait_for(self, condition: Callable[[], Any], awaited: str) -> None:
         end = time.monotonic() + self.timeout
         while not condition():
             if time.monotonic() > end:
-                raise LockstepError(f"'{self._simulator}' did not answer within {self.timeout:g} s: waited for {what}.")
+                raise LockstepError(
+                    f"'{self._simulator}' did not answer within {self.timeout:g} s: waited for {awaited}."
+                )
             self._executor.spin_once(timeout_sec=0.05)
 
     def _call(self, kind: Any, name: str, **fields: Any) -> Any:

@@ -23,7 +23,7 @@ from mbd_sim.ros import realtime
 USER_ERRORS = (
     MbdSimError, ValueError, ImportError, InvalidParameterTypeException, InvalidParameterValueException,
 )  # fmt: skip
-JOIN_TIMEOUT = 2.0  # s that the executor's thread gets to end
+JOIN_TIMEOUT = 2.0  # s, for the end of the executor's thread
 
 
 class ProgramNode(Protocol):
@@ -56,7 +56,7 @@ def run_node(
         signal.signal(number, lambda *_: ended.set())
     usage = f"Parameters follow --ros-args, each after -p: {name} --ros-args -p {example}"
     words = sys.argv[1:] if arguments is None else list(arguments)
-    # rclpy ignores what precedes --ros-args: `-p mechanism:=x` alone would run another mechanism.
+    # rclpy ignores arguments before --ros-args: `-p mechanism:=x` alone would run another mechanism.
     if ignored := list(takewhile(lambda word: word != "--ros-args", words)):
         return _fail(name, f"arguments not understood: {' '.join(ignored)}. {usage}")
     try:
@@ -83,7 +83,7 @@ def _fail(name: str, problem: str) -> int:
 
 
 def _spin(node: ProgramNode, ended: threading.Event) -> None:
-    """Start the node, run its callbacks in a thread until `ended`, and stop it; raise what a callback raised."""
+    """Start the node, run its callbacks in a thread until `ended`, and stop it; raise the exception of a callback."""
     assert isinstance(node, Node)
     executor = EventsExecutor()
     executor.add_node(node)

@@ -28,7 +28,7 @@ from mbd_sim.viewer import Viewer
 
 
 class PublishingThread:
-    """Publishes, records and shows the snapshots and events that the stepping thread hands out."""
+    """Publishes, records and shows the snapshots and events that the stepping thread emits."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""The thread that steps the simulation in real time and hands out snapshots and events. Independent of ROS."""
+"""The thread that steps the simulation in real time and emits snapshots and events. Independent of ROS."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class SteppingThread:
         self.paused = paused
         self.problem = self.advice = ""
         self.ticks = 0
-        self._last_emitted = -1  # the tick of the last state that was handed out
+        self._last_emitted = -1  # the tick of the last state that was emitted
         self._clock_offset = 0
         self._error_threshold = TOLERATED
         self._step_ns = round(simulation.step_size * 1e9)

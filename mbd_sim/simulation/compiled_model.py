@@ -157,7 +157,7 @@ class Model:
         return self.equations.reactions
 
     def consistent(self, q: Array, u: Array, values: Array | None = None) -> tuple[Array, Array]:
-        """The state (q, u) at t = 0 nearest to a given one that meets the constraints.
+        """The state (q, u) at t = 0 nearest to a given one that satisfies the constraints.
 
         :param values: (n,) the live values or ensemble values among the inputs; by default those of the file.
         :raises ValueError: no position near it closes the loops.
@@ -176,7 +176,7 @@ class Model:
         return closing.q, nearest_speeds(constraints, 0.0, closing.q, u)
 
     def project(self, y: Array, values: Array | None = None) -> None:
-        """Move a state y in place to the nearest one at t = 0 that meets the constraints: see `consistent`."""
+        """Move a state y in place to the nearest one at t = 0 that satisfies the constraints: see `consistent`."""
         y[self.q_range], y[self.u_range] = self.consistent(y[self.q_range], y[self.u_range], values)
 
     def normalize(self, y: Array) -> None:

@@ -71,8 +71,8 @@ class Ensemble:
             as `joints.elbow.position`.
         :param method: and `step` (s) replace those of the file.
         :param threads: the largest number of threads; by default the number of available processors.
-        :raises MechanismError: a change does not fit, or concerns what is built into the equations, such as the
-            direction of an axis; the error names the member.
+        :raises MechanismError: a change does not fit, or concerns a value that is built into the equations, such as
+            the direction of an axis; the error names the member.
         :raises ValueError: there are no members, or the step is not a positive number.
         """
         changes: Sequence[Change] = [{}] * index(members) if isinstance(members, int) else list(members)
@@ -100,7 +100,7 @@ class Ensemble:
     ) -> Self:
         """Load a mechanism file, or a shipped mechanism by name, and compile it; `options` as in `Ensemble`.
 
-        :raises MechanismError: with all problems of the file, or with what does not fit in a member.
+        :raises MechanismError: with all problems of the file, or of a member.
         """
         return cls(load_mechanism(mechanism), members, **options)
 
@@ -149,7 +149,7 @@ class Ensemble:
     def reset(self, q: Array | None = None, u: Array | None = None) -> None:
         """Return to time zero and the start states, or to the given ones (k, nq) and (k, nv); zero the efforts.
 
-        Given states are projected to the nearest ones that meet the constraints.
+        Given states are projected to the nearest ones that satisfy the constraints.
 
         :raises ValueError: wrong shape, a value that is not finite, or loops that cannot be closed near a state.
         """

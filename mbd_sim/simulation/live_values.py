@@ -23,7 +23,7 @@ _PROBES_OF_ZERO = (1e-3, -1e-3)
 
 
 class PreparedValues(NamedTuple):
-    """Validated changes of live values: what changes, all live values then, and the values (n,) among the inputs."""
+    """Validated changes of live values: the changes, all live values after them, and the values (n,) in the inputs."""
 
     changes: Mapping[str, float]
     current: Mapping[str, float]

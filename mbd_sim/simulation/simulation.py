@@ -211,7 +211,7 @@ class Simulation:
     def reset(self, q: Sequence[float] | Array | None = None, u: Sequence[float] | Array | None = None) -> None:
         """Return to time zero and to the start state or the given one; zero the efforts, the wrenches and the audit.
 
-        Live values stay as they are. A given state is projected to the nearest one that meets the constraints.
+        Live values stay as they are. A given state is projected to the nearest one that satisfies the constraints.
 
         :raises ValueError: wrong length, a value that is not finite, or loops that cannot be closed near this state;
             nothing is changed then.
@@ -284,7 +284,7 @@ class Simulation:
         return dict(self._live.current)
 
     def set_live(self, changes: Mapping[str, float]) -> None:
-        """Change live values from the next step on. The audit leaves out what this does to the energy.
+        """Change live values from the next step on. The energy audit does not include the resulting change of energy.
 
         :raises CommandError: an unknown key, a value that does not fit, or one that would open loops; nothing is
             changed then.

@@ -22,7 +22,7 @@ _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 
 
 class Reading:
-    """The state of reading a URDF: the `problems` found so far, and notes on what is not imported."""
+    """The state of reading a URDF: the `problems` found so far, and notes on elements that are not imported."""
 
     def __init__(self, file: str) -> None:
         self.file = file

@@ -29,7 +29,7 @@ from mbd_sim.viewer.scene_description import SceneDescription
 
 LONG, LONGEST = 0.25, 0.6  # full and largest length of an arrow, relative to the mechanism's size
 SWEEP, MAX_SWEEP = np.radians(240.0), np.radians(330.0)  # of the arc of a couple
-THRESHOLD = 2e-3  # relative to what is drawn at full length; nothing smaller is drawn
+THRESHOLD = 2e-3  # relative to the value drawn at full length; nothing smaller is drawn
 PREVIEW_TIME = 5.0  # s of an expression in which its largest value is sought
 
 

@@ -1,4 +1,4 @@
-"""The paths of entities in the recording, and the units of what is plotted there."""
+"""The paths of entities in the recording, and the units of the plotted values."""
 
 from __future__ import annotations
 

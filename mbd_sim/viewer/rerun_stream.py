@@ -86,7 +86,7 @@ class RerunStream:
             self._columns(path, times, columns)
 
     def flush(self) -> None:
-        """Send what is buffered.
+        """Send the buffered data.
 
         :raises ValueError: the viewer does not accept data any more.
         """

@@ -158,7 +158,7 @@ class Viewer:
             raise self.failure
 
     def close(self) -> None:
-        """Send what is waiting and end the recording; a window stays open, a server stops. May be called again."""
+        """Send the waiting samples and end the recording; a window stays open, a server stops. May be called again."""
         if self._closing:
             return
         self._closing = True

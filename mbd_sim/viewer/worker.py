@@ -22,7 +22,7 @@ NICENESS = 10  # so that the simulation comes first where there is not enough pr
 def main() -> int:
     """Read the scene description and the rows from standard input until it ends; returns the exit code."""
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", buffering=1)
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what libraries print must not mix with the answers
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # output of libraries must not mix with the answers
     with contextlib.suppress(OSError):
         os.nice(NICENESS)
     return _run(sys.stdin.buffer, answers)

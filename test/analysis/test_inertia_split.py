@@ -175,8 +175,8 @@ def check(mechanism, rng):
     assert found.total.shape == u.shape
     close = pytest.approx(0.0, abs=1e-12 * max(1.0, *(np.max(np.abs(term), initial=0.0) for term in found)))
     assert np.max(np.abs(found.total - total), initial=0.0) == close
-    with_still_drives = inertia(lagrange_equations(standing_still(mechanism, T)), T, q, u, u_rates)
-    assert np.max(np.abs(found.relative - with_still_drives), initial=0.0) == close
+    with_drives_at_rest = inertia(lagrange_equations(standing_still(mechanism, T)), T, q, u, u_rates)
+    assert np.max(np.abs(found.relative - with_drives_at_rest), initial=0.0) == close
     assert np.max(np.abs(found.transport - inertia(lagrange, T, q, 0.0 * u, 0.0 * u)), initial=0.0) == close
     assert np.max(np.abs(found.unsteady - changing_mass(lagrange, T, q, u)), initial=0.0) == close
     gyroscopic = split.gyroscopic_matrix(T, q)

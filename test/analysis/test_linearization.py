@@ -17,8 +17,8 @@ def small_motions(simulation):
     equations = simulation.model.equations
     q = equilibrium(equations)
     assert q is not None
-    still = np.zeros(equations.layout.nv)
-    return q, modes(linearize(equations, q, still, still))
+    zeros = np.zeros(equations.layout.nv)
+    return q, modes(linearize(equations, q, zeros, zeros))
 
 
 def test_rod_pendulum():

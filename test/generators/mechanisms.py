@@ -212,18 +212,18 @@ def _random_power(rng):
     return {"coefficient": float(rng.uniform(0.1, 3)), "exponent": exponent}
 
 
-def _random_tie(rng, kind, ends, to_ground):
+def _random_two_point_element(rng, kind, ends, to_ground):
     """A spring, bar or damper between two points."""
     if kind == "damper":
         return {"type": kind, "between": ends, "along": str(rng.choice(["line", "velocity"])), **_random_power(rng)}
-    tie = {"type": kind, "between": ends, "length": float(rng.uniform(0.1, 1)), "damping": float(rng.uniform(0, 2))}
+    element = {"type": kind, "between": ends, "length": float(rng.uniform(0.1, 1)), "damping": float(rng.uniform(0, 2))}
     if kind == "elastic_bar":
-        return tie | {"stiffness": float(rng.uniform(1, 20)), "strain": str(rng.choice(["green", "small"]))}
-    tie |= {"stiffness": float(rng.uniform(1, 20))} if rng.random() < 0.5 else _random_curve(rng)
-    return tie | {"mass": float(rng.uniform(0.1, 2))} if to_ground and rng.random() < 0.5 else tie
+        return element | {"stiffness": float(rng.uniform(1, 20)), "strain": str(rng.choice(["green", "small"]))}
+    element |= {"stiffness": float(rng.uniform(1, 20))} if rng.random() < 0.5 else _random_curve(rng)
+    return element | {"mass": float(rng.uniform(0.1, 2))} if to_ground and rng.random() < 0.5 else element
 
 
-TIES = ("spring", "elastic_bar", "damper")
+TWO_POINT_ELEMENTS = ("spring", "elastic_bar", "damper")
 
 
 def _random_forces(rng, kinds, parts):
@@ -235,8 +235,8 @@ def _random_forces(rng, kinds, parts):
         vector = [f"{rng.uniform(-3, 3)}*sin({rng.uniform(-3, 3)}*t) + {rng.uniform(-3, 3)}" for _ in range(3)]
         common = {"vector": vector, "axes": str(rng.choice(["ground", "part", *parts, *points]))}
         joined = re.sub(r".*\D", "", first) == re.sub(r".*\D", "", second)  # possibly the two ends of one joint
-        if kind in TIES and first.split(".")[0] != second.split(".")[0] and not joined:
-            forces[f"f{number}"] = _random_tie(rng, kind, [str(first), str(second)], second == "ground")
+        if kind in TWO_POINT_ELEMENTS and first.split(".")[0] != second.split(".")[0] and not joined:
+            forces[f"f{number}"] = _random_two_point_element(rng, kind, [str(first), str(second)], second == "ground")
         elif kind == "force":
             forces[f"f{number}"] = {"type": "force", "at": str(first), **common}
         elif kind == "couple":
@@ -297,7 +297,9 @@ def random_trees(draw, most=5, fewest=1):
                     joint["limits"]["damping"] = float(rng.uniform(0.1, 2.0))
         joints[f"j{number}"] = joint
         names.append(name)
-    forces = _random_forces(rng, draw(st.lists(st.sampled_from([*TIES, "force", "couple"]), max_size=3)), parts)
+    forces = _random_forces(
+        rng, draw(st.lists(st.sampled_from([*TWO_POINT_ELEMENTS, "force", "couple"]), max_size=3)), parts
+    )
     order = draw(st.permutations(list(joints)))
     tree = {
         "mechanism": "random",

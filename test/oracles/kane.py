@@ -363,8 +363,8 @@ def constraint_rows(mechanism, q, u, t):
         return [np.concatenate([np.zeros(0), *(np.atleast_1d(row.d[place]) for row in rows)]) for place in (0, 1)]
 
     value, rate = velocities(u)
-    still = velocities(np.zeros(nv))[0]
-    gradient = np.array([velocities(direction)[0] - still for direction in np.eye(nv)]).reshape(nv, len(still)).T
+    at_rest = velocities(np.zeros(nv))[0]
+    gradient = np.array([velocities(direction)[0] - at_rest for direction in np.eye(nv)]).reshape(nv, len(at_rest)).T
     return gradient, rate, value
 
 

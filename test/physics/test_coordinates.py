@@ -104,8 +104,8 @@ parts:
     points: {eye: {at: [0.1, -0.2, 0.3], rotate: {axis: [1, 2, 0], angle: 0.4}}}}
 joints: {JOINTS}
 """
-HELD = {"revolute": ", axis: [1, 2, 2]", "cylindrical": ", axis: [1, 2, 2]", "spherical": ""}
-HELD["universal"] = ", axes: [[1, 0, 0], [0.2, 1, 0]]"
+JOINTS = {"revolute": ", axis: [1, 2, 2]", "cylindrical": ", axis: [1, 2, 2]", "spherical": ""}
+JOINTS["universal"] = ", axes: [[1, 0, 0], [0.2, 1, 0]]"
 
 
 def as_free(sim, part):
@@ -115,10 +115,10 @@ def as_free(sim, part):
     return [*motion.origin.d[0], *quaternion], [*motion.origin.d[1], *motion.omega]
 
 
-@pytest.mark.parametrize("kind", HELD)
+@pytest.mark.parametrize("kind", JOINTS)
 def test_a_body_on_a_joint_is_a_free_body_with_its_joint_cut(kind):
     """The loop removes 2 to 5 of the 6 coordinates; the joint exerts the same force and moment on the body."""
-    joint = f"hold: {{type: {kind}, between: [ground, body.eye]{HELD[kind]}}}"
+    joint = f"hold: {{type: {kind}, between: [ground, body.eye]{JOINTS[kind]}}}"
     flight = "flight: {type: free, between: [ground, body], guess: true}"
     tree = Simulation.from_text(BODY.replace("JOINTS", joint))
     cut = Simulation.from_text(BODY.replace("JOINTS", f"{flight}, {joint[:-1]}, cut: true}}"))

@@ -123,7 +123,7 @@ def test_force_elements_are_checked_together_with_other_mistakes():
     )
     with pytest.raises(MechanismError) as caught:
         parse_mechanism(text.replace("gravity", "gravty"))
-    said = str(caught.value)
+    message = str(caught.value)
     for words in (
         "'gravty'",
         "'ground' has no point 'x'",
@@ -132,4 +132,4 @@ def test_force_elements_are_checked_together_with_other_mistakes():
         "'vector' is missing",
         "'bal'",
     ):
-        assert words in said
+        assert words in message

@@ -74,11 +74,11 @@ def test_constraint_forces_do_work_only_where_constraints_depend_on_time(name):
         q, u, efforts = state_of(derived, mechanism, rng)
         mass, inertial, forces = (np.array(value) for value in lagrange.terms(T, q, u, efforts))
         rates = accelerations(derived, q, u, efforts, T)
-        held = mass @ rates + (inertial - forces).ravel()
+        constraint_forces = mass @ rates + (inertial - forces).ravel()
         drift = np.array(derived.violation(T, np.concatenate([q, 0.0 * u, np.zeros(3)])))[:, 1]
         expected = -multipliers(derived, q, u, efforts) @ drift
         size = np.abs(u) @ (np.abs(mass) @ np.abs(rates) + np.abs(inertial).ravel() + np.abs(forces).ravel())
-        assert abs(u @ held - expected) < 1e-12 * size
+        assert abs(u @ constraint_forces - expected) < 1e-12 * size
         assert (np.abs(drift).max() > 0.0) == (name in ("stewart", "scissor_lift"))
 
 

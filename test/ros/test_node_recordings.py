@@ -16,10 +16,10 @@ def at(tick):
 
 
 class Stepping:
-    """Recordings, and the order of things as in a node: what is put, and moments where they are asked for."""
+    """Recordings, and the queue of a node: the messages put, and a `Moment` for each request."""
 
     def __init__(self, folder, limits=None):
-        self.tick, self.asked, self.complaints = 0, 0, []
+        self.tick, self.requested, self.complaints = 0, 0, []
         self.recordings = NodeRecordings(
             lambda: recorder_in(folder, begun=False),
             lambda moment: {"first_tick": str(moment.ticks)},
@@ -29,12 +29,12 @@ class Stepping:
         )
 
     def _ask(self):
-        self.asked += 1
+        self.requested += 1
 
     def go(self, ticks):
         for _ in range(ticks):
-            for _ in range(self.asked):
-                self.asked -= 1
+            for _ in range(self.requested):
+                self.requested -= 1
                 self.recordings.at_moment(at(self.tick))
             self.recordings.put("vital", bytes(100), self.tick * 1_000_000, self.tick)
             self.recordings.check_limits(self.tick * 1_000_000)

@@ -116,10 +116,10 @@ def test_the_number_of_threads_changes_nothing(threads):
     one.run(0.3)
     other = Ensemble.from_file("cart_pendulum_spring", 50, threads=3)
     other.reset(q=q)
-    heard = []
-    other.run(0.3, heard.append)
+    times_reported = []
+    other.run(0.3, times_reported.append)
     assert np.array_equal(one.state, other.state)
-    assert heard[-1] == pytest.approx(0.3)
+    assert times_reported[-1] == pytest.approx(0.3)
 
 
 def test_large_angles_leave_the_vectors_for_the_library():

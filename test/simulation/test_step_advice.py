@@ -114,8 +114,8 @@ def test_a_method_of_higher_order_is_advised_beside_a_smaller_step():
 
 def test_a_run_says_so():
     assert "WARNING" not in simulate(Simulation.from_file("double_rod"), 1.0, quiet=True)
-    said = simulate(Simulation.from_file("double_rod", method="euler"), 1.0, quiet=True)
-    assert re.search(r"WARNING +a step of 0.001 s is too large for double_rod: .* Try step", said)
+    summary = simulate(Simulation.from_file("double_rod", method="euler"), 1.0, quiet=True)
+    assert re.search(r"WARNING +a step of 0.001 s is too large for double_rod: .* Try step", summary)
 
 
 def test_the_fastest_rate_is_an_eigenvalue():

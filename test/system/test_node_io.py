@@ -130,7 +130,7 @@ def test_a_recording_begins_and_ends_on_request(tmp_path: Path) -> None:
             ended = listener.call(SetBool, "record", data=False)
             assert began.success and ended.success and began.message == ended.message
             paths.append(tmp_path / began.message)
-        heard_states = {nanoseconds(m.header.stamp): list(m.position) for m in listener.states}
+        received_states = {nanoseconds(m.header.stamp): list(m.position) for m in listener.states}
     for path in paths:
         with path.open("rb") as stream:
             reader = make_reader(stream, decoder_factories=[DecoderFactory()])
@@ -139,7 +139,7 @@ def test_a_recording_begins_and_ends_on_request(tmp_path: Path) -> None:
         states = [(sequence, content) for topic, sequence, content in messages if topic == "/joint_states"]
         assert {"/robot_description", "/sim_node/live_values"} <= {topic for topic, _, _ in messages}
         assert tick > 0 and min(sequence for sequence, _ in states) - tick in range(1, 11)
-        assert all(list(content.position) == heard_states[sequence * 1_000_000] for sequence, content in states[:15])
+        assert all(list(content.position) == received_states[sequence * 1_000_000] for sequence, content in states[:15])
 
 
 def recomputed(path: Path) -> int:
@@ -234,10 +234,10 @@ def test_simulated_time_continues_over_a_reset_and_stops_in_a_pause(tmp_path: Pa
         listener.reset()
         listener.until(lambda: clock.now().nanoseconds > before, "time going on")
         listener.pause(True)
-        stands = listener.until_paused()
-        listener.until(lambda: clock.now().nanoseconds == stands, "the time of the pause")
+        paused_ns = listener.until_paused()
+        listener.until(lambda: clock.now().nanoseconds == paused_ns, "the time of the pause")
         listener.spin(0.8)
-        assert clock.now().nanoseconds == stands
+        assert clock.now().nanoseconds == paused_ns
 
 
 def test_two_instances_and_two_clocks_are_warned_of(tmp_path: Path) -> None:

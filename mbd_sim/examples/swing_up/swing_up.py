@@ -25,7 +25,7 @@ class SwingUp:
     """Controls a mechanism with the coordinates (cart, pendulum), where the pendulum hangs at zero.
 
     Swing-up (Åström & Furuta 2000): a cart acceleration a changes the pendulum's energy at the rate -m c a θ' cos θ.
-    Therefore a = -k (E_up - E) sign(θ' cos θ), limited to what the cart can do, never takes the energy the wrong way.
+    Therefore a = -k (E_up - E) sign(θ' cos θ), within the limits of the cart, never moves the energy away from E_up.
     The force for this acceleration follows from the equations of motion. Near the top a linear-quadratic regulator
     takes over, computed from the exact linearization about the upright position.
     """
