@@ -45,7 +45,7 @@ class InputError(MbdSimError, ValueError):
         self.message, self.remedy, self.value = message, remedy, value
 
     def __str__(self) -> str:
-        return f"{self.message}. {self.remedy}" if self.remedy else self.message
+        return f"{self.message}. {self.remedy}" if self.remedy else f"{self.message}."
 
 
 class MechanismError(MbdSimError):

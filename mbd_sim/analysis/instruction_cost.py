@@ -25,6 +25,7 @@ _KINDS = {
     "roots": (ca.OP_SQRT,),
     "sines and cosines": (ca.OP_SIN, ca.OP_COS),
 }
+_TITLES = {"fused of both": "fused multiply-add"}  # columns whose title differs from their key
 _FREE = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST)
 
 
@@ -46,12 +47,12 @@ def cost(equations: Equations, method: Method) -> dict[str, Any]:
 def cost_text(found: dict[str, Any]) -> str:
     """The result of `cost` as a table."""
     columns = [*_KINDS, "others"]
-    lines = [f"{'instructions':22s}" + "".join(f"{name:>19s}" for name in ("all", *columns))]
+    lines = [f"{'instructions':22s}" + "".join(f"{_TITLES.get(name, name):>19s}" for name in ("all", *columns))]
     for key, name in (("accelerations", "accelerations"), ("back_to_constraints", "projection")):
         if found[key]:
             counts = (sum(found[key].values()), *(found[key][kind] for kind in columns))
             lines.append(f"{name:22s}" + "".join(f"{count:19d}" for count in counts))
-    lines.append(f"{'a step':22s}{found['step']:19d}  ({found['evaluations']} evaluations of the accelerations)")
+    lines.append(f"{'one step':22s}{found['step']:19d}  ({found['evaluations']} evaluations of the accelerations)")
     return "\n".join(lines)
 
 

@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="print the equations of motion as LaTeX instead of the report (small mechanisms)",
     )
-    parser.add_argument("--cost", action="store_true", help="add the number of instructions of a time step, by kind")
+    parser.add_argument("--cost", action="store_true", help="add the number of instructions per time step, by kind")
 
 
 def execute(options: argparse.Namespace) -> int:

@@ -21,7 +21,7 @@ ANY_RECORDING = "an .mcap or .db3 file, or a rosbag2 folder"
 def add_mechanism(parser: argparse.ArgumentParser) -> None:
     """Declare the argument `mechanism`."""
     parser.add_argument(
-        "mechanism", metavar="FILE", help="a mechanism file, a URDF file, or a shipped mechanism's name"
+        "mechanism", metavar="FILE", help="a mechanism file, a URDF file, or the name of a shipped mechanism"
     )
 
 

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 HELP = "list the shipped mechanisms"
-DESCRIPTION = "List the mechanisms that ship with the package: their names and a line about each."
+DESCRIPTION = "List the shipped mechanisms, each with its name and a one-line description."
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

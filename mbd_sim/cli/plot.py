@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--show",
         metavar="PANELS",
         default="",
-        help="comma-separated choice of energies, joints, residual and phase (default: all that the recording allows)",
+        help="comma-separated list of energies, joints, residual, phase (default: all that the recording allows)",
     )
     add_quiet(parser)
 

@@ -1,4 +1,4 @@
-"""`mbd_sim recover`: repair recordings that a killed process or a full disk left truncated."""
+"""`mbd_sim recover`: repair recordings truncated by a killed process or a full disk."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mbd_sim.cli.common import MCAP_OR_BAG, add_recordings
 
-HELP = "repair recordings that a killed process or a full disk left truncated"
+HELP = "repair recordings truncated by a killed process or a full disk"
 DESCRIPTION = (
     "Repair truncated recordings in place: remove the incomplete record at the end of each file, and write the "
     "summary and index that MCAP tools need."
@@ -39,6 +39,6 @@ def execute(options: argparse.Namespace) -> int:
 
 def _report(path: Path, counts: dict[str, int] | None) -> str:
     if counts is None:
-        return f"{path}: is complete"
+        return f"{path}: is complete, nothing to repair"
     by_topic = ", ".join(f"{count} of {topic}" for topic, count in counts.items() if count)
     return f"{path}: {sum(counts.values())} messages kept{': ' if by_topic else ''}{by_topic}"

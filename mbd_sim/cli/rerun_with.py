@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mbd_sim.recording.changed_run import ChangedRun
     from mbd_sim.recording.recorded_file import RecordedFile
 
-HELP = "recompute a recorded run with changed values, and compare the two"
+HELP = "recompute a recorded run with changed values, and compare the two runs"
 DESCRIPTION = (
     "Recompute a recorded run under the same commands, but with other values, integration method or time step, and "
     "report the deviations."
@@ -58,7 +58,7 @@ def execute(options: argparse.Namespace) -> int:
 
     changes = dict(_change(text) for text in options.changes)
     if not (changes or options.method or options.step):
-        raise InputError("rerun-with: nothing is changed", "Give --set KEY=VALUE, --method or --step.")
+        raise InputError("rerun-with: no change is given", "Give --set KEY=VALUE, --method or --step.")
     if options.plot is not None:
         require_suffix(options.plot, PLOT_SUFFIXES)
     files = open_recording(options.recording).files
@@ -111,7 +111,7 @@ def _summary(run: ChangedRun, file: RecordedFile, change: str, written: Sequence
         lines.append(f"  file             {file.problem}")
     if run.ended:
         lines.append(f"  ENDS EARLY       {run.ended}")
-    lines.append("  largest deviation             of             at")
+    lines.append("  largest deviations")
     for series in (*(run.coordinates[quantity] for quantity in ("position", "velocity")), run.energies):
         rows = largest_deviations(series)
         lines += [f"    {name:24s}  {size:<13.6g}  t = {time:.6g} s" for name, size, time in rows[:SHOWN]]

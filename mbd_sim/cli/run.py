@@ -133,5 +133,7 @@ def _constraints(simulation: Simulation) -> list[str]:
     position, velocity = simulation.violation
     lines = [f"  constraints      violated by at most {position:.3g} m, {velocity:.3g} m/s (or rad, rad/s)"]
     if max(position, velocity) > VIOLATION_LIMIT:
-        lines.append("  WARNING          a constraint is violated: reduce the step, or check the redundant constraints")
+        lines.append(
+            "  WARNING          a constraint is violated: use a smaller step, or check the redundant constraints"
+        )
     return lines

@@ -6,7 +6,7 @@ import argparse
 import json
 
 HELP = "print the JSON Schema of mechanism files, for editors"
-DESCRIPTION = "Print the JSON Schema of mechanism files, with which editors complete and check them."
+DESCRIPTION = "Print the JSON Schema of mechanism files, which editors use to complete and check them."
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

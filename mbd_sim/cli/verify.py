@@ -67,7 +67,7 @@ def verify_text(found: Verification) -> str:
         )
         lines.append("                   recomputed from the previous recorded state.")
     lines.append(f"  mechanism        {found.mechanism} ({found.method}, {found.step * 1e3:g} ms)")
-    lines.append(f"  compared         {_counted(found.compared)}; under {_counted(found.commands) or 'no commands'}")
+    lines.append(f"  compared         {_counted(found.compared)}; commands: {_counted(found.commands) or 'none'}")
     lines.append(
         f"  computed         {found.steps} steps, {simulated:.6g} s simulated in {found.wall_time:.3g} s: "
         f"{simulated / max(found.wall_time, 1e-9):,.0f} × real time"

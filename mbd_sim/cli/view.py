@@ -102,5 +102,5 @@ def _return_at_once(address: str) -> None:
 
 
 def _serve_until_interrupted(address: str) -> None:
-    print(f"{address}\nCtrl-C ends the server", flush=True)
+    print(f"{address}\nPress Ctrl-C to stop the server.", flush=True)
     threading.Event().wait()

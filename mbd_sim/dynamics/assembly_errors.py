@@ -106,7 +106,7 @@ def _loop_of(mechanism: Mechanism, owner: Location) -> str:
 
 def _open_loop(mechanism: Mechanism, owner: Location, gap: str, given_positions_at_fault: bool) -> Problem:
     loop = _loop_of(mechanism, owner)
-    violation = f"the loop of {loop} stays open here" if loop else "this constraint is violated"
+    violation = f"the loop of {loop} remains open here" if loop else "this constraint is violated"
     if given_positions_at_fault:
         given = [joint.name for joint in mechanism.joints.values() if any(joint.fixed_in_assembly)]
         remedy = (
@@ -117,7 +117,7 @@ def _open_loop(mechanism: Mechanism, owner: Location, gap: str, given_positions_
     driven = [joint.name for joint in mechanism.joints.values() if joint.drive]
     drives = f", the drives of {listed(driven)} at t = 0" if driven else ""
     remedy = f"Check the lengths, points and axes of its parts{drives}, and the initial guesses ('guess: true')."
-    return mechanism.source.problem(owner, f"{violation}, by {gap} at best", remedy)
+    return mechanism.source.problem(owner, f"{violation} by {gap} at best", remedy)
 
 
 def _against_drives(mechanism: Mechanism, owner: Location) -> Problem:
@@ -126,4 +126,4 @@ def _against_drives(mechanism: Mechanism, owner: Location) -> Problem:
     constraint = f"the loop of {loop}" if loop else "this constraint"
     cause = f"the drive of {listed(driven)}" if driven else "an expression of time"
     message = f"{constraint} leaves no freedom for {cause}: the two contradict each other just after the start"
-    return mechanism.source.problem(owner, message, "Remove a drive, or a constraint.")
+    return mechanism.source.problem(owner, message, "Remove a drive or a constraint.")

@@ -132,7 +132,9 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         """
         values = np.asarray(action, dtype=float)
         if values.shape != (len(self.actuated),):
-            raise CommandError(f"an action of shape {values.shape} for {listed(self.actuated)}.")
+            raise CommandError(
+                f"the action has the shape {values.shape}. Give one effort for each of: {listed(self.actuated)}."
+            )
         self._efforts[self._indices] = np.clip(values, self.action_space.low, self.action_space.high)
         self.simulation.set_efforts(self._efforts)
         info: dict[str, Any] = {}

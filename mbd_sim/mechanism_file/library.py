@@ -67,5 +67,12 @@ def _found(path: Path) -> Path:
         return ships[path.name]
     remedy = nearest(path.name, ships) + " Or give the path of a .yaml or .urdf file."
     raise MechanismError(
-        [Problem(message="no mechanism of this name ships", remedy=remedy, key="mechanism", value=quoted(path.name))]
+        [
+            Problem(
+                message="there is no shipped mechanism of this name",
+                remedy=remedy,
+                key="mechanism",
+                value=quoted(path.name),
+            )
+        ]
     )

@@ -59,7 +59,7 @@ def location_of(mechanism: Mechanism, key: str) -> Location:
         return ("parameters", *location)
     if not location or location[0] not in _SECTIONS:
         first = str(location[0]) if location else ""
-        raise InputError("names nothing in the file", nearest(first, [*(data.get("parameters") or {}), *_SECTIONS]))
+        raise InputError("is not a key of this file", nearest(first, [*(data.get("parameters") or {}), *_SECTIONS]))
     return tuple(location)
 
 
@@ -113,9 +113,11 @@ def _numbers(data: Any, location: Location) -> Iterator[Location]:
 def _entry(container: Any, step: str | int) -> Any:
     """The value under a key or an index of a mapping, a list or a record."""
     if isinstance(step, int):
-        if isinstance(container, Sequence) and not isinstance(container, str) and step < len(container):
-            return container[step]
-        raise InputError(f"has no entry {step}")
+        if not isinstance(container, Sequence) or isinstance(container, str):
+            raise InputError(f"is not a list, and so has no entry {step}", "Leave the index out.")
+        if step >= len(container):
+            raise InputError(f"has no entry {step}", f"The last entry is {len(container) - 1}.")
+        return container[step]
     if isinstance(container, Mapping):
         if step in container:
             return container[step]
@@ -133,12 +135,12 @@ def _replaced(data: Any, location: Location, value: float | str) -> Any:
     step, rest = location[0], location[1:]
     if isinstance(step, int):
         if not isinstance(data, list):
-            raise InputError(f"is not a list, and so has no entry {step}")
+            raise InputError(f"is not a list, and so has no entry {step}", "Leave the index out.")
         if step >= len(data):
-            raise InputError(f"has no entry {step}", f"The last one is {len(data) - 1}.")
+            raise InputError(f"has no entry {step}", f"The last entry is {len(data) - 1}.")
         return [*data[:step], _replaced(data[step], rest, value), *data[step + 1 :]]
     if not isinstance(data, Mapping):
-        raise InputError(f"has no '{step}'")
+        raise InputError(f"has no '{step}'", "It has no keys: name the value itself.")
     step = as_written(step, data)
     if rest and step not in data:
         if step == "gravity":

@@ -62,7 +62,8 @@ def _used_names(name: str, value: object, written: Mapping[str, object]) -> set[
     used = names_in(split_unit(value)[0]) if isinstance(value, str) else set()
     unknown = sorted(used - set(written))
     if unknown:
-        raise InputError(f"unknown name {quoted(unknown[0])}", nearest(unknown[0], set(written) - {name}))
+        remedy = nearest(unknown[0], set(written) - {name}) or "Define it under 'parameters'."
+        raise InputError(f"unknown name {quoted(unknown[0])}", remedy)
     return used
 
 

@@ -59,10 +59,11 @@ class Quantity:
         if abs(number) > LARGEST or 0.0 < abs(number) < SMALLEST:
             size = "small" if abs(number) < 1.0 else "large"
             raise InputError(f"is {number:.3g}, too {size} to compute with", "Check its unit and its power of ten.")
+        found = "" if isinstance(value, int | float) else f", but is {number:g}"  # a number is shown as the value
         if self.above is not None and not number > self.above:
-            raise InputError(f"must be greater than {self.above:g}, and is {number:g}", "Write a positive number.")
+            raise InputError(f"must be greater than {self.above:g}{found}", "Write a positive number.")
         if self.at_least is not None and not number >= self.at_least:
-            raise InputError(f"must be at least {self.at_least:g}, and is {number:g}", "Write 0 or a positive number.")
+            raise InputError(f"must be at least {self.at_least:g}{found}", "Write 0 or a positive number.")
         return number
 
 

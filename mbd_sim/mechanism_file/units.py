@@ -107,7 +107,9 @@ def _finite(value: Callable[[], float], unit: str) -> float:
     try:
         return value()
     except ArithmeticError as error:
-        raise InputError(f"the unit {quoted(unit)} is too large or too small to compute with") from error
+        raise InputError(
+            f"the unit {quoted(unit)} is too large or too small to compute with", "Write the value in another unit."
+        ) from error
 
 
 def _unit(text: str) -> Any:

@@ -36,7 +36,7 @@ def problem_of(source: Source, details: ErrorDetails) -> Problem:
             message = f"has {_count(len(value))}, not {list_length(where)}"
             return source.problem(location, message, _list_form(where), value)
         case "missing" if value is None:
-            return source.problem(location, "has no value", "Give it one.")
+            return source.problem(location, "has no value", "Give it a value.")
         case "missing":
             return source.problem(location, f"'{leaf}' is missing", "Add it.")
         case "union_tag_not_found":
@@ -49,7 +49,7 @@ def problem_of(source: Source, details: ErrorDetails) -> Problem:
     if "[key]" in loc or kind == "too_short":
         value = None
     elif value is None:
-        message, remedy = "has no value", remedy or "Give it one."
+        message, remedy = "has no value", remedy or "Give it a value."
     return source.problem(location, message or details["msg"], remedy, value)
 
 

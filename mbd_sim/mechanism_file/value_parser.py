@@ -41,7 +41,7 @@ def parse_value(value: object, names: Mapping[str, float], si_unit: str | None) 
     :raises InputError: not a finite number, an unknown name, or a unit of the wrong dimension.
     """
     if value is None:
-        raise InputError("has no value", "Give it one.")
+        raise InputError("has no value", "Give it a value.")
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise InputError("must be a number", "Write for example 0.5, 30 deg, or l/2.")
     if isinstance(value, str):

@@ -60,7 +60,12 @@ class _Composer:
                 continue
             values += 1
             if values > MAX_VALUES:
-                raise file_error(self.file, line, f"more than {MAX_VALUES} values", "A mechanism file has hundreds.")
+                raise file_error(
+                    self.file,
+                    line,
+                    f"more than {MAX_VALUES} values",
+                    "A mechanism file normally has hundreds of values.",
+                )
             node = self._node(event, line)
             stack[-1].items.append(node)
             if isinstance(event, yaml.CollectionStartEvent):

@@ -25,7 +25,7 @@ def read_text(path: Path) -> str:
             raw = stream.read(MAX_BYTES + 1)
         if len(raw) > MAX_BYTES:
             raise file_error(
-                str(path), 1, f"the file is larger than {MAX_BYTES} bytes", "A mechanism file is a few kB."
+                str(path), 1, f"the file is larger than {MAX_BYTES} bytes", "A mechanism file normally has a few kB."
             )
         text = raw.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -43,7 +43,9 @@ def parse_source(text: str, file: str = "<text>") -> Source:
     """
     source = Source(data=None, file=file, text=text)
     if len(text) > MAX_BYTES:
-        raise file_error(file, 1, f"the text is longer than {MAX_BYTES} characters", "A mechanism file is a few kB.")
+        raise file_error(
+            file, 1, f"the text is longer than {MAX_BYTES} characters", "A mechanism file normally has a few kB."
+        )
     if unprintable := UNPRINTABLE.search(text):
         line = text.count("\n", 0, unprintable.start()) + 1
         raise file_error(file, line, f"the character U+{ord(unprintable[0]):04X} is not allowed", "Remove it.")
@@ -104,7 +106,7 @@ class _Constructor:
         merged: list[tuple[YamlNode, Any]] = []
         for key_node, value_node in zip(node.items[::2], node.items[1::2], strict=True):
             if key_node.kind != "scalar":
-                remedy = "In [ ] and { } and at the start of a line, quote texts that hold ? or { or [."
+                remedy = "In [ ] and { } and at the start of a line, quote texts that contain ? or { or [."
                 raise file_error(self.source.file, key_node.line, "a key must be a word", remedy)
             key = key_node.text
             if key == "<<" and key_node.plain:

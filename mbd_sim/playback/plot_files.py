@@ -19,7 +19,7 @@ def require_suffix(path: Path, suffixes: Sequence[str]) -> None:
     :raises InputError: it has another suffix, or its folder does not exist.
     """
     if path.suffix not in suffixes:
-        raise InputError(f"{path}: the file cannot have this format", f"Choose one of {', '.join(suffixes)}.")
+        raise InputError(f"{path}: this file format is not supported", f"Choose one of {', '.join(suffixes)}.")
     if not path.parent.is_dir():
         raise InputError(f"{path}: there is no folder {path.parent}", "Create it, or choose another file.")
 

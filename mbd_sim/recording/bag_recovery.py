@@ -26,14 +26,18 @@ def recover_bag(folder: Path) -> Iterator[tuple[Path, dict[str, int] | None]]:
     :raises OSError: a file cannot be read or written.
     """
     for file in _bag_files(folder):
-        yield file, recover(file)
+        try:
+            counts = recover(file)
+        except ValueError as error:
+            raise ValueError(f"{file.name}: {error}") from error
+        yield file, counts
     update_metadata(folder)
 
 
 def update_metadata(folder: Path) -> None:
     """Write `metadata.yaml` of a folder according to the contents of its files, which must be complete.
 
-    :raises ValueError: the present `metadata.yaml` is none of rosbag2.
+    :raises ValueError: the existing `metadata.yaml` is not one of rosbag2.
     :raises OSError: a file cannot be read or written.
     """
     path = folder / FILE_NAME

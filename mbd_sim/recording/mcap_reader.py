@@ -76,9 +76,7 @@ class _FileContents:
             attachment = Attachment.read(data_stream(content))
             (crc,) = _CRC.unpack(content[-_CRC.size :])
             if crc and zlib.crc32(content[: -_CRC.size]) != crc:
-                self.attachment_problem = (
-                    f"damaged: the attachment '{attachment.name}' is not what was written (its CRC differs)"
-                )
+                self.attachment_problem = f"damaged: the attachment '{attachment.name}' fails its CRC check"
             self.attachments[attachment.name] = attachment.data
 
 
@@ -117,7 +115,9 @@ def _scan(path: Path, data: ByteSource) -> _FileContents:
     if not len(data):
         raise ReadingError(f"{path}: the file is empty: its writer ended before the first record.")
     if (magic := bytes(data[: len(MAGIC)])) != MAGIC:
-        raise ReadingError(f"{path}: is not an MCAP file: it begins with {magic!r}.")
+        raise ReadingError(
+            f"{path}: is not an MCAP file: it begins with {magic!r}. Give an .mcap or .db3 file, or a rosbag2 folder."
+        )
     unchunked = 0  # start of a sequence of messages outside of chunks
     position = len(MAGIC)
     try:

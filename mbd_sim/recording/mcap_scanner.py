@@ -180,7 +180,7 @@ def chunk_content(stored: bytes, compression: str, size: int, crc: int) -> bytes
     except Exception as error:  # zstandard and lz4 raise their own errors
         raise BrokenRecordError(f"cannot be decompressed ({error})") from error
     if crc and zlib.crc32(content) != crc:
-        raise BrokenRecordError("is not what was written (its CRC differs)")
+        raise BrokenRecordError("fails its CRC check")
     return content
 
 

@@ -157,13 +157,13 @@ def open_recording(path: str | Path) -> Recording:
     if path.is_dir():
         return Recording(path, [_read_file(file) for file in _files(path)])
     if not path.exists():
-        raise ReadingError(f"{path}: there is no such file.")
+        raise ReadingError(f"{path}: there is no such file. Check the path.")
     return Recording(path, [_read_file(path)])
 
 
 def _read_file(path: Path) -> RecordedFile:
     if not path.is_file():
-        raise ReadingError(f"{path}: there is no such file.")
+        raise ReadingError(f"{path}: there is no such file. Check the path.")
     if path.suffix == ".zstd":
         raise ReadingError(f"{path}: the file is compressed as a whole. Decompress it first: zstd -d '{path}'.")
     return _READERS.get(path.suffix, read_mcap)(path)

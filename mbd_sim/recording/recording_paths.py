@@ -64,7 +64,9 @@ def new_recording_paths(folder: Path, name: str, *, rosbag2: bool = False) -> Re
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise RecordingError(f"cannot record to '{folder}': {reason}. Choose another record_dir.") from error
-    raise RecordingError(f"'{folder}' already contains {MAX_RECORDINGS_PER_SECOND} recordings of this second.")
+    raise RecordingError(
+        f"'{folder}' already contains {MAX_RECORDINGS_PER_SECOND} recordings of this second. Try again later."
+    )
 
 
 def file_name(name: str) -> str:

@@ -50,13 +50,13 @@ def inertia_text(records: list[dict[str, Any]]) -> str:
 
 
 def _text(record: dict[str, Any]) -> str:
-    frame = "ground's frame, at the start" if record["name"] == WHOLE else "its own frame"
+    frame = "the ground frame, at the start" if record["name"] == WHOLE else "the frame of the part"
     lines = [f"{record['name']}: {record['mass']:.6g} kg, center of mass {_row(record['center'])} m, in {frame}"]
     lines += _matrix("inertia about center of mass", record["inertia"])
     lines += _matrix("inertia about origin", record["inertia_at_origin"])
     moments = _cleaned(record["principal_moments"])
     lines += [
-        f"  principal moment {moment:.6g}  about {_row(axis)}"
+        f"  principal moment {moment:.6g} kg·m² about {_row(axis)}"
         for moment, axis in zip(moments, record["principal_axes"], strict=True)
     ]
     return "\n".join(lines)

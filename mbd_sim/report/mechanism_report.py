@@ -165,5 +165,5 @@ def _joint(joint: Joint, at: Mapping[str, float]) -> dict[str, Any]:
 
 def _remarks(joint: Joint) -> list[str]:
     if joint.limits is not None and joint.limits.stiffness is None:
-        return [f"the limits of '{joint.name}' do not act on the motion: give limits.stiffness to make them stops"]
+        return [f"the limits of '{joint.name}' do not act on the motion. Give limits.stiffness to make them stops."]
     return []

@@ -102,7 +102,7 @@ def _grouped(names: list[str]) -> list[str]:
 def _mass(matrix: dict[str, Any]) -> list[str]:
     regular = "positive definite" if matrix["positive_definite"] else "singular"
     return [
-        f"Mass matrix         {regular}, condition {matrix['condition']:.3g} at the start",
+        f"Mass matrix         {regular}, condition number {matrix['condition']:.3g} at the start",
         f"Kinetic energy      T2 {matrix['T2']:.6g} J (quadratic in the speeds), T1 {matrix['T1']:.6g} J (linear), "
         f"T0 {matrix['T0']:.6g} J (constant)",
     ]

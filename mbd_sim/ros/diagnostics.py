@@ -24,7 +24,7 @@ MAX_SLOWNESS = 0.01  # relative shortfall of the real-time factor
 MAX_RESIDUAL = 1e-6  # energy residual, relative to the energies
 MAX_VIOLATION = 1e-6  # of the constraints, in m and m/s
 MAX_WAITING = 1000  # snapshots that may wait to be published
-BUSY = "other programs occupy the processor, or publish_rate is too high for it"
+BUSY = "other programs are using the processor, or publish_rate is too high"
 
 
 @dataclass
@@ -138,7 +138,9 @@ class Diagnostics:
         last, rates = self._last, self.stepping_thread.rates
         running = not self.stepping_thread.paused and now.simulated > last.simulated > 0.0
         if running and factor < rates.real_time_factor * (1.0 - MAX_SLOWNESS):
-            cause = BUSY if stepping < 0.5 else "stepping takes all the time: use a larger step or a cheaper method"
+            cause = (
+                BUSY if stepping < 0.5 else "stepping uses all available time: use a larger step or a cheaper method"
+            )
             return f"{text} instead of {rates.real_time_factor:g}: {cause}"
         if rates.clock and self._node.count_publishers("/clock") > 1:
             return f"{text}, but another node publishes /clock as well: set clock_rate to 0 in all nodes but one"

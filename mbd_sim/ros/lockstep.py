@@ -176,7 +176,7 @@ class Lockstep:
         results = self._call(SetParameters, "set_parameters", parameters=messages).results
         for result, name in zip(results, values, strict=True):
             if not result.successful:
-                raise LockstepError(f"'{self._simulator}' refuses {name} = {values[name]}: {result.reason}")
+                raise LockstepError(f"'{self._simulator}' rejects {name} = {values[name]}: {result.reason}")
 
 
 def _nanoseconds(state: JointState) -> int:

@@ -14,6 +14,6 @@ def message_type(name: str) -> type:
     package, _, kind = name.partition("/")
     kind = kind.rpartition("/")[2]
     if not package or not kind:
-        raise ValueError(f"'{name}' is not the name of a message type")
+        raise ValueError(f"'{name}' is not the name of a message type.")
     found: type = getattr(importlib.import_module(f"{package}.msg"), kind)
     return found

@@ -100,7 +100,7 @@ class NodeParameters:
         for name, keys in self._live_keys.items():
             default = live[keys[0]] if keys == [name] else [live[key] for key in keys]
             descriptor = ParameterDescriptor(
-                description="a value of the mechanism's file, in SI units; may be set at any time", dynamic_typing=True
+                description="a value of the mechanism file, in SI units; can be set at any time", dynamic_typing=True
             )
             value = self._node.declare_parameter(name, default, descriptor).value
             changes, problem = self._live_changes(name, value)
@@ -145,7 +145,7 @@ class NodeParameters:
         values = [value] if keys == [name] else list(value) if isinstance(value, Sequence | array) else []
         if len(values) != len(keys) or not all(_is_finite(number) for number in values):
             expected = "a number" if keys == [name] else f"{len(keys)} numbers"
-            return {}, f"parameter '{name}' must be {expected}, not {value!r}"
+            return {}, f"parameter '{name}' must be {expected}, not {value!r}."
         return dict(zip(keys, map(float, values), strict=True)), ""
 
 
@@ -172,8 +172,8 @@ def _problem(spec: ParameterSpec, value: Any) -> str:
     if expected is float:
         fits = _is_finite(value)
     if not fits:
-        return f"parameter '{spec.name}' must be of type {expected.__name__}, not {value!r}: {spec.description}"
+        return f"parameter '{spec.name}' must be of type {expected.__name__}, not {value!r} ({spec.description})."
     low, high = spec.low, spec.high
     if low is not None and high is not None and not low <= value <= high:
-        return f"parameter '{spec.name}' must lie between {low:g} and {high:g}, not {value!r}"
+        return f"parameter '{spec.name}' must lie between {low:g} and {high:g}, not {value!r}."
     return ""

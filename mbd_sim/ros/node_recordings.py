@@ -85,7 +85,7 @@ class NodeRecordings:
             finished = recorder.finished.wait(DISK_TIMEOUT)
             return (
                 True,
-                f"{recorder.location}" if finished else f"{recorder.location} is being finished: the disk is slow",
+                f"{recorder.location}" if finished else f"{recorder.location} is still being written: the disk is slow",
             )
 
     def split(self) -> tuple[bool, str]:
@@ -111,7 +111,7 @@ class NodeRecordings:
         recorder = self.recorder
         if recorder is None:
             return ""
-        dropped = f", {recorder.dropped} dropped" if recorder.dropped else ""
+        dropped = f" ({recorder.dropped} dropped)" if recorder.dropped else ""
         return f"recorded {recorder.written} messages{dropped} to {recorder.paths.location}"
 
     def at_moment(self, moment: Moment) -> None:

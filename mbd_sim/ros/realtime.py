@@ -33,10 +33,11 @@ def lock_memory() -> str:
     limit, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     # With a finite limit a later allocation would fail: memory is locked entirely or not at all.
     if os.geteuid() != 0 and limit != resource.RLIM_INFINITY:
-        return f"memory is not locked: the limit is {limit // 1024} KiB (ulimit -l unlimited)"
+        return f"memory is not locked: the limit is {limit // 1024} KiB (to raise it: ulimit -l unlimited)"
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.mlockall(_MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT) != 0:
-        return f"memory is not locked: {os.strerror(ctypes.get_errno())} (CAP_IPC_LOCK, or ulimit -l unlimited)"
+        cause = os.strerror(ctypes.get_errno())
+        return f"memory is not locked: {cause} (to allow it: CAP_IPC_LOCK, or ulimit -l unlimited)"
     return ""
 
 
@@ -57,7 +58,8 @@ def prioritize(priority: int, thread_names: Sequence[str] = THREADS_BY_PRIORITY)
             os.sched_setscheduler(thread.native_id, policy, os.sched_param(thread_priority))
         except OSError as error:
             remedy = f"rtprio {priority} in /etc/security/limits.conf, or CAP_SYS_NICE"
-            return f"ordinary scheduling: real-time priority {priority}: {error.strerror} ({remedy})"
+            refusal = f"real-time priority {priority} was refused: {error.strerror}"
+            return f"ordinary scheduling, because {refusal} (to allow it: {remedy})"
     return ""
 
 

@@ -49,7 +49,7 @@ class ReplayNode(Node):  # type: ignore[misc]  # rclpy carries no types
         parameters = self.parameters = NodeParameters(self, PARAMETERS, self._on_parameter_change)
         unknown = parameters.finish()
         if not parameters["bag"]:
-            raise ValueError("there is nothing to play. Name a recording: --ros-args -p bag:=RUN.mcap")
+            raise ValueError("no recording is given. Give one: --ros-args -p bag:=RUN.mcap")
         self.recording = open_recording(parameters["bag"])
         self.output = ReplayPublishers(self, self.recording, self._warn, end)
         self.player = Player(
@@ -96,11 +96,11 @@ class ReplayNode(Node):  # type: ignore[misc]  # rclpy carries no types
 
     def _warn_of_gaps(self, unknown_parameters: Sequence[str]) -> None:
         if unknown_parameters:
-            self._warn(f"this node has no parameters {listed(unknown_parameters)}: they are ignored")
+            self._warn(f"unknown parameters are ignored: {listed(unknown_parameters)}")
         for problem in self.recording.problems:
             self._warn(f"{problem}. The rest is played.")
         for name, reason in self.output.skipped.items():
-            self._warn(f"{name} is left out: {reason}")
+            self._warn(f"{name} is not played: {reason}")
 
     def _prioritize(self) -> None:
         """Request real-time priority, except when playing as fast as possible: that would starve the machine."""

@@ -126,7 +126,7 @@ class Player:
     def seek(self, seconds: float) -> str:
         """Go to a time in s after the first message; returns the problem, or "" on success."""
         if not 0.0 <= seconds <= self.duration:
-            return f"cannot seek to {seconds:g} s: the recording lasts from 0 to {self.duration:.9g} s"
+            return f"cannot seek to {seconds:g} s: the recording runs from 0 to {self.duration:.9g} s"
         self._call(lambda: setattr(self, "_seek_ns", self._first_ns + round(seconds * 1e9)))
         return ""
 
@@ -202,7 +202,7 @@ class Player:
     def _report_damage(self, error: DamagedError) -> None:
         if str(error) not in self._reported:
             self._reported.add(str(error))
-            self.output.warn(f"left out: {error}")
+            self.output.warn(f"not played: {error}")
 
     def _wait_at_end(self) -> None:
         self.paused = True

@@ -85,7 +85,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             f"method {simulation.model.method.name}, step {simulation.step_size * 1e3:g} ms"
         )
         if self._unknown_parameters:
-            log.warning(f"this node has no parameters {listed(self._unknown_parameters)}: they are ignored")
+            log.warning(f"unknown parameters are ignored: {listed(self._unknown_parameters)}")
         if self._priority and (refusal := realtime.lock_memory()):
             self._add_note(refusal)
         if self.parameters["record"]:
@@ -137,7 +137,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         if self._priority and self.diagnostics.recent_overruns >= MAX_OVERRUNS:
             realtime.prioritize(0)
             self._priority = 0
-            self._add_note("stepping takes all the time: it continues without real-time priority")
+            self._add_note("stepping uses all available time, so it continues without real-time priority")
         self.diagnostics.publish()
 
     def _step_on_command(self) -> None:

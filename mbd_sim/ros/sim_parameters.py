@@ -7,9 +7,11 @@ from mbd_sim.ros.topics import TOPICS
 
 PARAMETERS = (
     ParameterSpec("mechanism", "double_rod", "a mechanism file (.yaml), a robot's .urdf, or a shipped mechanism"),
-    ParameterSpec("method", "", "integration method; empty: that of the mechanism's file"),
-    ParameterSpec("step", 0.0, "integration step in s; 0: that of the mechanism's file", 0.0, 1.0),
-    ParameterSpec("publish_rate", 100.0, "joint_states and energies per simulated second", 0.0, 100_000.0, live=True),
+    ParameterSpec("method", "", "integration method; empty: from the mechanism file"),
+    ParameterSpec("step", 0.0, "integration step in s; 0: from the mechanism file", 0.0, 1.0),
+    ParameterSpec(
+        "publish_rate", 100.0, "joint_states and energies messages per simulated second", 0.0, 100_000.0, live=True
+    ),
     ParameterSpec("clock_rate", 200.0, "/clock messages per simulated second; 0: none", 0.0, 100_000.0, live=True),
     ParameterSpec("real_time_factor", 1.0, "1: real time; 0: as fast as possible", 0.0, 1000.0, live=True),
     ParameterSpec("start_paused", False, "wait for ~/pause or ~/step before the first step"),
@@ -31,15 +33,21 @@ PARAMETERS = (
         "record_split_duration", 0.0, "simulated s after which a recording continues in another file; 0: never",
         0.0, 1e9, live=True,
     ),
-    ParameterSpec("wrenches", "*", "what accepts wrenches: part, part.point, separated by commas; *: all; empty: none"),
+    ParameterSpec(
+        "wrenches", "*",
+        "parts and points (part.point) that accept wrenches, separated by commas; *: all; empty: none",
+    ),
     ParameterSpec(
         "live", "gravity[*], parameters.*, forces.*, joints.*.stiffness, joints.*.damping",
-        "values of the mechanism's file that are parameters of this node; empty: none",
+        "values of the mechanism file that are parameters of this node; empty: none",
     ),
     ParameterSpec("rerun", "", "show the run in Rerun: spawn, serve, connect, connect:URL, or a file.rrd; empty: no"),
     ParameterSpec("rerun_rate", 60.0, "updates of the Rerun scene per simulated second", 1.0, 10_000.0),
-    ParameterSpec("rerun_traces", "", "points that leave a trace: part, part.point, with commas; empty: chain ends"),
-    ParameterSpec("rerun_trace_time", 1.0, "simulated s for which a trace remains visible", 0.01, 1e6),
+    ParameterSpec(
+        "rerun_traces", "",
+        "parts and points (part.point) whose paths are drawn, separated by commas; empty: chain ends",
+    ),
+    ParameterSpec("rerun_trace_time", 1.0, "length of the drawn paths in simulated s", 0.01, 1e6),
     ParameterSpec("marker_rate", 30.0, "markers per simulated second, while subscribed; 0: none", 0.0, 1000.0),
     *(topic.parameter for topic in TOPICS if topic.parameter is not None),
     ParameterSpec("frame_prefix", "", "prefix of all frame names, for several instances: name/"),

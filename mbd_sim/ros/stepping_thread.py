@@ -258,7 +258,7 @@ class SteppingThread:
             try:
                 self.simulation.reset()
             except ValueError as error:
-                return f"the start state cannot be reached with the present live values: {error}"
+                return f"the start state cannot be reached with the current live values: {error}"
             self._error_threshold, self.problem, self.advice = TOLERATED, "", ""
             self.commands.clear()
             self.wrenches.clear()

@@ -98,7 +98,7 @@ CONSTRAINT_VIOLATION = OutputTopic(
     qos.STATE,
     Recorded.YES,
     on_state=lambda model, prefix: state_messages.constraint_violation(model),
-    parameter=_on_request("constraint_violation", False, "publish by how much loops and constraints are violated"),
+    parameter=_on_request("constraint_violation", False, "publish the violations of loops and constraints"),
 )
 PART_POSES = OutputTopic(
     f"~/poses/{PART}",
@@ -115,7 +115,7 @@ TF = OutputTopic(
     qos.STATE,
     on_state=state_messages.transforms,
     parameter=_on_request(
-        "tf", False, "publish the poses of all parts on /tf; not beside robot_state_publisher. Needs tf2_msgs"
+        "tf", False, "publish the poses of all parts on /tf; not together with robot_state_publisher; needs tf2_msgs"
     ),
 )
 APPLIED_EFFORTS = OutputTopic(
@@ -214,4 +214,4 @@ def _installed_type(topic: OutputTopic) -> type:
     except ImportError as error:
         package = topic.message_type.partition("/")[0]
         cause = f"parameter '{topic.parameter.name}'" if topic.parameter else f"topic '{topic.name}'"
-        raise ImportError(f"{cause}: {package} is not installed. Install it, or leave the parameter out.") from error
+        raise ImportError(f"{cause}: {package} is not installed. Install it, or omit the parameter.") from error

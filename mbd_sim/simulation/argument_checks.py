@@ -19,7 +19,7 @@ def step_size(given: float | None, default: float) -> float:
     """
     size = default if given is None else float(given)
     if not (math.isfinite(size) and size > 0.0):
-        raise ValueError(f"the step must be a positive number of seconds, not {given!r}")
+        raise ValueError(f"the step must be a positive number of seconds, not {given!r}.")
     return size
 
 
@@ -31,7 +31,7 @@ def step_count(n: int) -> int:
     """
     count = index(n)
     if not 0 <= count <= LARGEST:
-        raise ValueError(f"cannot take {count} steps")
+        raise ValueError(f"the number of steps must lie between 0 and {LARGEST}, not {count}.")
     return count
 
 
@@ -41,7 +41,7 @@ def step_at(time: float, size: float) -> int:
     :raises ValueError: the time is not finite.
     """
     if not math.isfinite(time):
-        raise ValueError(f"cannot run until t = {time} s")
+        raise ValueError(f"cannot run until t = {time} s: the time must be finite.")
     return round(time / size)
 
 
@@ -52,7 +52,7 @@ def finite_vector(values: Sequence[float] | Array, size: int, name: str) -> Arra
     """
     vector = np.array(values, dtype=float)
     if vector.shape != (size,):
-        raise ValueError(f"{name} must have {size} values in one list, not the shape {vector.shape}")
+        raise ValueError(f"{name} must be a list of {size} values, not an array of shape {vector.shape}.")
     return require_finite(vector, name)
 
 
@@ -62,5 +62,5 @@ def require_finite(array: Array, name: str) -> Array:
     :raises ValueError: a value is not finite.
     """
     if not np.all(np.isfinite(array)):
-        raise ValueError(f"{name} contains a value that is not finite")
+        raise ValueError(f"{name} contains a value that is not finite.")
     return array

@@ -171,7 +171,7 @@ class Model:
         if not closing.closed:
             raise ValueError(
                 f"no position near these coordinates closes the loops: a gap of {np.max(np.abs(closing.gaps)):.3g} "
-                "remains"
+                "remains. Give coordinates closer to a closed configuration."
             )
         return closing.q, nearest_speeds(constraints, 0.0, closing.q, u)
 
@@ -186,7 +186,7 @@ class Model:
         """
         for joint, start in self.quaternions.items():
             if not np.any(y[start : start + 4]):
-                raise ValueError(f"the quaternion of joint '{joint}' is zero")
+                raise ValueError(f"the quaternion of joint '{joint}' is zero. Give a nonzero one.")
             y[start : start + 4] = unit(y[start : start + 4])
 
     def coordinates(self, y: Array) -> Array:

@@ -19,7 +19,8 @@ class UnknownJointError(CommandError):
         self.name, self._valid = name, valid
 
     def __str__(self) -> str:
-        return f"there is no joint '{self.name}'. {nearest(self.name, self._valid)}"
+        remedy = nearest(self.name, self._valid) or "No joint of this mechanism takes efforts."
+        return f"there is no joint '{self.name}'. {remedy}"
 
 
 class EffortMap:
@@ -42,8 +43,8 @@ class EffortMap:
                     merged[self._index_of(name)] = value
             elif len(efforts) != len(self.names):
                 raise CommandError(
-                    f"{_counted(len(self.names), 'effort')} expected and {len(efforts)} given. "
-                    f"Send one for each of: {listed(self.names)}."
+                    f"{_counted(len(self.names), 'effort')} expected, but {len(efforts)} given. "
+                    f"Give one for each of: {listed(self.names)}."
                 )
             else:
                 merged[:] = efforts
@@ -53,7 +54,7 @@ class EffortMap:
             raise CommandError(f"an effort is not a number ({error}).") from error
         if not np.all(np.isfinite(merged)):
             bad = [name for name, value in zip(self.names, merged, strict=True) if not math.isfinite(value)]
-            raise CommandError(f"the effort of {listed(bad)} is not finite.")
+            raise CommandError(f"the effort of {listed(bad)} is not finite. Give finite numbers.")
         return merged
 
     def clamped(self, efforts: Array) -> Array:

@@ -77,7 +77,7 @@ class Ensemble:
         """
         changes: Sequence[Change] = [{}] * index(members) if isinstance(members, int) else list(members)
         if not changes:
-            raise ValueError("an ensemble has at least one member")
+            raise ValueError("an ensemble needs at least one member.")
         self.mechanism = mechanism
         self.step_size = step_size(step, mechanism.step)
         variants = Variants(mechanism, changes)
@@ -197,7 +197,7 @@ class Ensemble:
                 f"the efforts do not fit {len(self)} members with {new.shape[1]} joints: {error}"
             ) from error
         if not np.all(np.isfinite(new)):
-            raise CommandError("an effort is not finite.")
+            raise CommandError("an effort is not finite. Give finite numbers.")
         inputs[:, self._effort_inputs] = np.clip(new, -self._limits, self._limits)
         self._groups.put("inputs", inputs)
 
@@ -236,7 +236,9 @@ class Ensemble:
         """
         lost = np.flatnonzero(~self.alive)
         if len(lost):
-            raise DivergedError(f"{self.mechanism.name}: {len(lost)} members became infinite, first member {lost[0]}")
+            raise DivergedError(
+                f"{self.mechanism.name}: {len(lost)} members reached an infinite state, the first is member {lost[0]}."
+            )
 
 
 def _member_groups(model: Model, count: int) -> MemberGroups:

@@ -55,7 +55,7 @@ class Variants:
             self.values: SymbolicParameters = varying_parameters(self._numbers[0], self._numbers)
         except StructureError as error:
             message = f"the members cannot share one set of equations: {error}"
-            raise MechanismError([Problem(message, "Make an ensemble for each such value.")]) from error
+            raise MechanismError([Problem(message, "Build a separate ensemble for each such value.")]) from error
 
     @property
     def first(self) -> Mechanism:

@@ -50,7 +50,7 @@ class LiveValues:
                     found[key] = _probed(mechanism, key, base)
                 except StructureError as error:
                     if not is_pattern:
-                        remedy = "Change the file, and start again."
+                        remedy = "Change the file and start again."
                         problems.append(Problem(f"cannot change during a run: {error}", remedy, key=key))
         if problems:
             raise MechanismError(problems)
@@ -65,7 +65,10 @@ class LiveValues:
         """
         for key in changes:
             if key not in self.current:
-                raise CommandError(f"'{key}' is not a live value. {nearest(key, self.current)}")
+                remedy = (
+                    nearest(key, self.current) or "No value is live: list it in 'live' when you build the simulation."
+                )
+                raise CommandError(f"'{key}' is not a live value. {remedy}")
         current = {**self.current, **{key: float(value) for key, value in changes.items()}}
         try:
             inputs = self.values.checked_values_in(equation_data(with_values(self._mechanism, current)))
@@ -74,7 +77,7 @@ class LiveValues:
                 "; ".join(f"{p.key}: {p.message}. {p.remedy}".strip() for p in error.problems)
             ) from error
         except StructureError as error:
-            raise CommandError(f"{', '.join(changes)}: {error}. Change the file, and start again.") from error
+            raise CommandError(f"{', '.join(changes)}: {error}. Change the file and start again.") from error
         return PreparedValues(dict(changes), current, inputs)
 
 

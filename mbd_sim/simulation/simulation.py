@@ -80,7 +80,7 @@ class Simulation:
         self.reset()
 
     def __reduce__(self) -> NoReturn:
-        raise TypeError("a Simulation cannot be copied or pickled: build another one from its mechanism")
+        raise TypeError("a Simulation cannot be copied or pickled: build a new one from its mechanism.")
 
     @classmethod
     def from_file(cls, mechanism: str | Path, **options: Unpack[SimulationOptions]) -> Self:
@@ -245,7 +245,7 @@ class Simulation:
         y = finite_vector(state, self.y.size, "the state")
         inputs = self.inputs if inputs is None else finite_vector(inputs, self.inputs.size, "inputs")
         if index(steps) < 0:
-            raise ValueError(f"the number of steps must not be negative, not {steps}")
+            raise ValueError(f"the number of steps must be 0 or more, not {steps}.")
         self._memory.load(y, inputs, index(steps))
         if start_energy is not None:
             self.start_energy = float(start_energy)

@@ -68,7 +68,7 @@ class WrenchMap:
 
     def _unknown(self, part: str) -> str:
         if part in self._parts:
-            return f"part '{part}' takes no wrench. Build the simulation with wrenches=['{part}']."
+            return f"part '{part}' does not accept wrenches. Build the simulation with wrenches=['{part}']."
         return f"there is no part '{part}'. {nearest(part, self.slices)}"
 
 
@@ -80,5 +80,5 @@ def _vector(values: Sequence[float] | Array, name: str) -> Array:
     if array.shape != (3,):
         raise CommandError(f"the {name} has the shape {array.shape}. Give three numbers.")
     if not np.all(np.isfinite(array)):
-        raise CommandError(f"the {name} contains a number that is not finite.")
+        raise CommandError(f"the {name} contains a number that is not finite. Give finite numbers.")
     return array

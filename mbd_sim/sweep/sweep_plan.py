@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbd_sim.errors import CommandError, InputError, MechanismError, listed
+from mbd_sim.errors import CommandError, InputError, MechanismError, listed, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.override import value_of
@@ -65,7 +65,7 @@ def variation(text: str, mechanism: Mechanism) -> Grid | Random:
     """
     name, equals, rest = (part.strip() for part in text.partition("="))
     if not equals or not rest:
-        raise CommandError(f"'{text}' varies nothing. {_EXAMPLES}")
+        raise CommandError(f"'{text}' gives no values. {_EXAMPLES}")
     _require_number(name, mechanism)
 
     def number(word: str) -> float:
@@ -93,7 +93,7 @@ def plan(variations: Sequence[Grid | Random], draws: int = 1, seed: int = 0) -> 
     """
     names = [one.name for one in variations]
     if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise CommandError(f"{listed(twice)} is varied twice.")
+        raise CommandError(f"{listed(twice)} is varied twice. Remove one of the two.")
     grids = [one for one in variations if isinstance(one, Grid)]
     runs = draws * int(np.prod([len(grid.values) for grid in grids], dtype=float))
     if not 1 <= runs <= MAX_RUNS:
@@ -111,7 +111,8 @@ def _require_number(name: str, mechanism: Mechanism) -> None:
     if name.startswith(EFFORT):
         known = mechanism.coordinate_names
         if name.removeprefix(EFFORT) not in known:
-            raise CommandError(f"there is no joint '{name.removeprefix(EFFORT)}'. Joints: {listed(known)}.")
+            remedy = nearest(name.removeprefix(EFFORT), known) or "No joint of this mechanism takes efforts."
+            raise CommandError(f"there is no joint '{name.removeprefix(EFFORT)}'. {remedy}")
         return
     try:
         value = value_of(mechanism, name)
@@ -125,7 +126,7 @@ def _require_number(name: str, mechanism: Mechanism) -> None:
 def _random(name: str, distribution: str, numbers: list[float], text: str) -> Random:
     if distribution not in _DISTRIBUTIONS:
         known = listed(list(_DISTRIBUTIONS))
-        raise CommandError(f"{text}: there is no distribution '{distribution}'. Distributions: {known}.")
+        raise CommandError(f"{text}: there is no distribution '{distribution}'. Valid: {known}.")
     if len(numbers) != 2:
         raise CommandError(f"{text}: write {distribution}({_DISTRIBUTIONS[distribution][0]}).")
     first, second = numbers

@@ -192,7 +192,7 @@ def _require_small(mechanism: Mechanism, speeds: int) -> None:
 
 def _too_large(mechanism: Mechanism, why: str) -> MbdSimError:
     return MbdSimError(
-        f"{mechanism.name}: the equations of motion are too long to be read: {why}. Use a smaller mechanism, or make "
+        f"{mechanism.name}: the equations of motion are too long to read: {why}. Use a smaller mechanism, or make "
         "some of its joints fixed or driven."
     )
 

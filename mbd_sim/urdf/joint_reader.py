@@ -129,7 +129,9 @@ def mimic_of(
     multiplier = 1.0 if multiplier is None else multiplier
     if multiplier == 0.0:
         message = "does not follow the other joint"
-        reading.report(mimic, f"{where}.multiplier", message, "Give a factor, or make it a fixed joint.", "0")
+        reading.report(
+            mimic, f"{where}.multiplier", message, "Give a nonzero multiplier, or make it a fixed joint.", "0"
+        )
         return None
     return {
         "type": "coupling",

@@ -123,7 +123,7 @@ class _Robot:
             elif name in found:
                 first = found[name].line
                 remedy = "Rename one of them."
-                self.reading.report(element, _key(tag, name), f"is there twice, first on line {first}", remedy)
+                self.reading.report(element, _key(tag, name), f"is given twice, first on line {first}", remedy)
             else:
                 found[name] = element
         return found
@@ -146,7 +146,7 @@ class _Robot:
                 continue
             child = _link(joint, "child")
             if child in joint_of_child:
-                message = f"the link {quoted(child)} is the child of joint {quoted(joint_of_child[child])} already"
+                message = f"the link {quoted(child)} is already the child of joint {quoted(joint_of_child[child])}"
                 remedy = "URDF describes trees: close loops in a mechanism file with 'urdf:' and a joint of its own."
                 self.reading.report(joint, f"{key}.child.link", message, remedy)
                 continue
@@ -163,10 +163,10 @@ class _Robot:
             return None  # of joints that are left out
         if not roots or len(roots) == 1:
             circle = [name for name in self.links if name not in (self._below(roots[0]) if roots else ())]
-            message, at = f"the joints go round in a circle: {listed(circle)}", self.links[circle[0]]
-            self.reading.report(at, _key("link", circle[0]), message, "Remove a joint of it: URDF describes trees.")
+            message, at = f"the links form a circle: {listed(circle)}", self.links[circle[0]]
+            self.reading.report(at, _key("link", circle[0]), message, "Remove one of its joints: URDF describes trees.")
         else:
-            message = f"the robot is in pieces, as {len(roots)} links have no parent: {listed(roots)}"
+            message = f"the robot is not connected: {len(roots)} links have no parent ({listed(roots)})"
             remedy = "Connect them with joints, or keep one piece."
             self.reading.report(self.links[roots[1]], _key("link", roots[1]), message, remedy)
         return None

@@ -55,7 +55,12 @@ def parse_xml(text: str, file: str) -> Element:
     :raises MechanismError: it is not XML, has a document type declaration, or is too large.
     """
     if len(text) > MAX_BYTES:
-        raise file_error(file, 1, f"the text is longer than {MAX_BYTES} characters", "Remove what is not a robot.")
+        raise file_error(
+            file,
+            1,
+            f"the text is longer than {MAX_BYTES} characters",
+            "Remove everything that does not describe the robot.",
+        )
     if found := _SURROGATE.search(text):
         line = text.count("\n", 0, found.start()) + 1
         raise file_error(file, line, f"the character U+{ord(found[0]):04X} is not allowed", "Remove it.")
@@ -83,7 +88,9 @@ class _Reader:
         line = self.parser.CurrentLineNumber
         self.count += 1 + len(attributes)
         if self.count > MAX_VALUES:
-            raise file_error(self.file, line, f"more than {MAX_VALUES} values", "Remove what is not a robot.")
+            raise file_error(
+                self.file, line, f"more than {MAX_VALUES} values", "Remove everything that does not describe the robot."
+            )
         if len(self.open) > MAX_DEPTH:
             raise file_error(self.file, line, f"nested deeper than {MAX_DEPTH} levels", "Flatten the file.")
         element = Element(tag, attributes, line)

@@ -57,7 +57,7 @@ def static() -> LoggedItems:
 def columns(events: Sequence[LoggedEvent]) -> list[tuple[str, np.ndarray, object]]:
     """The entities that the events change, each with its times (s) and columns."""
     times = np.array([event.time for event in events])
-    texts = ["commands are taken" if event.kind is EventKind.COMMAND else event.text for event in events]
+    texts = ["commands are accepted" if event.kind is EventKind.COMMAND else event.text for event in events]
     lines = rr.TextLog.columns(text=texts, level=[level(event.kind) for event in events])
     found: list[tuple[str, np.ndarray, object]] = [(entity_paths.EVENTS, times, lines)]
     for entity, states in _LANES.items():

@@ -46,13 +46,13 @@ def test_a_loop_that_cannot_close_is_named_with_its_joints_and_its_gap():
     short = USUAL.replace("crank: 0.5, coupler: 1.4, rocker: 1.2", "crank: 0.1, coupler: 0.2, rocker: 0.3")
     for text in (short, short.replace("position: 1.0", "position: 1.0, guess: true")):
         (problem,) = refused(text)
-        assert "joints.d: the loop of a, b, d, c stays open here, by 0.9 m at best" in problem
+        assert "joints.d: the loop of a, b, d, c remains open here by 0.9 m at best" in problem
         assert "Check the lengths" in problem
 
 
 def test_given_positions_that_keep_a_loop_open_are_named():
     (problem,) = refused(USUAL.replace("position: -1.0, guess: true", "position: 2.5"))
-    assert "joints.d: the loop of a, b, d, c stays open here by " in problem
+    assert "joints.d: the loop of a, b, d, c remains open here by " in problem
     assert "with the given positions" in problem
     assert "without the given positions of a, b" in problem
     assert "guess: true" in problem
@@ -85,7 +85,7 @@ constraints: {strut: {type: distance, between: [ground.o, rod.tip], length: sqrt
 """
     )
     assert "constraints.strut: this constraint leaves no freedom for the drive of pin" in problem
-    assert "Remove a drive, or a constraint." in problem
+    assert "Remove a drive or a constraint." in problem
 
 
 def test_a_rigid_assembly_is_refused():
@@ -126,7 +126,7 @@ def one_constraint(text):
 def test_a_constraint_that_cannot_be_satisfied_is_reported_with_its_gap():
     (problem,) = one_constraint("{type: on_surface, point: dot, equation: x^2 + y^2 + 4}")
     assert "constraints.k: this constraint " in problem
-    assert ", by 4 at best" in problem
+    assert " by 4 at best" in problem
 
 
 def test_a_given_position_that_a_constraint_forbids_is_named():

@@ -37,7 +37,7 @@ def test_a_mechanism_is_found_by_name_and_by_path(tmp_path):
 
 def test_a_misspelt_name_is_answered_with_the_nearest():
     problem = refusal("duble_rod")
-    assert problem.message == "no mechanism of this name ships" and problem.value == "'duble_rod'"
+    assert problem.message == "there is no shipped mechanism of this name" and problem.value == "'duble_rod'"
     assert problem.remedy.startswith("Did you mean 'double_rod'?") and "path of a .yaml or .urdf file" in problem.remedy
 
 

@@ -24,11 +24,11 @@ def test_a_value_is_given_in_si_units_or_as_in_the_file(rods):
     [
         ("joints.elbw.damping", 1.0, "elbow"),
         ("joints.elbow.dampng", 1.0, "damping"),
-        ("length", 1.0, "names nothing"),
-        ("gravity[3]", 1.0, "The last one is 2"),
+        ("length", 1.0, "is not a key of this file"),
+        ("gravity[3]", 1.0, "The last entry is 2"),
         ("[2]", 1.0, "not a key"),
         ("parameters.m", -1.0, "at least 0"),
-        ("m.x", 1.0, "names nothing"),
+        ("m.x", 1.0, "is not a key of this file"),
         ("joints.elbow.between[0][1]", 1.0, "not a list"),
     ],
 )

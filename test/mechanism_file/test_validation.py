@@ -23,7 +23,7 @@ MISTAKES = {
     "a truth for a number": ((MASS, "    mass: true\n"), 7, "parts.rod.mass", "must be a number", "0.5, 30 deg, or l/2"),
     "not a number": ((MASS, "    mass: .nan\n"), 7, "parts.rod.mass", "must be finite", "Write a number"),
     "infinity": ((MASS, "    mass: .inf\n"), 7, "parts.rod.mass", "must be finite", "Write a number"),
-    "a negative mass": ((MASS, "    mass: -m\n"), 7, "parts.rod.mass", "must be at least 0, and is -2", "Write 0 or a"),
+    "a negative mass": ((MASS, "    mass: -m\n"), 7, "parts.rod.mass", "must be at least 0, but is -2", "Write 0 or a"),
     "a unit of another kind": ((MASS, "    mass: 3 ft\n"), 7, "parts.rod.mass", "the unit 'ft' does not fit", "0.5 kg"),
     "an unknown unit": ((MASS, "    mass: 3 stone\n"), 7, "parts.rod.mass", "unknown unit 'stone'", "Known: m, mm"),
     "code": ((MASS, "    mass: __import__('os')\n"), 7, "parts.rod.mass", "not a number, a value with a", "Write for"),
@@ -79,7 +79,7 @@ MISTAKES = {
     "limits in the wrong order": ((END, "    limits: {lower: 2, upper: 1}\n"), 15, "joints.pin.limits", "lower 2 is not below upper 1", "Swap them."),
     "limits as a list": ((END, "    limits: [1, 2]\n"), 15, "joints.pin.limits", "must be a mapping", "Its keys: lower, upper, stiffness, damping."),
     "one limit": ((END, "    limits: {lower: 2}\n"), 15, "joints.pin.limits", "'upper' is missing", "Add it."),
-    "a negative damping": ((END, "    damping: -1\n"), 15, "joints.pin.damping", "must be at least 0, and is -1", "Write 0 or"),
+    "a negative damping": ((END, "    damping: -1\n"), 15, "joints.pin.damping", "must be at least 0", "Write 0 or"),
     "an effort limit of zero": ((END, "    effort_limit: 0\n"), 15, "joints.pin.effort_limit", "must be greater than 0", "positive"),
     "gravity as a number": ((END, f"{END}gravity: 9.81\n"), 16, "gravity", "must be a list", "[x, y, z]"),
     "a step of zero": ((END, f"{END}integrator: {{step: 0}}\n"), 16, "integrator.step", "must be greater than 0", "positive"),
@@ -92,7 +92,7 @@ MISTAKES = {
     "a part that nothing joins": (("joints:", "  bob: {mass: 1}\njoints:"), 10, "parts.bob", "is in no joint", "joint of type free"),
     "a parameter that is a function": (("  m: 2 kg\n", "  m: 2 kg\n  sin: 1\n"), 4, "parameters.sin", "'sin' has a meaning", "another name"),
     "a parameter that is a keyword": (("  m: 2 kg\n", "  m: 2 kg\n  lambda: 1\n"), 4, "parameters.lambda", "'lambda' has a meaning", "another name"),
-    "a parameter without value": (("  m: 2 kg\n", "  m:\n"), 3, "parameters.m", "has no value", "Give it one."),
+    "a parameter without value": (("  m: 2 kg\n", "  m:\n"), 3, "parameters.m", "has no value", "Give it a value."),
     "a parameter of an unknown one": (("  m: 2 kg\n", "  m: 2*ll\n"), 3, "parameters.m", "unknown name 'll'", "Did you mean 'l'?"),
     "a parameter divided by zero": (("  m: 2 kg\n", "  m: l/0\n"), 3, "parameters.m", "division by zero", "Check the divisor."),
     "a parameter of itself": (("  m: 2 kg\n", "  m: m + 1\n"), 3, "parameters.m", "parameters refer to each other in a circle: m", "by a number"),
@@ -127,7 +127,7 @@ PART = "  plate: {{{mass} shapes: [{shapes}]}}\njoints:\n  flight: {{type: free,
         ("mass: 1,", "{type: block, size: [1, 1, 1]}, {type: disc, radius: 1}",
          "parts.plate", "cannot share its mass among points, lines, surfaces and solids", "Give each shape its own."),
         ("mass: 1,", "{type: block, size: [1, 1, 1]}, {type: particle, mass: 2}",
-         "parts.plate", "leaves -1 kg for its shapes without mass", "'mass' is that of the whole part."),
+         "parts.plate", "leaves -1 kg for its shapes without mass", "'mass' is the mass of the whole part."),
         ("mass: 1, inertia: [1, 1, 1],", "{type: disc, radius: 1}, {type: particle, mass: 2}",
          "parts.plate.shapes[1]", "gives a mass although the part gives its inertia", "Remove the shape's mass"),
         ("mass: 0, inertia: [1, 1, 1],", "",
@@ -237,9 +237,7 @@ def test_an_error_prints_as_file_line_key_message_value_and_remedy():
     valid = "center, inertia, inertia_check, mass, meshes, points, shapes"
     assert str(problem) == f"file.yaml:7: parts.rod.sape: unknown key 'sape'. Did you mean 'shape'? Others: {valid}."
     problem = problem_of(changed((MASS, "    mass: -3\n")))
-    assert str(problem) == (
-        "file.yaml:7: parts.rod.mass: must be at least 0, and is -3 (got -3). Write 0 or a positive number."
-    )
+    assert str(problem) == ("file.yaml:7: parts.rod.mass: must be at least 0 (got -3). Write 0 or a positive number.")
 
 
 def test_many_problems_are_all_kept_and_the_first_are_printed():

@@ -84,13 +84,13 @@ def test_an_html_page_contains_both_runs_and_its_library(run, tmp_path):
 def test_an_unknown_picture_format_is_an_error(run, tmp_path, capsys):
     path = tmp_path / "x.docx"
     assert main(["rerun-with", str(run), "--set", "l=0.9", "--plot", str(path), "--quiet"]) == 1
-    assert "x.docx: the file cannot have this format" in capsys.readouterr().err
+    assert "x.docx: this file format is not supported" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ([], "nothing is changed"),
+        ([], "no change is given"),
         (["--set", "joints.elbw.damping=1"], "elbow"),
         (["--set", "damping"], "not of the form KEY=VALUE"),
         (["--method", "rk5"], "there is no method 'rk5'"),

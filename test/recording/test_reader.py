@@ -153,4 +153,4 @@ def test_a_flipped_bit_in_the_mechanism_is_reported(run, tmp_path):
     data[data.index(b"mechanism: double_rod") + 3] ^= 1
     path = tmp_path / "x.mcap"
     path.write_bytes(data)
-    assert "attachment 'mechanism.yaml' is not what was written" in open_recording(path).problems[0]
+    assert "attachment 'mechanism.yaml' fails its CRC check" in open_recording(path).problems[0]

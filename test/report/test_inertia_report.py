@@ -61,7 +61,7 @@ def test_principal_axes_make_the_dyadic_diagonal(file, capsys):
 
 def test_the_text_names_parts_and_frames(file, capsys):
     text = reported(capsys, file, "--inertia")
-    assert "three: 9 kg, center of mass [0.888889, 3.11111, 2.44444] m, in its own frame" in text
+    assert "three: 9 kg, center of mass [0.888889, 3.11111, 2.44444] m, in the frame of the part" in text
     assert "whole mechanism: 21 kg" in text
-    assert "principal moment 13  about [0, 1, 0]" in text
+    assert "principal moment 13 kg·m² about [0, 1, 0]" in text
     assert "frame:" not in text

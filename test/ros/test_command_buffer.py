@@ -38,10 +38,10 @@ def test_names_leave_the_other_efforts_and_add_up_between_two_steps(buffer):
 @pytest.mark.parametrize(
     ("names", "efforts", "words"),
     [
-        (None, [1.0], "3 efforts expected and 1 given. Send one for each of: hip, knee, ankle."),
-        (None, [1.0, math.nan, 2.0], "the effort of knee is not finite."),
+        (None, [1.0], "3 efforts expected, but 1 given. Give one for each of: hip, knee, ankle."),
+        (None, [1.0, math.nan, 2.0], "the effort of knee is not finite. Give finite numbers."),
         (["hip", "nee"], [1.0, 2.0], "there is no joint 'nee'. Did you mean 'knee'?"),
-        (["hip"], [math.inf], "the effort of hip is not finite."),
+        (["hip"], [math.inf], "the effort of hip is not finite. Give finite numbers."),
         (["hip"], [], "'name' and 'effort' differ in length: 1 and 0."),
         (["hip", "hip"], [1.0, 2.0], "a joint is named twice"),
     ],

@@ -175,7 +175,7 @@ def test_seeking_back_and_forth_while_paused_and_while_playing():
     player.seek(9.98)
     player.pause(False)
     memory.until(lambda: shown(memory)[-2:] == [9980, 9990] and shown(memory)[-3] == 9990)
-    assert "cannot seek to 11 s: the recording lasts from 0 to 9.99 s" in player.seek(11.0)
+    assert "cannot seek to 11 s: the recording runs from 0 to 9.99 s" in player.seek(11.0)
     player.stop()
 
 
@@ -194,7 +194,7 @@ def test_damaged_blocks_are_left_out_and_reported_once():
     for own in (False, True):
         memory, _ = played(recording(range(50), damaged=[2], own=own))
         assert shown(memory) == [*range(19), *range(29, 50)]
-        assert memory.texts == ["left out: x.mcap: damaged: a block"]
+        assert memory.texts == ["not played: x.mcap: damaged: a block"]
 
 
 def test_as_fast_as_possible_is_much_faster_than_it_was():

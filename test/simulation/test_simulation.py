@@ -78,7 +78,7 @@ def test_no_steps_change_nothing(sim):
 
 def test_negative_steps_are_refused(sim):
     before = snapshot(sim)
-    with pytest.raises(ValueError, match="-3 steps"):
+    with pytest.raises(ValueError, match="not -3"):
         sim.step(-3)
     assert snapshot(sim) == before
 
@@ -159,11 +159,11 @@ class TestReset:
     @pytest.mark.parametrize(
         ("change", "message"),
         [
-            ({"q": [1.0]}, "q must have 2 values in one list, not the shape \\(1,\\)"),
-            ({"u": [1.0, 2.0, 3.0]}, "u must have 2 values in one list, not the shape \\(3,\\)"),
-            ({"q": [[1.0, 2.0]]}, "q must have 2 values in one list"),
-            ({"q": [1.0, math.nan]}, "q contains a value that is not finite"),
-            ({"q": [0.5, 0.5], "u": [math.inf, 0.0]}, "u contains a value that is not finite"),
+            ({"q": [1.0]}, "q must be a list of 2 values, not an array of shape \\(1,\\)"),
+            ({"u": [1.0, 2.0, 3.0]}, "u must be a list of 2 values, not an array of shape \\(3,\\)"),
+            ({"q": [[1.0, 2.0]]}, "q must be a list of 2 values"),
+            ({"q": [1.0, math.nan]}, "q contains a value that is not finite."),
+            ({"q": [0.5, 0.5], "u": [math.inf, 0.0]}, "u contains a value that is not finite."),
         ],
     )
     def test_errors_change_nothing(self, sim, change, message):
@@ -225,8 +225,8 @@ class TestEfforts:
     @pytest.mark.parametrize(
         ("efforts", "message"),
         [
-            ([1.0], "2 efforts expected and 1 given.*shoulder, elbow"),
-            ([1.0, 2.0, 3.0], "2 efforts expected and 3 given"),
+            ([1.0], "2 efforts expected, but 1 given.*shoulder, elbow"),
+            ([1.0, 2.0, 3.0], "2 efforts expected, but 3 given"),
             ([1.0, math.nan], "elbow.*not .*finite"),
             ({"shoulder": math.inf}, "shoulder.*not .*finite"),
             ({"elbow": 1.0, "elbw": 2.0}, "no joint 'elbw'. Did you mean 'elbow'?"),
@@ -339,7 +339,7 @@ class TestWholeSteps:
 
     @pytest.mark.parametrize("count", [-1, 10**20, 2**53 + 1])
     def test_a_count_out_of_range_is_refused(self, sim, count):
-        with pytest.raises(ValueError, match=f"cannot take {count} steps"):
+        with pytest.raises(ValueError, match=f"the number of steps must lie between 0 and .*, not {count}."):
             sim.step(count)
         assert sim.steps == 0
 

@@ -72,7 +72,7 @@ def test_processes_here_and_workers_of_a_cluster_give_the_same_bits(tmp_path, cl
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--vary", "q=1"], "names nothing"),
+        (["--vary", "q=1"], "is not a key of this file"),
         (["--vary", "l=1", "--out", "runs.xlsx"], ".parquet or .csv"),
         (["--vary", "l=1", "--out", "nowhere/runs.csv"], "nowhere does not exist"),
         (["--vary", "l=1", "--show", "elbow.speed"], "elbow.velocity"),

@@ -26,8 +26,8 @@ def test_variations_are_read_with_units(rods):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("l", "varies nothing"),
-        ("l=", "varies nothing"),
+        ("l", "gives no values"),
+        ("l=", "gives no values"),
         ("l=1:2", "START:STOP:COUNT"),
         ("l=1:2:x", "the number of values cannot be 'x'"),
         ("l=a,b", "'a' .*unknown"),

@@ -64,7 +64,7 @@ def test_a_run_that_cannot_be_built_is_reported_and_the_others_continue():
     assert np.isnan(found.runs["residual"][1])
     assert len(found.problems) == 1
     assert "run 1" in found.problems[0]
-    assert "stays open" in found.problems[0]
+    assert "remains open" in found.problems[0]
 
 
 def test_chunks_are_put_together_in_order():

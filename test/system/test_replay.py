@@ -155,7 +155,7 @@ def test_steps_seeks_and_latched_topics(run: Path, tmp_path: Path) -> None:
         audience.until(lambda: audience.received["/robot_description"], "the description")
         audience.set_parameter("seek_to", 99.0)
         refused = audience.call_seek()
-        assert not refused.success and "lasts from 0 to" in refused.message
+        assert not refused.success and "runs from 0 to" in refused.message
         audience.pause(False)
         audience.until(lambda: audience.times()[-1] == 1_000_000_000, "the end")
         audience.until(lambda: "at the end" in process.text, "the stay")
@@ -207,7 +207,7 @@ def test_a_foreign_bag_plays_under_another_name_and_in_a_namespace(tmp_path: Pat
         assert [deserialize_message(data, String).data for data in audience.received["/lab/map"]] == ["the map"]
         clocks = [nanoseconds(deserialize_message(data, Clock).clock) for data in audience.received["/clock"]]
         assert clocks[0] >= EPOCH and clocks[-1] <= EPOCH + 190_000_000
-        assert "/thing is left out: acme_msgs/msg/Thing" in process.text
+        assert "/thing is not played: acme_msgs/msg/Thing" in process.text
 
 
 def test_the_offered_qos_is_the_recorded_one(run: Path, tmp_path: Path) -> None:

@@ -262,7 +262,7 @@ def test_two_instances_run_in_two_namespaces(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({"mechanism": "dubble_rod"}, ["no mechanism of this name ships", "Did you mean 'double_rod'?"]),
+        ({"mechanism": "dubble_rod"}, ["there is no shipped mechanism of this name", "Did you mean 'double_rod'?"]),
         ({"mechanism": "nowhere/to.yaml"}, ["there is no such file", "nowhere/to.yaml"]),
         ({"method": "rk5"}, ["no method 'rk5'", "rk4"]),
         ({"publish_rate": -1}, ["publish_rate"]),

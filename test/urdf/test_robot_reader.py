@@ -289,7 +289,7 @@ def test_all_problems_are_reported_with_line_element_value_and_remedy():
         "r.urdf:7: link[a].visual.origin.xyz: has 2 of them (got '0 1'). Write 3 numbers separated by spaces.",
         "r.urdf:7: link[a].visual.box.size: '${z}' is not a number (got '1 2 ${z}'). "
         "This is a xacro expression: expand the file with xacro first.",
-        "r.urdf:10: link[b]: is there twice, first on line 9. Rename one of them.",
+        "r.urdf:10: link[b]: is given twice, first on line 9. Rename one of them.",
         "r.urdf:12: joint[hinge].child.link: there is no link 'c'. Valid: a, b.",
         "r.urdf:16: joint[slide].axis.xyz: must not be zero (got '0 0 0'). Write for example 0 0 1.",
         "r.urdf:17: joint[slide].limit: lower 1 is above upper -1. Swap them.",
@@ -302,14 +302,14 @@ def test_all_problems_are_reported_with_line_element_value_and_remedy():
 @pytest.mark.parametrize(
     ("elements", "expected"),
     [
-        ([link("a"), '<link name="b"/>'], "link[b]: the robot is in pieces, as 2 links have no parent: a, b."),
+        ([link("a"), '<link name="b"/>'], "link[b]: the robot is not connected: 2 links have no parent (a, b)."),
         (
             [link("a"), link("b"), joint("j", "fixed"), joint("k", "fixed", parent="b", child="a")],
-            "link[a]: the joints go round in a circle: a, b.",
+            "link[a]: the links form a circle: a, b.",
         ),
         (
             [link("a"), link("b"), link("c"), joint("j", "fixed"), joint("k", "fixed", parent="c", child="b")],
-            "joint[k].child.link: the link 'b' is the child of joint 'j' already.",
+            "joint[k].child.link: the link 'b' is already the child of joint 'j'.",
         ),
         (
             [link("a"), '<link name="b"/>', joint("j", "continuous")],

@@ -254,9 +254,9 @@ def test_events_become_lines_and_lanes(tmp_path):
     recorded = Recorded(tmp_path / "a.rrd")
     log = [(at, row["TextLog:text"][0], row["TextLog:level"][0]) for at, row in recorded.rows["/events/log"]]
     assert log == [
-        (1.0, "commands are taken", "INFO"),
+        (1.0, "commands are accepted", "INFO"),
         (3.0, "commands expired: efforts set to zero", "WARN"),
-        (4.0, "commands are taken", "INFO"),
+        (4.0, "commands are accepted", "INFO"),
         (5.0, "paused", "INFO"),
         (6.0, "running", "INFO"),
         (7.0, "reset", "INFO"),

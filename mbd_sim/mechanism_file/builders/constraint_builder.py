@@ -119,7 +119,7 @@ class _ConstraintBuilder:
         where: Location = ("constraints", name)
         points = self._context.attachments((*where, key), references)
         if points and (value := length.at(0.0)) <= 0.0:
-            message = f"must be greater than 0, and is {value:g} at the start"
+            message = f"must be greater than 0, but is {value:g} at the start"
             self._context.report((*where, "length"), message, "For points that coincide use a spherical joint.")
             return []
         return points

@@ -78,7 +78,7 @@ def _spring(name: str, spec: schema.SpringSpec, ends: tuple[Attachment, Attachme
         law = build_curve(spec.force, spec.table, -spec.length, LARGEST_ELONGATION * max(1.0, spec.length))
     location: Location = ("forces", name)
     if law == Linear(0.0) and not spec.damping:
-        remedy = "Give it 'stiffness', 'force' or 'table', or 'damping'."
+        remedy = "Add 'stiffness', 'force', 'table' or 'damping'."
         context.report(location, "has neither stiffness nor damping", remedy)
     if spec.mass and GROUND not in (ends[0].part, ends[1].part):
         message = "a spring with mass must have one end on ground"

@@ -131,7 +131,7 @@ def _mass_per_measure(
     rest = mass - math.fsum((-v if s.hole else v) for s, v in zip(shapes, given, strict=True) if v is not None)
     total = math.fsum(signed)
     if rest <= 0.0:
-        raise InputError(f"leaves {rest:g} kg for its shapes without mass", "'mass' is that of the whole part.")
+        raise InputError(f"leaves {rest:g} kg for its shapes without mass", "'mass' is the mass of the whole part.")
     if total <= 0.0:
         raise InputError("has holes as large as its material", "Make them smaller.")
     return rest / total

@@ -89,7 +89,7 @@ def test_axes_are_those_of_ground_the_part_another_part_or_a_point(axes, part, x
 FORCES = {
     tie("stiffness: 1, force: 3*x"): "has stiffness and force. Give one of them.",
     tie("force: 3*x, table: [[0, 1], [1, 2]]"): "has force and table. Give one of them.",
-    tie("length: 1"): "has neither stiffness nor damping. Give it 'stiffness', 'force' or 'table', or 'damping'.",
+    tie("length: 1"): "has neither stiffness nor damping. Add 'stiffness', 'force', 'table' or 'damping'.",
     tie("force: 1/x"): "force: has no finite value at x = 0",
     tie("force: 3*t"): "unknown name 't' (got '3*t'). Valid: k, x.",
     tie("force: [1]"): "must be an expression of x",
