@@ -61,12 +61,12 @@ def execute(options: argparse.Namespace) -> int:
     if importlib.util.find_spec("rerun") is None:
         raise ViewerError("Rerun is not installed. Install it with: pip install rerun-sdk")
     recording = open_recording(options.recording)
-    when_open = _serve_until_interrupted if sink == "serve" else _return_at_once
+    on_sent = _serve_until_interrupted if sink == "serve" else _return_at_once
     recomputation, reason = _recomputation(recording)
     if recomputation is None:
         with ProgressBar("read", options.quiet) as progress:
             table = read_table(recording, progress.show)
-        address = show_joint_plots(table, sink, when_open)
+        address = show_joint_plots(table, sink, on_sent)
         print_notes(table.notes)
         print(f"{options.recording}: {reason}, so only its joints are shown, as plots")
         print(f"  {len(table)} states, {len(table.names)} joints: {address}")
@@ -76,7 +76,7 @@ def execute(options: argparse.Namespace) -> int:
         )
         with ProgressBar("show", options.quiet) as progress:
             address, count, notes = show_run(
-                recording, recomputation, sink, options.rate, display, progress.show, when_open
+                recording, recomputation, sink, options.rate, display, progress.show, on_sent
             )
         print_notes(notes)
         print(f"{options.recording}: {count} states: {address}")

@@ -14,7 +14,7 @@ from mbd_sim.compiler.fastcall import callable_of, emit_call
 from mbd_sim.compiler.gauss_step import gauss_step
 from mbd_sim.compiler.instruction_list import Instructions
 from mbd_sim.compiler.ir_types import POINTER
-from mbd_sim.compiler.linearized_system import linearize
+from mbd_sim.compiler.linearized_system import linearize_rates
 from mbd_sim.compiler.lowering import instruction_count, lower
 from mbd_sim.compiler.machine_code import MachineCode, compile_module, new_module
 from mbd_sim.compiler.rosenbrock_step import rosenbrock_step
@@ -69,8 +69,8 @@ def compile_kernel(
     """Compile y' = rates(t, y, inputs) with a method of integration: see `System`.
 
     :param readers: further functions of the state, with one output each.
-    :param core: the components that `linearize` solves for together, by default all. No rate depends on the components
-        after them, which do not count in error estimates either.
+    :param core: the components that `linearize_rates` solves for together, by default all. No rate depends on the
+        components after them, which do not count in error estimates either.
     """
     core = slice(0, rates.nnz_out(0)) if core is None else core
     module = new_module()
@@ -118,7 +118,7 @@ def emit_system(
 
 def _step_of(method: Method, rates: ca.Function, core: slice) -> Prepare:
     if isinstance(method, Rosenbrock):
-        return rosenbrock_step(method, linearize(rates, core))
+        return rosenbrock_step(method, linearize_rates(rates, core))
     if isinstance(method, Gauss):
         return gauss_step(method)
     return explicit_step(method)

@@ -31,7 +31,7 @@ class Linearized:
     timeless: bool
 
 
-def linearize(rates: ca.Function, core: slice) -> Linearized:
+def linearize_rates(rates: ca.Function, core: slice) -> Linearized:
     """Differentiate `rates(t, y, inputs)` exactly; `core` are the components of y that are solved for together."""
     t, y, inputs = (ca.SX.sym(name, rates.nnz_in(index)) for index, name in enumerate(("t", "y", "inputs")))
     g, right = ca.SX.sym("g"), ca.SX.sym("right", y.shape[0])

@@ -39,7 +39,7 @@ def joint_forces(links: Sequence[Link], q: ca.SX, u: ca.SX, efforts: ca.SX) -> J
             elastic_force, energy = _spring(link.joint, offset, coordinate)
             dissipative_force = _resistance(link.joint, offset, u[row])
             if link.joint.limits is not None and not is_absent(_stop_stiffness(link.joint.limits)):
-                push, stored, damping = stop(link.joint.limits, coordinate, u[row])
+                push, stored, damping = stop_forces(link.joint.limits, coordinate, u[row])
                 elastic_force, energy = elastic_force + push, energy + stored
                 dissipative_force = dissipative_force + damping
             generalized[row] -= elastic_force + dissipative_force
@@ -65,7 +65,7 @@ def _resistance(joint: Joint, offset: int, speed: ca.SX) -> ca.SX:
     return force
 
 
-def stop(limits: Limits, coordinate: ca.SX, speed: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+def stop_forces(limits: Limits, coordinate: ca.SX, speed: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     """The elastic force against the coordinate, its potential, and the force against the speed.
 
     A stop pushes back with k δ (1 + c δ') at the penetration δ, and never pulls (Hunt & Crossley 1975). The force

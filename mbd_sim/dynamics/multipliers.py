@@ -19,9 +19,9 @@ from mbd_sim.geometry.pose import Array
 # Fractions of its typical size at which a pivot counts as weak, as vanished, and as about to become weak.
 WEAK, VANISHED, NEARLY_WEAK = 1e-7, 1e-13, 1e-2
 
-# What is added to the diagonal of dependent rows relative to its typical size, in the solution for accelerations and in
-# projections, and the corrections that remove its effect. A state that violates the constraints by d makes the right
-# side inconsistent; the error that this causes is of the order of d²/REGULARIZATION, or d³/PROJECTION in projections.
+# The fractions of the typical size that are added to the diagonal of dependent rows, for accelerations and for
+# projections, and the number of corrections that remove the effect. A state that violates the constraints by d makes
+# the right side inconsistent; the error is of the order of d²/REGULARIZATION, or d³/PROJECTION in projections.
 REGULARIZATION, PROJECTION, CORRECTIONS = 1e-6, 1e-4, 4
 TINY = 1e-30
 

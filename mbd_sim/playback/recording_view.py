@@ -40,13 +40,13 @@ def show_run(
     rate: float,
     options: DisplayOptions,
     progress: Progress,
-    when_sent: AddressCallback = _ignore_address,
+    on_sent: AddressCallback = _ignore_address,
 ) -> tuple[str, int, list[str]]:
     """Show a run recorded by `sim_node`; return the viewer's address, the number of states, and problems of the files.
 
     :param recomputation: that of the first file; it provides the mechanism and takes no steps.
     :param rate: the largest number of states shown per second of simulated time.
-    :param when_sent: called with the address when everything has been sent; a server ends when it returns.
+    :param on_sent: called with the address when everything has been sent; a server ends when it returns.
     :raises ViewerError: the sink cannot be opened.
     :raises MbdSimError: a point to trace does not exist.
     """
@@ -64,7 +64,7 @@ def show_run(
         for message in iterate_messages(recording, progress, notes):
             sender.add(message)
         count = sender.finish()
-        when_sent(stream.address)
+        on_sent(stream.address)
     finally:
         stream.close()
     return stream.address, count, notes
@@ -157,10 +157,10 @@ class _RunSender:
             self._rows.clear()
 
 
-def show_joint_plots(table: RunTable, sink: str, when_sent: AddressCallback = _ignore_address) -> str:
+def show_joint_plots(table: RunTable, sink: str, on_sent: AddressCallback = _ignore_address) -> str:
     """Show the joints of a recording without a mechanism as plots; return the viewer's address.
 
-    :param when_sent: see `show_run`.
+    :param on_sent: see `show_run`.
     :raises ViewerError: the sink cannot be opened.
     """
     import rerun as rr
@@ -189,7 +189,7 @@ def show_joint_plots(table: RunTable, sink: str, when_sent: AddressCallback = _i
             for entity, columns in series.values(values):
                 rr.send_columns(entity, indexes=[times], columns=columns, recording=stream, strict=True)
         stream.flush()
-        when_sent(connection.address)
+        on_sent(connection.address)
         stream.disconnect()
     finally:
         connection.close()

@@ -91,13 +91,13 @@ def _section(merged: Source, section: str, under: dict[str, Any], over: dict[str
             else:
                 result[name] = record
         elif isinstance(record, dict):
-            result[name] = _record(merged, location, _kept(section, under[name], record), record)
+            result[name] = _record(merged, location, _remaining_keys(section, under[name], record), record)
         elif record is not None:
             result[name] = record
     return result
 
 
-def _kept(section: str, under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+def _remaining_keys(section: str, under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     """The keys that are kept from a URDF record, given the record of the file."""
     if section == "joints":
         if over.get("type") not in (None, under["type"]):

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from mbd_sim.compiler.linearized_system import linearize, unit_inverse
+from mbd_sim.compiler.linearized_system import linearize_rates, unit_inverse
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism_file.library import shipped
@@ -31,7 +31,7 @@ def test_it_solves_the_full_system(name):
         shift = np.zeros(len(y))
         shift[index] = 1e-6 * (1.0 + abs(y[index]))
         jacobian[:, index] = (rates(t, y + shift) - rates(t, y - shift)) / (2.0 * shift[index])
-    linearized = linearize(equations.rates, slice(nq, nq + nv))
+    linearized = linearize_rates(equations.rates, slice(nq, nq + nv))
     memory, matrix, time_rates = linearized.at(t, y, efforts, g)
     x = np.linalg.solve(np.array(matrix), np.array(linearized.reduce(memory, right)).ravel())
     found = np.array(linearized.expand(memory, right, x)).ravel()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from mbd_sim.dynamics.joint_forces import stop
+from mbd_sim.dynamics.joint_forces import stop_forces
 from mbd_sim.dynamics.law_expressions import elastic, friction, power_law
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.laws import Expressed, Friction, Linear, PowerLaw, tabulated
@@ -135,7 +135,7 @@ def test_friction_has_the_values_of_its_law():
 
 def test_a_stop_never_pulls_and_never_releases_more_than_it_stored():
     q, v = ca.SX.sym("q"), ca.SX.sym("v")
-    push, energy, loss = stop(Limits(-1.0, 2.0, stiffness=50.0, damping=0.4), q, v)
+    push, energy, loss = stop_forces(Limits(-1.0, 2.0, stiffness=50.0, damping=0.4), q, v)
     at = ca.Function("at", [q, v], [push + loss, energy, loss * v])
     rng = np.random.default_rng(71)
     for place, speed in zip(rng.uniform(-2, 3, 500), rng.uniform(-6, 6, 500), strict=True):
