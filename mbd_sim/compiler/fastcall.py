@@ -40,6 +40,8 @@ _USED = {
 
 
 class _MethodDefinition(ctypes.Structure):
+    """CPython's `PyMethodDef`."""
+
     _fields_ = (
         ("name", ctypes.c_char_p),
         ("method", ctypes.c_void_p),

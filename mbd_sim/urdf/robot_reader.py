@@ -61,6 +61,8 @@ def _check_robot(robot: Element, file: str) -> None:
 
 
 class _Robot:
+    """The parsed elements of a URDF, and their conversion to the data of a mechanism file."""
+
     def __init__(self, robot: Element, file: str, base: Base | None) -> None:
         self.robot, self.base = robot, base or "fixed"
         self.reading = Reading(file)

@@ -74,6 +74,8 @@ def parse_xml(text: str, file: str) -> Element:
 
 
 class _Reader:
+    """Builds elements from expat's events, within the limits on size and depth."""
+
     def __init__(self, file: str) -> None:
         self.file = file
         self.root = Element("", {}, 1)

@@ -58,6 +58,8 @@ def weight(scene: SceneDescription) -> float:
 
 @dataclass(frozen=True)
 class _ArrowStyle:
+    """The path, color and scale of an arrow or an arc."""
+
     path: str
     color: Color
     size: float  # of the mechanism, m

@@ -29,6 +29,8 @@ def part_entities(scene: SceneDescription) -> Iterator[Entity]:
 
 
 class _Ground:
+    """The axes of ground."""
+
     def __init__(self, scene: SceneDescription) -> None:
         self._size = scene.extent.size
 
@@ -42,6 +44,8 @@ class _Ground:
 
 
 class _Part:
+    """A part: its shapes, logged once, and its pose in each sample."""
+
     def __init__(self, part: Part, index: int, color: Color, size: float) -> None:
         self._part, self._index, self._color, self._size = part, index, color, size
         self._path = entity_paths.part(part.name)

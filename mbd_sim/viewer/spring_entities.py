@@ -58,6 +58,8 @@ def _joint_spring_ends(scene: SceneDescription, joint: Joint) -> tuple[Attachmen
 
 
 class _TwoPointEntity:
+    """An element between two points, drawn along z and stretched by a transform."""
+
     def __init__(self, scene: SceneDescription, path: str, first: Attachment, second: Attachment) -> None:
         self.path, self._first, self._second = path, first, second
         line = scene.at_start(second) - scene.at_start(first)
@@ -82,6 +84,8 @@ class _TwoPointEntity:
 
 
 class _SpringEntity(_TwoPointEntity):
+    """A coil."""
+
     def static(self) -> LoggedItems:
         coil = polylines.coil(self._radius(0.032))
         yield f"{self.path}/coil", rr.LineStrips3D([coil], radii=[LINE_RADIUS], colors=[palette.SPRING])

@@ -49,6 +49,8 @@ class Trace:
 
 
 class _PointTrace(Trace):
+    """The trace of a point of a part."""
+
     def __init__(self, name: str, at: Attachment, color: palette.Color, radius: float) -> None:
         super().__init__(entity_paths.trace(name), color, radius)
         self._at = at

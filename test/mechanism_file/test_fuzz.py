@@ -195,7 +195,7 @@ EXPRESSIONS = [
     "x^2 + y^2 + z^2 - 1", "x/y", "z", "sqrt(-1 - t)", "atan2(x, y)", "0", "0.3 + 0.1*sin(t)",
 ]  # fmt: skip
 NUMBERS = [0, -1, 1, 0.5, 2, 1e-3, 1e-9, 1e-300, 1e3, 1e9, 1e15, 1e150, 1e300, -1e300, "30 deg", "sqrt(2)", "pi/3"]
-LABELLED = {"cylindrical": (".displacement", ".angle"), "universal": (".first", ".second"), "free": (".x", ".z")}
+LABELED = {"cylindrical": (".displacement", ".angle"), "universal": (".first", ".second"), "free": (".x", ".z")}
 JOINTS = ["revolute", "prismatic", "fixed", "free", "screw", "cylindrical", "universal", "planar", "spherical"]
 
 
@@ -216,7 +216,7 @@ class Changer:
 
     def coordinate(self):
         joints = self.data["joints"].items()
-        return self.chance.choice([name + label for name, j in joints for label in LABELLED.get(j.get("type"), ("",))])
+        return self.chance.choice([name + label for name, j in joints for label in LABELED.get(j.get("type"), ("",))])
 
     def expression(self):
         return self.chance.choice(EXPRESSIONS)

@@ -74,6 +74,8 @@ class _GuidedPoint:
 
 
 class _ConstraintBuilder:
+    """Builds constraints one by one; problems are reported to the context."""
+
     def __init__(self, joints: Mapping[str, Joint | None], context: BuildContext) -> None:
         self._joints, self._context = joints, context
 

@@ -23,6 +23,8 @@ PARTICLE_RADIUS = 0.05  # m, of particles drawn without a radius
 
 @dataclass(frozen=True)
 class _Solid:
+    """The size and the moments of inertia of a shape."""
+
     dimension: int  # 0 for a particle, 1 a line, 2 a surface, 3 a solid; sizes of one dimension can be compared
     measure: float  # length, area or volume in m^dimension; 1 for a particle
     moments: tuple[float, float, float]  # principal moments about the center for unit mass, m²
