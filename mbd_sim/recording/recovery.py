@@ -126,7 +126,9 @@ def recover(path: Path) -> dict[str, int] | None:
     with path.open("r+b") as stream:
         data = FileBytes(stream)
         if data[: len(MAGIC)] != MAGIC:
-            raise ValueError("is not an MCAP file, or was cut off before anything was written.")
+            raise ValueError(
+                "is not an MCAP file, or was cut off before anything was written. Nothing can be recovered."
+            )
         if data[-len(MAGIC) :] == MAGIC and len(data) > 2 * len(MAGIC) + RECORD_HEADER.size:
             return None
         found = _complete_records(data)

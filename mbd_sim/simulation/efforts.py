@@ -51,7 +51,7 @@ class EffortMap:
         except (TypeError, ValueError) as error:
             if isinstance(error, CommandError):
                 raise
-            raise CommandError(f"an effort is not a number ({error}).") from error
+            raise CommandError(f"an effort is not a number ({error}). Give numbers.") from error
         if not np.all(np.isfinite(merged)):
             bad = [name for name, value in zip(self.names, merged, strict=True) if not math.isfinite(value)]
             raise CommandError(f"the effort of {listed(bad)} is not finite. Give finite numbers.")
@@ -63,7 +63,10 @@ class EffortMap:
 
     def _index_of(self, name: str) -> int:
         if name in self._driven:
-            raise CommandError(f"joint '{name}' is driven: its drive prescribes the motion, so it takes no effort.")
+            raise CommandError(
+                f"joint '{name}' is driven: its drive prescribes the motion, so it accepts no effort. "
+                "Command another joint."
+            )
         if name not in self._index:
             raise UnknownJointError(name, self._index)
         return self._index[name]

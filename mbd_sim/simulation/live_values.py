@@ -66,7 +66,7 @@ class LiveValues:
         for key in changes:
             if key not in self.current:
                 remedy = (
-                    nearest(key, self.current) or "No value is live: list it in 'live' when you build the simulation."
+                    nearest(key, self.current) or "No value is live. List it in 'live' when you build the simulation."
                 )
                 raise CommandError(f"'{key}' is not a live value. {remedy}")
         current = {**self.current, **{key: float(value) for key, value in changes.items()}}

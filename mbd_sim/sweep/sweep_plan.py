@@ -82,7 +82,7 @@ def variation(text: str, mechanism: Mechanism) -> Grid | Random:
             raise CommandError(f"{text}: the number of values cannot be '{count.strip()}'. {_EXAMPLES}")
         return Grid(name, tuple(np.linspace(number(start), number(stop), int(count)).tolist()))
     if ":" in rest:
-        raise CommandError(f"{text}: write a range as START:STOP:COUNT. {_EXAMPLES}")
+        raise CommandError(f"{text}: a range needs START:STOP:COUNT. {_EXAMPLES}")
     return Grid(name, tuple(number(word) for word in rest.split(",")))
 
 
