@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -69,7 +69,8 @@ class WrenchBuffer:
         self.timeout = timeout
         self.accepted = self.rejected = self.expired = 0
         self._map, self._parts, self._prefix = wrench_map, tuple(parts), frame_prefix
-        self._new: deque[Wrench] = deque()
+        self._new: dict[str, Wrench] = {}
+        self._lock = threading.Lock()
         self._since: dict[str, float] = {}
 
     @property
@@ -95,15 +96,15 @@ class WrenchBuffer:
             self.rejected += 1
             raise
         axes = GROUND if frame in GROUND_FRAMES or name in GROUND_FRAMES else name
-        self._new.append(Wrench(part, np.array(force, dtype=float), np.array(couple, dtype=float), axes, point))
-        self.accepted += 1
+        wrench = Wrench(part, np.array(force, dtype=float), np.array(couple, dtype=float), axes, point)
+        with self._lock:
+            self._new[part] = wrench
+            self.accepted += 1
 
     def due(self, time: float) -> Iterator[DueWrench]:
         """The wrenches to apply from simulated `time` (s, monotonic) on."""
-        newest: dict[str, Wrench] = {}
-        while self._new:
-            wrench = self._new.popleft()
-            newest[wrench.part] = wrench
+        with self._lock:
+            newest, self._new = self._new, {}
         for part, wrench in newest.items():
             self._since[part] = time
             yield DueWrench(EventKind.COMMAND, wrench)
@@ -115,7 +116,8 @@ class WrenchBuffer:
 
     def clear(self) -> None:
         """Discard all wrenches, as after a reset."""
-        self._new.clear()
+        with self._lock:
+            self._new = {}
         self._since.clear()
 
 

@@ -1,5 +1,7 @@
 """Wrenches on their way to the simulation: accepted or rejected whole, in the named axes, expiring."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -32,6 +34,17 @@ def test_of_several_wrenches_on_a_part_the_newest_is_due_once(buffer):
     assert due["lower"].couple.tolist() == [1.0, 0.0, 0.0]
     assert list(buffer.due(0.1)) == []
     assert (buffer.accepted, buffer.rejected) == (3, 0)
+
+
+def test_a_paused_simulation_does_not_collect_wrenches(buffer):
+    """Nothing is due while paused, however many messages arrive."""
+    tracemalloc.start()
+    for _ in range(10_000):
+        buffer.take("upper", None, "", X, NONE)
+    grown, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert grown < 20_000
+    assert len(list(buffer.due(0.0))) == 1
 
 
 @pytest.mark.parametrize(
