@@ -71,6 +71,13 @@ def test_paths_in_the_guides_exist(page):
     assert not missing
 
 
+@pytest.mark.parametrize("page", GUIDES[:2], ids=name_of)
+def test_classes_and_constants_in_the_guides_exist(page):
+    names = re.findall(r"`([A-Z]\w+)`", page.read_text(encoding="utf-8"))
+    words = {word for path in SOURCES if path.suffix == ".py" for word in re.findall(r"\w+", path.read_text("utf-8"))}
+    assert len(names) > 5 and [name for name in names if name not in words] == []
+
+
 def blocks(page, language=""):
     """The code blocks of a page in a language."""
     found = re.findall(r"^```(\w*)\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
