@@ -248,6 +248,33 @@ OTHERS = ("screw", "cylindrical", "universal", "planar", "spherical")
 SEVERAL = {"cylindrical": 2, "universal": 2, "planar": 3}
 
 
+def _random_motion(draw, rng, kind):
+    """A drive of a joint, or springs, dampers, friction and limits."""
+    joint = {}
+    count = SEVERAL.get(kind, 1)
+    if kind in (*SEVERAL, "revolute", "prismatic", "screw") and draw(st.integers(0, 3)) == 0:
+        drives = [f"{rng.uniform(-1, 1)}*sin({rng.uniform(-3, 3)}*t) + {rng.uniform(-1, 1)}" for _ in range(count)]
+        joint["drive"] = drives if count > 1 else drives[0]
+    elif kind in SEVERAL:
+        joint |= {"stiffness": rng.uniform(1, 20, count).tolist(), "damping": rng.uniform(0, 2, count).tolist()}
+    elif kind == "spherical":
+        joint["damping"] = float(rng.uniform(0.1, 2.0))
+    elif kind in ("revolute", "prismatic", "screw"):
+        laws = kind != "screw" and draw(st.booleans())
+        if draw(st.booleans()):
+            spring = {"spring": _random_curve(rng)} if laws else {"stiffness": float(rng.uniform(1.0, 20.0))}
+            joint |= {**spring, "rest": float(rng.uniform(-1.0, 1.0))}
+        if draw(st.booleans()):
+            joint["damping"] = float(rng.uniform(0.1, 2.0))
+        if laws and draw(st.booleans()):
+            joint |= {"damper": _random_power(rng), "friction": _random_friction(rng)}
+        if draw(st.booleans()):
+            joint["limits"] = {"lower": -0.8, "upper": 0.9, "stiffness": 30.0}
+            if draw(st.booleans()):
+                joint["limits"]["damping"] = float(rng.uniform(0.1, 2.0))
+    return joint
+
+
 @st.composite
 def random_trees(draw, most=5, fewest=1):
     """The text of a random open chain, and a random generator for its state."""
@@ -274,27 +301,7 @@ def random_trees(draw, most=5, fewest=1):
         if draw(st.booleans()):
             ends.reverse()
         joint = {"type": kind, "between": ends, **_random_axes(rng, kind, draw(st.booleans()))}
-        count = SEVERAL.get(kind, 1)
-        if kind in (*SEVERAL, "revolute", "prismatic", "screw") and draw(st.integers(0, 3)) == 0:
-            drives = [f"{rng.uniform(-1, 1)}*sin({rng.uniform(-3, 3)}*t) + {rng.uniform(-1, 1)}" for _ in range(count)]
-            joint["drive"] = drives if count > 1 else drives[0]
-        elif kind in SEVERAL:
-            joint |= {"stiffness": rng.uniform(1, 20, count).tolist(), "damping": rng.uniform(0, 2, count).tolist()}
-        elif kind == "spherical":
-            joint["damping"] = float(rng.uniform(0.1, 2.0))
-        elif kind in ("revolute", "prismatic", "screw"):
-            laws = kind != "screw" and draw(st.booleans())
-            if draw(st.booleans()):
-                spring = {"spring": _random_curve(rng)} if laws else {"stiffness": float(rng.uniform(1.0, 20.0))}
-                joint |= {**spring, "rest": float(rng.uniform(-1.0, 1.0))}
-            if draw(st.booleans()):
-                joint["damping"] = float(rng.uniform(0.1, 2.0))
-            if laws and draw(st.booleans()):
-                joint |= {"damper": _random_power(rng), "friction": _random_friction(rng)}
-            if draw(st.booleans()):
-                joint["limits"] = {"lower": -0.8, "upper": 0.9, "stiffness": 30.0}
-                if draw(st.booleans()):
-                    joint["limits"]["damping"] = float(rng.uniform(0.1, 2.0))
+        joint |= _random_motion(draw, rng, kind)
         joints[f"j{number}"] = joint
         names.append(name)
     forces = _random_forces(
