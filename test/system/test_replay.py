@@ -226,7 +226,7 @@ def test_the_offered_qos_is_the_recorded_one(run: Path, tmp_path: Path) -> None:
     ("parameters", "words"),
     [
         ({"bag": "nowhere.mcap"}, "nowhere.mcap: there is no such file"),
-        ({}, "Name a recording"),
+        ({}, "no recording is given. Give one: --ros-args -p bag:=RUN.mcap"),
         ({"bag": __file__}, "is not an MCAP file"),
         ({"bag": "x.mcap", "rte": 1.0}, "Did you mean 'rate'?"),
     ],
