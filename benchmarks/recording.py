@@ -13,17 +13,17 @@ import tempfile
 import time
 from pathlib import Path
 
-import rclpy
 from mcap.reader import make_reader
-from rclpy.node import Node
 
 from benchmarks.node_process import load, running
 from mbd_sim import Simulation
+from mbd_sim.messages import qos, state_messages
+from mbd_sim.messages.recorded_topic import Topic
+from mbd_sim.messages.snapshot import Snapshot
+from mbd_sim.messages.topics import TOPICS
 from mbd_sim.recording.recorder import Recorder
 from mbd_sim.recording.recording_paths import new_recording_paths
 from mbd_sim.recording.run_metadata import run_metadata
-from mbd_sim.ros import state_messages
-from mbd_sim.ros.snapshots import Snapshot
 
 QUEUE_LIMIT = 4e6  # bytes that may wait, so that nothing is dropped
 
@@ -68,27 +68,21 @@ def writer(mechanism: str, seconds: float) -> None:
     print(f"message size        {raw:.0f} bytes serialized, {size / recorder.written:.1f} in the file on average")
 
 
-def motion(mechanism: str) -> tuple[list[tuple[str, bytes]], dict[str, object], Simulation]:
+def motion(mechanism: str) -> tuple[list[tuple[str, bytes]], dict[str, Topic], Simulation]:
     """The messages of the node for two seconds of a motion, and its topics."""
-    rclpy.init(args=[])
-    node = Node("serializes")
     simulation = Simulation.from_file(mechanism)
-    tellings = {
-        "joint_states": state_messages.joint_states(node, simulation.model),
-        "energies": state_messages.energies(node, simulation.model),
-    }
+    model = simulation.model
+    writers = {"joint_states": state_messages.joint_states(model), "energies": state_messages.energies(model)}
     messages = []
     for tick in range(2000):
         simulation.step()
         taken = simulation.state, simulation.inputs.copy(), simulation.start_energy
-        snapshot = Snapshot(tick, tick * 1_000_000, simulation.time, *taken, True, False, False)
-        for key, telling in tellings.items():
-            telling.write(snapshot)
-            telling.template.stamp(snapshot.clock_ns)
-            messages.append((key, telling.template.payload()))
-    topics = {key: telling.output.topic for key, telling in tellings.items()}
-    node.destroy_node()
-    rclpy.shutdown()
+        snapshot = Snapshot(tick, tick * 1_000_000, simulation.time, *taken)
+        messages += [(key, writer.payload(snapshot, simulation.energies)) for key, writer in writers.items()]
+    profile = qos.offered_qos_profiles(qos.STATE)
+    topics = {
+        topic.name: Topic(f"/{topic.name}", topic.message_type, profile) for topic in TOPICS if topic.name in writers
+    }
     return messages, topics, simulation
 
 

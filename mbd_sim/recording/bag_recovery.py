@@ -7,6 +7,7 @@ from pathlib import Path
 
 import yaml
 
+from mbd_sim.messages.recorded_topic import Topic
 from mbd_sim.recording.mcap_reader import read_mcap
 from mbd_sim.recording.recovery import recover
 from mbd_sim.recording.rosbag2_metadata import (
@@ -16,7 +17,6 @@ from mbd_sim.recording.rosbag2_metadata import (
     read_bag_metadata,
     write_metadata,
 )
-from mbd_sim.recording.topic import Topic
 
 
 def recover_bag(folder: Path) -> Iterator[tuple[Path, dict[str, int] | None]]:

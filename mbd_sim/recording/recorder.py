@@ -9,11 +9,11 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from mbd_sim.messages.recorded_topic import Topic
 from mbd_sim.recording.durable_file import DurableFile
 from mbd_sim.recording.mcap_writer import DiskNearlyFullError, McapWriter, OutputFile
 from mbd_sim.recording.recording_paths import RecordingError, RecordingPaths
 from mbd_sim.recording.rosbag2_metadata import FileStatistics, bag_metadata, write_metadata
-from mbd_sim.recording.topic import Topic
 
 QUEUE_LIMIT = 16e6  # bytes that may wait for a slow disk before messages of display topics are dropped, and
 VITAL_QUEUE_LIMIT = 128e6  # bytes after which the recording ends, if the disk is too slow even for vital messages

@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from mbd_sim.recording.topic import Topic
+from mbd_sim.messages.recorded_topic import Topic
 
 VERSION = 9
 FILE_NAME = "metadata.yaml"

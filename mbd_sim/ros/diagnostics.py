@@ -11,11 +11,12 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from mbd_sim.geometry.pose import Array
+from mbd_sim.messages.topics import DIAGNOSTICS
 from mbd_sim.ros.pacing import DurationSummary
 from mbd_sim.ros.publishing_thread import PublishingThread
 from mbd_sim.ros.stepping_thread import SteppingThread
 from mbd_sim.ros.subscriptions import Subscriptions
-from mbd_sim.ros.topics import DIAGNOSTICS, TopicPublisher
+from mbd_sim.ros.topic_publisher import TopicPublisher
 from mbd_sim.simulation.compiled_model import Model
 
 PERIOD = 1.0  # s of the steady clock

@@ -18,10 +18,10 @@ from mbd_sim.geometry.pose import Array, pack_poses, unpack_poses
 from mbd_sim.mechanism.constraints import Cable, Constraint, Coupling, Distance, Flat, KnifeEdge, Rolling, Surface
 from mbd_sim.mechanism.force_elements import Damper, Spring
 from mbd_sim.mechanism.records import GROUND, Attachment
+from mbd_sim.messages.snapshot import Snapshot
+from mbd_sim.messages.state_messages import ros_poses
 from mbd_sim.ros.marker_shapes import PartMarker, Points, joint_markers, part_markers
 from mbd_sim.ros.message_template import STAMP, MessageTemplate, slot
-from mbd_sim.ros.snapshots import Snapshot
-from mbd_sim.ros.state_messages import ros_poses
 from mbd_sim.simulation.compiled_model import Model
 
 TRACE_POINTS = 150  # five seconds at 30 Hz

@@ -7,6 +7,7 @@ from typing import Any
 
 from mbd_sim.errors import nearest
 from mbd_sim.load import load_mechanism
+from mbd_sim.messages.topics import CLOCK, DIAGNOSTICS, MARKERS, PART, TOPICS, OutputTopic, for_each_part
 from mbd_sim.recording.recorder import Recorder
 from mbd_sim.recording.recording_paths import FORMATS, new_recording_paths
 from mbd_sim.recording.run_metadata import run_metadata
@@ -14,7 +15,6 @@ from mbd_sim.ros.node_parameters import NodeParameters
 from mbd_sim.ros.node_recordings import NodeRecordings, SplitLimits
 from mbd_sim.ros.publishing_thread import PublishingThread
 from mbd_sim.ros.stepping_thread import SteppingThread
-from mbd_sim.ros.topics import CLOCK, DIAGNOSTICS, MARKERS, PART, TOPICS, OutputTopic, for_each_part
 from mbd_sim.ros.wrench_buffer import ALL, WrenchTargets, wrench_targets
 from mbd_sim.simulation.simulation import Simulation
 from mbd_sim.viewer import Viewer, ViewerError

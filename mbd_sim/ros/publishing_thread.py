@@ -13,15 +13,17 @@ from queue import SimpleQueue
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
+from mbd_sim.messages import topics
+from mbd_sim.messages.recorded_topic import Topic
+from mbd_sim.messages.snapshot import Snapshot
+from mbd_sim.messages.topics import OutputTopic, Recorded
 from mbd_sim.recording.recorder import Recorder
 from mbd_sim.recording.run_metadata import Moment
-from mbd_sim.recording.topic import Topic
-from mbd_sim.ros import topics
 from mbd_sim.ros.markers import Markers
 from mbd_sim.ros.message_template import STAMP, MessageTemplate
 from mbd_sim.ros.node_recordings import NodeRecordings
-from mbd_sim.ros.snapshots import Item, Snapshot
-from mbd_sim.ros.topics import OutputTopic, Recorded, TopicPublisher
+from mbd_sim.ros.snapshots import Item
+from mbd_sim.ros.topic_publisher import TopicPublisher
 from mbd_sim.simulation.compiled_model import Energies, Model
 from mbd_sim.simulation.events import ERRORS, Event, EventKind
 from mbd_sim.viewer import Viewer

@@ -1,4 +1,4 @@
-"""Quality of service of the topics, and its representation in rosbag2."""
+"""Quality of service of the topics as rclpy has it, and of recorded topics."""
 
 from __future__ import annotations
 
@@ -9,31 +9,21 @@ import yaml
 from rclpy.duration import Duration
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 
-STATE = QoSProfile(depth=10, reliability=QoSReliabilityPolicy.RELIABLE)
-CLOCK = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.RELIABLE)
-LATCHED = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.RELIABLE, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
-COMMAND = QoSProfile(depth=10, reliability=QoSReliabilityPolicy.RELIABLE)
-
-_INFINITE = "{sec: 9223372036, nsec: 854775807}"
+from mbd_sim.messages import qos
+from mbd_sim.messages.qos import OfferedQos
 
 
-def offered_qos_profiles(profile: QoSProfile) -> str:
-    """A profile as rosbag2 (Jazzy, metadata version 9) stores it in a channel's metadata, in YAML."""
-    history = "keep_all" if profile.history == QoSHistoryPolicy.KEEP_ALL else "keep_last"
-    reliability = "best_effort" if profile.reliability == QoSReliabilityPolicy.BEST_EFFORT else "reliable"
-    durability = "transient_local" if profile.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL else "volatile"
-    lines = [
-        f"history: {history}",
-        f"depth: {profile.depth}",
-        f"reliability: {reliability}",
-        f"durability: {durability}",
-        f"deadline: {_INFINITE}",
-        f"lifespan: {_INFINITE}",
-        "liveliness: automatic",
-        f"liveliness_lease_duration: {_INFINITE}",
-        "avoid_ros_namespace_conventions: false",
-    ]
-    return "- " + "\n  ".join(lines)
+def profile(offered: OfferedQos) -> QoSProfile:
+    """A publisher's profile as rclpy has it."""
+    return QoSProfile(
+        depth=offered.depth,
+        history=QoSHistoryPolicy.KEEP_ALL if offered.keep_all else QoSHistoryPolicy.KEEP_LAST,
+        reliability=QoSReliabilityPolicy.RELIABLE if offered.reliable else QoSReliabilityPolicy.BEST_EFFORT,
+        durability=QoSDurabilityPolicy.TRANSIENT_LOCAL if offered.latched else QoSDurabilityPolicy.VOLATILE,
+    )
+
+
+STATE, CLOCK, COMMAND = profile(qos.STATE), profile(qos.CLOCK), profile(qos.COMMAND)
 
 
 def profile_of(text: str) -> QoSProfile:

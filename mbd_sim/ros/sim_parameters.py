@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from mbd_sim.messages.topics import TOPICS
 from mbd_sim.ros.node_parameters import ParameterSpec
-from mbd_sim.ros.topics import TOPICS
 
 PARAMETERS = (
     ParameterSpec("mechanism", "double_rod", "a mechanism file (.yaml), a robot's .urdf, or a shipped mechanism"),
@@ -49,7 +49,11 @@ PARAMETERS = (
     ),
     ParameterSpec("rerun_trace_time", 1.0, "length of the drawn paths in simulated s", 0.01, 1e6),
     ParameterSpec("marker_rate", 30.0, "markers per simulated second, while subscribed; 0: none", 0.0, 1000.0),
-    *(topic.parameter for topic in TOPICS if topic.parameter is not None),
+    *(
+        ParameterSpec(topic.parameter.name, topic.parameter.default, topic.parameter.description)
+        for topic in TOPICS
+        if topic.parameter is not None
+    ),
     ParameterSpec("frame_prefix", "", "prefix of all frame names, for several instances: name/"),
     ParameterSpec("real_time_priority", 20, "SCHED_FIFO priority of the stepping thread, if permitted; 0: none", 0, 90),
 )  # fmt: skip

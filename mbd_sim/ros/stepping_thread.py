@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from queue import SimpleQueue
 
 from mbd_sim.errors import CommandError, DivergedError
+from mbd_sim.messages.snapshot import Snapshot
 from mbd_sim.recording.run_metadata import Moment
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.pacing import Pacer
 from mbd_sim.ros.requests import RequestQueue
-from mbd_sim.ros.snapshots import Counters, Item, Snapshot
+from mbd_sim.ros.snapshots import Counters, Item
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
 from mbd_sim.simulation.events import AppliedEfforts, AppliedWrench, ChangedValues, Event, EventKind, Payload
 from mbd_sim.simulation.live_values import PreparedValues

@@ -13,9 +13,9 @@ from std_msgs.msg import Float64MultiArray
 
 from mbd_sim.errors import CommandError
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.messages.topic_names import topic_names
 from mbd_sim.ros import qos
 from mbd_sim.ros.command_buffer import CommandBuffer
-from mbd_sim.ros.topic_names import topic_names
 from mbd_sim.ros.wrench_buffer import WrenchBuffer, WrenchTargets
 
 WARNING_PERIOD = 1.0  # s between warnings of rejected messages

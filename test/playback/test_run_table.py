@@ -13,9 +13,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from mbd_sim.cli.main import main
+from mbd_sim.messages.message_definitions import definition
 from mbd_sim.playback import table_export
 from mbd_sim.playback.run_table import PlaybackError, read_table
-from mbd_sim.recording.message_definitions import definition
 from mbd_sim.recording.reader import open_recording
 from test.recording.runs import record_run
 

@@ -6,10 +6,10 @@ import struct
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, make_reader
 
+from mbd_sim.messages import qos
+from mbd_sim.messages.recorded_topic import Topic
 from mbd_sim.recording.recorder import Recorder
 from mbd_sim.recording.recording_paths import new_recording_paths
-from mbd_sim.recording.topic import Topic
-from mbd_sim.ros import qos
 
 QOS = qos.offered_qos_profiles(qos.STATE)
 TOPICS = {

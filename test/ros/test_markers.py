@@ -8,8 +8,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 from mbd_sim import Simulation
 from mbd_sim.geometry.rotation import from_quaternion
 from mbd_sim.mechanism_file.library import shipped
+from mbd_sim.messages.snapshot import Snapshot
 from mbd_sim.ros.markers import Markers
-from mbd_sim.ros.snapshots import Snapshot
 
 
 def snapshot(simulation: Simulation) -> Snapshot:

@@ -9,8 +9,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
+from mbd_sim.messages.topic_names import topic_names
 from mbd_sim.ros.message_template import STAMP, MessageTemplate, slot
-from mbd_sim.ros.topic_names import topic_names
 
 
 def test_joint_states_are_the_same_bytes():

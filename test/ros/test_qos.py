@@ -1,9 +1,10 @@
 """Quality of service as rosbag2 stores it."""
 
+import pytest
 import yaml
-from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 
-from mbd_sim.ros.qos import LATCHED, offered_qos_profiles
+from mbd_sim.messages.qos import LATCHED, OfferedQos, offered_qos_profiles
+from mbd_sim.ros import qos
 
 
 def test_a_profile_is_written_in_words():
@@ -17,14 +18,17 @@ def test_a_profile_is_written_in_words():
 
 
 def test_every_policy_has_its_word():
-    profile = QoSProfile(
-        history=QoSHistoryPolicy.KEEP_ALL,
-        reliability=QoSReliabilityPolicy.BEST_EFFORT,
-        durability=QoSDurabilityPolicy.VOLATILE,
-    )
-    (written,) = yaml.safe_load(offered_qos_profiles(profile))
+    offered = OfferedQos(depth=3, reliable=False, keep_all=True)
+    (written,) = yaml.safe_load(offered_qos_profiles(offered))
     assert (written["history"], written["reliability"], written["durability"]) == (
         "keep_all",
         "best_effort",
         "volatile",
     )
+
+
+@pytest.mark.parametrize(
+    "offered", [LATCHED, OfferedQos(depth=3), OfferedQos(depth=3, reliable=False, keep_all=True)], ids=str
+)
+def test_a_recorded_profile_is_offered_again(offered):
+    assert qos.profile_of(offered_qos_profiles(offered)) == qos.profile(offered)

@@ -7,9 +7,9 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.mechanism_file.override import with_values
+from mbd_sim.messages.snapshot import Snapshot
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.pacing import MAX_LATENESS, Histogram, Pacer
-from mbd_sim.ros.snapshots import Snapshot
 from mbd_sim.ros.stepping_thread import Rates, SteppingThread
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
 from mbd_sim.simulation.events import AppliedWrench, Event

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 import rclpy
 
-from mbd_sim.ros import topics
+from mbd_sim.messages import topics
+from mbd_sim.messages.topics import PART, TOPICS, Recorded, When
 from mbd_sim.ros.sim_node import SimNode
 from mbd_sim.ros.sim_parameters import PARAMETERS
-from mbd_sim.ros.topics import PART, TOPICS, Recorded, When
 
 PAGE = Path(__file__).resolve().parent.parent.parent / "docs" / "node.md"
 RCLPY_TOPICS = {"/rosout", "/parameter_events"}
@@ -64,7 +64,7 @@ def test_each_entry_is_complete():
         if topic.when is When.STATE and PART not in topic.name:
             assert topic.on_state is not None
         if topic.parameter is not None:
-            assert topic.parameter in PARAMETERS
+            assert topic.parameter.name in {spec.name for spec in PARAMETERS}
 
 
 @pytest.mark.parametrize("topic", TOPICS, ids=lambda topic: topic.name)

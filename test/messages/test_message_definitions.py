@@ -3,7 +3,7 @@
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from mbd_sim.recording.message_definitions import definition, type_hash
+from mbd_sim.messages.message_definitions import definition, type_hash
 
 
 @pytest.mark.parametrize(

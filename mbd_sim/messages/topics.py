@@ -1,4 +1,4 @@
-"""All topics that `sim_node` publishes: one entry each. The node, the recorder and the documentation's test read it."""
+"""All topics of a run: one entry each. `sim_node` publishes them; recordings of nodes and of scripts contain them."""
 
 from __future__ import annotations
 
@@ -7,18 +7,14 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
 
-from rclpy.node import Node
-from rclpy.qos import QoSProfile
-
-from mbd_sim.recording.topic import Topic
-from mbd_sim.ros import event_messages, qos, state_messages
-from mbd_sim.ros.event_messages import EventWriter
-from mbd_sim.ros.message_types import message_type
-from mbd_sim.ros.node_parameters import ParameterSpec
-from mbd_sim.ros.state_messages import StateWriter
-from mbd_sim.ros.topic_names import topic_names
+from mbd_sim.messages import event_messages, qos, state_messages
+from mbd_sim.messages.event_messages import EventWriter
+from mbd_sim.messages.qos import OfferedQos
+from mbd_sim.messages.state_messages import StateWriter
+from mbd_sim.messages.topic_names import topic_names
 from mbd_sim.simulation.compiled_model import Model
 
+NODE = "sim_node"  # the name of the node, which replaces ~ in the names of topics
 PART = "{part}"  # in the name of an entry that stands for one topic for each requested part
 
 
@@ -42,6 +38,15 @@ class Recorded(Enum):
     EACH_FILE = "as VITAL, and each file of a recording begins with its last message"
 
 
+@dataclass(frozen=True)
+class RequestParameter:
+    """The node's parameter that requests a topic: a flag, or names separated by commas."""
+
+    name: str
+    default: bool | str
+    description: str
+
+
 @dataclass(frozen=True, eq=False)
 class OutputTopic:
     """A topic that the node publishes.
@@ -54,16 +59,12 @@ class OutputTopic:
     name: str
     message_type: str
     when: When
-    qos: QoSProfile
+    qos: OfferedQos
     recorded: Recorded = Recorded.NO
     on_state: Callable[[Model, str], StateWriter] | None = None
     on_event: Callable[[Model], EventWriter] | None = None
     at_start: Callable[[Model, Mapping[str, float]], bytes] | None = None
-    parameter: ParameterSpec | None = None
-
-
-def _on_request(name: str, default: bool | str, description: str) -> ParameterSpec:
-    return ParameterSpec(name, default, description)
+    parameter: RequestParameter | None = None
 
 
 JOINT_STATES = OutputTopic(
@@ -89,7 +90,7 @@ JOINT_REACTIONS = OutputTopic(
     qos.STATE,
     Recorded.YES,
     on_state=state_messages.joint_reactions,
-    parameter=_on_request("joint_reactions", False, "publish the force and moment that each joint transmits"),
+    parameter=RequestParameter("joint_reactions", False, "publish the force and moment that each joint transmits"),
 )
 CONSTRAINT_VIOLATION = OutputTopic(
     "constraint_violation",
@@ -98,7 +99,7 @@ CONSTRAINT_VIOLATION = OutputTopic(
     qos.STATE,
     Recorded.YES,
     on_state=lambda model, prefix: state_messages.constraint_violation(model),
-    parameter=_on_request("constraint_violation", False, "publish the violations of loops and constraints"),
+    parameter=RequestParameter("constraint_violation", False, "publish the violations of loops and constraints"),
 )
 PART_POSES = OutputTopic(
     f"~/poses/{PART}",
@@ -106,15 +107,17 @@ PART_POSES = OutputTopic(
     When.STATE,
     qos.STATE,
     Recorded.YES,
-    parameter=_on_request("part_poses", "", "parts whose poses are published, separated by commas, or *; empty: none"),
+    parameter=RequestParameter(
+        "part_poses", "", "parts whose poses are published, separated by commas, or *; empty: none"
+    ),
 )
 TF = OutputTopic(
     "/tf",
-    state_messages.TF_MESSAGE,
+    "tf2_msgs/msg/TFMessage",
     When.STATE,
     qos.STATE,
     on_state=state_messages.transforms,
-    parameter=_on_request(
+    parameter=RequestParameter(
         "tf", False, "publish the poses of all parts on /tf; not together with robot_state_publisher; needs tf2_msgs"
     ),
 )
@@ -188,30 +191,3 @@ def for_each_part(topic: OutputTopic, part_names: Sequence[str], parts: Sequence
     for part in parts:
         writer = partial(state_messages.part_pose, part=part)
         yield replace(topic, name=topic.name.replace(PART, tokens[part]), on_state=writer)
-
-
-class TopicPublisher:
-    """An output topic of a node: its publisher, and its description for a recorder."""
-
-    def __init__(self, node: Node, topic: OutputTopic) -> None:
-        """Create the publisher.
-
-        :raises ImportError: the package of the message type is not installed.
-        """
-        self.topic = topic
-        self.publisher = node.create_publisher(_installed_type(topic), topic.name, topic.qos)
-
-    def recorded_topic(self) -> Topic:
-        """The topic as a recording describes it."""
-        vital = self.topic.recorded in (Recorded.VITAL, Recorded.EACH_FILE)
-        profile = qos.offered_qos_profiles(self.topic.qos)
-        return Topic(self.publisher.topic_name, self.topic.message_type, profile, vital)
-
-
-def _installed_type(topic: OutputTopic) -> type:
-    try:
-        return message_type(topic.message_type)
-    except ImportError as error:
-        package = topic.message_type.partition("/")[0]
-        cause = f"parameter '{topic.parameter.name}'" if topic.parameter else f"topic '{topic.name}'"
-        raise ImportError(f"{cause}: {package} is not installed. Install it, or omit the parameter.") from error

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from rclpy.serialization import serialize_message
-from std_msgs.msg import String
-
-from mbd_sim.ros.state_messages import labeled_array
+from mbd_sim.messages.serialized_message import string_message
+from mbd_sim.messages.state_messages import labeled_array
 from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.events import AppliedEfforts, AppliedWrench, ChangedValues, Event, EventKind
 from mbd_sim.simulation.wrench_layout import wrench_labels
@@ -18,13 +16,13 @@ EventWriter = Callable[[Event], bytes | None]  # the serialized message of an ev
 
 def applied_efforts(model: Model) -> EventWriter:
     """The efforts that act from the event's step on, labeled with the coordinates."""
-    template, values = labeled_array(model.coordinate_names)
+    message, values = labeled_array(model.coordinate_names)
 
     def write(event: Event) -> bytes | None:
         if not isinstance(event.payload, AppliedEfforts):
             return None
         values[:] = event.payload.values
-        return template.payload()
+        return message.payload()
 
     return write
 
@@ -36,9 +34,9 @@ def applied_wrenches(model: Model) -> EventWriter:
     def write(event: Event) -> bytes | None:
         if not isinstance(event.payload, AppliedWrench):
             return None
-        template, values = arrays[event.payload.part]
+        message, values = arrays[event.payload.part]
         values[:] = event.payload.inputs
-        return template.payload()
+        return message.payload()
 
     return write
 
@@ -58,19 +56,18 @@ def event_texts(model: Model) -> EventWriter:
     """The text of an event; commands have none, as their numbers are published."""
 
     def write(event: Event) -> bytes | None:
-        return None if event.kind is EventKind.COMMAND else serialize_message(String(data=event.text))
+        return None if event.kind is EventKind.COMMAND else string_message(event.text)
 
     return write
 
 
 def live_values_at_start(model: Model, live: Mapping[str, float]) -> bytes:
     """All live values, labeled with their keys."""
-    template, values = labeled_array(list(live))
+    message, values = labeled_array(list(live))
     values[:] = list(live.values())
-    return template.payload()
+    return message.payload()
 
 
 def robot_description(model: Model, live: Mapping[str, float]) -> bytes:
     """The mechanism's spanning tree as URDF."""
-    payload: bytes = serialize_message(String(data=to_urdf(model.mechanism)))
-    return payload
+    return string_message(to_urdf(model.mechanism))

@@ -1,4 +1,4 @@
-"""Message definitions for recordings, read from the installed ROS packages."""
+"""Message definitions for recordings: from the installed ROS packages, or else from `rosbags`, which needs no ROS."""
 
 from __future__ import annotations
 
@@ -19,9 +19,18 @@ _PRIMITIVES = {
 def definition(message_type: str) -> str:
     """Return the text of a `ros2msg` schema: the definition of a type such as `std_msgs/msg/String` and all it uses.
 
+    Without ROS, only the packages of ROS 2 Jazzy itself are known, and their comments are left out.
+
     :raises FileNotFoundError: the definitions of a package are not installed.
     """
     package, _, name = message_type.split("/")
+    try:
+        return _installed_definition(package, name)
+    except ImportError:
+        return _jazzy_definition(message_type)
+
+
+def _installed_definition(package: str, name: str) -> str:
     texts: dict[str, str] = {}
     pending = [f"{package}/{name}"]
     while pending:
@@ -36,14 +45,28 @@ def definition(message_type: str) -> str:
 
 @cache
 def type_hash(message_type: str) -> str:
-    """Return the REP 2011 hash of a type, or "" if it is not installed."""
+    """Return the REP 2011 hash of a type, or "" if it is unknown."""
     package, _, name = message_type.split("/")
     try:
         description = json.loads((_share_folder(package) / "msg" / f"{name}.json").read_text(encoding="utf-8"))
         hashes = {entry["type_name"]: entry["hash_string"] for entry in description["type_hashes"]}
         return str(hashes.get(message_type, ""))
+    except ImportError:
+        from rosbags.typesys import Stores, get_typestore
+
+        store = get_typestore(Stores.ROS2_JAZZY)
+        return store.hash_rihs01(message_type) if message_type in store.fielddefs else ""
     except (OSError, ValueError, KeyError):
         return ""
+
+
+def _jazzy_definition(message_type: str) -> str:
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    if message_type not in store.fielddefs:
+        raise FileNotFoundError(f"there is no message definition of '{message_type}' here")
+    return store.generate_msgdef(message_type, ros_version=2)[0]
 
 
 def _used_types(text: str, package: str) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mbd_sim.recording.message_definitions import definition, type_hash
+from mbd_sim.messages.message_definitions import definition, type_hash
 
 
 @dataclass(frozen=True)

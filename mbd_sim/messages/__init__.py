@@ -1,0 +1,1 @@
+"""The topics of a run and their messages, serialized without ROS: the node publishes them, recordings contain them."""
