@@ -45,8 +45,8 @@ def is_autonomous(equations: Equations) -> bool:
     if any(np.abs(constraints.drift(t, q)).max(initial=0.0) > 1e-9 for t in TIMES):
         return False
     y = equations.start_state
-    no_efforts = np.zeros(equations.layout.nv)
-    first, *others = (np.array(equations.rates.call([t, y, no_efforts])[0]) for t in TIMES)
+    inputs = equations.inputs_without_commands
+    first, *others = (np.array(equations.rates.call([t, y, inputs])[0]) for t in TIMES)
     return all(np.allclose(first, other, rtol=1e-9, atol=1e-9) for other in others)
 
 
@@ -69,11 +69,11 @@ def _balanced(equations: Equations, q: Array) -> Array | None:
     """The configuration (nq,) near q without accelerations, by Gauss–Newton, or None if there is none."""
     constraints, (nq, nv) = equations.constraints, (equations.layout.nq, equations.layout.nv)
     derivatives, at_rest = acceleration_derivatives(equations), np.zeros(nv)
-    all_free = np.ones(nv, dtype=bool)
+    all_free, inputs = np.ones(nv, dtype=bool), equations.inputs_without_commands
 
     def accelerations(q: Array) -> Array:
         y = np.concatenate([q, at_rest, np.zeros(3)])
-        return np.array(equations.rates.call([0.0, y, at_rest])[0]).ravel()[nq : nq + nv]
+        return np.array(equations.rates.call([0.0, y, inputs])[0]).ravel()[nq : nq + nv]
 
     best, least, scale = None, math.inf, 1.0
     for iteration in range(ITERATIONS):
@@ -90,7 +90,7 @@ def _balanced(equations: Equations, q: Array) -> Array | None:
         if size < least:
             best, least = q, size
         free = null_space(constraints.gradient(0.0, q))
-        by_state, _, n = (np.array(value) for value in derivatives(0.0, q, at_rest, at_rest))
+        by_state, _, n = (np.array(value) for value in derivatives(0.0, q, at_rest, inputs))
         slope = by_state[:, :nq] @ n @ free
         step = -free @ np.linalg.lstsq(slope, remaining, rcond=1e-10)[0]
         step *= min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))

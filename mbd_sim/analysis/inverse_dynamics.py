@@ -12,10 +12,9 @@ from mbd_sim.dynamics.assembly import null_space
 from mbd_sim.dynamics.element_forces import element_forces
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.joint_forces import joint_forces
-from mbd_sim.dynamics.kinematics import link_motions, part_poses
-from mbd_sim.dynamics.links import build_links, coordinate_layout
 from mbd_sim.dynamics.reactions import transmitted_wrenches
 from mbd_sim.dynamics.spatial_algebra import constant
+from mbd_sim.dynamics.tracing import TracedMechanism, trace
 from mbd_sim.errors import nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
@@ -42,7 +41,8 @@ class InverseDynamics:
         """Derive the recursion.
 
         :param actuated: names of the coordinates with efforts, by default all.
-        :param equations: those of the mechanism, if they have been derived already.
+        :param equations: those of the mechanism, if they have been derived already. Their wrenches and live values are
+            accounted for.
         :raises ValueError: a coordinate does not exist.
         """
         names = mechanism.coordinate_names
@@ -52,33 +52,40 @@ class InverseDynamics:
         self.mechanism = mechanism
         self.actuated = names if actuated is None else tuple(actuated)
         self._indices = [names.index(name) for name in self.actuated]
-        self._tree = _tree_efforts(mechanism)
+        loaded, parameters = (equations.inputs.loaded, equations.parameters) if equations else ((), None)
+        self._tree = _tree_efforts(trace(mechanism, loaded, parameters))
         self._equations = equations
         self._direct = len(self._indices) == len(names) and not (mechanism.closing or mechanism.constraints)
 
-    def __call__(self, q: Array, u: Array, u_rates: Array, t: float = 0.0) -> Array:
+    def __call__(self, q: Array, u: Array, u_rates: Array, t: float = 0.0, inputs: Array | None = None) -> Array:
         """The efforts (nv,) in N and N·m for the accelerations `u_rates` (nv,); zero at coordinates without actuation.
 
         :param q: (nq,) coordinates that satisfy the constraints.
         :param u: (nv,) speeds that satisfy the constraints.
         :param t: time in s, for forces, drives and constraints that depend on it.
+        :param inputs: all inputs of the equations, for their wrenches and live values; the efforts in it do not matter.
+            By default there are no wrenches, and the live values are those of the mechanism.
         :raises ValueError: the constraints, or joints without actuation, do not allow these accelerations.
         """
-        efforts = np.array(self._tree(q, u, u_rates, t), dtype=float).ravel()
+        if inputs is None:
+            inputs = self._equations.inputs_without_commands if self._equations else np.zeros(len(u_rates))
+        efforts = np.array(self._tree(q, u, u_rates, t, inputs), dtype=float).ravel()
         if self._direct:
             return efforts
         if self._equations is None:
             self._equations = derive(self.mechanism)
-        free = null_space(self._equations.constraints.gradient(t, np.asarray(q, dtype=float)))
+        constraints = self._equations.constraints.with_values(inputs[self._equations.inputs.values])
+        free = null_space(constraints.gradient(t, np.asarray(q, dtype=float)))
         shared = np.zeros_like(efforts)
         shared[self._indices] = np.linalg.lstsq(free.T[:, self._indices], free.T @ efforts, rcond=None)[0]
-        self._require_feasible(q, u, np.asarray(u_rates, dtype=float), t, shared)
+        actual = np.concatenate([shared, inputs[len(shared) :]])
+        self._require_feasible(q, u, np.asarray(u_rates, dtype=float), t, actual)
         return shared
 
-    def _require_feasible(self, q: Array, u: Array, u_rates: Array, t: float, efforts: Array) -> None:
+    def _require_feasible(self, q: Array, u: Array, u_rates: Array, t: float, inputs: Array) -> None:
         assert self._equations is not None
         (nq, nv), y = (len(q), len(u)), np.concatenate([q, u, np.zeros(3)])
-        found = np.array(self._equations.rates.call([t, y, efforts])[0]).ravel()[nq : nq + nv]
+        found = np.array(self._equations.rates.call([t, y, inputs])[0]).ravel()[nq : nq + nv]
         miss, scale = np.abs(found - u_rates), max(float(np.max(np.abs(u_rates), initial=0.0)), 1.0)
         if not np.max(miss, initial=0.0) <= FEASIBLE * scale:
             worst = int(np.argmax(miss))
@@ -89,21 +96,24 @@ class InverseDynamics:
             )
 
 
-def _tree_efforts(mechanism: Mechanism) -> ca.Function:
-    """(q, u, u', t) -> the efforts (nv,) of the spanning tree with its loops open."""
-    layout, chain = coordinate_layout(mechanism), build_links(mechanism)
-    t, q = ca.SX.sym("t"), ca.SX.sym("q", layout.nq)
-    u, u_rates = ca.SX.sym("u", layout.nv), ca.SX.sym("u'", layout.nv)
-    motions = link_motions(chain, t, q, u)
-    base = constant(np.concatenate([np.zeros(3), -mechanism.gravity]))
+def _tree_efforts(traced: TracedMechanism) -> ca.Function:
+    """(q, u, u', t, inputs) -> the efforts (nv,) of the spanning tree with its loops open.
+
+    The efforts among the inputs have no effect.
+    """
+    layout, chain, motions, state = traced.layout, traced.links, traced.motions, traced.state
+    u_rates = ca.SX.sym("u'", layout.nv)
+    base = ca.sparsify(ca.vertcat(ca.SX(3, 1), -constant(traced.mechanism.gravity)))
     accelerations: list[ca.SX] = []
     for link, motion in zip(chain, motions, strict=True):
         inboard = accelerations[link.parent] if link.parent >= 0 else base
         carried = motion.transform @ inboard + bias_acceleration(motion)
         accelerations.append(ca.sparsify(carried + motion.joint.partial_velocities @ u_rates[link.u, :]))
-    elements = element_forces(mechanism, chain, motions, part_poses(chain, t, q), t)
+    external = traced.input_layout.external_wrenches(traced.inputs)
+    elements = element_forces(traced.mechanism, chain, motions, traced.poses, state.t, external)
     wrenches = transmitted_wrenches(chain, motions, accelerations, elements.wrenches)
-    efforts = -joint_forces(chain, q, u, ca.SX(layout.nv, 1)).generalized
+    efforts = -joint_forces(chain, state.q, state.u, ca.SX(layout.nv, 1)).generalized
     for link, motion, wrench in zip(chain, motions, wrenches, strict=True):
         efforts[link.u, :] += motion.joint.partial_velocities.T @ wrench
-    return ca.Function("inverse_dynamics", [q, u, u_rates, t], [ca.densify(efforts)], {"cse": True})
+    symbols = [state.q, state.u, u_rates, state.t, traced.inputs]
+    return ca.Function("inverse_dynamics", symbols, [ca.densify(efforts)], {"cse": True})

@@ -47,16 +47,23 @@ class Mode(NamedTuple):
     eigenvalue: complex
 
 
-def linearize(equations: Equations, q: Array, u: Array, efforts: Array, t: float = 0.0) -> Linearization:
+def linearize(
+    equations: Equations, q: Array, u: Array, efforts: Array, t: float = 0.0, inputs: Array | None = None
+) -> Linearization:
     """Linearize about a state that satisfies the constraints.
 
     :param q: (nq,) coordinates.
     :param u: (nv,) speeds.
     :param efforts: (nv,) in N and N·m.
     :param t: time in s.
+    :param inputs: all inputs of the equations, for wrenches and live values; `efforts` replace those in it. By default
+        there are no wrenches, and the live values are those of the mechanism.
     """
-    constraints, (nq, nv) = equations.constraints, (equations.layout.nq, equations.layout.nv)
-    by_state, by_efforts, n = (np.array(value) for value in acceleration_derivatives(equations)(t, q, u, efforts))
+    given = (equations.inputs_without_commands if inputs is None else inputs).copy()
+    given[equations.inputs.efforts] = efforts
+    nq, nv = equations.layout.nq, equations.layout.nv
+    constraints = equations.constraints.with_values(given[equations.inputs.values])
+    by_state, by_efforts, n = (np.array(value) for value in acceleration_derivatives(equations)(t, q, u, given))
     gradient = constraints.gradient(t, q)
     displacements = null_space(gradient[constraints.holonomic])
     speeds = null_space(gradient)
@@ -77,18 +84,18 @@ def linearize(equations: Equations, q: Array, u: Array, efforts: Array, t: float
 
 
 def acceleration_derivatives(equations: Equations) -> ca.Function:
-    """(t, q, u, efforts) -> ∂u'/∂(q, u) (nv, nq + nv), ∂u'/∂e (nv, nv), and N (nq, nv) with q' = N u."""
+    """(t, q, u, inputs) -> ∂u'/∂(q, u) (nv, nq + nv), ∂u'/∂e (nv, nv), and N (nq, nv) with q' = N u."""
     nq, nv = equations.layout.nq, equations.layout.nv
-    t, q, u, efforts = ca.SX.sym("t"), ca.SX.sym("q", nq), ca.SX.sym("u", nv), ca.SX.sym("e", nv)
+    t, q, u, inputs = ca.SX.sym("t"), ca.SX.sym("q", nq), ca.SX.sym("u", nv), ca.SX.sym("e", equations.inputs.size)
     y = ca.vertcat(q, u, ca.SX.zeros(equations.start_state.size - nq - nv))
-    rates = equations.rates.call([t, y, efforts])[0]
+    rates = equations.rates.call([t, y, inputs])[0]
     accelerations = rates[nq : nq + nv]
     outputs = [
         ca.jacobian(accelerations, ca.vertcat(q, u)),
-        ca.jacobian(accelerations, efforts),
+        ca.jacobian(accelerations, inputs)[:, equations.inputs.efforts],
         ca.jacobian(rates[:nq], u),
     ]
-    return ca.Function("derivatives", [t, q, u, efforts], [ca.densify(output) for output in outputs])
+    return ca.Function("derivatives", [t, q, u, inputs], [ca.densify(output) for output in outputs])
 
 
 def _speed_changes(constraints: ConstraintFunctions, t: float, q: Array, u: Array, displacements: Array) -> Array:

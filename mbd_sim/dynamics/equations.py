@@ -78,6 +78,11 @@ class Equations:
     part_names: tuple[str, ...]
     trace_reactions: Callable[[], ca.Function]
 
+    @property
+    def inputs_without_commands(self) -> Array:
+        """The inputs (size,) with zero efforts and wrenches, and the mechanism's own values of the parameters."""
+        return self.inputs.without_commands([np.zeros(3)] * len(self.inputs.loaded), self.parameters.base)
+
     @cached_property
     def reactions(self) -> ca.Function:
         """The wrenches across the joints; traced when they are first read."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from operator import index
 from pathlib import Path
-from typing import NamedTuple, Self, Unpack
+from typing import ClassVar, NamedTuple, Self, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,8 @@ from mbd_sim.simulation.argument_checks import require_finite, step_at, step_cou
 from mbd_sim.simulation.compiled_model import Model, build_model
 from mbd_sim.simulation.ensemble_variants import Change, Variants
 from mbd_sim.simulation.options import EnsembleOptions
+from mbd_sim.simulation.read_only import ReadOnlyAttributes, read_only
+from mbd_sim.simulation.snapshot import EnsembleSnapshot, RunLayout, require_same_layout
 
 RUN_CHUNK = 2000  # steps between two calls of `progress` in `run`
 
@@ -43,7 +45,7 @@ class EnsembleEnergies(NamedTuple):
     residual: Array
 
 
-class Ensemble:
+class Ensemble(ReadOnlyAttributes):
     """k members of one mechanism, advanced by the same fixed step: eight to a vector, shared among threads.
 
     Arrays have one row for each member: `q` (k, nq), `u` (k, nv). A member takes the same operations as a `Simulation`
@@ -55,6 +57,15 @@ class Ensemble:
     >>> rods.q.shape
     (3, 2)
     """
+
+    REMEDIES: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(("q", "u"), "Call reset(q=…, u=…) to start from given coordinates and speeds."),
+        **dict.fromkeys(
+            ("state", "alive", "steps", "time", "t"),
+            "Call reset() to return to time zero, or restore(…) to continue from a snapshot.",
+        ),
+        **dict.fromkeys(("step_size", "mechanism", "model"), "Build a new Ensemble with it."),
+    }
 
     def __init__(
         self,
@@ -91,8 +102,9 @@ class Ensemble:
         inputs[:, self._value_inputs] = values
         self._groups.put("inputs", inputs)
         self._threads = threads or len(os.sched_getaffinity(0))
-        self.steps = 0
+        self._steps = 0
         self.reset()
+        self._seal()
 
     @classmethod
     def from_file(
@@ -108,6 +120,11 @@ class Ensemble:
         return self._groups.count
 
     @property
+    def steps(self) -> int:
+        """Steps since time zero."""
+        return self._steps
+
+    @property
     def time(self) -> float:
         """Simulated time in s."""
         return self.steps * self.step_size
@@ -119,13 +136,13 @@ class Ensemble:
 
     @property
     def q(self) -> Array:
-        """The generalized coordinates (k, nq)."""
-        return self.state[:, self.model.q_range]
+        """A copy of the generalized coordinates (k, nq), which cannot be written."""
+        return read_only(self.state[:, self.model.q_range])
 
     @property
     def u(self) -> Array:
-        """The generalized speeds (k, nv)."""
-        return self.state[:, self.model.u_range]
+        """A copy of the generalized speeds (k, nv), which cannot be written."""
+        return read_only(self.state[:, self.model.u_range])
 
     @property
     def alive(self) -> NDArray[np.bool_]:
@@ -168,9 +185,31 @@ class Ensemble:
         self._groups.put("inputs", inputs)
         self._groups.put("estimates", np.zeros((len(self), 1)))
         self._groups.put("alive", np.ones((len(self), 1)))
-        self.steps = 0
+        self._steps = 0
         self._start_energies = np.zeros(len(self))
         self._start_energies = np.asarray(self.energies.total)
+
+    def snapshot(self) -> EnsembleSnapshot:
+        """Everything that the rest of the runs depends on: states, time, efforts, values and the audit."""
+        groups, estimates = self._groups, self.error_estimates
+        states, inputs, energies = groups.get("y"), groups.get("inputs"), self._start_energies.copy()
+        return EnsembleSnapshot(self._run_layout, states, self.steps, inputs, energies, estimates, self.alive)
+
+    @property
+    def _run_layout(self) -> RunLayout:
+        return RunLayout(self.mechanism.name, self.model.coordinate_names, (), (), self.step_size, len(self))
+
+    def restore(self, snapshot: EnsembleSnapshot) -> None:
+        """Continue from a snapshot of the same runs, bit for bit.
+
+        :raises ValueError: it is a snapshot of other runs; nothing is changed then.
+        """
+        require_same_layout(snapshot.layout, self._run_layout)
+        self._groups.put("y", snapshot.state)
+        self._groups.put("inputs", snapshot.inputs)
+        self._groups.put("estimates", snapshot.error_estimates[:, None])
+        self._groups.put("alive", snapshot.alive[:, None].astype(float))
+        self._steps, self._start_energies = snapshot.steps, snapshot.start_energies.copy()
 
     def set_efforts(self, efforts: Array | Mapping[str, float | Array]) -> None:
         """Set the efforts (k, nv) in N and N·m, or (nv,) for all members; or some by name, one number or (k,) each.
@@ -216,7 +255,7 @@ class Ensemble:
                 tasks = [pool.submit(self._groups.advance, self.steps, self.step_size, n, share) for share in shares]
                 for task in tasks:
                     task.result()
-        self.steps += n
+        self._steps += n
 
     def run(self, until: float, progress: Callable[[float], None] | None = None) -> None:
         """Advance to the step nearest to time `until` in s; `progress` is called with the time every 2000 steps.

@@ -47,13 +47,6 @@ class KernelMemory:
         arrays = (self._counter, self._step_size, self.y, self.inputs, self._error_estimate)
         return self._kernel.stepper(fallback, [array.ctypes.data for array in arrays], arrays)
 
-    def load(self, y: Array, inputs: Array, steps: int) -> None:
-        """Replace the state (n,), the inputs (m,) and the step counter; the error estimate starts from zero again."""
-        self.y[:], self.inputs[:], self._counter[0], self._error_estimate[0] = y, inputs, steps, 0.0
-
-
-def read_only(array: Array) -> Array:
-    """A view that cannot be written through."""
-    view = array[:]
-    view.flags.writeable = False
-    return view
+    def load(self, y: Array, inputs: Array, steps: int, error_estimate: float = 0.0) -> None:
+        """Replace the state (n,), the inputs (m,), the step counter and the error estimate."""
+        self.y[:], self.inputs[:], self._counter[0], self._error_estimate[0] = y, inputs, steps, error_estimate

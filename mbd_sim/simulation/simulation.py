@@ -3,34 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
 from operator import index
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn, Self, Unpack
+from typing import ClassVar, NoReturn, Self, Unpack
 
 import numpy as np
 
 from mbd_sim.errors import DivergedError
-from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.geometry.pose import Array
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.argument_checks import finite_vector, step_at, step_count, step_size
-from mbd_sim.simulation.compiled_model import DriveState, Energies, Model, Reaction, Violation, build_model
+from mbd_sim.simulation.compiled_model import Model, build_model
 from mbd_sim.simulation.efforts import EffortMap
-from mbd_sim.simulation.kernel_memory import KernelMemory, read_only
+from mbd_sim.simulation.kernel_memory import KernelMemory
 from mbd_sim.simulation.live_values import LiveValues, PreparedValues, require_closed
 from mbd_sim.simulation.options import SimulationOptions
-from mbd_sim.simulation.step_advice import divergence, step_advice
+from mbd_sim.simulation.read_only import ReadOnlyAttributes, read_only
+from mbd_sim.simulation.readings import Readings
+from mbd_sim.simulation.snapshot import RunLayout, SimulationSnapshot, require_same_layout
+from mbd_sim.simulation.step_advice import divergence
 from mbd_sim.simulation.wrenches import WrenchMap, require_parts
-
-if TYPE_CHECKING:
-    from mbd_sim.analysis.inverse_dynamics import InverseDynamics
-    from mbd_sim.analysis.linearization import Linearization
 
 RUN_CHUNK = 20_000  # steps between two calls of `progress` in `run`
 
+_RESET = "Call reset(q=…, u=…) to start from given coordinates and speeds."
+_RESTORE = "Call reset() to return to time zero, or restore(…) to continue from a snapshot."
+_BUILD = "Build a new Simulation with it."
 
-class Simulation:
+
+class Simulation(Readings, ReadOnlyAttributes):
     """A mechanism and its state, advanced by a fixed step.
 
     `q` (nq,) are the generalized coordinates and `u` (nv,) the generalized speeds in the order of the file's joints,
@@ -44,6 +46,15 @@ class Simulation:
     >>> abs(sim.energies.residual) < 1e-11
     True
     """
+
+    REMEDIES: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(("q", "u"), _RESET),
+        **dict.fromkeys(("y", "state", "steps", "time", "t"), _RESTORE),
+        **dict.fromkeys(("step_size", "mechanism", "model"), _BUILD),
+        "efforts": "Call set_efforts(…).",
+        "inputs": "Call set_efforts(…), set_wrench(…) or set_live(…).",
+        "live": "Call set_live(…).",
+    }
 
     def __init__(
         self,
@@ -78,6 +89,7 @@ class Simulation:
         if type(self).step is Simulation.step:  # a subclass with its own `step` keeps it
             vars(self)["step"] = memory.compiled_step(self.step)  # calls the method of this name if a step fails
         self.reset()
+        self._seal()
 
     def __reduce__(self) -> NoReturn:
         raise TypeError("a Simulation cannot be copied or pickled: build a new one from its mechanism.")
@@ -94,82 +106,6 @@ class Simulation:
     def from_text(cls, text: str, **options: Unpack[SimulationOptions]) -> Self:
         """The same from YAML text."""
         return cls(parse_mechanism(text), **options)
-
-    @property
-    def steps(self) -> int:
-        """Steps since time zero."""
-        return self._memory.steps
-
-    @property
-    def time(self) -> float:
-        """Simulated time in s: the number of steps times the step size, so that it cannot drift."""
-        return self.steps * self.step_size
-
-    @property
-    def coordinate_names(self) -> tuple[str, ...]:
-        """A name for each generalized speed and effort."""
-        return self.model.coordinate_names
-
-    @property
-    def energies(self) -> Energies:
-        """The energy audit, in J."""
-        return self.model.energies(self.time, self.y, self.start_energy, self.inputs)
-
-    @property
-    def state(self) -> Array:
-        """A copy of the integrated state: q, u, and the energies of the audit."""
-        return self.y.copy()
-
-    def poses(self) -> Mapping[str, Pose]:
-        """The pose of each part in ground's frame."""
-        return self.model.poses(self.time, self.y, self.inputs)
-
-    @property
-    def violation(self) -> Violation:
-        """The largest violation of the constraints, in position and velocity."""
-        return self.model.violation(self.time, self.y, self.inputs)
-
-    @property
-    def error_estimate(self) -> float:
-        """The largest estimated error of every eighth step since time zero, relative to 1 + |q| and 1 + |u|."""
-        return self._memory.error_estimate
-
-    @property
-    def step_advice(self) -> str | None:
-        """A sentence that names a better step or method if the step is too large for the mechanism, else None."""
-        return step_advice(self.model, self.time, self.y, self.inputs, self.step_size, self.error_estimate)
-
-    def multipliers(self) -> Mapping[str, Array]:
-        """The Lagrange multipliers of each loop and constraint, one for each equation: see `Model.multipliers`."""
-        return self.model.multipliers(self.time, self.y, self.inputs)
-
-    def drives(self) -> Mapping[str, DriveState]:
-        """The position, velocity and force (N or N·m) of each driven coordinate."""
-        columns = self.model.drives(self.time, self.y, self.inputs).T.tolist()
-        return {name: DriveState(*values) for name, values in zip(self.model.driven_names, columns, strict=True)}
-
-    def reactions(self) -> Mapping[str, Reaction]:
-        """The force and the moment that each joint transmits."""
-        return self.model.reactions(self.time, self.y, self.inputs)
-
-    def inverse_dynamics(self, u_rates: Sequence[float] | Array) -> Array:
-        """The efforts (nv,) in N and N·m that produce the accelerations `u_rates` (nv,) in this state.
-
-        :raises ValueError: the constraints do not allow them; see `mbd_sim.analysis.inverse_dynamics.InverseDynamics`.
-        """
-        return self._inverse(self.q, self.u, finite_vector(u_rates, self.u.size, "u_rates"), self.time)
-
-    @cached_property
-    def _inverse(self) -> InverseDynamics:
-        from mbd_sim.analysis.inverse_dynamics import InverseDynamics
-
-        return InverseDynamics(self.mechanism, equations=self.model.equations)
-
-    def linearize(self) -> Linearization:
-        """x' = A x + B e for small motions about this state and these efforts, by exact differentiation."""
-        from mbd_sim.analysis.linearization import linearize
-
-        return linearize(self.model.equations, self.q, self.u, self.efforts, self.time)
 
     def step(self, n: int = 1) -> None:
         """Advance by n steps.
@@ -228,25 +164,55 @@ class Simulation:
         self._memory.load(y, inputs, 0)
         self.start_energy = model.energies(0.0, y, 0.0, inputs).total
 
+    def snapshot(self) -> SimulationSnapshot:
+        """Everything that the rest of the run depends on: state, time, efforts, wrenches, live values and the audit."""
+        memory = self._memory
+        y, inputs, live = memory.y.copy(), memory.inputs.copy(), dict(self._live.current)
+        return SimulationSnapshot(
+            self._run_layout, y, memory.steps, inputs, live, self.start_energy, memory.error_estimate
+        )
+
+    @property
+    def _run_layout(self) -> RunLayout:
+        loaded = self.model.equations.inputs.loaded
+        names = self.mechanism.name, self.coordinate_names, loaded, tuple(self._live.current)
+        return RunLayout(*names, self.step_size)
+
     def restore(
         self,
-        state: Sequence[float] | Array,
-        steps: int = 0,
+        state: SimulationSnapshot | Sequence[float] | Array,
+        steps: int | None = None,
         inputs: Sequence[float] | Array | None = None,
         start_energy: float | None = None,
         live: Mapping[str, float] | None = None,
     ) -> None:
-        """Continue from a state of another run of the same equations, bit for bit: nothing is projected or computed.
+        """Continue from a snapshot or a state of a run of the same equations, bit for bit: nothing is projected.
 
-        :param state: all of that run's `state`; `steps`, `inputs`, `start_energy` and `live` are those of that run
-            too. Inputs and energy that are not given stay as they are; `live` only names the values in `inputs`.
-        :raises ValueError: wrong length, or a value that is not finite; nothing is changed then.
+        :param state: a `snapshot()`, which is restored as a whole and alone; or all of that run's `state`.
+        :param steps: the `steps` of that run, required with a state alone: they are its time. `inputs`, `start_energy`
+            and `live` are of that run too, and stay as they are if they are not given; `live` only names the values
+            in `inputs`.
+        :raises ValueError: a snapshot of a different run, no `steps` with a state, wrong length, or a value that is
+            not finite; nothing is changed then.
+        :raises TypeError: other arguments are given with a snapshot.
         """
+        if isinstance(state, SimulationSnapshot):
+            if not (steps is None and inputs is None and start_energy is None and live is None):
+                raise TypeError("a snapshot is restored as a whole. Give no other argument, or give snapshot.state.")
+            require_same_layout(state.layout, self._run_layout)
+            self._memory.load(state.state, state.inputs, state.steps, state.error_estimate)
+            self.start_energy, self._live.current = state.start_energy, dict(state.live)
+            return
+        if steps is None:
+            raise ValueError(
+                "the state alone does not say at which time it was. Give its number of steps, restore(state, steps=…), "
+                "or restore a snapshot()."
+            )
         y = finite_vector(state, self.y.size, "the state")
-        inputs = self.inputs if inputs is None else finite_vector(inputs, self.inputs.size, "inputs")
+        new_inputs = self._memory.inputs if inputs is None else finite_vector(inputs, self.inputs.size, "inputs")
         if index(steps) < 0:
             raise ValueError(f"the number of steps must be 0 or more, not {steps}.")
-        self._memory.load(y, inputs, index(steps))
+        self._memory.load(y, new_inputs, index(steps))
         if start_energy is not None:
             self.start_energy = float(start_energy)
         self._live.current = {**self._live.current, **(live or {})}
@@ -303,7 +269,7 @@ class Simulation:
 
         :raises CommandError: the change would open loops in the present state; nothing is changed then.
         """
-        inputs = self.inputs.copy()
+        inputs = self._memory.inputs.copy()
         inputs[self.model.equations.inputs.values] = prepared.inputs
         gap = self.model.violation(self.time, self.y, inputs).position
         require_closed(prepared.changes, gap, self.violation.position)

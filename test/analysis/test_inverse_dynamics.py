@@ -83,3 +83,29 @@ def test_impossible_accelerations_are_refused():
         InverseDynamics(sim.mechanism)(sim.q, sim.u, np.array([1.0, 2.0, 3.0]))
     with pytest.raises(ValueError, match=r"no coordinate 'rial'\. Did you mean 'rail'"):
         InverseDynamics(load_mechanism("cart_pendulum"), ["rial"])
+
+
+@pytest.mark.parametrize(
+    ("name", "part", "changes"),
+    [
+        ("double_rod", "lower", {"gravity[2]": -3.0, "parameters.l": 0.7}),
+        ("four_bar", "coupler", {"gravity[2]": -3.0, "parameters.density": 2.0}),
+    ],
+)
+def test_live_values_and_wrenches_are_accounted_for(name, part, changes):
+    """The efforts that the method returns give the accelerations that were asked for."""
+    sim = Simulation.from_file(name, live=list(changes), wrenches=[part])
+    sim.set_live(changes)
+    sim.set_wrench(part, force=[3.0, 1.0, -2.0], couple=[0.1, 0.2, 0.3])
+    sim.set_efforts([0.5] * len(sim.u))
+    sim.step(100)
+    nq, nv = len(sim.q), len(sim.u)
+
+    def u_rates():
+        rates = sim.model.equations.rates.call([sim.time, np.array(sim.y), np.array(sim.inputs)])[0]
+        return np.array(rates).ravel()[nq : nq + nv]
+
+    wanted = u_rates()
+    sim.set_efforts([0.0] * nv)
+    sim.set_efforts(sim.inverse_dynamics(wanted))
+    assert relative(u_rates(), wanted) < 1e-10

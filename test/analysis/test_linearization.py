@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from mbd_sim import Simulation
+from mbd_sim import Simulation, load_mechanism
 from mbd_sim.analysis.equilibrium import equilibrium, is_autonomous
 from mbd_sim.analysis.linearization import (
     linearize,
     modes,
 )
+from mbd_sim.mechanism_file.override import with_values
 
 G = 9.81
 
@@ -117,3 +118,32 @@ def test_the_linearization_is_the_derivative_of_the_motion(name):
 def test_what_depends_on_time_is_not_linearized():
     assert is_autonomous(Simulation.from_file("spun_tube_particle").model.equations)
     assert not is_autonomous(Simulation.from_file("moving_support_pendulum").model.equations)
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("double_rod", {"gravity[2]": -3.0, "parameters.l": 0.7}),
+        ("four_bar", {"gravity[2]": -3.0, "parameters.density": 2.0}),
+    ],
+)
+def test_live_values_count_as_those_of_the_file(name, changes):
+    mechanism = load_mechanism(name)
+    live, built = Simulation(mechanism, live=list(changes)), Simulation(with_values(mechanism, changes))
+    for sim in (live, built):
+        sim.set_efforts([0.3] * len(sim.u))
+    live.set_live(changes)
+    live.step(200)
+    built.restore(live.state, live.steps)
+    one, other = live.linearize(), built.linearize()
+    assert one.a == pytest.approx(other.a, rel=1e-9, abs=1e-9) and one.b == pytest.approx(other.b, rel=1e-9)
+
+
+def test_a_wrench_is_part_of_the_linearization():
+    """A rod in the weight of its own and a force F at the tip along gravity: ω² = (m g / 2 + F) / (m l / 3)."""
+    sim = Simulation.from_file("rod_pendulum", wrenches=["rod"])
+    m, length = (sim.mechanism.parameters[name] for name in ("m", "l"))
+    sim.reset(q=[0.0], u=[0.0])
+    sim.set_wrench("rod", force=[0.0, 0.0, -5.0], at=[0.0, 0.0, -length])
+    (mode,) = modes(sim.linearize())
+    assert 2 * np.pi * mode.frequency == pytest.approx(np.sqrt((m * G / 2 + 5.0) / (m * length / 3)), rel=1e-12)

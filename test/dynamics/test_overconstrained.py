@@ -7,27 +7,13 @@ import pytest
 
 from mbd_sim import Simulation
 from test.generators.mechanisms import accelerations
-from test.generators.overconstrained import LINKAGES
+from test.generators.overconstrained import LINKAGES, linkage_text
 from test.oracles import kane
-
-DRIVES = {
-    "bennett": "2.0*t",
-    "goldberg": "0.15*sin(3*t)",
-    "bricard": "0.15*sin(3*t)",
-    "sarrus": "0.15*sin(3*t)",
-    "parallel_cranks": "2.0*t + 0.3*sin(2*t)",
-    "spatial_parallelogram": ["0.3*sin(2*t)", "0.2*sin(3*t)"],
-    "tilted_four_bar": "0.15*sin(3*t)",
-    "double_wishbone": "0.15*sin(3*t)",
-}
-SPEEDS = {"sarrus": 1.0, "spatial_parallelogram": [0.8, 0.5]}
 
 
 @functools.cache
 def simulation(name, driven):
-    linkage = LINKAGES[name](np.random.default_rng(int(driven)))
-    text = linkage.text(drive=DRIVES[name]) if driven else linkage.text(speed=SPEEDS.get(name, 3.0))
-    return Simulation.from_text(text)
+    return Simulation.from_text(linkage_text(name, int(driven), driven=driven))
 
 
 def relative_error(sim):

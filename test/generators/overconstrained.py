@@ -193,3 +193,21 @@ LINKAGES = {
     "tilted_four_bar": tilted_four_bar,
     "double_wishbone": double_wishbone,
 }
+
+DRIVES = {
+    "bennett": "2.0*t",
+    "goldberg": "0.15*sin(3*t)",
+    "bricard": "0.15*sin(3*t)",
+    "sarrus": "0.15*sin(3*t)",
+    "parallel_cranks": "2.0*t + 0.3*sin(2*t)",
+    "spatial_parallelogram": ["0.3*sin(2*t)", "0.2*sin(3*t)"],
+    "tilted_four_bar": "0.15*sin(3*t)",
+    "double_wishbone": "0.15*sin(3*t)",
+}
+SPEEDS = {"sarrus": 1.0, "spatial_parallelogram": [0.8, 0.5]}
+
+
+def linkage_text(name, seed, *, driven):
+    """A random linkage whose joint `input` is driven or has a speed at the start."""
+    linkage = LINKAGES[name](np.random.default_rng(seed))
+    return linkage.text(drive=DRIVES[name]) if driven else linkage.text(speed=SPEEDS.get(name, 3.0))

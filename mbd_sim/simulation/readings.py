@@ -1,0 +1,115 @@
+"""What can be read from a simulation at its present state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.simulation.argument_checks import finite_vector
+from mbd_sim.simulation.compiled_model import DriveState, Energies, Model, Reaction, Violation
+from mbd_sim.simulation.kernel_memory import KernelMemory
+from mbd_sim.simulation.step_advice import step_advice
+
+if TYPE_CHECKING:
+    from mbd_sim.analysis.inverse_dynamics import InverseDynamics
+    from mbd_sim.analysis.linearization import Linearization
+
+
+class Readings:
+    """The readings of a `Simulation`; they change nothing."""
+
+    mechanism: Mechanism
+    model: Model
+    step_size: float
+    start_energy: float
+    _memory: KernelMemory
+
+    @property
+    def steps(self) -> int:
+        """Steps since time zero."""
+        return self._memory.steps
+
+    @property
+    def time(self) -> float:
+        """Simulated time in s: the number of steps times the step size, so that it cannot drift."""
+        return self.steps * self.step_size
+
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """A name for each generalized speed and effort."""
+        return self.model.coordinate_names
+
+    @property
+    def energies(self) -> Energies:
+        """The energy audit, in J."""
+        return self.model.energies(self.time, self._memory.y, self.start_energy, self._memory.inputs)
+
+    @property
+    def state(self) -> Array:
+        """A copy of the integrated state: q, u, and the energies of the audit."""
+        return self._memory.y.copy()
+
+    def poses(self) -> Mapping[str, Pose]:
+        """The pose of each part in ground's frame."""
+        return self.model.poses(self.time, self._memory.y, self._memory.inputs)
+
+    @property
+    def violation(self) -> Violation:
+        """The largest violation of the constraints, in position and velocity."""
+        return self.model.violation(self.time, self._memory.y, self._memory.inputs)
+
+    @property
+    def error_estimate(self) -> float:
+        """The largest estimated error of every eighth step since time zero, relative to 1 + |q| and 1 + |u|."""
+        return self._memory.error_estimate
+
+    @property
+    def step_advice(self) -> str | None:
+        """A sentence that names a better step or method if the step is too large for the mechanism, else None."""
+        return step_advice(
+            self.model, self.time, self._memory.y, self._memory.inputs, self.step_size, self.error_estimate
+        )
+
+    def multipliers(self) -> Mapping[str, Array]:
+        """The Lagrange multipliers of each loop and constraint, one for each equation: see `Model.multipliers`."""
+        return self.model.multipliers(self.time, self._memory.y, self._memory.inputs)
+
+    def drives(self) -> Mapping[str, DriveState]:
+        """The position, velocity and force (N or N·m) of each driven coordinate."""
+        columns = self.model.drives(self.time, self._memory.y, self._memory.inputs).T.tolist()
+        return {name: DriveState(*values) for name, values in zip(self.model.driven_names, columns, strict=True)}
+
+    def reactions(self) -> Mapping[str, Reaction]:
+        """The force and the moment that each joint transmits."""
+        return self.model.reactions(self.time, self._memory.y, self._memory.inputs)
+
+    def inverse_dynamics(self, u_rates: Sequence[float] | Array) -> Array:
+        """The efforts (nv,) in N and N·m that produce the accelerations `u_rates` (nv,) in this state.
+
+        The present wrenches and live values are accounted for.
+
+        :raises ValueError: the constraints do not allow them; see `mbd_sim.analysis.inverse_dynamics.InverseDynamics`.
+        """
+        model, (y, inputs) = self.model, (self._memory.y, self._memory.inputs)
+        wanted = finite_vector(u_rates, model.layout.nv, "u_rates")
+        return self._inverse(y[model.q_range], y[model.u_range], wanted, self.time, inputs)
+
+    @cached_property
+    def _inverse(self) -> InverseDynamics:
+        from mbd_sim.analysis.inverse_dynamics import InverseDynamics
+
+        return InverseDynamics(self.mechanism, equations=self.model.equations)
+
+    def linearize(self) -> Linearization:
+        """x' = A x + B e for small motions about this state, by exact differentiation.
+
+        The present efforts, wrenches and live values stay as they are.
+        """
+        from mbd_sim.analysis.linearization import linearize
+
+        model, (y, inputs) = self.model, (self._memory.y, self._memory.inputs)
+        efforts = inputs[model.equations.inputs.efforts]
+        return linearize(model.equations, y[model.q_range], y[model.u_range], efforts, self.time, inputs)

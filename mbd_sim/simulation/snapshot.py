@@ -1,0 +1,88 @@
+"""Snapshots: everything that the rest of a run depends on, as plain data that can be pickled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbd_sim.geometry.pose import Array
+
+
+class RunLayout(NamedTuple):
+    """What the numbers of a snapshot stand for.
+
+    `coordinates` are the names of the speeds, `loaded` the parts that accept wrenches, `values` the keys of the live
+    values, `step_size` is in s, and `members` is the number of simulations.
+    """
+
+    mechanism: str
+    coordinates: tuple[str, ...]
+    loaded: tuple[str, ...]
+    values: tuple[str, ...]
+    step_size: float
+    members: int = 1
+
+
+_NAMES = {
+    "mechanism": "mechanism",
+    "coordinates": "coordinates",
+    "loaded": "parts that accept wrenches",
+    "values": "live values",
+    "step_size": "step in s",
+    "members": "members",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class SimulationSnapshot:
+    """A simulation at a step boundary, from `Simulation.snapshot`, for `Simulation.restore`.
+
+    `state` (n,) is q, u and the energies of the audit; `steps` are those since time zero. `inputs` (m,) hold the
+    efforts, the wrenches and the live values; `live` are the live values by key. `start_energy` is T + V at the start
+    in J.
+    """
+
+    layout: RunLayout
+    state: Array
+    steps: int
+    inputs: Array
+    live: Mapping[str, float]
+    start_energy: float
+    error_estimate: float
+
+
+@dataclass(frozen=True, eq=False)
+class EnsembleSnapshot:
+    """All members of an ensemble at a step boundary, from `Ensemble.snapshot`, for `Ensemble.restore`.
+
+    The arrays have a row or an entry for each member; for their meaning see `SimulationSnapshot` and `Ensemble.alive`.
+    """
+
+    layout: RunLayout
+    state: Array
+    steps: int
+    inputs: Array
+    start_energies: Array
+    error_estimates: Array
+    alive: NDArray[np.bool_]
+
+
+def require_same_layout(given: RunLayout, own: RunLayout) -> None:
+    """Refuse a snapshot whose numbers stand for something else.
+
+    :raises ValueError: it names the difference.
+    """
+    different = [
+        f"{_NAMES[field]}: {one!r} instead of {other!r}"
+        for field, one, other in zip(RunLayout._fields, given, own, strict=True)
+        if one != other
+    ]
+    if different:
+        raise ValueError(
+            f"this snapshot belongs to another run ({'; '.join(different)}). Build this one in the same way, or "
+            "restore only what fits: restore(snapshot.state, steps=…)."
+        )
