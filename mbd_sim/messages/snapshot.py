@@ -3,8 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Flag, auto
 
 from mbd_sim.geometry.pose import Array
+
+
+class Due(Flag):
+    """The messages that are due with a snapshot."""
+
+    NONE = 0
+    STATE = auto()
+    CLOCK = auto()
+    MARKERS = auto()
+    VIEW = auto()  # the Rerun scene
+    ALL = STATE | CLOCK | MARKERS | VIEW
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,8 +25,7 @@ class Snapshot:
 
     `ticks` counts the steps since the node or the recording started, across resets. `clock_ns` is the simulated clock,
     `time` the mechanism's time in s. `y` is the integrated state; `inputs` are the inputs of the equations, efforts
-    first. `state` and `clock` say which messages are due; `repeated` says that nothing has changed since the last
-    snapshot.
+    first. `repeated` says that nothing has changed since the last snapshot.
     """
 
     ticks: int
@@ -23,6 +34,5 @@ class Snapshot:
     y: Array
     inputs: Array
     start_energy: float
-    state: bool = True
-    clock: bool = False
+    due: Due = Due.STATE
     repeated: bool = False

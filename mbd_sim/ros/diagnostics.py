@@ -13,6 +13,7 @@ from rclpy.node import Node
 from mbd_sim.geometry.pose import Array
 from mbd_sim.messages.topics import DIAGNOSTICS
 from mbd_sim.ros.pacing import DurationSummary
+from mbd_sim.ros.publication_schedule import attained_rate
 from mbd_sim.ros.publishing_thread import PublishingThread
 from mbd_sim.ros.stepping_thread import SteppingThread
 from mbd_sim.ros.subscriptions import Subscriptions
@@ -26,6 +27,7 @@ MAX_RESIDUAL = 1e-6  # energy residual, relative to the energies
 MAX_VIOLATION = 1e-6  # of the constraints, in m and m/s
 MAX_WAITING = 1000  # snapshots that may wait to be published
 BUSY = "other programs are using the processor, or publish_rate is too high"
+STEPS_TOO_EXPENSIVE = "stepping uses all available time: use a larger step or a cheaper method"
 
 
 @dataclass
@@ -33,6 +35,7 @@ class CounterSample:
     """The counters at the `time` (s) of the steady clock; two samples give rates."""
 
     time: float
+    running: float
     simulated: float
     stepping: float
     publishing: float
@@ -94,6 +97,7 @@ class Diagnostics:
         recorder = self.publishing_thread.recorder
         return CounterSample(
             time=time.perf_counter(),
+            running=pacer.running,
             simulated=stepping_thread.ticks * stepping_thread.simulation.step_size,
             stepping=stepping_thread.counters.stepping,
             publishing=self.publishing_thread.busy,
@@ -108,7 +112,8 @@ class Diagnostics:
         last, pacer = self._last, self.stepping_thread.pacer
         elapsed = now.time - last.time
         stepping = (now.stepping - last.stepping) / elapsed
-        factor, requested = (now.simulated - last.simulated) / elapsed, self.stepping_thread.rates.real_time_factor
+        running, requested = now.running - last.running, self.stepping_thread.rates.real_time_factor
+        factor = (now.simulated - last.simulated) / running if running > 0.0 else 0.0
         text = "paused" if self.stepping_thread.paused else f"real-time factor {factor:.3f}"
         problem = self._timing_problem(now, text, factor, stepping)
         if problem:
@@ -136,17 +141,15 @@ class Diagnostics:
 
     def _timing_problem(self, now: CounterSample, text: str, factor: float, stepping: float) -> str:
         """The problem with the timing since the last sample, or ""; `stepping` is the fraction of time in steps."""
-        last, rates = self._last, self.stepping_thread.rates
-        running = not self.stepping_thread.paused and now.simulated > last.simulated > 0.0
-        if running and factor < rates.real_time_factor * (1.0 - MAX_SLOWNESS):
-            cause = (
-                BUSY if stepping < 0.5 else "stepping uses all available time: use a larger step or a cheaper method"
-            )
-            return f"{text} instead of {rates.real_time_factor:g}: {cause}"
-        if rates.clock and self._node.count_publishers("/clock") > 1:
+        requested = self.stepping_thread.rates.real_time_factor
+        # Only a schedule that was restarted has lost time: pauses, resets and changes of the factor have not.
+        if overruns := now.overruns - self._last.overruns:
+            slow = factor < requested * (1.0 - MAX_SLOWNESS) and not self.stepping_thread.paused
+            cause = BUSY if stepping < 0.5 else STEPS_TOO_EXPENSIVE
+            lost = f"{text} instead of {requested:g}" if slow else f"{text}, but time was lost"
+            return f"{lost}, and the schedule was restarted {overruns} times: {cause}"
+        if self.stepping_thread.rates.clock and self._node.count_publishers("/clock") > 1:
             return f"{text}, but another node publishes /clock as well: set clock_rate to 0 in all nodes but one"
-        if overruns := now.overruns - last.overruns:
-            return f"{text}, but the schedule was restarted {overruns} times: {BUSY}"
         return ""
 
     def _mechanics(self) -> DiagnosticStatus:
@@ -193,7 +196,14 @@ class Diagnostics:
     def _output(self, now: CounterSample) -> DiagnosticStatus:
         recorder, viewer = self.publishing_thread.recorder, self.publishing_thread.viewer
         waiting = self.stepping_thread.output.qsize()
-        values = {"waiting": str(waiting), "dropped before publishing": str(self.stepping_thread.counters.dropped)}
+        rates, step_size = self.stepping_thread.rates, self.stepping_thread.simulation.step_size
+        values = {
+            "waiting": str(waiting),
+            "dropped before publishing": str(self.stepping_thread.counters.dropped),
+            "publish_rate (Hz)": f"{attained_rate(rates.publish, step_size):g}",
+            "clock_rate (Hz)": f"{attained_rate(rates.clock, step_size):g}",
+            "marker_rate (Hz)": f"{attained_rate(rates.markers, step_size):g}",
+        }
         problem, text = "", "not recorded"
         if recorder is not None:
             text = f"{'recorded' if recorder.ended.is_set() else 'recording'} to {recorder.path}"

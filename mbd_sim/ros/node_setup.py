@@ -97,7 +97,7 @@ def rerun_viewer(parameters: NodeParameters, simulation: Simulation, log: Any) -
         viewer = Viewer(
             simulation.model,
             parameters["rerun"],
-            rate=parameters["rerun_rate"],
+            rate=None,  # the stepping thread selects the samples
             traces=parameters.names_in("rerun_traces") or None,
             trace_time=parameters["rerun_trace_time"],
             reactions=parameters["joint_reactions"],

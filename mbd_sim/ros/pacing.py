@@ -66,20 +66,34 @@ class Histogram:
 class Pacer:
     """Decides when the next steps are due.
 
-    `overruns` counts restarts of the schedule. `lateness` holds how long after their deadlines the steps began,
-    `period` how long after the steps before.
+    `overruns` counts restarts of the schedule because of lateness. `running` is the real time in s that the steps up to
+    the last deadline took, without pauses and other interruptions of the schedule. `lateness` holds how long after
+    their deadlines the steps began, `period` how long after the steps before.
     """
 
     def __init__(self) -> None:
         self.overruns = 0
+        self.running = 0.0
         self.lateness, self.period = Histogram(), Histogram()
         self._deadline = self._last_wake = time.perf_counter()
         self._anchored = True
 
     def anchor(self) -> None:
-        """Restart the schedule now."""
-        self._deadline = time.perf_counter()
+        """Restart the schedule now, as after a pause."""
+        self._deadline = self._last_wake = time.perf_counter()
         self._anchored = True
+
+    def pass_deadline(self) -> None:
+        """Set the deadline to now, as when running as fast as possible."""
+        now = time.perf_counter()
+        self.running += now - self._last_wake
+        self._deadline = self._last_wake = now
+        self._anchored = True
+
+    def delay(self, duration: float) -> None:
+        """Shift the schedule by `duration` seconds in which no step could be taken."""
+        self._deadline += duration
+        self._last_wake += duration
 
     def plan(self, duration: float) -> None:
         """Set the next deadline, `duration` seconds after the last one."""
@@ -97,6 +111,7 @@ class Pacer:
         self.lateness.add(lateness)
         if not self._anchored:
             self.period.add(now - self._last_wake)
+        self.running += now - self._last_wake
         self._anchored, self._last_wake = False, now
         if lateness > MAX_LATENESS:
             self.overruns += 1

@@ -15,7 +15,7 @@ from rosgraph_msgs.msg import Clock
 
 from mbd_sim.messages import topics
 from mbd_sim.messages.recorded_topic import Topic
-from mbd_sim.messages.snapshot import Snapshot
+from mbd_sim.messages.snapshot import Due, Snapshot
 from mbd_sim.messages.topics import OutputTopic, Recorded
 from mbd_sim.recording.recorder import Recorder
 from mbd_sim.recording.run_metadata import Moment
@@ -38,7 +38,6 @@ class PublishingThread:
         model: Model,
         requested: Sequence[OutputTopic],
         *,
-        marker_rate: float = 0.0,
         frame_prefix: str = "",
     ) -> None:
         """Create the publishers of the requested topics, of `/clock` and of the markers.
@@ -58,9 +57,8 @@ class PublishingThread:
         self._clock = TopicPublisher(node, topics.CLOCK).publisher
         self._clock_message = MessageTemplate(Clock(clock=STAMP))
         self._marker_publisher = TopicPublisher(node, topics.MARKERS).publisher
-        self._marker_rate, self._frame_prefix = marker_rate, frame_prefix
+        self._frame_prefix = frame_prefix
         self._markers: Markers | None = None
-        self._marker_time = 0.0
         self._thread: threading.Thread | None = None
 
     @property
@@ -113,29 +111,30 @@ class PublishingThread:
             self.busy += time.perf_counter() - began
 
     def _publish_snapshot(self, snapshot: Snapshot) -> None:
-        if snapshot.clock:
+        if Due.CLOCK in snapshot.due:
             self._clock_message.stamp(snapshot.clock_ns)
             self._clock.publish(self._clock_message.payload())
         self.latest = snapshot
-        if not snapshot.state:
-            return
-        energies = self.model.energies(snapshot.time, snapshot.y, snapshot.start_energy, snapshot.inputs)
-        self.energies = energies
-        for name, writer in self._state_writers.items():
-            payload = writer.payload(snapshot, energies)
-            self._send(name, payload, snapshot.clock_ns, snapshot.ticks, repeated=snapshot.repeated)
-        self._publish_markers(snapshot)
+        if Due.STATE in snapshot.due or Due.VIEW in snapshot.due:
+            self._publish_state(snapshot)
+        if Due.MARKERS in snapshot.due:
+            self._publish_markers(snapshot)
         if self.recordings is not None:
             self.recordings.check_limits(snapshot.clock_ns)
-        if self.viewer is not None and not snapshot.repeated:
+
+    def _publish_state(self, snapshot: Snapshot) -> None:
+        """Publish, record and show the state, as far as each of them is due."""
+        energies = self.model.energies(snapshot.time, snapshot.y, snapshot.start_energy, snapshot.inputs)
+        self.energies = energies
+        if Due.STATE in snapshot.due:
+            for name, writer in self._state_writers.items():
+                payload = writer.payload(snapshot, energies)
+                self._send(name, payload, snapshot.clock_ns, snapshot.ticks, repeated=snapshot.repeated)
+        if Due.VIEW in snapshot.due and self.viewer is not None:
             self.viewer.offer(snapshot.clock_ns * 1e-9, snapshot.y, snapshot.inputs, energies, snapshot.time)
 
     def _publish_markers(self, snapshot: Snapshot) -> None:
-        """Publish markers if they are due and there is a subscriber."""
-        rate, now = self._marker_rate, snapshot.clock_ns * 1e-9
-        if not rate or (abs(now - self._marker_time) < 1.0 / rate - 1e-9 and not snapshot.repeated):
-            return
-        self._marker_time = now
+        """Publish markers if there is a subscriber."""
         if self._marker_publisher.get_subscription_count():
             if self._markers is None:
                 self._markers = Markers(self.model, self._frame_prefix)

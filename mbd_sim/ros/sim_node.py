@@ -23,6 +23,7 @@ from mbd_sim.ros.node_setup import (
     rerun_viewer,
     split_limits,
 )
+from mbd_sim.ros.publication_schedule import rate_remark
 from mbd_sim.ros.publishing_thread import PublishingThread
 from mbd_sim.ros.sim_parameters import PARAMETERS
 from mbd_sim.ros.simulation_services import serve_simulation_interfaces
@@ -30,6 +31,7 @@ from mbd_sim.ros.stepping_thread import Rates, SteppingThread
 from mbd_sim.ros.subscriptions import Subscriptions
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
 
+RATES = ("publish_rate", "clock_rate", "marker_rate", "rerun_rate")
 MAX_OVERRUNS = 3  # overruns a second from which the node gives up its real-time priority
 
 
@@ -49,7 +51,12 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         timeout = parameters["command_timeout"]
         self.commands = CommandBuffer(simulation.effort_map, timeout)
         self.wrenches = WrenchBuffer(simulation.wrench_map, simulation.model.part_names, timeout, frame_prefix)
-        self.rates = Rates(parameters["real_time_factor"], parameters["publish_rate"], parameters["clock_rate"])
+        self.rates = Rates(
+            parameters["real_time_factor"],
+            parameters["publish_rate"],
+            parameters["clock_rate"],
+            parameters["marker_rate"],
+        )
         self.stepping_thread = SteppingThread(
             simulation, self.commands, self.rates, wrenches=self.wrenches, paused=parameters["start_paused"]
         )
@@ -57,12 +64,12 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             self,
             simulation.model,
             requested_topics(parameters, simulation.model.part_names),
-            marker_rate=parameters["marker_rate"],
             frame_prefix=frame_prefix,
         )
         self.recordings = node_recordings(parameters, self.stepping_thread, self.publishing_thread, log)
         self.publishing_thread.recordings = self.recordings
         self.publishing_thread.viewer = rerun_viewer(parameters, simulation, log)
+        self.rates.view = parameters["rerun_rate"] if self.publishing_thread.viewer is not None else 0.0
         subscriptions = Subscriptions(
             self, simulation.mechanism, self.commands, self.wrenches, wrench_targets, self._step_on_command
         )
@@ -86,6 +93,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         )
         if self._unknown_parameters:
             log.warning(f"unknown parameters are ignored: {listed(self._unknown_parameters)}")
+        for name in RATES:
+            self._remark_on_rate(name)
         if self._priority and (refusal := realtime.lock_memory()):
             self._add_note(refusal)
         if self.parameters["record"]:
@@ -185,10 +194,20 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
                 self.rates.publish = value
             case "clock_rate":
                 self.rates.clock = value
+            case "marker_rate":
+                self.rates.markers = value
+            case "rerun_rate":
+                self.rates.view = value if self.publishing_thread.viewer is not None else 0.0
             case "command_timeout":
                 self.commands.timeout = self.wrenches.timeout = value
             case "record_split_size" | "record_split_duration":
                 self.recordings.limits = split_limits(self.parameters)
+        self._remark_on_rate(name)
+
+    def _remark_on_rate(self, name: str) -> None:
+        """Say what a rate becomes that no step size of this simulation can give."""
+        if name in RATES and (remark := rate_remark(name, self.parameters[name], self.simulation.step_size)):
+            self.get_logger().warning(remark)
 
 
 def _make_node(end: Callable[[], None]) -> SimNode:

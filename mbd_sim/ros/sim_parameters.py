@@ -42,13 +42,15 @@ PARAMETERS = (
         "values of the mechanism file that are parameters of this node; empty: none",
     ),
     ParameterSpec("rerun", "", "show the run in Rerun: spawn, serve, connect, connect:URL, or a file.rrd; empty: no"),
-    ParameterSpec("rerun_rate", 60.0, "updates of the Rerun scene per simulated second", 1.0, 10_000.0),
+    ParameterSpec("rerun_rate", 60.0, "updates of the Rerun scene per simulated second", 1.0, 10_000.0, live=True),
     ParameterSpec(
         "rerun_traces", "",
         "parts and points (part.point) whose paths are drawn, separated by commas; empty: chain ends",
     ),
     ParameterSpec("rerun_trace_time", 1.0, "length of the drawn paths in simulated s", 0.01, 1e6),
-    ParameterSpec("marker_rate", 30.0, "markers per simulated second, while subscribed; 0: none", 0.0, 1000.0),
+    ParameterSpec(
+        "marker_rate", 30.0, "markers per simulated second, while subscribed; 0: none", 0.0, 1000.0, live=True
+    ),
     *(
         ParameterSpec(topic.parameter.name, topic.parameter.default, topic.parameter.description)
         for topic in TOPICS

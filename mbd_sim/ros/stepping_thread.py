@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from queue import SimpleQueue
 
 from mbd_sim.errors import CommandError, DivergedError
-from mbd_sim.messages.snapshot import Snapshot
+from mbd_sim.messages.snapshot import Due, Snapshot
 from mbd_sim.recording.run_metadata import Moment
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.pacing import Pacer
+from mbd_sim.ros.publication_schedule import PublicationSchedule, publication_schedule
 from mbd_sim.ros.requests import RequestQueue
 from mbd_sim.ros.snapshots import Counters, Item
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
@@ -32,12 +33,15 @@ MAX_WAITING = 10_000  # snapshots that may wait at all; when publishing is that 
 class Rates:
     """Rates that may change during the run.
 
-    `real_time_factor` 0 is as fast as possible; `publish` and `clock` are in Hz of simulated time, 0 for never.
+    `real_time_factor` 0 is as fast as possible; the others are in Hz of simulated time, 0 for never: of states, of the
+    clock, of markers, and of samples for the Rerun scene.
     """
 
     real_time_factor: float = 1.0
     publish: float = 100.0
     clock: float = 200.0
+    markers: float = 0.0
+    view: float = 0.0
 
 
 class SteppingThread:
@@ -60,7 +64,7 @@ class SteppingThread:
         self.paused = paused
         self.problem = self.advice = ""
         self.ticks = 0
-        self._last_emitted = -1  # the tick of the last state that was emitted
+        self._last_emitted = self._last_viewed = -1  # the tick of the last state that was emitted, and for the viewer
         self._clock_offset = 0
         self._error_threshold = TOLERATED
         self._step_ns = round(simulation.step_size * 1e9)
@@ -89,7 +93,12 @@ class SteppingThread:
     @property
     def clock_ns(self) -> int:
         """The node's simulated clock in ns; it goes back only when a reset asks for it."""
-        return (self.ticks - self._clock_offset) * self._step_ns
+        return self._clock_ticks * self._step_ns
+
+    @property
+    def _clock_ticks(self) -> int:
+        """The steps since the clock was zero."""
+        return self.ticks - self._clock_offset
 
     def pause(self, paused: bool) -> None:
         """Pause or resume; returns when it has taken effect."""
@@ -141,13 +150,13 @@ class SteppingThread:
             raise
 
     def _loop(self) -> None:
-        self._emit(state=True, clock=True)
+        self._emit(Due.ALL)
         self.pacer.anchor()
         while not self._stopping:
             self._requests.serve_all()
             if self.paused:
                 if not self._wake.wait(REPEAT_PERIOD):
-                    self._emit(state=True, clock=True, repeated=True)
+                    self._emit(Due.ALL, repeated=True)
                 self._wake.clear()
                 self.pacer.anchor()
                 continue
@@ -156,28 +165,33 @@ class SteppingThread:
             factor = self.rates.real_time_factor
             if factor > 0.0:
                 self.pacer.plan(steps * self.simulation.step_size / factor)
-                while not self.pacer.wait(self._wake) and not self._stopping:
+                while not (self.pacer.wait(self._wake) or self._stopping or self.paused):
                     self._wake.clear()
                     self._requests.serve_all()
             else:
-                self.pacer.anchor()
+                self.pacer.pass_deadline()
                 self._wait_for_output()
 
     def _wait_for_output(self) -> None:
         while self.output.qsize() > BACKLOG and not self._stopping:
             time.sleep(1e-3)
 
-    def _ticks_between(self, rate: float) -> int:
-        """Ticks between two publications at `rate` (Hz); 0 for none."""
-        return max(1, round(1.0 / (rate * self.simulation.step_size))) if rate > 0.0 else 0
+    def _schedules(self) -> dict[Due, PublicationSchedule | None]:
+        rates, step_size = self.rates, self.simulation.step_size
+        return {
+            Due.STATE: publication_schedule(rates.publish, step_size),
+            Due.CLOCK: publication_schedule(rates.clock, step_size),
+            Due.MARKERS: publication_schedule(rates.markers, step_size),
+            Due.VIEW: publication_schedule(rates.view, step_size),
+        }
 
     def _steps_until_due(self) -> int:
         """Steps to take at once: those of one wake-up period, and none beyond the next publication."""
         factor = self.rates.real_time_factor
         steps = max(1, round(WAKE_UP_PERIOD * factor / self.simulation.step_size)) if factor > 0.0 else FAST_BATCH
-        for rate in (self.rates.publish, self.rates.clock):
-            if period := self._ticks_between(rate):
-                steps = min(steps, period - self.ticks % period)
+        for schedule in self._schedules().values():
+            if schedule is not None:
+                steps = min(steps, schedule.next_tick(self._clock_ticks) - self._clock_ticks)
         return steps
 
     def _advance(self, steps: int) -> str:
@@ -193,14 +207,17 @@ class SteppingThread:
         self.ticks += steps
         self._check_error_estimate()
         self.counters.stepping += time.perf_counter() - began
-        state_due, clock_due = self._is_due(self.rates.publish), self._is_due(self.rates.clock)
-        if state_due or clock_due:
-            self._emit(state_due, clock_due)
+        if due := self._due():
+            self._emit(due)
         return ""
 
-    def _is_due(self, rate: float) -> bool:
-        period = self._ticks_between(rate)
-        return bool(period) and self.ticks % period == 0
+    def _due(self) -> Due:
+        """What is due at the present tick."""
+        due = Due.NONE
+        for message, schedule in self._schedules().items():
+            if schedule is not None and schedule.is_due(self._clock_ticks):
+                due |= message
+        return due
 
     def _apply_commands(self) -> None:
         time_now = self.ticks * self.simulation.step_size
@@ -222,25 +239,27 @@ class SteppingThread:
             self.advice = self.simulation.step_advice or ""
             self._report(EventKind.WARNING, self.advice)
 
-    def _emit(self, state: bool, clock: bool, repeated: bool = False) -> None:
+    def _emit(self, due: Due, repeated: bool = False) -> None:
         if self.output.qsize() >= MAX_WAITING:
             self.counters.dropped += 1
             return
-        if state:
+        if repeated and self._last_viewed == self.ticks:
+            due &= ~Due.VIEW
+        if Due.STATE in due:
             self._last_emitted = self.ticks
-        self.output.put(self._snapshot(state, clock, repeated))
-
-    def _snapshot(self, state: bool, clock: bool, repeated: bool) -> Snapshot:
-        return Snapshot(
-            ticks=self.ticks,
-            clock_ns=self.clock_ns,
-            time=self.simulation.time,
-            y=self.simulation.state,
-            inputs=self.simulation.inputs.copy(),
-            start_energy=self.simulation.start_energy,
-            state=state,
-            clock=clock,
-            repeated=repeated,
+        if Due.VIEW in due:
+            self._last_viewed = self.ticks
+        self.output.put(
+            Snapshot(
+                ticks=self.ticks,
+                clock_ns=self.clock_ns,
+                time=self.simulation.time,
+                y=self.simulation.state,
+                inputs=self.simulation.inputs.copy(),
+                start_energy=self.simulation.start_energy,
+                due=due,
+                repeated=repeated,
+            )
         )
 
     def _report(self, kind: EventKind, payload: Payload = None) -> Event:
@@ -252,9 +271,10 @@ class SteppingThread:
         if paused != self.paused:
             self.paused = paused
             self._report(EventKind.PAUSED if paused else EventKind.RUNNING)
-            self._emit(state=True, clock=True)
+            self._emit(Due.ALL)
 
     def _reset(self, rewind_clock: bool, state: bool) -> str:
+        began = time.perf_counter()
         if state:
             try:
                 self.simulation.reset()
@@ -266,7 +286,8 @@ class SteppingThread:
         if rewind_clock:
             self._clock_offset = self.ticks
         self._report(EventKind.RESET if state else EventKind.CLOCK_RESET)
-        self._emit(state=True, clock=True)
+        self._emit(Due.ALL)
+        self.pacer.delay(time.perf_counter() - began)  # no step has to make up for it
         return ""
 
     def _apply_live(self, prepared: PreparedValues) -> str:
@@ -288,5 +309,5 @@ class SteppingThread:
             left -= batch
             self._wait_for_output()
         if self._last_emitted != self.ticks:
-            self._emit(state=True, clock=True)
+            self._emit(Due.STATE | Due.CLOCK)  # markers and the Rerun scene follow with the next repeated state
         return ""

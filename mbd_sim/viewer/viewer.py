@@ -40,11 +40,11 @@ _log = logging.getLogger(__name__)
 class Viewer:
     """A recording in Rerun that accepts samples of a motion.
 
-    `rate` is the number of samples kept for each second of simulated time, `capacity` the number that may wait. When
-    the viewer is slower than the simulation, the oldest waiting samples are discarded and counted in `dropped`.
-    `address` is where to view the recording, `failure` the error that ended it early. Times are simulated time in s
-    and should not decrease, because the timeline shows one sample for each time. Offer the start too: before the first
-    sample all parts lie at the origin.
+    `rate` is the number of samples kept for each second of simulated time (None: all of them), `capacity` the number
+    that may wait. When the viewer is slower than the simulation, the oldest waiting samples are discarded and counted
+    in `dropped`. `address` is where to view the recording, `failure` the error that ended it early. Times are simulated
+    time in s and should not decrease, because the timeline shows one sample for each time. Offer the start too: before
+    the first sample all parts lie at the origin.
 
     >>> with Viewer(sim.model, "run.rrd") as viewer:
     ...     while sim.time < 10.0:
@@ -57,7 +57,7 @@ class Viewer:
         model: Model,
         sink: str,
         *,
-        rate: float = 60.0,
+        rate: float | None = 60.0,
         capacity: int = 20_000,
         traces: Sequence[str] | None = None,
         trace_time: float = TRACE_TIME,
@@ -72,7 +72,7 @@ class Viewer:
         """
         checked_sink(sink)
         for name, value in (("rate", rate), ("trace_time", trace_time)):
-            if not 0.0 < value < float("inf"):
+            if value is not None and not 0.0 < value < float("inf"):
                 raise ValueError(f"the {name} must be a positive number, not {value!r}")
         if importlib.util.find_spec("rerun") is None:
             raise ViewerError("Rerun is not installed. Install it with: pip install rerun-sdk")
@@ -130,7 +130,7 @@ class Viewer:
 
         Returns at once. Samples closer together than the rate allows are skipped, except the first after a reset.
         """
-        frame = int(time * self._rate + 1e-6)
+        frame = self._frame + 1 if self._rate is None else int(time * self._rate + 1e-6)
         motion_time = time if motion_time is None else motion_time
         if (frame != self._frame or motion_time < self._motion_time) and self.failure is None:
             self._frame, self._motion_time = frame, motion_time

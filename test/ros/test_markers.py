@@ -8,14 +8,14 @@ from visualization_msgs.msg import Marker, MarkerArray
 from mbd_sim import Simulation
 from mbd_sim.geometry.rotation import from_quaternion
 from mbd_sim.mechanism_file.library import shipped
-from mbd_sim.messages.snapshot import Snapshot
+from mbd_sim.messages.snapshot import Due, Snapshot
 from mbd_sim.ros.markers import Markers
 
 
 def snapshot(simulation: Simulation) -> Snapshot:
     ticks = simulation.steps
     return Snapshot(
-        ticks, ticks * 1_000_000, simulation.time, simulation.state, simulation.inputs.copy(), 0.0, True, True, False
+        ticks, ticks * 1_000_000, simulation.time, simulation.state, simulation.inputs.copy(), 0.0, Due.ALL, False
     )
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.mechanism_file.override import with_values
-from mbd_sim.messages.snapshot import Snapshot
+from mbd_sim.messages.snapshot import Due, Snapshot
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.pacing import MAX_LATENESS, Histogram, Pacer
 from mbd_sim.ros.stepping_thread import Rates, SteppingThread
@@ -56,9 +56,25 @@ def test_every_publication_is_handed_out_at_its_very_step(make, factor):
     stepping_thread.stop()
     snapshots = [item for item in collected(stepping_thread) if isinstance(item, Snapshot)]
     last = snapshots[-1].ticks
-    assert [s.ticks for s in snapshots if s.state] == list(range(0, last + 1, 8))[: sum(s.state for s in snapshots)]
-    assert all(s.ticks % 20 == 0 for s in snapshots if s.clock)
+    assert [s.ticks for s in snapshots if Due.STATE in s.due] == list(range(0, last + 1, 8))[
+        : sum(Due.STATE in s.due for s in snapshots)
+    ]
+    assert all(s.ticks % 20 == 0 for s in snapshots if Due.CLOCK in s.due)
     assert all(s.clock_ns == s.ticks * 1_000_000 for s in snapshots)
+
+
+@pytest.mark.parametrize("publish", [0.0, 20.0, 100.0])
+def test_markers_and_samples_for_the_viewer_keep_their_rates_at_any_rate_of_states(make, publish):
+    stepping_thread = make(real_time_factor=0.0, publish=publish, clock=333.0, markers=30.0, view=60.0)
+    stepping_thread.start()
+    snapshots = []
+    while not snapshots or snapshots[-1].ticks <= 3000:
+        snapshots.append(stepping_thread.output.get(timeout=10))
+    stepping_thread.stop()
+    snapshots = [snapshot for snapshot in snapshots if 0 < snapshot.ticks <= 3000]
+    counts = {due: sum(due in snapshot.due for snapshot in snapshots) for due in Due if due is not Due.NONE}
+    expected = {Due.STATE: 3 * publish, Due.CLOCK: 999, Due.MARKERS: 90, Due.VIEW: 180}
+    assert {due: counts[due] for due in expected} == expected
 
 
 def test_a_command_takes_effect_between_two_steps_and_reports_which(make):
@@ -173,6 +189,26 @@ def test_a_long_stall_restarts_the_schedule_instead_of_a_burst():
     pacer.plan(0.05)
     assert pacer.wait(threading.Event())
     assert time.perf_counter() - began >= 0.049
+
+
+def test_pauses_resets_and_changes_of_the_factor_cost_no_time(make):
+    stepping_thread = make(real_time_factor=1.0)
+    pacer, step_size = stepping_thread.pacer, stepping_thread.simulation.step_size
+    stepping_thread.start()
+    for factor in (5.0, 0.2, 1.0):
+        stepping_thread.pause(True)
+        time.sleep(0.15)
+        stepping_thread.pause(False)
+        running, ticks, overruns = pacer.running, stepping_thread.ticks, pacer.overruns
+        stepping_thread.rates.real_time_factor = factor
+        stepping_thread.restart_schedule()
+        stepping_thread.reset()
+        wait_for(lambda ticks=ticks: stepping_thread.ticks > ticks + 30)
+        stepping_thread.pause(True)
+        achieved = (stepping_thread.ticks - ticks) * step_size / (pacer.running - running)
+        # A busy machine may restart the schedule; then time was indeed lost.
+        assert achieved == pytest.approx(factor, rel=0.5) or pacer.overruns > overruns
+        stepping_thread.pause(False)
 
 
 def test_a_histogram_summarizes_what_came_since():

@@ -93,6 +93,45 @@ def test_diagnostics_report_time_energies_and_commands_with_remedies(tmp_path: P
         assert "Did you mean 'crank_pivot'?" in warned().message  # type: ignore[union-attr]
 
 
+def test_pauses_resets_and_changes_of_the_rate_are_not_warned_of_as_lost_time(tmp_path: Path) -> None:
+    with running(tmp_path, real_time_priority=0) as (_, listener):
+        statuses: list[DiagnosticStatus] = []
+
+        def take(message: DiagnosticArray) -> None:
+            statuses.extend(status for status in message.status if status.name == "/sim_node: timing")
+
+        listener.node.create_subscription(DiagnosticArray, "/diagnostics", take, 100)
+        listener.until(lambda: statuses, "diagnostics")
+        for number, factor in enumerate((5.0, 0.02, 1.0)):
+            listener.pause(True)
+            listener.spin(0.3)
+            listener.pause(False)
+            listener.reset()
+            assert listener.set_parameter("real_time_factor", factor).successful
+            listener.until(lambda number=number: len(statuses) > 2 * number + 2, "two periods of diagnostics")
+    overruns = [int(value.value) for status in statuses for value in status.values if value.key == "overruns"]
+    for before, after, status in zip(overruns[:-1], overruns[1:], statuses[1:], strict=True):
+        # Where other programs kept the schedule from being met, it was restarted, and the warning is true.
+        assert status.level == DiagnosticStatus.OK or after > before, status.message
+
+
+def test_a_rate_beyond_the_steps_is_answered_with_what_it_becomes(tmp_path: Path) -> None:
+    with running(tmp_path, publish_rate=20, clock_rate=2000) as (process, listener):
+        assert "clock_rate is 2000 Hz" in process.text
+        messages = received(listener, DiagnosticArray, "/diagnostics")
+        assert listener.set_parameter("publish_rate", 5000).successful
+        remark = (
+            "publish_rate is 5000 Hz, but the state changes only with each step of 0.001 s: messages are sent at 1000"
+        )
+        listener.until(lambda: remark in process.text, "the warning on the console")
+        listener.until(
+            lambda: (
+                messages and ("publish_rate (Hz)", "1000") in [(v.key, v.value) for v in messages[-1].status[3].values]
+            ),
+            "the rate that results",
+        )
+
+
 def test_a_wrench_acts_expires_is_recorded_and_the_run_can_be_computed_again(tmp_path: Path) -> None:
     with running(tmp_path, record=True, record_dir="logs", command_timeout=0.2) as (process, listener):
         applied = received(listener, Float64MultiArray, "sim_node/applied_wrenches")
