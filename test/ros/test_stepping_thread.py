@@ -175,7 +175,8 @@ def test_the_pacer_keeps_absolute_deadlines():
     late, period = pacer.lateness.summary(), pacer.period.summary()
     assert 0.0 <= late.median <= late.p99 <= late.maximum
     assert 0.0 < period.median <= period.p99 <= period.maximum
-    assert pacer.period.counts().sum() == 99
+    # The first wait has no period, nor has one after a restart, which a stall of the machine causes.
+    assert 99 - pacer.overruns <= pacer.period.counts().sum() <= 99
 
 
 def test_a_long_stall_restarts_the_schedule_instead_of_a_burst():
