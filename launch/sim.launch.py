@@ -19,7 +19,11 @@ PARAMETERS = [
     ("clock_rate", "200.0", "/clock messages per simulated second; 0: none"),
     ("real_time_factor", "1.0", "1: real time; 0: as fast as possible"),
     ("start_paused", "false", "wait for ~/pause or ~/step"),
-    ("command_timeout", "0.5", "simulated s without a command after which efforts are set to zero; 0: never"),
+    (
+        "command_timeout",
+        "0.5",
+        "simulated s without a command for a joint after which its effort is set to zero; 0: never",
+    ),
     ("record", "true", "record the run to an MCAP file"),
     ("record_dir", "recordings", "folder of the recordings"),
     ("rerun", "", "spawn, serve, connect, or a file.rrd"),

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
+from mbd_sim.errors import listed
 from mbd_sim.geometry.pose import Array
 from mbd_sim.messages.topics import DIAGNOSTICS
 from mbd_sim.ros.pacing import DurationSummary
@@ -183,7 +184,8 @@ class Diagnostics:
             problem = f"{rejected} messages rejected in the last second, the last one on {topic}: {error}"
         elif commands.lapsed:
             problem = (
-                f"no command for {commands.timeout:g} s of simulated time: efforts are zero. "
+                f"no command for {listed(commands.lapsed)} in {commands.timeout:g} s of simulated time: "
+                "the effort there is zero. "
                 "Send commands more often, or raise command_timeout (0: never)"
             )
         return self._status("commands", problem or "OK", bool(problem), {

@@ -16,7 +16,8 @@ PARAMETERS = (
     ParameterSpec("real_time_factor", 1.0, "1: real time; 0: as fast as possible", 0.0, 1000.0, live=True),
     ParameterSpec("start_paused", False, "wait for ~/pause or ~/step before the first step"),
     ParameterSpec(
-        "command_timeout", 0.5, "simulated s without a command after which efforts are set to zero; 0: never",
+        "command_timeout", 0.5,
+        "simulated s without a command for a joint after which its effort is set to zero; 0: never",
         0.0, 1e6, live=True,
     ),
     ParameterSpec("step_count", 1, "steps taken by one call of ~/step", 1, 1_000_000, live=True),

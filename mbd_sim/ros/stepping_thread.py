@@ -221,10 +221,9 @@ class SteppingThread:
 
     def _apply_commands(self) -> None:
         time_now = self.ticks * self.simulation.step_size
-        due = self.commands.due(time_now)
-        if due is not None:
+        for due in self.commands.due(time_now):
             self.simulation.set_efforts(due.efforts)
-            self._report(due.kind, AppliedEfforts(due.efforts))
+            self._report(due.kind, AppliedEfforts(due.efforts, due.expired))
         for due_wrench in self.wrenches.due(time_now):
             due_wrench.wrench.apply(self.simulation)
             part = due_wrench.wrench.part

@@ -39,9 +39,13 @@ _WITHOUT_PAYLOAD = frozenset(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class AppliedEfforts:
-    """The efforts (nv,) in N and N·m that act from the event's step on; None where only its text was recorded."""
+    """The efforts (nv,) in N and N·m that act from the event's step on; None where only its text was recorded.
+
+    `expired` are the coordinates whose efforts were set to zero, where commands expired; empty: all of them.
+    """
 
     values: Array | None = None
+    expired: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -84,8 +88,8 @@ class Event:
         match self.kind, self.payload:
             case EventKind.NOTE, str(message):
                 return message
-            case EventKind.EXPIRED, AppliedEfforts():
-                return f"{self.kind}: efforts set to zero"
+            case EventKind.EXPIRED, AppliedEfforts(_, expired):
+                return f"{self.kind}: effort of {', '.join(expired)} set to zero" if expired else _ALL_EXPIRED
             case EventKind.EXPIRED, AppliedWrench(part):
                 return f"{self.kind}: wrench on {part} set to zero"
             case EventKind.LIVE_VALUES, ChangedValues(changes):
@@ -98,6 +102,8 @@ class Event:
 _KINDS = {kind.value: kind for kind in EventKind}
 _NUMBER = r"[-+]?(?:\d[\d.]*(?:e[-+]?\d+)?|inf|nan)"
 _CHANGE = re.compile(rf"(\S.*?) = ({_NUMBER})(?:, |$)")
+_ALL_EXPIRED = f"{EventKind.EXPIRED}: efforts set to zero"
+_EXPIRED_EFFORTS = re.compile(r"effort of (.+) set to zero")
 _EXPIRED_WRENCH = re.compile(r"wrench on (.+) set to zero")
 
 
@@ -118,8 +124,10 @@ def _parse(text: str) -> tuple[EventKind, Payload]:
     if colon and kind in _WITH_MESSAGE:
         return kind, message
     if kind is EventKind.EXPIRED:
-        if message == "efforts set to zero":
+        if text == _ALL_EXPIRED:
             return kind, AppliedEfforts()
+        if found := _EXPIRED_EFFORTS.fullmatch(message):
+            return kind, AppliedEfforts(None, tuple(found[1].split(", ")))
         if found := _EXPIRED_WRENCH.fullmatch(message):
             return kind, AppliedWrench(found[1])
     if kind is EventKind.LIVE_VALUES and (changes := _parse_changes(message)):

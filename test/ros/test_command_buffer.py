@@ -17,21 +17,21 @@ def buffer() -> CommandBuffer:
 
 
 def test_nothing_is_due_before_a_command(buffer):
-    assert buffer.due(0.0) is None
+    assert buffer.due(0.0) == []
 
 
 def test_a_command_is_due_once_and_clamped(buffer):
     buffer.by_order([1.0, -7.0, 3.0])
-    due = buffer.due(0.0)
+    (due,) = buffer.due(0.0)
     assert (due.kind, due.efforts.tolist()) == (EventKind.COMMAND, [1.0, -5.0, 3.0])
-    assert buffer.due(0.001) is None
+    assert buffer.due(0.001) == []
 
 
 def test_names_leave_the_other_efforts_and_add_up_between_two_steps(buffer):
     buffer.by_order([1.0, 2.0, 3.0])
     buffer.by_name(["ankle"], [9.0])
     buffer.by_name(["hip"], [-1.0])
-    assert buffer.due(0.0).efforts.tolist() == [-1.0, 2.0, 9.0]
+    assert buffer.due(0.0)[0].efforts.tolist() == [-1.0, 2.0, 9.0]
     assert buffer.accepted == 3
 
 
@@ -52,32 +52,52 @@ def test_a_bad_command_is_rejected_whole_and_counted(buffer, names, efforts, wor
         buffer.by_order(efforts) if names is None else buffer.by_name(names, efforts)
     assert words in str(caught.value)
     assert (buffer.accepted, buffer.rejected) == (1, 1)
-    assert buffer.due(0.0).efforts.tolist() == [1.0, 2.0, 3.0]
+    assert buffer.due(0.0)[0].efforts.tolist() == [1.0, 2.0, 3.0]
 
 
 def test_efforts_expire_once_after_the_timeout_and_the_next_command_recovers(buffer):
     buffer.by_order([1.0, 2.0, 3.0])
     buffer.due(10.0)
-    assert buffer.due(10.499) is None
-    expired = buffer.due(10.5)
+    assert buffer.due(10.499) == []
+    (expired,) = buffer.due(10.5)
     assert expired.kind is EventKind.EXPIRED
     assert expired.efforts.tolist() == [0.0, 0.0, 0.0]
-    assert buffer.due(20.0) is None
+    assert buffer.due(20.0) == []
     buffer.by_name(["knee"], [1.0])
-    assert buffer.due(20.0).efforts.tolist() == [0.0, 1.0, 0.0]
+    assert buffer.due(20.0)[0].efforts.tolist() == [0.0, 1.0, 0.0]
     assert (buffer.accepted, buffer.expired) == (2, 1)
+
+
+def test_the_efforts_of_a_joint_expire_though_commands_for_another_one_go_on(buffer):
+    buffer.by_name(["hip"], [3.0])
+    buffer.by_name(["knee"], [2.0])
+    buffer.due(0.0)
+    for step in range(1, 5):
+        buffer.by_name(["knee"], [1.0 + step])
+        (command,) = buffer.due(0.1 * step)
+        assert command.efforts.tolist() == [3.0, 1.0 + step, 0.0]
+    buffer.by_name(["knee"], [4.0])
+    command, expired = buffer.due(0.5)
+    assert (command.kind, command.efforts.tolist()) == (EventKind.COMMAND, [3.0, 4.0, 0.0])
+    assert (expired.kind, expired.efforts.tolist(), expired.expired) == (EventKind.EXPIRED, [0.0, 4.0, 0.0], ("hip",))
+    assert (buffer.lapsed, buffer.expired) == (("hip",), 1)
+    assert buffer.due(0.9) == []
+    assert buffer.due(1.0)[0].expired == ("knee",)
+    buffer.by_name(["hip"], [1.0])
+    assert buffer.due(1.1)[0].efforts.tolist() == [1.0, 0.0, 0.0]
+    assert buffer.lapsed == ("knee",)
 
 
 def test_a_timeout_of_zero_never_expires(buffer):
     buffer.timeout = 0.0
     buffer.by_order([1.0, 2.0, 3.0])
     buffer.due(0.0)
-    assert buffer.due(1e9) is None
+    assert buffer.due(1e9) == []
 
 
 def test_clear_forgets_the_efforts(buffer):
     buffer.by_order([1.0, 2.0, 3.0])
     buffer.clear()
-    assert buffer.due(0.0) is None
+    assert buffer.due(0.0) == []
     buffer.by_name(["hip"], [1.0])
-    assert buffer.due(0.0).efforts.tolist() == [1.0, 0.0, 0.0]
+    assert buffer.due(0.0)[0].efforts.tolist() == [1.0, 0.0, 0.0]

@@ -16,6 +16,7 @@ from mbd_sim.simulation.events import (
 RECORDED = {
     "command": (EventKind.COMMAND, None),
     "commands expired: efforts set to zero": (EventKind.EXPIRED, AppliedEfforts),
+    "commands expired: effort of hip, knee set to zero": (EventKind.EXPIRED, AppliedEfforts),
     "commands expired: wrench on lower set to zero": (EventKind.EXPIRED, AppliedWrench),
     "commands expired: wrench on rod 2 set to zero": (EventKind.EXPIRED, AppliedWrench),
     "paused": (EventKind.PAUSED, None),
@@ -71,6 +72,10 @@ def test_any_other_text_is_a_note(text):
         (Event(EventKind.COMMAND, AppliedEfforts(np.zeros(2))), "command"),
         (Event(EventKind.COMMAND, AppliedWrench("rod", np.zeros(15))), "command"),
         (Event(EventKind.EXPIRED, AppliedEfforts(np.zeros(2))), "commands expired: efforts set to zero"),
+        (
+            Event(EventKind.EXPIRED, AppliedEfforts(np.zeros(2), ("hip", "knee"))),
+            "commands expired: effort of hip, knee set to zero",
+        ),
         (Event(EventKind.EXPIRED, AppliedWrench("rod", np.zeros(15))), "commands expired: wrench on rod set to zero"),
         (
             Event(EventKind.LIVE_VALUES, ChangedValues({"a.b": 1e300, "c": -0.1}, {})),
