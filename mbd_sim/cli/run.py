@@ -111,6 +111,7 @@ def _summary(simulation: Simulation, seconds: float) -> str:
             f"  energy residual  {energies.residual:.3g} J of {energies.total:.6g} J total "
             f"(applied {energies.work_applied:.6g}, drives {energies.work_drives:.6g}, "
             f"dissipated {energies.dissipated:.6g})",
+            *(f"  note             {remark}" for remark in simulation.remarks),
             *_accuracy(simulation),
             *_constraints(simulation),
             f"  {'coordinate':16s}  position and velocity",

@@ -9,3 +9,4 @@ from mbd_sim.integrators.tableau import EXPLICIT, Tableau
 Method = Tableau | Rosenbrock | Gauss
 
 METHODS: dict[str, Method] = {**EXPLICIT, **ROSENBROCK, **GAUSS}
+AUTO = "auto"  # instead of a name: chosen by the rates of the mechanism

@@ -59,7 +59,7 @@ def report(simulation: Simulation) -> dict[str, Any]:
             "instructions_per_evaluation": simulation.model.kernel.instructions,
         },
         "remarks": [
-            *(remark for joint in mechanism.all_joints.values() for remark in _remarks(joint)),
+            *simulation.remarks,
             *(f"from the URDF, {note}" for note in mechanism.source.notes),
         ],
     }
@@ -161,9 +161,3 @@ def _joint(joint: Joint, at: Mapping[str, float]) -> dict[str, Any]:
         "coordinates": list(joint.motion_names),
         "drive": [expression.text for expression in joint.drive],
     }
-
-
-def _remarks(joint: Joint) -> list[str]:
-    if joint.limits is not None and joint.limits.stiffness is None:
-        return [f"the limits of '{joint.name}' do not act on the motion. Give limits.stiffness to make them stops."]
-    return []

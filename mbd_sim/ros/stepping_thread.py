@@ -151,6 +151,8 @@ class SteppingThread:
 
     def _loop(self) -> None:
         self._emit(Due.ALL)
+        for remark in self.simulation.remarks:
+            self._report(EventKind.NOTE, remark)
         self.pacer.anchor()
         while not self._stopping:
             self._requests.serve_all()

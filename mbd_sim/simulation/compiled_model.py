@@ -12,13 +12,12 @@ import numpy as np
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
 from mbd_sim.dynamics.energy import AUDIT_STATES
-from mbd_sim.dynamics.equations import derive
+from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
-from mbd_sim.errors import MechanismError, Problem, nearest
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.geometry.rotation import unit
-from mbd_sim.integrators.methods import METHODS, Method
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.simulation.method_choice import MethodChoice, choose_method, require_method
 
 
 class Energies(NamedTuple):
@@ -69,13 +68,11 @@ class Model:
 
     The integrated state y consists of q (nq,), u (nv,) and the three energies of the audit. `inputs` are the external
     inputs without any command, see `InputLayout`; they are used where a method is called without inputs.
+    `method_remark` says why the method was chosen, or that it is unstable; it is empty in ordinary cases.
     """
 
-    def __init__(
-        self, mechanism: Mechanism, method: Method, loaded: Sequence[str] = (), values: SymbolicParameters | None = None
-    ) -> None:
-        self.mechanism, self.method = mechanism, method
-        equations = derive(mechanism, loaded, values)
+    def __init__(self, mechanism: Mechanism, equations: Equations, inputs: Array, choice: MethodChoice) -> None:
+        self.mechanism, self.method, self.method_remark = mechanism, choice.method, choice.remark
         readers = {
             "energies": equations.energies,
             "poses": equations.poses,
@@ -86,10 +83,9 @@ class Model:
         self.layout, self.start, self.part_names = equations.layout, equations.start_state, equations.part_names
         self.coordinate_names, self.driven_names = mechanism.coordinate_names, mechanism.driven_names
         self.q_range = slice(0, self.layout.nq)
-        centers = [mechanism.parts[part].center for part in loaded]
-        self.inputs = equations.inputs.without_commands(centers, equations.parameters.base)
+        self.inputs = inputs
         self.u_range = slice(self.layout.nq, self.layout.nq + self.layout.nv)
-        self.kernel = compile_kernel(equations.rates, equations.project, readers, method, self.u_range)
+        self.kernel = compile_kernel(equations.rates, equations.project, readers, self.method, self.u_range)
         self.quaternions = {
             name: self.layout.q[name].start + offset
             for name, joint in mechanism.joints.items()
@@ -215,17 +211,18 @@ def build_model(
     method: str | None = None,
     loaded: Sequence[str] = (),
     values: SymbolicParameters | None = None,
+    step: float | None = None,
 ) -> Model:
-    """Compile a mechanism, with the method of its file or the one named.
+    """Compile a mechanism, with the method of its file or the one named; `auto` chooses one, see `choose_method`.
 
     :param loaded: parts on which external wrenches can act.
     :param values: numbers of the mechanism that become inputs instead of constants: see `derive`.
+    :param step: in s; by default that of the file.
     :raises MechanismError: the method is unknown, or the equations are singular at the start.
     """
-    name = method or mechanism.method
-    if name not in METHODS:
-        message, remedy = f"there is no method '{name}'", nearest(name, METHODS)
-        if method:
-            raise MechanismError([Problem(message, remedy, key="method")])
-        raise MechanismError([mechanism.source.problem(("integrator", "method"), message, remedy)])
-    return Model(mechanism, METHODS[name], loaded, values)
+    name = require_method(mechanism, method)
+    equations = derive(mechanism, loaded, values)
+    centers = [mechanism.parts[part].center for part in loaded]
+    inputs = equations.inputs.without_commands(centers, equations.parameters.base)
+    choice = choose_method(mechanism, equations, inputs, name, step or mechanism.step)
+    return Model(mechanism, equations, inputs, choice)

@@ -92,7 +92,7 @@ class Ensemble(ReadOnlyAttributes):
         self.mechanism = mechanism
         self.step_size = step_size(step, mechanism.step)
         variants = Variants(mechanism, changes)
-        self.model: Model = build_model(variants.first, method, (), variants.values)
+        self.model: Model = build_model(variants.first, method, (), variants.values, self.step_size)
         self._limits = variants.effort_limits()
         self._starts, values = variants.starts(self.model)
         self._groups: MemberGroups = _member_groups(self.model, len(changes))

@@ -11,6 +11,7 @@ from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.argument_checks import finite_vector
 from mbd_sim.simulation.compiled_model import DriveState, Energies, Model, Reaction, Violation
 from mbd_sim.simulation.kernel_memory import KernelMemory
+from mbd_sim.simulation.remarks import remarks
 from mbd_sim.simulation.step_advice import step_advice
 
 if TYPE_CHECKING:
@@ -72,6 +73,11 @@ class Readings:
         return step_advice(
             self.model, self.time, self._memory.y, self._memory.inputs, self.step_size, self.error_estimate
         )
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a user should know before the first step: why the method was chosen, and limits that do not act."""
+        return remarks(self.model)
 
     def multipliers(self) -> Mapping[str, Array]:
         """The Lagrange multipliers of each loop and constraint, one for each equation: see `Model.multipliers`."""

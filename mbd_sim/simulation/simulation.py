@@ -78,7 +78,7 @@ class Simulation(Readings, ReadOnlyAttributes):
         self.step_size = step_size(step, mechanism.step)
         require_parts(wrenches, mechanism)
         self._live = LiveValues(mechanism, live)
-        self.model: Model = build_model(mechanism, method, wrenches, self._live.values)
+        self.model: Model = build_model(mechanism, method, wrenches, self._live.values, self.step_size)
         memory = self._memory = KernelMemory(self.model, self.step_size)
         layout = self.model.equations.inputs
         self._efforts, self._live_inputs = memory.inputs[layout.efforts], memory.inputs[layout.values]

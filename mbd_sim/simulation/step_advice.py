@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from mbd_sim.errors import DivergedError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.integrators.tableau import Tableau
 from mbd_sim.simulation.compiled_model import Model
+from mbd_sim.simulation.spectrum import fastest_mode
 
 TOLERATED = 1e-5  # estimated error of a step relative to 1 + |q| and 1 + |u|; shipped mechanisms stay below 1e-6
 TARGET = 1e-7  # error of a step at which the proposed step size aims
@@ -61,21 +60,8 @@ def divergence(model: Model, time: float, n: int, step: float, advice: str | Non
 
 
 def fastest_rate(model: Model, time: float, y: Array, inputs: Array) -> float:
-    """The largest |eigenvalue| of ∂f/∂(q, u) in 1/s, by finite differences; 0 if it cannot be found."""
-    size = model.u_range.stop
-
-    def rates(state: Array) -> Array:
-        return np.array(model.equations.rates.call([time, state, inputs])[0]).ravel()[:size]
-
-    base, jacobian = rates(y), np.zeros((size, size))
-    with np.errstate(all="ignore"):  # the state or the efforts may be close to infinity
-        for index in range(size):
-            moved = y.copy()
-            moved[index] += 1e-7 * (1.0 + abs(y[index]))
-            jacobian[:, index] = (rates(moved) - base) / (moved[index] - y[index])
-    if not np.all(np.isfinite(jacobian)):
-        return 0.0
-    return float(np.max(np.abs(np.linalg.eigvals(jacobian)), initial=0.0))
+    """The largest |eigenvalue| of ∂f/∂(q, u) in 1/s; 0 if it cannot be found."""
+    return fastest_mode(model.equations, time, y, inputs).rate
 
 
 def round_down(value: float) -> float:

@@ -193,7 +193,7 @@ class PartSpec(Spec):
 class IntegrationSpec(Spec):
     """The integration method and its step."""
 
-    method: str = "tsitouras8"
+    method: str = "auto"
     step: PositiveTime = 1e-3
 
 

@@ -1,0 +1,78 @@
+"""The integration method of a model: the one that was asked for, or one that is stable at the mechanism's rates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbd_sim.dynamics.equations import Equations
+from mbd_sim.errors import MechanismError, Problem, nearest
+from mbd_sim.geometry.pose import Array
+from mbd_sim.integrators.methods import AUTO, METHODS, Method
+from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.simulation.spectrum import FastestMode, fastest_mode
+
+DEFAULT, STIFF = "tsitouras8", "rosenbrock"
+MARGIN = (
+    0.5  # the fraction of a method's stability limit up to which it is chosen: inertias vary with the configuration
+)
+
+
+@dataclass(frozen=True)
+class MethodChoice:
+    """A method, and a sentence that says why it was chosen or that it is unstable; empty if neither is worth saying."""
+
+    method: Method
+    remark: str = ""
+
+
+def require_method(mechanism: Mechanism, method: str | None) -> str:
+    """The name of the method that was asked for: `method`, or that of the mechanism's file; it may be `auto`.
+
+    :raises MechanismError: there is no such method.
+    """
+    name = method or mechanism.method
+    names = (AUTO, *METHODS)
+    if name in names:
+        return name
+    message, remedy = f"there is no method '{name}'", nearest(name, names)
+    if method:
+        raise MechanismError([Problem(message, remedy, key="method")])
+    raise MechanismError([mechanism.source.problem(("integrator", "method"), message, remedy)])
+
+
+def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, name: str, step: float) -> MethodChoice:
+    """The named method; for `auto` the default one, or the implicit one where the default would be unstable.
+
+    The rates are those at the start, and at rest in the start configuration, where regularized friction is stiffest.
+
+    :param inputs: of the equations, without any command.
+    :param step: in s.
+    """
+    method = METHODS[DEFAULT if name == AUTO else name]
+    mode = _fastest_at_start(equations, inputs)
+    if step * mode.rate <= MARGIN * method.stability_limit:
+        return MethodChoice(method)
+    rates = f"{mechanism.coordinate_names[mode.speed]} has rates of {mode.rate:.1g}/s"
+    if name == AUTO:
+        remark = (
+            f"method {STIFF} is used: {rates}, and with steps of {step:g} s {DEFAULT}, the default, is stable up to "
+            f"{method.stability_limit / step:.2g}/s. Select another one with 'method'."
+        )
+        return MethodChoice(METHODS[STIFF], remark)
+    if step * mode.rate <= method.stability_limit:
+        return MethodChoice(method)
+    remark = (
+        f"{rates}, and with steps of {step:g} s method {name} is stable up to {method.stability_limit / step:.2g}/s. "
+        f"Use method {STIFF} or {AUTO}."
+    )
+    return MethodChoice(method, remark)
+
+
+def _fastest_at_start(equations: Equations, inputs: Array) -> FastestMode:
+    start = equations.start_state
+    at_rest = start.copy()
+    at_rest[equations.layout.nq : equations.layout.nq + equations.layout.nv] = 0.0
+    states = [start] if np.array_equal(start, at_rest) else [start, at_rest]
+    return max((fastest_mode(equations, 0.0, state, inputs) for state in states), key=lambda mode: mode.rate)

@@ -1,0 +1,39 @@
+"""The fastest motion of a mechanism near a state: the eigenvalue of the equations that is largest in size."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mbd_sim.dynamics.equations import Equations
+from mbd_sim.geometry.pose import Array
+
+
+class FastestMode(NamedTuple):
+    """The largest |λ| of ∂f/∂(q, u) in 1/s, and the index of the speed u that takes the largest part in it."""
+
+    rate: float
+    speed: int
+
+
+def fastest_mode(equations: Equations, time: float, y: Array, inputs: Array) -> FastestMode:
+    """The fastest mode at a state, from finite differences; the rate is 0 if it cannot be found."""
+    nq, size = equations.layout.nq, equations.layout.nq + equations.layout.nv
+    if equations.layout.nv == 0:
+        return FastestMode(0.0, 0)
+
+    def rates(state: Array) -> Array:
+        return np.array(equations.rates.call([time, state, inputs])[0]).ravel()[:size]
+
+    base, jacobian = rates(y), np.zeros((size, size))
+    with np.errstate(all="ignore"):  # the state or the efforts may be close to infinity
+        for index in range(size):
+            moved = y.copy()
+            moved[index] += 1e-7 * (1.0 + abs(y[index]))
+            jacobian[:, index] = (rates(moved) - base) / (moved[index] - y[index])
+    if not np.all(np.isfinite(jacobian)):
+        return FastestMode(0.0, 0)
+    values, vectors = np.linalg.eig(jacobian)
+    fastest = int(np.argmax(np.abs(values)))
+    return FastestMode(float(np.abs(values[fastest])), int(np.argmax(np.abs(vectors[nq:, fastest]))))
