@@ -14,6 +14,7 @@ This page has the whole Python interface, apart from the learning environments i
   `Reaction`, `Pose`; the compiled equations without a state: `Model`
 - analyses: `linearize`, `Linearization`, `modes`, `Mode`, `equilibrium`, `lqr`, `InverseDynamics`, `inertia_split`,
   `InertiaSplit`
+- positions without masses: `Kinematics`
 - equations as formulas: `symbolic_equations`, `SymbolicEquations`, `to_latex`
 - errors: `MbdSimError` and its subclasses
 """
@@ -23,12 +24,21 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from mbd_sim.errors import CommandError, DivergedError, InputError, MbdSimError, MechanismError, Problem
+from mbd_sim.errors import (
+    CommandError,
+    DivergedError,
+    InputError,
+    MbdSimError,
+    MechanismError,
+    NoInertiaError,
+    Problem,
+)
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.equilibrium import equilibrium
     from mbd_sim.analysis.inertia_split import InertiaSplit, inertia_split
     from mbd_sim.analysis.inverse_dynamics import InverseDynamics
+    from mbd_sim.analysis.kinematics import Kinematics
     from mbd_sim.analysis.linearization import Linearization, Mode, linearize, modes
     from mbd_sim.analysis.regulator import lqr
     from mbd_sim.geometry.pose import Pose
@@ -51,12 +61,14 @@ __all__ = [
     "InertiaSplit",
     "InputError",
     "InverseDynamics",
+    "Kinematics",
     "Linearization",
     "MbdSimError",
     "Mechanism",
     "MechanismError",
     "Mode",
     "Model",
+    "NoInertiaError",
     "Pose",
     "Problem",
     "Reaction",
@@ -79,6 +91,7 @@ _MODULES = {
     "mbd_sim.analysis.equilibrium": ("equilibrium",),
     "mbd_sim.analysis.inertia_split": ("InertiaSplit", "inertia_split"),
     "mbd_sim.analysis.inverse_dynamics": ("InverseDynamics",),
+    "mbd_sim.analysis.kinematics": ("Kinematics",),
     "mbd_sim.analysis.linearization": ("Linearization", "Mode", "linearize", "modes"),
     "mbd_sim.analysis.regulator": ("lqr",),
     "mbd_sim.geometry.pose": ("Pose",),

@@ -59,6 +59,10 @@ class MechanismError(MbdSimError):
         super().__init__("\n".join(lines))
 
 
+class NoInertiaError(MechanismError):
+    """A mechanism without equations of motion, because some joints move no inertia. Its kinematics are defined."""
+
+
 class DivergedError(MbdSimError):
     """The state became infinite or undefined; the simulation stays at the last finite state."""
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import assert_never
 
 import numpy as np
 
-from mbd_sim.dynamics.equations import Equations
+from mbd_sim.dynamics.constraint_rows import ConstraintRow
+from mbd_sim.dynamics.initial_conditions import AssembledStart
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism import constraints as c
 from mbd_sim.mechanism.records import (
@@ -47,15 +48,18 @@ class Mobility:
     redundant: tuple[str, ...]
 
 
-def mobility(mechanism: Mechanism, equations: Equations, poses: Mapping[str, Pose]) -> Mobility:
+def mobility(
+    mechanism: Mechanism, rows: Sequence[ConstraintRow], start: AssembledStart, poses: Mapping[str, Pose]
+) -> Mobility:
     """Count the degrees of freedom.
 
+    :param rows: the equations of loops and constraints, and `start` a configuration that satisfies them.
     :param poses: of the parts at the start, in ground's frame.
     """
     joints = list(mechanism.all_joints.values())
     removed = sum(6 - _freedoms(joint) for joint in joints)
-    others = sum(row.owner[0] == "constraints" for row in equations.rows)
-    start, size = equations.start, equations.layout.nv
+    others = sum(row.owner[0] == "constraints" for row in rows)
+    size = len(start.u)
     return Mobility(
         gross=6 * len(mechanism.parts),
         joint_equations=removed,
@@ -63,11 +67,11 @@ def mobility(mechanism: Mechanism, equations: Equations, poses: Mapping[str, Pos
         kutzbach=6 * len(mechanism.parts) - removed - others,
         planar_kutzbach=_planar(mechanism, {**poses, GROUND: Pose(np.zeros(3), np.eye(3))}),
         coordinates=size,
-        equations=len(equations.rows),
+        equations=len(rows),
         rank=start.rank,
         rank_at_start=start.ranks[0],
         degrees_of_freedom=size - start.rank,
-        redundant=tuple(row.name for index, row in enumerate(equations.rows) if index not in start.independent),
+        redundant=tuple(row.name for index, row in enumerate(rows) if index not in start.independent),
     )
 
 

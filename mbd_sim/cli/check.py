@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
+from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import add_mechanism
+
+if TYPE_CHECKING:
+    from mbd_sim.errors import NoInertiaError
+    from mbd_sim.mechanism.records import Mechanism
 
 HELP = "report parts, joints, degrees of freedom, constraints and energies of a mechanism"
 DESCRIPTION = "Validate and assemble a mechanism, and report its parts, joints, degrees of freedom and energies."
@@ -31,9 +36,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Print the report, or the equations as LaTeX."""
+    from mbd_sim.errors import NoInertiaError
+    from mbd_sim.load import load_mechanism
     from mbd_sim.simulation.simulation import Simulation
 
-    simulation = Simulation.from_file(options.mechanism)
+    mechanism = load_mechanism(options.mechanism)
+    try:
+        simulation = Simulation(mechanism)
+    except NoInertiaError as error:
+        return _without_dynamics(mechanism, error, options)
     if options.draw:
         from mbd_sim.drawing import draw
 
@@ -62,4 +73,30 @@ def execute(options: argparse.Namespace) -> int:
         print(f"\n{inertia_text(content['inertia'])}")
     if options.cost:
         print(f"\n{cost_text(content['cost'])}")
+    return 0
+
+
+def _without_dynamics(mechanism: Mechanism, error: NoInertiaError, options: argparse.Namespace) -> int:
+    """Report what needs no masses.
+
+    :raises NoInertiaError: more was requested.
+    """
+    from mbd_sim.analysis.kinematics import Kinematics
+    from mbd_sim.report.inertia_report import inertia_report, inertia_text
+    from mbd_sim.report.mechanism_report import kinematic_report
+    from mbd_sim.report.report_text import kinematic_text
+
+    if options.latex or options.cost:
+        raise error
+    kinematics = Kinematics(mechanism)
+    if options.draw:
+        from mbd_sim.drawing import draw
+
+        draw(mechanism, kinematics.poses(), options.draw)
+    content = kinematic_report(kinematics, error.problems)
+    if options.inertia:
+        content["inertia"] = inertia_report(mechanism.parts, kinematics.poses())
+    print(json.dumps(content, indent=2) if options.json else kinematic_text(content))
+    if options.inertia and not options.json:
+        print(f"\n{inertia_text(content['inertia'])}")
     return 0

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbd_sim.dynamics.links import Link
-from mbd_sim.errors import MechanismError, Problem
+from mbd_sim.errors import NoInertiaError, Problem
 from mbd_sim.geometry.pose import Array, unpack_poses
 from mbd_sim.mechanism.records import Joint, Mechanism
 
@@ -23,7 +23,7 @@ def require_definite(mechanism: Mechanism, links: Sequence[Link], pivots: Array,
 
     :param pivots: (nv,) in kg or kg·m², each joint's in the order of its coordinates, a free joint's rotations first.
     :param poses: the pose rows (links, 12) of each link's part in ground's frame, see `unpack_poses`.
-    :raises MechanismError: the joints that make it singular are named.
+    :raises NoInertiaError: the joints that make it singular are named.
     """
     positions, rotations = unpack_poses(poses)
     carried = [_CarriedInertia(0.0, np.zeros(3), 0.0)] * len(links)
@@ -33,7 +33,11 @@ def require_definite(mechanism: Mechanism, links: Sequence[Link], pivots: Array,
         link, p_WB, R_WB = links[index], positions[index], rotations[index]
         part = mechanism.parts[link.joint.outboard]
         carried[index] += _CarriedInertia(part.mass, p_WB + R_WB @ part.center, float(np.trace(part.inertia)))
-        if not refused[index] and link.u.stop > link.u.start:
+        moves = link.u.stop > link.u.start
+        if moves and carried[index].mass == 0.0 and carried[index].trace == 0.0:
+            refused[index] = True
+            problems.append(_massless(mechanism, link))
+        if moves and not refused[index]:
             p_WL = p_WB - R_WB @ link.X_LB.rotation.T @ link.X_LB.position
             scale = np.where(_is_moment(link.joint), carried[index].moment_about(p_WL), carried[index].mass)
             refused[index] = bool(np.any(~(pivots[link.u] > ROUND_OFF * scale)))
@@ -43,7 +47,7 @@ def require_definite(mechanism: Mechanism, links: Sequence[Link], pivots: Array,
             carried[link.parent] += carried[index]
             refused[link.parent] |= refused[index]
     if problems:
-        raise MechanismError(sorted(problems, key=lambda problem: problem.line))
+        raise NoInertiaError(sorted(problems, key=lambda problem: problem.line))
 
 
 def _is_moment(joint: Joint) -> list[bool]:
@@ -51,6 +55,12 @@ def _is_moment(joint: Joint) -> list[bool]:
     rotations = [coordinate.rotation for coordinate in joint.kind.coordinates]
     # A free joint is not eliminated by the recursion: its pivots are in the order [ω; v] of motion vectors.
     return sorted(rotations, reverse=True) if joint.type == "free" else rotations
+
+
+def _massless(mechanism: Mechanism, link: Link) -> Problem:
+    message = f"nothing that this joint moves has mass: '{link.joint.outboard}' is a massless chain end"
+    remedy = "Give the part a mass, fix it to a part that has one, or give the joint a drive."
+    return mechanism.source.problem(("joints", link.joint.name), message, remedy)
 
 
 def _no_inertia(mechanism: Mechanism, link: Link) -> Problem:

@@ -13,29 +13,15 @@ from mbd_sim.mechanism.records import GROUND, Joint, Part
 class SpanningTree:
     """The joints of the tree by name from ground outwards, and the joints and parts outside it.
 
-    `outboard` and `inboard` are the parts on the far and on the near side of each joint of the tree, seen from ground;
-    `reversed_joints` have their parent on the far side. `closing` joints close loops; `unreached` parts are not
-    connected to ground.
+    `outboard` are the parts on the far side of each joint of the tree, seen from ground; `reversed_joints` have their
+    parent there. `closing` joints close loops; `unreached` parts are not connected to ground.
     """
 
     joints: tuple[str, ...]
     outboard: Mapping[str, str]
-    inboard: Mapping[str, str]
-    moving: frozenset[str]
     reversed_joints: frozenset[str]
     closing: tuple[str, ...]
     unreached: tuple[str, ...]
-
-    def massless(self, parts: Mapping[str, Part]) -> list[str]:
-        """The moving joints that carry no mass at all."""
-        carried = {name: part.mass for name, part in parts.items()} | {GROUND: 0.0}
-        found = []
-        for joint in reversed(self.joints):
-            mass = carried[self.outboard[joint]]
-            if joint in self.moving and mass == 0.0:
-                found.append(joint)
-            carried[self.inboard[joint]] += mass
-        return found
 
 
 def spanning_tree(
@@ -61,8 +47,6 @@ def spanning_tree(
     return SpanningTree(
         joints=tuple(search.outboard),
         outboard=search.outboard,
-        inboard=search.inboard,
-        moving=frozenset(joint.name for joint in joints if joint.type != "fixed"),
         reversed_joints=frozenset(search.reversed_joints),
         closing=tuple(
             j.name for j in joints if j.name not in search.outboard and j.parent in reached and j.child in reached
@@ -81,7 +65,6 @@ class _Search:
             self._joints_of.setdefault(joint.parent, []).append(joint)
             self._joints_of.setdefault(joint.child, []).append(joint)
         self.outboard: dict[str, str] = {}
-        self.inboard: dict[str, str] = {}
         self.reversed_joints: set[str] = set()
         self.reached: set[str] = {GROUND}
         self._queue: deque[str] = deque()
@@ -113,7 +96,7 @@ class _Search:
         other = joint.child if part == joint.parent else joint.parent
         if other in self.reached:
             return None
-        self.outboard[joint.name], self.inboard[joint.name] = other, part
+        self.outboard[joint.name] = other
         if part == joint.child:
             self.reversed_joints.add(joint.name)
         self.reached.add(other)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,13 +11,16 @@ import numpy as np
 from mbd_sim.analysis.equilibrium import equilibrium, is_autonomous
 from mbd_sim.analysis.inertia_split import inertia_split
 from mbd_sim.analysis.integrability import integrable_rows
+from mbd_sim.analysis.kinematics import Kinematics
 from mbd_sim.analysis.linearization import linearize, modes
-from mbd_sim.analysis.mobility import mobility
+from mbd_sim.analysis.mobility import Mobility, mobility
 from mbd_sim.dynamics.assembly import null_space
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.initial_conditions import rheonomic
+from mbd_sim.errors import Problem
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.records import Joint, Part
+from mbd_sim.mechanism.records import Joint, Mechanism, Part
+from mbd_sim.simulation.compiled_model import rotation_vector
 from mbd_sim.simulation.simulation import Simulation
 
 LINEARIZED = 4000  # instructions for the accelerations up to which the report linearizes them
@@ -27,27 +30,14 @@ def report(simulation: Simulation) -> dict[str, Any]:
     """The contents of the report, in SI units."""
     mechanism, equations = simulation.mechanism, simulation.model.equations
     energies = simulation.energies
-    counted = dataclasses.asdict(mobility(mechanism, equations, simulation.poses()))
+    counted = mobility(mechanism, equations.rows, equations.start, simulation.poses())
     constraints = _constraints(equations)
     names, values = simulation.coordinate_names, simulation.model.coordinates(simulation.state)
-    at = dict(zip(names, values.tolist(), strict=True))
     return {
-        "mechanism": mechanism.name,
-        "description": mechanism.description,
-        "file": mechanism.source.file,
-        "parts": [_part(part) for part in mechanism.parts.values()],
-        "joints": [_joint(joint, at) for joint in mechanism.all_joints.values()],
-        "spanning_tree": [f"{joint.inboard} -{joint.name}-> {joint.outboard}" for joint in mechanism.tree_joints()],
-        "closing_joints": list(mechanism.closing),
-        "mobility": counted,
-        "degrees_of_freedom": counted["degrees_of_freedom"],
+        **_structure(mechanism, counted, dict(zip(names, values.tolist(), strict=True))),
         "constraints": constraints,
         "holonomic": all(row["holonomic"] or row["integrable"] for row in constraints),
-        "scleronomic": not rheonomic(mechanism),
-        "driven": list(mechanism.driven_names),
-        "coordinates": list(simulation.coordinate_names),
-        "mass": mechanism.mass,
-        "gravity": mechanism.gravity.tolist(),
+        "dynamics": [],
         "start": {"q": simulation.q.tolist(), "u": simulation.u.tolist(), **energies._asdict()},
         "mass_matrix": _mass_matrix(simulation),
         "inertia_forces": _inertia_forces(simulation),
@@ -60,9 +50,58 @@ def report(simulation: Simulation) -> dict[str, Any]:
         },
         "remarks": [
             *simulation.remarks,
-            *(f"from the URDF, {note}" for note in mechanism.source.notes),
+            *_import_notes(mechanism),
         ],
     }
+
+
+def kinematic_report(kinematics: Kinematics, problems: Sequence[Problem]) -> dict[str, Any]:
+    """The contents of the report on a mechanism without equations of motion: those that need no masses.
+
+    :param problems: why there are none.
+    """
+    mechanism, start = kinematics.mechanism, kinematics.assembled
+    counted = mobility(mechanism, kinematics.rows, start, kinematics.poses())
+    return {
+        **_structure(mechanism, counted, _start_positions(kinematics)),
+        "dynamics": [str(problem) for problem in problems],
+        "remarks": [*_import_notes(mechanism)],
+    }
+
+
+def _start_positions(kinematics: Kinematics) -> dict[str, float]:
+    """The start position of each coordinate; a free or spherical joint has a rotation vector in rad."""
+    found: dict[str, float] = {}
+    for name, joint in kinematics.mechanism.joints.items():
+        values = kinematics.start[kinematics.layout.q[name]]
+        if (offset := joint.kind.quaternion) is not None and not joint.drive:
+            values = np.concatenate([values[:offset], rotation_vector(values[offset:])])
+        found |= dict(zip(joint.coordinate_names, values.tolist(), strict=True))
+    return found
+
+
+def _structure(mechanism: Mechanism, counted: Mobility, at: Mapping[str, float]) -> dict[str, Any]:
+    """The contents that every mechanism has; `at` gives the start position of each coordinate."""
+    return {
+        "mechanism": mechanism.name,
+        "description": mechanism.description,
+        "file": mechanism.source.file,
+        "parts": [_part(part) for part in mechanism.parts.values()],
+        "joints": [_joint(joint, at) for joint in mechanism.all_joints.values()],
+        "spanning_tree": [f"{joint.inboard} -{joint.name}-> {joint.outboard}" for joint in mechanism.tree_joints()],
+        "closing_joints": list(mechanism.closing),
+        "mobility": dataclasses.asdict(counted),
+        "degrees_of_freedom": counted.degrees_of_freedom,
+        "scleronomic": not rheonomic(mechanism),
+        "driven": list(mechanism.driven_names),
+        "coordinates": list(mechanism.coordinate_names),
+        "mass": mechanism.mass,
+        "gravity": mechanism.gravity.tolist(),
+    }
+
+
+def _import_notes(mechanism: Mechanism) -> Iterator[str]:
+    return (f"from the URDF, {note}" for note in mechanism.source.notes)
 
 
 def _constraints(equations: Equations) -> list[dict[str, Any]]:

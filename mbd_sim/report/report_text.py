@@ -7,8 +7,19 @@ from typing import Any
 
 def report_text(found: dict[str, Any]) -> str:
     """The report, see `mbd_sim.report.mechanism_report.report`, as text."""
-    start, integrator = found["start"], found["integrator"]
-    lines = [
+    return "\n".join([*_structure(found), *_dynamics(found), *_remarks(found)])
+
+
+def kinematic_text(found: dict[str, Any]) -> str:
+    """The report on a mechanism without equations of motion, see `kinematic_report`, as text."""
+    head, *others = found["dynamics"]
+    reasons = [f"Dynamics            not defined: {head}", *(f"                    {text}" for text in others)]
+    return "\n".join([*_structure(found), *_mass_and_gravity(found), *reasons, *_remarks(found)])
+
+
+def _structure(found: dict[str, Any]) -> list[str]:
+    """Parts, joints and degrees of freedom."""
+    return [
         f"{found['mechanism']}: {found['description'] or 'no description'}",
         f"  from {found['file']}",
         "",
@@ -31,8 +42,22 @@ def report_text(found: dict[str, Any]) -> str:
             for joint in found["joints"]
             for name, text in zip(joint["coordinates"], joint["drive"], strict=False)
         ),
-        f"Total mass          {found['mass']:.6g} kg",
-        f"Gravity             {_vector(found['gravity'])} m/s²",
+    ]
+
+
+def _mass_and_gravity(found: dict[str, Any]) -> list[str]:
+    return [f"Total mass          {found['mass']:.6g} kg", f"Gravity             {_vector(found['gravity'])} m/s²"]
+
+
+def _remarks(found: dict[str, Any]) -> list[str]:
+    return [f"Remark              {remark}" for remark in found["remarks"]]
+
+
+def _dynamics(found: dict[str, Any]) -> list[str]:
+    """Energies, mass matrix, small motions and the integrator."""
+    start, integrator = found["start"], found["integrator"]
+    return [
+        *_mass_and_gravity(found),
         f"Initial energies    kinetic {start['kinetic']:.6g} J, potential {start['potential']:.6g} J, "
         f"total {start['total']:.6g} J",
         *_mass(found["mass_matrix"]),
@@ -40,9 +65,7 @@ def report_text(found: dict[str, Any]) -> str:
         *_motions(found["small_motions"]),
         f"Integrator          {integrator['method']} (order {integrator['order']}), step {integrator['step']:g} s, "
         f"{integrator['instructions_per_evaluation']} instructions per evaluation",
-        *(f"Remark              {remark}" for remark in found["remarks"]),
     ]
-    return "\n".join(lines)
 
 
 def _start(joint: dict[str, Any], found: dict[str, Any]) -> str:
@@ -74,9 +97,10 @@ def _mobility(found: dict[str, Any]) -> list[str]:
         lines.append(f"  loops closed by   {', '.join(found['closing_joints'])}")
     if counted["redundant"]:
         lines += [f"  redundant         {text}" for text in _grouped(counted["redundant"])]
-    lines.append(
-        f"Constraints         {_kind(found)}, {'scleronomic' if found['scleronomic'] else 'rheonomic (time-dependent)'}"
-    )
+    time_dependence = "scleronomic" if found["scleronomic"] else "rheonomic (time-dependent)"
+    if "constraints" not in found:
+        return [*lines, f"Constraints         {time_dependence}"]
+    lines.append(f"Constraints         {_kind(found)}, {time_dependence}")
     for row in found["constraints"]:
         if not row["holonomic"]:
             verdict = "integrable, so it also restricts positions" if row["integrable"] else "not integrable"

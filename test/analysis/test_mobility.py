@@ -8,7 +8,8 @@ from mbd_sim.analysis.mobility import mobility
 
 def counted(mechanism):
     simulation = mechanism if isinstance(mechanism, Simulation) else Simulation.from_file(mechanism)
-    return mobility(simulation.mechanism, simulation.model.equations, simulation.poses())
+    equations = simulation.model.equations
+    return mobility(simulation.mechanism, equations.rows, equations.start, simulation.poses())
 
 
 @pytest.mark.parametrize(

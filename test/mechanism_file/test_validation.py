@@ -96,7 +96,6 @@ MISTAKES = {
     "a parameter of an unknown one": (("  m: 2 kg\n", "  m: 2*ll\n"), 3, "parameters.m", "unknown name 'll'", "Did you mean 'l'?"),
     "a parameter divided by zero": (("  m: 2 kg\n", "  m: l/0\n"), 3, "parameters.m", "division by zero", "Check the divisor."),
     "a parameter of itself": (("  m: 2 kg\n", "  m: m + 1\n"), 3, "parameters.m", "parameters refer to each other in a circle: m", "by a number"),
-    "a massless chain end": ((MASS, "    mass: 0\n"), 11, "joints.pin", "nothing that this joint moves has mass: 'rod'", "fix it to a part"),
     "a hole as large as its block": ((SHAPE, "{type: sphere, radius: 1, hole: true}"), 6, "parts.rod", "has holes as large as its material", "smaller"),
 }  # fmt: skip
 
@@ -152,17 +151,6 @@ def test_a_joint_that_closes_a_loop_and_has_a_spring_is_named():
     problem = problem_of(PENDULUM + f"  again: {again}\n")
     assert (problem.line, problem.key) == (16, "joints.again")
     assert "closes a loop, and so has no coordinate, but has stiffness" in problem.message
-
-
-def test_a_massless_end_is_found_beyond_other_massless_parts():
-    text = changed(
-        (MASS + f"    shape: {SHAPE}\n", "    mass: 0\n"),
-        (
-            "joints:\n",
-            "  tool: {mass: 0}\njoints:\n  slide: {type: prismatic, between: [rod, tool], axis: [1, 0, 0]}\n",
-        ),
-    )
-    assert [problem.key for problem in problems_of(text)] == ["joints.slide", "joints.pin"]
 
 
 def test_parameters_in_a_circle_are_named_and_those_that_use_them_are_not():

@@ -85,8 +85,6 @@ def test_pinocchio_takes_the_urdf_that_is_written(path, base):
 def test_every_robot_loads_or_is_refused_with_a_reason(path):
     refused = {
         "alex_psyonic_hands": "there is no joint 'index_q1'",
-        "romeo": "nothing that this joint moves has mass",
-        "romeo_laas_small": "nothing that this joint moves has mass",
         "ur3": "has no <link>",
     }
     text = path.read_text(encoding="utf-8")

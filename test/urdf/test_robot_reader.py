@@ -8,7 +8,7 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.cli.main import main
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.errors import MechanismError
+from mbd_sim.errors import MechanismError, NoInertiaError
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism_file.yaml_reader import parse_source
 from test.generators.mechanisms import accelerations, random_state
@@ -311,10 +311,6 @@ def test_all_problems_are_reported_with_line_element_value_and_remedy():
             [link("a"), link("b"), link("c"), joint("j", "fixed"), joint("k", "fixed", parent="c", child="b")],
             "joint[k].child.link: the link 'b' is already the child of joint 'j'.",
         ),
-        (
-            [link("a"), '<link name="b"/>', joint("j", "continuous")],
-            "joint[j]: nothing that this joint moves has mass: 'b' is a massless chain end.",
-        ),
         ([link("a"), link("b"), '<joint name="j" type="fixed"/>'], "joint[j]: <parent link=…> is missing. Add it."),
         (["<link/>", link("a")], "link: 'name' is missing. Add it."),
         (['<link name="a"><inertial/></link>'], "link[a].inertial: <mass> is missing."),
@@ -331,7 +327,10 @@ def test_problems(elements, expected):
 
 def test_problems_of_the_mechanism_have_the_line_of_the_urdf():
     text = robot(link("a"), '<link name="b"/>', joint("j", "continuous"))
-    assert problem_of(text).startswith("r.urdf:4: joint[j]: nothing that this joint moves has mass")
+    with pytest.raises(
+        NoInertiaError, match=r"^r.urdf:4: joint\[j\]: nothing that this joint moves has mass: 'b' is a"
+    ):
+        derive(parse_mechanism(text, "r.urdf"))
 
 
 @pytest.mark.parametrize(

@@ -21,8 +21,6 @@ def build_tree(
     problems = [problem for name in tree.closing for problem in _cannot_close(source, joints[name], coupled)]
     problems += [_cannot_be_cut(source, joint) for joint in joints.values() if joint.cut and joint.name in tree.joints]
     problems += _unconnected(source, tree.unreached, joints.values())
-    if not problems:
-        problems += [_massless(source, joints[name]) for name in tree.massless(parts)]
     return tree, problems
 
 
@@ -85,11 +83,3 @@ def _unconnected(source: Source, names: Iterable[str], joints: Iterable[Joint]) 
         if name in joints_of:
             message = f"is connected only by {listed(joints_of[name])}, which does not lead to ground"
         yield source.problem(("parts", name), message, remedy)
-
-
-def _massless(source: Source, joint: Joint) -> Problem:
-    return source.problem(
-        ("joints", joint.name),
-        f"nothing that this joint moves has mass: '{joint.outboard}' is a massless chain end",
-        "Give the part a mass, or fix it to a part that has one.",
-    )
