@@ -12,6 +12,7 @@ This page has the whole Python interface, apart from the learning environments i
 - mechanisms: `load_mechanism`, `parse_mechanism`, `Mechanism`
 - motion: `Simulation` and `Ensemble`, and what they return: `Energies`, `EnsembleEnergies`, `Violation`, `DriveState`,
   `Reaction`, `Pose`; the compiled equations without a state: `Model`
+- recordings of a simulation's run: `Simulation.recording`, `RunRecorder`
 - analyses: `linearize`, `Linearization`, `modes`, `Mode`, `equilibrium`, `lqr`, `InverseDynamics`, `inertia_split`,
   `InertiaSplit`
 - positions without masses: `Kinematics`
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from mbd_sim.geometry.pose import Pose
     from mbd_sim.load import load_mechanism, parse_mechanism
     from mbd_sim.mechanism.records import Mechanism
+    from mbd_sim.recording.run_recorder import RunRecorder
     from mbd_sim.simulation.compiled_model import DriveState, Energies, Model, Reaction, Violation
     from mbd_sim.simulation.ensemble import Ensemble, EnsembleEnergies
     from mbd_sim.simulation.simulation import Simulation
@@ -72,6 +74,7 @@ __all__ = [
     "Pose",
     "Problem",
     "Reaction",
+    "RunRecorder",
     "Simulation",
     "SymbolicEquations",
     "Violation",
@@ -97,6 +100,7 @@ _MODULES = {
     "mbd_sim.geometry.pose": ("Pose",),
     "mbd_sim.load": ("load_mechanism", "parse_mechanism"),
     "mbd_sim.mechanism.records": ("Mechanism",),
+    "mbd_sim.recording.run_recorder": ("RunRecorder",),
     "mbd_sim.simulation.compiled_model": ("DriveState", "Energies", "Model", "Reaction", "Violation"),
     "mbd_sim.simulation.ensemble": ("Ensemble", "EnsembleEnergies"),
     "mbd_sim.simulation.simulation": ("Simulation",),

@@ -24,6 +24,7 @@ NOUNS = {  # singular and plural
     "applied_efforts": ("effort", "efforts"),
     "applied_wrenches": ("wrench", "wrenches"),
     "live_values": ("live value", "live values"),
+    "new_states": ("new state", "new states"),
     "resets": ("reset", "resets"),
 }
 

@@ -26,9 +26,9 @@ class Origin:
 class Source:
     """A parsed file: its data, and the line of each value by its location (a tuple of keys and indices).
 
-    `text` is YAML from which alone the mechanism can be built again. `origins` are those of values from another
-    file. `problems` are those that did not prevent reading the file, such as a duplicate key; `notes` list what was not
-    imported from another format.
+    `text` is YAML from which alone the mechanism can be built again, unless `data` have been `changed` since.
+    `origins` are those of values from another file. `problems` are those that did not prevent reading the file, such
+    as a duplicate key; `notes` list what was not imported from another format.
     """
 
     data: Any
@@ -38,6 +38,7 @@ class Source:
     problems: list[Problem] = field(default_factory=list)
     origins: dict[Location, Origin] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    changed: bool = False
 
     def origin(self, location: Location) -> Origin:
         """The origin of the value at `location`, or else of the innermost value around it that has one."""

@@ -6,13 +6,14 @@ import copy
 import fnmatch
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from pydantic import BaseModel
 
 from mbd_sim.errors import InputError, MechanismError, Problem, nearest
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.mechanism.source import Location, Source, dotted
+from mbd_sim.mechanism.source import Location, dotted
 from mbd_sim.mechanism_file.builders.mechanism_builder import build
 from mbd_sim.mechanism_file.schema.base_schema import FORMER_KEYS, as_written
 from mbd_sim.mechanism_file.validation import validate
@@ -21,24 +22,29 @@ _STEP = re.compile(r"\.?(?:'([^']+)'|([^.\[\]']+))|\[(\d+)\]")
 _SECTIONS = ("gravity", "parameters", "parts", "joints", "forces", "constraints", "ground", "integrator")
 
 
-def with_values(mechanism: Mechanism, changes: Mapping[str, float | str]) -> Mechanism:
-    """The mechanism with other values, each a number in SI units or a text as in the file: `"30 deg"`, `"2*l"`.
+def with_values(mechanism: Mechanism, changes: Mapping[str, Any]) -> Mechanism:
+    """The mechanism with other values, each a number in SI units or as in the file: `"30 deg"`, `"2*l"`, `[0, 0, 1]`.
 
     :param changes: the values by their keys; a parameter of the file may be given by its name alone.
     :raises MechanismError: a key does not exist, or a value is not valid there.
     """
-    data, lines = copy.copy(mechanism.source.data), mechanism.source.lines
+    data = copy.copy(mechanism.source.data)
     problems = []
     for name, value in changes.items():
         try:
-            data = _replaced(data, location_of(mechanism, name), value)
+            data = _replaced(data, location_of(mechanism, name), _plain(value))
         except InputError as error:
             problems.append(_problem(mechanism, name, error))
     if problems:
         raise MechanismError(problems)
-    source = Source(data, lines, mechanism.source.file, mechanism.source.text)
+    source = replace(mechanism.source, data=data, changed=True)
     file, parameters = validate(source)
     return build(file, parameters, source)
+
+
+def _plain(value: Any) -> Any:
+    """A value as a file has it: NumPy's numbers and arrays become plain ones."""
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def location_of(mechanism: Mechanism, key: str) -> Location:

@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from mbd_sim.mechanism.source import Location
+from mbd_sim.mechanism.source import Location, Source
 from mbd_sim.mechanism_file.yaml_scalars import UNPRINTABLE, plain_scalar
 
 WIDTH = 120
@@ -23,6 +23,11 @@ def yaml_text(data: dict[str, Any], comments: Iterable[str] = ()) -> str:
     head = "".join(f"# {_one_line(comment)}\n" for comment in comments)
     body: str = yaml.serialize(_node(data, ()), Dumper=yaml.SafeDumper, width=WIDTH, allow_unicode=True)
     return head + body
+
+
+def mechanism_text(source: Source) -> str:
+    """YAML from which alone a mechanism can be built again: the text of its file, or its changed data."""
+    return yaml_text(source.data) if source.changed else source.text
 
 
 def _one_line(comment: str) -> str:

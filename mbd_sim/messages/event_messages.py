@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from mbd_sim.messages.new_state import new_state_message
 from mbd_sim.messages.serialized_message import string_message
 from mbd_sim.messages.state_messages import labeled_array
 from mbd_sim.simulation.compiled_model import Model
-from mbd_sim.simulation.events import AppliedEfforts, AppliedWrench, ChangedValues, Event, EventKind
+from mbd_sim.simulation.events import AppliedEfforts, AppliedWrench, ChangedValues, Event, EventKind, NewState
 from mbd_sim.simulation.wrench_layout import wrench_labels
 from mbd_sim.urdf.urdf_writer import to_urdf
 
@@ -48,6 +49,15 @@ def live_values(model: Model) -> EventWriter:
         if not isinstance(event.payload, ChangedValues) or event.payload.all_values is None:
             return None
         return live_values_at_start(model, event.payload.all_values)
+
+    return write
+
+
+def new_states(model: Model) -> EventWriter:
+    """The state from which the run continues."""
+
+    def write(event: Event) -> bytes | None:
+        return new_state_message(event.payload) if isinstance(event.payload, NewState) else None
 
     return write
 

@@ -126,15 +126,19 @@ def ros_poses(poses: Array) -> Array:
     return np.hstack([positions, quaternions(rotations)])
 
 
-def labeled_array(labels: Sequence[str]) -> tuple[SerializedMessage, Array]:
-    """An array message whose dimensions carry labels, as Rerun and PlotJuggler plot it, and a view of its numbers."""
+def labeled_array(labels: Sequence[str], sizes: Sequence[int] = ()) -> tuple[SerializedMessage, Array]:
+    """An array message whose dimensions carry labels, as Rerun and PlotJuggler plot it, and a view of its numbers.
+
+    :param sizes: how many numbers each label stands for; by default one.
+    """
+    sizes = sizes or [1] * len(labels)
     builder = MessageBuilder()
     builder.integer(len(labels))
-    for label in labels:
+    for label, size in zip(labels, sizes, strict=True):
         builder.text(label)
-        builder.integer(1)  # size
+        builder.integer(size)
         builder.integer(1)  # stride
     builder.integer(0)  # offset of the data
-    place = builder.sequence(len(labels))
+    place = builder.sequence(sum(sizes))
     message = builder.message()
     return message, message.view(place)

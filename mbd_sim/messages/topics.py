@@ -1,4 +1,4 @@
-"""All topics of a run: one entry each. `sim_node` publishes them; recordings of nodes and of scripts contain them."""
+"""All topics of a run: one entry each. `sim_node` publishes them; recordings contain them, with ROS or without."""
 
 from __future__ import annotations
 
@@ -154,6 +154,14 @@ EVENTS = OutputTopic(
     Recorded.VITAL,
     on_event=event_messages.event_texts,
 )
+NEW_STATES = OutputTopic(
+    "~/new_states",
+    "std_msgs/msg/Float64MultiArray",
+    When.EVENT,
+    qos.COMMAND,
+    Recorded.VITAL,
+    on_event=event_messages.new_states,
+)
 ROBOT_DESCRIPTION = OutputTopic(
     "robot_description",
     "std_msgs/msg/String",
@@ -178,6 +186,7 @@ TOPICS = (
     APPLIED_WRENCHES,
     LIVE_VALUES,
     EVENTS,
+    NEW_STATES,
     ROBOT_DESCRIPTION,
     CLOCK,
     MARKERS,
@@ -191,3 +200,13 @@ def for_each_part(topic: OutputTopic, part_names: Sequence[str], parts: Sequence
     for part in parts:
         writer = partial(state_messages.part_pose, part=part)
         yield replace(topic, name=topic.name.replace(PART, tokens[part]), on_state=writer)
+
+
+def absolute_name(topic: OutputTopic) -> str:
+    """The name of a topic of a node that is called `sim_node`, in no namespace."""
+    return topic.name.replace("~", f"/{NODE}") if topic.name[0] in "~/" else f"/{topic.name}"
+
+
+def is_vital(topic: OutputTopic) -> bool:
+    """Whether no message of a topic may be missing from a recording."""
+    return topic.recorded in (Recorded.VITAL, Recorded.EACH_FILE)

@@ -113,6 +113,9 @@ class _RunSender:
         from mbd_sim.viewer.event_log import LoggedEvent
 
         is_event = role is TopicRole.EVENTS
+        if role is TopicRole.NEW_STATES:
+            steps = int(cdr.multi_array(message.payload).values[0])
+            self._zero_tick, self._frame = self._tick - steps, -1
         if role is TopicRole.LIVE_VALUES:
             self._recomputation.simulation.restore(self._y, max(self._tick - self._zero_tick, 0))
         event = parse_event(cdr.text(message.payload)) if is_event else Event(EventKind.COMMAND)
@@ -123,7 +126,7 @@ class _RunSender:
                 self._recomputation.apply(message)
             except CommandError as error:
                 event = Event(EventKind.WARNING, str(error))
-        if role is not TopicRole.LIVE_VALUES and self._event_filter.accepts(event.kind):
+        if role not in (TopicRole.LIVE_VALUES, TopicRole.NEW_STATES) and self._event_filter.accepts(event.kind):
             self._send_rows()
             self._stream.send_events([LoggedEvent(message.time_ns * 1e-9, event.kind, event.text)])
 

@@ -17,7 +17,7 @@ from mbd_sim.recording.recomputation import SEQUENCE_MODULUS
 from mbd_sim.recording.recorded_file import DamagedError, Message
 from mbd_sim.recording.topic_roles import TopicRole, topic_roles
 from mbd_sim.simulation.compiled_model import Energies
-from mbd_sim.simulation.events import EventKind, parse_event
+from mbd_sim.simulation.events import RESTARTS, parse_event
 from mbd_sim.viewer import entity_paths
 
 ENERGY_NAMES = Energies._fields
@@ -79,7 +79,7 @@ class _Messages:
         elif role is TopicRole.EVENTS:
             text = cdr.text(message.payload)
             self.events.append((message.time_ns, text))
-            if parse_event(text).kind is EventKind.RESET:
+            if parse_event(text).kind in RESTARTS:
                 self.resets.append(len(self.stamps))
 
     def energy_table(self) -> Array | None:

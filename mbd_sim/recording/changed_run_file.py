@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mbd_sim.errors import InputError, MbdSimError
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism_file.yaml_writer import yaml_text
+from mbd_sim.mechanism_file.yaml_writer import mechanism_text
 from mbd_sim.recording import cdr
 from mbd_sim.recording.mcap_writer import McapWriter
 from mbd_sim.recording.recomputation import SEQUENCE_MODULUS, Recomputation
@@ -37,7 +37,7 @@ class ChangedRunFile:
         simulation = recomputation.simulation
         try:
             self._writer = McapWriter(path, [recorded.topics[name] for name in self._numbers])
-            self._writer.begin(yaml_text(simulation.mechanism.source.data), run_metadata(simulation))
+            self._writer.begin(mechanism_text(simulation.mechanism.source), run_metadata(simulation))
         except OSError as error:
             raise self._failed(error) from error
 

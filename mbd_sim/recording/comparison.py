@@ -95,6 +95,8 @@ class Comparison:
     def _apply(self, message: Message, role: TopicRole) -> None:
         if role is not TopicRole.EVENTS:
             self.result.commands[role] += 1
+            if role is TopicRole.NEW_STATES:
+                self._recorded_joints = self._recorded_energies = None
         elif is_reset := parse_event(cdr.text(message.payload)).kind is EventKind.RESET:
             self.result.commands["resets"] += 1
             self._recorded_joints = self._recorded_energies = None

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple, assert_never
 
+from mbd_sim.errors import CommandError
+from mbd_sim.geometry.pose import Array
 from mbd_sim.load import parse_mechanism
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.override import with_values
+from mbd_sim.messages.new_state import parse_new_state
 from mbd_sim.recording import cdr
 from mbd_sim.recording.recorded_file import Message, RecordedFile
 from mbd_sim.recording.run_start import RecomputeError, read_run_start
@@ -134,6 +137,8 @@ class Recomputation:
                 self.simulation.set_wrench(wrench.part, wrench.force, wrench.couple, at=wrench.point, axes=wrench.axes)
             case TopicRole.LIVE_VALUES:
                 self._set_live(cdr.multi_array(message.payload))
+            case TopicRole.NEW_STATES:
+                self._continue_from(cdr.multi_array(message.payload))
             case TopicRole.EVENTS:
                 return self._apply_event(cdr.text(message.payload))
             case TopicRole.JOINT_STATES | TopicRole.ENERGIES | TopicRole.CONSTRAINT_VIOLATION | None:
@@ -178,22 +183,40 @@ class Recomputation:
             simulation.restore(start.y, start.steps, start.inputs, start.start_energy, live)
             self._reference_steps = start.steps
         elif start.tick or start.steps:
-            self._restore_later_start(round(start.steps * start.step / simulation.step_size))
+            self._restore_changed(start.y, round(start.steps * start.step / simulation.step_size), start.inputs)
 
-    def _restore_later_start(self, steps: int) -> None:
-        """Let a changed run begin in the middle: at the recorded state, under the recorded efforts and wrenches.
+    def _restore_changed(self, y: Array, steps: int, recorded: Array | None) -> None:
+        """Continue a changed run from a recorded state, under the recorded efforts and wrenches.
 
         :raises ValueError: the loops cannot be closed there.
         """
         simulation, values = self.simulation, self.simulation.model.equations.inputs.values
         inputs = simulation.inputs.copy()
-        if self._start.inputs is not None:
-            inputs[: values.start] = self._start.inputs[: values.start]
-        simulation.restore(self._start.y, steps, inputs)
+        if recorded is not None:
+            inputs[: values.start] = recorded[: values.start]
+        simulation.restore(y, steps, inputs)
         if (gap := simulation.violation.position) > LARGEST_GAP:
             raise ValueError(f"with these changes its loops are open by {gap:.3g} in the middle of the run")
-        simulation.restore(self._start.y, steps, inputs, simulation.energies.total)
+        simulation.restore(y, steps, inputs, simulation.energies.total)
         self._reference_steps = steps
+
+    def _continue_from(self, recorded: cdr.MultiArray) -> None:
+        """Continue from a recorded state; in a changed run with its own live values, and with loops that stay closed.
+
+        :raises CommandError: the message does not fit the mechanism, or the loops would open.
+        """
+        simulation = self.simulation
+        try:
+            new = parse_new_state(*recorded, simulation.y.size, simulation.inputs.size)
+            if self.as_recorded:
+                simulation.restore(new.state, new.steps, new.inputs, new.start_energy, new.live)
+                self._reference_steps = new.steps
+            else:
+                steps = round(new.steps * self.recorded_step / simulation.step_size)
+                self._restore_changed(new.state, steps, new.inputs)
+        except ValueError as error:
+            raise CommandError(f"the recorded state cannot be set: {error}") from error
+        self._reference_tick, self._announced = self.tick, dict(simulation.live)
 
     def _set_live(self, recorded: cdr.MultiArray) -> None:
         current = self.simulation.live

@@ -19,9 +19,18 @@ class TopicRole(StrEnum):
     APPLIED_WRENCHES = "applied_wrenches"
     LIVE_VALUES = "live_values"
     EVENTS = "events"
+    NEW_STATES = "new_states"
 
 
-COMMANDS = frozenset({TopicRole.APPLIED_EFFORTS, TopicRole.APPLIED_WRENCHES, TopicRole.LIVE_VALUES, TopicRole.EVENTS})
+COMMANDS = frozenset(
+    {
+        TopicRole.APPLIED_EFFORTS,
+        TopicRole.APPLIED_WRENCHES,
+        TopicRole.LIVE_VALUES,
+        TopicRole.EVENTS,
+        TopicRole.NEW_STATES,
+    }
+)
 _TYPES = {TopicRole.JOINT_STATES: JOINT_STATE, TopicRole.EVENTS: STRING}  # all others are multi-arrays
 _ROLES = {role.value: role for role in TopicRole}
 

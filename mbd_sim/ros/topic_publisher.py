@@ -6,7 +6,7 @@ from rclpy.node import Node
 
 from mbd_sim.messages.qos import offered_qos_profiles
 from mbd_sim.messages.recorded_topic import Topic
-from mbd_sim.messages.topics import OutputTopic, Recorded
+from mbd_sim.messages.topics import OutputTopic, is_vital
 from mbd_sim.ros import qos
 from mbd_sim.ros.message_types import message_type
 
@@ -24,8 +24,9 @@ class TopicPublisher:
 
     def recorded_topic(self) -> Topic:
         """The topic as a recording describes it."""
-        vital = self.topic.recorded in (Recorded.VITAL, Recorded.EACH_FILE)
-        return Topic(self.publisher.topic_name, self.topic.message_type, offered_qos_profiles(self.topic.qos), vital)
+        topic = self.topic
+        profiles = offered_qos_profiles(topic.qos)
+        return Topic(self.publisher.topic_name, topic.message_type, profiles, is_vital(topic))
 
 
 def _installed_type(topic: OutputTopic) -> type:

@@ -22,6 +22,7 @@ class EventKind(StrEnum):
     PAUSED = "paused"
     RUNNING = "running"
     RESET = "reset"  # back to the start state
+    NEW_STATE = "new state"  # the run continues from a given state
     CLOCK_RESET = "clock set to zero"  # the state stays as it is
     LIVE_VALUES = "live values"
     WARNING = "warning"
@@ -30,10 +31,18 @@ class EventKind(StrEnum):
     NOTE = "note"  # any other text, such as one from a user of the viewer
 
 
+RESTARTS = frozenset({EventKind.RESET, EventKind.NEW_STATE})  # after which the motion is another one
 ERRORS = frozenset({EventKind.DIVERGED, EventKind.FAILED})
 _WITH_MESSAGE = frozenset({EventKind.WARNING, *ERRORS})
 _WITHOUT_PAYLOAD = frozenset(
-    {EventKind.COMMAND, EventKind.PAUSED, EventKind.RUNNING, EventKind.RESET, EventKind.CLOCK_RESET}
+    {
+        EventKind.COMMAND,
+        EventKind.PAUSED,
+        EventKind.RUNNING,
+        EventKind.RESET,
+        EventKind.NEW_STATE,
+        EventKind.CLOCK_RESET,
+    }
 )
 
 
@@ -67,7 +76,22 @@ class ChangedValues:
     all_values: Mapping[str, float] | None = None
 
 
-Payload = AppliedEfforts | AppliedWrench | ChangedValues | str | None  # a string is a message for people
+@dataclass(frozen=True, eq=False, slots=True)
+class NewState:
+    """The state from which the run continues: the arguments of `Simulation.restore`.
+
+    `steps` are those since time zero, `state` (n,) is the integrated state, `inputs` (m,) are the inputs of the
+    equations, `start_energy` is in J, and `live` are the live values in `inputs`, by key.
+    """
+
+    steps: int
+    state: Array
+    inputs: Array
+    start_energy: float
+    live: Mapping[str, float]
+
+
+Payload = AppliedEfforts | AppliedWrench | ChangedValues | NewState | str | None  # a string is a message for people
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TypedDict
+
+Value = float | str | Sequence[float]  # of a key of a mechanism file: in SI units, or a text such as "30 deg"
 
 
 class SimulationOptions(TypedDict, total=False):
@@ -13,6 +15,16 @@ class SimulationOptions(TypedDict, total=False):
     step: float | None
     wrenches: Sequence[str]
     live: Sequence[str]
+    set: Mapping[str, Value]
+
+
+class RecordingOptions(TypedDict, total=False):
+    """The keyword arguments of `RunRecorder`."""
+
+    rate: float | None
+    reactions: bool
+    violation: bool
+    poses: Sequence[str]
 
 
 class EnsembleOptions(TypedDict, total=False):

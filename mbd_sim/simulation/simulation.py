@@ -13,14 +13,16 @@ from mbd_sim.errors import DivergedError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.simulation.argument_checks import finite_vector, step_at, step_count, step_size
 from mbd_sim.simulation.compiled_model import Model, build_model
 from mbd_sim.simulation.efforts import EffortMap
 from mbd_sim.simulation.kernel_memory import KernelMemory
 from mbd_sim.simulation.live_values import LiveValues, PreparedValues, require_closed
-from mbd_sim.simulation.options import SimulationOptions
+from mbd_sim.simulation.options import SimulationOptions, Value
 from mbd_sim.simulation.read_only import ReadOnlyAttributes, read_only
 from mbd_sim.simulation.readings import Readings
+from mbd_sim.simulation.run_reports import RunReports
 from mbd_sim.simulation.snapshot import RunLayout, SimulationSnapshot, require_same_layout
 from mbd_sim.simulation.step_advice import divergence
 from mbd_sim.simulation.wrenches import WrenchMap, require_parts
@@ -32,7 +34,7 @@ _RESTORE = "Call reset() to return to time zero, or restore(…) to continue fro
 _BUILD = "Build a new Simulation with it."
 
 
-class Simulation(Readings, ReadOnlyAttributes):
+class Simulation(Readings, RunReports, ReadOnlyAttributes):
     """A mechanism and its state, advanced by a fixed step.
 
     `q` (nq,) are the generalized coordinates and `u` (nv,) the generalized speeds in the order of the file's joints,
@@ -64,16 +66,21 @@ class Simulation(Readings, ReadOnlyAttributes):
         step: float | None = None,
         wrenches: Sequence[str] = (),
         live: Sequence[str] = (),
+        set: Mapping[str, Value] | None = None,
     ) -> None:
         """Compile a mechanism; `method` and `step` (s) replace those of its file.
 
         :param wrenches: parts on which external forces can act, see `set_wrench`.
         :param live: values of the file that can change during a run, see `set_live`: keys such as `gravity[2]`,
             `parameters.l`, `joints.elbow.damping`, or patterns such as `joints.*.damping`.
-        :raises MechanismError: the method or a live value does not exist, or the equations are singular at the start.
+        :param set: values of the file to replace, by key: `{"l": 0.8, "joints.elbow.position": "30 deg"}`, numbers in
+            SI units or values as in the file; a parameter may be given by its name alone.
+        :raises MechanismError: the method, a live value or a key in `set` does not exist, a value does not fit there,
+            or the equations are singular at the start.
         :raises ValueError: the step is not a positive number.
         :raises CommandError: a part in `wrenches` does not exist.
         """
+        mechanism = with_values(mechanism, set) if set else mechanism
         self.mechanism = mechanism
         self.step_size = step_size(step, mechanism.step)
         require_parts(wrenches, mechanism)
@@ -86,8 +93,7 @@ class Simulation(Readings, ReadOnlyAttributes):
         self.effort_map = EffortMap(self.model.coordinate_names, mechanism.effort_limits(), self.model.driven_names)
         self.y, self.inputs, self.efforts = (read_only(array) for array in (memory.y, memory.inputs, self._efforts))
         self.q, self.u = read_only(memory.y[self.model.q_range]), read_only(memory.y[self.model.u_range])
-        if type(self).step is Simulation.step:  # a subclass with its own `step` keeps it
-            vars(self)["step"] = memory.compiled_step(self.step)  # calls the method of this name if a step fails
+        self._use_compiled_step()
         self.reset()
         self._seal()
 
@@ -116,8 +122,9 @@ class Simulation(Readings, ReadOnlyAttributes):
         :raises TypeError, ValueError: n is not an integer, or negative.
         """
         n = step_count(n)
-        if not self._memory.advance(n):
-            raise divergence(self.model, self.time, n, self.step_size, self.step_advice)
+        for part in (n,) if self._listener is None else self._listener.parts_of(n):
+            if not self._memory.advance(part):
+                raise divergence(self.model, self.time, part, self.step_size, self.step_advice)
 
     def advance(self, n: int) -> None:
         """Take n steps; if the state becomes infinite, take as many of them as possible.
@@ -163,6 +170,7 @@ class Simulation(Readings, ReadOnlyAttributes):
             model.project(y, self._live_inputs)
         self._memory.load(y, inputs, 0)
         self.start_energy = model.energies(0.0, y, 0.0, inputs).total
+        self._report_reset(to_start=q is None and u is None)
 
     def snapshot(self) -> SimulationSnapshot:
         """Everything that the rest of the run depends on: state, time, efforts, wrenches, live values and the audit."""
@@ -202,6 +210,7 @@ class Simulation(Readings, ReadOnlyAttributes):
             require_same_layout(state.layout, self._run_layout)
             self._memory.load(state.state, state.inputs, state.steps, state.error_estimate)
             self.start_energy, self._live.current = state.start_energy, dict(state.live)
+            self._report_new_state()
             return
         if steps is None:
             raise ValueError(
@@ -216,6 +225,7 @@ class Simulation(Readings, ReadOnlyAttributes):
         if start_energy is not None:
             self.start_energy = float(start_energy)
         self._live.current = {**self._live.current, **(live or {})}
+        self._report_new_state()
 
     def set_efforts(self, efforts: Mapping[str, float] | Sequence[float] | Array) -> None:
         """Set the efforts (N or N·m) from the next step on, all in order or some by name, clamped to the effort limits.
@@ -223,6 +233,7 @@ class Simulation(Readings, ReadOnlyAttributes):
         :raises CommandError: wrong length, an unknown name, or a value that is not finite; nothing is changed then.
         """
         self._efforts[:] = self.effort_map.clamped(self.effort_map.merged(self._efforts, efforts))
+        self._report_efforts(self._efforts)
 
     def set_wrench(
         self,
@@ -243,6 +254,7 @@ class Simulation(Readings, ReadOnlyAttributes):
         """
         numbers = self.wrench_map.numbers(part, force, couple, at, axes)
         self._memory.inputs[self.wrench_map.slices[part]] = numbers
+        self._report_wrench(part, numbers)
 
     @property
     def live(self) -> Mapping[str, float]:
@@ -276,3 +288,9 @@ class Simulation(Readings, ReadOnlyAttributes):
         before = self.energies.total
         self._memory.inputs[:], self._live.current = inputs, dict(prepared.current)
         self.start_energy += self.energies.total - before
+        self._report_live_values(prepared.changes)
+
+    def _use_compiled_step(self) -> None:
+        if type(self).step is Simulation.step:  # a subclass with its own `step` keeps it
+            vars(self).pop("step", None)
+            vars(self)["step"] = self._memory.compiled_step(self.step)  # calls the method of this name if a step fails

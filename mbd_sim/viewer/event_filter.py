@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mbd_sim.simulation.events import EventKind
+from mbd_sim.simulation.events import RESTARTS, EventKind
 
 
 class EventFilter:
@@ -16,6 +16,6 @@ class EventFilter:
         repeated = kind is EventKind.COMMAND and self._commanded
         if kind is EventKind.COMMAND:
             self._commanded = True
-        elif kind in (EventKind.EXPIRED, EventKind.RESET):
+        elif kind in (EventKind.EXPIRED, *RESTARTS):
             self._commanded = False
         return not repeated

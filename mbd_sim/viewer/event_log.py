@@ -28,6 +28,7 @@ _LANES: Mapping[str, Mapping[EventKind, str]] = {
         EventKind.COMMAND: "taken",
         EventKind.EXPIRED: "expired",
         EventKind.RESET: "none",
+        EventKind.NEW_STATE: "none",
     },
 }
 _WARNINGS = (EventKind.WARNING, EventKind.EXPIRED)

@@ -51,7 +51,7 @@ def test_parameters_request_the_other_topics():
     poses = {f"/sim_node/poses/{part}": [topics.PART_POSES.message_type] for part in ("upper", "lower")}
     assert found == expected | poses
     assert set(poses) < {topic.name for topic in recorded.values()}
-    assert all(topic.vital == ("applied" in topic.name or topic.name.endswith(("live_values", "events",
+    assert all(topic.vital == ("applied" in topic.name or topic.name.endswith(("live_values", "new_states", "events",
                "robot_description"))) for topic in recorded.values())  # fmt: skip
 
 

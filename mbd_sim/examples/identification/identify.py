@@ -24,7 +24,7 @@ from std_msgs.msg import Float64MultiArray, String
 from mbd_sim.errors import MbdSimError, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.load import parse_mechanism
-from mbd_sim.simulation.events import EventKind, parse_event
+from mbd_sim.simulation.events import RESTARTS, parse_event
 from mbd_sim.simulation.simulation import Simulation
 
 MAX_ITERATIONS, CONVERGED = 30, 1e-7  # relative change of the parameters at which the search ends
@@ -70,7 +70,7 @@ def read(path: str | Path) -> Run:
             if name not in TYPES:
                 continue
             content = deserialize_message(message.data, TYPES[name])
-            if name == "events" and parse_event(content.data).kind is EventKind.RESET:
+            if name == "events" and parse_event(content.data).kind in RESTARTS:
                 break
             if name == "applied_efforts":
                 efforts.append((message.sequence, np.array(content.data)))

@@ -1,0 +1,34 @@
+"""The message of a new state: everything that the run depends on from there, in one labeled array."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mbd_sim.geometry.pose import Array
+from mbd_sim.messages.state_messages import labeled_array
+from mbd_sim.simulation.events import NewState
+
+LABELS = ("steps", "start_energy", "state", "inputs")  # before those of the live values
+
+
+def new_state_message(new: NewState) -> bytes:
+    """The state as a `std_msgs/msg/Float64MultiArray`; live values are labeled with their keys."""
+    sizes = [1, 1, len(new.state), len(new.inputs), *[1] * len(new.live)]
+    message, values = labeled_array([*LABELS, *new.live], sizes)
+    values[:] = [new.steps, new.start_energy, *new.state, *new.inputs, *new.live.values()]
+    return message.payload()
+
+
+def parse_new_state(labels: Sequence[str], values: Array, state_size: int, input_size: int) -> NewState:
+    """The state from the labels and the numbers of its message.
+
+    :raises ValueError: they do not fit a state and inputs of these sizes.
+    """
+    keys = labels[len(LABELS) :]
+    sizes = [1, 1, state_size, input_size, len(keys)]
+    if tuple(labels[: len(LABELS)]) != LABELS or len(values) != sum(sizes):
+        raise ValueError(f"a new state of {len(values)} numbers does not fit: {sum(sizes)} are needed")
+    steps, energy, state, inputs, live = np.split(values, np.cumsum(sizes)[:-1])
+    return NewState(int(steps[0]), state, inputs, float(energy[0]), dict(zip(keys, live.tolist(), strict=True)))

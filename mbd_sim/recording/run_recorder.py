@@ -1,0 +1,269 @@
+"""Records the run of a `Simulation` in a script, in the format of `sim_node`'s recordings. Needs no ROS."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from mbd_sim.errors import InputError, nearest
+from mbd_sim.mechanism_file.yaml_writer import mechanism_text
+from mbd_sim.messages.event_messages import EventWriter
+from mbd_sim.messages.publication_schedule import publication_schedule
+from mbd_sim.messages.qos import offered_qos_profiles
+from mbd_sim.messages.recorded_topic import Topic
+from mbd_sim.messages.snapshot import Snapshot
+from mbd_sim.messages.state_messages import StateWriter
+from mbd_sim.messages.topics import (
+    CONSTRAINT_VIOLATION,
+    JOINT_REACTIONS,
+    PART_POSES,
+    TOPICS,
+    OutputTopic,
+    Recorded,
+    absolute_name,
+    for_each_part,
+    is_vital,
+)
+from mbd_sim.recording.mcap_writer import DiskNearlyFullError, McapWriter
+from mbd_sim.recording.recording_paths import RecordingError
+from mbd_sim.recording.run_metadata import Moment, run_metadata
+from mbd_sim.simulation.events import RESTARTS, AppliedEfforts, AppliedWrench, Event, EventKind, Payload
+from mbd_sim.simulation.simulation import Simulation
+
+SUFFIX = ".mcap"
+DEFAULT_RATE = 100.0  # Hz, as `publish_rate` of the node
+ALL = "*"
+FLUSH_PERIOD = 0.2  # s of real time between chunks: the most that is lost if the process is killed
+
+
+class RunRecorder:
+    """Records a simulation to an MCAP file until it is closed; `Simulation.recording` makes one.
+
+    The file contains the mechanism, the state at its start, the states at `rate`, and each command, change of live
+    values, reset and restored state at the step at which it took effect. So it replays, verifies and shows like a
+    recording of the node. While a simulation is recorded, a `step(n)` that diverges leaves it at the last recorded
+    state, not at the one before the call.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        path: str | Path,
+        *,
+        rate: float | None = None,
+        reactions: bool = False,
+        violation: bool = False,
+        poses: Sequence[str] = (),
+    ) -> None:
+        """Begin the file with the present state; an existing file is replaced.
+
+        :param rate: states per second of simulated time, at most one for each step; by default 100 or one for each
+            step. The first and the last state are always recorded.
+        :param reactions: also record the force and moment that each joint transmits,
+        :param violation: the violation of loops and constraints,
+        :param poses: and the poses of these parts; `["*"]` are all.
+        :raises InputError: the file does not end in .mcap, or its folder does not exist; the rate is not possible; a
+            part does not exist; or the simulation is being recorded already.
+        :raises RecordingError: the file cannot be written.
+        """
+        self.path, self._simulation = Path(path), simulation
+        self.states = self.events = 0  # that have been recorded
+        self._schedule = publication_schedule(_possible_rate(rate, simulation.step_size), simulation.step_size)
+        requested = _requested(simulation, reactions, violation, poses)
+        _require_path(self.path)
+        self._step_ns = round(simulation.step_size * 1e9)
+        self._ticks = self._steps = simulation.steps  # ticks count on where the steps return to an earlier time
+        self._last_state = -1  # the tick of the last state that was recorded
+        self._flushed, self._closed = time.monotonic(), False
+        self._commands: dict[str, bytes] = {}  # the last effort, and the last wrench on each part
+        model = simulation.model
+        self._numbers = {topic.name: number for number, topic in enumerate(requested)}
+        self._state_writers: dict[str, StateWriter] = {t.name: t.on_state(model, "") for t in requested if t.on_state}
+        self._event_writers: dict[str, EventWriter] = {t.name: t.on_event(model) for t in requested if t.on_event}
+        simulation.listen(self)
+        try:
+            self._writer = McapWriter(self.path, [_described(topic) for topic in requested])
+            moment = Moment.of(simulation, self._ticks, self._clock_ns)
+            self._writer.begin(mechanism_text(simulation.mechanism.source), run_metadata(simulation, moment))
+            for topic in requested:
+                if topic.at_start is not None:
+                    self._put(topic.name, topic.at_start(model, simulation.live))
+        except OSError as error:
+            simulation.listen(None)
+            raise RecordingError(f"cannot record to '{self.path}': {error.strerror or error}.") from error
+        self._add_state()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close(str(error) if isinstance(error, Exception) else "")
+
+    def close(self, problem: str = "") -> None:
+        """Record the last state, and complete the file; from then on the simulation is not recorded.
+
+        :param problem: why the run ends, recorded as an event.
+        :raises RecordingError: the file cannot be completed.
+        """
+        if self._closed:
+            return
+        self._count_steps()
+        if self._last_state != self._ticks:
+            self._add_state()
+        if problem:
+            self.report(EventKind.WARNING, " ".join(problem.split()))
+        self._end()
+        try:
+            self._writer.finish()
+            self._writer.close()
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def parts_of(self, steps: int) -> Iterator[int]:
+        """Divide steps at the states to record; see `RunListener`.
+
+        :raises RecordingError: the disk is full or fails; the simulation continues to work, without a recording.
+        """
+        self._count_steps()
+        while steps > 0:
+            part = steps
+            if not self._closed and self._schedule is not None:
+                part = min(steps, self._schedule.next_tick(self._ticks) - self._ticks)
+            yield part
+            steps -= part
+            self._count_steps()
+            if not self._closed and self._schedule is not None and self._schedule.is_due(self._ticks):
+                self._add_state()
+
+    def report(self, kind: EventKind, payload: Payload = None) -> None:
+        """Record a command, a changed value, a reset or a new state; see `RunListener`.
+
+        :raises RecordingError: the disk is full or fails.
+        """
+        if kind in RESTARTS:
+            self._steps = self._simulation.steps
+            self._commands.clear()
+        self._count_steps()
+        if self._closed or self._is_repeated(payload):
+            return
+        event = Event(kind, payload, self._ticks, self._clock_ns)
+        self.events += 1
+        for name, write in self._event_writers.items():
+            message = write(event)
+            if message is not None:
+                self._put(name, message)
+        if kind in RESTARTS:
+            self._add_state()
+
+    def _count_steps(self) -> None:
+        """Follow steps that were taken, also by a function `step` that was obtained before the recording began."""
+        self._ticks += self._simulation.steps - self._steps
+        self._steps = self._simulation.steps
+
+    def _is_repeated(self, payload: Payload) -> bool:
+        """Whether a command is the same as the one before, and so changes nothing."""
+        match payload:
+            case AppliedEfforts(values=values) if values is not None:
+                key, numbers = "", values.tobytes()
+            case AppliedWrench(part=part, inputs=inputs) if inputs is not None:
+                key, numbers = part, inputs.tobytes()
+            case _:
+                return False
+        repeated = self._commands.get(key) == numbers
+        self._commands[key] = numbers
+        return repeated
+
+    @property
+    def _clock_ns(self) -> int:
+        return self._ticks * self._step_ns
+
+    def _add_state(self) -> None:
+        simulation = self._simulation
+        snapshot = Snapshot(
+            ticks=self._ticks,
+            clock_ns=self._clock_ns,
+            time=simulation.time,
+            y=simulation.state,
+            inputs=simulation.inputs.copy(),
+            start_energy=simulation.start_energy,
+        )
+        energies = simulation.energies
+        for name, writer in self._state_writers.items():
+            self._put(name, writer.payload(snapshot, energies))
+        self._last_state = self._ticks
+        self.states += 1
+
+    def _put(self, name: str, payload: bytes) -> None:
+        if self._closed:
+            return
+        try:
+            self._writer.add(self._numbers[name], payload, self._clock_ns, self._ticks & 0xFFFFFFFF)
+            if (now := time.monotonic()) - self._flushed > FLUSH_PERIOD:
+                self._flushed = now
+                self._writer.flush()
+        except OSError as error:
+            self._end()
+            raise self._failed(error) from error
+
+    def _end(self) -> None:
+        self._closed = True
+        self._simulation.listen(None)
+
+    def _failed(self, error: OSError) -> RecordingError:
+        """Save what is possible, and say why the recording ends."""
+        try:
+            if not isinstance(error, DiskNearlyFullError):
+                raise error
+            self._writer.finish()
+            self._writer.close()
+        except OSError:
+            self._writer.abandon()
+        return RecordingError(
+            f"recording to '{self.path}' ends at t = {1e-9 * self._clock_ns:.9g} s: {error.strerror or error}."
+        )
+
+
+def _possible_rate(rate: float | None, step_size: float) -> float:
+    most = 1.0 / step_size
+    if rate is None:
+        return min(DEFAULT_RATE, most)
+    if not 0.0 < rate <= most * (1.0 + 1e-9):
+        raise InputError(
+            f"a rate of {rate:g} Hz cannot be recorded: the state changes {most:g} times a second, with each step of "
+            f"{step_size:g} s",
+            f"Choose a rate above 0 and up to {most:g} Hz, or a smaller step.",
+        )
+    return rate
+
+
+def _requested(simulation: Simulation, reactions: bool, violation: bool, poses: Sequence[str]) -> list[OutputTopic]:
+    """The topics to record: those that the node always records, and those on request."""
+    parts = simulation.model.part_names
+    for part in poses:
+        if part not in (*parts, ALL):
+            raise InputError(f"poses: there is no part '{part}'", nearest(part, parts))
+    wanted = {JOINT_REACTIONS.name: reactions, CONSTRAINT_VIOLATION.name: violation}
+    found: list[OutputTopic] = []
+    for topic in TOPICS:
+        if topic is PART_POSES:
+            found += for_each_part(topic, parts, parts if ALL in poses else list(dict.fromkeys(poses)))
+        elif topic.recorded is not Recorded.NO and wanted.get(topic.name, True):
+            found.append(topic)
+    return found
+
+
+def _described(topic: OutputTopic) -> Topic:
+    profiles = offered_qos_profiles(topic.qos)
+    return Topic(absolute_name(topic), topic.message_type, profiles, is_vital(topic))
+
+
+def _require_path(path: Path) -> None:
+    if path.suffix != SUFFIX:
+        raise InputError(f"{path}: a run is recorded to an {SUFFIX} file", f"Write for example {path.stem}{SUFFIX}.")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: there is no folder {path.parent}", "Create it, or choose another file.")

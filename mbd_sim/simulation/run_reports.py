@@ -1,0 +1,98 @@
+"""What a simulation reports while its run is recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol, Unpack, cast
+
+from mbd_sim.errors import InputError
+from mbd_sim.geometry.pose import Array
+from mbd_sim.simulation.events import AppliedEfforts, AppliedWrench, ChangedValues, EventKind, NewState, Payload
+from mbd_sim.simulation.kernel_memory import KernelMemory
+from mbd_sim.simulation.live_values import LiveValues
+from mbd_sim.simulation.options import RecordingOptions
+
+if TYPE_CHECKING:
+    from mbd_sim import RunRecorder
+    from mbd_sim.simulation.simulation import Simulation
+
+
+class RunListener(Protocol):
+    """Follows a simulation; all methods are called between two steps."""
+
+    def parts_of(self, steps: int) -> Iterator[int]:
+        """Divide steps into parts, each of which is taken before the next is requested."""
+        ...
+
+    def report(self, kind: EventKind, payload: Payload = None) -> None:
+        """Follow a command, a changed value, a reset or a new state, which acts from here on."""
+        ...
+
+
+class RunReports:
+    """The part of a simulation that reports to a listener, if there is one."""
+
+    start_energy: float
+    _memory: KernelMemory
+    _live: LiveValues
+    _listener: RunListener | None = None
+
+    def recording(self, path: str | Path, **options: Unpack[RecordingOptions]) -> RunRecorder:
+        """Record everything from here on to an MCAP file, until the `with` block ends or `close` is called.
+
+        >>> from mbd_sim import Simulation
+        >>> sim = Simulation.from_file("double_rod")
+        >>> with sim.recording("run.mcap"):  # doctest: +SKIP
+        ...     sim.run(until=3.0)
+
+        `mbd_sim verify`, `view`, `plot`, `export` and `replay_node` accept the file. Recording needs no ROS.
+
+        :param options: the keyword arguments of `RunRecorder`: `rate` in Hz, `reactions`, `violation`, `poses`.
+        :raises InputError, RecordingError: see `RunRecorder`.
+        """
+        from mbd_sim import RunRecorder
+
+        return RunRecorder(cast("Simulation", self), path, **options)
+
+    def listen(self, listener: RunListener | None) -> None:
+        """Report steps and commands to a listener from here on; None: to nobody.
+
+        :raises InputError: there is another listener already.
+        """
+        if listener is not None and self._listener is not None:
+            raise InputError("this simulation is being recorded already", "Close the other recording first.")
+        self._listener = listener
+        if listener is None:
+            self._use_compiled_step()
+        else:
+            vars(self).pop("step", None)  # the method divides the steps, which compiled code does not
+
+    def _use_compiled_step(self) -> None:
+        """Take steps by compiled code instead of the method `step`."""
+        raise NotImplementedError
+
+    def _report(self, kind: EventKind, payload: Payload) -> None:
+        if self._listener is not None:
+            self._listener.report(kind, payload)
+
+    def _report_efforts(self, efforts: Array) -> None:
+        self._report(EventKind.COMMAND, AppliedEfforts(efforts.copy()) if self._listener else None)
+
+    def _report_wrench(self, part: str, inputs: Array) -> None:
+        self._report(EventKind.COMMAND, AppliedWrench(part, inputs))
+
+    def _report_live_values(self, changes: Mapping[str, float]) -> None:
+        self._report(EventKind.LIVE_VALUES, ChangedValues(changes, dict(self._live.current)))
+
+    def _report_reset(self, *, to_start: bool) -> None:
+        if to_start:
+            self._report(EventKind.RESET, None)
+        else:
+            self._report_new_state()
+
+    def _report_new_state(self) -> None:
+        if self._listener is not None:
+            memory, live = self._memory, dict(self._live.current)
+            new = NewState(memory.steps, memory.y.copy(), memory.inputs.copy(), self.start_energy, live)
+            self._report(EventKind.NEW_STATE, new)
