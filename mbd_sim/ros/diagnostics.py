@@ -17,7 +17,7 @@ from mbd_sim.ros.pacing import DurationSummary
 from mbd_sim.ros.publication_schedule import attained_rate
 from mbd_sim.ros.publishing_thread import PublishingThread
 from mbd_sim.ros.stepping_thread import SteppingThread
-from mbd_sim.ros.subscriptions import Subscriptions
+from mbd_sim.ros.subscriptions import Subscriptions, printable
 from mbd_sim.ros.topic_publisher import TopicPublisher
 from mbd_sim.simulation.compiled_model import Model
 
@@ -181,7 +181,9 @@ class Diagnostics:
         problem = ""
         if (rejected := now.rejected - self._last.rejected) and subscriptions.last_rejection is not None:
             topic, error = subscriptions.last_rejection
-            problem = f"{rejected} messages rejected in the last second, the last one on {topic}: {error}"
+            problem = (
+                f"{rejected} messages rejected in the last second, the last one on {topic}: {printable(str(error))}"
+            )
         elif commands.lapsed:
             problem = (
                 f"no command for {listed(commands.lapsed)} in {commands.timeout:g} s of simulated time: "

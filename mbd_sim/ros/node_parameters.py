@@ -128,6 +128,8 @@ class NodeParameters:
             elif parameter.name in self._live_keys:
                 found, problem = self._live_changes(parameter.name, parameter.value)
                 live |= found
+            elif not parameter.name:  # rclpy accepts it
+                problem = "a parameter has no name."
             else:
                 continue
             if problem:

@@ -18,6 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from mbd_sim.errors import MbdSimError
 from mbd_sim.ros import realtime
+from mbd_sim.ros.guarded_callbacks import CallbackGuard
 
 # Errors that a user causes by a parameter, a file or a missing package: reported without a traceback.
 USER_ERRORS = (
@@ -70,9 +71,6 @@ def run_node(
             return _fail(name, str(error))
         _spin(node, ended)
         return 0
-    except MbdSimError as error:  # from a callback
-        print(f"{name} failed:\n{error}", file=sys.stderr)
-        return 1
     finally:
         rclpy.try_shutdown()
 
@@ -83,31 +81,30 @@ def _fail(name: str, problem: str) -> int:
 
 
 def _spin(node: ProgramNode, ended: threading.Event) -> None:
-    """Start the node, run its callbacks in a thread until `ended`, and stop it; raise the exception of a callback."""
+    """Start the node, run its callbacks in a thread until `ended`, and stop it."""
     assert isinstance(node, Node)
+    guard = CallbackGuard(node)
+    guard.guard()
     executor = EventsExecutor()
     executor.add_node(node)
-    failures: list[Exception] = []
 
     def spin() -> None:
         # EventsExecutor.spin() delivers nothing in rclpy 7.1.6 as built for PyPI; spin_once() does, and as fast.
-        try:
-            while not ended.is_set():
+        while not ended.is_set() and rclpy.ok():
+            try:
                 executor.spin_once(timeout_sec=0.1)
-        except ExternalShutdownException:
-            pass
-        except Exception as error:
-            failures.append(error)
-        finally:
-            ended.set()
+            except ExternalShutdownException:
+                break
+            except Exception as error:  # of a message that rclpy cannot take, for example
+                guard.report("message or request", error)
+        ended.set()
 
     spinning = threading.Thread(target=spin, name="executor", daemon=True)
     spinning.start()
     node.start()
+    guard.guard()  # what it has created at its start
     realtime.wait_for(ended)
     node.stop()
     executor.shutdown()
     spinning.join(timeout=JOIN_TIMEOUT)
     node.destroy_node()
-    if failures:
-        raise failures[0]

@@ -18,6 +18,7 @@ from mbd_sim.ros import qos
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.wrench_buffer import WrenchBuffer, WrenchTargets
 
+MAX_LENGTH = 400  # characters of a reason: names in messages may be of any length
 WARNING_PERIOD = 1.0  # s between warnings of rejected messages
 
 
@@ -95,4 +96,10 @@ class Subscriptions:
         now = time.monotonic()
         if now - self._last_warning >= WARNING_PERIOD:  # the logger's own throttle inspects the stack at each call
             self._last_warning = now
-            self._log.warning(f"{topic}: message rejected ({self.rejected} so far): {error}")
+            self._log.warning(f"{topic}: message rejected ({self.rejected} so far): {printable(str(error))}")
+
+
+def printable(reason: str) -> str:
+    """A reason on one line, without control characters that a message may contain, and not longer than `MAX_LENGTH`."""
+    text = reason if len(reason) <= MAX_LENGTH else f"{reason[: MAX_LENGTH // 2]} … {reason[-MAX_LENGTH // 2 :]}"
+    return "".join(character if character.isprintable() else repr(character)[1:-1] for character in text)
