@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, TypeAlias, cast
 
 import casadi as ca
 import llvmlite.ir as ir
@@ -18,6 +18,7 @@ from mbd_sim.compiler.linearized_system import linearize_rates
 from mbd_sim.compiler.lowering import instruction_count, lower
 from mbd_sim.compiler.machine_code import MachineCode, compile_module, new_module
 from mbd_sim.compiler.rosenbrock_step import rosenbrock_step
+from mbd_sim.compiler.rosenbrock_w_step import rosenbrock_w_step
 from mbd_sim.compiler.runge_kutta_step import explicit_step
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.compiler.step_emitter import Prepare, System
@@ -27,6 +28,8 @@ from mbd_sim.integrators.methods import Method
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 
 INLINED = 2000  # instructions of all stages together up to which the rates are inlined into the stepping loop
+
+PartialSystem: TypeAlias = tuple[ca.Function, ca.Function]
 
 _ADDRESS, _INT, _DOUBLE = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 _ADVANCE = (_ADDRESS, _ADDRESS, _INT, _DOUBLE, _INT)
@@ -65,18 +68,20 @@ def compile_kernel(
     readers: Mapping[str, ca.Function],
     method: Method,
     core: slice | None = None,
+    partial_system: PartialSystem | None = None,
 ) -> Kernel:
     """Compile y' = rates(t, y, inputs) with a method of integration: see `System`.
 
     :param readers: further functions of the state, with one output each.
     :param core: the components that `linearize_rates` solves for together, by default all. No rate depends on the
         components after them, which do not count in error estimates either.
+    :param partial_system: for methods with `joints_only`: see `rosenbrock_w_step`.
     """
     core = slice(0, rates.nnz_out(0)) if core is None else core
     module = new_module()
     program = arranged(rates)
     system = emit_system(module, rates, program, projection, method, core.stop)
-    advance = emit_advance(module, system, _step_of(method, rates, core))
+    advance = emit_advance(module, system, _step_of(method, rates, core, partial_system))
     emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
     for name, function in readers.items():
         _export(module, f"read_{name}", lower(module, function, inline=True))
@@ -116,7 +121,11 @@ def emit_system(
     )
 
 
-def _step_of(method: Method, rates: ca.Function, core: slice) -> Prepare:
+def _step_of(method: Method, rates: ca.Function, core: slice, partial_system: PartialSystem | None) -> Prepare:
+    if isinstance(method, Rosenbrock) and method.joints_only:
+        if partial_system is None:
+            raise ValueError(f"method {method.name} needs a partial system")
+        return rosenbrock_w_step(method, *partial_system)
     if isinstance(method, Rosenbrock):
         return rosenbrock_step(method, linearize_rates(rates, core))
     if isinstance(method, Gauss):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import llvmlite.ir as ir
 
 from mbd_sim.compiler.dense_solver import emit_dense_solver
@@ -74,36 +76,55 @@ class _RosenbrockStep:
         b.call(self._solver.factorize, [self._matrix, self._rows])
         for stage in range(method.stages):
             if stage > 0:
-                self._stage_slopes(t, stage)
-            self._right_side(stage)
+                stage_slopes(emitter, method, t, stage, self._increments, self._trial, self._slopes)
+            time_rates = None if self._timeless else self._time_rates
+            right_side(emitter, method, stage, self._increments, self._slopes, time_rates, self._right)
             b.call(self._reduce, [self._memory, self._right, self._small])
             b.call(self._solver.solve, [self._matrix, self._rows, self._small, self._solution])
             b.call(self._expand, [self._memory, self._right, self._solution, self._increments[stage]])
         self._emit_estimate(None)
         combine(b, emitter.system.size, emitter.y, emitter.y, None, weighted(method.m, self._increments))
 
-    def _stage_slopes(self, t: ir.Value, stage: int) -> None:
-        """Slopes = f(t + c h, y + Σ a U)."""
-        emitter, weights = self._emitter, self._method.a[stage]
-        time, state = emitter.stage_time(t, self._method.c[stage]), emitter.y
-        if any(weights):
-            state, terms = self._trial, weighted(weights, self._increments)
-            combine(emitter.b, emitter.system.size, state, emitter.y, None, terms)
-        emitter.rates(time, state, self._slopes)
 
-    def _right_side(self, stage: int) -> None:
-        """Right = γ (h f + Σ g U + d h² f_t)."""
-        emitter, method, b = self._emitter, self._method, self._emitter.b
-        sums = weighted(method.g[stage], self._increments)
-        d = 0.0 if self._timeless else method.d[stage]
-        d_h_squared = b.fmul(number(d), b.fmul(emitter.h, emitter.h)) if d else None
+def stage_slopes(
+    emitter: StepEmitter,
+    method: Rosenbrock,
+    t: ir.Value,
+    stage: int,
+    increments: Sequence[ir.Value],
+    trial: ir.Value,
+    slopes: ir.Value,
+) -> None:
+    """Emit `slopes` = f(t + c h, y + Σ a U) of a stage; `trial` receives the state."""
+    weights = method.a[stage]
+    time, state = emitter.stage_time(t, method.c[stage]), emitter.y
+    if any(weights):
+        state, terms = trial, weighted(weights, increments)
+        combine(emitter.b, emitter.system.size, state, emitter.y, None, terms)
+    emitter.rates(time, state, slopes)
 
-        def component(i: Index) -> None:
-            value = b.fmul(emitter.h, load(b, self._slopes, i))
-            if sums:
-                value = b.fadd(value, total(b, sums, i))
-            if d_h_squared is not None:
-                value = b.fadd(value, b.fmul(d_h_squared, load(b, self._time_rates, i)))
-            store(b, b.fmul(number(method.gamma), value), self._right, i)
 
-        for_each(b, emitter.system.size, component)
+def right_side(
+    emitter: StepEmitter,
+    method: Rosenbrock,
+    stage: int,
+    increments: Sequence[ir.Value],
+    slopes: ir.Value,
+    time_rates: ir.Value | None,
+    right: ir.Value,
+) -> None:
+    """Emit `right` = γ (h f + Σ g U + d h² f_t) of a stage; f_t is zero if `time_rates` is None."""
+    b = emitter.b
+    sums = weighted(method.g[stage], increments)
+    d = 0.0 if time_rates is None else method.d[stage]
+    d_h_squared = b.fmul(number(d), b.fmul(emitter.h, emitter.h)) if d else None
+
+    def component(i: Index) -> None:
+        value = b.fmul(emitter.h, load(b, slopes, i))
+        if sums:
+            value = b.fadd(value, total(b, sums, i))
+        if d_h_squared is not None:
+            value = b.fadd(value, b.fmul(d_h_squared, load(b, time_rates, i)))
+        store(b, b.fmul(number(method.gamma), value), right, i)
+
+    for_each(b, emitter.system.size, component)

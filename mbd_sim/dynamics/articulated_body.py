@@ -49,14 +49,17 @@ class FactorizedMassMatrix:
     free joint's rotations come first.
     """
 
-    def __init__(self, links: Sequence[Link], motions: Sequence[LinkMotion], nv: int) -> None:
+    def __init__(
+        self, links: Sequence[Link], motions: Sequence[LinkMotion], nv: int, added: ca.SX | None = None
+    ) -> None:
+        """Factorize M, or M + diag(`added`) with `added` (nv,), which is zero for free joints."""
         self._links, self._motions, self._nv = links, motions, nv
         inertias = [constant(link.inertia) for link in links]
         self._joints: dict[int, _EliminatedJoint] = {}
         self.pivots = ca.SX(nv, 1)
         for index in reversed(range(len(links))):
             link, motion = links[index], motions[index]
-            joint = _EliminatedJoint(motion.joint, inertias[index])
+            joint = _EliminatedJoint(motion.joint, inertias[index], None if added is None else added[link.u])
             self._joints[index] = joint
             self.pivots[link.u] = joint.factors.pivots
             if link.parent >= 0:
@@ -166,7 +169,7 @@ class _EliminatedJoint:
     for a joint that constrains nothing: the link's acceleration is solved for in its own axes.
     """
 
-    def __init__(self, joint: JointMotion, inertia: ca.SX) -> None:
+    def __init__(self, joint: JointMotion, inertia: ca.SX, added: ca.SX | None) -> None:
         self._joint = joint
         if joint.inverse is not None:
             self.factors = SpdFactors(inertia)
@@ -174,7 +177,8 @@ class _EliminatedJoint:
             return
         s = joint.partial_velocities
         self._u = ca.sparsify(inertia @ s)
-        self.factors = SpdFactors(symmetric(s.T @ self._u))
+        own = symmetric(s.T @ self._u)
+        self.factors = SpdFactors(own if added is None else ca.sparsify(own + ca.diag(added)))
         self._reduced = self.factors.solve(self._u.T)
         self.projected_inertia = ca.sparsify(symmetric(inertia - self._u @ self._reduced))
 

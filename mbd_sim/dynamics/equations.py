@@ -29,6 +29,7 @@ from mbd_sim.dynamics.element_forces import require_defined_forces
 from mbd_sim.dynamics.energy import AUDIT_STATES, gravitational_potential
 from mbd_sim.dynamics.initial_conditions import AssembledStart, Assembly, assemble
 from mbd_sim.dynamics.input_layout import InputLayout
+from mbd_sim.dynamics.joint_linearization import JointLinearization, joint_linearization
 from mbd_sim.dynamics.links import CoordinateLayout, build_links
 from mbd_sim.dynamics.mass_matrix_check import require_definite
 from mbd_sim.dynamics.multipliers import ConstraintSolver, typical_diagonal
@@ -77,6 +78,7 @@ class Equations:
     start_state: Array
     part_names: tuple[str, ...]
     trace_reactions: Callable[[], ca.Function]
+    trace_joint_linearization: Callable[[], JointLinearization]
 
     @property
     def inputs_without_commands(self) -> Array:
@@ -87,6 +89,10 @@ class Equations:
     def reactions(self) -> ca.Function:
         """The wrenches across the joints; traced when they are first read."""
         return self.trace_reactions()
+
+    def joint_linearization(self) -> JointLinearization:
+        """The linearized forces within joints, for methods that treat only these implicitly."""
+        return self.trace_joint_linearization()
 
 
 def derive(mechanism: Mechanism, loaded: Sequence[str] = (), parameters: SymbolicParameters | None = None) -> Equations:
@@ -104,13 +110,14 @@ def derive(mechanism: Mechanism, loaded: Sequence[str] = (), parameters: Symboli
     mass_matrix = FactorizedMassMatrix(traced.links, traced.motions, traced.layout.nv)
     _require_regular_start(traced, assembly, forces, mass_matrix)
     constraints = assembly.active
-    solver = None
+    solver, scales = None, np.zeros(0)
     if constraints.rows:
         scales = typical_diagonal(assembly.functions, assembly.start)
         solver = ConstraintSolver(mass_matrix, constraints, scales, assembly.dependent)
     motion = solve_accelerations(traced, mass_matrix, constraints, solver, forces)
     y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, audit_rates(constraints, forces, motion))
-    return _packaged(traced, assembly, forces, solver, motion, y_rates)
+    linearized = partial(joint_linearization, traced, constraints, scales, assembly.dependent, forces)
+    return _packaged(traced, assembly, forces, solver, motion, y_rates, linearized)
 
 
 def _start_state(start: AssembledStart) -> Array:
@@ -143,6 +150,7 @@ def _packaged(
     solver: ConstraintSolver | None,
     motion: ConstrainedMotion,
     y_rates: ca.SX,
+    linearized: Callable[[], JointLinearization],
 ) -> Equations:
     """The expressions as functions."""
     t, y, constraints = traced.state.t, traced.y, assembly.equations
@@ -177,6 +185,7 @@ def _packaged(
         start_state=_start_state(assembly.start),
         part_names=tuple(link.joint.outboard for link in traced.links),
         trace_reactions=partial(_reactions, traced, assembly, motion, multipliers),
+        trace_joint_linearization=linearized,
     )
 
 

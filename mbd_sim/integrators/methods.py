@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from mbd_sim.integrators.gauss import GAUSS, Gauss
-from mbd_sim.integrators.rosenbrock import ROSENBROCK, Rosenbrock
+from mbd_sim.integrators.rosenbrock import ROSENBROCK, ROSENBROCK_W, Rosenbrock
 from mbd_sim.integrators.tableau import EXPLICIT, Tableau
 
 Method = Tableau | Rosenbrock | Gauss
 
-METHODS: dict[str, Method] = {**EXPLICIT, **ROSENBROCK, **GAUSS}
+METHODS: dict[str, Method] = {**EXPLICIT, **ROSENBROCK, **ROSENBROCK_W, **GAUSS}
 AUTO = "auto"  # instead of a name: chosen by the rates of the mechanism

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mbd_sim.integrators import rodas5p
+from mbd_sim.integrators import rodas5p, ros34pw2
 from mbd_sim.integrators.estimate import Coefficients, ErrorEstimate
 
 
@@ -18,7 +19,8 @@ class Rosenbrock:
     (I − h γ J) U_i = γ (h f(t + c_i h, y + Σ_{j<i} a_ij U_j) + Σ_{j<i} g_ij U_j + d_i h² f_t),
 
     which is Hairer & Wanner II, eq. IV.7.25, multiplied by h γ, so that no stage needs a product with J. `a` and `g`
-    hold the rows below the diagonal. `stability_limit` is infinite for an L-stable method.
+    hold the rows below the diagonal. `stability_limit` is infinite for an L-stable method. With `joints_only` the
+    method keeps its order for any J, and J holds only the forces within joints; then f_t is taken as zero.
     """
 
     name: str
@@ -31,11 +33,52 @@ class Rosenbrock:
     m: Coefficients
     estimate: ErrorEstimate
     stability_limit: float = math.inf
+    joints_only: bool = False
 
     @property
     def stages(self) -> int:
         """Evaluations of the accelerations per step, besides one of their derivatives."""
         return len(self.m)
+
+
+def _rosenbrock_w(
+    name: str,
+    order: int,
+    gamma: float,
+    alpha: Sequence[Coefficients],
+    off_diagonal: Sequence[Coefficients],
+    weights: Coefficients,
+    embedded: Coefficients,
+) -> Rosenbrock:
+    """A method given by α, the rows of Γ below its diagonal, b and the embedded b.
+
+    With U = Γ k the coefficients are a = α Γ⁻¹, g = 1/γ - Γ⁻¹ and m = b Γ⁻¹ (Hairer & Wanner II, eq. IV.7.25).
+    """
+    stages = len(weights)
+    inverse = [[0.0] * stages for _ in range(stages)]
+    for row in range(stages):
+        for column in range(row + 1):
+            total = 1.0 if row == column else 0.0
+            for index in range(column, row):
+                total -= off_diagonal[row][index] * inverse[index][column]
+            inverse[row][column] = total / gamma
+
+    def transformed(row: Coefficients) -> Coefficients:
+        return tuple(sum(value * inverse[i][column] for i, value in enumerate(row)) for column in range(stages))
+
+    m, low = transformed(weights), transformed(embedded)
+    return Rosenbrock(
+        name,
+        order,
+        gamma,
+        a=tuple(transformed(row)[: len(row)] for row in alpha),
+        g=tuple(tuple(-value for value in row[:index]) for index, row in enumerate(inverse)),
+        c=tuple(sum(row) for row in alpha),
+        d=(0.0,) * stages,
+        m=m,
+        estimate=ErrorEstimate(tuple(one - other for one, other in zip(m, low, strict=True))),
+        joints_only=True,
+    )
 
 
 ROSENBROCK: dict[str, Rosenbrock] = {
@@ -52,5 +95,17 @@ ROSENBROCK: dict[str, Rosenbrock] = {
             rodas5p.M,
             ErrorEstimate((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)),
         ),
+    )
+}
+
+ROSENBROCK_W: dict[str, Rosenbrock] = {
+    "rosenbrock_w": _rosenbrock_w(
+        "rosenbrock_w",
+        3,
+        ros34pw2.GAMMA,
+        ros34pw2.ALPHA,
+        ros34pw2.OFF_DIAGONAL,
+        ros34pw2.B,
+        ros34pw2.EMBEDDED,
     )
 }

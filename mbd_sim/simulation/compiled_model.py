@@ -16,6 +16,7 @@ from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.geometry.rotation import unit
+from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.method_choice import MethodChoice, choose_method, require_method
 
@@ -85,7 +86,11 @@ class Model:
         self.q_range = slice(0, self.layout.nq)
         self.inputs = inputs
         self.u_range = slice(self.layout.nq, self.layout.nq + self.layout.nv)
-        self.kernel = compile_kernel(equations.rates, equations.project, readers, self.method, self.u_range)
+        joints_only = isinstance(self.method, Rosenbrock) and self.method.joints_only
+        partial_system = equations.joint_linearization()[:2] if joints_only else None
+        self.kernel = compile_kernel(
+            equations.rates, equations.project, readers, self.method, self.u_range, partial_system
+        )
         self.quaternions = {
             name: self.layout.q[name].start + offset
             for name, joint in mechanism.joints.items()

@@ -11,12 +11,13 @@ from mbd_sim.errors import MechanismError, Problem, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.methods import AUTO, METHODS, Method
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.simulation.spectrum import FastestMode, fastest_mode
+from mbd_sim.simulation.spectrum import FastestMode, fastest_mode, fastest_without_joints
 
-DEFAULT, STIFF = "tsitouras8", "rosenbrock"
-MARGIN = (
-    0.5  # the fraction of a method's stability limit up to which it is chosen: inertias vary with the configuration
-)
+DEFAULT, STIFF, STIFF_JOINTS = "tsitouras8", "rosenbrock", "rosenbrock_w"
+SLOW = 0.5  # the largest step times rate of what the method for stiff joints treats explicitly
+CANCELLATION = 1e-4  # relative error of the difference of two rates
+# The fraction of a method's stability limit up to which it is chosen: inertias vary with the configuration.
+MARGIN = 0.5
 
 
 @dataclass(frozen=True)
@@ -56,11 +57,12 @@ def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, nam
         return MethodChoice(method)
     rates = f"{mechanism.coordinate_names[mode.speed]} has rates of {mode.rate:.1g}/s"
     if name == AUTO:
+        chosen = _implicit(equations, inputs, step)
         remark = (
-            f"method {STIFF} is used: {rates}, and with steps of {step:g} s {DEFAULT}, the default, is stable up to "
+            f"method {chosen} is used: {rates}, and with steps of {step:g} s {DEFAULT}, the default, is stable up to "
             f"{method.stability_limit / step:.2g}/s. Select another one with 'method'."
         )
-        return MethodChoice(METHODS[STIFF], remark)
+        return MethodChoice(METHODS[chosen], remark)
     if step * mode.rate <= method.stability_limit:
         return MethodChoice(method)
     remark = (
@@ -70,9 +72,25 @@ def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, nam
     return MethodChoice(method, remark)
 
 
+def _implicit(equations: Equations, inputs: Array, step: float) -> str:
+    """The method for a stiff mechanism: the cheap one, if only the forces within its joints are stiff.
+
+    Equal finite differences cancel up to their error, a small fraction of the fastest rate; so the rest counts as slow
+    if it is that much slower.
+    """
+    others = max(fastest_without_joints(equations, 0.0, state, inputs).rate for state in _starts(equations))
+    fastest = _fastest_at_start(equations, inputs).rate
+    return STIFF_JOINTS if step * others <= SLOW or others <= CANCELLATION * fastest else STIFF
+
+
 def _fastest_at_start(equations: Equations, inputs: Array) -> FastestMode:
+    modes = (fastest_mode(equations, 0.0, state, inputs) for state in _starts(equations))
+    return max(modes, key=lambda mode: mode.rate)
+
+
+def _starts(equations: Equations) -> list[Array]:
+    """The start state, and the same at rest."""
     start = equations.start_state
     at_rest = start.copy()
     at_rest[equations.layout.nq : equations.layout.nq + equations.layout.nv] = 0.0
-    states = [start] if np.array_equal(start, at_rest) else [start, at_rest]
-    return max((fastest_mode(equations, 0.0, state, inputs) for state in states), key=lambda mode: mode.rate)
+    return [start] if np.array_equal(start, at_rest) else [start, at_rest]

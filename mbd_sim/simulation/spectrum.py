@@ -19,9 +19,31 @@ class FastestMode(NamedTuple):
 
 def fastest_mode(equations: Equations, time: float, y: Array, inputs: Array) -> FastestMode:
     """The fastest mode at a state, from finite differences; the rate is 0 if it cannot be found."""
-    nq, size = equations.layout.nq, equations.layout.nq + equations.layout.nv
+    nq = equations.layout.nq
     if equations.layout.nv == 0:
         return FastestMode(0.0, 0)
+    return _largest(_jacobian(equations, time, y, inputs), nq)
+
+
+def fastest_without_joints(equations: Equations, time: float, y: Array, inputs: Array) -> FastestMode:
+    """The same without what the forces within joints contribute to the derivatives."""
+    nq, nv = equations.layout.nq, equations.layout.nv
+    base = np.array(equations.rates.call([time, y, inputs])[0]).ravel()
+    inverse_mass = np.zeros((nv, nv))
+    for index in range(nv):
+        unit = inputs.copy()
+        unit[index] += 1.0  # an effort: the equations are linear in it
+        inverse_mass[:, index] = (np.array(equations.rates.call([time, y, unit])[0]).ravel() - base)[nq : nq + nv]
+    damping, stiffness = (np.array(value) for value in equations.joint_linearization().slopes(time, y, inputs))
+    jacobian = _jacobian(equations, time, y, inputs)
+    with np.errstate(all="ignore"):
+        jacobian[nq:, nq:] += inverse_mass * damping.ravel()
+        jacobian[nq:, :nq] += inverse_mass @ stiffness
+    return _largest(jacobian, nq)
+
+
+def _jacobian(equations: Equations, time: float, y: Array, inputs: Array) -> Array:
+    size = equations.layout.nq + equations.layout.nv
 
     def rates(state: Array) -> Array:
         return np.array(equations.rates.call([time, state, inputs])[0]).ravel()[:size]
@@ -32,6 +54,10 @@ def fastest_mode(equations: Equations, time: float, y: Array, inputs: Array) -> 
             moved = y.copy()
             moved[index] += 1e-7 * (1.0 + abs(y[index]))
             jacobian[:, index] = (rates(moved) - base) / (moved[index] - y[index])
+    return jacobian
+
+
+def _largest(jacobian: Array, nq: int) -> FastestMode:
     if not np.all(np.isfinite(jacobian)):
         return FastestMode(0.0, 0)
     values, vectors = np.linalg.eig(jacobian)

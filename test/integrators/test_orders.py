@@ -20,6 +20,7 @@ STEPS = {
     "dop853": 8,
     "tsitouras8": 10,
     "rosenbrock": 32,
+    "rosenbrock_w": 128,
     "gauss4": 40,
     "gauss6": 16,
 }

@@ -33,7 +33,7 @@ def finger(**options):
 
 def test_a_robot_with_friction_on_tiny_inertias_runs_as_it_comes():
     simulation = finger()
-    assert simulation.model.method.name == "rosenbrock"
+    assert simulation.model.method.name == "rosenbrock_w"
     simulation.run(until=10.0)
     energies = simulation.energies
     assert np.all(np.isfinite(simulation.state))
@@ -45,7 +45,7 @@ def test_a_robot_with_friction_on_tiny_inertias_runs_as_it_comes():
 def test_the_choice_is_explained():
     remark, limits = finger().remarks
     assert re.match(
-        r"method rosenbrock is used: knuckle has rates of 3e\+10/s, and with steps of 0.001 s tsitouras8, the "
+        r"method rosenbrock_w is used: knuckle has rates of 3e\+10/s, and with steps of 0.001 s tsitouras8, the "
         r"default, is stable up to 2.9e\+03/s.",
         remark,
     )
@@ -59,13 +59,19 @@ def test_an_explicit_choice_is_kept_with_a_warning():
     assert "method rk4 is stable up to 2.8e+03/s. Use method rosenbrock or auto." in simulation.remarks[0]
     written = parse_mechanism(STIFF.replace("parts:", "integrator: {method: tsitouras8}\nparts:", 1))
     assert Simulation(written).model.method.name == "tsitouras8"
-    assert Simulation(written, method="auto").model.method.name == "rosenbrock"
+    assert Simulation(written, method="auto").model.method.name == "rosenbrock_w"
 
 
 def test_the_step_counts():
     assert finger(step=1e-11).model.method.name == "tsitouras8"
-    assert Simulation.from_text(STIFF).model.method.name == "rosenbrock"
-    assert Ensemble(parse_mechanism(STIFF), 2).model.method.name == "rosenbrock"
+    assert Ensemble(parse_mechanism(STIFF), 2).model.method.name == "rosenbrock_w"
+
+
+def test_stiffness_outside_joints_takes_the_exact_jacobian():
+    between = STIFF.replace("position: 1, rest: 1, stiffness: 1e7, damping: 1e4", "position: 1")
+    spring = "forces: {s: {type: spring, between: [ground, grain], stiffness: 1e7, damping: 1e4, length: 1}}\n"
+    simulation = Simulation.from_text(between + spring)
+    assert simulation.model.method.name == "rosenbrock"
 
 
 def test_friction_counts_that_acts_only_near_rest(tmp_path):
@@ -73,7 +79,7 @@ def test_friction_counts_that_acts_only_near_rest(tmp_path):
     (tmp_path / "finger.urdf").write_text(FINGER, encoding="utf-8")
     moving = "urdf: finger.urdf\njoints: {knuckle: {damping: 0, velocity: 5}, shoulder: {friction: }}\n"
     mechanism = parse_mechanism(moving, str(tmp_path / "moving.yaml"))
-    assert Simulation(mechanism).model.method.name == "rosenbrock"
+    assert Simulation(mechanism).model.method.name == "rosenbrock_w"
 
 
 def test_other_mechanisms_keep_the_default_without_a_remark():

@@ -81,7 +81,7 @@ def test_a_stiff_mechanism_runs_with_the_rosenbrock_method():
     assert simulation.step_advice is None
 
 
-@pytest.mark.parametrize("method", [name for name in METHODS if name != "rosenbrock"])
+@pytest.mark.parametrize("method", [name for name in METHODS if not name.startswith("rosenbrock")])
 def test_explicit_methods_warn_of_a_stiff_mechanism(method):
     simulation = Simulation.from_text(STIFF, method=method)
     simulation.step(1)

@@ -1,0 +1,115 @@
+"""The part of the linearized equations that comes from the forces within joints: springs, stops, dampers and friction.
+
+These forces are stiff where a joint moves little inertia. They suffice for a Rosenbrock-W method, which keeps its order
+with any approximation A of the Jacobian (Hairer & Wanner II, sec. IV.7). With the slopes D and K of the joint forces in
+the speeds and coordinates, both diagonal, the linear system (I - g A) U = r becomes
+
+    (M + g D + g² K) U_u + Gᵀ μ = M r_u - g K r_q,    U_q = r_q + g N U_u,
+
+which the articulated-body recursion solves in O(n): D and K are added to the pivots of the joints.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from mbd_sim.dynamics.accelerations import AppliedForces
+from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
+from mbd_sim.dynamics.constraint_equations import ConstraintEquations
+from mbd_sim.dynamics.multipliers import ConstraintSolver
+from mbd_sim.dynamics.tracing import TracedMechanism
+from mbd_sim.geometry.pose import Array
+
+
+class JointLinearization(NamedTuple):
+    """`at(t, y, inputs, g)` gives the memory (m,) of `solve(memory, r)`, which gives U.
+
+    `slopes(t, y, inputs)` gives D (nv,) and K (nv, nq).
+    """
+
+    at: ca.Function
+    solve: ca.Function
+    slopes: ca.Function
+
+
+def joint_linearization(
+    traced: TracedMechanism,
+    constraints: ConstraintEquations,
+    scales: Array,
+    dependent: NDArray[np.bool_],
+    forces: AppliedForces,
+) -> JointLinearization:
+    """Trace both functions.
+
+    :param constraints: the active rows; `scales` and `dependent` as in `ConstraintSolver`.
+    """
+    state, nq, nv = traced.state, traced.layout.nq, traced.layout.nv
+    g, right = ca.SX.sym("g"), ca.SX.sym("right", traced.y.shape[0])
+    right_q, right_u, right_w = ca.vertsplit(right, [0, nq, nq + nv, right.shape[0]])
+    slopes, stiffness = _slopes(traced, forces)
+    added = g * (slopes + g * stiffness)
+    displaced = stiffness * _own_coordinates(traced, right_q)
+    mass_matrix = FactorizedMassMatrix(traced.links, traced.motions, nv, added)
+    if constraints.rows:
+        # r already satisfies the constraints, so only its change does not: M a + Gᵀ λ = (D + g K) U_u + K r_q, G a = 0.
+        unbiased = replace(constraints, bias=ca.SX(len(constraints.rows), 1))
+        solver = ConstraintSolver(mass_matrix, unbiased, scales, dependent)
+        applied = mass_matrix.net_joint_forces((slopes + g * stiffness) * right_u + displaced)
+        solution = right_u - g * solver.accelerations(applied, solver.multipliers(applied)).u_rates
+    else:
+        # The same without the difference of two large numbers, where g D is much larger than M.
+        momentum = ca.jtimes(ca.gradient(traced.kinetic_energy, state.u), state.u, right_u)
+        solution = mass_matrix.solve(mass_matrix.net_joint_forces(momentum - g * displaced)).u_rates
+    before = right_q + g * ca.jtimes(state.q_rates, state.u, solution)
+    dissipated = g * ca.jtimes(forces.joints.dissipated_power, state.u, solution)
+    full = ca.densify(ca.vertcat(before, solution, right_w[:-1], right_w[-1] + dissipated))
+    given = [state.t, traced.y, traced.inputs, g]
+    memory, values, reduced = _separated(full, ca.vertcat(*given), right)
+    options = {"cse": True}
+    return JointLinearization(
+        at=ca.Function("linearize_joints", given, [values], options),
+        solve=ca.Function("solve_joints", [memory, right], [ca.densify(reduced)], options),
+        slopes=ca.Function("joint_slopes", given[:-1], [ca.densify(slopes), ca.jacobian(displaced, right_q)]),
+    )
+
+
+def _separated(expression: ca.SX, given: ca.SX, right: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Symbols (m,) for all that depends on `given` only, their values, and the expression with these symbols."""
+    reduced, symbols, values = ca.extract_parametric(expression, given)
+    own = {entry.element_hash() for entry in [*ca.vertsplit(right), *symbols]}
+    bare = [entry for entry in ca.symvar(reduced) if entry.element_hash() not in own]
+    renamed = [ca.SX.sym(f"given_{index}") for index in range(len(bare))]
+    reduced = ca.substitute(reduced, ca.vertcat(ca.SX(0, 1), *bare), ca.vertcat(ca.SX(0, 1), *renamed))
+    memory, contents = (ca.vertcat(ca.SX(0, 1), *entries) for entries in ([*symbols, *renamed], [*values, *bare]))
+    return memory, ca.densify(contents), reduced
+
+
+def _slopes(traced: TracedMechanism, forces: AppliedForces) -> tuple[ca.SX, ca.SX]:
+    """-∂Q/∂u and -∂Q/∂q (nv,) of the joint forces, each of which depends on its own coordinate only; never negative.
+
+    They are zero for free joints, which the recursion does not eliminate.
+    """
+    state, generalized = traced.state, forces.joints.generalized
+    found = []
+    for symbol in (state.u, state.q):
+        slope = -ca.jtimes(generalized, symbol, ca.SX.ones(symbol.shape[0], 1))
+        for link in traced.links:
+            if link.joint.type == "free":
+                slope[link.u] = 0.0
+        found.append(ca.fmax(ca.sparsify(slope), 0.0))
+    return found[0], found[1]
+
+
+def _own_coordinates(traced: TracedMechanism, q: ca.SX) -> ca.SX:
+    """The entry of q (nq,) that belongs to each speed (nv,); zero for joints with quaternions, which lack springs."""
+    found = ca.SX(traced.layout.nv, 1)
+    for link in traced.links:
+        if link.joint.kind.quaternion is None:
+            for offset, row in enumerate(range(link.u.start, link.u.stop)):
+                found[row] = q[link.q.start + offset]
+    return found
