@@ -50,7 +50,7 @@ class ChangedRunFile:
         topic = recomputation.file.topics[message.topic]
         if message.topic not in self._numbers or (topic.type == cdr.JOINT_STATE and not arrays):
             return
-        if recomputation.resets_clock(message):
+        if recomputation.sets_clock(message):
             self._steps_at_reset = recomputation.steps_taken
         time_ns = (recomputation.steps_taken - self._steps_at_reset) * self._step_ns
         payload = cdr.with_arrays(topic, message.payload, arrays, time_ns) if arrays else message.payload

@@ -81,11 +81,11 @@ class Comparison:
         tick = recomputation.tick_of(message)
         clock_ns = recomputation.clock_ns(tick, message)
         if clock_ns != message.time_ns:
-            if not recomputation.resets_clock(message):
+            if not recomputation.sets_clock(message):
                 self._add_difference(message, "time of the step", message.time_ns * 1e-9, clock_ns * 1e-9, tick)
                 self.result.failure = "a message is not at the time of its step, so no later one can be assigned a step"
                 return False
-            recomputation.reset_clock(tick)
+            recomputation.set_clock(tick, message.time_ns)
         if tick != recomputation.tick:
             if self.result.tolerance is not None:
                 self._continue_from_recorded_state()

@@ -102,15 +102,17 @@ class Recomputation:
             self._clock_offset_ns = tick * self.step_ns - message.time_ns
         return tick * self.step_ns - self._clock_offset_ns
 
-    def resets_clock(self, message: Message) -> bool:
-        """Whether a message is an event that sets the clock to zero, as a reset may do."""
-        if message.time_ns or self.roles.get(message.topic) != TopicRole.EVENTS:
+    def sets_clock(self, message: Message) -> bool:
+        """Whether a message is an event that sets the clock: to zero, as a reset may do, or to a followed clock."""
+        if self.roles.get(message.topic) != TopicRole.EVENTS:
             return False
-        return parse_event(cdr.text(message.payload)).kind in (EventKind.RESET, EventKind.CLOCK_RESET)
+        kind = parse_event(cdr.text(message.payload)).kind
+        at_zero = message.time_ns == 0 and kind in (EventKind.RESET, EventKind.CLOCK_RESET)
+        return at_zero or kind is EventKind.CLOCK_SET
 
-    def reset_clock(self, tick: int) -> None:
-        """Let the simulated clock be zero at a tick."""
-        self._clock_offset_ns = tick * self.step_ns
+    def set_clock(self, tick: int, time_ns: int) -> None:
+        """Let the simulated clock be `time_ns` at a tick."""
+        self._clock_offset_ns = tick * self.step_ns - time_ns
 
     def advance(self, tick: int) -> None:
         """Step to a tick.

@@ -23,6 +23,7 @@ from mbd_sim.simulation.compiled_model import Model
 
 PERIOD = 1.0  # s of the steady clock
 WARNING_PERIOD = 30.0  # s between warnings of bad timing on the console
+MAX_LAG = 1.0  # simulated s behind a clock that is followed
 MAX_SLOWNESS = 0.01  # relative shortfall of the real-time factor
 MAX_RESIDUAL = 1e-6  # energy residual, relative to the energies
 MAX_VIOLATION = 1e-6  # of the constraints, in m and m/s
@@ -149,8 +150,20 @@ class Diagnostics:
             cause = BUSY if stepping < 0.5 else STEPS_TOO_EXPENSIVE
             lost = f"{text} instead of {requested:g}" if slow else f"{text}, but time was lost"
             return f"{lost}, and the schedule was restarted {overruns} times: {cause}"
-        if self.stepping_thread.rates.clock and self._node.count_publishers("/clock") > 1:
-            return f"{text}, but another node publishes /clock as well: set clock_rate to 0 in all nodes but one"
+        return self._clock_problem(text)
+
+    def _clock_problem(self, text: str) -> str:
+        """The problem with the clock that the node publishes or follows, or ""."""
+        thread = self.stepping_thread
+        publishers = self._node.count_publishers("/clock")
+        if thread.waits_for_clock:
+            return "no /clock yet: start the node that publishes it, or start this one with use_sim_time:=false"
+        if thread.followed is not None and publishers > 1:
+            return f"{text}, but {publishers} nodes publish /clock: start all but one with use_sim_time:=true"
+        if self.publishing_thread.publishes_clock and publishers > 1:
+            return f"{text}, but another node publishes /clock as well: start all nodes but one with use_sim_time:=true"
+        if thread.lag > MAX_LAG and not thread.paused:
+            return f"{text}, but {thread.lag:.1f} s behind /clock: {STEPS_TOO_EXPENSIVE}, or slow the node that leads"
         return ""
 
     def _mechanics(self) -> DiagnosticStatus:

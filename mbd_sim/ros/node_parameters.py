@@ -66,6 +66,7 @@ class NodeParameters:
         self._specs = {spec.name: spec for spec in specs}
         self._values: dict[str, Any] = {}
         self._live_keys: dict[str, list[str]] = {}
+        self._fixed: dict[str, str] = {}
         self._set_live: Callable[[Mapping[str, float]], str] = lambda changes: ""
         for spec in specs:
             value = node.declare_parameter(spec.name, spec.default, _descriptor(spec)).value
@@ -109,6 +110,10 @@ class NodeParameters:
             given |= {key: new for key, new in changes.items() if new != live[key]}
         return given
 
+    def fix(self, name: str, reason: str) -> None:
+        """Refuse changes of a parameter from now on, for a reason that names the remedy."""
+        self._fixed[name] = reason
+
     def finish(self) -> list[str]:
         """Accept changes from now on; returns the parameters given at the start that the node does not have.
 
@@ -121,6 +126,8 @@ class NodeParameters:
         changes: dict[str, Any] = {}
         live: dict[str, float] = {}
         for parameter in parameters:
+            if (reason := self._fixed.get(parameter.name)) and not self._is_current(parameter):
+                return SetParametersResult(successful=False, reason=reason)
             if (spec := self._specs.get(parameter.name)) is not None:
                 problem = _problem(spec, parameter.value)
                 if not problem:
@@ -140,6 +147,9 @@ class NodeParameters:
             self._values[name] = value
             self._on_change(name, value)
         return SetParametersResult(successful=True)
+
+    def _is_current(self, parameter: Parameter) -> bool:
+        return bool(parameter.value == self._node.get_parameter(parameter.name).value)
 
     def _live_changes(self, name: str, value: Any) -> tuple[dict[str, float], str]:
         """The live values that a parameter's value sets, and the problem with it, or ""."""

@@ -5,15 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
+
 from mbd_sim.errors import nearest
 from mbd_sim.load import load_mechanism
 from mbd_sim.messages.topics import CLOCK, DIAGNOSTICS, MARKERS, PART, TOPICS, OutputTopic, for_each_part
 from mbd_sim.recording.recorder import Recorder
 from mbd_sim.recording.recording_paths import FORMATS, new_recording_paths
 from mbd_sim.recording.run_metadata import run_metadata
+from mbd_sim.ros.followed_clock import FollowedClock
 from mbd_sim.ros.node_parameters import NodeParameters
 from mbd_sim.ros.node_recordings import NodeRecordings, SplitLimits
 from mbd_sim.ros.publishing_thread import PublishingThread
+from mbd_sim.ros.qos import FOLLOWED_CLOCK
 from mbd_sim.ros.stepping_thread import SteppingThread
 from mbd_sim.ros.wrench_buffer import ALL, WrenchTargets, wrench_targets
 from mbd_sim.simulation.simulation import Simulation
@@ -107,3 +112,25 @@ def rerun_viewer(parameters: NodeParameters, simulation: Simulation, log: Any) -
         return None
     log.info(f"showing in Rerun: {viewer.address}")
     return viewer
+
+
+def followed_clock(node: Node, parameters: NodeParameters) -> FollowedClock | None:
+    """The clock that the node follows with `use_sim_time`, fed from `/clock`; None if it has a clock of its own.
+
+    :raises ValueError: a parameter contradicts a followed clock.
+    """
+    parameters.fix("use_sim_time", "set use_sim_time when starting the node: it decides whose clock the node follows.")
+    if not node.get_parameter("use_sim_time").value:
+        return None
+    for name, value in (("real_time_factor", 1.0), ("reset_rewinds_clock", False)):
+        reason = f"with use_sim_time, time is that of /clock: set {name} in the node that publishes it."
+        if parameters[name] != value:
+            raise ValueError(f"{name} cannot be {parameters[name]} here: {reason}")
+        parameters.fix(name, reason)
+    clock = FollowedClock()
+
+    def take(message: Clock) -> None:
+        clock.take(message.clock.sec * 1_000_000_000 + message.clock.nanosec)
+
+    node.create_subscription(Clock, CLOCK.name, take, FOLLOWED_CLOCK)
+    return clock

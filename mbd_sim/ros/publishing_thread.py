@@ -39,8 +39,9 @@ class PublishingThread:
         requested: Sequence[OutputTopic],
         *,
         frame_prefix: str = "",
+        clock: bool = True,
     ) -> None:
-        """Create the publishers of the requested topics, of `/clock` and of the markers.
+        """Create the publishers of the requested topics, of the markers, and with `clock` that of `/clock`.
 
         :raises ImportError: the package of a message type is not installed.
         """
@@ -54,7 +55,9 @@ class PublishingThread:
         self._topics = {topic.name: TopicPublisher(node, topic) for topic in requested}
         self._state_writers = {t.name: t.on_state(model, frame_prefix) for t in requested if t.on_state is not None}
         self._event_writers = {t.name: t.on_event(model) for t in requested if t.on_event is not None}
-        self._clock = TopicPublisher(node, topics.CLOCK).publisher
+        self._node, self._clock_lock = node, threading.Lock()
+        self._clock: TopicPublisher | None = None
+        self.publish_clock(clock)
         self._clock_message = MessageTemplate(Clock(clock=STAMP))
         self._marker_publisher = TopicPublisher(node, topics.MARKERS).publisher
         self._frame_prefix = frame_prefix
@@ -65,6 +68,20 @@ class PublishingThread:
     def thread_id(self) -> int:
         """The system's id of the thread, 0 before it has started."""
         return (self._thread.native_id if self._thread else 0) or 0
+
+    def publish_clock(self, publish: bool) -> None:
+        """Create or destroy the publisher of `/clock`, from any thread."""
+        with self._clock_lock:
+            if publish and self._clock is None:
+                self._clock = TopicPublisher(self._node, topics.CLOCK)
+            elif not publish and self._clock is not None:
+                self._node.destroy_publisher(self._clock.publisher)
+                self._clock = None
+
+    @property
+    def publishes_clock(self) -> bool:
+        """Whether there is a publisher of `/clock`."""
+        return self._clock is not None
 
     def recorded_topics(self) -> dict[str, Topic]:
         """The topics that are recorded, for a recorder."""
@@ -113,7 +130,9 @@ class PublishingThread:
     def _publish_snapshot(self, snapshot: Snapshot) -> None:
         if Due.CLOCK in snapshot.due:
             self._clock_message.stamp(snapshot.clock_ns)
-            self._clock.publish(self._clock_message.payload())
+            with self._clock_lock:
+                if self._clock is not None:
+                    self._clock.publisher.publish(self._clock_message.payload())
         self.latest = snapshot
         if Due.STATE in snapshot.due or Due.VIEW in snapshot.due:
             self._publish_state(snapshot)

@@ -23,6 +23,7 @@ def profile(offered: OfferedQos) -> QoSProfile:
     )
 
 
+FOLLOWED_CLOCK = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.BEST_EFFORT)  # fits every publisher
 STATE, CLOCK, COMMAND = profile(qos.STATE), profile(qos.CLOCK), profile(qos.COMMAND)
 
 

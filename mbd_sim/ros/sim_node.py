@@ -18,6 +18,7 @@ from mbd_sim.ros.node_parameters import NodeParameters
 from mbd_sim.ros.node_program import run_node
 from mbd_sim.ros.node_setup import (
     build_simulation,
+    followed_clock,
     node_recordings,
     requested_topics,
     rerun_viewer,
@@ -25,9 +26,10 @@ from mbd_sim.ros.node_setup import (
 )
 from mbd_sim.ros.publication_schedule import rate_remark
 from mbd_sim.ros.publishing_thread import PublishingThread
+from mbd_sim.ros.rates import Rates
 from mbd_sim.ros.sim_parameters import PARAMETERS
 from mbd_sim.ros.simulation_services import serve_simulation_interfaces
-from mbd_sim.ros.stepping_thread import Rates, SteppingThread
+from mbd_sim.ros.stepping_thread import SteppingThread
 from mbd_sim.ros.subscriptions import Subscriptions
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
 
@@ -51,20 +53,27 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         timeout = parameters["command_timeout"]
         self.commands = CommandBuffer(simulation.effort_map, timeout)
         self.wrenches = WrenchBuffer(simulation.wrench_map, simulation.model.part_names, timeout, frame_prefix)
+        self.followed = followed_clock(self, parameters)
         self.rates = Rates(
             parameters["real_time_factor"],
             parameters["publish_rate"],
-            parameters["clock_rate"],
+            parameters["clock_rate"] if self.followed is None else 0.0,
             parameters["marker_rate"],
         )
         self.stepping_thread = SteppingThread(
-            simulation, self.commands, self.rates, wrenches=self.wrenches, paused=parameters["start_paused"]
+            simulation,
+            self.commands,
+            self.rates,
+            wrenches=self.wrenches,
+            paused=parameters["start_paused"],
+            followed=self.followed,
         )
         self.publishing_thread = PublishingThread(
             self,
             simulation.model,
             requested_topics(parameters, simulation.model.part_names),
             frame_prefix=frame_prefix,
+            clock=self.rates.clock > 0.0,
         )
         self.recordings = node_recordings(parameters, self.stepping_thread, self.publishing_thread, log)
         self.publishing_thread.recordings = self.recordings
@@ -97,8 +106,11 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             self._remark_on_rate(name)
         if self._priority and (refusal := realtime.lock_memory()):
             self._add_note(refusal)
+        if self.followed is not None:
+            log.info("following /clock: waiting for the node that publishes it")
         if self.parameters["record"]:
-            started, answer = self.recordings.start(self.stepping_thread.moment())
+            # The file of a run that follows a clock begins when that clock is known.
+            started, answer = self.recordings.start(None if self.followed else self.stepping_thread.moment())
             if not started:
                 log.error(f"{answer} The run is not recorded.")
             else:
@@ -192,7 +204,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
                 self._prioritize()
             case "publish_rate":
                 self.rates.publish = value
-            case "clock_rate":
+            case "clock_rate" if self.followed is None:
+                self.publishing_thread.publish_clock(value > 0.0)
                 self.rates.clock = value
             case "marker_rate":
                 self.rates.markers = value

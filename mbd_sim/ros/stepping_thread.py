@@ -5,15 +5,15 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from queue import SimpleQueue
 
 from mbd_sim.errors import CommandError, DivergedError
 from mbd_sim.messages.snapshot import Due, Snapshot
 from mbd_sim.recording.run_metadata import Moment
 from mbd_sim.ros.command_buffer import CommandBuffer
+from mbd_sim.ros.followed_clock import FollowedClock
 from mbd_sim.ros.pacing import Pacer
-from mbd_sim.ros.publication_schedule import PublicationSchedule, publication_schedule
+from mbd_sim.ros.rates import Rates
 from mbd_sim.ros.requests import RequestQueue
 from mbd_sim.ros.snapshots import Counters, Item
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
@@ -29,21 +29,6 @@ BACKLOG = 200  # snapshots that may wait for publication when running as fast as
 MAX_WAITING = 10_000  # snapshots that may wait at all; when publishing is that slow, further ones are dropped
 
 
-@dataclass
-class Rates:
-    """Rates that may change during the run.
-
-    `real_time_factor` 0 is as fast as possible; the others are in Hz of simulated time, 0 for never: of states, of the
-    clock, of markers, and of samples for the Rerun scene.
-    """
-
-    real_time_factor: float = 1.0
-    publish: float = 100.0
-    clock: float = 200.0
-    markers: float = 0.0
-    view: float = 0.0
-
-
 class SteppingThread:
     """Steps a simulation until it is stopped; commands and requests take effect between two steps."""
 
@@ -55,7 +40,9 @@ class SteppingThread:
         *,
         wrenches: WrenchBuffer | None = None,
         paused: bool = False,
+        followed: FollowedClock | None = None,
     ) -> None:
+        """Prepare the thread; with a `followed` clock, steps are taken up to its time, instead of in real time."""
         self.simulation, self.commands, self.rates = simulation, commands, rates
         self.wrenches = wrenches or WrenchBuffer(simulation.wrench_map, simulation.model.part_names, commands.timeout)
         self.output: SimpleQueue[Item] = SimpleQueue()
@@ -64,14 +51,19 @@ class SteppingThread:
         self.paused = paused
         self.problem = self.advice = ""
         self.ticks = 0
+        self.followed = followed
+        self._held_moments = 0  # requested before the followed clock has begun
         self._last_emitted = self._last_viewed = -1  # the tick of the last state that was emitted, and for the viewer
-        self._clock_offset = 0
+        self._emitted_at = 0.0  # s of the steady clock
+        self._clock_zero_ns = 0  # the clock at tick 0
         self._error_threshold = TOLERATED
         self._step_ns = round(simulation.step_size * 1e9)
         self._wake = threading.Event()
         self._requests: RequestQueue[[]] = RequestQueue(self._wake.set)
         self._live_lock = threading.Lock()
-        self._stopping = False
+        if followed is not None:
+            followed.on_time = self._wake.set
+        self._stopping = self._follows = False
         self._thread = threading.Thread(target=self._run, name="stepper", daemon=True)
 
     def start(self) -> None:
@@ -92,13 +84,13 @@ class SteppingThread:
 
     @property
     def clock_ns(self) -> int:
-        """The node's simulated clock in ns; it goes back only when a reset asks for it."""
-        return self._clock_ticks * self._step_ns
+        """The node's simulated clock in ns; it goes back only when a reset asks for it, or the followed clock does."""
+        return self._clock_zero_ns + self.ticks * self._step_ns
 
     @property
     def _clock_ticks(self) -> int:
-        """The steps since the clock was zero."""
-        return self.ticks - self._clock_offset
+        """The whole steps since the clock was zero."""
+        return self.clock_ns // self._step_ns
 
     def pause(self, paused: bool) -> None:
         """Pause or resume; returns when it has taken effect."""
@@ -126,7 +118,7 @@ class SteppingThread:
 
     def request_moment(self) -> None:
         """Have a `Moment` put into the output between two steps; returns at once."""
-        self._requests.submit(lambda: self.output.put(self.moment()))
+        self._requests.submit(self._put_moment)
 
     def moment(self) -> Moment:
         """Everything that determines the motion from here on; for the stepping thread, or before it starts."""
@@ -150,17 +142,27 @@ class SteppingThread:
             raise
 
     def _loop(self) -> None:
-        self._emit(Due.ALL)
+        if self.followed is None:
+            self._emit(Due.ALL)
         for remark in self.simulation.remarks:
             self._report(EventKind.NOTE, remark)
         self.pacer.anchor()
         while not self._stopping:
             self._requests.serve_all()
+            if self.followed is not None and (beginning := self.followed.take_beginning()) is not None:
+                self._follow_beginning(beginning)
+            if self.waits_for_clock:
+                self._wake.wait()
+                self._wake.clear()
+                continue
             if self.paused:
                 if not self._wake.wait(REPEAT_PERIOD):
                     self._emit(Due.ALL, repeated=True)
                 self._wake.clear()
                 self.pacer.anchor()
+                continue
+            if self.followed is not None:
+                self._follow(self.followed)
                 continue
             steps = self._steps_until_due()
             self._advance(steps)
@@ -174,27 +176,62 @@ class SteppingThread:
                 self.pacer.pass_deadline()
                 self._wait_for_output()
 
+    def _put_moment(self) -> None:
+        if self.waits_for_clock:
+            self._held_moments += 1
+        else:
+            self.output.put(self.moment())
+
+    @property
+    def waits_for_clock(self) -> bool:
+        """Whether there is a clock to follow that has not begun."""
+        return self.followed is not None and not self._follows
+
+    @property
+    def lag(self) -> float:
+        """How far the node is behind the clock that it follows, in s."""
+        if self.followed is None or self.followed.time_ns is None or self.waits_for_clock:
+            return 0.0
+        return max(0, self.followed.time_ns - self.clock_ns) * 1e-9
+
+    def _follow(self, followed: FollowedClock) -> None:
+        """Take steps up to the time of the followed clock, or wait until it goes on."""
+        time_ns = followed.time_ns or 0
+        steps = min(self._steps_until_due(), (time_ns - self.clock_ns) // self._step_ns)
+        if steps > 0:
+            self._advance(steps)
+            self._wait_for_output()
+        else:
+            self._wake.wait(REPEAT_PERIOD)
+            self._wake.clear()
+            if time.perf_counter() - self._emitted_at >= REPEAT_PERIOD:  # a leader that is paused repeats its time
+                self._emit(Due.ALL, repeated=self._last_emitted == self.ticks)
+        self.pacer.pass_deadline()
+
+    def _follow_beginning(self, time_ns: int) -> None:
+        """Set the clock to a followed clock that has begun; return to the start if it has restarted."""
+        restarted, self._follows = self._follows, True
+        self._clock_zero_ns = time_ns - self.ticks * self._step_ns
+        for _ in range(self._held_moments):
+            self.output.put(self.moment())
+        self._held_moments = 0
+        if not restarted:
+            self._report(EventKind.NOTE, f"following /clock from {1e-9 * time_ns:.9g} s")
+            self._emit(Due.ALL)
+            return
+        self._report(EventKind.CLOCK_SET, f"to {1e-9 * time_ns:.9g} s: /clock has restarted")
+        if problem := self._reset(rewind_clock=False, state=True):
+            self._report(EventKind.WARNING, f"/clock has restarted, but {problem}")
+
     def _wait_for_output(self) -> None:
         while self.output.qsize() > BACKLOG and not self._stopping:
             time.sleep(1e-3)
 
-    def _schedules(self) -> dict[Due, PublicationSchedule | None]:
-        rates, step_size = self.rates, self.simulation.step_size
-        return {
-            Due.STATE: publication_schedule(rates.publish, step_size),
-            Due.CLOCK: publication_schedule(rates.clock, step_size),
-            Due.MARKERS: publication_schedule(rates.markers, step_size),
-            Due.VIEW: publication_schedule(rates.view, step_size),
-        }
-
     def _steps_until_due(self) -> int:
         """Steps to take at once: those of one wake-up period, and none beyond the next publication."""
-        factor = self.rates.real_time_factor
+        factor = self.rates.real_time_factor if self.followed is None else 0.0
         steps = max(1, round(WAKE_UP_PERIOD * factor / self.simulation.step_size)) if factor > 0.0 else FAST_BATCH
-        for schedule in self._schedules().values():
-            if schedule is not None:
-                steps = min(steps, schedule.next_tick(self._clock_ticks) - self._clock_ticks)
-        return steps
+        return self.rates.steps_until_due(self._clock_ticks, self.simulation.step_size, at_most=steps)
 
     def _advance(self, steps: int) -> str:
         """Apply commands, take the steps, hand out a snapshot if due; returns the problem, or ""."""
@@ -209,17 +246,9 @@ class SteppingThread:
         self.ticks += steps
         self._check_error_estimate()
         self.counters.stepping += time.perf_counter() - began
-        if due := self._due():
+        if due := self.rates.due(self._clock_ticks, self.simulation.step_size):
             self._emit(due)
         return ""
-
-    def _due(self) -> Due:
-        """What is due at the present tick."""
-        due = Due.NONE
-        for message, schedule in self._schedules().items():
-            if schedule is not None and schedule.is_due(self._clock_ticks):
-                due |= message
-        return due
 
     def _apply_commands(self) -> None:
         time_now = self.ticks * self.simulation.step_size
@@ -241,13 +270,15 @@ class SteppingThread:
             self._report(EventKind.WARNING, self.advice)
 
     def _emit(self, due: Due, repeated: bool = False) -> None:
+        if self.waits_for_clock:
+            return
         if self.output.qsize() >= MAX_WAITING:
             self.counters.dropped += 1
             return
         if repeated and self._last_viewed == self.ticks:
             due &= ~Due.VIEW
         if Due.STATE in due:
-            self._last_emitted = self.ticks
+            self._last_emitted, self._emitted_at = self.ticks, time.perf_counter()
         if Due.VIEW in due:
             self._last_viewed = self.ticks
         self.output.put(
@@ -271,10 +302,16 @@ class SteppingThread:
     def _set_paused(self, paused: bool) -> None:
         if paused != self.paused:
             self.paused = paused
+            if self.lag and not paused:  # the clock has gone on, the motion has not
+                time_ns = self.clock_ns + round(1e9 * self.lag)
+                self._clock_zero_ns = time_ns - self.ticks * self._step_ns
+                self._report(EventKind.CLOCK_SET, f"to {1e-9 * time_ns:.9g} s after the pause")
             self._report(EventKind.PAUSED if paused else EventKind.RUNNING)
             self._emit(Due.ALL)
 
     def _reset(self, rewind_clock: bool, state: bool) -> str:
+        if rewind_clock and self.followed is not None:
+            return "the clock is that of /clock: reset the node that publishes it, and set reset_rewinds_clock to false"
         began = time.perf_counter()
         if state:
             try:
@@ -285,7 +322,7 @@ class SteppingThread:
             self.commands.clear()
             self.wrenches.clear()
         if rewind_clock:
-            self._clock_offset = self.ticks
+            self._clock_zero_ns = -self.ticks * self._step_ns
         self._report(EventKind.RESET if state else EventKind.CLOCK_RESET)
         self._emit(Due.ALL)
         self.pacer.delay(time.perf_counter() - began)  # no step has to make up for it
@@ -302,6 +339,8 @@ class SteppingThread:
     def _step_paused(self, steps: int) -> str:
         if not self.paused:
             return "the simulation is running: pause it before stepping"
+        if self.waits_for_clock:
+            return "no /clock has arrived yet: start the node that publishes it"
         left = steps
         while left > 0 and not self._stopping:
             batch = min(left, self._steps_until_due())

@@ -24,6 +24,7 @@ class EventKind(StrEnum):
     RESET = "reset"  # back to the start state
     NEW_STATE = "new state"  # the run continues from a given state
     CLOCK_RESET = "clock set to zero"  # the state stays as it is
+    CLOCK_SET = "clock set"  # to the time of a clock that the node follows; the state stays as it is
     LIVE_VALUES = "live values"
     WARNING = "warning"
     DIVERGED = "diverged"  # the motion became infinite; the simulation is paused
@@ -33,7 +34,7 @@ class EventKind(StrEnum):
 
 RESTARTS = frozenset({EventKind.RESET, EventKind.NEW_STATE})  # after which the motion is another one
 ERRORS = frozenset({EventKind.DIVERGED, EventKind.FAILED})
-_WITH_MESSAGE = frozenset({EventKind.WARNING, *ERRORS})
+_WITH_MESSAGE = frozenset({EventKind.CLOCK_SET, EventKind.WARNING, *ERRORS})
 _WITHOUT_PAYLOAD = frozenset(
     {
         EventKind.COMMAND,

@@ -8,9 +8,12 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.messages.snapshot import Due, Snapshot
+from mbd_sim.recording.run_metadata import Moment
 from mbd_sim.ros.command_buffer import CommandBuffer
+from mbd_sim.ros.followed_clock import FollowedClock
 from mbd_sim.ros.pacing import MAX_LATENESS, Histogram, Pacer
-from mbd_sim.ros.stepping_thread import Rates, SteppingThread
+from mbd_sim.ros.rates import Rates
+from mbd_sim.ros.stepping_thread import SteppingThread
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
 from mbd_sim.simulation.events import AppliedWrench, Event
 
@@ -20,10 +23,10 @@ def make():
     stepping_threads = []
 
     def build(step=None, **rates):
-        paused = rates.pop("paused", False)
+        paused, followed = rates.pop("paused", False), rates.pop("followed", None)
         simulation = Simulation.from_file("rod_pendulum", method="rk4", step=step)
         stepping_thread = SteppingThread(
-            simulation, CommandBuffer(simulation.effort_map, 0.0), Rates(**rates), paused=paused
+            simulation, CommandBuffer(simulation.effort_map, 0.0), Rates(**rates), paused=paused, followed=followed
         )
         stepping_threads.append(stepping_thread)
         return stepping_thread
@@ -299,3 +302,66 @@ def test_concurrent_changes_of_live_values_are_all_applied_one_after_another(cha
         assert payload.all_values == known
     assert len(events) == 60
     assert stepping_thread.simulation.live == {f"gravity[{axis}]": 19.0 for axis in range(3)}
+
+
+def state_times(items):
+    """The stamps of states in ms, and the times of the mechanism in steps."""
+    snapshots = [item for item in items if isinstance(item, Snapshot) and Due.STATE in item.due and not item.repeated]
+    return [(snapshot.clock_ns / 1e6, round(snapshot.time / 1e-3)) for snapshot in snapshots]
+
+
+def test_a_followed_clock_is_waited_for_and_never_overtaken(make):
+    clock = FollowedClock()
+    stepping_thread = make(followed=clock, publish=1000.0)
+    stepping_thread.start()
+    stepping_thread.request_moment()
+    assert "no /clock has arrived yet" in (stepping_thread.pause(True) or stepping_thread.step(5))
+    stepping_thread.pause(False)
+    clock.take(7_000_300_000)  # between two steps of another simulator
+    wait_for(lambda: not stepping_thread.waits_for_clock)
+    assert (stepping_thread.ticks, stepping_thread.clock_ns) == (0, 7_000_300_000)
+    clock.take(7_005_299_999)
+    wait_for(lambda: stepping_thread.ticks == 4)
+    clock.take(7_005_300_000)
+    wait_for(lambda: stepping_thread.ticks == 5)
+    stepping_thread.stop()
+    items = collected(stepping_thread)
+    assert state_times(items) == [(pytest.approx(7000.3 + step), step) for step in range(6)]
+    (moment,) = [item for item in items if isinstance(item, Moment)]
+    assert (moment.ticks, moment.clock_ns) == (0, 7_000_300_000)
+
+
+def test_a_followed_clock_that_goes_back_restarts_the_motion_at_the_new_time(make):
+    clock = FollowedClock()
+    stepping_thread = make(followed=clock, publish=1000.0)
+    stepping_thread.start()
+    clock.take(0)
+    clock.take(20_000_000)
+    wait_for(lambda: stepping_thread.ticks == 20)
+    clock.take(3_000_000)
+    clock.take(8_000_000)
+    wait_for(lambda: stepping_thread.ticks == 25)
+    assert (stepping_thread.clock_ns, stepping_thread.simulation.steps) == (8_000_000, 5)
+    assert "reset the node that publishes it" in stepping_thread.reset(rewind_clock=True)
+    assert stepping_thread.simulation.steps == 5
+    stepping_thread.stop()
+    texts = [item.text for item in collected(stepping_thread) if isinstance(item, Event)]
+    assert texts == ["following /clock from 0 s", "clock set: to 0.003 s: /clock has restarted", "reset"]
+
+
+def test_after_a_pause_a_followed_clock_is_joined_at_its_present_time(make):
+    clock = FollowedClock()
+    stepping_thread = make(followed=clock)
+    stepping_thread.start()
+    clock.take(0)
+    clock.take(5_000_000)
+    wait_for(lambda: stepping_thread.ticks == 5)
+    stepping_thread.pause(True)
+    clock.take(50_000_000)
+    stepping_thread.pause(False)
+    clock.take(52_000_000)
+    wait_for(lambda: stepping_thread.ticks == 7)
+    assert stepping_thread.clock_ns == 52_000_000
+    clock.take(552_000_000)  # a jump ahead: all steps are taken
+    wait_for(lambda: stepping_thread.ticks == 507)
+    assert stepping_thread.lag == 0.0
