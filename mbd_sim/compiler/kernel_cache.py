@@ -4,14 +4,23 @@ The key of a kernel is the hash of its intermediate code, the processor with its
 compiler. Files are written atomically, by renaming, and have a checksum: several processes may write the same kernel at
 once, and a damaged file counts as missing. The environment variable `MBD_SIM_CACHE` names another folder, or disables
 the cache if it is empty, 0 or off.
+
+What is loaded is executed. Therefore a folder or file that another user owns or may write is not used, as ssh does
+with its keys; a warning says so once.
 """
 
 from __future__ import annotations
 
 import contextlib
+import functools
+import grp
 import hashlib
 import os
+import pwd
+import stat
 import tempfile
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
 
 LARGEST = 200e6  # bytes of all kernels together; beyond, the least recently used are removed
@@ -23,9 +32,10 @@ def folder() -> Path | None:
     if _VARIABLE in os.environ:
         written = os.environ[_VARIABLE]
         return None if written.lower() in ("", "0", "off") else Path(written)
-    base = os.environ.get("XDG_CACHE_HOME")
+    base = os.environ.get("XDG_CACHE_HOME", "")
     try:
-        return (Path(base) if base else Path.home() / ".cache") / "mbd_sim" / "kernels"
+        # The specification of XDG demands that a relative path is ignored.
+        return (Path(base) if Path(base).is_absolute() else Path.home() / ".cache") / "mbd_sim" / "kernels"
     except RuntimeError:  # there is no home directory
         return None
 
@@ -43,29 +53,87 @@ def load(name: str) -> bytes | None:
     """The code that was stored under a key, or None."""
     if (directory := folder()) is None:
         return None
-    path = directory / name
-    try:
-        content = path.read_bytes()
-    except OSError:
-        return None
-    checksum, code = content[:32], content[32:]
-    if hashlib.sha256(code).digest() != checksum:
-        return None
-    with contextlib.suppress(OSError):
-        os.utime(path)
-    return code
+    with contextlib.suppress(OSError), _opened(directory) as opened:
+        # No link is followed, and what is checked is what is read: the open file.
+        file = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=opened)
+        with os.fdopen(file, "rb") as stream:
+            if not stat.S_ISREG(os.fstat(file).st_mode) or not _is_ours(os.fstat(file), directory / name):
+                return None
+            content = stream.read()
+        checksum, code = content[:32], content[32:]
+        if hashlib.sha256(code).digest() != checksum:
+            return None
+        with contextlib.suppress(OSError):
+            os.utime(name, dir_fd=opened, follow_symlinks=False)
+        return code
+    return None
 
 
 def store(name: str, code: bytes) -> None:
-    """Store code under a key; if the folder cannot be written, nothing is stored."""
+    """Store code under a key; if the folder cannot be written or is not ours alone, nothing is stored."""
     if (directory := folder()) is None:
         return
     with contextlib.suppress(OSError):
         directory.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=directory, delete=False) as file:
+        with _opened(directory), tempfile.NamedTemporaryFile(dir=directory, delete=False) as file:
             file.write(hashlib.sha256(code).digest() + code)
         Path(file.name).replace(directory / name)
         _prune(directory)
+
+
+@contextlib.contextmanager
+def _opened(directory: Path) -> Iterator[int]:
+    """The descriptor of the folder, if it and all folders above it can only be changed by us and the administrator.
+
+    :raises OSError: it cannot be opened, or somebody else may change it.
+    """
+    path = directory.resolve(strict=True)  # a link in a safe folder is as safe as its target
+    for above in path.parents:
+        state = above.stat()
+        if state.st_uid not in (0, os.geteuid()) or (_others_may_write(state) and not state.st_mode & stat.S_ISVTX):
+            _refuse(above, directory)
+            raise PermissionError(str(above))
+    opened = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    try:
+        if not _is_ours(os.fstat(opened), directory):
+            raise PermissionError(str(directory))
+        yield opened
+    finally:
+        os.close(opened)
+
+
+def _is_ours(state: os.stat_result, path: Path) -> bool:
+    """Whether a file or folder belongs to us and nobody else may write it; if not, a warning says so once."""
+    ours = state.st_uid == os.geteuid() and not _others_may_write(state)
+    if not ours:
+        _refuse(path, path)
+    return ours
+
+
+def _others_may_write(state: os.stat_result) -> bool:
+    in_group = bool(state.st_mode & stat.S_IWGRP) and not _is_private(state.st_gid)
+    return in_group or bool(state.st_mode & stat.S_IWOTH)
+
+
+@functools.cache
+def _is_private(group: int) -> bool:
+    """Whether a group is the one that many distributions create for a single user, who is us."""
+    try:
+        user, record = pwd.getpwuid(os.geteuid()), grp.getgrgid(group)
+    except KeyError:
+        return False
+    return record.gr_gid == user.pw_gid and record.gr_name == user.pw_name and set(record.gr_mem) <= {user.pw_name}
+
+
+@functools.cache
+def _refuse(path: Path, used: Path) -> None:
+    """Warn once for each path."""
+    warnings.warn(
+        f"the kernel cache '{used}' is not used: another user owns '{path}' or may write it. "
+        f"Run: chmod go-w '{path}', or set {_VARIABLE} to a folder of yours.",
+        RuntimeWarning,
+        stacklevel=2,
+    )
 
 
 def _prune(directory: Path) -> None:

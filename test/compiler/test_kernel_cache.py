@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
@@ -64,6 +65,104 @@ def test_the_default_is_the_users_cache(monkeypatch):
     monkeypatch.delenv("MBD_SIM_CACHE", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", "/somewhere")
     assert kernel_cache.folder() == Path("/somewhere/mbd_sim/kernels")
+
+
+@pytest.mark.parametrize("relative", ["cache", "./cache", "../cache", "."])
+def test_a_relative_cache_home_is_ignored(monkeypatch, relative):
+    monkeypatch.delenv("MBD_SIM_CACHE", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", relative)
+    monkeypatch.setenv("HOME", "/home/somebody")
+    assert kernel_cache.folder() == Path("/home/somebody/.cache/mbd_sim/kernels")
+
+
+def writable(path, folder):
+    path.chmod(0o666)
+
+
+def writable_folder(path, folder):
+    folder.chmod(0o777)
+
+
+def group_folder(path, folder):
+    os.chown(folder, -1, 12345)
+    folder.chmod(0o770)
+
+
+def foreign_file(path, folder):
+    os.chown(path, 12345, -1)
+
+
+def foreign_folder(path, folder):
+    os.chown(folder, 12345, -1)
+
+
+def writable_above(path, folder):
+    folder.parent.chmod(0o777)
+
+
+def foreign_above(path, folder):
+    os.chown(folder.parent, 12345, -1)
+
+
+def link(path, folder):
+    path.rename(folder / "target")
+    path.symlink_to(folder / "target")
+
+
+def pipe(path, folder):
+    path.unlink()
+    os.mkfifo(path, 0o600)
+
+
+def subfolder(path, folder):
+    path.unlink()
+    path.mkdir()
+
+
+ROOT_ONLY = pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
+
+
+@pytest.mark.parametrize(
+    "plant",
+    [
+        writable, writable_folder, writable_above, link, pipe, subfolder,
+        *(pytest.param(plant, marks=ROOT_ONLY) for plant in (group_folder, foreign_file, foreign_folder, foreign_above)),
+    ],
+)  # fmt: skip
+def test_what_others_may_have_written_is_not_loaded(folder, plant):
+    kernel_cache.store("name", b"code")
+    plant(folder / "name", folder)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        assert kernel_cache.load("name") is None
+        assert kernel_cache.load("name") is None
+    expected = 0 if plant in (link, pipe, subfolder) else 1  # of each reason once
+    assert len(caught) == expected
+    assert all("chmod go-w" in str(warning.message) for warning in caught)
+
+
+@pytest.mark.parametrize("plant", [writable_folder, writable_above])
+def test_nothing_is_stored_where_others_may_write(folder, plant):
+    kernel_cache.store("name", b"code")
+    plant(folder / "name", folder)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        kernel_cache.store("other", b"code")
+    assert [path.name for path in folder.iterdir()] == ["name"]
+
+
+def test_a_group_with_one_member_is_no_danger(folder, monkeypatch):
+    monkeypatch.setattr(kernel_cache, "_is_private", lambda group: group == folder.stat().st_gid)
+    kernel_cache.store("name", b"code")
+    folder.chmod(0o775)
+    assert kernel_cache.load("name") == b"code"
+
+
+def test_a_folder_may_be_a_link(folder, tmp_path, monkeypatch):
+    kernel_cache.store("name", b"code")
+    (tmp_path / "link").symlink_to(folder)
+    monkeypatch.setenv("MBD_SIM_CACHE", str(tmp_path / "link"))
+    assert kernel_cache.load("name") == b"code"
 
 
 def test_those_not_used_for_longest_go_first(folder, monkeypatch):
