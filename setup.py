@@ -8,15 +8,16 @@ from setuptools import find_packages, setup
 
 NAME = "mbd_sim"
 EXAMPLES = Path(NAME, "examples")
+START = f"{NAME}.programs:node."  # imports the module that follows; see mbd_sim/programs.py
 # Each module of an example's folder that has a main() is a program.
 EXAMPLE_PROGRAMS = {
-    f"example_{module.stem}": f"{NAME}.examples.{module.parent.name}.{module.stem}:main"
+    f"example_{module.stem}": f"{START}examples.{module.parent.name}.{module.stem}.main"
     for module in sorted(EXAMPLES.glob("*/*.py"))
     if "\ndef main(" in module.read_text(encoding="utf-8")
 }
 ROS_PROGRAMS = {
-    "sim_node": f"{NAME}.ros.sim_node:main",
-    "replay_node": f"{NAME}.ros.replay_node:main",
+    "sim_node": f"{START}ros.sim_node.main",
+    "replay_node": f"{START}ros.replay_node.main",
     **EXAMPLE_PROGRAMS,
 }
 
@@ -117,7 +118,7 @@ setup(
     },
     entry_points={
         "console_scripts": [
-            "mbd_sim = mbd_sim.cli.main:main",
+            "mbd_sim = mbd_sim.programs:command.cli.main.main",
             *(f"{program} = {function}" for program, function in ROS_PROGRAMS.items()),
         ],
     },

@@ -2,6 +2,6 @@
 
 import sys
 
-from mbd_sim.cli.main import main
+from mbd_sim.programs import command
 
-sys.exit(main())
+sys.exit(command.cli.main.main())

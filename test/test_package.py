@@ -97,7 +97,8 @@ def evaluated_setup():
 
 
 def test_entry_points_exist(evaluated_setup):
-    modules = re.findall(r"= ([\w.]+):main", "\n".join(evaluated_setup[0]["console_scripts"]))
+    scripts = "\n".join(evaluated_setup[0]["console_scripts"])
+    modules = [f"mbd_sim.{path}" for path in re.findall(r"= mbd_sim\.programs:\w+\.([\w.]+)\.main", scripts)]
     assert {"mbd_sim.cli.main", "mbd_sim.ros.sim_node", "mbd_sim.ros.replay_node"} <= set(modules)
     for module in modules:
         source = ROOT / f"{module.replace('.', '/')}.py"
@@ -108,7 +109,7 @@ def test_setup_finds_the_programs_and_pages_of_all_examples(evaluated_setup):
     entry_points, data_files = evaluated_setup
     examples = ROOT / "mbd_sim" / "examples"
     programs = {
-        f"example_{path.stem} = mbd_sim.examples.{path.parent.name}.{path.stem}:main"
+        f"example_{path.stem} = mbd_sim.programs:node.examples.{path.parent.name}.{path.stem}.main"
         for path in examples.glob("*/*.py")
         if path.stem != "__init__"
     }

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from rcl_interfaces.msg import ParameterDescriptor
@@ -14,9 +15,14 @@ from sensor_msgs.msg import JointState
 
 from mbd_sim.geometry.pose import Array
 from mbd_sim.load import load_mechanism
+from mbd_sim.ros.node_parameters import ParameterSpec
 from mbd_sim.ros.node_program import ProgramNode, run_node
+from mbd_sim.ros.program_help import Rows, program_help
 
-READ_ONLY = ParameterDescriptor(read_only=True)  # for parameters that take effect only at the start
+CONTROL_TOPICS = (
+    ("joint_states", "sensor_msgs/msg/JointState, subscribed: the state; each one is answered"),
+    ("joint_commands", "sensor_msgs/msg/JointState, published: efforts by joint name"),
+)
 NEWEST = QoSProfile(depth=1)  # a controller that is late answers the newest state, not an old one
 
 
@@ -26,9 +32,11 @@ class ControlNode(Node):  # type: ignore[misc]  # rclpy carries no types
     The controller's model comes from its parameter `mechanism`, not from the simulator.
     """
 
-    def __init__(self, name: str, mechanism: str) -> None:
+    PARAMETERS: tuple[ParameterSpec, ...]  # with the default of `mechanism`
+
+    def __init__(self, name: str) -> None:
         super().__init__(name)
-        self.declare_parameter("mechanism", mechanism, READ_ONLY)
+        declare(self, self.PARAMETERS)
         self.mechanism = load_mechanism(self.get_parameter("mechanism").value)
         self.names = list(self.mechanism.coordinate_names)
         self._commands = self.create_publisher(JointState, "joint_commands", 10)
@@ -59,11 +67,28 @@ class ControlNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self._commands.publish(JointState(name=self.names, effort=np.asarray(efforts, dtype=float).tolist()))
 
 
+def declare(node: Node, parameters: Sequence[ParameterSpec]) -> None:
+    """Declare the parameters of an example; those that are not `live` cannot be set while it runs."""
+    for spec in parameters:
+        descriptor = ParameterDescriptor(description=spec.description, read_only=not spec.live)
+        node.declare_parameter(spec.name, spec.default, descriptor)
+
+
+def mechanism_parameter(name: str) -> ParameterSpec:
+    """The parameter that names the controller's model."""
+    return ParameterSpec("mechanism", name, "the controller's model: a mechanism file, or a shipped mechanism")
+
+
 def end_program() -> None:
     """End this program as Ctrl-C does."""
     os.kill(os.getpid(), signal.SIGINT)
 
 
-def run(name: str, make_node: Callable[[], ProgramNode], *, example: str) -> int:
+def run(name: str, node_class: Callable[[], ProgramNode], *, example: str, topics: Rows = CONTROL_TOPICS) -> int:
     """Run an example's node until SIGINT or SIGTERM; `example` is a parameter for the usage line."""
-    return run_node(name, lambda end: make_node(), example=example)
+
+    def help_text() -> str:
+        description = (sys.modules[node_class.__module__].__doc__ or "").partition(": ")[2]
+        return program_help(name, description, example, getattr(node_class, "PARAMETERS", ()), {"topics": topics})
+
+    return run_node(name, lambda end: node_class(), example=example, help_text=help_text)

@@ -43,20 +43,38 @@ def run_node(
     arguments: Sequence[str] | None = None,
     *,
     example: str,
+    help_text: Callable[[], str],
 ) -> int:
     """Run a node until SIGINT or SIGTERM, or until it ends itself; returns the exit code.
 
-    A further signal while the node ends changes nothing.
+    A signal while the node is being built ends the program at once; a further signal while the node ends changes
+    nothing.
 
     :param make_node: builds the node; its argument is a function that ends the program.
     :param arguments: words after the program's name; by default those of the command line.
     :param example: a parameter for the usage line, such as `mechanism:=double_rod`.
+    :param help_text: returns what `--help` prints.
     """
+    try:
+        return _run(name, make_node, arguments, example, help_text)
+    except KeyboardInterrupt:  # while the node was being built
+        return 0
+
+
+def _run(
+    name: str,
+    make_node: Callable[[Callable[[], None]], ProgramNode],
+    arguments: Sequence[str] | None,
+    example: str,
+    help_text: Callable[[], str],
+) -> int:
     ended = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ended.set())
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     usage = f"Parameters follow --ros-args, each after -p: {name} --ros-args -p {example}"
     words = sys.argv[1:] if arguments is None else list(arguments)
+    if {"--help", "-h"} & set(words):
+        print(help_text())
+        return 0
     # rclpy ignores arguments before --ros-args: `-p mechanism:=x` alone would run another mechanism.
     if ignored := list(takewhile(lambda word: word != "--ros-args", words)):
         return _fail(name, f"arguments not understood: {' '.join(ignored)}. {usage}")
@@ -69,6 +87,8 @@ def run_node(
             node = make_node(ended.set)
         except USER_ERRORS as error:
             return _fail(name, str(error))
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: ended.set())
         _spin(node, ended)
         return 0
     finally:

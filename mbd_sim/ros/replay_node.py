@@ -17,6 +17,7 @@ from mbd_sim.recording.reader import open_recording
 from mbd_sim.ros import realtime
 from mbd_sim.ros.node_parameters import NodeParameters, ParameterSpec
 from mbd_sim.ros.node_program import run_node
+from mbd_sim.ros.program_help import program_help
 from mbd_sim.ros.replay_player import Player
 from mbd_sim.ros.replay_publishers import ReplayPublishers
 
@@ -32,6 +33,16 @@ PARAMETERS = (
     ParameterSpec("seek_to", 0.0, "the target of ~/seek, in s after the first message", 0.0, 1e9, live=True),
     ParameterSpec("real_time_priority", 20, "SCHED_FIFO priority of the playing thread, if permitted; 0: none", 0, 90),
     ParameterSpec("step_count", 1, "message times played by one call of ~/step", 1, 1_000_000, live=True),
+)
+EXAMPLE = "bag:=RUN.mcap"
+PUBLISHED = (
+    ("/clock", "rosgraph_msgs/msg/Clock: the recorded time, at clock_rate"),
+    ("all recorded topics", "with their recorded types and quality of service"),
+)
+SERVICES = (
+    ("~/pause", "std_srvs/srv/SetBool: pause (true) or resume"),
+    ("~/step", "std_srvs/srv/Trigger: play the messages of the next step_count times while paused"),
+    ("~/seek", "std_srvs/srv/Trigger: go to the time seek_to"),
 )
 THREADS_BY_PRIORITY = ("player", "reader", "executor")
 GARBAGE_COLLECTION_PERIOD = 10.0  # s; the automatic collector is off
@@ -145,7 +156,13 @@ def _make_node(end: Callable[[], None]) -> ReplayNode:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Play until the end, or until SIGINT or SIGTERM."""
-    return run_node("replay_node", _make_node, arguments, example="bag:=RUN.mcap")
+    return run_node("replay_node", _make_node, arguments, example=EXAMPLE, help_text=help_text)
+
+
+def help_text() -> str:
+    """What `--help` prints."""
+    sections = {"published topics": PUBLISHED, "services": SERVICES}
+    return program_help("replay_node", "Publishes the topics of a recording again.", EXAMPLE, PARAMETERS, sections)
 
 
 if __name__ == "__main__":

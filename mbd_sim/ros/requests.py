@@ -26,10 +26,10 @@ class RequestQueue(Generic[P]):
         return done
 
     def call(self, action: Callable[P, None], server: threading.Thread) -> None:
-        """Add a request and wait until the serving thread has served it, or has ended."""
+        """Add a request and wait until the serving thread, which may start later, has served it or has ended."""
         done = self.submit(action)
         while not done.wait(0.1):
-            if not server.is_alive():
+            if server.ident is not None and not server.is_alive():
                 return
 
     def serve_next(self, *args: P.args, **kwargs: P.kwargs) -> bool:

@@ -11,7 +11,9 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 from mbd_sim.errors import listed
+from mbd_sim.messages.topics import TOPICS
 from mbd_sim.ros import realtime
+from mbd_sim.ros.build_progress import BuildProgress
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.diagnostics import PERIOD, Diagnostics
 from mbd_sim.ros.node_parameters import NodeParameters
@@ -24,16 +26,25 @@ from mbd_sim.ros.node_setup import (
     rerun_viewer,
     split_limits,
 )
+from mbd_sim.ros.program_help import program_help
 from mbd_sim.ros.publication_schedule import rate_remark
 from mbd_sim.ros.publishing_thread import PublishingThread
 from mbd_sim.ros.rates import Rates
 from mbd_sim.ros.sim_parameters import PARAMETERS
 from mbd_sim.ros.simulation_services import serve_simulation_interfaces
 from mbd_sim.ros.stepping_thread import SteppingThread
-from mbd_sim.ros.subscriptions import Subscriptions
+from mbd_sim.ros.subscriptions import SUBSCRIBED, Subscriptions
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
 
 RATES = ("publish_rate", "clock_rate", "marker_rate", "rerun_rate")
+EXAMPLE = "mechanism:=double_rod"
+SERVICES = (
+    ("~/pause", "std_srvs/srv/SetBool: pause (true) or resume"),
+    ("~/step", "std_srvs/srv/Trigger: take step_count steps while paused"),
+    ("~/reset", "std_srvs/srv/Trigger: return to the start state"),
+    ("~/record", "std_srvs/srv/SetBool: start or stop a recording"),
+    ("~/split_recording", "std_srvs/srv/Trigger: continue the recording in another file"),
+)
 MAX_OVERRUNS = 3  # overruns a second from which the node gives up its real-time priority
 
 
@@ -45,7 +56,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         super().__init__("sim_node")
         log = self.get_logger()
         parameters = self.parameters = NodeParameters(self, PARAMETERS, self._on_parameter_change)
-        self.simulation, wrench_targets = build_simulation(parameters)
+        with BuildProgress(self):
+            self.simulation, wrench_targets = build_simulation(parameters)
         simulation, frame_prefix = self.simulation, parameters["frame_prefix"]
         initial = parameters.add_live(simulation.live, lambda changes: self.stepping_thread.set_live(changes))
         self._apply_initial(initial)
@@ -231,7 +243,14 @@ def _make_node(end: Callable[[], None]) -> SimNode:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM."""
-    return run_node("sim_node", _make_node, arguments, example="mechanism:=double_rod")
+    return run_node("sim_node", _make_node, arguments, example=EXAMPLE, help_text=help_text)
+
+
+def help_text() -> str:
+    """What `--help` prints."""
+    published = [(topic.name, f"{topic.message_type}, {topic.when.value}") for topic in TOPICS]
+    sections = {"published topics": published, "subscribed topics": SUBSCRIBED, "services": SERVICES}
+    return program_help("sim_node", "Runs a mechanism in real time.", EXAMPLE, PARAMETERS, sections)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from mbd_sim.ros.stepping_thread import SteppingThread
@@ -16,6 +17,7 @@ FEATURES = (
     "SIMULATION_STATE_GETTING", "SIMULATION_STATE_SETTING", "SIMULATION_STATE_PAUSE",
     "STEP_SIMULATION_SINGLE", "STEP_SIMULATION_MULTIPLE",
 )  # fmt: skip
+ANSWER_TIME = 0.5  # s; the answer to STATE_QUITTING is lost where the process ends before the client has read it
 MAX_STEPS = 10_000_000  # in one call; the node answers no other request meanwhile
 
 
@@ -41,6 +43,7 @@ class SimulationServices:
         messages: ModuleType,
         services: ModuleType,
     ) -> None:
+        self._node = node
         self._stepping_thread, self._end, self._messages = stepping_thread, end, messages
         self._result, self._states = messages.Result, messages.SimulationState
         self._transition = services.SetSimulationState.Response
@@ -89,7 +92,7 @@ class SimulationServices:
                 return self._fail(response, self._transition.STATE_TRANSITION_ERROR, problem)
             self._stopped = True
         elif requested == getattr(states, "STATE_QUITTING", None):
-            self._end()
+            self._node.create_timer(ANSWER_TIME, self._end, clock=Clock(clock_type=ClockType.STEADY_TIME))
         else:
             text = "this state is not supported: the mechanism is always loaded"
             return self._fail(response, self._result.RESULT_FEATURE_UNSUPPORTED, text)

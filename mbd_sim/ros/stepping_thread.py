@@ -79,7 +79,8 @@ class SteppingThread:
         """End the thread, then the output."""
         self._stopping = True
         self._wake.set()
-        self._thread.join()
+        if self._thread.is_alive():
+            self._thread.join()
         self.output.put(None)
 
     @property

@@ -18,6 +18,11 @@ from mbd_sim.ros import qos
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.wrench_buffer import WrenchBuffer, WrenchTargets
 
+SUBSCRIBED = (
+    ("~/commands", "std_msgs/msg/Float64MultiArray: an effort for each coordinate, in the order of joint_states"),
+    ("joint_commands", "sensor_msgs/msg/JointState: efforts by joint name"),
+    ("~/wrench/<part>[/<point>]", "geometry_msgs/msg/WrenchStamped: force and torque on a part"),
+)
 MAX_LENGTH = 400  # characters of a reason: names in messages may be of any length
 WARNING_PERIOD = 1.0  # s between warnings of rejected messages
 

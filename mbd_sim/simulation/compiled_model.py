@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
@@ -19,6 +20,10 @@ from mbd_sim.geometry.rotation import unit
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.method_choice import MethodChoice, choose_method, require_method
+
+MANY_JOINTS = 10  # from which on the derivation takes a second or more
+
+_log = logging.getLogger(__name__)
 
 
 class Energies(NamedTuple):
@@ -226,6 +231,8 @@ def build_model(
     :raises MechanismError: the method is unknown, or the equations are singular at the start.
     """
     name = require_method(mechanism, method)
+    if len(mechanism.all_joints) >= MANY_JOINTS:
+        _log.info("deriving the equations of '%s': %d joints", mechanism.name, len(mechanism.all_joints))
     equations = derive(mechanism, loaded, values)
     centers = [mechanism.parts[part].center for part in loaded]
     inputs = equations.inputs.without_commands(centers, equations.parameters.base)

@@ -79,8 +79,8 @@ def test_the_services_of_simulation_interfaces(tmp_path: Path, variables: dict[s
         assert become(SimulationState.STATE_NO_WORLD) == Result.RESULT_FEATURE_UNSUPPORTED
         quitting = SimulationState(state=SimulationState.STATE_QUITTING)
         answer = listener.ask(SetSimulationState, "set_simulation_state", state=quitting)
-        listener.until(lambda: answer.done() or process.has_ended, "the end")
-        assert not answer.done() or answer.result().result.result == Result.RESULT_OK
+        listener.until(answer.done, "the answer")
+        assert answer.result().result.result == Result.RESULT_OK
         assert process.exit_code() == 0
 
 

@@ -9,9 +9,15 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray
 
 from mbd_sim.analysis.inverse_dynamics import InverseDynamics
-from mbd_sim.examples.control_node import READ_ONLY, ControlNode, run
+from mbd_sim.examples.control_node import CONTROL_TOPICS, ControlNode, mechanism_parameter, run
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.ros.node_parameters import ParameterSpec
+
+TOPICS = (
+    *CONTROL_TOPICS,
+    ("~/tracking_error", "std_msgs/msg/Float64MultiArray, published: the error of each joint in rad"),
+)
 
 
 class Reference(NamedTuple):
@@ -50,10 +56,15 @@ class ComputedTorque:
 class ComputedTorqueNode(ControlNode):
     """Publishes the tracking error of each joint in rad on `~/tracking_error`."""
 
+    PARAMETERS = (
+        mechanism_parameter("six_axis_arm"),
+        ParameterSpec("amplitude", 0.8, "amplitude of the reference motion in rad"),
+        ParameterSpec("frequency", 0.25, "frequency of the reference motion in Hz"),
+        ParameterSpec("bandwidth", 20.0, "natural frequency of the tracking error in rad/s"),
+    )
+
     def __init__(self) -> None:
-        super().__init__("computed_torque", "six_axis_arm")
-        for name, value in (("amplitude", 0.8), ("frequency", 0.25), ("bandwidth", 20.0)):
-            self.declare_parameter(name, value, READ_ONLY)
+        super().__init__("computed_torque")
         self.amplitude, self.frequency = (float(self.get_parameter(n).value) for n in ("amplitude", "frequency"))
         self.law = ComputedTorque(self.mechanism, float(self.get_parameter("bandwidth").value))
         self._errors = self.create_publisher(Float64MultiArray, "~/tracking_error", 10)
@@ -71,7 +82,7 @@ class ComputedTorqueNode(ControlNode):
 
 def main() -> int:
     """Run the node."""
-    return run("example_computed_torque", ComputedTorqueNode, example="amplitude:=0.5")
+    return run("example_computed_torque", ComputedTorqueNode, example="amplitude:=0.5", topics=TOPICS)
 
 
 if __name__ == "__main__":

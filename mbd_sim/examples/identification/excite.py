@@ -7,8 +7,9 @@ import sys
 
 import numpy as np
 
-from mbd_sim.examples.control_node import READ_ONLY, ControlNode, end_program, run
+from mbd_sim.examples.control_node import ControlNode, end_program, mechanism_parameter, run
 from mbd_sim.geometry.pose import Array
+from mbd_sim.ros.node_parameters import ParameterSpec
 
 SINES = 8
 
@@ -25,11 +26,16 @@ def multisine(time: float, amplitude: float, lowest: float = 0.2, highest: float
 class ExciteNode(ControlNode):
     """Ends after `duration` seconds of simulated time."""
 
+    PARAMETERS = (
+        mechanism_parameter("motor_arm"),
+        ParameterSpec("joint", "", "the joint to excite; empty: the first one"),
+        ParameterSpec("amplitude", 0.6, "amplitude of the multisine in N or N·m"),
+        ParameterSpec("duration", 10.0, "simulated s after which the program ends"),
+    )
+
     def __init__(self) -> None:
-        super().__init__("excite", "motor_arm")
-        for name, value in (("joint", self.names[0]), ("amplitude", 0.6), ("duration", 10.0)):
-            self.declare_parameter(name, value, READ_ONLY)
-        joint = self.get_parameter("joint").value
+        super().__init__("excite")
+        joint = self.get_parameter("joint").value or self.names[0]
         if joint not in self.names:
             raise ValueError(f"there is no joint '{joint}'. Choose one of {', '.join(self.names)}.")
         self.joint_index = self.names.index(joint)

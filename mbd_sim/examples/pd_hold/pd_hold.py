@@ -10,9 +10,10 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 
 from mbd_sim.analysis.inverse_dynamics import InverseDynamics
-from mbd_sim.examples.control_node import READ_ONLY, ControlNode, run
+from mbd_sim.examples.control_node import ControlNode, mechanism_parameter, run
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.ros.node_parameters import ParameterSpec
 
 
 class PdHold:
@@ -33,12 +34,19 @@ class PdHold:
 class PdHoldNode(ControlNode):
     """The parameter `target` (rad, one for each joint) may be changed during the run."""
 
+    PARAMETERS = (
+        mechanism_parameter("double_pendulum"),
+        ParameterSpec("stiffness", 40.0, "kp in N·m/rad"),
+        ParameterSpec("damping", 6.0, "kd in N·m·s/rad"),
+        ParameterSpec("target", [2.0, 0.8], "the position to hold in rad, one for each joint", live=True),
+    )
+
     def __init__(self) -> None:
-        super().__init__("pd_hold", "double_pendulum")
-        self.declare_parameter("stiffness", 40.0, READ_ONLY)
-        self.declare_parameter("damping", 6.0, READ_ONLY)
+        super().__init__("pd_hold")
+        checked = self._check_target([self.get_parameter("target")])
+        if not checked.successful:
+            raise ValueError(f"target: {checked.reason}")
         self.add_on_set_parameters_callback(self._check_target)
-        self.declare_parameter("target", [2.0, 0.8])
         stiffness, damping = (float(self.get_parameter(name).value) for name in ("stiffness", "damping"))
         self.law = PdHold(self.mechanism, stiffness, damping)
 

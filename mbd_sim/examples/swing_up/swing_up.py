@@ -10,7 +10,7 @@ import numpy as np
 from mbd_sim.analysis.linearization import linearize
 from mbd_sim.analysis.regulator import lqr
 from mbd_sim.dynamics.equations import derive
-from mbd_sim.examples.control_node import ControlNode, run
+from mbd_sim.examples.control_node import ControlNode, mechanism_parameter, run
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 
@@ -75,8 +75,10 @@ class SwingUp:
 class SwingUpNode(ControlNode):
     """Logs when it starts to balance, and when it swings up again."""
 
+    PARAMETERS = (mechanism_parameter("cart_pendulum"),)
+
     def __init__(self) -> None:
-        super().__init__("swing_up", "cart_pendulum")
+        super().__init__("swing_up")
         self.law = SwingUp(self.mechanism)
 
     def control(self, time: float, q: Array, u: Array) -> Array:

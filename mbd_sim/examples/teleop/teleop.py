@@ -13,7 +13,14 @@ import rclpy
 from rclpy.node import Node
 from sensor_msgs.msg import JointState, Joy
 
-from mbd_sim.examples.control_node import NEWEST, READ_ONLY, end_program, run
+from mbd_sim.examples.control_node import NEWEST, declare, end_program, run
+from mbd_sim.ros.node_parameters import ParameterSpec
+
+TOPICS = (
+    ("joint_states", "sensor_msgs/msg/JointState, subscribed: the names of the joints"),
+    ("joy", "sensor_msgs/msg/Joy, subscribed: a joystick"),
+    ("joint_commands", "sensor_msgs/msg/JointState, published: efforts by joint name"),
+)
 
 COMMAND_RATE = 20.0  # Hz, often enough for the simulator's watchdog
 HELP = "1-9 joint   a d (or arrows) less, more   space zero   q quit"
@@ -74,10 +81,14 @@ class TeleopNode(Node):  # type: ignore[misc]  # rclpy carries no types
     After its end the simulator's watchdog sets the efforts to zero.
     """
 
+    PARAMETERS = (
+        ParameterSpec("effort_step", 0.5, "change of an effort by one key press, in N or N·m"),
+        ParameterSpec("joy_effort", 5.0, "effort at the full deflection of a joystick's axis, in N or N·m"),
+    )
+
     def __init__(self) -> None:
         super().__init__("teleop")
-        self.declare_parameter("effort_step", 0.5, READ_ONLY)
-        self.declare_parameter("joy_effort", 5.0, READ_ONLY)
+        declare(self, self.PARAMETERS)
         self.manual = ManualEfforts(float(self.get_parameter("effort_step").value))
         self._commands = self.create_publisher(JointState, "joint_commands", 10)
 
@@ -140,7 +151,7 @@ def _unbuffered_terminal(source: int) -> Iterator[None]:
 
 def main() -> int:
     """Run the node."""
-    return run("example_teleop", TeleopNode, example="effort_step:=0.5")
+    return run("example_teleop", TeleopNode, example="effort_step:=0.5", topics=TOPICS)
 
 
 if __name__ == "__main__":

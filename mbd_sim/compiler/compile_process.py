@@ -1,0 +1,69 @@
+"""LLVM in a process of its own: LLVM cannot be interrupted, and compiling a long mechanism takes a minute."""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+from mbd_sim.compiler.object_code import object_code
+
+LONG = 300_000  # characters of intermediate code from which on the process pays: it starts in 0.15 s, LLVM needs 1 s
+REPORT_PERIOD = 5.0  # s
+_PROGRAM = "from mbd_sim.compiler.compile_process import main; main()"
+_PARENT_DEATH = 1  # PR_SET_PDEATHSIG of Linux
+
+_log = logging.getLogger(__name__)
+
+
+def compile_apart(text: str, cpu: str, features: str) -> bytes | None:
+    """The object code of a module, like `object_code`; None if the process fails.
+
+    An exception in the caller's thread, such as that of Ctrl-C, ends the process at once. Progress is logged.
+    """
+    _log.info("compiling %.1f MB of intermediate code", len(text) / 1e6)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    command = [sys.executable, "-P", "-c", _PROGRAM, cpu, features]
+    began = time.monotonic()
+    with tempfile.TemporaryFile() as source:
+        source.write(text.encode())
+        source.seek(0)
+        try:
+            # In a session of its own: Ctrl-C in a terminal interrupts only this process, which then ends the other.
+            child = subprocess.Popen(  # noqa: S603  (own arguments)
+                command, stdin=source, stdout=subprocess.PIPE, env=environment, start_new_session=True
+            )
+        except OSError:
+            return None
+    with child:
+        try:
+            code = _output(child, began)
+        except BaseException:
+            child.kill()
+            raise
+    if child.returncode != 0:
+        return None
+    _log.info("compiled in %.0f s", time.monotonic() - began)
+    return code
+
+
+def _output(child: subprocess.Popen[bytes], began: float) -> bytes:
+    """All that the process writes; reports now and then that it still works."""
+    while True:
+        try:
+            return child.communicate(timeout=REPORT_PERIOD)[0]
+        except subprocess.TimeoutExpired:
+            _log.info("still compiling: %.0f s", time.monotonic() - began)
+
+
+def main() -> None:
+    """The process: intermediate code on standard input, object code on standard output."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PARENT_DEATH, signal.SIGKILL)
+    text = sys.stdin.buffer.read().decode()
+    sys.stdout.buffer.write(object_code(text, *sys.argv[1:3]))

@@ -1,0 +1,43 @@
+"""The entry points of the installed programs: imports nothing before Ctrl-C is handled.
+
+A program imports its libraries for up to a second. Ctrl-C in that time would print a traceback, in the middle of an
+import. A console script such as `sim_node = mbd_sim.programs:node.ros.sim_node.main` calls the function `main` of the
+module `mbd_sim.ros.sim_node`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import signal
+from collections.abc import Sequence
+
+INTERRUPTED = 130  # exit code of a command after Ctrl-C, as in a shell
+
+
+class EntryPoint:
+    """A function by its dotted path in the package, to be imported when it is called."""
+
+    def __init__(self, path: Sequence[str], exit_code: int) -> None:
+        """`exit_code` is that of the program when a signal ends it while it imports."""
+        self._path, self._exit_code = tuple(path), exit_code
+
+    def __getattr__(self, name: str) -> EntryPoint:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return EntryPoint((*self._path, name), self._exit_code)
+
+    def __call__(self) -> int:
+        """Import the module and call the function; its return value is the exit code."""
+        signal.signal(signal.SIGINT, lambda *_: os._exit(self._exit_code))
+        *module, function = self._path
+        main = getattr(importlib.import_module(".".join(("mbd_sim", *module))), function)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        try:
+            return int(main())
+        except KeyboardInterrupt:
+            return self._exit_code
+
+
+node = EntryPoint((), 0)  # a node ends by SIGINT without an error
+command = EntryPoint((), INTERRUPTED)
