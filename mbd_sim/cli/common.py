@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -13,6 +14,8 @@ if TYPE_CHECKING:
 PERCENT = "{task.percentage:.0f} %"  # how a progress bar prints the completed amount
 SECONDS = "{task.completed:.1f} s"
 COUNT = "{task.completed:.0f}/{task.total:.0f}"
+
+DURATION = 10.0  # s that are simulated where no time is given
 
 MCAP_OR_BAG = "an .mcap file or a rosbag2 folder"
 ANY_RECORDING = "an .mcap or .db3 file, or a rosbag2 folder"
@@ -25,24 +28,23 @@ def add_mechanism(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_recording(parser: argparse.ArgumentParser, kinds: str) -> None:
-    """Declare the argument `recording`; `kinds` says which ones are accepted."""
-    parser.add_argument("recording", metavar="RUN", type=Path, help=kinds)
-
-
 def add_recordings(parser: argparse.ArgumentParser, kinds: str) -> None:
-    """Declare the argument `recordings`, one or more."""
+    """Declare the argument `recordings`, one or more; `kinds` says which ones are accepted."""
     parser.add_argument("recordings", metavar="RUN", type=Path, nargs="+", help=f"{kinds}; one or more")
 
 
 def add_duration(parser: argparse.ArgumentParser) -> None:
     """Declare `--time`."""
     parser.add_argument(
-        "--time", type=positive_number, default=10.0, metavar="S", help="seconds to simulate (default 10)"
+        "--time",
+        type=positive_number,
+        default=DURATION,
+        metavar="S",
+        help=f"seconds to simulate (default {DURATION:g})",
     )
 
 
-def add_method_and_step(parser: argparse.ArgumentParser, default: str) -> None:
+def add_method_and_step(parser: argparse._ActionsContainer, default: str) -> None:
     """Declare `--method` and `--step`; `default` says where they come from when they are not given."""
     parser.add_argument("--method", help=f"integration method (default: {default})")
     parser.add_argument("--step", type=positive_number, metavar="S", help=f"time step in seconds (default: {default})")
@@ -96,8 +98,11 @@ class ProgressBar:
         self._display.advance(self._task, amount)
 
 
-def read_run_table(path: Path, quiet: bool) -> RunTable:
-    """Read a recording's states as a table, with a progress bar; print the notes about them."""
+def read_run_table(path: Path, quiet: bool, name: str = "") -> RunTable:
+    """Read a recording's states as a table, with a progress bar; print the notes about them.
+
+    :param name: of the run, where the recording is a temporary file.
+    """
     from mbd_sim.playback.run_table import read_table
     from mbd_sim.recording.reader import open_recording
 
@@ -105,7 +110,7 @@ def read_run_table(path: Path, quiet: bool) -> RunTable:
     with ProgressBar("read", quiet) as progress:
         table = read_table(recording, progress.show)
     print_notes(table.notes)
-    return table
+    return replace(table, path=Path(name)) if name else table
 
 
 def print_notes(notes: Iterable[str]) -> None:

@@ -5,15 +5,19 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from mbd_sim.cli.common import ANY_RECORDING, add_quiet, add_recording, read_run_table
+from mbd_sim.cli.common import add_quiet, read_run_table
+from mbd_sim.cli.recorded_run import add_run, recorded_run
 
-HELP = "export a recorded run as a table, for example for pandas"
-DESCRIPTION = "Export a recorded run as a flat table: one row per state, with the units in the column names."
+HELP = "export a run as a table, for example for pandas"
+DESCRIPTION = (
+    "Export a recorded run, or the run of a mechanism, as a flat table: one row per state, with the units in the "
+    "column names."
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    add_recording(parser, ANY_RECORDING)
+    add_run(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="file to write: .csv, .parquet or .npz")
     add_quiet(parser)
 
@@ -24,7 +28,9 @@ def execute(options: argparse.Namespace) -> int:
     from mbd_sim.playback.plot_files import require_suffix
 
     require_suffix(options.out, table_export.SUFFIXES)
-    table = read_run_table(options.recording, options.quiet)
+    table_export.require_packages_for(options.out)
+    with recorded_run(options.recording, options) as path:
+        table = read_run_table(path, options.quiet, options.recording)
     columns = table_export.export(options.out, table)
     print(f"wrote {options.out}: {len(table)} rows of {columns} columns")
     return 0

@@ -24,6 +24,7 @@ from mbd_sim.cli import (
     view,
 )
 from mbd_sim.errors import MbdSimError
+from mbd_sim.packages import missing_package
 
 
 class Command(Protocol):
@@ -66,6 +67,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return COMMANDS[options.command].execute(options)
     except MbdSimError as error:
         print(error, file=sys.stderr)
+        return 1
+    except ModuleNotFoundError as error:
+        explained = missing_package(error)
+        if explained is None:
+            raise
+        print(explained, file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         return 130

@@ -8,23 +8,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import (
-    MCAP_OR_BAG,
     ProgressBar,
     add_method_and_step,
     add_quiet,
-    add_recording,
-    split_assignment,
 )
+from mbd_sim.cli.recorded_run import SET_HELP, add_run, recorded_run
+from mbd_sim.cli.setup_options import add_set, changes_of
 from mbd_sim.errors import InputError
 
 if TYPE_CHECKING:
     from mbd_sim.recording.changed_run import ChangedRun
-    from mbd_sim.recording.recorded_file import RecordedFile
 
 HELP = "recompute a recorded run with changed values, and compare the two runs"
 DESCRIPTION = (
     "Recompute a recorded run under the same commands, but with other values, integration method or time step, and "
-    "report the deviations."
+    "report the deviations. A mechanism is first run as its file describes it."
 )
 
 SHOWN = 8  # rows of each table
@@ -32,15 +30,8 @@ SHOWN = 8  # rows of each table
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    add_recording(parser, MCAP_OR_BAG)
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        dest="changes",
-        help="change a value of the mechanism file, such as joints.elbow.damping=0.2 or l='80 cm'; repeatable",
-    )
+    add_run(parser, changes=False)
+    add_set(parser, SET_HELP)
     add_method_and_step(parser, "as recorded")
     parser.add_argument("--plot", type=Path, metavar="PICTURE", help="plot both runs: .png, .svg, .pdf or .html")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the changed run to an .mcap file")
@@ -49,19 +40,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Recompute, plot and write the run, and print the largest deviations."""
+    from mbd_sim.playback.plot_files import PLOT_SUFFIXES, require_plot_packages, require_suffix
+
+    changes = changes_of(options.changes)
+    if not (changes or options.method or options.step):
+        raise InputError("rerun-with: no change is given", "Give --set KEY=VALUE, --method or --step.")
+    if options.plot is not None:
+        require_suffix(options.plot, PLOT_SUFFIXES)
+        require_plot_packages(options.plot)
+    with recorded_run(options.recording, options, with_changes=False) as path:
+        _recompute(path, options, changes)
+    return 0
+
+
+def _recompute(path: Path, options: argparse.Namespace, changes: dict[str, float | str]) -> None:
     from mbd_sim.playback.changed_run_plot import plot_changed_run
-    from mbd_sim.playback.plot_files import PLOT_SUFFIXES, require_suffix
     from mbd_sim.recording.changed_run import compute_changed_run
     from mbd_sim.recording.changed_run_file import ChangedRunFile
     from mbd_sim.recording.reader import open_recording
     from mbd_sim.recording.recomputation import Recomputation
 
-    changes = dict(_change(text) for text in options.changes)
-    if not (changes or options.method or options.step):
-        raise InputError("rerun-with: no change is given", "Give --set KEY=VALUE, --method or --step.")
-    if options.plot is not None:
-        require_suffix(options.plot, PLOT_SUFFIXES)
-    files = open_recording(options.recording).files
+    files = open_recording(path).files
     file = files[0]
     recomputation = Recomputation(file, method=options.method, step=options.step, changes=changes)
     out = ChangedRunFile(options.out, recomputation) if options.out is not None else None
@@ -73,24 +72,13 @@ def execute(options: argparse.Namespace) -> int:
                 out.close()
     change = ", ".join(_descriptions(options, changes))
     if options.plot is not None:
-        title = f"{recomputation.simulation.mechanism.name}: {file.path.name}"
+        title = f"{recomputation.simulation.mechanism.name}: {Path(options.recording).name}"
         plot_changed_run(options.plot, run, title, change)
     written = [path for path in (options.plot, options.out) if path is not None]
-    print(_summary(run, file, change, written))
+    name = options.recording if len(files) == 1 else str(file.path)
+    print(_summary(run, name, file.problem, change, written))
     if len(files) > 1:
         print(f"  This is the first of {len(files)} files. To recompute another one, give its path.")
-    return 0
-
-
-def _change(text: str) -> tuple[str, float | str]:
-    assignment = split_assignment(text)
-    if assignment is None:
-        raise InputError(f"--set {text}: not of the form KEY=VALUE", "Write for example joints.elbow.damping=0.2.")
-    name, value = assignment
-    try:
-        return name, float(value)
-    except ValueError:
-        return name, value
 
 
 def _descriptions(options: argparse.Namespace, changes: dict[str, float | str]) -> list[str]:
@@ -103,12 +91,12 @@ def _descriptions(options: argparse.Namespace, changes: dict[str, float | str]) 
     return found
 
 
-def _summary(run: ChangedRun, file: RecordedFile, change: str, written: Sequence[Path]) -> str:
+def _summary(run: ChangedRun, name: str, problem: str, change: str, written: Sequence[Path]) -> str:
     from mbd_sim.playback.changed_run_plot import largest_deviations
 
-    lines = [f"{file.path}: with {change}"]
-    if file.problem:
-        lines.append(f"  file             {file.problem}")
+    lines = [f"{name}: with {change}"]
+    if problem:
+        lines.append(f"  file             {problem}")
     if run.ended:
         lines.append(f"  ENDS EARLY       {run.ended}")
     lines.append("  largest deviations")

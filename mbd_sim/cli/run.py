@@ -1,10 +1,10 @@
-"""`mbd_sim run`: run a mechanism as fast as possible, with a progress bar and a summary."""
+"""`mbd_sim run`: run a mechanism as fast as possible, with a progress bar, a summary, and files on request."""
 
 from __future__ import annotations
 
 import argparse
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from mbd_sim.cli.common import (
     SECONDS,
@@ -13,15 +13,20 @@ from mbd_sim.cli.common import (
     add_mechanism,
     add_method_and_step,
     add_quiet,
-    split_assignment,
 )
-from mbd_sim.errors import InputError
+from mbd_sim.cli.recorded_run import SET_HELP
+from mbd_sim.cli.run_outputs import RunOutputs, add_outputs
+from mbd_sim.cli.setup_options import add_set, add_start, build_simulation
 
 if TYPE_CHECKING:
     from mbd_sim.simulation.simulation import Simulation
+    from mbd_sim.viewer import Viewer
 
 HELP = "run a mechanism as fast as possible, without ROS"
-DESCRIPTION = "Run a mechanism as fast as possible, without ROS, and report speed, energy residual and final state."
+DESCRIPTION = (
+    "Run a mechanism as fast as possible, without ROS, and report speed, energy residual and final state. The run can "
+    "be recorded, written as a table, plotted, animated, and shown in Rerun."
+)
 
 SHOWN_RATE = 60.0  # states per simulated second that go to the viewer
 CHUNK = 20_000  # steps per call without a viewer
@@ -34,67 +39,109 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_mechanism(parser)
     add_duration(parser)
     add_method_and_step(parser, "from the file")
-    parser.add_argument(
-        "--effort",
-        action="append",
-        default=[],
-        metavar="JOINT=VALUE",
-        help="constant effort on a joint, in N or N·m; repeatable",
-    )
+    add_set(parser, SET_HELP)
+    add_start(parser)
+    add_outputs(parser)
     parser.add_argument("--rerun", metavar="SINK", help="show the run in Rerun: spawn, serve, connect, or a file.rrd")
     add_quiet(parser)
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Run the mechanism and print the summary."""
-    from mbd_sim.simulation.simulation import Simulation
-
-    simulation = Simulation.from_file(options.mechanism, method=options.method, step=options.step)
-    simulation.set_efforts(dict(_effort(text) for text in options.effort))
-    print(simulate(simulation, options.time, rerun=options.rerun, quiet=options.quiet))
+    """Run the mechanism, print the summary, and write the files."""
+    outputs = RunOutputs(options)
+    simulation = build_simulation(options)
+    try:
+        with outputs.of(simulation):
+            summary = simulate(simulation, options.time, rerun=options.rerun, quiet=options.quiet, outputs=outputs)
+        print(summary)
+    finally:
+        for written in outputs.written:
+            print(f"  wrote {written}")
     return 0
 
 
-def simulate(simulation: Simulation, duration: float, *, rerun: str | None = None, quiet: bool = False) -> str:
+def simulate(
+    simulation: Simulation,
+    duration: float,
+    *,
+    rerun: str | None = None,
+    quiet: bool = False,
+    outputs: RunOutputs | None = None,
+) -> str:
     """Run for `duration` s and return a summary; `rerun` names a sink of the viewer.
 
     :raises DivergedError: the state became infinite.
     """
+    from mbd_sim.messages.publication_schedule import publication_schedule
     from mbd_sim.viewer import Viewer
 
     viewer = Viewer(simulation.model, rerun, rate=SHOWN_RATE) if rerun else None
-    chunk = max(1, round(1.0 / (SHOWN_RATE * simulation.step_size))) if viewer else CHUNK
+    samplers: list[Sampler] = []
+    if viewer is not None:
+        samplers.append(_ViewerFeed(viewer, simulation))
+    if outputs is not None and outputs.frame_rate:
+        samplers.append(_Frames(outputs, simulation))
     last = round(duration / simulation.step_size)
-    seconds_stepping, shown = 0.0, 0
+    seconds_stepping = 0.0
     try:
         with ProgressBar(simulation.mechanism.name, quiet, total=duration, amount=SECONDS) as progress:
-            if viewer is not None:
-                viewer.offer(simulation.time, simulation.state, simulation.inputs.copy(), simulation.energies)
+            for sampler in samplers:
+                sampler.sample()
+            schedules = [publication_schedule(sampler.rate, simulation.step_size) for sampler in samplers]
             while simulation.steps < last:
+                due = [schedule.next_tick(simulation.steps) for schedule in schedules if schedule]
                 began = time.perf_counter()
-                simulation.advance(min(chunk, last - simulation.steps))
+                simulation.advance(min(*due, simulation.steps + CHUNK, last) - simulation.steps)
                 seconds_stepping += time.perf_counter() - began
                 progress.show(simulation.time)
-                if viewer is not None:
-                    viewer.offer(simulation.time, simulation.state, simulation.inputs.copy(), simulation.energies)
-                    shown += 1
-                    if shown % FLUSH_INTERVAL == 0:
-                        viewer.flush()
+                for sampler, schedule in zip(samplers, schedules, strict=True):
+                    if schedule and schedule.is_due(simulation.steps):
+                        sampler.sample()
     finally:
         if viewer is not None:
             viewer.close()
-    return _summary(simulation, seconds_stepping)
+    return _summary(
+        simulation, seconds_stepping, "computed and recorded" if outputs and outputs.records else "computed"
+    )
 
 
-def _effort(text: str) -> tuple[str, float]:
-    try:
-        name, value = split_assignment(text) or ("", "")
-        return name, float(value)
-    except ValueError:
-        raise InputError(f"--effort {text}: not of the form JOINT=VALUE", "Write for example elbow=2.5.") from None
+class Sampler(Protocol):
+    """Takes a sample of a simulation at a rate in Hz."""
+
+    rate: float
+
+    def sample(self) -> None:
+        """Take a sample."""
+        ...
 
 
-def _summary(simulation: Simulation, seconds: float) -> str:
+class _ViewerFeed:
+    """Feeds the viewer."""
+
+    rate = SHOWN_RATE
+
+    def __init__(self, viewer: Viewer, simulation: Simulation) -> None:
+        self._viewer, self._simulation, self._shown = viewer, simulation, 0
+
+    def sample(self) -> None:
+        simulation = self._simulation
+        self._viewer.offer(simulation.time, simulation.state, simulation.inputs.copy(), simulation.energies)
+        self._shown += 1
+        if self._shown % FLUSH_INTERVAL == 0:
+            self._viewer.flush()
+
+
+class _Frames:
+    """Keeps the poses of an animation."""
+
+    def __init__(self, outputs: RunOutputs, simulation: Simulation) -> None:
+        self._outputs, self._simulation, self.rate = outputs, simulation, outputs.frame_rate
+
+    def sample(self) -> None:
+        self._outputs.add_frame(self._simulation)
+
+
+def _summary(simulation: Simulation, seconds: float, done: str) -> str:
     energies, steps = simulation.energies, max(simulation.steps, 1)
     values = [
         f"  {name:16s} {position: .9g}  {speed: .9g}"
@@ -106,7 +153,7 @@ def _summary(simulation: Simulation, seconds: float) -> str:
         [
             f"{simulation.mechanism.name}: {simulation.time:g} s in {simulation.steps} steps "
             f"of {simulation.step_size:g} s ({simulation.model.method.name})",
-            f"  computed in      {seconds:.3g} s: {simulation.time / max(seconds, 1e-9):,.0f} × real time, "
+            f"  {done + ' in':16s} {seconds:.3g} s: {simulation.time / max(seconds, 1e-9):,.0f} × real time, "
             f"{1e6 * seconds / steps:.3g} µs per step",
             f"  energy residual  {energies.residual:.3g} J of {energies.total:.6g} J total "
             f"(applied {energies.work_applied:.6g}, drives {energies.work_drives:.6g}, "

@@ -73,6 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Plan the runs, compute them, write and plot the results; returns 1 if any run failed."""
     from mbd_sim.load import load_mechanism
+    from mbd_sim.packages import require_packages
     from mbd_sim.sweep.execution import sweep
     from mbd_sim.sweep.result_tables import require_suffix, write
     from mbd_sim.sweep.sweep_picture import draw, require_column
@@ -82,6 +83,9 @@ def execute(options: argparse.Namespace) -> int:
     for path in (options.out, options.histories):
         if path is not None:
             require_suffix(path)
+            require_packages("pyarrow", purpose="The table of a sweep")
+    if options.plot is not None:
+        require_packages("matplotlib", purpose="A plot of a sweep")
     mechanism = load_mechanism(options.mechanism)
     planned = plan([variation(text, mechanism) for text in options.vary], options.draws, options.seed)
     settings = Settings(

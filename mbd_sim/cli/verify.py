@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbd_sim.cli.common import MCAP_OR_BAG, ProgressBar, add_quiet, add_recordings, positive_number
+from mbd_sim.cli.common import ProgressBar, add_quiet, positive_number
+from mbd_sim.cli.recorded_run import add_run, is_recording, recorded_run
 from mbd_sim.errors import listed
 
 if TYPE_CHECKING:
@@ -14,7 +16,7 @@ if TYPE_CHECKING:
 HELP = "recompute recorded runs and compare them bit for bit"
 DESCRIPTION = (
     "Recompute recorded runs from the mechanism, initial state and commands that they contain, and compare every "
-    "recorded state. The exit code is 1 if any differs."
+    "recorded state. A mechanism is run and recorded first. The exit code is 1 if any state differs."
 )
 
 NOUNS = {  # singular and plural
@@ -31,7 +33,7 @@ NOUNS = {  # singular and plural
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    add_recordings(parser, MCAP_OR_BAG)
+    add_run(parser, several=True)
     parser.add_argument(
         "--tolerance",
         type=positive_number,
@@ -47,10 +49,12 @@ def execute(options: argparse.Namespace) -> int:
     from mbd_sim.recording.verification import verify
 
     all_agree = True
-    for path in options.recordings:
-        with ProgressBar(f"verify {path.name}", options.quiet) as progress:
+    for run in options.recordings:
+        with recorded_run(run, options) as path, ProgressBar(f"verify {path.name}", options.quiet) as progress:
             verifications = verify(path, options.tolerance, progress.show)
         for verification in verifications:
+            if not is_recording(run):
+                verification.path = Path(run)
             print(verify_text(verification))
             all_agree &= verification.agrees
     return 0 if all_agree else 1

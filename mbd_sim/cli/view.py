@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import threading
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbd_sim.cli.common import ANY_RECORDING, ProgressBar, add_quiet, add_recording, positive_number, print_notes
+from mbd_sim.cli.common import ProgressBar, add_quiet, positive_number, print_notes
+from mbd_sim.cli.recorded_run import add_run, recorded_run
 
 if TYPE_CHECKING:
     from mbd_sim.recording.reader import Recording
     from mbd_sim.recording.recomputation import Recomputation
 
-HELP = "show a recorded run in Rerun"
+HELP = "show a run in Rerun"
 DESCRIPTION = (
-    "Show a recorded run in Rerun: the moving mechanism with plots and events. If the recording contains no mechanism, "
-    "only the joints are plotted."
+    "Show a recorded run, or the run of a mechanism, in Rerun: the moving mechanism with plots and events. If a "
+    "recording contains no mechanism, only the joints are plotted."
 )
 
 RATE = 200.0  # states per second shown by default
@@ -24,7 +25,7 @@ RATE = 200.0  # states per second shown by default
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    add_recording(parser, ANY_RECORDING)
+    add_run(parser)
     parser.add_argument("--save", metavar="FILE.rrd", help="write a file instead of opening a window")
     parser.add_argument(
         "--rerun", metavar="SINK", default="spawn", help="spawn (default), serve, connect, or a file.rrd"
@@ -50,17 +51,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Show the recording; with `--rerun serve`, until Ctrl-C."""
+    """Show the run; with `--rerun serve`, until Ctrl-C."""
+    from mbd_sim.packages import require_packages
+    from mbd_sim.viewer.sinks import checked_sink
+
+    sink = checked_sink(options.save or options.rerun)
+    require_packages("rerun", purpose="The viewer")
+    with recorded_run(options.recording, options, rate=options.rate) as path:
+        _show(path, sink, options)
+    return 0
+
+
+def _show(path: Path, sink: str, options: argparse.Namespace) -> None:
     from mbd_sim.playback.recording_view import show_joint_plots, show_run
     from mbd_sim.playback.run_table import read_table
     from mbd_sim.recording.reader import open_recording
     from mbd_sim.viewer.scene_description import DisplayOptions
-    from mbd_sim.viewer.sinks import ViewerError, checked_sink
 
-    sink = checked_sink(options.save or options.rerun)
-    if importlib.util.find_spec("rerun") is None:
-        raise ViewerError("Rerun is not installed. Install it with: pip install rerun-sdk")
-    recording = open_recording(options.recording)
+    recording = open_recording(path)
     on_sent = _serve_until_interrupted if sink == "serve" else _return_at_once
     recomputation, reason = _recomputation(recording)
     if recomputation is None:
@@ -80,7 +88,6 @@ def execute(options: argparse.Namespace) -> int:
             )
         print_notes(notes)
         print(f"{options.recording}: {count} states: {address}")
-    return 0
 
 
 def _recomputation(recording: Recording) -> tuple[Recomputation | None, str]:

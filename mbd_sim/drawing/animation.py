@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,24 +12,37 @@ from mbd_sim.drawing.curve_paths import constraint_curves
 from mbd_sim.drawing.part_outlines import bounding_points
 from mbd_sim.drawing.picture import POINTS, pixels
 from mbd_sim.drawing.projection import Page, view_of
+from mbd_sim.drawing.sheet import GRAY, SheetText
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.simulation.compiled_model import Model
 
 SAMPLES = 60  # random configurations from which the window is found
 STROKE = 0.5  # m in each direction, of sliding joints without limits
 MARGIN = 1.12
+CAPTION_PLACE, CAPTION_SIZE = np.array([60.0, 14.0]), 11.0  # pt
 
 
 class Animation:
-    """Frames of a mechanism, in a window that contains every configuration it can reach."""
+    """Frames of a mechanism, in a window that contains a set of configurations."""
 
-    def __init__(self, model: Model, width: int = 600, height: int = 400) -> None:
-        """Frames of `width` times `height` pixels."""
+    def __init__(
+        self,
+        model: Model,
+        width: int = 600,
+        height: int = 400,
+        configurations: Sequence[Mapping[str, Pose]] | None = None,
+    ) -> None:
+        """Frames of `width` times `height` pixels.
+
+        :param configurations: poses of the parts that the window shows; by default those that the joints and the loops
+            allow.
+        """
         self._mechanism, self._size = model.mechanism, np.array([width, height], dtype=float)
         start = model.poses(0.0, model.start)
         self._view = view_of(self._mechanism, start)
         axes = np.column_stack([self._view.right, self._view.up])
-        projected = [bounding_points(self._mechanism, poses) @ axes for poses in (start, *_reachable_poses(model))]
+        shown = _reachable_poses(model) if configurations is None else configurations
+        projected = [bounding_points(self._mechanism, poses) @ axes for poses in (start, *shown)]
         low, high = np.vstack(projected).min(axis=0), np.vstack(projected).max(axis=0)
         self._mechanism_size = max(
             float(np.max(np.ptp(projected[0], axis=0))), 1e-9
@@ -38,11 +51,14 @@ class Animation:
         self._page = Page(self._view, scale)
         self._shift = 0.5 * self._size - 0.5 * (low + high) * scale
 
-    def frame(self, poses: Mapping[str, Pose]) -> NDArray[np.uint8]:
+    def frame(self, poses: Mapping[str, Pose], caption: str = "") -> NDArray[np.uint8]:
         """The mechanism with its parts at `poses`, in ground's frame in m: (height, width, 3)."""
         curves = constraint_curves(self._mechanism, poses, self._view)
         sheet = mechanism_sheet(self._page, self._mechanism, poses, self._mechanism_size, curves)
-        return pixels(Composition(sheet.translated(self._shift), self._size), POINTS)
+        sheet = sheet.translated(self._shift)
+        if caption:
+            sheet.texts.append(SheetText(caption, CAPTION_PLACE, CAPTION_SIZE, GRAY))
+        return pixels(Composition(sheet, self._size), POINTS)
 
 
 def _reachable_poses(model: Model) -> list[Mapping[str, Pose]]:

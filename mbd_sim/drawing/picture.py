@@ -16,6 +16,7 @@ from mbd_sim.drawing.sheet import SheetPath, SheetText
 from mbd_sim.errors import MbdSimError, quoted
 from mbd_sim.geometry.pose import Pose
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.packages import require_packages
 
 FORMATS = (".png", ".svg")
 RESOLUTION = 144  # pixels per inch, of PNG
@@ -69,6 +70,7 @@ def pixels(picture: Composition, resolution: float = POINTS) -> NDArray[np.uint8
 @contextlib.contextmanager
 def _figure(picture: Composition, resolution: float) -> Iterator[Any]:
     """A Matplotlib figure of a drawing, with Matplotlib's default settings rather than the user's."""
+    require_packages("matplotlib", purpose="A drawing")
     from matplotlib import style
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from mbd_sim.errors import InputError, MbdSimError
-from mbd_sim.playback.plot_files import PLOT_SUFFIXES, import_plotly, require_suffix
+from mbd_sim.playback.plot_files import PLOT_SUFFIXES, import_plotly, require_plot_packages, require_suffix
 from mbd_sim.recording.changed_run import ChangedRun, ComparedSeries
 
 MAX_COORDINATES = 6  # that are plotted: those that deviate most
@@ -51,6 +51,7 @@ def _energy_row(run: ChangedRun) -> _Row:
 
 
 def _draw_picture(path: Path, run: ChangedRun, title: str, change: str) -> None:
+    require_plot_packages(path)
     from matplotlib.figure import Figure
 
     rows = _coordinate_rows(run)

@@ -12,6 +12,7 @@ from mbd_sim.appearance.palette import Color, mixed
 from mbd_sim.appearance.residual_scale import residual_magnitude
 from mbd_sim.errors import InputError, nearest
 from mbd_sim.geometry.pose import Array
+from mbd_sim.playback.requested_columns import REACTION
 from mbd_sim.playback.run_table import ENERGY_NAMES, RunTable
 
 _ENERGY_COLORS = {
@@ -115,8 +116,28 @@ def _residual(table: RunTable) -> Iterator[Panel]:
         yield Panel("Energy residual", "time, s", "J", (line,), logarithmic=True)
 
 
+def _reactions(table: RunTable) -> Iterator[Panel]:
+    """The magnitudes of the force and of the moment that each joint transmits."""
+    joints = [
+        name.removesuffix(".force_x_N").removeprefix(REACTION) for name in table.requested if name.endswith("force_x_N")
+    ]
+    for title, unit, suffix in (("Reaction force", "N", "force_{}_N"), ("Reaction moment", "N·m", "moment_{}_Nm")):
+        lines = []
+        for index, joint in enumerate(joints):
+            vectors = [table.requested[f"{REACTION}{joint}.{suffix.format(axis)}"] for axis in "xyz"]
+            lines.append(Line(joint, table.times, np.linalg.norm(vectors, axis=0), _joint_color(index)))
+        if lines:
+            yield Panel(title, "time, s", unit, tuple(lines))
+
+
 def _joint_color(index: int) -> Color:
     return mixed(palette.PARTS[index % len(palette.PARTS)], _DARK, 0.18)
 
 
-_BUILDERS = {"energies": _energies, "joints": _joints, "residual": _residual, "phase": _phase_portraits}
+_BUILDERS = {
+    "energies": _energies,
+    "joints": _joints,
+    "residual": _residual,
+    "reactions": _reactions,
+    "phase": _phase_portraits,
+}

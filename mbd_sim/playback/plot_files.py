@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mbd_sim.errors import InputError
+from mbd_sim.packages import require_packages
 
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 PLOT_SUFFIXES = (*PICTURE_SUFFIXES, ".html")
@@ -24,13 +25,21 @@ def require_suffix(path: Path, suffixes: Sequence[str]) -> None:
         raise InputError(f"{path}: there is no folder {path.parent}", "Create it, or choose another file.")
 
 
+def require_plot_packages(path: Path) -> None:
+    """Refuse a plot whose packages are missing, before anything is computed for it.
+
+    :raises MissingPackageError: Matplotlib, or Plotly for a page, is not installed.
+    """
+    if path.suffix == ".html":
+        require_packages("plotly", purpose="An HTML page of plots", otherwise="or choose a .png, .svg or .pdf file.")
+    else:
+        require_packages("matplotlib", purpose="A picture of plots", otherwise="or choose an .html file.")
+
+
 def import_plotly() -> tuple[Any, Any]:
     """Return Plotly's modules `graph_objects` and `subplots`.
 
-    :raises InputError: Plotly is not installed.
+    :raises MissingPackageError: Plotly is not installed.
     """
-    try:
-        return importlib.import_module("plotly.graph_objects"), importlib.import_module("plotly.subplots")
-    except ImportError as error:
-        remedy = "Install it with: pip install plotly; or choose a .png, .svg or .pdf file."
-        raise InputError("HTML needs Plotly", remedy) from error
+    require_plot_packages(Path("page.html"))
+    return importlib.import_module("plotly.graph_objects"), importlib.import_module("plotly.subplots")

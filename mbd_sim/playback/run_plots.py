@@ -11,7 +11,7 @@ import numpy as np
 from mbd_sim.errors import InputError, MbdSimError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.playback.panels import Line, Panel
-from mbd_sim.playback.plot_files import PLOT_SUFFIXES, import_plotly, require_suffix
+from mbd_sim.playback.plot_files import PLOT_SUFFIXES, import_plotly, require_plot_packages, require_suffix
 from mbd_sim.playback.run_table import RunTable
 
 MAX_LEGEND_LINES = 12
@@ -37,6 +37,7 @@ def draw(path: Path, table: RunTable, panels: Sequence[Panel]) -> None:
 
 
 def _draw_picture(path: Path, table: RunTable, panels: Sequence[Panel]) -> None:
+    require_plot_packages(path)
     from matplotlib.figure import Figure
 
     heights = [2.0 if panel.over_time else 4.0 for panel in panels]

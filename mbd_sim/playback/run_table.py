@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import numpy as np
 from mbd_sim.errors import MbdSimError, MechanismError, listed
 from mbd_sim.geometry.pose import Array
 from mbd_sim.load import parse_mechanism
+from mbd_sim.playback.requested_columns import requested_readers
 from mbd_sim.recording import cdr
 from mbd_sim.recording.reader import Recording
 from mbd_sim.recording.recomputation import SEQUENCE_MODULUS
@@ -35,7 +36,9 @@ class RunTable:
     `is_run` says whether `sim_node` recorded it. `times` are in s: those of the simulated clock in such runs, and since
     the first message elsewhere; `steps` count since the node started. `position`, `velocity` and `effort` (n, joints)
     are nan where a message has none; `units` are `rad`, `m`, or "" if unknown. `energies` (n, 7) are None if none are
-    recorded. `resets` are the rows at which the motion starts again.
+    recorded. `requested` are the columns (n,) of what was recorded on request, by name and unit: reactions such as
+    `reaction.elbow.force_x_N`, poses, and the violation of constraints. `resets` are the rows at which the motion
+    starts again.
     """
 
     path: Path
@@ -50,6 +53,7 @@ class RunTable:
     effort: Array
     energies: Array | None
     events: tuple[tuple[float, str], ...]
+    requested: Mapping[str, Array] = field(default_factory=dict)
     resets: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()
     about: dict[str, str] = field(default_factory=dict)
@@ -65,6 +69,7 @@ class _Messages:
     stamps: list[tuple[int, int]] = field(default_factory=list)
     states: list[cdr.JointStates] = field(default_factory=list)
     energies: dict[int, Array] = field(default_factory=dict)  # by the number of their state
+    requested: dict[int, list[tuple[tuple[str, ...], Array]]] = field(default_factory=dict)  # likewise
     events: list[tuple[int, str]] = field(default_factory=list)
     resets: list[int] = field(default_factory=list)  # numbers of the states that follow
 
@@ -74,13 +79,32 @@ class _Messages:
             self.stamps.append((message.time_ns, message.sequence))
             self.states.append(recording.decoded(message))
         elif role is TopicRole.ENERGIES:
-            if self.stamps and self.stamps[-1] == (message.time_ns, message.sequence):
+            if self._is_of_last_state(message):
                 self.energies[len(self.stamps) - 1] = cdr.multi_array(message.payload).values
         elif role is TopicRole.EVENTS:
             text = cdr.text(message.payload)
             self.events.append((message.time_ns, text))
             if parse_event(text).kind in RESTARTS:
                 self.resets.append(len(self.stamps))
+
+    def add_requested(self, message: Message, columns: tuple[str, ...], values: Array) -> None:
+        """Add the numbers of a message that was recorded on request."""
+        if self._is_of_last_state(message):
+            self.requested.setdefault(len(self.stamps) - 1, []).append((columns, values))
+
+    def _is_of_last_state(self, message: Message) -> bool:
+        return bool(self.stamps) and self.stamps[-1] == (message.time_ns, message.sequence)
+
+    def requested_columns(self) -> dict[str, Array]:
+        """Return the columns (n,) of what was recorded on request, nan in states without it."""
+        found: dict[str, Array] = {}
+        for row, parts in self.requested.items():
+            for columns, values in parts:
+                for name, value in zip(columns, values.tolist(), strict=True):
+                    if name not in found:
+                        found[name] = np.full(len(self.states), np.nan)
+                    found[name][row] = value
+        return found
 
     def energy_table(self) -> Array | None:
         """Return the energies (n, 7), nan in states without them; None if there are none at all."""
@@ -116,8 +140,11 @@ def read_table(recording: Recording, progress: Progress = lambda fraction: None)
     roles = topic_roles(recording.topics) if is_run else {}
     notes: list[str] = []
     found = _Messages()
+    readers = requested_readers(recording) if is_run else {}
     for message in iterate_messages(recording, progress, notes):
         found.add(recording, message, roles.get(message.topic), is_state=message.topic == state_topic)
+        if (read := readers.get(message.topic)) is not None:
+            found.add_requested(message, *read(message))
     states, stamps = found.states, found.stamps
     if not states:
         raise PlaybackError(f"{recording.path}: contains no joint states that can be read.")
@@ -136,6 +163,7 @@ def read_table(recording: Recording, progress: Progress = lambda fraction: None)
         velocity=_by_name(names, [(state.names, state.velocity) for state in states]),
         effort=_by_name(names, [(state.names, state.effort) for state in states]),
         energies=found.energy_table(),
+        requested=found.requested_columns(),
         events=tuple(((time_ns - start_ns) * 1e-9, text) for time_ns, text in found.events),
         resets=tuple(row for row in found.resets if row < len(states)),
         notes=tuple(notes),

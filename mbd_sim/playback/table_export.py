@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mbd_sim.errors import InputError, MbdSimError
+from mbd_sim.errors import MbdSimError
 from mbd_sim.geometry.pose import Array
+from mbd_sim.packages import require_packages
 from mbd_sim.playback.plot_files import require_suffix
 from mbd_sim.playback.run_table import ENERGY_NAMES, RunTable
 
@@ -36,7 +37,16 @@ def columns(table: RunTable) -> dict[str, Array | np.ndarray]:
                 found[f"{name}.{quantity}{suffix}"] = values[:, index]
     if table.energies is not None:
         found |= {f"energy.{name}_J": table.energies[:, index] for index, name in enumerate(ENERGY_NAMES)}
-    return found
+    return found | dict(table.requested)
+
+
+def require_packages_for(path: Path) -> None:
+    """Refuse a table whose package is missing, before anything is computed for it.
+
+    :raises MissingPackageError: it is a Parquet file, and PyArrow is not installed.
+    """
+    if path.suffix == ".parquet":
+        require_packages("pyarrow", purpose="A Parquet file", otherwise="or choose a .csv or .npz file.")
 
 
 def export(path: Path, table: RunTable) -> int:
@@ -73,10 +83,8 @@ def _quoted(name: str) -> str:
 
 
 def _write_parquet(path: Path, found: Columns, about: Mapping[str, str]) -> None:
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet
-    except ImportError as error:
-        remedy = "Install it with: pip install pyarrow; or choose a .csv or .npz file."
-        raise InputError("Parquet needs pyarrow", remedy) from error
+    require_packages_for(path)
+    import pyarrow as pa
+    import pyarrow.parquet
+
     pyarrow.parquet.write_table(pa.table(dict(found)).replace_schema_metadata(dict(about)), str(path))

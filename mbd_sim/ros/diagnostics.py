@@ -12,9 +12,9 @@ from rclpy.node import Node
 
 from mbd_sim.errors import listed
 from mbd_sim.geometry.pose import Array
+from mbd_sim.messages.publication_schedule import attained_rate
 from mbd_sim.messages.topics import DIAGNOSTICS
 from mbd_sim.ros.pacing import DurationSummary
-from mbd_sim.ros.publication_schedule import attained_rate
 from mbd_sim.ros.publishing_thread import PublishingThread
 from mbd_sim.ros.stepping_thread import SteppingThread
 from mbd_sim.ros.subscriptions import Subscriptions, printable

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from mbd_sim.messages.publication_schedule import PublicationSchedule, publication_schedule
 from mbd_sim.messages.snapshot import Due
-from mbd_sim.ros.publication_schedule import PublicationSchedule, publication_schedule
 
 
 @dataclass

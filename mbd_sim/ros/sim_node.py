@@ -11,6 +11,7 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 from mbd_sim.errors import listed
+from mbd_sim.messages.publication_schedule import rate_remark
 from mbd_sim.messages.topics import TOPICS
 from mbd_sim.ros import realtime
 from mbd_sim.ros.build_progress import BuildProgress
@@ -27,7 +28,6 @@ from mbd_sim.ros.node_setup import (
     split_limits,
 )
 from mbd_sim.ros.program_help import program_help
-from mbd_sim.ros.publication_schedule import rate_remark
 from mbd_sim.ros.publishing_thread import PublishingThread
 from mbd_sim.ros.rates import Rates
 from mbd_sim.ros.sim_parameters import PARAMETERS

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from mbd_sim.errors import MbdSimError
+from mbd_sim.packages import require_packages
 from mbd_sim.sweep.sweep_runs import (
     Chunk,
     Results,
@@ -26,17 +27,17 @@ def sweep(settings: Settings, work: Sequence[Chunk], scheduler: str = "", progre
     """Compute all chunks; `progress` is called with the number of runs of each chunk that is done.
 
     :param scheduler: the address of a Dask scheduler, such as tcp://host:8786; if empty, local processes.
-    :raises ScheduleError: Dask is not installed, or the scheduler cannot be reached.
+    :raises MissingPackageError: Dask is not installed.
+    :raises ScheduleError: the scheduler cannot be reached.
     """
     if len(work) == 1 and not scheduler:
         results = compute(settings, work[0], threads=None)
         if progress is not None:
             progress(len(work[0].changes))
         return results
-    try:
-        import dask
-    except ImportError as error:
-        raise ScheduleError("a sweep of this size needs Dask: pip install 'mbd_sim[sweep]'") from error
+    require_packages("dask", purpose="A sweep of this size")
+    import dask
+
     tasks = [dask.delayed(compute, pure=False)(settings, chunk) for chunk in work]
     if scheduler:
         return joined(_on_cluster(tasks, work, scheduler, progress))
@@ -60,10 +61,9 @@ def _reported(progress: Progress | None) -> Iterator[None]:
 def _on_cluster(
     tasks: Sequence[Any], work: Sequence[Chunk], scheduler: str, progress: Progress | None
 ) -> list[Results]:
-    try:
-        from distributed import Client, as_completed
-    except ImportError as error:
-        raise ScheduleError("a Dask scheduler needs the package distributed: pip install 'mbd_sim[sweep]'") from error
+    require_packages("distributed", purpose="A Dask scheduler")
+    from distributed import Client, as_completed
+
     try:
         client = Client(scheduler, timeout=5)
     except (OSError, ValueError) as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from mbd_sim.errors import MbdSimError
+from mbd_sim.packages import require_packages
 from mbd_sim.sweep.sweep_runs import Table
 
 SUFFIXES = (".parquet", ".csv")
@@ -26,6 +27,7 @@ def write(path: Path, table: Table, metadata: dict[str, str]) -> None:
 
     :raises MbdSimError: the file cannot be written.
     """
+    require_packages("pyarrow", purpose="The table of a sweep")
     import pyarrow as pa
     import pyarrow.csv
     import pyarrow.parquet

@@ -10,6 +10,7 @@ import numpy as np
 
 from mbd_sim.errors import MbdSimError, nearest
 from mbd_sim.geometry.pose import Array
+from mbd_sim.packages import require_packages
 from mbd_sim.sweep.sweep_runs import Table
 
 
@@ -31,6 +32,7 @@ def draw(path: Path, table: Table, varied: Sequence[str], shown: str, title: str
     :raises MbdSimError: the result does not exist, or the file cannot be written.
     """
     require_column(list(table), shown)
+    require_packages("matplotlib", purpose="A plot of a sweep")
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 4.6), layout="constrained")

@@ -11,6 +11,7 @@ from mbd_sim.dynamics.links import coordinate_layout
 from mbd_sim.errors import MbdSimError
 from mbd_sim.mechanism.joint_types import JOINT_KINDS, JointType
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.packages import require_packages
 from mbd_sim.symbolic.latex_printer import escaped
 from mbd_sim.symbolic.symbolic_constraints import (
     SymbolicConstraint,
@@ -88,8 +89,10 @@ class SymbolicEquations:
 def symbolic_equations(mechanism: Mechanism) -> SymbolicEquations:
     """Derive the equations of a small mechanism, with the numbers of its file.
 
+    :raises MissingPackageError: SymPy is not installed.
     :raises MbdSimError: the equations are too long to be read, or the mechanism has no degree of freedom.
     """
+    require_packages("sympy", purpose="Deriving equations as formulas")
     _require_small(mechanism, coordinate_layout(mechanism).nv)
     functions = [lagrange_equations(mechanism).terms]
     derived = derive(mechanism) if mechanism.closing or mechanism.constraints else None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import atexit
 import contextlib
-import importlib.util
 import json
 import logging
 import math
@@ -19,6 +18,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from mbd_sim.geometry.pose import Array
+from mbd_sim.packages import MissingPackageError, require_packages
 from mbd_sim.simulation.events import Event, EventKind, parse_event
 from mbd_sim.viewer import protocol
 from mbd_sim.viewer.event_filter import EventFilter
@@ -74,8 +74,10 @@ class Viewer:
         for name, value in (("rate", rate), ("trace_time", trace_time)):
             if value is not None and not 0.0 < value < float("inf"):
                 raise ValueError(f"the {name} must be a positive number, not {value!r}")
-        if importlib.util.find_spec("rerun") is None:
-            raise ViewerError("Rerun is not installed. Install it with: pip install rerun-sdk")
+        try:
+            require_packages("rerun", purpose="The viewer")
+        except MissingPackageError as error:
+            raise ViewerError(str(error)) from error
         self._rate, self._frame, self._motion_time, self._event_filter = rate, -1, -math.inf, EventFilter()
         self._samples: Mailbox[Array] = Mailbox(capacity)
         self._events: Mailbox[tuple[float, EventKind, str]] = Mailbox(capacity)

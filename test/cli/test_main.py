@@ -10,6 +10,8 @@ import pytest
 from mbd_sim import __version__
 from mbd_sim.cli.main import COMMANDS, main
 
+SHARED = {"common", "recorded_run", "run_outputs", "setup_options"}  # by several commands
+
 
 def answer(capsys, *arguments):
     code = main(arguments)
@@ -125,7 +127,7 @@ def test_the_command_itself_prints_the_schema_and_urdf():
 
 def test_every_module_of_cli_is_a_command():
     folder = Path(sys.modules[main.__module__].__file__).parent
-    modules = {path.stem for path in folder.glob("*.py")} - {"__init__", "main", "common"}
+    modules = {path.stem for path in folder.glob("*.py")} - {"__init__", "main", *SHARED}
     assert {command.__name__.rpartition(".")[2] for command in COMMANDS.values()} == modules
 
 

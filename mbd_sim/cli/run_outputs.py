@@ -1,0 +1,156 @@
+"""The files that `mbd_sim run` leaves: a recording, a table, a plot, an animation."""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mbd_sim.cli.common import COUNT, ProgressBar, read_run_table
+
+if TYPE_CHECKING:
+    from mbd_sim.geometry.pose import Pose
+    from mbd_sim.simulation.simulation import Simulation
+
+RECORDING = ".mcap"
+
+
+def add_outputs(parser: argparse.ArgumentParser) -> None:
+    """Declare the options that name files, and what they contain."""
+    group = parser.add_argument_group("files")
+    group.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="record the run to an .mcap file, or write it as a table: .csv, .parquet or .npz",
+    )
+    group.add_argument(
+        "--plot", type=Path, metavar="FILE", help="plot energies, joints and residual: .png, .svg, .pdf or .html"
+    )
+    group.add_argument("--animate", type=Path, metavar="FILE", help="draw the motion: .gif, .mp4 or .html")
+    group.add_argument(
+        "--rate",
+        type=float,
+        metavar="HZ",
+        help="states that are recorded per second (default 100, or one for each step if that is fewer)",
+    )
+    group.add_argument("--reactions", action="store_true", help="also record the force and moment of each joint")
+    group.add_argument("--violation", action="store_true", help="also record the violation of loops and constraints")
+    group.add_argument(
+        "--poses", metavar="PARTS", default="", help="also record the poses of these parts, separated by commas; *: all"
+    )
+
+
+class RunOutputs:
+    """The files of one run, as the options name them."""
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        """Check the options before anything is computed.
+
+        :raises InputError: a file has another suffix, its folder does not exist, an option has no effect without a
+            file, or a package is not installed.
+        """
+        from mbd_sim.drawing import animation_file
+        from mbd_sim.errors import InputError
+        from mbd_sim.playback import plot_files, table_export
+
+        self._options, self._frames = options, list[tuple[float, Mapping[str, "Pose"]]]()
+        self.written: list[str] = []
+        if options.out is not None:
+            plot_files.require_suffix(options.out, (RECORDING, *table_export.SUFFIXES))
+            table_export.require_packages_for(options.out)
+        if options.plot is not None:
+            plot_files.require_suffix(options.plot, plot_files.PLOT_SUFFIXES)
+            plot_files.require_plot_packages(options.plot)
+        if options.animate is not None:
+            plot_files.require_suffix(options.animate, animation_file.SUFFIXES)
+            animation_file.require_animation_packages(options.animate)
+        if not self.records:
+            unused = [name for name in ("rate", "reactions", "violation", "poses") if getattr(options, name)]
+            if unused:
+                names = ", ".join(f"--{name}" for name in unused)
+                raise InputError(f"{names}: nothing is recorded", "Give --out or --plot too.")
+
+    @property
+    def frame_rate(self) -> float:
+        """The frames of the animation per second, 0 for none."""
+        from mbd_sim.drawing.animation_file import FRAME_RATE
+
+        return FRAME_RATE if self._options.animate is not None else 0.0
+
+    @contextmanager
+    def of(self, simulation: Simulation) -> Iterator[None]:
+        """Record the run in this block, then write the files; also if the motion becomes infinite."""
+        from mbd_sim.errors import DivergedError
+
+        options = self._options
+        with tempfile.TemporaryDirectory(prefix="mbd_sim_") as folder:
+            keeps = options.out is not None and options.out.suffix == RECORDING
+            path = options.out if keeps else Path(folder, f"{simulation.mechanism.name}.mcap".replace("/", "_"))
+            try:
+                with self._recording(simulation, path):
+                    yield
+            except DivergedError:
+                self._write(simulation, path)
+                raise
+            self._write(simulation, path)
+
+    def add_frame(self, simulation: Simulation) -> None:
+        """Keep the present poses for the animation."""
+        self._frames.append((simulation.time, simulation.poses()))
+
+    @property
+    def records(self) -> bool:
+        """Whether the run is recorded."""
+        return self._options.out is not None or self._options.plot is not None
+
+    def _recording(self, simulation: Simulation, path: Path) -> AbstractContextManager[object]:
+        options = self._options
+        if not self.records:
+            return nullcontext()
+        poses = [name.strip() for name in options.poses.split(",") if name.strip()]
+        return simulation.recording(
+            path, rate=options.rate, reactions=options.reactions, violation=options.violation, poses=poses
+        )
+
+    def _write(self, simulation: Simulation, path: Path) -> None:
+        options = self._options
+        if self.records:
+            self._write_table_and_plot(path)
+        if options.animate is not None:
+            self._animate(simulation)
+
+    def _write_table_and_plot(self, path: Path) -> None:
+        from mbd_sim.playback import run_plots, table_export
+        from mbd_sim.playback.panels import panels
+
+        options = self._options
+        table = read_run_table(path, options.quiet, options.mechanism if path != options.out else "")
+        if path == options.out:
+            self.written.append(f"{path}: {len(table)} states")
+        elif options.out is not None:
+            columns = table_export.export(options.out, table)
+            self.written.append(f"{options.out}: {len(table)} rows of {columns} columns")
+        if options.plot is not None:
+            chosen = panels(table)
+            run_plots.draw(options.plot, table, chosen)
+            titles = ", ".join(dict.fromkeys(panel.title.lower() for panel in chosen))
+            self.written.append(f"{options.plot}: {titles}")
+
+    def _animate(self, simulation: Simulation) -> None:
+        from mbd_sim.drawing.animation import Animation
+        from mbd_sim.drawing.animation_file import Frame, write_animation
+
+        animation = Animation(simulation.model, configurations=[poses for _, poses in self._frames])
+        with ProgressBar("draw", self._options.quiet, total=len(self._frames), amount=COUNT) as progress:
+
+            def frames() -> Iterator[Frame]:
+                for time, poses in self._frames:
+                    yield animation.frame(poses, f"t = {time:.2f} s")
+                    progress.advance(1)
+
+            write_animation(self._options.animate, frames(), simulation.mechanism.name)
+        self.written.append(f"{self._options.animate}: {len(self._frames)} frames")

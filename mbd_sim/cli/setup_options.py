@@ -1,0 +1,124 @@
+"""The options that set up a run of a mechanism: `--set`, `--start` and `--effort`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from mbd_sim.cli.common import split_assignment
+from mbd_sim.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from mbd_sim.mechanism.records import Mechanism
+    from mbd_sim.simulation.simulation import Simulation
+
+
+def add_set(parser: argparse._ActionsContainer, help_text: str) -> None:
+    """Declare `--set`."""
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes", help=help_text)
+
+
+def add_start(parser: argparse._ActionsContainer) -> None:
+    """Declare `--start` and `--effort`."""
+    parser.add_argument(
+        "--start",
+        action="append",
+        default=[],
+        metavar="JOINT=VALUE",
+        help="start position of a joint or coordinate, in rad or m or with a unit, such as elbow='30 deg'; repeatable",
+    )
+    parser.add_argument(
+        "--effort",
+        action="append",
+        default=[],
+        metavar="JOINT=VALUE",
+        help="constant effort on a joint, in N or N·m; repeatable",
+    )
+
+
+def changes_of(assignments: Iterable[str]) -> dict[str, Any]:
+    """The values of `--set` by key: numbers, or texts as in a file.
+
+    :raises InputError: one is not of the form KEY=VALUE.
+    """
+    return {key: _value(text) for key, text in _pairs("--set", assignments, "joints.elbow.damping=0.2")}
+
+
+def build_simulation(options: argparse.Namespace, *, with_changes: bool = True) -> Simulation:
+    """The simulation that the options describe, with its constant efforts.
+
+    :param with_changes: whether `--set`, `--method` and `--step` are for this run.
+    :raises InputError: an option is not an assignment, or names a joint that does not exist.
+    :raises MechanismError: the mechanism cannot be built with these values.
+    """
+    from mbd_sim.load import load_mechanism
+    from mbd_sim.simulation.simulation import Simulation
+
+    mechanism = load_mechanism(options.mechanism)
+    changes = changes_of(options.changes) if with_changes else {}
+    changes |= _start_positions(mechanism, _pairs("--start", options.start, "elbow=0.5"))
+    simulation = Simulation(
+        mechanism,
+        method=options.method if with_changes else None,
+        step=options.step if with_changes else None,
+        set=changes,
+    )
+    simulation.set_efforts(dict(_effort(text) for text in options.effort))
+    return simulation
+
+
+def _pairs(option: str, assignments: Iterable[str], example: str) -> list[tuple[str, str]]:
+    pairs = []
+    for text in assignments:
+        pair = split_assignment(text)
+        if pair is None:
+            form = "KEY=VALUE" if option == "--set" else "JOINT=VALUE"
+            raise InputError(f"{option} {text}: not of the form {form}", f"Write for example {example}.")
+        pairs.append(pair)
+    return pairs
+
+
+def _value(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _effort(text: str) -> tuple[str, float]:
+    ((name, value),) = _pairs("--effort", [text], "elbow=2.5")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise InputError(f"--effort {text}: not of the form JOINT=VALUE", "Write for example elbow=2.5.") from None
+
+
+def _start_positions(mechanism: Mechanism, starts: Iterable[tuple[str, str]]) -> dict[str, Any]:
+    """The values of `--start`, by key of the file: of a joint with one coordinate, or of one of several coordinates."""
+    lists: dict[str, list[Any]] = {}
+    found: dict[str, Any] = {}
+    for name, text in starts:
+        joint, number = _coordinate(mechanism, name)
+        key = f"joints.'{joint}'.position"
+        if number is None:
+            found[key] = _value(text)
+            continue
+        record = mechanism.all_joints[joint]
+        values = lists.setdefault(key, record.position[: record.kind.quaternion].tolist())
+        values[number] = _value(text)
+    return found | lists
+
+
+def _coordinate(mechanism: Mechanism, name: str) -> tuple[str, int | None]:
+    """The joint, and the place of the coordinate in its list of positions if it has one."""
+    found: dict[str, tuple[str, int | None]] = {}
+    for joint in mechanism.all_joints.values():
+        if joint.kind.nv == 1:
+            found[joint.name] = joint.name, None
+        else:
+            labels = joint.kind.labels[: joint.kind.quaternion]  # an orientation has a key of its own
+            found |= {f"{joint.name}{label}": (joint.name, number) for number, label in enumerate(labels)}
+    if name not in found:
+        raise InputError(f"--start {name}: there is no joint or position of this name", nearest(name, found))
+    return found[name]
