@@ -108,10 +108,20 @@ def fit_speeds(constraints: ConstraintFunctions, t: float, q: Array, u: Array, f
     return FittedSpeeds(speeds, errors, bool(np.all(np.abs(errors) <= tolerance)))
 
 
-def nearest_speeds(constraints: ConstraintFunctions, t: float, q: Array, u: Array) -> Array:
-    """The speeds (nv,) that satisfy the constraints with the least kinetic energy of the change from u."""
+def nearest_speeds(constraints: ConstraintFunctions, t: float, q: Array, u: Array, fixed: Array | None = None) -> Array:
+    """The speeds (nv,) that satisfy the constraints with the least kinetic energy of the change from u.
+
+    With `fixed` (nv,), these entries stay; if they contradict the constraints, a violation remains.
+    """
     gradient = constraints.gradient(t, q)
-    return u - _least_energy_speeds(constraints.mass_matrix(t, q), gradient, gradient @ u + constraints.drift(t, q))
+    rows, violation = gradient, gradient @ u + constraints.drift(t, q)
+    if fixed is not None and fixed.any():
+        selection = np.eye(len(u))[fixed]
+        rows, violation = np.vstack([rows, selection]), np.concatenate([violation, np.zeros(len(selection))])
+    speeds = u - _least_energy_speeds(constraints.mass_matrix(t, q), rows, violation)
+    if fixed is not None:
+        speeds[fixed] = u[fixed]
+    return speeds
 
 
 def _least_energy_speeds(mass_matrix: Array, rows: Array, right: Array) -> Array:

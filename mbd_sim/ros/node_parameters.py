@@ -67,6 +67,7 @@ class NodeParameters:
         self._values: dict[str, Any] = {}
         self._live_keys: dict[str, list[str]] = {}
         self._fixed: dict[str, str] = {}
+        self._check: Callable[[Mapping[str, Any]], str] = lambda values: ""
         self._set_live: Callable[[Mapping[str, float]], str] = lambda changes: ""
         for spec in specs:
             value = node.declare_parameter(spec.name, spec.default, _descriptor(spec)).value
@@ -110,6 +111,10 @@ class NodeParameters:
             given |= {key: new for key, new in changes.items() if new != live[key]}
         return given
 
+    def check(self, problem: Callable[[Mapping[str, Any]], str]) -> None:
+        """Refuse changes from now on that leave all parameters with a problem; it returns "" if there is none."""
+        self._check = problem
+
     def fix(self, name: str, reason: str) -> None:
         """Refuse changes of a parameter from now on, for a reason that names the remedy."""
         self._fixed[name] = reason
@@ -141,10 +146,12 @@ class NodeParameters:
                 continue
             if problem:
                 return SetParametersResult(successful=False, reason=problem)
+        if changes and (problem := self._check(self._values | changes)):
+            return SetParametersResult(successful=False, reason=problem)
         if live and (problem := self._set_live(live)):
             return SetParametersResult(successful=False, reason=problem)
+        self._values |= changes
         for name, value in changes.items():
-            self._values[name] = value
             self._on_change(name, value)
         return SetParametersResult(successful=True)
 

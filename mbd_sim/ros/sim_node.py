@@ -10,7 +10,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
-from mbd_sim.errors import listed
+from mbd_sim.errors import CommandError, listed
 from mbd_sim.messages.publication_schedule import rate_remark
 from mbd_sim.messages.topics import TOPICS
 from mbd_sim.ros import realtime
@@ -32,6 +32,7 @@ from mbd_sim.ros.publishing_thread import PublishingThread
 from mbd_sim.ros.rates import Rates
 from mbd_sim.ros.sim_parameters import PARAMETERS
 from mbd_sim.ros.simulation_services import serve_simulation_interfaces
+from mbd_sim.ros.start_values import named_starts, start_values
 from mbd_sim.ros.stepping_thread import SteppingThread
 from mbd_sim.ros.subscriptions import SUBSCRIBED, Subscriptions
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
@@ -41,7 +42,7 @@ EXAMPLE = "mechanism:=double_rod"
 SERVICES = (
     ("~/pause", "std_srvs/srv/SetBool: pause (true) or resume"),
     ("~/step", "std_srvs/srv/Trigger: take step_count steps while paused"),
-    ("~/reset", "std_srvs/srv/Trigger: return to the start state"),
+    ("~/reset", "std_srvs/srv/Trigger: return to the start state, or that of the parameter start"),
     ("~/record", "std_srvs/srv/SetBool: start or stop a recording"),
     ("~/split_recording", "std_srvs/srv/Trigger: continue the recording in another file"),
 )
@@ -55,7 +56,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         """Build all parts; `end` is called when a service asks the program to end."""
         super().__init__("sim_node")
         log = self.get_logger()
-        parameters = self.parameters = NodeParameters(self, PARAMETERS, self._on_parameter_change)
+        specs = (*PARAMETERS, *named_starts(self))
+        parameters = self.parameters = NodeParameters(self, specs, self._on_parameter_change)
         with BuildProgress(self):
             self.simulation, wrench_targets = build_simulation(parameters)
         simulation, frame_prefix = self.simulation, parameters["frame_prefix"]
@@ -80,6 +82,9 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             paused=parameters["start_paused"],
             followed=self.followed,
         )
+        self._use_start(parameters.values)
+        parameters.check(self._problem_of_start)
+        self._begin_at_start()
         self.publishing_thread = PublishingThread(
             self,
             simulation.model,
@@ -92,16 +97,19 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self.publishing_thread.viewer = rerun_viewer(parameters, simulation, log)
         self.rates.view = parameters["rerun_rate"] if self.publishing_thread.viewer is not None else 0.0
         subscriptions = Subscriptions(
-            self, simulation.mechanism, self.commands, self.wrenches, wrench_targets, self._step_on_command
+            self,
+            simulation.mechanism,
+            self.commands,
+            self.wrenches,
+            wrench_targets,
+            self._step_on_command,
+            self.stepping_thread.set_state,
+            self.stepping_thread.warn,
         )
         self.diagnostics = Diagnostics(self, self.stepping_thread, subscriptions, self.publishing_thread)
         self._priority = parameters["real_time_priority"]
         self.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self.create_service(Trigger, "~/reset", self._on_reset)
-        self.create_service(SetBool, "~/pause", self._on_pause)
-        self.create_service(Trigger, "~/step", self._on_step)
-        self.create_service(SetBool, "~/record", self._on_record)
-        self.create_service(Trigger, "~/split_recording", self._on_split_recording)
+        self._create_services()
         self.simulation_services = serve_simulation_interfaces(self, self.stepping_thread, end)
 
     def start(self) -> None:
@@ -154,6 +162,36 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         if changes:
             self.simulation.set_live(changes)
             self.simulation.reset()
+
+    def _create_services(self) -> None:
+        self.create_service(Trigger, "~/reset", self._on_reset)
+        self.create_service(SetBool, "~/pause", self._on_pause)
+        self.create_service(Trigger, "~/step", self._on_step)
+        self.create_service(SetBool, "~/record", self._on_record)
+        self.create_service(Trigger, "~/split_recording", self._on_split_recording)
+
+    def _begin_at_start(self) -> None:
+        """Begin the run at the start that the parameters give.
+
+        :raises CommandError: the loops cannot be closed there.
+        """
+        if self.stepping_thread.start_values is not None:
+            self.simulation.set_state(*self.stepping_thread.start_values)
+
+    def _use_start(self, values: Mapping[str, Any]) -> None:
+        """Let resets return to the start that the parameters give.
+
+        :raises CommandError: it does not fit the mechanism.
+        """
+        self.stepping_thread.start_values = start_values(values["start"], values, self.simulation.model)
+
+    def _problem_of_start(self, values: Mapping[str, Any]) -> str:
+        """The problem with the start of all parameters, or ""."""
+        try:
+            start_values(values["start"], values, self.simulation.model)
+        except CommandError as error:
+            return str(error)
+        return ""
 
     def _prioritize(self) -> None:
         """Request real-time priority, except when running as fast as possible: that would starve the machine."""
@@ -227,6 +265,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
                 self.commands.timeout = self.wrenches.timeout = value
             case "record_split_size" | "record_split_duration":
                 self.recordings.limits = split_limits(self.parameters)
+        if name == "start" or name.startswith("starts."):
+            self._use_start(self.parameters.values)
         self._remark_on_rate(name)
 
     def _remark_on_rate(self, name: str) -> None:

@@ -16,6 +16,11 @@ PARAMETERS = (
     ParameterSpec("real_time_factor", 1.0, "1: real time; 0: as fast as possible", 0.0, 1000.0, live=True),
     ParameterSpec("start_paused", False, "wait for ~/pause or ~/step before the first step"),
     ParameterSpec(
+        "start", "",
+        "where the run and each reset begin: 'hip = 30 deg, knee.velocity = 1', or the name of a parameter starts.NAME;"
+        " empty: from the mechanism file", live=True,
+    ),
+    ParameterSpec(
         "command_timeout", 0.5,
         "simulated s without a command for a joint after which its effort is set to zero; 0: never",
         0.0, 1e6, live=True,

@@ -17,9 +17,18 @@ from mbd_sim.ros.rates import Rates
 from mbd_sim.ros.requests import RequestQueue
 from mbd_sim.ros.snapshots import Counters, Item
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
-from mbd_sim.simulation.events import AppliedEfforts, AppliedWrench, ChangedValues, Event, EventKind, Payload
+from mbd_sim.simulation.events import (
+    AppliedEfforts,
+    AppliedWrench,
+    ChangedValues,
+    Event,
+    EventKind,
+    NewState,
+    Payload,
+)
 from mbd_sim.simulation.live_values import PreparedValues
 from mbd_sim.simulation.simulation import Simulation
+from mbd_sim.simulation.state_values import StateValues
 from mbd_sim.simulation.step_advice import TOLERATED
 
 WAKE_UP_PERIOD = 1e-3  # s of real time between wake-ups where the step is shorter
@@ -52,6 +61,7 @@ class SteppingThread:
         self.problem = self.advice = ""
         self.ticks = 0
         self.followed = followed
+        self.start_values: StateValues | None = None  # to which a reset returns; None: the start of the file
         self._held_moments = 0  # requested before the followed clock has begun
         self._last_emitted = self._last_viewed = -1  # the tick of the last state that was emitted, and for the viewer
         self._emitted_at = 0.0  # s of the steady clock
@@ -116,6 +126,18 @@ class SteppingThread:
             except CommandError as error:
                 return str(error)
             return self._call(lambda: self._apply_live(prepared))
+
+    def set_state(self, given: StateValues) -> str:
+        """Set positions and speeds by name; returns the problem, and then nothing has changed, or "" on success."""
+        return self._call(lambda: self._set_state(given))
+
+    def warn(self, text: str) -> None:
+        """Report a warning as an event between two steps; returns at once."""
+
+        def report() -> None:
+            self._report(EventKind.WARNING, text)
+
+        self._requests.submit(report)
 
     def request_moment(self) -> None:
         """Have a `Moment` put into the output between two steps; returns at once."""
@@ -315,9 +337,13 @@ class SteppingThread:
             return "the clock is that of /clock: reset the node that publishes it, and set reset_rewinds_clock to false"
         began = time.perf_counter()
         if state:
+            before = self.simulation.snapshot()
             try:
                 self.simulation.reset()
+                if self.start_values is not None:
+                    self.simulation.set_state(*self.start_values)
             except ValueError as error:
+                self.simulation.restore(before)
                 return f"the start state cannot be reached with the current live values: {error}"
             self._error_threshold, self.problem, self.advice = TOLERATED, "", ""
             self.commands.clear()
@@ -325,8 +351,28 @@ class SteppingThread:
         if rewind_clock:
             self._clock_zero_ns = -self.ticks * self._step_ns
         self._report(EventKind.RESET if state else EventKind.CLOCK_RESET)
+        if state and self.start_values is not None:
+            self._report(EventKind.NEW_STATE, self._new_state())
         self._emit(Due.ALL)
         self.pacer.delay(time.perf_counter() - began)  # no step has to make up for it
+        return ""
+
+    def _new_state(self) -> NewState:
+        simulation = self.simulation
+        inputs, live = simulation.inputs.copy(), simulation.live
+        return NewState(simulation.steps, simulation.state, inputs, simulation.start_energy, live)
+
+    def _set_state(self, given: StateValues) -> str:
+        began = time.perf_counter()
+        try:
+            self.simulation.set_state(*given)
+        except CommandError as error:
+            return str(error)
+        self._error_threshold, self.problem, self.advice = TOLERATED, "", ""
+        self._report(EventKind.NEW_STATE, self._new_state())
+        self._report(EventKind.NOTE, f"state set: {given}")
+        self._emit(Due.ALL)
+        self.pacer.delay(time.perf_counter() - began)
         return ""
 
     def _apply_live(self, prepared: PreparedValues) -> str:

@@ -17,10 +17,13 @@ from mbd_sim.messages.topic_names import topic_names
 from mbd_sim.ros import qos
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.wrench_buffer import WrenchBuffer, WrenchTargets
+from mbd_sim.simulation.state_values import StateValues
 
+SET_STATE = "~/set_state"
 SUBSCRIBED = (
     ("~/commands", "std_msgs/msg/Float64MultiArray: an effort for each coordinate, in the order of joint_states"),
     ("joint_commands", "sensor_msgs/msg/JointState: efforts by joint name"),
+    (SET_STATE, "sensor_msgs/msg/JointState: positions and velocities by joint name"),
     ("~/wrench/<part>[/<point>]", "geometry_msgs/msg/WrenchStamped: force and torque on a part"),
 )
 MAX_LENGTH = 400  # characters of a reason: names in messages may be of any length
@@ -38,17 +41,24 @@ class Subscriptions:
         wrenches: WrenchBuffer,
         wrench_targets: WrenchTargets,
         on_efforts: Callable[[], None],
+        on_state: Callable[[StateValues], str],
+        warn: Callable[[str], None],
     ) -> None:
         """Subscribe; `on_efforts` is called after efforts have been accepted.
+
+        `on_state` sets positions and speeds and returns the problem, or ""; `warn` reports one as an event.
 
         A wrench on `~/wrench/<part>` acts at the part's mass center, one on `~/wrench/<part>/<point>` at that point.
         """
         self.commands, self.wrenches, self._on_efforts = commands, wrenches, on_efforts
+        self._on_state, self._warn = on_state, warn
+        self.states_accepted = self.states_rejected = 0
         self.last_rejection: tuple[str, CommandError] | None = None
         self._log = node.get_logger()
         self._last_warning = 0.0
         node.create_subscription(Float64MultiArray, "~/commands", self._take_by_order, qos.COMMAND)
         node.create_subscription(JointState, "joint_commands", self._take_by_name, qos.COMMAND)
+        node.create_subscription(JointState, SET_STATE, self._take_state, qos.COMMAND)
         tokens = topic_names(mechanism.parts)
         for part, point in wrench_targets:
             topic = f"~/wrench/{tokens[part]}"
@@ -60,12 +70,12 @@ class Subscriptions:
     @property
     def accepted(self) -> int:
         """How many messages have been accepted."""
-        return self.commands.accepted + self.wrenches.accepted
+        return self.commands.accepted + self.wrenches.accepted + self.states_accepted
 
     @property
     def rejected(self) -> int:
         """How many messages have been rejected."""
-        return self.commands.rejected + self.wrenches.rejected
+        return self.commands.rejected + self.wrenches.rejected + self.states_rejected
 
     @property
     def expired(self) -> int:
@@ -96,12 +106,46 @@ class Subscriptions:
         except CommandError as error:
             self._reject(topic, error)
 
+    def _take_state(self, message: JointState) -> None:
+        try:
+            if problem := self._on_state(_state_values(message)):
+                raise CommandError(problem)
+        except CommandError as error:
+            self.states_rejected += 1
+            self._reject(SET_STATE, error)
+        else:
+            self.states_accepted += 1
+
     def _reject(self, topic: str, error: CommandError) -> None:
         self.last_rejection = topic, error
         now = time.monotonic()
         if now - self._last_warning >= WARNING_PERIOD:  # the logger's own throttle inspects the stack at each call
             self._last_warning = now
-            self._log.warning(f"{topic}: message rejected ({self.rejected} so far): {printable(str(error))}")
+            text = f"{topic}: message rejected ({self.rejected} so far): {printable(str(error))}"
+            if topic == SET_STATE:  # the event is logged as well
+                self._warn(text)
+            else:
+                self._log.warning(text)
+
+
+def _state_values(message: JointState) -> StateValues:
+    """The positions and speeds of a message; either may be empty.
+
+    :raises CommandError: the lengths differ, a joint is named twice, or efforts are given.
+    """
+    if message.effort:
+        raise CommandError("it contains efforts, which are no part of the state. Send them to joint_commands.")
+    if len(set(message.name)) != len(message.name):
+        raise CommandError("a joint is named twice. Give one value for each joint.")
+    for key, values in (("position", message.position), ("velocity", message.velocity)):
+        if len(values) not in (0, len(message.name)):
+            lengths = f"{len(message.name)} and {len(values)}"
+            raise CommandError(f"'name' and '{key}' differ in length: {lengths}. Give one for each name, or none.")
+    positions, speeds = (
+        dict(zip(message.name, values, strict=True)) if values else {}
+        for values in (message.position, message.velocity)
+    )
+    return StateValues(positions, speeds)
 
 
 def printable(reason: str) -> str:

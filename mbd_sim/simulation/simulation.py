@@ -24,6 +24,7 @@ from mbd_sim.simulation.read_only import ReadOnlyAttributes, read_only
 from mbd_sim.simulation.readings import Readings
 from mbd_sim.simulation.run_reports import RunReports
 from mbd_sim.simulation.snapshot import RunLayout, SimulationSnapshot, require_same_layout
+from mbd_sim.simulation.state_values import checked_values, state_with
 from mbd_sim.simulation.step_advice import divergence
 from mbd_sim.simulation.wrenches import WrenchMap, require_parts
 
@@ -226,6 +227,23 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
             self.start_energy = float(start_energy)
         self._live.current = {**self._live.current, **(live or {})}
         self._report_new_state()
+
+    def set_state(
+        self, positions: Mapping[str, float] | None = None, velocities: Mapping[str, float] | None = None
+    ) -> None:
+        """Set positions (m, rad) and velocities (m/s, rad/s) by the names of coordinates; the time goes on.
+
+        Coordinates that are not named keep their values, except as far as closed loops require others. Efforts and
+        wrenches stay. The audit does not include the resulting change of energy.
+
+        :raises CommandError: an unknown or driven coordinate, a value that is not finite, or loops that cannot be
+            closed with these values; nothing is changed then.
+        """
+        given = checked_values(self.model, positions or {}, velocities or {})
+        inputs, before = self._memory.inputs, self.energies.total
+        y = state_with(self.model, self.time, self.y, inputs[self.model.equations.inputs.values], given)
+        after = self.model.energies(self.time, y, 0.0, inputs).total
+        self.restore(y, self.steps, start_energy=self.start_energy + after - before)
 
     def set_efforts(self, efforts: Mapping[str, float] | Sequence[float] | Array) -> None:
         """Set the efforts (N or N·m) from the next step on, all in order or some by name, clamped to the effort limits.

@@ -1,0 +1,106 @@
+"""Positions and speeds given by name: the state with them, in which all loops are closed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from mbd_sim.dynamics.assembly import CONSISTENT, close_loops, nearest_speeds
+from mbd_sim.errors import CommandError, listed, nearest
+from mbd_sim.geometry.pose import Array
+from mbd_sim.simulation.compiled_model import Model
+from mbd_sim.simulation.joint_state_layout import recorded_state
+
+ROUNDING = 1e-6  # by how much a given value may change so that loops close, as for positions printed with six digits
+
+
+class StateValues(NamedTuple):
+    """Positions (m, rad) and speeds (m/s, rad/s) by the names of coordinates; an orientation is a rotation vector."""
+
+    positions: Mapping[str, float] = {}
+    speeds: Mapping[str, float] = {}
+
+    def __str__(self) -> str:
+        positions = [f"{name} = {value:.9g}" for name, value in self.positions.items()]
+        speeds = [f"{name}.velocity = {value:.9g}" for name, value in self.speeds.items()]
+        return ", ".join([*positions, *speeds])
+
+
+def checked_values(model: Model, positions: Mapping[str, float], speeds: Mapping[str, float]) -> StateValues:
+    """Positions and speeds by the names of coordinates.
+
+    :raises CommandError: an unknown or driven coordinate, a value that is not finite, or nothing to set.
+    """
+    for key, values in (("position", positions), ("velocity", speeds)):
+        for name in values:
+            if name in model.driven_names:
+                raise CommandError(
+                    f"joint '{name}' is driven: its drive prescribes the motion. Name only other joints."
+                )
+            if name not in model.coordinate_names:
+                raise CommandError(f"there is no joint '{name}'. {nearest(name, model.coordinate_names)}".strip())
+        if bad := [name for name, value in values.items() if not math.isfinite(value)]:
+            raise CommandError(f"the {key} of {listed(bad)} is not finite. Give finite numbers.")
+    if not positions and not speeds:
+        raise CommandError("it sets nothing. Give names, and a position or a velocity for each.")
+    return StateValues(dict(positions), dict(speeds))
+
+
+def state_with(model: Model, time: float, y: Array, values: Array, given: StateValues) -> Array:
+    """The state y with given positions and speeds, at a time in s.
+
+    Coordinates that are not given keep their values, except as far as loops and constraints require others: then they
+    move as little as possible.
+
+    :param values: (n,) the live values among the inputs of the equations.
+    :raises CommandError: with these values the loops cannot be closed, or the constraints cannot be satisfied.
+    """
+    names = model.coordinate_names
+    moved = _with_positions(model, y, given.positions)
+    moved[model.u_range] = [given.speeds.get(name, old) for name, old in zip(names, y[model.u_range], strict=True)]
+    if not model.equations.rows:
+        return moved
+    constraints = model.equations.constraints.with_values(values)
+    fixed = np.array([name in given.positions for name in names])
+    q = moved[model.q_range]
+    closure = close_loops(constraints, time, q, ~fixed)
+    if not closure.closed:
+        free = close_loops(constraints, time, q, np.ones(len(names), dtype=bool))
+        closed = moved.copy()
+        closed[model.q_range] = free.q
+        found = dict(zip(names, model.coordinates(closed), strict=True))
+        if not free.closed:
+            gap = f"a gap of {np.max(np.abs(free.gaps)):.3g} remains"
+            raise CommandError(f"the loops cannot be closed near these positions: {gap}. Give others.")
+        if any(abs(found[name] - value) > ROUNDING for name, value in given.positions.items()):
+            nearby = ", ".join(f"{name} = {found[name]:.6g}" for name in given.positions)
+            raise CommandError(f"the loops cannot be closed with these positions. Name fewer joints, or give {nearby}.")
+        closure = free
+    moved[model.q_range] = closure.q
+    fixed = np.array([name in given.speeds for name in names])
+    u = nearest_speeds(constraints, time, closure.q, moved[model.u_range], fixed)
+    gradient, drift = constraints.gradient(time, closure.q), constraints.drift(time, closure.q)
+    sizes = np.linalg.norm(gradient, axis=1) * np.linalg.norm(u) + np.abs(drift) + constraints.size * 1e-3
+    if np.any(np.abs(gradient @ u + drift) > CONSISTENT * sizes):
+        u = nearest_speeds(constraints, time, closure.q, moved[model.u_range])
+        found = dict(zip(names, u, strict=True))
+        if any(abs(found[name] - value) > ROUNDING * (1.0 + abs(value)) for name, value in given.speeds.items()):
+            nearby = ", ".join(f"{name} = {found[name]:.6g}" for name in given.speeds)
+            raise CommandError(f"the constraints do not allow these speeds. Name fewer joints, or give {nearby}.")
+    moved[model.u_range] = u
+    return moved
+
+
+def _with_positions(model: Model, y: Array, positions: Mapping[str, float]) -> Array:
+    """A copy of the state with other positions; joints of which none is given keep their coordinates bit for bit."""
+    names = model.coordinate_names
+    all_positions = [positions.get(name, old) for name, old in zip(names, model.coordinates(y), strict=True)]
+    replaced = recorded_state(model, y, np.array(all_positions), y[model.u_range])
+    moved = y.copy()
+    for joint, coordinates in model.layout.q.items():
+        if any(name in positions for name in names[model.layout.u[joint]]):
+            moved[coordinates] = replaced[coordinates]
+    return moved
