@@ -14,6 +14,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
 from mbd_sim import Simulation, parse_mechanism
+from test.system.growing_recordings import stop_recording, until_recorded
 from test.system.nodes import Listener, running
 
 
@@ -59,6 +60,7 @@ def record(listener: Listener, data: bool) -> Any:
 
 
 def more_states(listener: Listener, count: int) -> None:
+    """Wait for states, of which some may have been on their way already."""
     seen = len(listener.states)
     listener.until(lambda: len(listener.states) > seen + count, "states")
 
@@ -77,18 +79,17 @@ def test_recordings_that_begin_and_end_in_the_middle_are_computed_again_alone(tm
         assert answer.success, answer.message
         first = tmp_path / answer.message
         assert not record(listener, True).success
-        more_states(listener, 20)
+        until_recorded(listener, first, 20)
         command(listener, [-1.0, 0.5])
-        more_states(listener, 20)
-        answer = record(listener, False)
-        assert (answer.success, tmp_path / answer.message) == (True, first)
+        until_recorded(listener, first, 40)
+        assert stop_recording(listener, tmp_path) == first
         assert state_ticks(first)  # it is finished while the node goes on
         assert not record(listener, False).success
         more_states(listener, 5)
         listener.pause(True)
         second = tmp_path / record(listener, True).message
         listener.pause(False)
-        more_states(listener, 20)
+        until_recorded(listener, second, 20)
         process.end()
     assert second != first
     assert recomputed(first) >= 40
@@ -99,15 +100,19 @@ def test_recordings_that_begin_and_end_in_the_middle_are_computed_again_alone(tm
 
 
 def test_split_by_service_loses_nothing_and_each_file_is_computed_again_alone(tmp_path: Path) -> None:
+    logs = tmp_path / "logs"
     with running(tmp_path, record=True, record_dir="logs", command_timeout=0.0) as (process, listener):
         listener.ready_to_command()
         command(listener, [0.3, 0.1])
-        for _ in range(2):
-            more_states(listener, 15)
-            assert listener.call(Trigger, "split_recording").success
-        more_states(listener, 15)
+        paths: list[Path] = []
+        for number in range(3):
+            if number:
+                assert listener.call(Trigger, "split_recording").success
+            listener.until(lambda number=number: len(list(logs.iterdir())) > number, "the next file")
+            paths += set(logs.iterdir()) - set(paths)
+            until_recorded(listener, paths[-1], 15)
         process.end()
-    paths = sorted((tmp_path / "logs").iterdir(), key=lambda path: path.stat().st_mtime)
+    assert sorted(paths) == sorted(logs.iterdir())
     assert len(paths) == 3
     assert all(recomputed(path) >= 14 for path in paths)
     ticks = [tick for path in paths for tick in state_ticks(path)]

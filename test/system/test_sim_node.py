@@ -91,10 +91,9 @@ def test_efforts_by_order_and_by_name_change_the_motion(tmp_path: Path) -> None:
         listener.until(lambda: list(listener.states[-1].effort) == [3.0, -1.0], "the effort in joint_states")
         listener.by_name.publish(JointState(name=["elbow"], effort=[2.5]))
         listener.until(lambda: list(listener.states[-1].effort) == [3.0, 2.5], "the effort by name")
-        seen = len(listener.energies)
-        listener.until(lambda: len(listener.energies) > seen + 20, "energies")
-        work = listener.energies[-1].data[3]
-        assert abs(work) > 1e-3
+        later = nanoseconds(listener.states[-1].header.stamp) + 200 * STEP_NS
+        listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) >= later, "0.2 s with these efforts")
+        listener.until(lambda: abs(listener.energies[-1].data[3]) > 1e-3, "their work")
         assert abs(listener.energies[-1].data[-1]) < 1e-9
         last = listener.states[-1]
         unforced = free_run(tick(last))
@@ -305,8 +304,8 @@ def test_an_effort_that_makes_the_motion_infinite_pauses_and_reset_recovers(tmp_
         listener.until(lambda: "became infinite" in process.text, "the reason on the console")
         assert "publishing failed" not in process.text
         assert all(np.all(np.isfinite(message.position)) for message in listener.states)
+        later = listener.until_paused() + 200 * STEP_NS
         listener.reset()
         listener.pause(False)
-        seen = len(listener.states)
-        listener.until(lambda: len(listener.states) > seen + 20, "states after the reset")
+        listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) >= later, "states after the reset")
         assert "Traceback" not in process.text

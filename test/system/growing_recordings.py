@@ -1,0 +1,46 @@
+"""Recordings that a running node writes: where they begin, what they contain so far, and when they are finished."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+
+from mcap.exceptions import McapError
+from mcap.records import Metadata
+from mcap.stream_reader import StreamReader
+from std_srvs.srv import SetBool
+
+from test.system.nodes import Listener, nanoseconds
+
+STEP_NS, STEPS_PER_STATE = 1_000_000, 10  # of a node with default parameters
+MAGIC = b"\x89MCAP0\r\n"  # the last bytes of a finished file
+LATE = " is still being written: the disk is slow"
+
+
+def first_tick(path: Path) -> int | None:
+    """The tick at which a file begins, finished or not; None while that is not yet on disk."""
+    with contextlib.suppress(McapError), path.open("rb") as stream:
+        for record in StreamReader(stream).records:
+            if isinstance(record, Metadata) and record.name == "mbd_sim":
+                return int(record.metadata["first_tick"])
+    return None
+
+
+def until_recorded(listener: Listener, path: Path, count: int) -> None:
+    """Wait until a file that begins at tick k contains the next `count` states after tick k.
+
+    Counting the states that arrive after the answer of a service would not do: on a busy machine, many of them were
+    published before the file began.
+    """
+    listener.until(lambda: first_tick(path) is not None, f"the beginning of {path.name}")
+    last = STEP_NS * ((first_tick(path) or 0) + count * STEPS_PER_STATE)
+    listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) >= last, f"{count} states in {path.name}")
+
+
+def stop_recording(listener: Listener, folder: Path) -> Path:
+    """Stop the recording of a node in this folder and wait until the file is finished; returns its path."""
+    answer = listener.call(SetBool, "record", data=False)
+    assert answer.success, answer.message
+    path = folder / answer.message.removesuffix(LATE)
+    listener.until(lambda: path.read_bytes().endswith(MAGIC), f"the end of {path.name}")
+    return path
