@@ -11,7 +11,7 @@ BIN := $(VENV)/bin
 BENCH := .venv-bench
 ARGS ?=
 
-.PHONY: setup run test lint gallery bench clean
+.PHONY: setup run test tests lint style types gallery bench clean
 
 setup: $(VENV)/ready $(VENV)/interfaces
 
@@ -27,12 +27,20 @@ run: setup
 # One more than there are processors: tests with real nodes wait most of the time.
 WORKERS ?= $(shell expr $$(nproc) + 1)
 
-test: setup lint
+# mypy runs beside the tests.
+test: setup style
+	@$(MAKE) --no-print-directory --jobs=2 types tests
+
+tests: setup
 	$(BIN)/python -m pytest --numprocesses $(WORKERS) --dist worksteal
 
-lint: setup
+lint: style types
+
+style: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+types: setup
 	$(BIN)/mypy
 
 gallery: setup

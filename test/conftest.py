@@ -4,14 +4,24 @@
 """
 
 import atexit
+import gc
+import math
 import os
 import shutil
 import tempfile
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 
+from mbd_sim.compiler import machine_code
+from mbd_sim.compiler.compile_process import LONG
 from test import shared_builds
+
+# Folders whose tests build many mechanisms and take few steps: level 0 compiles them in half the time, without starting
+# a process. The kernels of all other folders are those that users run; test/compiler compares the two.
+QUICKLY_COMPILED = {"analysis", "drawing", "dynamics", "mechanism", "mechanism_file", "physics", "simulation", "viewer"}
+LONG_RUNS = Path(__file__).parent / "physics" / "benchmarks"
 
 if "MBD_SIM_TEST_KERNELS" in os.environ:
     os.environ["MBD_SIM_CACHE"] = os.environ["MBD_SIM_TEST_KERNELS"]
@@ -29,6 +39,22 @@ settings.register_profile(
 )
 settings.load_profile("mbd_sim")
 shared_builds.share_builds()
+
+
+gc.disable()  # during the collection of the tests, whose objects stay
+
+
+def pytest_collection_finish():
+    gc.freeze()
+    gc.enable()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item):
+    """Choose the level before the first fixture builds something."""
+    folder = item.path.relative_to(Path(__file__).parent).parts[0]
+    quick = folder in QUICKLY_COMPILED and LONG_RUNS not in item.path.parents
+    machine_code.LEVEL, machine_code.LONG = (0, math.inf) if quick else (1, LONG)
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ from typing import Any
 
 import mbd_sim.dynamics.equations
 import mbd_sim.simulation.compiled_model
+from mbd_sim.compiler import machine_code
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 
 MOST = 300  # models and equations that are kept; those not used for longest go
@@ -51,7 +52,7 @@ def _key(name: str, given: tuple[Any, ...], named: dict[str, Any]) -> bytes | No
     """What a result depends on, or None where that cannot be written down."""
     contents = [_content(value) for value in (*given, *named.values())]
     try:
-        return pickle.dumps((name, contents, sorted(named)))
+        return pickle.dumps((name, contents, sorted(named), machine_code.LEVEL))
     except Exception:  # pickle raises whatever the objects raise
         return None
 

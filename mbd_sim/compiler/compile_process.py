@@ -21,14 +21,14 @@ _PARENT_DEATH = 1  # PR_SET_PDEATHSIG of Linux
 _log = logging.getLogger(__name__)
 
 
-def compile_apart(text: str, cpu: str, features: str) -> bytes | None:
+def compile_apart(text: str, cpu: str, features: str, level: int) -> bytes | None:
     """The object code of a module, like `object_code`; None if the process fails.
 
     An exception in the caller's thread, such as that of Ctrl-C, ends the process at once. Progress is logged.
     """
     _log.info("compiling %.1f MB of intermediate code", len(text) / 1e6)
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-    command = [sys.executable, "-P", "-c", _PROGRAM, cpu, features]
+    command = [sys.executable, "-P", "-c", _PROGRAM, cpu, features, str(level)]
     began = time.monotonic()
     with tempfile.TemporaryFile() as source:
         source.write(text.encode())
@@ -66,4 +66,5 @@ def main() -> None:
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PARENT_DEATH, signal.SIGKILL)
     text = sys.stdin.buffer.read().decode()
-    sys.stdout.buffer.write(object_code(text, *sys.argv[1:3]))
+    cpu, features, level = sys.argv[1:]
+    sys.stdout.buffer.write(object_code(text, cpu, features, int(level)))

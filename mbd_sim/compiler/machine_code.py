@@ -13,6 +13,8 @@ from mbd_sim.compiler import kernel_cache
 from mbd_sim.compiler.compile_process import LONG, compile_apart
 from mbd_sim.compiler.object_code import PASSES, object_code, target_machine
 
+LEVEL = 1  # of LLVM's code generator; level 0 compiles in half the time to slower code with the same results
+
 
 @dataclass(frozen=True)
 class MachineCode:
@@ -36,19 +38,18 @@ def compile_module(module: ir.Module) -> MachineCode:
     """Optimize and compile, or load the object code if the same code was compiled before."""
     cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
     text = str(module)
-    name = kernel_cache.key(
-        text, cpu, features, ".".join(map(str, llvm.llvm_version_info)), llvmlite.__version__, PASSES
-    )
+    compiler = ".".join(map(str, llvm.llvm_version_info)), llvmlite.__version__, f"{PASSES}, O{LEVEL}"
+    name = kernel_cache.key(text, cpu, features, *compiler)
     code = kernel_cache.load(name)
     if code is None:
         code = _compiled(text, cpu, features)
         kernel_cache.store(name, code)
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine(cpu, features))
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine(cpu, features, LEVEL))
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     return MachineCode(engine)
 
 
 def _compiled(text: str, cpu: str, features: str) -> bytes:
-    code = compile_apart(text, cpu, features) if len(text) >= LONG else None
-    return object_code(text, cpu, features) if code is None else code
+    code = compile_apart(text, cpu, features, LEVEL) if len(text) >= LONG else None
+    return object_code(text, cpu, features, LEVEL) if code is None else code

@@ -6,7 +6,7 @@ import functools
 
 import llvmlite.binding as llvm
 
-PASSES = "always-inline sroa new-gvn simplify-cfg dse, O1"  # what `object_code` does, as part of the cache key
+PASSES = "always-inline sroa new-gvn simplify-cfg dse"  # what `object_code` does, as part of the cache key
 
 
 @functools.cache
@@ -15,20 +15,20 @@ def _prepare() -> None:
     llvm.initialize_native_asmprinter()
 
 
-def target_machine(cpu: str, features: str) -> llvm.TargetMachine:
-    """LLVM's target for a processor of this machine's kind."""
+def target_machine(cpu: str, features: str, level: int) -> llvm.TargetMachine:
+    """LLVM's target for a processor of this machine's kind, with a level of optimization of its code generator."""
     _prepare()
-    return llvm.Target.from_default_triple().create_target_machine(opt=1, cpu=cpu, features=features)
+    return llvm.Target.from_default_triple().create_target_machine(opt=level, cpu=cpu, features=features)
 
 
-def object_code(text: str, cpu: str, features: str) -> bytes:
+def object_code(text: str, cpu: str, features: str, level: int) -> bytes:
     """The object code of a module in LLVM's intermediate language, for a processor with its features.
 
     The instruction order is already good. LLVM's instruction combining makes values live longer and costs 20 % in
     spilled registers on long chains, and its full pipelines take three times as long. So only those passes run that the
     stepping loop needs: inlining, promotion of arrays to registers, value numbering, elimination of dead stores.
     """
-    machine = target_machine(cpu, features)
+    machine = target_machine(cpu, features, level)
     parsed = llvm.parse_assembly(text)
     parsed.verify()
     passes = llvm.create_new_module_pass_manager()

@@ -42,12 +42,14 @@ print(json.dumps(found))
 
 
 def test_processes_of_several_hash_seeds_derive_and_compute_the_same():
-    outputs = []
+    processes = []
     for seed in ("1", "2"):
         environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": str(ROOT)}
         command = [sys.executable, "-c", PROGRAM]
-        outputs.append(subprocess.run(command, env=environment, cwd=ROOT, check=True, capture_output=True, text=True))
-    first, *others = [json.loads(output.stdout) for output in outputs]
+        processes.append(subprocess.Popen(command, env=environment, cwd=ROOT, stdout=subprocess.PIPE, text=True))
+    outputs = [process.communicate()[0] for process in processes]
+    assert [process.returncode for process in processes] == [0, 0]
+    first, *others = [json.loads(output) for output in outputs]
     assert len(first) > 50
     for other in others:
         assert [name for name in first if first[name] != other[name]] == []
