@@ -32,7 +32,8 @@ class Mobility:
 
     `coordinates` is the number of speeds of the spanning tree, and `equations` the number of rows of the constraint
     matrix G. `rank` is the largest rank of G along a short run, and `rank_at_start` that at the start.
-    `degrees_of_freedom` is coordinates - rank; `redundant` names the equations that the others imply.
+    `degrees_of_freedom` is coordinates - rank; `redundant` names the equations that the others imply, and
+    `static_indeterminacy` is their number: that of the load components that equilibrium does not determine.
     """
 
     gross: int
@@ -46,6 +47,7 @@ class Mobility:
     rank_at_start: int
     degrees_of_freedom: int
     redundant: tuple[str, ...]
+    static_indeterminacy: int
 
 
 def mobility(
@@ -72,6 +74,7 @@ def mobility(
         rank_at_start=start.ranks[0],
         degrees_of_freedom=size - start.rank,
         redundant=tuple(row.name for index, row in enumerate(rows) if index not in start.independent),
+        static_indeterminacy=len(rows) - start.rank,
     )
 
 

@@ -71,8 +71,13 @@ def solve_accelerations(
         motion = solver.accelerations(applied, multipliers) + at_rest
         wrenches = [own + unit @ multipliers for own, unit in zip(wrenches, constraints.wrenches, strict=True)]
     transmitted = transmitted_wrenches(traced.links, traced.motions, motion.links, wrenches)
-    coupling = {name: ca.dot(factors, multipliers) for name, factors in constraints.driven_factors.items()}
-    return ConstrainedMotion(multipliers, motion.u_rates, transmitted, drive_table(traced, transmitted, coupling))
+    drives = drive_table(traced, transmitted, coupling_forces(constraints, multipliers))
+    return ConstrainedMotion(multipliers, motion.u_rates, transmitted, drives)
+
+
+def coupling_forces(constraints: ConstraintEquations, multipliers: ca.SX) -> dict[str, ca.SX]:
+    """The forces that constraints of coordinates exert on driven coordinates, by name."""
+    return {name: ca.dot(factors, multipliers) for name, factors in constraints.driven_factors.items()}
 
 
 def drive_table(traced: TracedMechanism, transmitted: Sequence[ca.SX], coupling: Mapping[str, ca.SX]) -> ca.SX:

@@ -18,11 +18,14 @@ from mbd_sim.dynamics.accelerations import (
     ConstrainedMotion,
     applied_forces,
     audit_rates,
+    coupling_forces,
+    drive_table,
     solve_accelerations,
 )
 from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
 from mbd_sim.dynamics.assembly_errors import undefined_constraints
 from mbd_sim.dynamics.body_symbols import flat_pose
+from mbd_sim.dynamics.constraint_equations import ConstraintEquations
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.dynamics.constraint_rows import ConstraintRow
 from mbd_sim.dynamics.element_forces import require_defined_forces
@@ -33,7 +36,7 @@ from mbd_sim.dynamics.joint_linearization import JointLinearization, joint_linea
 from mbd_sim.dynamics.links import CoordinateLayout, build_links
 from mbd_sim.dynamics.mass_matrix_check import require_definite
 from mbd_sim.dynamics.multipliers import ConstraintSolver, typical_diagonal
-from mbd_sim.dynamics.reactions import joint_reactions
+from mbd_sim.dynamics.reactions import joint_reactions, wrenches_of_multipliers
 from mbd_sim.dynamics.state_projection import projected_state
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.dynamics.time_functions import require_smooth
@@ -79,6 +82,7 @@ class Equations:
     part_names: tuple[str, ...]
     trace_reactions: Callable[[], ca.Function]
     trace_joint_linearization: Callable[[], JointLinearization]
+    trace_load_paths: Callable[[], ca.Function]
 
     @property
     def inputs_without_commands(self) -> Array:
@@ -93,6 +97,11 @@ class Equations:
     def joint_linearization(self) -> JointLinearization:
         """The linearized forces within joints, for methods that treat only these implicitly."""
         return self.trace_joint_linearization()
+
+    @cached_property
+    def load_paths(self) -> ca.Function:
+        """(t, y, inputs) -> ∂/∂λ of the reactions (6 joints, m) and of the drives' forces (n, m) at fixed u', and G."""
+        return self.trace_load_paths()
 
 
 def derive(mechanism: Mechanism, loaded: Sequence[str] = (), parameters: SymbolicParameters | None = None) -> Equations:
@@ -186,6 +195,7 @@ def _packaged(
         part_names=tuple(link.joint.outboard for link in traced.links),
         trace_reactions=partial(_reactions, traced, assembly, motion, multipliers),
         trace_joint_linearization=linearized,
+        trace_load_paths=partial(_load_paths, traced, assembly.equations),
     )
 
 
@@ -195,3 +205,13 @@ def _reactions(
     wrenches = joint_reactions(traced, motion.transmitted, assembly.equations, multipliers)
     inputs = [traced.state.t, traced.y, traced.inputs]
     return ca.Function("reactions", inputs, [ca.densify(wrenches)], {"cse": True})
+
+
+def _load_paths(traced: TracedMechanism, constraints: ConstraintEquations) -> ca.Function:
+    multipliers = ca.SX.sym("multipliers", len(constraints.rows))
+    transmitted = wrenches_of_multipliers(traced, constraints, multipliers)
+    reactions = ca.vec(joint_reactions(traced, transmitted, constraints, multipliers))
+    drives = drive_table(traced, transmitted, coupling_forces(constraints, multipliers))[:, 2]
+    inputs = [traced.state.t, traced.y, traced.inputs]
+    outputs = [ca.jacobian(reactions, multipliers), ca.jacobian(drives, multipliers), constraints.gradient]
+    return ca.Function("load_paths", inputs, [ca.densify(output) for output in outputs], {"cse": True})

@@ -35,6 +35,18 @@ def transmitted_wrenches(
     return transmitted
 
 
+def wrenches_of_multipliers(
+    traced: TracedMechanism, constraints: ConstraintEquations, multipliers: ca.SX
+) -> list[ca.SX]:
+    """What multipliers λ (m,) that change no acceleration add to `transmitted_wrenches`: F_L (6,) of each link."""
+    transmitted = [ca.sparsify(-unit @ multipliers) for unit in constraints.wrenches]
+    for index in reversed(range(len(traced.links))):
+        if (parent := traced.links[index].parent) >= 0:
+            carried = traced.motions[index].transform.T @ transmitted[index]
+            transmitted[parent] = ca.sparsify(transmitted[parent] + carried)
+    return transmitted
+
+
 def joint_reactions(
     traced: TracedMechanism, transmitted: Sequence[ca.SX], constraints: ConstraintEquations, multipliers: ca.SX
 ) -> ca.SX:

@@ -54,7 +54,7 @@ _SYMBOLIC: Mapping[type, tuple[str, ...]] = {
 _UNREAD: Mapping[type, tuple[str, ...]] = {
     Mechanism: ("name", "description", "parameters", "source", "method", "step", "ground_points", "tree"),
     Part: ("inertia", "points", "shapes"),  # the inertia is read from the link
-    Joint: ("position", "velocity", "fixed_in_assembly", "fixed_speeds", "effort_limit"),
+    Joint: ("position", "velocity", "fixed_in_assembly", "fixed_speeds", "effort_limit", "compliance"),
     Link: ("q", "u"),
 }
 

@@ -89,7 +89,7 @@ class Joint:
     revolute and prismatic joints have them. A `reversed` joint leads from child to parent in the spanning tree.
     `velocity_limit` is not simulated, only passed on to URDF.
     `fixed_in_assembly` and `fixed_speeds` (nv,) mark start values that the assembly of loops must not change. A joint
-    with `cut` closes a loop.
+    with `cut` closes a loop. Redundant joints share the load in inverse proportion to their relative `compliance`.
     """
 
     name: str
@@ -117,6 +117,7 @@ class Joint:
     fixed_speeds: tuple[bool, ...] = ()
     cut: bool = False
     reversed: bool = False
+    compliance: float = 1.0
 
     @property
     def kind(self) -> JointKind:

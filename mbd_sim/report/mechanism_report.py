@@ -91,6 +91,7 @@ def _structure(mechanism: Mechanism, counted: Mobility, at: Mapping[str, float])
         "spanning_tree": [f"{joint.inboard} -{joint.name}-> {joint.outboard}" for joint in mechanism.tree_joints()],
         "closing_joints": list(mechanism.closing),
         "mobility": dataclasses.asdict(counted),
+        "stated_compliances": [joint.name for joint in mechanism.all_joints.values() if joint.compliance != 1.0],
         "degrees_of_freedom": counted.degrees_of_freedom,
         "scleronomic": not rheonomic(mechanism),
         "driven": list(mechanism.driven_names),

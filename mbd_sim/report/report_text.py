@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from mbd_sim.errors import listed
+
 
 def report_text(found: dict[str, Any]) -> str:
     """The report, see `mbd_sim.report.mechanism_report.report`, as text."""
@@ -97,6 +99,9 @@ def _mobility(found: dict[str, Any]) -> list[str]:
         lines.append(f"  loops closed by   {', '.join(found['closing_joints'])}")
     if counted["redundant"]:
         lines += [f"  redundant         {text}" for text in _grouped(counted["redundant"])]
+        degree, stated = counted["static_indeterminacy"], found["stated_compliances"]
+        how = f"by the compliances of {listed(stated)}" if stated else "with the least sum of squares"
+        lines.append(f"  indeterminate     statically, to degree {degree}: reactions are shared {how}")
     time_dependence = "scleronomic" if found["scleronomic"] else "rheonomic (time-dependent)"
     if "constraints" not in found:
         return [*lines, f"Constraints         {time_dependence}"]

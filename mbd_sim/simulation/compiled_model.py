@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 
+from mbd_sim.analysis.load_sharing import LoadSharing
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
 from mbd_sim.dynamics.energy import AUDIT_STATES
@@ -62,7 +62,8 @@ class Reaction(NamedTuple):
 
     The moment is about the joint's point on the child. Springs, efforts and drives of the joint are included, and so
     is the load of a gear, rack or coupling: it acts on the coordinates of the joints as a couple or a force between
-    the parts of each joint, and puts no additional load on the bearings. Redundant equations share the load.
+    the parts of each joint, and puts no additional load on the bearings. Redundant joints share the load as described
+    in `LoadSharing`.
     """
 
     force: Array
@@ -146,21 +147,23 @@ class Model:
         """The Lagrange multipliers λ of each loop and constraint by name, one for each equation: M u' + h = Q + Gᵀ λ.
 
         The multiplier of a distance constraint is the force in N that pushes its ends apart. Those of a rolling
-        constraint are the normal force and the two components of friction. Redundant equations share the load.
+        constraint are the normal force and the two components of friction. Redundant equations share the load as
+        described in `LoadSharing`.
         """
-        values = np.array(self.equations.multipliers(time, y, inputs)).ravel()
+        values = self.load_sharing.multipliers(time, y, inputs)
         names = [str(row.owner[1]) for row in self.equations.rows]
         return {name: values[[other == name for other in names]] for name in dict.fromkeys(names)}
 
     def reactions(self, time: float, y: Array, inputs: Array) -> Mapping[str, Reaction]:
         """The load that each joint transmits: the joints of the spanning tree first, then those that close loops."""
-        found = np.array(self._reactions(time, y, inputs)).T
+        found = self.load_sharing.reactions(time, y, inputs)
         names = [*self.mechanism.joints, *self.mechanism.closing]
         return {name: Reaction(row[:3], row[3:]) for name, row in zip(names, found, strict=True)}
 
     @cached_property
-    def _reactions(self) -> ca.Function:
-        return self.equations.reactions
+    def load_sharing(self) -> LoadSharing:
+        """How redundant joints and constraints share the load."""
+        return LoadSharing(self.mechanism, self.equations)
 
     def consistent(self, q: Array, u: Array, values: Array | None = None) -> tuple[Array, Array]:
         """The state (q, u) at t = 0 nearest to a given one that satisfies the constraints.

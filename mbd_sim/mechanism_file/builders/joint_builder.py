@@ -74,6 +74,7 @@ def _joint(name: str, spec: schema.AnyJointSpec, parent: str, parent_pose: Pose,
         fixed_in_assembly=() if drive else fixed,
         fixed_speeds=() if drive else _is_given(spec, nv, "velocity", "angular_velocity"),
         cut=spec.cut,
+        compliance=spec.compliance,
     )
 
 

@@ -84,6 +84,9 @@ class JointSpec(Spec):
     between: tuple[str, str]
     guess: bool = Field(False, description="the start position is only the initial guess for assembling loops")
     cut: bool = Field(False, description="cut this joint instead of another one of its loop")
+    compliance: Annotated[float, Quantity("", above=0)] = Field(
+        1.0, description="relative compliance, by which redundant joints share the load"
+    )
 
 
 class DriveableJointSpec(JointSpec):

@@ -1,0 +1,105 @@
+"""How redundant joints and constraints share the load: with the least complementary energy (Menabrea's theorem)."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbd_sim.dynamics.equations import Equations
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.records import Mechanism
+
+DETERMINED = 1e-9  # influence of multipliers on drives that is round-off, relative to that of one multiplier
+
+
+class LoadSharing:
+    """Multipliers and reactions of a mechanism, unique also where equilibrium alone does not determine them.
+
+    Of all loads in equilibrium with the motion, those are taken that minimize
+
+        Σ c (|F|² + |M|²/L²) over the joints + Σ λ² over the constraints,
+
+    with the reaction F, M of a joint, the moment about its point on the second part, its relative `compliance` c, and
+    the `length` L. These are the reactions of joints that are elastic with compliances in these ratios, and otherwise
+    rigid. They do not depend on which joint of a loop is cut, nor on the frames of the parts. The forces of drives
+    stay those that the multipliers of the equations of motion give.
+
+    `indeterminacy` is the number of independent self-stresses: loads without any effect on the motion.
+    """
+
+    def __init__(self, mechanism: Mechanism, equations: Equations) -> None:
+        self._mechanism, self._equations = mechanism, equations
+        self.indeterminacy = len(equations.rows) - equations.start.rank
+
+    def multipliers(self, t: float, y: Array, inputs: Array) -> Array:
+        """λ (m,) of all rows."""
+        multipliers = self._given_multipliers(t, y, inputs)
+        return multipliers + self._added(t, y, inputs)[0] if self.indeterminacy else multipliers
+
+    def reactions(self, t: float, y: Array, inputs: Array) -> Array:
+        """The force and the moment (joints, 6) across each joint, see `joint_reactions`."""
+        reactions = self._given_reactions(t, y, inputs)
+        return reactions + self._added(t, y, inputs)[1] if self.indeterminacy else reactions
+
+    def _given_multipliers(self, t: float, y: Array, inputs: Array) -> Array:
+        return np.array(self._equations.multipliers(t, y, inputs), dtype=float).ravel()
+
+    def _given_reactions(self, t: float, y: Array, inputs: Array) -> Array:
+        return np.array(self._equations.reactions(t, y, inputs), dtype=float).T
+
+    def _added(self, t: float, y: Array, inputs: Array) -> tuple[Array, Array]:
+        """The self-stress that minimizes the sum: multipliers (m,) and reactions (joints, 6)."""
+        of_reactions, of_drives, gradient = (np.array(part) for part in self._equations.load_paths(t, y, inputs))
+        stresses, weights, own = self._self_stresses(gradient, of_drives), self._weights, self._own_rows
+        effects = weights[:, None] * (of_reactions @ stresses)
+        loads = weights * self._given_reactions(t, y, inputs).ravel()
+        if len(own):
+            effects = np.vstack([effects, stresses[own]])
+            loads = np.concatenate([loads, self._given_multipliers(t, y, inputs)[own]])
+        added = stresses @ np.linalg.lstsq(effects, -loads, rcond=None)[0]
+        return added, (of_reactions @ added).reshape(-1, 6)
+
+    def _self_stresses(self, gradient: Array, of_drives: Array) -> Array:
+        """An orthonormal basis (m, k) of the multipliers that change neither the motion nor the forces of drives.
+
+        Its dimension is that of almost all configurations, so that it changes smoothly through singular ones.
+
+        :param gradient: G (m, nv).
+        :param of_drives: (n, m) the forces of drives for unit multipliers.
+        """
+        basis = np.linalg.svd(gradient)[0][:, len(gradient) - self.indeterminacy :]
+        if not of_drives.size:
+            return basis
+        _, sizes, directions = np.linalg.svd(of_drives @ basis)
+        rank = int(np.sum(sizes > DETERMINED * np.max(np.abs(of_drives))))
+        return np.asarray(basis @ directions[rank:].T)
+
+    @cached_property
+    def _own_rows(self) -> NDArray[np.intp]:
+        """The rows of constraints other than joints."""
+        return np.array(
+            [n for n, row in enumerate(self._equations.rows) if row.owner[0] == "constraints"], dtype=np.intp
+        )
+
+    @cached_property
+    def _weights(self) -> Array:
+        """The roots (6 joints,) of the factors of each squared component."""
+        joints = [*self._mechanism.joints.values(), *self._mechanism.closing.values()]
+        in_moments = np.array([1.0] * 3 + [self.length**-2] * 3)
+        return np.sqrt(np.concatenate([joint.compliance * in_moments for joint in joints]))
+
+    @cached_property
+    def length(self) -> float:
+        """The largest distance in m of two joints, or of a joint and the center of mass, on one part other than ground.
+
+        1 m if there is none.
+        """
+        places: dict[str, list[Array]] = {name: [part.center] for name, part in self._mechanism.parts.items()}
+        for joint in self._mechanism.all_joints.values():
+            for part, frame in ((joint.parent, joint.parent_pose), (joint.child, joint.child_pose)):
+                places.setdefault(part, []).append(frame.position)
+        pairs = [pair for name in self._mechanism.parts for pair in combinations(places[name], 2)]
+        return max((float(np.linalg.norm(one - other)) for one, other in pairs), default=0.0) or 1.0
