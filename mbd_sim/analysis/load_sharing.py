@@ -89,7 +89,7 @@ class LoadSharing:
         """The roots (6 joints,) of the factors of each squared component."""
         joints = [*self._mechanism.joints.values(), *self._mechanism.closing.values()]
         in_moments = np.array([1.0] * 3 + [self.length**-2] * 3)
-        return np.sqrt(np.concatenate([joint.compliance * in_moments for joint in joints]))
+        return np.asarray(np.sqrt(np.concatenate([joint.compliance * in_moments for joint in joints])))
 
     @cached_property
     def length(self) -> float:
