@@ -10,7 +10,7 @@ import time
 from dataclasses import dataclass
 from itertools import islice
 
-from mbd_sim import DivergedError, Simulation
+from mbd_sim import DivergedError, MechanismError, Simulation
 from test.generators.overconstrained import LINKAGES, linkage_text
 
 SAMPLE = 500  # steps between two readings of the energies
@@ -62,7 +62,11 @@ def main() -> None:
         for driven in (False, True):
             step, found = options.step, None
             for _ in range(4):
-                found = run(name, seed, driven, options.seconds, step)
+                try:
+                    found = run(name, seed, driven, options.seconds, step)
+                except MechanismError as error:
+                    print(f"{name:22s} {seed:2d} cannot be driven from here: {error}", flush=True)
+                    break
                 print(
                     f"{name:22s} {seed:2d} {'driven' if driven else 'free':6s} step {found.step:.3g}: residual "
                     f"{found.residual:.1e}, violation {found.violation:.1e}, step error "

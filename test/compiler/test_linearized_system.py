@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 
 from mbd_sim.compiler.linearized_system import linearize_rates, unit_inverse
+from mbd_sim.dynamics.assembly import null_space
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism_file.library import shipped
 
+# Off their constraints the multipliers of rows that depend on each other are large and strongly curved.
+OVERCONSTRAINED = ("bennett", "three_cranks")
 SMALL = [name for name in shipped() if name not in ("stewart", "tricycle")]
 
 
@@ -20,7 +23,11 @@ def test_it_solves_the_full_system(name):
     equations, random = derive(load_mechanism(name)), np.random.default_rng(7)
     nq, nv = equations.layout.nq, equations.layout.nv
     t, y, efforts, g = 0.3, equations.start_state.copy(), random.standard_normal(nv), 0.01
-    y[nq : nq + nv] += 0.1 * random.standard_normal(nv)
+    change, size = 0.1 * random.standard_normal(nv), 1e-6
+    if name in OVERCONSTRAINED:
+        free = null_space(equations.constraints.gradient(t, y[:nq]))
+        change, size = free @ free.T @ change, 3e-8
+    y[nq : nq + nv] += change
     right = random.standard_normal(len(y))
 
     def rates(time, state):
@@ -29,7 +36,7 @@ def test_it_solves_the_full_system(name):
     jacobian = np.zeros((len(y), len(y)))
     for index in range(len(y)):
         shift = np.zeros(len(y))
-        shift[index] = 1e-6 * (1.0 + abs(y[index]))
+        shift[index] = size * (1.0 + abs(y[index]))
         jacobian[:, index] = (rates(t, y + shift) - rates(t, y - shift)) / (2.0 * shift[index])
     linearized = linearize_rates(equations.rates, slice(nq, nq + nv))
     memory, matrix, time_rates = linearized.at(t, y, efforts, g)

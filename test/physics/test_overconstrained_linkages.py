@@ -24,7 +24,7 @@ def test_three_cranks_turn_like_one_pendulum():
         along, across = np.array([np.cos(theta), 0, np.sin(theta)]), np.array([-np.sin(theta), 0, np.cos(theta)])
         moved = (cranks / 2 + parts["coupler"].mass) * r * (rate * across - speed**2 * along)
         mass = cranks + parts["coupler"].mass
-        assert force == pytest.approx(moved + [0, 0, mass * 9.81], abs=1e-8)
+        assert force == pytest.approx(moved + np.array([0.0, 0.0, mass * 9.81]), abs=1e-8)
     assert abs(sim.energies.residual) < 1e-12
     assert sim.model.load_sharing.indeterminacy == 7
 
