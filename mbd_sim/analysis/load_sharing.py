@@ -12,6 +12,7 @@ from mbd_sim.dynamics.equations import Equations
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 
+ROUND_OFF = 1e-12  # of the shared loads, relative to the largest load
 DETERMINED = 1e-9  # influence of multipliers on drives that is round-off, relative to that of one multiplier
 
 
@@ -36,13 +37,13 @@ class LoadSharing:
 
     def multipliers(self, t: float, y: Array, inputs: Array) -> Array:
         """λ (m,) of all rows."""
-        multipliers = self._given_multipliers(t, y, inputs)
-        return multipliers + self._added(t, y, inputs)[0] if self.indeterminacy else multipliers
+        multipliers, added = self._given_multipliers(t, y, inputs), self._added(t, y, inputs)
+        return multipliers if added is None else multipliers + added[0]
 
     def reactions(self, t: float, y: Array, inputs: Array) -> Array:
         """The force and the moment (joints, 6) across each joint, see `joint_reactions`."""
-        reactions = self._given_reactions(t, y, inputs)
-        return reactions + self._added(t, y, inputs)[1] if self.indeterminacy else reactions
+        reactions, added = self._given_reactions(t, y, inputs), self._added(t, y, inputs)
+        return reactions if added is None else reactions + added[1]
 
     def _given_multipliers(self, t: float, y: Array, inputs: Array) -> Array:
         return np.array(self._equations.multipliers(t, y, inputs), dtype=float).ravel()
@@ -50,8 +51,13 @@ class LoadSharing:
     def _given_reactions(self, t: float, y: Array, inputs: Array) -> Array:
         return np.array(self._equations.reactions(t, y, inputs), dtype=float).T
 
-    def _added(self, t: float, y: Array, inputs: Array) -> tuple[Array, Array]:
-        """The self-stress that minimizes the sum: multipliers (m,) and reactions (joints, 6)."""
+    def _added(self, t: float, y: Array, inputs: Array) -> tuple[Array, Array] | None:
+        """The self-stress that minimizes the sum: multipliers (m,) and reactions (joints, 6).
+
+        None if it is zero or round-off, as in a plane linkage under loads in its plane: exact zeros stay zero.
+        """
+        if not self.indeterminacy:
+            return None
         of_reactions, of_drives, gradient = (np.array(part) for part in self._equations.load_paths(t, y, inputs))
         stresses, weights, own = self._self_stresses(gradient, of_drives), self._weights, self._own_rows
         effects = weights[:, None] * (of_reactions @ stresses)
@@ -59,7 +65,10 @@ class LoadSharing:
         if len(own):
             effects = np.vstack([effects, stresses[own]])
             loads = np.concatenate([loads, self._given_multipliers(t, y, inputs)[own]])
-        added = stresses @ np.linalg.lstsq(effects, -loads, rcond=None)[0]
+        components = np.linalg.lstsq(effects, -loads, rcond=None)[0]
+        if np.max(np.abs(effects @ components), initial=0.0) <= ROUND_OFF * np.max(np.abs(loads), initial=0.0):
+            return None
+        added = stresses @ components
         return added, (of_reactions @ added).reshape(-1, 6)
 
     def _self_stresses(self, gradient: Array, of_drives: Array) -> Array:
