@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mbd_sim.geometry.pose import Array, unpack_poses
+from mbd_sim.geometry.pose import Array, identity_pose, unpack_poses
 from mbd_sim.geometry.rotation import quaternions
 from mbd_sim.mechanism.records import GROUND
 from mbd_sim.messages.serialized_message import MessageBuilder, SerializedMessage
 from mbd_sim.messages.snapshot import Snapshot
 from mbd_sim.simulation.compiled_model import Energies, Model, Violation
 from mbd_sim.simulation.joint_state_layout import joint_state_arrays, joint_state_names
+from mbd_sim.urdf.urdf_writer import floating_joints
 
 
 class StateWriter(NamedTuple):
@@ -116,6 +117,28 @@ def transforms(model: Model, frame_prefix: str) -> StateWriter:
         poses = ros_poses(model.pose_array(snapshot.time, snapshot.y, snapshot.inputs))
         for row, values in zip(rows, poses, strict=True):
             row[:] = values
+
+    return StateWriter(message, write)
+
+
+def floating_transforms(model: Model, frame_prefix: str) -> StateWriter:
+    """The transforms of the floating joints of `robot_description`, which robot_state_publisher does not publish."""
+    joints = floating_joints(model.mechanism)
+    builder = MessageBuilder()
+    builder.integer(len(joints))
+    places = []
+    for joint in joints:
+        builder.header(frame_prefix + joint.parent)
+        builder.text(frame_prefix + joint.child)
+        places.append(builder.doubles(7))
+    message = builder.message()
+    rows = [message.view(place) for place in places]
+
+    def write(snapshot: Snapshot, energies: Energies) -> None:
+        poses = {**model.poses(snapshot.time, snapshot.y, snapshot.inputs), GROUND: identity_pose()}
+        for row, joint in zip(rows, joints, strict=True):
+            pose = poses[joint.parent].inverse() @ poses[joint.part] @ joint.pose
+            row[:3], row[3:] = pose.position, quaternions(pose.rotation[None])[0]
 
     return StateWriter(message, write)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,18 +11,23 @@ from rosgraph_msgs.msg import Clock
 
 from mbd_sim.errors import nearest
 from mbd_sim.load import load_mechanism
-from mbd_sim.messages.topics import CLOCK, DIAGNOSTICS, MARKERS, PART, TOPICS, OutputTopic, for_each_part
+from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.messages.state_messages import floating_transforms
+from mbd_sim.messages.topics import CLOCK, DIAGNOSTICS, MARKERS, PART, TF, TOPICS, OutputTopic, for_each_part
 from mbd_sim.recording.recorder import Recorder
 from mbd_sim.recording.recording_paths import FORMATS, new_recording_paths
 from mbd_sim.recording.run_metadata import run_metadata
 from mbd_sim.ros.followed_clock import FollowedClock
+from mbd_sim.ros.message_types import message_type
 from mbd_sim.ros.node_parameters import NodeParameters
 from mbd_sim.ros.node_recordings import NodeRecordings, SplitLimits
 from mbd_sim.ros.publishing_thread import PublishingThread
 from mbd_sim.ros.qos import FOLLOWED_CLOCK
 from mbd_sim.ros.stepping_thread import SteppingThread
 from mbd_sim.ros.wrench_buffer import ALL, WrenchTargets, wrench_targets
+from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.simulation import Simulation
+from mbd_sim.urdf.urdf_writer import floating_joints
 from mbd_sim.viewer import Viewer, ViewerError
 
 
@@ -42,12 +48,15 @@ def build_simulation(parameters: NodeParameters) -> tuple[Simulation, WrenchTarg
     return simulation, targets
 
 
-def requested_topics(parameters: NodeParameters, part_names: tuple[str, ...]) -> list[OutputTopic]:
+def requested_topics(parameters: NodeParameters, model: Model, log: Any) -> list[OutputTopic]:
     """The topics of the publishing thread: those without a parameter, and those that their parameters request.
 
     :raises ValueError: a parameter names a part that does not exist.
     """
     requested: list[OutputTopic] = []
+    part_names = model.part_names
+    if parameters["tf_floating"] and not parameters["tf"]:
+        requested += _floating_transforms(model.mechanism, log)
     for topic in TOPICS:
         if topic in (CLOCK, MARKERS, DIAGNOSTICS) or (topic.parameter and not parameters[topic.parameter.name]):
             continue
@@ -61,6 +70,18 @@ def requested_topics(parameters: NodeParameters, part_names: tuple[str, ...]) ->
                 raise ValueError(f"{name}: there is no part '{part}'. {nearest(part, part_names)}")
         requested.extend(for_each_part(topic, part_names, part_names if ALL in parts else parts))
     return requested
+
+
+def _floating_transforms(mechanism: Mechanism, log: Any) -> list[OutputTopic]:
+    """/tf with the transforms of floating joints; none, which is logged, if tf2_msgs is not installed."""
+    if not floating_joints(mechanism):
+        return []
+    try:
+        message_type(TF.message_type)
+    except ImportError:
+        log.info("the transforms of floating joints are not published on /tf: tf2_msgs is not installed")
+        return []
+    return [replace(TF, on_state=floating_transforms)]
 
 
 def node_recordings(

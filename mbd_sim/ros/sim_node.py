@@ -88,7 +88,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self.publishing_thread = PublishingThread(
             self,
             simulation.model,
-            requested_topics(parameters, simulation.model.part_names),
+            requested_topics(parameters, simulation.model, log),
             frame_prefix=frame_prefix,
             clock=self.rates.clock > 0.0,
         )

@@ -62,6 +62,10 @@ PARAMETERS = (
         for topic in TOPICS
         if topic.parameter is not None
     ),
+    ParameterSpec(
+        "tf_floating", True,
+        "publish on /tf the transforms of free and spherical joints, which robot_state_publisher lacks; see also tf",
+    ),
     ParameterSpec("frame_prefix", "", "prefix of all frame names, for several instances: name/"),
     ParameterSpec("real_time_priority", 20, "SCHED_FIFO priority of the stepping thread, if permitted; 0: none", 0, 90),
 )  # fmt: skip

@@ -64,6 +64,12 @@ def to_urdf(mechanism: Mechanism) -> str:
     A spherical joint, which URDF does not have, becomes `floating`. If a part has meshes, its shapes are the collision
     geometry.
     """
+    robot = _robot(mechanism)
+    ElementTree.indent(robot)
+    return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True)
+
+
+def _robot(mechanism: Mechanism) -> Element:
     robot = Element("robot", name=mechanism.name)
     mimics = _mimics(mechanism)
     if missing := [f"{kind}: {listed(names, max_count=1000)}" for kind, names in _left_out(mechanism, mimics).items()]:
@@ -74,8 +80,31 @@ def to_urdf(mechanism: Mechanism) -> str:
         motions = [replace(motion, mimic=mimics.get(motion.name, motion.mimic)) for motion in _motions(joint)]
         _add_joint(robot, joint, motions, names)
         _add_link(robot, mechanism.parts[joint.outboard])
-    ElementTree.indent(robot)
-    return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True)
+    return robot
+
+
+@dataclass(frozen=True, eq=False)
+class FloatingJoint:
+    """A `floating` joint of the exported URDF: its links, and the `pose` of its child link in the frame of `part`.
+
+    robot_state_publisher publishes no transform for it, because `joint_states` has no position for it.
+    """
+
+    parent: str
+    child: str
+    part: str
+    pose: Pose
+
+
+def floating_joints(mechanism: Mechanism) -> list[FloatingJoint]:
+    """The floating joints of `to_urdf`, from ground outwards."""
+    found = []
+    for element in _robot(mechanism).findall("joint[@type='floating']"):
+        joint = mechanism.joints[element.attrib["name"]]
+        parent, child = (element.find(end).attrib["link"] for end in ("parent", "child"))  # type: ignore[union-attr]
+        pose = joint.parent_pose if joint.reversed else joint.child_pose
+        found.append(FloatingJoint(parent, child, joint.outboard, pose))
+    return found
 
 
 def _motions(joint: Joint) -> list[Motion]:

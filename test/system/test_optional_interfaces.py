@@ -6,6 +6,7 @@ import os
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from test.ros_interfaces import build
@@ -97,6 +98,23 @@ def test_transforms_of_all_parts(tmp_path: Path, variables: dict[str, str]) -> N
         assert (upper.child_frame_id, lower.header.frame_id) == ("left/upper", "left/ground")
         at = lower.transform.translation
         assert [at.x, at.y, at.z] == simulation.poses()["lower"].position.tolist()
+
+
+def test_transforms_of_a_free_base_are_published_by_default(tmp_path: Path, variables: dict[str, str]) -> None:
+    """Those that robot_state_publisher cannot compute from joint states, and no others."""
+    from tf2_msgs.msg import TFMessage
+
+    with running(tmp_path, variables=variables, mechanism="tumbling", frame_prefix="left/") as (_, listener):
+        received: list[object] = []
+        listener.node.create_subscription(TFMessage, "/tf", received.append, 10)
+        listener.until(lambda: received, "/tf")
+        simulation = as_in_the_node("tumbling")
+        (base,) = received[-1].transforms  # type: ignore[attr-defined]
+        simulation.step(nanoseconds(base.header.stamp) // 1_000_000)
+        (part,) = simulation.mechanism.parts
+        assert (base.header.frame_id, base.child_frame_id) == ("left/ground", f"left/{part}")
+        turn = base.transform.rotation
+        assert abs(np.dot([turn.w, turn.x, turn.y, turn.z], simulation.q[3:])) == pytest.approx(1.0, abs=1e-12)
 
 
 @pytest.mark.skipif(INSTALLED, reason="tf2_msgs is installed")

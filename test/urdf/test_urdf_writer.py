@@ -13,7 +13,7 @@ from mbd_sim.cli.main import main
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.geometry.rotation import about, from_rpy
 from mbd_sim.load import load_mechanism, parse_mechanism
-from mbd_sim.urdf.urdf_writer import to_urdf
+from mbd_sim.urdf.urdf_writer import floating_joints, to_urdf
 from test.generators.mechanisms import SHIPPED, accelerations, random_state, random_trees
 from test.oracles import kane
 
@@ -273,3 +273,15 @@ joints: {j: {type: fixed, between: [ground, a]}}
     part = parse_mechanism(written).parts["a"]
     assert part.meshes[0].color == "#00ff00" and [shape.kind for shape in part.shapes] == ["sphere"]
     assert part.mass == 1.0 and part.inertia[0, 0] == pytest.approx(0.004)
+
+
+def test_floating_joints_are_those_that_joint_states_cannot_move():
+    free = parse_mechanism(
+        "mechanism: m\nparts: {b: {mass: 1, inertia: [1, 1, 1], points: {c: {at: [0, 0, 1], rotate: {axis: [0, 0, 1], angle: 1}}}}, a: {mass: 1}}\n"
+        "joints:\n  base: {type: free, between: [ground, b.c]}\n"
+        "  ball: {type: revolute, between: [b, a], axis: [0, 0, 1]}\n"
+    )
+    (base,) = floating_joints(free)
+    assert (base.parent, base.child, base.part) == ("ground", "base_frame", "b")
+    assert base.pose.position.tolist() == [0.0, 0.0, 1.0]
+    assert floating_joints(load_mechanism("double_rod")) == []
