@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, fields
 
-MAX_SHOWN = 50  # problems listed in the text of one error
+MAX_SHOWN = 20  # problems listed in the text of one error
 MAX_COMPARED = 500  # names compared with a misspelled one
+MAX_SUGGESTIONS = 2 * MAX_SHOWN  # searches for similar names in one file, each of which may take milliseconds
+
+_suggestions_left: ContextVar[list[int] | None] = ContextVar("suggestions_left", default=None)
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One problem with a mechanism: what is wrong, the remedy, and the key, value, file and line."""
+    """One problem with a mechanism: what is wrong, the remedy, and the key, value, file and line.
+
+    `repetition` are the values of the indices in an entry that stands for several, such as "i = 3".
+    """
 
     message: str
     remedy: str = ""
@@ -20,18 +28,31 @@ class Problem:
     value: str = ""
     file: str = ""
     line: int = 0
+    repetition: str = ""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if field.name != "file" and isinstance(text := getattr(self, field.name), str):
+                object.__setattr__(self, field.name, printable(text))
 
     def __str__(self) -> str:
-        position = ":".join(str(part) for part in (self.file, self.line) if part)
-        head = " ".join(part for part in (position and f"{position}:", self.key and f"{self.key}:") if part)
+        position = ":".join(str(part) for part in (printable(self.file), self.line) if part)
+        head = " ".join(part for part in (position and f"{position}:", self._where()) if part)
         text = f"{head} {self.message}".strip()
         if self.value:
             text += f" (got {self.value})"
         return f"{text}. {self.remedy}" if self.remedy else f"{text}."
 
+    def _where(self) -> str:
+        repetition = f" ({self.repetition})" if self.repetition else ""
+        return f"{self.key}{repetition}:" if self.key else ""
+
 
 class MbdSimError(Exception):
-    """Base class of the errors that this package raises deliberately."""
+    """Base class of the errors that this package raises deliberately. Their texts can be printed to any terminal."""
+
+    def __str__(self) -> str:
+        return printable(super().__str__(), keep="\n")
 
 
 class InputError(MbdSimError, ValueError):
@@ -45,7 +66,8 @@ class InputError(MbdSimError, ValueError):
         self.message, self.remedy, self.value = message, remedy, value
 
     def __str__(self) -> str:
-        return f"{self.message}. {self.remedy}" if self.remedy else f"{self.message}."
+        text = f"{self.message}. {self.remedy}" if self.remedy else f"{self.message}."
+        return printable(text, keep="\n")
 
 
 class MechanismError(MbdSimError):
@@ -72,7 +94,12 @@ class CommandError(MbdSimError, ValueError):
 
 
 def nearest(name: str, valid: Iterable[str]) -> str:
-    """A remedy that lists the valid names, the one most similar to `name` first; empty if there are none."""
+    """A remedy that lists the valid names, the one most similar to `name` first; empty if there are none.
+
+    It is also empty when `few_suggestions` allows no further search.
+    """
+    if not may_suggest():
+        return ""
     names = sorted({other for other in valid if other})
     if not names:
         return ""
@@ -81,6 +108,38 @@ def nearest(name: str, valid: Iterable[str]) -> str:
         rest = [other for other in names if other != close[0]]
         return f"Did you mean '{close[0]}'?" + (f" Others: {listed(rest)}." if rest else "")
     return f"Valid: {listed(names)}."
+
+
+@contextmanager
+def few_suggestions() -> Iterator[None]:
+    """Within this context, only `MAX_SUGGESTIONS` searches for similar names are made: a file may have thousands."""
+    token = _suggestions_left.set([MAX_SUGGESTIONS])
+    try:
+        yield
+    finally:
+        _suggestions_left.reset(token)
+
+
+def may_suggest() -> bool:
+    """Whether a further search for similar names is allowed; each call counts as one."""
+    left = _suggestions_left.get()
+    if left is None:
+        return True
+    left[0] -= 1
+    return left[0] >= 0
+
+
+def printable(text: str, keep: str = "") -> str:
+    """The text with control characters, bidirectional overrides and other invisible characters escaped.
+
+    :param keep: characters that stay as they are, such as line breaks.
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        letter if letter.isprintable() or letter in keep else letter.encode("unicode_escape").decode()
+        for letter in text
+    )
 
 
 def quoted(value: object, max_length: int = 60) -> str:

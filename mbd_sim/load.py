@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from mbd_sim.errors import few_suggestions
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.builders.mechanism_builder import build
 from mbd_sim.mechanism_file.library import find
+from mbd_sim.mechanism_file.repetition import expanded
 from mbd_sim.mechanism_file.validation import validate
 from mbd_sim.mechanism_file.yaml_reader import parse_source, read_text
 from mbd_sim.urdf.overlay import with_urdf
@@ -32,6 +34,7 @@ def parse_mechanism(text: str, file: str = "<text>", base: Base | None = None) -
     :param base: see `load_mechanism`.
     :raises MechanismError: see `load_mechanism`.
     """
-    source = urdf_source(text, file, base) if is_xml(text) else with_urdf(parse_source(text, file), base)
-    records, parameters = validate(source)
-    return build(records, parameters, source)
+    with few_suggestions():
+        source = urdf_source(text, file, base) if is_xml(text) else with_urdf(expanded(parse_source(text, file)), base)
+        records, parameters = validate(source)
+        return build(records, parameters, source)

@@ -16,11 +16,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--base", choices=["fixed", "free"], help="how the root link of the URDF is attached to ground (default: fixed)"
     )
+    parser.add_argument("--expand", action="store_true", help="write out the entries that are repeated with 'for'")
 
 
 def execute(options: argparse.Namespace) -> int:
     """Print the mechanism file."""
     from mbd_sim.load import load_mechanism
 
-    print(load_mechanism(options.mechanism, options.base).source.text, end="")
+    source = load_mechanism(options.mechanism, options.base).source
+    if options.expand and source.template is not None:
+        from mbd_sim.mechanism_file.yaml_writer import yaml_text
+
+        print(yaml_text(source.data), end="")
+        return 0
+    print(source.text, end="")
     return 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from mbd_sim.errors import InputError, nearest, quoted
+from mbd_sim.errors import InputError, may_suggest, nearest, quoted
 from mbd_sim.geometry.pose import Pose, identity_pose
 
 PointsByPart = Mapping[str, Mapping[str, Pose] | None]  # None: the part's points are unknown, any name is accepted
@@ -19,9 +19,7 @@ def resolve_reference(text: str, points_by_part: PointsByPart) -> tuple[str, Pos
     if not part:
         raise InputError(f"no part is named before the '.' of {quoted(text)}", "Write part.point.")
     if part not in points_by_part:
-        owners = [f"{name}.{part}" for name, points in points_by_part.items() if not dot and part in (points or {})]
-        remedy = f"Did you mean its point '{owners[0]}'?" if owners else nearest(part, points_by_part)
-        raise InputError(f"there is no part {quoted(part)}", remedy)
+        raise InputError(f"there is no part {quoted(part)}", _known_part(part, points_by_part, may_be_point=not dot))
     points = points_by_part[part]
     if not dot or points is None:
         return part, identity_pose()
@@ -32,3 +30,12 @@ def resolve_reference(text: str, points_by_part: PointsByPart) -> tuple[str, Pos
         )
         raise InputError(missing, known)
     return part, points[point]
+
+
+def _known_part(name: str, points_by_part: PointsByPart, may_be_point: bool) -> str:
+    """A remedy for the unknown name of a part, which may be that of a point."""
+    if may_be_point and may_suggest():
+        for part, points in points_by_part.items():
+            if name in (points or {}):
+                return f"Did you mean its point '{part}.{name}'?"
+    return nearest(name, points_by_part)

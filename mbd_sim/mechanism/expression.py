@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import ast
+import functools
+import keyword
 import math
 import re
+import unicodedata
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 from mbd_sim.errors import InputError, nearest, quoted
 
-MAX_LENGTH = 500
+MAX_LENGTH = 500  # of an expression as written
+MAX_EXPANDED = 5000  # of one in which functions of the file are replaced by their bodies
 TIME = "t"
 
 CONSTANTS: dict[str, float] = {"pi": math.pi, "e": math.e}
@@ -29,6 +34,7 @@ _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
 }
 # Only numbers, names and operators reach Python's parser.
 _TOKENS = re.compile(r"(?>\s+|(?>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])|[^\W\d]\w*|[-+*/(),^])*+")
+_NAMES = re.compile(r"(?<![\w.])([^\W\d]\w*)(\s*\()?")
 
 
 @dataclass(frozen=True)
@@ -62,9 +68,10 @@ def names_in(text: str) -> set[str]:
 
     :raises InputError: not an arithmetic expression.
     """
-    tree = _parse(text)
-    called = {node.func.id for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
-    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} - called - set(CONSTANTS)
+    parsed(text)
+    found = _NAMES.findall(unicodedata.normalize("NFKC", text))  # as Python's parser reads them
+    called = {name for name, parenthesis in found if parenthesis}
+    return {name for name, _ in found if not keyword.iskeyword(name)} - called - CONSTANTS.keys()
 
 
 def evaluate(text: str, names: Mapping[str, float]) -> float:
@@ -92,12 +99,17 @@ def evaluate_with(text: str, names: Mapping[str, Any], arithmetic: Arithmetic) -
 
     :raises InputError: not arithmetic, or an unknown name.
     """
-    return _value(_parse(text).body, names, arithmetic)
+    return _value(parsed(text).body, names, arithmetic)
 
 
-def _parse(text: str) -> ast.Expression:
-    if len(text) > MAX_LENGTH:
-        raise InputError(f"is longer than {MAX_LENGTH} characters", "Split it into parameters.")
+@functools.lru_cache(maxsize=4096)  # an expression is parsed for its names and then for its value
+def parsed(text: str) -> ast.Expression:
+    """The syntax tree of an expression; it is shared, and must not be changed.
+
+    :raises InputError: not an arithmetic expression.
+    """
+    if len(text) > MAX_EXPANDED:
+        raise InputError(f"is longer than {MAX_EXPANDED} characters", "Split it into parameters.")
     if not _TOKENS.fullmatch(text) or re.fullmatch(r"\d+,\d+", text.strip()):
         raise InputError(_NO_VALUE, "Write decimals with a point." if re.search(r"\d,\d", text) else _EXAMPLES)
     try:
@@ -120,7 +132,7 @@ def _value(node: ast.expr, names: Mapping[str, Any], arithmetic: Arithmetic) -> 
                 return names[name]
             if name in CONSTANTS:
                 return CONSTANTS[name]
-            raise InputError(f"unknown name {quoted(name)}", nearest(name, [*names, *CONSTANTS]))
+            raise InputError(f"unknown name {quoted(name)}", nearest(name, chain(names, CONSTANTS)))
         case ast.UnaryOp(op=ast.USub(), operand=operand):
             return -_value(operand, names, arithmetic)
         case ast.UnaryOp(op=ast.UAdd(), operand=operand):

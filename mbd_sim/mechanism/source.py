@@ -29,6 +29,10 @@ class Source:
     `text` is YAML from which alone the mechanism can be built again, unless `data` have been `changed` since.
     `origins` are those of values from another file. `problems` are those that did not prevent reading the file, such
     as a duplicate key; `notes` list what was not imported from another format.
+
+    If entries of the file stand for several, `template` and `template_lines` are data and lines as written,
+    `repetitions` the values of the indices by the location of the entry, such as "i = 3", `shaping` the parameters on
+    which the entries depend, and `changes` the values that were replaced since, by their keys.
     """
 
     data: Any
@@ -39,6 +43,11 @@ class Source:
     origins: dict[Location, Origin] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     changed: bool = False
+    template: Any = None
+    template_lines: dict[Location, int] = field(default_factory=dict)
+    repetitions: dict[Location, str] = field(default_factory=dict)
+    shaping: frozenset[str] = frozenset()
+    changes: dict[str, Any] = field(default_factory=dict)
 
     def origin(self, location: Location) -> Origin:
         """The origin of the value at `location`, or else of the innermost value around it that has one."""
@@ -54,15 +63,23 @@ class Source:
         """The line of the value at `location`, or of the innermost value around it that has one."""
         return self.origin(location).line
 
-    def problem(self, location: Location, message: str, remedy: str = "", value: Any = None) -> Problem:
+    def problem(
+        self, location: Location, message: str, remedy: str = "", value: Any = None, repetition: str = ""
+    ) -> Problem:
         """A `Problem` at a location of this file."""
         origin = self.origin(location)
         shown = "" if value is None else quoted(value)
-        return Problem(message, remedy, key=origin.key, value=shown, file=origin.file, line=origin.line)
+        repetition = repetition or self._repetition(location)
+        return Problem(message, remedy, origin.key, shown, origin.file, origin.line, repetition)
 
-    def problem_of(self, location: Location, error: InputError) -> Problem:
+    def problem_of(self, location: Location, error: InputError, repetition: str = "") -> Problem:
         """A `Problem` at a location of this file, from the error about the value there."""
-        return self.problem(location, error.message, error.remedy, error.value)
+        return self.problem(location, error.message, error.remedy, error.value, repetition)
+
+    def _repetition(self, location: Location) -> str:
+        """The values of the indices in the innermost repeated entry around a location."""
+        lengths = range(len(location), 0, -1) if self.repetitions else ()
+        return next((self.repetitions[location[:n]] for n in lengths if location[:n] in self.repetitions), "")
 
 
 def dotted(location: Location) -> str:

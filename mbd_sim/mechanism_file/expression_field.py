@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
@@ -47,18 +48,19 @@ class ExpressionField:
             example = "0.1*sin(5*t)" if self.variables == (TIME,) else f"0.1*{self.variables[0]}**2"
             message = f"must be an expression of {self._variables_in_words()}"
             raise InputError(message, f"Write for example {example}.")
+        if isinstance(value, str) and parameters.unknown_in(value):
+            return TimeExpression("0", {})  # the problem is reported at the parameter, not at each use of it
         expression, unit = split_unit(str(value))
+        expression = parameters.functions.expanded(expression)
         used = names_in(expression)
         if hidden := [name for name in self.variables if name in values and (name in used or name == TIME)]:
             what = "time" if hidden[0] == TIME else f"variable '{hidden[0]}'"
             raise InputError(f"the parameter '{hidden[0]}' hides the {what}", "Rename the parameter.")
-        if used & parameters.unresolved:
-            return TimeExpression("0", {})  # the problem is reported at the parameter, not at each use of it
-        if unknown := sorted(used - set(values) - set(self.variables)):
-            raise InputError(f"unknown name {quoted(unknown[0])}", nearest(unknown[0], [*values, *self.variables]))
+        if unknown := sorted(name for name in used if name not in values and name not in self.variables):
+            raise InputError(f"unknown name {quoted(unknown[0])}", nearest(unknown[0], chain(values, self.variables)))
         if unit:
             expression = f"({expression})*{unit_factor(unit, self.unit)!r}"
-        result = TimeExpression(expression, {name: value for name, value in values.items() if name in used})
+        result = TimeExpression(expression, parameters.among(used))
         if self.variables == (TIME,):
             result.at(0.0)  # raises where it has no finite value at the start
         return result

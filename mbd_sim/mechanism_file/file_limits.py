@@ -6,7 +6,7 @@ from mbd_sim.errors import MechanismError, Problem
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 40
-MAX_VALUES = 100_000
+MAX_VALUES = 60_000
 
 
 def file_error(file: str, line: int, message: str, remedy: str, key: str = "", value: str = "") -> MechanismError:

@@ -8,12 +8,26 @@ from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema
 
+from mbd_sim.mechanism.source import Location
 from mbd_sim.mechanism_file.schema.base_schema import FORMER_KEYS, SUFFIX
 from mbd_sim.mechanism_file.schema.file_schema import MechanismFile
 
 PydanticLocation = tuple[int | str, ...]  # keys, indices, and tags of unions
 SchemaNode = dict[str, Any]
 
+REPEATED_SECTIONS = ("parts", "joints", "constraints", "forces")
+REPEATED_NAME = r"^[A-Za-z0-9_]*\{.*$"  # with an index in braces
+REPETITION: SchemaNode = {
+    "type": "object",
+    "description": "indices and their values: the entry stands for one entry for each of them",
+    "minProperties": 1,
+    "additionalProperties": {
+        "anyOf": [
+            {"type": "string", "pattern": r"\.\."},
+            {"type": "array", "items": {"type": ["number", "string"]}},
+        ]
+    },
+}
 MERGED_SECTIONS = ("parts", "joints")  # whose entries may be incomplete beside a URDF that has the rest of them
 
 
@@ -21,6 +35,7 @@ def json_schema() -> SchemaNode:
     """The JSON Schema of mechanism files. A file with `urdf` may leave out entries that the URDF has."""
     schema = copy.deepcopy(_json_schema())
     _admit_former_keys(schema)
+    _admit_repetition(schema)
     alone = {"required": schema.pop("required")}
     for section in MERGED_SECTIONS:
         properties = schema["properties"]
@@ -45,6 +60,18 @@ def known_types(location: PydanticLocation) -> list[str]:
     return [tag for node in _nodes_at(location) for tag in node.get("discriminator", {}).get("mapping", {})]
 
 
+def takes_expression(data: Any, location: Location) -> bool:
+    """Whether the value at a location of a file's data may be an expression."""
+    nodes = _forms(_json_schema())
+    for step in location:
+        kind = data.get("type") if isinstance(data, dict) else None
+        tagged = [inner for node in nodes if "discriminator" in node and kind for inner in _below(node, str(kind))]
+        nodes = [form for node in tagged or nodes for form in _forms(node)]
+        nodes = [form for node in nodes for inner in _below(node, step) for form in _forms(inner)]
+        data = data[step]
+    return any("number" in (kinds := node.get("type", "")) or kinds == "number" for node in nodes)
+
+
 class _NamesWithoutSuffix(GenerateJsonSchema):
     """Names the definitions like the Python classes, without their suffix."""
 
@@ -66,6 +93,27 @@ def _admit_former_keys(schema: SchemaNode) -> None:
         for former, current in FORMER_KEYS.items():
             if current in properties:
                 properties[former] = {**properties[current], "deprecated": True}
+
+
+def _admit_repetition(schema: SchemaNode) -> None:
+    """Admit `for` in entries that may stand for several, and indices in their names."""
+    properties, part = schema["properties"], schema["$defs"]["Part"]["properties"]
+    points = [schema["$defs"]["Ground"]["properties"]["points"], part["points"]]
+    for entries in [*(properties[section] for section in REPEATED_SECTIONS), *points]:
+        patterns = entries["patternProperties"]
+        patterns[REPEATED_NAME] = next(iter(patterns.values()))
+    schema["$defs"]["Repetition"] = REPETITION
+    repeated = {"Part", "Point", "Mesh", *_names_in(properties), *_names_in(part["shapes"])}
+    for name in repeated - {"Ground", "Integration"}:
+        schema["$defs"][name]["properties"]["for"] = {"$ref": "#/$defs/Repetition"}
+
+
+def _names_in(node: object) -> set[str]:
+    """The names of the definitions to which a part of the schema refers directly."""
+    inner = node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
+    found = {name for value in inner for name in _names_in(value)}
+    reference = node.get("$ref") if isinstance(node, dict) else None
+    return found | {reference.rsplit("/", 1)[-1]} if isinstance(reference, str) else found
 
 
 def _forbid_other_names(node: object) -> None:
@@ -105,7 +153,8 @@ def _below(node: SchemaNode, step: int | str) -> list[SchemaNode]:
         return [node["properties"][step]]
     if step == {"array": "list", "object": "mapping"}.get(node.get("type", "")) and "patternProperties" not in node:
         return [node]
-    return list(node.get("patternProperties", {}).values())
+    others = node.get("additionalProperties")
+    return [*node.get("patternProperties", {}).values(), *([others] if isinstance(others, dict) else [])]
 
 
 def _variants(node: SchemaNode) -> list[SchemaNode]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import fnmatch
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -13,13 +12,14 @@ from pydantic import BaseModel
 
 from mbd_sim.errors import InputError, MechanismError, Problem, nearest
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.mechanism.source import Location, dotted
+from mbd_sim.mechanism.source import Location, Source, dotted
 from mbd_sim.mechanism_file.builders.mechanism_builder import build
+from mbd_sim.mechanism_file.repetition import expanded
 from mbd_sim.mechanism_file.schema.base_schema import FORMER_KEYS, as_written
 from mbd_sim.mechanism_file.validation import validate
 
 _STEP = re.compile(r"\.?(?:'([^']+)'|([^.\[\]']+))|\[(\d+)\]")
-_SECTIONS = ("gravity", "parameters", "parts", "joints", "forces", "constraints", "ground", "integrator")
+_SECTIONS = ("gravity", "parameters", "functions", "parts", "joints", "forces", "constraints", "ground", "integrator")
 
 
 def with_values(mechanism: Mechanism, changes: Mapping[str, Any]) -> Mechanism:
@@ -28,16 +28,29 @@ def with_values(mechanism: Mechanism, changes: Mapping[str, Any]) -> Mechanism:
     :param changes: the values by their keys; a parameter of the file may be given by its name alone.
     :raises MechanismError: a key does not exist, or a value is not valid there.
     """
-    data = copy.copy(mechanism.source.data)
-    problems = []
-    for name, value in changes.items():
+    source, locations, problems = mechanism.source, {}, []
+    changes = {name: _plain(value) for name, value in changes.items()}
+    for name in changes:
         try:
-            data = _replaced(data, location_of(mechanism, name), _plain(value))
+            locations[name] = location_of(mechanism, name)
+            _require_known_shape(source, locations[name])
         except InputError as error:
             problems.append(_problem(mechanism, name, error))
     if problems:
         raise MechanismError(problems)
-    source = replace(mechanism.source, data=data, changed=True)
+    if any(_changes_shape(source, location) for location in locations.values()):
+        source = _repeated_again(mechanism, changes)
+        changes = source.changes
+        locations = {name: location_of(mechanism, name) for name in changes}
+    data = source.data
+    for name, location in locations.items():
+        try:
+            data = _replaced(data, location, changes[name])
+        except InputError as error:
+            problems.append(_problem(mechanism, name, error))
+    if problems:
+        raise MechanismError(problems)
+    source = replace(source, data=data, changed=True, changes={**source.changes, **changes})
     file, parameters = validate(source)
     return build(file, parameters, source)
 
@@ -45,6 +58,33 @@ def with_values(mechanism: Mechanism, changes: Mapping[str, Any]) -> Mechanism:
 def _plain(value: Any) -> Any:
     """A value as a file has it: NumPy's numbers and arrays become plain ones."""
     return value.tolist() if hasattr(value, "tolist") else value
+
+
+def _changes_shape(source: Source, location: Location) -> bool:
+    """Whether the entries of the file depend on the value at a location."""
+    if source.template is None and not source.shaping:
+        return False
+    return location[0] == "functions" or (
+        location[0] == "parameters" and location[1:2] != () and location[1] in source.shaping
+    )
+
+
+def _require_known_shape(source: Source, location: Location) -> None:
+    if source.template is None and source.shaping and _changes_shape(source, location):
+        raise InputError("decides how many entries the file has beside its URDF", "Change it in the file.")
+
+
+def _repeated_again(mechanism: Mechanism, changes: Mapping[str, Any]) -> Source:
+    """The source with repetitions by the changed parameters; its `changes` are those still to be made."""
+    source, data = mechanism.source, mechanism.source.template
+    every = {**source.changes, **changes}
+    for name, value in every.items():
+        location = location_of(mechanism, name)
+        if location[0] in ("parameters", "functions"):
+            data = _replaced(data, location, value)
+    again = expanded(Source(data, source.template_lines, source.file, source.text))
+    again.changes = every
+    return again
 
 
 def location_of(mechanism: Mechanism, key: str) -> Location:

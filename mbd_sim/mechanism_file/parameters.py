@@ -3,27 +3,52 @@
 from __future__ import annotations
 
 import keyword
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from mbd_sim.errors import InputError, Problem, listed, nearest, quoted
 from mbd_sim.mechanism.expression import CONSTANTS, FUNCTIONS, names_in
 from mbd_sim.mechanism.source import Source
+from mbd_sim.mechanism_file.dependencies import dependencies_first, users
+from mbd_sim.mechanism_file.functions import Functions, resolve_functions
 from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
 
 
 @dataclass
 class Parameters:
-    """The values of a file's parameters in SI units, the names of those that have none, and why they have none."""
+    """The values of a file's parameters in SI units, the names of those that have none, and why they have none.
+
+    `functions` are those of the same file.
+    """
 
     values: dict[str, float] = field(default_factory=dict)
     unresolved: set[str] = field(default_factory=set)
     problems: list[Problem] = field(default_factory=list)
+    functions: Functions = field(default_factory=Functions)
+
+    def unknown_in(self, value: str) -> bool:
+        """Whether a value depends on a parameter or a function whose own problem is reported already."""
+        if not (self.unresolved or self.functions.unresolved):
+            return False
+        expression, _ = split_unit(value)
+        return self.functions.calls_invalid(expression) or bool(
+            names_in(self.functions.expanded(expression)) & self.unresolved
+        )
+
+    def among(self, names: Collection[str]) -> dict[str, float]:
+        """The values of those of the names that are parameters, in the order in which they were resolved."""
+        return {name: self.values[name] for name in sorted(self.values.keys() & names, key=self._positions.__getitem__)}
+
+    @cached_property
+    def _positions(self) -> dict[str, int]:
+        return {name: position for position, name in enumerate(self.values)}
 
 
 def resolve_parameters(source: Source) -> Parameters:
     """Evaluate the file's `parameters`, each after those that it refers to."""
-    result = Parameters()
+    functions = resolve_functions(source)
+    result = Parameters(problems=list(functions.problems), functions=functions)
     written = source.data.get("parameters")
     if not isinstance(written, dict):
         return result
@@ -35,20 +60,22 @@ def resolve_parameters(source: Source) -> Parameters:
     uses: dict[str, set[str]] = {}
     for name, value in written.items():
         try:
-            uses[name] = _used_names(name, value, written)
+            uses[name] = _used_names(name, value, written, functions)
         except InputError as error:
             fail(name, error)
-    for name in _dependencies_first(uses):
-        if uses[name] & result.unresolved:
+    for name in dependencies_first(uses):
+        value = written[name]
+        calls_invalid = isinstance(value, str) and functions.calls_invalid(split_unit(value)[0])
+        if calls_invalid or uses[name] & result.unresolved:
             result.unresolved.add(name)
             continue
         try:
-            result.values[name] = parse_value(written[name], result.values, si_unit=None)
+            result.values[name] = parse_value(value, result.values, si_unit=None, functions=functions.expanded)
         except InputError as error:
             fail(name, error)
     left = {name: used for name, used in uses.items() if name not in result.values and name not in result.unresolved}
     result.unresolved |= set(left)
-    after_a_circle = set(_dependencies_first(_users(left)))
+    after_a_circle = set(dependencies_first(users(left)))
     circle = [name for name in left if name not in after_a_circle]
     for name in circle:
         message = f"parameters refer to each other in a circle: {listed(circle)}"
@@ -56,34 +83,12 @@ def resolve_parameters(source: Source) -> Parameters:
     return result
 
 
-def _used_names(name: str, value: object, written: Mapping[str, object]) -> set[str]:
+def _used_names(name: str, value: object, written: Mapping[str, object], functions: Functions) -> set[str]:
     if name in CONSTANTS or name in FUNCTIONS or keyword.iskeyword(name):
         raise InputError(f"'{name}' has a meaning in expressions", "Choose another name.")
-    used = names_in(split_unit(value)[0]) if isinstance(value, str) else set()
-    unknown = sorted(used - set(written))
+    used = names_in(functions.expanded(split_unit(value)[0])) if isinstance(value, str) else set()
+    unknown = sorted(other for other in used if other not in written)
     if unknown:
-        remedy = nearest(unknown[0], set(written) - {name}) or "Define it under 'parameters'."
+        remedy = nearest(unknown[0], (other for other in written if other != name)) or "Define it under 'parameters'."
         raise InputError(f"unknown name {quoted(unknown[0])}", remedy)
     return used
-
-
-def _dependencies_first(uses: Mapping[str, set[str]]) -> list[str]:
-    """The names, each after those that it uses; without names in circles and those that depend on them."""
-    users = _users(uses)
-    waiting = {name: len(used & uses.keys()) for name, used in uses.items()}
-    order = [name for name, count in waiting.items() if not count]
-    for name in order:
-        for user in sorted(users[name]):
-            waiting[user] -= 1
-            if not waiting[user]:
-                order.append(user)
-    return order
-
-
-def _users(uses: Mapping[str, set[str]]) -> dict[str, set[str]]:
-    """The names that use each name."""
-    users: dict[str, set[str]] = {name: set() for name in uses}
-    for name, used in uses.items():
-        for other in used & uses.keys():
-            users[other].add(name)
-    return users

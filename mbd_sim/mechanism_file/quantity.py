@@ -10,9 +10,8 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
 from pydantic_core import CoreSchema, core_schema
 
 from mbd_sim.errors import InputError
-from mbd_sim.mechanism.expression import names_in
 from mbd_sim.mechanism_file.parameters import Parameters
-from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
+from mbd_sim.mechanism_file.value_parser import parse_value
 
 # Beyond these, products such as density · r³ · r² would overflow or vanish. A smaller value that may be 0 becomes 0.
 LARGEST, SMALLEST = 1e40, 1e-60
@@ -50,10 +49,9 @@ class Quantity:
             raise InputError(error.message, error.remedy, value) from error
 
     def _parsed(self, value: Any, parameters: Parameters) -> float:
-        unresolved = parameters.unresolved
-        if isinstance(value, str) and unresolved and names_in(split_unit(value)[0]) & unresolved:
+        if isinstance(value, str) and parameters.unknown_in(value):
             return math.nan  # the problem is reported at the parameter, not at each use of it
-        number = parse_value(value, parameters.values, self.unit)
+        number = parse_value(value, parameters.values, self.unit, parameters.functions.expanded)
         if abs(number) < SMALLEST and not (self.above is not None and number > 0.0):
             number = 0.0
         if abs(number) > LARGEST or 0.0 < abs(number) < SMALLEST:

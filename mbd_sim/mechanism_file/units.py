@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from mbd_sim.errors import InputError, quoted
+from mbd_sim.errors import InputError, may_suggest, quoted
 
 # Only the units of mechanics: building this registry takes 2 ms, pint's full one 0.13 s at every start.
 _DEFINITIONS = """
@@ -154,6 +154,8 @@ def _exponent(node: ast.expr) -> int:
 def _named(name: str) -> Any:
     import pint
 
+    if not (_registry().parse_unit_name(name) or may_suggest()):  # saves what parse_units costs
+        raise InputError(f"unknown unit {quoted(name)}", f"Known: {UNIT_WORDS}.")
     try:
         return _registry().parse_units(name)
     except (pint.errors.PintError, ValueError, TypeError, AttributeError, KeyError, AssertionError) as error:

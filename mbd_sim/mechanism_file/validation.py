@@ -17,12 +17,14 @@ from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
 from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
 from mbd_sim.mechanism_file.validation_problems import problem_of
 
+MANY = 1000  # problems beyond which no further ones are searched for
+
 
 def validate(source: Source) -> tuple[MechanismFile, dict[str, float]]:
     """The file's records and the values of its parameters in SI units.
 
     :raises MechanismError: with everything that the schema refuses. The parts, joints, forces and constraints that it
-        accepts are then checked too, so that one run reports all problems.
+        accepts are then checked too, so that one run reports all problems (of a file with fewer than a thousand).
     """
     if not isinstance(source.data, dict):
         message = "a mechanism file is a mapping with 'mechanism', 'parts' and 'joints'"
@@ -37,6 +39,8 @@ def validate(source: Source) -> tuple[MechanismFile, dict[str, float]]:
         file = MechanismFile.model_validate(source.data, context=parameters)
     except ValidationError as error:
         problems += [problem_of(source, details) for details in error.errors(include_url=False)]
+    if len(problems) > MANY:
+        raise MechanismError(in_order(problems))
     if problems or file is None:
         raise MechanismError(in_order(problems + _reference_problems(source, parameters)))
     return file, parameters.values

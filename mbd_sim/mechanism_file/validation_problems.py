@@ -73,6 +73,8 @@ def _wording(kind: str, loc: PydanticLocation, value: object) -> tuple[str, str]
             text = str(loc[-2] if loc[-1:] == ("[key]",) else value)
             valid = re.sub(r"[^A-Za-z0-9_]+", "_", text).strip("_")
             example = f", for example {valid}" if len(valid) <= 60 and re.match(NAME_PATTERN, valid) else ""
+            if "{" in text:
+                return "not a valid name", "An index in braces needs for: {i: 1..6} in the entry."
             return "not a valid name", f"Use at most 60 letters, digits and underscores, a letter first{example}."
         case "string_type":
             between = "Write the name of a part, or part.point." if "between" in loc[-2:] else "Put it in quotes."

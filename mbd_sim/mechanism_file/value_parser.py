@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from mbd_sim.errors import InputError, quoted
 from mbd_sim.mechanism.expression import MAX_LENGTH, evaluate
@@ -34,10 +34,13 @@ def split_unit(text: str) -> tuple[str, str]:
     return _BRACED.sub(r"(\1)", expression), unit.strip()
 
 
-def parse_value(value: object, names: Mapping[str, float], si_unit: str | None) -> float:
+def parse_value(
+    value: object, names: Mapping[str, float], si_unit: str | None, functions: Callable[[str], str] = str
+) -> float:
     """The finite number in SI units that a value stands for; with `si_unit` None, a unit of any dimension is accepted.
 
     :param names: the values of the parameters that an expression may refer to.
+    :param functions: replaces the calls of the file's functions in an expression.
     :raises InputError: not a finite number, an unknown name, or a unit of the wrong dimension.
     """
     if value is None:
@@ -46,7 +49,7 @@ def parse_value(value: object, names: Mapping[str, float], si_unit: str | None) 
         raise InputError("must be a number", "Write for example 0.5, 30 deg, or l/2.")
     if isinstance(value, str):
         expression, unit = split_unit(value)
-        number = _evaluated(expression, names)
+        number = _evaluated(functions(expression), names)
         if unit:
             number *= _factor(expression, unit, names, si_unit)
     else:

@@ -49,7 +49,7 @@ def _node(value: Any, location: Location) -> yaml.Node:
 def _block(location: Location) -> bool:
     """Whether each entry at a location is on its own line: in sections, in their entries, and in the lists of parts."""
     match location:
-        case () | ("parameters" | "parts" | "joints" | "constraints" | "forces" | "ground",):
+        case () | ("parameters" | "functions" | "parts" | "joints" | "constraints" | "forces" | "ground",):
             return True
         case ("ground", "points") | ("parts" | "joints" | "constraints" | "forces", _):
             return True
@@ -59,6 +59,8 @@ def _block(location: Location) -> bool:
 
 
 def _scalar(value: Any) -> yaml.ScalarNode:
+    if value is None:  # in a list; in a mapping it is left out
+        return yaml.ScalarNode("tag:yaml.org,2002:null", "null")
     if isinstance(value, str):
         plain = value.isprintable() and _tag(value) == _STRING and isinstance(plain_scalar(value), str)
         return yaml.ScalarNode(_STRING, value, style=None if plain else '"')

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from mbd_sim.errors import listed
+from mbd_sim.errors import listed, printable
 
 
 def report_text(found: dict[str, Any]) -> str:
     """The report, see `mbd_sim.report.mechanism_report.report`, as text."""
-    return "\n".join([*_structure(found), *_dynamics(found), *_remarks(found)])
+    return printable("\n".join([*_structure(found), *_dynamics(found), *_remarks(found)]), keep="\n")
 
 
 def kinematic_text(found: dict[str, Any]) -> str:
     """The report on a mechanism without equations of motion, see `kinematic_report`, as text."""
     head, *others = found["dynamics"]
     reasons = [f"Dynamics            not defined: {head}", *(f"                    {text}" for text in others)]
-    return "\n".join([*_structure(found), *_mass_and_gravity(found), *reasons, *_remarks(found)])
+    lines = [*_structure(found), *_mass_and_gravity(found), *reasons, *_remarks(found)]
+    return printable("\n".join(lines), keep="\n")
 
 
 def _structure(found: dict[str, Any]) -> list[str]:

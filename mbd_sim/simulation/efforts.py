@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from mbd_sim.errors import CommandError, listed, nearest
+from mbd_sim.errors import CommandError, listed, nearest, printable
 from mbd_sim.geometry.pose import Array
 
 
@@ -20,7 +20,7 @@ class UnknownJointError(CommandError):
 
     def __str__(self) -> str:
         remedy = nearest(self.name, self._valid) or "No joint of this mechanism takes efforts."
-        return f"there is no joint '{self.name}'. {remedy}"
+        return printable(f"there is no joint '{self.name}'. {remedy}")
 
 
 class EffortMap:

@@ -69,6 +69,8 @@ def overlaid(under: Source, over: Source) -> Source:
         problems=[*over.problems, *under.problems],
         origins=origins,
         notes=under.notes,
+        repetitions=over.repetitions,
+        shaping=over.shaping,
     )
     for section in SECTIONS:
         if isinstance(written.get(section), dict):

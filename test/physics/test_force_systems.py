@@ -5,6 +5,7 @@ import pytest
 
 from mbd_sim import Simulation, load_mechanism
 from mbd_sim.dynamics.equations import derive
+from mbd_sim.mechanism_file.override import with_values
 from test.generators.mechanisms import accelerations
 
 G = 9.81
@@ -74,3 +75,14 @@ def test_the_energy_audit_of_nonlinear_and_lossy_elements_closes_over_a_minute(n
         largest = max(largest, *map(abs, sim.energies[:5]))
         assert abs(sim.energies.residual) < 1e-13 * max(largest, 30.0)
     assert largest > 1.0
+
+
+@pytest.mark.parametrize("n, mode", [(8, 2), (5, 1)])
+def test_a_chain_of_springs_oscillates_in_one_of_its_modes(n, mode):
+    """x_i = a sin(mode π i/(n + 1)) cos(ω t) with ω = 2 sqrt(k/m) sin(mode π/(2 (n + 1))), exactly."""
+    chain = with_values(load_mechanism("spring_chain"), {"n": n, "mode": mode})
+    p, sim = chain.parameters, Simulation(chain)
+    sim.run(until=2.0)
+    rate = 2.0 * np.sqrt(p["k"] / p["m"]) * np.sin(mode * np.pi / (2 * (n + 1)))
+    shape = p["amplitude"] * np.sin(mode * np.pi * np.arange(1, n + 1) / (n + 1))
+    assert sim.q == pytest.approx(shape * np.cos(rate * sim.time), abs=1e-13)

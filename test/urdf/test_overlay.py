@@ -271,3 +271,14 @@ def test_the_example_of_the_page_runs(overlay):
     assert (
         simulation.model.degrees_of_freedom == 2 and simulation.mechanism.joints["left_hip"].limits.stiffness == 1000.0
     )
+
+
+@pytest.mark.parametrize("value", ["[null]", "[[]]", "[1, null]", "[{}]"])
+@pytest.mark.parametrize(
+    "key", ["parts", "joints", "parts.left_rod", "parts.left_rod.points", "joints.left_hip.limits", "ground", "gravity"]
+)
+def test_lists_in_place_of_mappings_are_reported(overlay, key, value):
+    *outer, last = key.split(".")
+    text = "mechanism: odd\nurdf: robots/five.urdf\n"
+    text += "".join("  " * depth + f"{name}:\n" for depth, name in enumerate(outer))
+    assert problems_of(overlay(text + "  " * len(outer) + f"{last}: {value}\n"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -64,8 +64,19 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
 
 
 def in_order(problems: Iterable[Problem]) -> list[Problem]:
-    """Each problem once, from the top of the file to its bottom."""
-    return sorted(dict.fromkeys(problems), key=lambda problem: problem.line)
+    """Each problem once, from the top of the file to its bottom; the same one of several repetitions as one."""
+    groups: dict[Problem, list[Problem]] = {}
+    for problem in dict.fromkeys(problems):
+        template = dataclasses.replace(problem, key="", repetition="") if problem.repetition else problem
+        groups.setdefault(template, []).append(problem)
+    return sorted((_merged(group) for group in groups.values()), key=lambda problem: problem.line)
+
+
+def _merged(group: Sequence[Problem]) -> Problem:
+    first = group[0]
+    if len(group) == 1:
+        return first
+    return dataclasses.replace(first, repetition=f"{first.repetition}, and {len(group) - 1} more")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -33,6 +33,7 @@ from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
 from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
 from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
 
+FunctionHead = Annotated[str, StringConstraints(max_length=200)]  # its form is checked when functions are read
 Color = Annotated[str, StringConstraints(pattern=r"^#[0-9a-fA-F]{6}$")]
 
 
@@ -207,6 +208,9 @@ class MechanismFile(Spec):
         None, description="whether the root link of the URDF is fixed to ground or free"
     )
     parameters: dict[Name, Value] = Field({}, description="named numbers for use in expressions")
+    functions: dict[FunctionHead, Value] = Field(
+        {}, description="named expressions of arguments, such as 'stroke(t): 0.1*sin(5*t)'"
+    )
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, -9.81)
     integrator: IntegrationSpec = IntegrationSpec()
     ground: GroundSpec = GroundSpec()

@@ -1,0 +1,48 @@
+"""What errors print: nothing that a terminal would obey."""
+
+import pytest
+
+from mbd_sim import Simulation
+from mbd_sim.errors import CommandError, InputError, MechanismError, Problem, printable
+from mbd_sim.load import parse_mechanism
+
+BODY = "joints: {j: {type: revolute, between: [ground, a], axis: [0, 0, 1]}}\n"
+
+
+def test_control_characters_and_directional_overrides_are_escaped():
+    assert printable("a\x1b[31m\u202eb\x9b\u2066\ufeff") == "a\\x1b[31m\\u202eb\\x9b\\u2066\\ufeff"
+    assert printable("m/s², 30°, 漢字 – × ·") == "m/s², 30°, 漢字 – × ·"
+    assert printable("a\nb\r", keep="\n") == "a\nb\\r"
+
+
+@pytest.mark.parametrize(
+    "error", [InputError("a\x1b[31m"), CommandError("a\x1b[31m"), MechanismError([Problem("a\x1b[31m")])]
+)
+def test_every_error_prints_control_characters_escaped(error):
+    assert "a\\x1b[31m" in str(error) and "\x1b" not in str(error)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'parts: {a: {mass: 1, "x\\e[31m\\n": 1}}\n' + BODY,
+        'parts: {a: {mass: 1}, "\\e]0;owned\\a": {mass: 1}}\n' + BODY,
+        'parts: {a: {mass: "l\\u202e"}}\n' + BODY,
+        'parts: {a: {mass: 1, shapes: [{type: "\\e[2J"}]}}\n' + BODY,
+        'parts: {a: {mass: 1}}\njoints: {j: {type: fixed, between: [ground, "a.\\e[31m"]}}\n',
+        'parameters: {"\\e[31m": 1, "\\u202e": q}\nparts: {a: {mass: 1}}\n' + BODY,
+    ],
+)
+def test_names_of_a_file_are_printed_escaped(text):
+    with pytest.raises(MechanismError) as caught:
+        parse_mechanism("mechanism: x\n" + text, "\x1b[31mfile.yaml")
+    assert str(caught.value).replace("\n", "").isprintable()
+    assert all(line.startswith("\\x1b[31mfile.yaml:") for line in str(caught.value).splitlines())
+
+
+@pytest.mark.parametrize("command", ["set_efforts", "set_live"])
+def test_names_in_commands_are_printed_escaped(command):
+    sim = Simulation.from_file("rod_pendulum")
+    with pytest.raises(CommandError) as caught:
+        getattr(sim, command)({"\x1b[31mhinge": 1.0})
+    assert str(caught.value).isprintable()
