@@ -8,10 +8,12 @@ import numpy as np
 import rerun as rr
 
 from mbd_sim.appearance import palette
+from mbd_sim.appearance.mesh_files import mesh_path
 from mbd_sim.appearance.palette import Color
 from mbd_sim.appearance.solids import LINE_WIDTH, POINT_MASS_RADIUS, skeleton
+from mbd_sim.errors import listed
 from mbd_sim.geometry.rotation import quaternions
-from mbd_sim.mechanism.records import GROUND, Part
+from mbd_sim.mechanism.records import GROUND, Mechanism, Mesh, Part
 from mbd_sim.viewer import entity_paths, rerun_shapes
 from mbd_sim.viewer.arrow_entities import LONG, weight
 from mbd_sim.viewer.entity import Entity, LoggedItems
@@ -19,13 +21,15 @@ from mbd_sim.viewer.part_poses import PartPoses
 from mbd_sim.viewer.sample_rows import Rows
 from mbd_sim.viewer.scene_description import SceneDescription
 
+DRAWN = (".glb", ".gltf", ".obj", ".stl")  # files of meshes that Rerun reads
+
 
 def part_entities(scene: SceneDescription) -> Iterator[Entity]:
     """Ground and all parts."""
     yield _Ground(scene)
     colors = palette.part_colors(scene.mechanism)
     for index, name in enumerate(scene.part_names):
-        yield _Part(scene.mechanism.parts[name], index, colors[name], scene.extent.size)
+        yield _Part(scene, scene.mechanism.parts[name], index, colors[name])
 
 
 class _Ground:
@@ -46,8 +50,9 @@ class _Ground:
 class _Part:
     """A part: its shapes, logged once, and its pose in each sample."""
 
-    def __init__(self, part: Part, index: int, color: Color, size: float) -> None:
-        self._part, self._index, self._color, self._size = part, index, color, size
+    def __init__(self, scene: SceneDescription, part: Part, index: int, color: Color) -> None:
+        self._part, self._index, self._color, self._size = part, index, color, scene.extent.size
+        self._source = scene.mechanism.source.file
         self._path = entity_paths.part(part.name)
 
     def static(self) -> LoggedItems:
@@ -57,7 +62,13 @@ class _Part:
             yield f"{path}/{index}_{shape.kind}", rerun_shapes.solid(shape, own)
             if not shape.hole and (mark := rerun_shapes.mark(shape, own)) is not None:
                 yield f"{path}/{index}_{shape.kind}/mark", mark
-        if not part.shapes and part.mass:
+        meshes = 0
+        for index, mesh in enumerate(part.meshes):
+            if (asset := _asset(mesh, self._source, self._color)) is not None:
+                meshes += 1
+                yield f"{path}/mesh_{index}", asset
+                yield f"{path}/mesh_{index}", rerun_shapes.placed(mesh.pose, mesh.scale)
+        if not part.shapes and not meshes and part.mass:
             yield (
                 f"{path}/center",
                 rerun_shapes.sphere(part.center, POINT_MASS_RADIUS * self._size, palette.lit(self._color)),
@@ -69,6 +80,27 @@ class _Part:
         turned = quaternions(rows.rotations[:, self._index])
         moved = rr.Transform3D.columns(translation=rows.positions[:, self._index], quaternion=turned)
         yield self._path, moved
+
+
+def _asset(mesh: Mesh, source: str, color: Color) -> rr.Asset3D | None:
+    """The mesh as Rerun loads it; None if its file is missing or of a kind that Rerun does not read."""
+    path = mesh_path(mesh.file, source)
+    if path is None or path.suffix.lower() not in DRAWN:
+        return None
+    own = palette.from_hex(mesh.color) if mesh.color else palette.lit(color)
+    return rr.Asset3D(path=path, albedo_factor=own if path.suffix.lower() == ".stl" else None)
+
+
+def undrawn_meshes(mechanism: Mechanism) -> list[str]:
+    """The meshes that are not drawn, each with the reason."""
+    found = []
+    for uri in dict.fromkeys(mesh.file for part in mechanism.parts.values() for mesh in part.meshes):
+        path = mesh_path(uri, mechanism.source.file)
+        if path is None:
+            found.append(f"{uri} (not found)")
+        elif path.suffix.lower() not in DRAWN:
+            found.append(f"{uri} (not of the kinds {', '.join(DRAWN)})")
+    return found
 
 
 def about(scene: SceneDescription) -> rr.TextDocument:
@@ -88,4 +120,6 @@ def about(scene: SceneDescription) -> rr.TextDocument:
         f"An arrow of {LONG * scene.extent.size:.3g} m is {weight(scene):.3g} N. A force that has an expression or an "
         "effort limit is scaled by its largest value instead.",
     ]
+    if missing := undrawn_meshes(mechanism):
+        lines.append(f"Meshes that are not drawn: {listed(missing)}.")
     return rr.TextDocument("\n\n".join(lines), media_type=rr.MediaType.MARKDOWN)

@@ -43,6 +43,12 @@ def solid(shape: Shape, color: Color) -> Any:
             assert_never(unknown)
 
 
+def placed(pose: Pose, scale: Sequence[float]) -> rr.Transform3D:
+    """The transform of an object that is scaled along its axes and then placed."""
+    turned = xyzw(pose.rotation)
+    return rr.Transform3D(translation=pose.position, quaternion=rr.Quaternion(xyzw=turned), scale=list(scale))
+
+
 def mark(shape: Shape, color: Color) -> Any | None:
     """Lines on a round shape that make its rotation visible; None for shapes that do not need them."""
     match solid_of(shape):

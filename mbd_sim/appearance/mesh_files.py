@@ -1,0 +1,50 @@
+"""Where the files of meshes are: `package://` URIs, `file://` URIs and paths, as URDFs write them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import unquote, urlparse
+
+
+def mesh_path(uri: str, source: str) -> Path | None:
+    """The file of a mesh, or None if there is none on this machine.
+
+    A package is searched in AMENT_PREFIX_PATH and ROS_PACKAGE_PATH, and then among the folders that contain the
+    mechanism's file, beside them and above them.
+
+    :param source: the file of the mechanism, from whose folder relative paths count.
+    """
+    return next((path for path in _candidates(uri, Path(source).absolute().parent) if _is_file(path)), None)
+
+
+def _candidates(uri: str, folder: Path) -> Iterator[Path]:
+    scheme, _, rest = uri.partition("://")
+    if not rest:
+        yield folder / uri
+    elif scheme == "file":
+        yield Path(unquote(urlparse(uri).path))
+    elif scheme in ("package", "model"):
+        package, _, inner = rest.partition("/")
+        for prefix in _folders("AMENT_PREFIX_PATH"):
+            yield prefix / "share" / package / inner
+        for root in _folders("ROS_PACKAGE_PATH"):
+            yield root / package / inner
+            if root.name == package:
+                yield root / inner
+        for above in (folder, *folder.parents):
+            yield above / package / inner
+            if above.name == package:
+                yield above / inner
+
+
+def _folders(variable: str) -> list[Path]:
+    return [Path(folder) for folder in os.environ.get(variable, "").split(os.pathsep) if folder]
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name too long, a NUL in it
+        return False
