@@ -7,7 +7,8 @@ from typing import assert_never
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.piecewise import integral, panels_of, select
+from mbd_sim.dynamics.piecewise import select
+from mbd_sim.dynamics.potentials import potential
 from mbd_sim.dynamics.spatial_algebra import is_absent
 from mbd_sim.dynamics.time_functions import function_of
 from mbd_sim.mechanism.laws import (
@@ -40,7 +41,7 @@ def elastic(law: ElasticLaw, x: ca.SX) -> tuple[ca.SX, ca.SX]:
             def f(elongation: ca.SX) -> ca.SX:
                 return function_of(force, {ELONGATION: elongation})
 
-            return f(x), integral(f, panels_of(f, lower, upper), x)
+            return f(x), potential(f, lower, upper, x)
         case _:
             assert_never(law)
 

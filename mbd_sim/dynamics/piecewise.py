@@ -14,6 +14,7 @@ from mbd_sim.geometry.pose import Array
 POINTS = 16
 TOLERANCE = 1e-15  # of an integral, relative to the integral of the absolute value from 0
 MAX_PANELS = 64  # on each side of 0
+DECADES = 5  # beyond the range of a law, to which further panels may reach
 MIN_WIDTH = 1e-12  # of a panel, relative to the range
 _NODES, _WEIGHTS = (0.5 * values for values in np.polynomial.legendre.leggauss(POINTS))
 _NODES = _NODES + 0.5  # of the interval from 0 to 1
@@ -72,6 +73,44 @@ def panels_of(f: Callable[[ca.SX], ca.SX], lower: float, upper: float) -> Panels
     zero = len(below)
     energies = [*-np.cumsum(pieces[:zero][::-1])[::-1], 0.0, *np.cumsum(pieces[zero:])]
     return Panels(np.delete(edges, zero), edges, np.array(energies))
+
+
+def extended(f: Callable[[ca.SX], ca.SX], panels: Panels) -> Panels:
+    """The same panels and further ones beyond both ends, by decades, as far as `MAX_PANELS` for each are enough."""
+    x = ca.SX.sym("x")
+    values = ca.Function("f", [x], [f(x)])
+
+    def at(points: Array) -> Array:
+        return np.array(values(ca.DM(points.ravel()).T)).reshape(points.shape)
+
+    above, below = (_outward(at, float(panels.knots[index])) for index in (-1, 0))
+    edges = np.array([*reversed(below), *panels.origins, *above])
+    up = np.cumsum([panels.values[-1], *(_quadrature(at, a, b)[0] for a, b in pairwise([panels.origins[-1], *above]))])
+    down = np.cumsum([panels.values[0], *(_quadrature(at, a, b)[0] for a, b in pairwise([panels.origins[0], *below]))])
+    energies = np.array([*down[:0:-1], *panels.values, *up[1:]])
+    return Panels(np.array([*reversed(below), *panels.knots, *above]), edges, energies)
+
+
+def _outward(at: Callable[[Array], Array], start: float) -> list[float]:
+    """The ends of the panels beyond `start`, from there outward."""
+    found: list[float] = []
+    for decade in range(DECADES):
+        a, b = start * 10.0**decade, start * 10.0 ** (decade + 1)
+        edges = [a, b]
+        size = _refined(at, 0.0, a)[1]
+        while len(edges) <= MAX_PANELS:
+            errors = [_refined(at, *pair) for pair in pairwise(edges)]
+            if not np.all(np.isfinite(at(np.array(edges)))) or not np.all(np.isfinite([e for _, e in errors])):
+                return found
+            total = size + sum(own for _, own in errors)
+            worst = max(range(len(errors)), key=lambda index: errors[index][0])
+            if errors[worst][0] <= TOLERANCE * total:
+                break
+            edges.insert(worst + 1, 0.5 * (edges[worst] + edges[worst + 1]))
+        else:
+            return found
+        found += edges[1:]
+    return found
 
 
 def _edges(at: Callable[[Array], Array], end: float) -> list[float]:
