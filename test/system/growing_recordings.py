@@ -19,7 +19,7 @@ LATE = " is still being written: the disk is slow"
 
 def first_tick(path: Path) -> int | None:
     """The tick at which a file begins, finished or not; None while that is not yet on disk."""
-    with contextlib.suppress(McapError), path.open("rb") as stream:
+    with contextlib.suppress(McapError, FileNotFoundError), path.open("rb") as stream:
         for record in StreamReader(stream).records:
             if isinstance(record, Metadata) and record.name == "mbd_sim":
                 return int(record.metadata["first_tick"])
