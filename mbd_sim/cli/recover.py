@@ -7,10 +7,11 @@ from pathlib import Path
 
 from mbd_sim.cli.common import MCAP_OR_BAG, add_recordings
 
-HELP = "repair recordings truncated by a killed process or a full disk"
+HELP = "repair recordings truncated by a killed process or a full disk, and damaged indexes"
 DESCRIPTION = (
-    "Repair truncated recordings in place: remove the incomplete record at the end of each file, and write the "
-    "summary and index that MCAP tools need."
+    "Repair recordings: remove what follows the last complete and undamaged record of each file, and write the summary "
+    "and the indexes that MCAP tools need. If more than an incomplete end is removed, the original is kept as "
+    "FILE.damaged."
 )
 
 
@@ -38,7 +39,11 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _report(path: Path, counts: dict[str, int] | None) -> str:
+    from mbd_sim.recording.recovery import damaged_original
+
     if counts is None:
         return f"{path}: is complete, nothing to repair"
     by_topic = ", ".join(f"{count} of {topic}" for topic, count in counts.items() if count)
-    return f"{path}: {sum(counts.values())} messages kept{': ' if by_topic else ''}{by_topic}"
+    original = damaged_original(path)
+    kept = f"; the damaged file is kept as {original}" if original.exists() else ""
+    return f"{path}: {sum(counts.values())} messages kept{': ' if by_topic else ''}{by_topic}{kept}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import ProgressBar, add_quiet, positive_number
@@ -16,7 +17,9 @@ if TYPE_CHECKING:
 HELP = "recompute recorded runs and compare them bit for bit"
 DESCRIPTION = (
     "Recompute recorded runs from the mechanism, initial state and commands that they contain, and compare every "
-    "recorded state. A mechanism is run and recorded first. The exit code is 1 if any state differs."
+    "recorded state. A mechanism is run and recorded first. Checksums, offsets and indexes of the files are checked as "
+    "well. The exit code is 1 if any state differs or a file is damaged; a file that was only cut off by a kill is "
+    "compared up to its end."
 )
 
 NOUNS = {  # singular and plural
@@ -45,10 +48,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Verify all recordings and print a report on each; returns 1 if any recorded state differs."""
+    """Verify all recordings and print a report on each; returns 1 if a state differs or a file is damaged."""
     from mbd_sim.recording.verification import verify
 
-    all_agree = True
+    all_intact = True
     for run in options.recordings:
         with recorded_run(run, options) as path, ProgressBar(f"verify {path.name}", options.quiet) as progress:
             verifications = verify(path, options.tolerance, progress.show)
@@ -56,8 +59,8 @@ def execute(options: argparse.Namespace) -> int:
             if not is_recording(run):
                 verification.path = Path(run)
             print(verify_text(verification))
-            all_agree &= verification.agrees
-    return 0 if all_agree else 1
+            all_intact &= verification.is_intact
+    return 0 if all_intact else 1
 
 
 def verify_text(found: Verification) -> str:
@@ -79,6 +82,12 @@ def verify_text(found: Verification) -> str:
     )
     if found.problem:
         lines.append(f"  file             {found.problem}; its readable part is compared")
+    if found.index_problem:
+        lines.append(
+            f"  DAMAGED INDEX    {found.index_problem}; to repair it: mbd_sim recover {quote(str(found.path))}"
+        )
+    if found.content_problem:
+        lines.append(f"  DAMAGED          {found.content_problem}")
     if found.failure:
         lines.append(f"  ENDS EARLY       {found.failure}")
     if found.first is not None:
@@ -93,6 +102,10 @@ def _verdict(found: Verification, comparison: str) -> str:
         return f"agrees {comparison} as far as it can be read"
     if not found.compared:
         return "contains no state to compare"
+    if found.index_problem:
+        return f"the states are right, {comparison}, but the index of the file is damaged"
+    if found.content_problem:
+        return f"the states are right, {comparison}, but the file is damaged"
     return f"verified, {comparison}"
 
 

@@ -16,6 +16,7 @@ _PRIMITIVES = {
 }  # fmt: skip
 
 
+@cache
 def definition(message_type: str) -> str:
     """Return the text of a `ros2msg` schema: the definition of a type such as `std_msgs/msg/String` and all it uses.
 

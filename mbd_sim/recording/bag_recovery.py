@@ -13,7 +13,7 @@ from mbd_sim.recording.recovery import recover
 from mbd_sim.recording.rosbag2_metadata import (
     FILE_NAME,
     FileStatistics,
-    bag_metadata,
+    bag_text,
     read_bag_metadata,
     write_metadata,
 )
@@ -45,7 +45,7 @@ def update_metadata(folder: Path) -> None:
     known = [entry["topic_metadata"] for entry in document["topics_with_message_count"]]
     topics = [Topic(entry["name"], entry["type"], yaml.safe_dump(entry["offered_qos_profiles"])) for entry in known]
     files = [_statistics(file, topics) for file in _bag_files(folder)]
-    write_metadata(path, bag_metadata(topics, files, document.get("custom_data") or {}))
+    write_metadata(path, bag_text(topics, files, document.get("custom_data") or {}))
 
 
 def _statistics(path: Path, topics: list[Topic]) -> FileStatistics:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import time
 from collections.abc import Callable, Sequence
 
@@ -72,7 +73,7 @@ class Comparison:
             else:
                 self.result.compared[role] += 1
                 self._count(role, self._agrees(message, role))
-        except MbdSimError as error:
+        except (MbdSimError, ValueError, IndexError, struct.error) as error:
             raise RecomputeError(f"{message.topic} at step {self.recomputation.tick}: {error}") from error
         return True
 

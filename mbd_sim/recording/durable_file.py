@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import stat
@@ -9,20 +10,32 @@ import threading
 from pathlib import Path
 
 
+def draft_path(path: Path) -> Path:
+    """Return the hidden name under which a file is written until it has its first bytes."""
+    return path.with_name(f".{path.name}.new")
+
+
 class DurableFile:
     """A file whose data reach the operating system with each `write`, so that they survive a kill of the process.
 
-    `sync` forces them to the disk, which may take long: a thread other than the writing one calls it periodically. An
-    error that the disk reports there is raised by the next `check`.
+    The file gets its name with the first `write`, so that no empty file is ever found. `sync` forces the data to the
+    disk, which may take long: a thread other than the writing one calls it periodically. An error that the disk reports
+    there is raised by the next `check`.
     """
 
     def __init__(self, path: Path) -> None:
-        """Create the file, or truncate an existing one.
+        """Create the file; one that exists is replaced with the first `write`.
 
         :raises OSError: it cannot be opened.
         """
         self._path = path
-        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+        self._draft = draft_path(path) if path.is_file() or not path.exists() else None  # None: a device or a pipe
+        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC
+        try:
+            self._descriptor = os.open(self._draft or path, flags, 0o666)
+        except OSError as error:
+            error.filename = str(path)  # the name that the user knows
+            raise
         self._regular = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
         self._position = self._synced = 0
         self._error: OSError | None = None
@@ -39,7 +52,19 @@ class DurableFile:
             written = os.write(self._descriptor, left)
             self._position += written
             left = left[written:]
+        if self._draft is not None:
+            self._draft.replace(self._path)
+            self._draft = None
         return len(data)
+
+    def truncate(self, size: int) -> None:
+        """Remove everything after the first `size` bytes; the next `write` continues there.
+
+        :raises OSError: that is not possible.
+        """
+        os.ftruncate(self._descriptor, size)
+        os.lseek(self._descriptor, size, os.SEEK_SET)
+        self._position = size
 
     def tell(self) -> int:
         """Return the number of bytes written."""
@@ -67,7 +92,7 @@ class DurableFile:
                 return
             position = self._position
             try:
-                if not self._synced:
+                if not self._synced and self._draft is None:
                     self._sync_folder()
                 os.fdatasync(self._descriptor)
             except OSError as error:
@@ -94,4 +119,7 @@ class DurableFile:
                 return
             self._closed = True
             os.close(self._descriptor)
+            if self._draft is not None:
+                with contextlib.suppress(OSError):
+                    self._draft.unlink()
         self.check()

@@ -20,6 +20,7 @@ from mbd_sim.recording.mcap_scanner import (
     Definitions,
     FileBytes,
     StoredChunk,
+    attachment_is_intact,
     chunk_content,
     data_stream,
     scan_messages,
@@ -74,8 +75,7 @@ class _FileContents:
             self.metadata[record.name] = record.metadata
         elif opcode == Opcode.ATTACHMENT:
             attachment = Attachment.read(data_stream(content))
-            (crc,) = _CRC.unpack(content[-_CRC.size :])
-            if crc and zlib.crc32(content[: -_CRC.size]) != crc:
+            if not attachment_is_intact(content):
                 self.attachment_problem = f"damaged: the attachment '{attachment.name}' fails its CRC check"
             self.attachments[attachment.name] = attachment.data
 
@@ -127,6 +127,9 @@ def _scan(path: Path, data: ByteSource) -> _FileContents:
                 unchunked = 0
             if opcode == Opcode.FOOTER:
                 return found
+            if opcode == Opcode.DATA_END and not _summary_is_intact(data, end):
+                found.problem = "damaged: its summary fails its CRC check, mbd_sim recover rebuilds it"
+                return found
             try:
                 found.read(data, opcode, begin, end)
             except PARSE_ERRORS as error:
@@ -140,6 +143,18 @@ def _scan(path: Path, data: ByteSource) -> _FileContents:
     if unchunked:
         found.chunks.append(_unchunked_messages(data, unchunked, position))
     return found
+
+
+def _summary_is_intact(data: ByteSource, start: int) -> bool:
+    """Whether the summary that begins at byte `start` agrees with the checksum in the footer (0: none).
+
+    A file without a footer is truncated rather than damaged.
+    """
+    footer_end = len(data) - len(MAGIC)
+    if start >= footer_end or data[footer_end:] != MAGIC:
+        return True
+    (crc,) = _CRC.unpack(data[footer_end - _CRC.size : footer_end])
+    return not crc or zlib.crc32(data[start : footer_end - _CRC.size]) == crc
 
 
 def _unchunked_messages(data: ByteSource, start: int, end: int) -> StoredChunk:

@@ -25,6 +25,8 @@ MESSAGE_HEADER = struct.Struct("<HIQQ")  # channel, sequence, log time, publish 
 PARSE_ERRORS = (McapError, ValueError, OverflowError, struct.error)  # raised for a record whose content is damaged
 _CHUNK_HEADER = struct.Struct("<QQQII")  # first and last time, uncompressed size, CRC, length of the compression's name
 _LENGTH = struct.Struct("<Q")
+_CRC = struct.Struct("<I")
+_PIECE = 1 << 22  # bytes that are read at once
 MAX_LENGTH = 1 << 32  # bytes of a record; a greater length can only be a damaged one
 _OPCODES = frozenset(int(opcode) for opcode in Opcode) | frozenset(range(0x80, 0x100))  # 0x80 and above are private
 _MESSAGE = int(Opcode.MESSAGE)  # members of an enumeration are slow to look up
@@ -168,6 +170,20 @@ def stored_chunk(data: ByteSource, begin: int, end: int) -> StoredChunk:
     if offset + length > end:
         raise BrokenRecordError("its content is longer than the record")
     return StoredChunk(offset, length, start_ns, end_ns, size, crc, compression)
+
+
+def attachment_is_intact(content: bytes | bytearray) -> bool:
+    """Whether the content of an attachment's record agrees with the CRC at its end (0: none)."""
+    (crc,) = _CRC.unpack(content[-_CRC.size :])
+    return not crc or zlib.crc32(content[: -_CRC.size]) == crc
+
+
+def crc_of(data: ByteSource, end: int) -> int:
+    """Return the CRC-32 of the first `end` bytes."""
+    crc = 0
+    for start in range(0, end, _PIECE):
+        crc = zlib.crc32(data[start : min(start + _PIECE, end)], crc)
+    return crc
 
 
 def chunk_content(stored: bytes, compression: str, size: int, crc: int) -> bytes:

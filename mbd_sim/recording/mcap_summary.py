@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import struct
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
@@ -26,6 +27,9 @@ from mcap.records import (
 
 from mbd_sim.recording.mcap_scanner import MAGIC
 
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+FREED_AT_MOST = 1 << 15  # bytes of chunks, besides its own size, that the end of a file may replace on a full disk
+FREED_IN_VAIN = 1 << 13  # bytes after which the disk, if it still accepts nothing, is not merely full
 _FOOTER_START = struct.Struct("<BQQQ")  # the footer's record up to the checksum
 
 
@@ -43,9 +47,12 @@ class Summary:
     first_ns: int
     last_ns: int
 
-    def file_end(self, position: int) -> bytes:
-        """Return everything that follows the last chunk's message indexes, which end at byte `position`."""
-        data_end = encoded(DataEnd(0))
+    def file_end(self, position: int, crc: int) -> bytes:
+        """Return everything that follows the last chunk's message indexes, which end at byte `position`.
+
+        `crc` is the CRC-32 of all bytes before, or 0 if it is not known.
+        """
+        data_end = encoded(DataEnd(crc))
         start = position + len(data_end)
         groups: list[tuple[Opcode, bytes]] = [
             (Opcode.SCHEMA, _concatenated(self.schemas)),
@@ -79,6 +86,15 @@ class Summary:
             message_end_time=self.last_ns,
             schema_count=len(self.schemas),
         )
+
+
+def may_replace_chunks(error: OSError, end_size: int, freed: int, accepted: int) -> bool:
+    """Whether more chunks should make room for the end of a file of `end_size` bytes, after `freed` bytes of them.
+
+    :param error: that of the last attempt to write the end, of which the disk accepted the first `accepted` bytes.
+    """
+    in_vain = not accepted and freed > FREED_IN_VAIN
+    return error.errno in DISK_FULL and not in_vain and freed <= end_size + FREED_AT_MOST
 
 
 def encoded(record: Any) -> bytes:

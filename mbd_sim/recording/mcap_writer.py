@@ -2,7 +2,7 @@
 
 The recorder and the changed runs of `rerun-with` write with it. It replaces `mcap.writer.Writer`, which keeps a Python
 object for each chunk: in runs of many hours the garbage collector traverses them all (18 ms for those of one hour)
-while every thread waits. Here the index is kept in the encoded form in which it will be written.
+while every thread waits. Here `WrittenChunks` keeps the index in encoded form.
 """
 
 from __future__ import annotations
@@ -16,16 +16,15 @@ from pathlib import Path
 from typing import Protocol
 
 import zstandard
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Header, Metadata, MetadataIndex, Schema
+from mcap.records import Attachment, AttachmentIndex, Channel, Chunk, Header, Metadata, MetadataIndex, Schema
 
 from mbd_sim.recording.durable_file import DurableFile
 from mbd_sim.recording.mcap_scanner import MAGIC
-from mbd_sim.recording.mcap_summary import Summary, attachment_index, chunk_index, encoded
+from mbd_sim.recording.mcap_summary import Summary, attachment_index, chunk_index, encoded, may_replace_chunks
 from mbd_sim.recording.recorded_file import RUN_METADATA
-from mbd_sim.recording.recovery import recover
 from mbd_sim.recording.rosbag2_metadata import FileStatistics
+from mbd_sim.recording.written_chunks import WrittenChunks
 
 CHUNK_SIZE = 1 << 20  # bytes of messages after which a chunk is written
 RESERVE = 1 << 20  # bytes left free on a disk, so that the end of the file still fits, and
@@ -45,6 +44,10 @@ class OutputFile(Protocol):
 
     def write(self, data: bytes, /) -> int:
         """Write all of the data."""
+        ...
+
+    def truncate(self, size: int, /) -> None:
+        """Remove everything after the first `size` bytes, and continue there."""
         ...
 
     def tell(self) -> int:
@@ -98,7 +101,7 @@ class WrittenTopic(Protocol):
 
 
 class McapWriter:
-    """Writes the mechanism's file and the metadata first, so that they survive a kill; then chunks of messages."""
+    """Writes all that describes the file first, so that it survives a kill; then chunks of messages."""
 
     def __init__(
         self, path: Path, topics: Sequence[WrittenTopic], open_file: Callable[[Path], OutputFile] = DurableFile
@@ -109,9 +112,9 @@ class McapWriter:
         """
         self.path = path
         self.statistics = FileStatistics(path)
-        self.size = 0
+        self.size = 0  # of the complete records in the file, in bytes
+        self.complete = False  # whether the file has its summary and index
         self._file = open_file(path)
-        self._topics = topics
         types = list(dict.fromkeys(topic.type for topic in topics))
         definitions = {topic.type: topic.definition.encode() for topic in topics}
         self._schemas = [Schema(n, definitions[name], "ros2msg", name) for n, name in enumerate(types, 1)]
@@ -125,39 +128,27 @@ class McapWriter:
             )
             for number, topic in enumerate(topics, 1)
         ]
+        self._attachments: list[AttachmentIndex] = []
+        self._metadata: list[MetadataIndex] = []
         self._compressor = zstandard.ZstdCompressor()
         self._chunk, self._entries = bytearray(), [bytearray() for _ in topics]
         self._first_ns = self._last_ns = 0  # of the chunk
-        self._empty = True  # apart from definitions, which alone are no reason to write a chunk
-        self._index, self._chunk_count = bytearray(), 0
-        self._summary: Callable[[], Summary]
+        self._chunks = WrittenChunks(len(topics))
+        self._crc = 0  # of the complete records
 
     def begin(self, mechanism_text: str, metadata: Mapping[str, str]) -> None:
-        """Write the header, the mechanism's file and the metadata.
+        """Write the header, the mechanism's file, the metadata and the definitions of all topics.
 
         :raises OSError: they cannot be written.
         """
         now = time.time_ns()
         attachment = Attachment(now, now, ATTACHMENT, "application/yaml", mechanism_text.encode())
-        head, attached = MAGIC + encoded(Header("ros2", "mbd_sim")), encoded(attachment)
-        attachments = [attachment_index(attachment, len(head), len(attached))]
-        described = encoded(Metadata(RUN_METADATA, dict(metadata)))
-        metadata_index = [MetadataIndex(len(head) + len(attached), len(described), RUN_METADATA)]
-        self._file.write(head + attached + described)  # in one call: a kill leaves all of it, or nothing
-        for definition in (*self._schemas, *self._channels):
-            self._chunk += encoded(definition)
-        self._summary = lambda: Summary(
-            schemas=self._schemas,
-            channels=self._channels,
-            attachments=attachments,
-            metadata=metadata_index,
-            chunks=bytes(self._index),
-            chunk_count=self._chunk_count,
-            counts={number + 1: count for number, count in self.statistics.counts.items()},
-            first_ns=self.statistics.first_ns,
-            last_ns=self.statistics.last_ns,
-        )
-        self._written()
+        head = MAGIC + encoded(Header("ros2", "mbd_sim"))
+        attached, described = encoded(attachment), encoded(Metadata(RUN_METADATA, dict(metadata)))
+        definitions = b"".join(encoded(definition) for definition in (*self._schemas, *self._channels))
+        self._write(head + attached + described + definitions)  # in one call: a kill leaves all of it, or nothing
+        self._attachments = [attachment_index(attachment, len(head), len(attached))]
+        self._metadata = [MetadataIndex(len(head) + len(attached), len(described), RUN_METADATA)]
 
     def add(self, topic: int, payload: bytes, time_ns: int, sequence: int) -> None:
         """Add a message of a topic, given by its number, to the chunk.
@@ -165,17 +156,16 @@ class McapWriter:
         :raises OSError: the chunk was full and cannot be written.
         :raises DiskNearlyFullError: the chunk was full and has been written, but little space is left.
         """
-        if self._empty:
+        chunk = self._chunk
+        if not chunk:
             self._first_ns = self._last_ns = time_ns
         elif time_ns > self._last_ns:
             self._last_ns = time_ns
         elif time_ns < self._first_ns:
             self._first_ns = time_ns
-        chunk = self._chunk
         self._entries[topic] += _INDEX_ENTRY.pack(time_ns, len(chunk))
         chunk += _MESSAGE.pack(Opcode.MESSAGE, 22 + len(payload), topic + 1, sequence, time_ns, time_ns)
         chunk += payload
-        self._empty = False
         if len(chunk) > CHUNK_SIZE:
             self.flush()
 
@@ -187,11 +177,11 @@ class McapWriter:
         """
         self._write_chunk()
         free = self._file.free()
-        if free is not None and free < RESERVE + INDEX_RESERVE * self._chunk_count:
+        if free is not None and free < RESERVE + INDEX_RESERVE * len(self._chunks):
             raise DiskNearlyFullError(f"only {free / 1e6:.1f} MB are left on the disk")
 
     def _write_chunk(self) -> None:
-        if self._empty:
+        if not self._chunk:
             return
         content = bytes(self._chunk)
         chunk = Chunk(
@@ -203,7 +193,7 @@ class McapWriter:
             uncompressed_size=len(content),
         )
         record = bytearray(encoded(chunk))
-        offset, length = self._file.tell(), len(record)
+        offset, length = self.size, len(record)
         index = chunk_index(chunk, offset, length)
         for number, entries in enumerate(self._entries):
             if entries:
@@ -211,16 +201,12 @@ class McapWriter:
                 record += _MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 2 + 4 + len(entries), number + 1, len(entries))
                 record += entries
         index.message_index_length = len(record) - length
-        self._file.write(bytes(record))
-        self._index += encoded(index)
-        self._chunk_count += 1
-        counts = [len(entries) // _INDEX_ENTRY.size for entries in self._entries]
-        self.statistics.add(counts, self._first_ns, self._last_ns)
+        self._write(bytes(record))
+        self._chunks.add(index, [len(entries) // _INDEX_ENTRY.size for entries in self._entries])
         for entries in self._entries:
             entries.clear()
         self._chunk.clear()
-        self._empty = True
-        self._written()
+        self._update_statistics()
 
     def sync(self) -> None:
         """Force the written data to the disk, however long it takes; from any thread."""
@@ -232,8 +218,9 @@ class McapWriter:
         :raises OSError: they cannot be written; `abandon` then saves as much as possible.
         """
         self._write_chunk()
-        self._file.write(self._summary().file_end(self._file.tell()))
-        self._written()
+        self._file.write(self._file_end())
+        self._file.check()
+        self.size, self.complete = self._file.tell(), True
 
     def close(self) -> None:
         """Force the file to the disk, however long it takes, and close it.
@@ -243,19 +230,65 @@ class McapWriter:
         self._file.close()
 
     def abandon(self) -> int:
-        """Close after an error, and end the file after its last complete chunk, with an index if it fits.
+        """End the file after its last complete chunk, with an index if the disk accepts it, and close it.
 
-        Returns how many of the added messages are not in the file.
+        For use after an error. On a full disk the index takes the place of the last chunks. `complete` says whether
+        the index has been written. Returns how many of the added messages are not in the file.
         """
+        added = self.statistics.messages + sum(len(entries) for entries in self._entries) // _INDEX_ENTRY.size
+        with contextlib.suppress(OSError):
+            self._end_after_error()
         with contextlib.suppress(OSError):
             self._file.close()
-        statistics = self.statistics
-        added = statistics.messages + sum(len(entries) for entries in self._entries) // _INDEX_ENTRY.size
-        with contextlib.suppress(OSError, McapError, ValueError):
-            if self.path.is_file() and (kept := recover(self.path)) is not None:
-                statistics.counts = {n: kept.get(topic.name, 0) for n, topic in enumerate(self._topics)}
-        return added - statistics.messages
+        self._update_statistics()
+        return added - self.statistics.messages
 
-    def _written(self) -> None:
+    def repaired(self, counts: Sequence[int]) -> None:
+        """Note that the file has been completed after `abandon`, with these messages by topic."""
+        self.complete = True
+        self.statistics.counts = {number: count for number, count in enumerate(counts) if count}
+
+    def _end_after_error(self) -> None:
+        if not self.size or self.complete:
+            return
+        freed = 0
+        while True:
+            self._file.truncate(self.size)
+            try:
+                self._file.write(end := self._file_end())
+                self.complete = True
+                return
+            except OSError as error:
+                accepted = self._file.tell() - self.size
+                if not len(self._chunks) or not may_replace_chunks(error, len(end), freed, accepted):
+                    self._file.truncate(self.size)
+                    raise
+            self.size, chunk_end = self._chunks.drop_last()
+            freed += chunk_end - self.size
+            self._crc = 0  # unknown, which a zero in the file stands for
+
+    def _file_end(self) -> bytes:
+        summary = Summary(
+            schemas=self._schemas,
+            channels=self._channels,
+            attachments=self._attachments,
+            metadata=self._metadata,
+            chunks=self._chunks.index,
+            chunk_count=len(self._chunks),
+            counts={number + 1: count for number, count in enumerate(self._chunks.totals) if count},
+            first_ns=self._chunks.first_ns,
+            last_ns=self._chunks.last_ns,
+        )
+        return summary.file_end(self.size, self._crc)
+
+    def _update_statistics(self) -> None:
+        chunks, statistics = self._chunks, self.statistics
+        statistics.counts = {number: count for number, count in enumerate(chunks.totals) if count}
+        statistics.first_ns, statistics.last_ns = chunks.first_ns, chunks.last_ns
+
+    def _write(self, records: bytes) -> None:
+        """Write complete records."""
+        self._file.write(records)
         self._file.check()
-        self.size = self._file.tell()
+        self._crc = zlib.crc32(records, self._crc)
+        self.size += len(records)

@@ -170,12 +170,13 @@ def _read_file(path: Path) -> RecordedFile:
 
 
 def _files(folder: Path) -> list[Path]:
-    """Return the files of a folder in order: as listed in `metadata.yaml`, or all if that is missing."""
+    """Return the files of a folder in order: as listed in `metadata.yaml` and those that follow, or all without it."""
     description = folder / rosbag2_metadata.FILE_NAME
     if description.is_file():
         try:
             names = rosbag2_metadata.read_bag_metadata(description)["relative_file_paths"]
             files = [folder / name for name in names]
+            files += _later_files(files)
         except (OSError, ValueError, LookupError, TypeError) as error:
             raise ReadingError(f"{description}: cannot be read: {error}.") from error
     else:
@@ -183,6 +184,19 @@ def _files(folder: Path) -> list[Path]:
     if not files:
         raise ReadingError(f"{folder}: contains no recording: neither metadata.yaml nor .mcap or .db3 files.")
     return files
+
+
+def _later_files(listed: Sequence[Path]) -> list[Path]:
+    """Return the files that continue a list: a recorder that was killed may have begun them since it wrote the list."""
+    found: list[Path] = []
+    match = re.fullmatch(r"(.*_)(\d+)", listed[-1].stem) if listed else None
+    while match:
+        number = int(match[2]) + 1 + len(found)
+        path = listed[-1].with_stem(f"{match[1]}{number}")
+        if not path.is_file():
+            break
+        found.append(path)
+    return found
 
 
 def _natural_order(path: Path) -> list[tuple[int, int, str]]:

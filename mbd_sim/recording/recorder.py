@@ -13,12 +13,15 @@ from mbd_sim.messages.recorded_topic import Topic
 from mbd_sim.recording.durable_file import DurableFile
 from mbd_sim.recording.mcap_writer import DiskNearlyFullError, McapWriter, OutputFile
 from mbd_sim.recording.recording_paths import RecordingError, RecordingPaths
-from mbd_sim.recording.rosbag2_metadata import FileStatistics, bag_metadata, write_metadata
+from mbd_sim.recording.recovery import recover
+from mbd_sim.recording.rosbag2_metadata import FileStatistics, bag_text, write_metadata
 
 QUEUE_LIMIT = 16e6  # bytes that may wait for a slow disk before messages of display topics are dropped, and
 VITAL_QUEUE_LIMIT = 128e6  # bytes after which the recording ends, if the disk is too slow even for vital messages
 MESSAGE_OVERHEAD = 300  # bytes of memory that a queued message takes besides its payload
 CHUNK_PERIOD = 0.2  # s of real time after which a chunk is written however small it is: the most that a kill can cost
+SHORTEST_FILE = 0.1  # s of real time for which a file is written before it is split because of its size
+METADATA_SHARE = 0.05  # of the time, at most, for updates of rosbag2's metadata at splits
 SYNC_PERIOD = 0.25  # s between requests to write data to the disk: the additional loss at a power failure
 
 _QueuedMessage = tuple[int, bytes, int, int]  # number of the topic, payload, log time in ns, sequence number
@@ -55,16 +58,26 @@ class Recorder:
         self._numbers = {key: number for number, key in enumerate(topics)}
         self._mechanism_text, self._open_file = mechanism_text, open_file
         self._begun = self._closing = False
-        self._dropped = self._unwritten = 0  # by `put`, and by the thread
+        self._accepted = self._dropped = self._unwritten = (
+            0  # messages accepted and dropped by `put`, and by the thread
+        )
         self._queued_bytes = self._dequeued_bytes = 0  # since the start
         self._queue: queue.SimpleQueue[_QueuedMessage | dict[str, str] | None] = queue.SimpleQueue()
+        self._give_up = threading.Event()  # set when messages that still wait are not to be written any more
+        self._close_requested = threading.Event()
+        self._begins_requested = 0
+        self._file_opened = self._metadata_due = 0.0  # on the monotonic clock
         try:
             self._writer = McapWriter(paths.file(0), self._topics, open_file)
         except OSError as error:
             raise RecordingError(f"cannot record to '{paths.location}': {error.strerror}.") from error
         self._files: list[FileStatistics] = []
-        for target, name in ((self._run, "recorder"), (self._sync, "recorder_sync")):
-            threading.Thread(target=target, name=name, daemon=True).start()
+        self._full_files: queue.SimpleQueue[McapWriter | None] = queue.SimpleQueue()  # to be closed
+        self._closing_error: OSError | None = None
+        self._sync_thread = threading.Thread(target=self._sync, name="recorder_sync", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._sync_thread.start()
+        self._thread.start()
 
     @property
     def path(self) -> Path:
@@ -87,14 +100,48 @@ class Recorder:
         return self._queued_bytes - self._dequeued_bytes
 
     @property
+    def saved(self) -> int:
+        """The number of messages in complete chunks of the files."""
+        return sum(file.messages for file in self._files)
+
+    @property
     def dropped(self) -> int:
         """The number of messages that were put and are in no file."""
         return self._dropped + self._unwritten
+
+    @property
+    def waiting_files(self) -> int:
+        """The number of files that have been requested by `begin` and are not on the disk yet."""
+        return self._begins_requested - len(self._files)
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether the newest file has been on the disk for some time, so that `size` says how large it becomes."""
+        return not self.waiting_files and time.monotonic() >= self._file_opened + SHORTEST_FILE
+
+    @property
+    def state_on_disk(self) -> str:
+        """What is in the last file if it could not be completed, and what to do, or ""."""
+        writer = self._writer
+        if not self.ended.is_set():
+            missing = self._accepted - self.saved
+            return (
+                f"the disk does not answer: '{writer.path}' is not complete and lacks the last {missing} messages. "
+                f"When the disk works again, run: mbd_sim recover '{self.location}'"
+            )
+        if not writer.size:
+            return f"nothing could be written to '{writer.path}'"
+        if not writer.path.exists():
+            return f"but '{writer.path}' has been removed"
+        if writer.complete:
+            return ""
+        return f"'{writer.path}' has no index. When the disk works again, run: mbd_sim recover '{self.location}'"
 
     def begin(self, metadata: Mapping[str, str]) -> None:
         """Begin the first or the next file with all messages put from now on; `metadata` describes its start."""
         if not self._closing:
             self._begun = True
+            self._begins_requested += 1
             self._queue.put(dict(metadata))
 
     def put(self, key: str, payload: bytes, time_ns: int, sequence: int) -> None:
@@ -109,11 +156,21 @@ class Recorder:
             self._end(f"recording to '{self.path}' ends at tick {sequence}: the disk is too slow even for commands")
             return
         self._queued_bytes += len(payload) + MESSAGE_OVERHEAD
+        self._accepted += 1
         self._queue.put((number, payload, time_ns, sequence & 0xFFFFFFFF))
 
     def close(self, timeout: float | None = None) -> bool:
-        """Write queued messages, summary and index; return whether that was done within `timeout` seconds."""
+        """Write queued messages, summary and index; return whether that was done within `timeout` seconds.
+
+        A timeout of 0 only requests it. After half of another timeout, messages that still wait are given up, so that
+        the file can be completed. A file that an earlier error left without its index is repaired if the disk accepts
+        that now.
+        """
         self._end()
+        self._close_requested.set()
+        if timeout and not self.ended.wait(timeout / 2.0):
+            self._give_up.set()
+            return self.ended.wait(timeout / 2.0)
         return self.ended.wait(timeout)
 
     def _end(self, failure: str = "") -> None:
@@ -123,12 +180,24 @@ class Recorder:
             self._queue.put(None)
 
     def _sync(self) -> None:
-        while not self.ended.wait(SYNC_PERIOD):
-            self._writer.sync()
+        """Force written data to the disk, and close the files that are complete, until None comes."""
+        while True:
+            try:
+                writer = self._full_files.get(timeout=SYNC_PERIOD)
+            except queue.Empty:
+                self._writer.sync()
+                continue
+            if writer is None:
+                return
+            try:
+                writer.close()
+            except OSError as error:
+                self._closing_error = self._closing_error or OSError(error.errno, error.strerror, str(writer.path))
 
     def _run(self) -> None:
         try:
             self._write_all()
+            self._end_sync()
         except DiskNearlyFullError as error:
             self._fail(f"ends: {error}", error, finish=True)
         except OSError as error:
@@ -143,6 +212,16 @@ class Recorder:
             self.finished.set()
             self.ended.set()
 
+    def _end_sync(self) -> None:
+        """Wait until all files are on the disk.
+
+        :raises OSError: the disk refused one.
+        """
+        self._full_files.put(None)
+        self._sync_thread.join()
+        if self._closing_error is not None:
+            raise self._closing_error
+
     def _fail(self, reason: str, error: Exception, *, finish: bool = False) -> None:
         path = error.filename if isinstance(error, OSError) and error.filename else self.path
         self.failure = self.failure or f"recording to '{path}' {reason}"
@@ -150,12 +229,33 @@ class Recorder:
         with contextlib.suppress(OSError):
             if finish:
                 self._finish()
+                self._end_sync()
                 return
         lost = self._writer.abandon()
         self.written -= lost
         self._unwritten += lost
+        self._full_files.put(None)
+        if not self._writer.size:
+            self._forget_empty_file()
+        elif not self._writer.complete:
+            self._close_requested.wait()
+            self._repair()
         with contextlib.suppress(OSError):
             self._write_bag_metadata()
+
+    def _forget_empty_file(self) -> None:
+        """Forget a file into which not even its description could be written: it does not exist."""
+        self._files = [file for file in self._files if file.path != self.path]
+        with contextlib.suppress(OSError):
+            if self.paths.rosbag2 and not self._files:
+                self.paths.location.rmdir()
+
+    def _repair(self) -> None:
+        """Repair the last file at the end, when the disk may work again."""
+        with contextlib.suppress(OSError, ValueError):
+            kept = recover(self.path)
+            counts = [0 if kept is None else kept.get(topic.name, 0) for topic in self._topics]
+            self._writer.repaired(counts)
 
     def _write_all(self) -> None:
         deadline: float | None = None  # on the monotonic clock, at which the chunk is to be written
@@ -163,10 +263,11 @@ class Recorder:
             try:
                 item = self._queue.get(timeout=None if deadline is None else max(deadline - time.monotonic(), 0.0))
             except queue.Empty:
-                self._writer.flush()
+                self._flush()
                 deadline = None
                 continue
-            if item is None:
+            if item is None or self._give_up.is_set():
+                self._unwritten += isinstance(item, tuple)
                 self._finish()
                 return
             if isinstance(item, dict):
@@ -180,18 +281,28 @@ class Recorder:
             if deadline is None:
                 deadline = time.monotonic() + CHUNK_PERIOD
             elif time.monotonic() > deadline:
-                self._writer.flush()
+                self._flush()
                 deadline = None
+
+    def _flush(self) -> None:
+        self._writer.flush()
+        if self._closing_error is not None:
+            raise self._closing_error
 
     def _begin_file(self, metadata: dict[str, str]) -> None:
         if self._files:
             self._writer.finish()
-            self._writer.close()
-            self._writer = McapWriter(self.paths.file(len(self._files)), self._topics, self._open_file)
+            following = McapWriter(self.paths.file(len(self._files)), self._topics, self._open_file)
+            self._full_files.put(self._writer)
+            self._writer = following
             self.split_count += 1
-        self._files.append(self._writer.statistics)
+        statistics = self._writer.statistics
         self._writer.begin(self._mechanism_text, metadata)
-        self._write_bag_metadata()
+        self._file_opened = time.monotonic()
+        self._files.append(statistics)
+        if self._file_opened >= self._metadata_due:
+            self._write_bag_metadata()
+            self._metadata_due = time.monotonic() + (time.monotonic() - self._file_opened) / METADATA_SHARE
 
     def _finish(self) -> None:
         if not self._files:  # `begin` was never called
@@ -200,10 +311,9 @@ class Recorder:
         self._writer.finish()
         self._write_bag_metadata()
         self.finished.set()
-        self._writer.close()
+        self._full_files.put(self._writer)
 
     def _write_bag_metadata(self) -> None:
         """Update rosbag2's description of the files, if there is one."""
-        if self.paths.metadata is not None:
-            document = bag_metadata(self._topics, self._files, {"recorded_by": "mbd_sim"})
-            write_metadata(self.paths.metadata, document)
+        if self.paths.metadata is not None and self._files:
+            write_metadata(self.paths.metadata, bag_text(self._topics, self._files, {"recorded_by": "mbd_sim"}))

@@ -9,6 +9,7 @@ from datetime import datetime
 from pathlib import Path
 
 from mbd_sim.errors import MbdSimError
+from mbd_sim.recording.durable_file import draft_path
 from mbd_sim.recording.rosbag2_metadata import FILE_NAME
 
 FORMATS = ("mcap", "rosbag2")
@@ -45,11 +46,19 @@ class RecordingPaths:
 def new_recording_paths(folder: Path, name: str, *, rosbag2: bool = False) -> RecordingPaths:
     """Reserve the paths of a new recording, named after `name` and the time, in a folder that is made if missing.
 
-    The file or folder is created at once, so that nobody else gets the same name.
+    `~` and `~user` at the start of the folder stand for home folders.
+    The folder, or an empty file of a hidden name, is created at once, so that nobody else gets the same name.
 
     :raises RecordingError: the folder cannot be created or written to.
     """
     stem = f"{file_name(name)}_{datetime.now().astimezone().strftime('%Y%m%d_%H%M%S')}"
+    try:
+        folder = folder.expanduser()
+    except RuntimeError as error:  # there is no such user
+        user = folder.parts[0].removeprefix("~")
+        raise RecordingError(
+            f"cannot record to '{folder}': there is no user '{user}'. Choose another record_dir."
+        ) from error
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for count in range(MAX_RECORDINGS_PER_SECOND):
@@ -59,7 +68,10 @@ def new_recording_paths(folder: Path, name: str, *, rosbag2: bool = False) -> Re
                     location.mkdir()
                 else:
                     location = location.with_name(f"{location.name}.mcap")
-                    location.open("xb").close()
+                    draft_path(location).open("xb").close()
+                    if location.exists():
+                        draft_path(location).unlink()
+                        continue
                 return RecordingPaths(location, rosbag2)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)

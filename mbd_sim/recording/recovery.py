@@ -1,126 +1,47 @@
-"""Repairs, in place, a recording that was truncated by a kill or a full disk.
+"""Repairs a recording that was truncated by a kill or a full disk, or whose bytes were damaged.
 
-Complete chunks are kept. The summary and the index, without which many tools refuse a file, are rebuilt from them.
+Complete chunks up to the first damage are kept. The summary and the index, without which many tools refuse a file, are
+rebuilt from them.
 """
 
 from __future__ import annotations
 
 import contextlib
-import errno
-from collections import Counter
-from dataclasses import dataclass, field
+import os
 from pathlib import Path
+from typing import IO
 
 from mcap.opcode import Opcode
-from mcap.records import Attachment, AttachmentIndex, Chunk, ChunkIndex, MessageIndex, Metadata, MetadataIndex
+from mcap.records import Chunk, Header, MessageIndex
 
+from mbd_sim.recording.mcap_check import definition_problem, summary_problem
+from mbd_sim.recording.mcap_contents import DataSection, chunk_records, read_data_section
 from mbd_sim.recording.mcap_scanner import (
     MAGIC,
-    PARSE_ERRORS,
+    MESSAGE_HEADER,
     RECORD_HEADER,
-    BrokenRecordError,
     ByteSource,
-    Definitions,
     FileBytes,
-    chunk_content,
+    crc_of,
     data_stream,
-    scan_messages,
     scan_records,
 )
-from mbd_sim.recording.mcap_summary import Summary, attachment_index, chunk_index, encoded
+from mbd_sim.recording.mcap_summary import encoded, may_replace_chunks
 
-_DATA_SECTION = {
-    Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT, Opcode.METADATA
-}  # fmt: skip
-_DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-
-
-@dataclass
-class _IndexedChunk:
-    """A chunk, and the number of messages by channel in its message indexes."""
-
-    index: ChunkIndex
-    counts: dict[int, int] = field(default_factory=dict)
-
-
-@dataclass
-class _CompleteRecords:
-    """The complete records of a file, and the byte at which they end."""
-
-    end: int = len(MAGIC)
-    definitions: Definitions = field(default_factory=Definitions)
-    chunks: list[_IndexedChunk] = field(default_factory=list)
-    attachments: list[AttachmentIndex] = field(default_factory=list)
-    metadata: list[MetadataIndex] = field(default_factory=list)
-    last_content: bytes = b""  # uncompressed records of the last chunk
-
-    @property
-    def counts(self) -> dict[int, int]:
-        """The number of messages by channel."""
-        total: Counter[int] = Counter()
-        for chunk in self.chunks:
-            total.update(chunk.counts)
-        return dict(total)
-
-    def add(self, opcode: int, start: int, end: int, content: bytes) -> None:
-        """Add a record that begins at byte `start`.
-
-        :raises PARSE_ERRORS: it is damaged.
-        """
-        length = end - start
-        self.definitions.add(opcode, content)
-        if opcode == Opcode.ATTACHMENT:
-            attachment = Attachment.read(data_stream(content))
-            self.attachments.append(attachment_index(attachment, start, length))
-        elif opcode == Opcode.METADATA:
-            name = Metadata.read(data_stream(content)).name
-            self.metadata.append(MetadataIndex(offset=start, length=length, name=name))
-        elif opcode == Opcode.CHUNK:
-            self._add_chunk(Chunk.read(data_stream(content)), start, length)
-        elif opcode == Opcode.MESSAGE_INDEX and self.chunks:
-            index, last = MessageIndex.read(data_stream(content)), self.chunks[-1]
-            last.index.message_index_offsets[index.channel_id] = start
-            last.index.message_index_length += length
-            last.counts[index.channel_id] = len(index.records)
-        self.end = end
-
-    def _add_chunk(self, chunk: Chunk, start: int, length: int) -> None:
-        records = chunk_content(chunk.data, chunk.compression, chunk.uncompressed_size, chunk.uncompressed_crc)
-        if not self.chunks:  # our recorder writes all definitions at the start of the first chunk
-            for opcode, begin, end in scan_records(records):
-                if opcode == Opcode.MESSAGE:
-                    break
-                self.definitions.add(opcode, records[begin:end])
-        self.last_content = records
-        self.chunks.append(_IndexedChunk(chunk_index(chunk, start, length)))
-
-    def drop_last_chunk(self) -> None:
-        """End before the last chunk."""
-        self.end = self.chunks.pop().index.chunk_start_offset
-
-    def summary(self) -> Summary:
-        """Return the summary of a file that ends here."""
-        indexes = [chunk.index for chunk in self.chunks]
-        return Summary(
-            schemas=list(self.definitions.schemas.values()),
-            channels=list(self.definitions.channels.values()),
-            attachments=self.attachments,
-            metadata=self.metadata,
-            chunks=b"".join(encoded(index) for index in indexes),
-            chunk_count=len(indexes),
-            counts=self.counts,
-            first_ns=min((index.message_start_time for index in indexes), default=0),
-            last_ns=max((index.message_end_time for index in indexes), default=0),
-        )
+_REWRITTEN = {Opcode.MESSAGE_INDEX, Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL}
+_CHUNK_MARK = b"\x04\x00\x00\x00zstd"  # in the header of each of our chunks
+_LARGEST_END = 1 << 22  # bytes of an incomplete record at the end of a truncated file
 
 
 def recover(path: Path) -> dict[str, int] | None:
-    """End a file of our recorder after its last complete chunk, with a summary.
+    """End a file after its last undamaged chunk, with a summary and indexes of its messages.
 
-    On a full disk the summary takes the place of as many chunks as necessary. Returns the number of messages by topic,
-    or None if the file is complete; it is not modified then.
+    A truncated file is repaired in place; on a full disk the summary takes the place of the last chunks. Where other
+    records are damaged, a new file takes its place; the original is kept as `damaged_original`, unless only indexes
+    were damaged. Returns the number of messages by topic, or None if the file is complete and undamaged; it is not
+    modified then.
 
-    :raises ValueError: this is not an MCAP file.
+    :raises ValueError: this is not an MCAP file, or its damage cannot be repaired.
     :raises OSError: the file cannot be read or written.
     """
     with path.open("r+b") as stream:
@@ -129,41 +50,108 @@ def recover(path: Path) -> dict[str, int] | None:
             raise ValueError(
                 "is not an MCAP file, or was cut off before anything was written. Nothing can be recovered."
             )
-        if data[-len(MAGIC) :] == MAGIC and len(data) > 2 * len(MAGIC) + RECORD_HEADER.size:
-            return None
-        found = _complete_records(data)
-        while True:
-            stream.truncate(found.end)
-            stream.seek(found.end)
-            try:
-                stream.write(found.summary().file_end(found.end))
-                stream.flush()
-                break
-            except OSError as error:
-                if error.errno not in _DISK_FULL or not found.chunks:
-                    raise
-                found.drop_last_chunk()
-    counts = found.counts
-    return {channel.topic: counts.get(number, 0) for number, channel in found.definitions.channels.items()}
+        found = read_data_section(data)
+        if undefined := definition_problem(found.definitions):
+            raise ValueError(f"is damaged: {undefined}. That cannot be repaired.")
+        if not found.problem and not found.index_problem and not summary_problem(data, found):
+            if found.content_problem:
+                raise ValueError(f"is damaged: {found.content_problem}. That cannot be repaired.")
+            if found.crc_agrees:
+                return None
+        if found.has_header and not found.index_problem and found.crc_agrees and _is_truncation(data, found.end):
+            _end_in_place(stream, data, found)
+        else:
+            _rewrite(path, data, found)
+    return found.counts_by_topic()
 
 
-def _complete_records(data: ByteSource) -> _CompleteRecords:
-    """Scan up to the first record that is damaged, incomplete, or not of the data section."""
-    found = _CompleteRecords()
-    with contextlib.suppress(*PARSE_ERRORS):
-        for opcode, begin, end in scan_records(data, len(MAGIC)):
-            if opcode not in _DATA_SECTION:
-                break
-            found.add(opcode, begin - RECORD_HEADER.size, end, bytes(data[begin:end]))
-    if found.chunks and not _is_indexed(found):
+def damaged_original(path: Path) -> Path:
+    """Return the path under which the original of a damaged file is kept, where recovery removes some of it."""
+    return path.with_name(f"{path.name}.damaged")
+
+
+def _is_truncation(data: ByteSource, end: int) -> bool:
+    """Whether all that follows byte `end` is one incomplete record, zeros, or an end without messages."""
+    tail = bytes(data[end : end + _LARGEST_END])
+    if not any(tail) or tail[0] in (Opcode.DATA_END, Opcode.FOOTER):
+        return True
+    mark = tail.find(_CHUNK_MARK)
+    return len(data) - end <= _LARGEST_END and tail.find(_CHUNK_MARK, mark + 1) < 0
+
+
+def _end_in_place(stream: IO[bytes], data: ByteSource, found: DataSection) -> None:
+    """Replace everything after the undamaged records by a summary.
+
+    :raises OSError: it cannot be written.
+    """
+    freed = 0
+    while True:
+        end = found.summary().file_end(found.end, crc_of(data, found.end))
+        try:
+            os.ftruncate(stream.fileno(), found.end)
+            _write_at(stream.fileno(), end, found.end)
+            return
+        except OSError as error:
+            accepted = os.fstat(stream.fileno()).st_size - found.end
+            if not found.chunks or not may_replace_chunks(error, len(end), freed, accepted):
+                with contextlib.suppress(OSError):
+                    os.ftruncate(stream.fileno(), found.end)
+                raise
+        before = found.end
         found.drop_last_chunk()
-    return found
+        freed += before - found.end
 
 
-def _is_indexed(found: _CompleteRecords) -> bool:
-    """Whether the last chunk is followed by an index of all its messages."""
+def _write_at(descriptor: int, data: bytes, position: int) -> None:
+    while data:
+        written = os.pwrite(descriptor, data, position)
+        data, position = data[written:], position + written
+
+
+def _rewrite(path: Path, data: ByteSource, found: DataSection) -> None:
+    """Write the undamaged records into a new file, with new indexes, and let it take the place of this one.
+
+    :raises OSError: it cannot be written; the file is not modified then.
+    """
+    draft = path.with_name(f".{path.name}.recovered")
+    only_indexes = not found.problem and found.crc_agrees
     try:
-        messages = sum(1 for _ in scan_messages(found.last_content))
-    except BrokenRecordError:
-        return False
-    return sum(found.chunks[-1].counts.values()) == messages
+        with draft.open("w+b") as stream:
+            _copy_records(stream, data, found)
+            copied = FileBytes(stream)
+            _end_in_place(stream, copied, read_data_section(copied))
+            os.fsync(stream.fileno())
+        if not only_indexes:
+            path.rename(damaged_original(path))
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def _copy_records(stream: IO[bytes], data: ByteSource, found: DataSection) -> None:
+    """Copy the undamaged records, with a new header, definitions, and times and indexes of the chunks."""
+    stream.write(MAGIC + encoded(Header("ros2", "mbd_sim")))
+    definitions = found.definitions
+    for definition in (*definitions.schemas.values(), *definitions.channels.values()):
+        stream.write(encoded(definition))
+    for opcode, begin, end in scan_records(data[: found.end], len(MAGIC)):
+        if opcode == Opcode.CHUNK:
+            stream.write(_indexed_chunk(bytes(data[begin:end])))
+        elif opcode not in _REWRITTEN:
+            stream.write(bytes(data[begin - RECORD_HEADER.size : end]))
+    stream.flush()
+
+
+def _indexed_chunk(content: bytes) -> bytes:
+    """Return a chunk with its true times, and indexes of its messages."""
+    chunk = Chunk.read(data_stream(content))
+    records = chunk_records(chunk)
+    entries: dict[int, list[tuple[int, int]]] = {}
+    for opcode, begin, _ in scan_records(records):
+        if opcode == Opcode.MESSAGE:
+            channel, _, time_ns, _ = MESSAGE_HEADER.unpack_from(records, begin)
+            entries.setdefault(channel, []).append((time_ns, begin - RECORD_HEADER.size))
+    times = [time_ns for each in entries.values() for time_ns, _ in each] or [0]
+    chunk.message_start_time, chunk.message_end_time = min(times), max(times)
+    indexes = [MessageIndex(channel, each) for channel, each in sorted(entries.items())]
+    return encoded(chunk) + b"".join(encoded(index) for index in indexes)

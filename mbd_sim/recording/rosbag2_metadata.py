@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -40,47 +43,64 @@ class FileStatistics:
                 self.counts[number] = self.counts.get(number, 0) + count
 
 
-def bag_metadata(topics: Sequence[Topic], files: Sequence[FileStatistics], custom: Mapping[str, str]) -> dict[str, Any]:
-    """Return the document as plain values; `custom` is the recorder's own data."""
+def bag_text(topics: Sequence[Topic], files: Sequence[FileStatistics], custom: Mapping[str, str]) -> str:
+    """Return the document; `custom` is the recorder's own data.
+
+    The lists are composed as text: `yaml` would take a second for the thousands of files of a recording that is often
+    split, while its messages wait.
+    """
     not_empty = [file for file in files if file.messages]
     first = min((file.first_ns for file in not_empty), default=0)
     last = max((file.last_ns for file in not_empty), default=0)
-    return {
-        _ROOT: {
-            "version": VERSION,
-            "storage_identifier": "mcap",
-            "duration": {"nanoseconds": last - first},
-            "starting_time": {"nanoseconds_since_epoch": first},
-            "message_count": sum(file.messages for file in files),
-            "topics_with_message_count": [
-                {
-                    "topic_metadata": {
-                        "name": topic.name,
-                        "type": topic.type,
-                        "serialization_format": "cdr",
-                        "offered_qos_profiles": yaml.safe_load(topic.qos),
-                        "type_description_hash": topic.hash,
-                    },
-                    "message_count": sum(file.counts.get(number, 0) for file in files),
-                }
-                for number, topic in enumerate(topics)
-            ],
-            "compression_format": "",
-            "compression_mode": "",
-            "relative_file_paths": [file.path.name for file in files],
-            "files": [
-                {
-                    "path": file.path.name,
-                    "starting_time": {"nanoseconds_since_epoch": file.first_ns},
-                    "duration": {"nanoseconds": file.last_ns - file.first_ns},
-                    "message_count": file.messages,
-                }
-                for file in files
-            ],
-            "custom_data": dict(custom) or None,
-            "ros_distro": "jazzy",
-        }
+    lines = [
+        f"{_ROOT}:",
+        f"  version: {VERSION}",
+        "  storage_identifier: mcap",
+        "  duration:",
+        f"    nanoseconds: {last - first}",
+        "  starting_time:",
+        f"    nanoseconds_since_epoch: {first}",
+        f"  message_count: {sum(file.messages for file in files)}",
+        "  topics_with_message_count:" + ("" if topics else " []"),
+    ]
+    for number, topic in enumerate(topics):
+        lines.append(_topic_text(topic))
+        lines.append(f"    message_count: {sum(file.counts.get(number, 0) for file in files)}")
+    lines += ["  compression_format: ''", "  compression_mode: ''"]
+    lines.append("  relative_file_paths:" + ("" if files else " []"))
+    lines += [f"  - {_quoted(file.path.name)}" for file in files]
+    lines.append("  files:" + ("" if files else " []"))
+    for file in files:
+        lines += [
+            f"  - path: {_quoted(file.path.name)}",
+            "    starting_time:",
+            f"      nanoseconds_since_epoch: {file.first_ns}",
+            "    duration:",
+            f"      nanoseconds: {file.last_ns - file.first_ns}",
+            f"    message_count: {file.messages}",
+        ]
+    lines.append(f"  custom_data: {json.dumps(dict(custom), ensure_ascii=False) if custom else 'null'}")
+    lines.append("  ros_distro: jazzy")
+    return "\n".join(lines) + "\n"
+
+
+@cache
+def _topic_text(topic: Topic) -> str:
+    """Return the entry of a topic up to its number of messages."""
+    metadata = {
+        "name": topic.name,
+        "type": topic.type,
+        "serialization_format": "cdr",
+        "offered_qos_profiles": yaml.safe_load(topic.qos),
+        "type_description_hash": topic.hash,
     }
+    text = yaml.safe_dump({"topic_metadata": metadata}, sort_keys=False, allow_unicode=True, width=1000)
+    return "  - " + text.rstrip().replace("\n", "\n    ")
+
+
+def _quoted(text: str) -> str:
+    """Return a text as a scalar of YAML, of which JSON's strings are a subset."""
+    return json.dumps(text, ensure_ascii=False)
 
 
 def read_bag_metadata(path: Path) -> dict[str, Any]:
@@ -95,12 +115,16 @@ def read_bag_metadata(path: Path) -> dict[str, Any]:
         raise ValueError(f"it is not a description of a rosbag2 recording ({error!r})") from error
 
 
-def write_metadata(path: Path, document: Mapping[str, Any]) -> None:
+def write_metadata(path: Path, text: str) -> None:
     """Replace the document atomically: a reader finds the old one or the new one, even after a kill.
 
     :raises OSError: it cannot be written.
     """
-    text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=1000)
     draft = path.with_name(f".{path.name}.new")
-    draft.write_text(text, encoding="utf-8")
-    draft.replace(path)
+    try:
+        draft.write_text(text, encoding="utf-8")
+        draft.replace(path)
+    except OSError:
+        with contextlib.suppress(OSError):
+            draft.unlink()
+        raise

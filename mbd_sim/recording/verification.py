@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from mbd_sim.recording.comparison import Comparison
+from mbd_sim.recording.mcap_check import check_file
 from mbd_sim.recording.reader import open_recording
 from mbd_sim.recording.recomputation import Recomputation
 from mbd_sim.recording.recorded_file import RUN_METADATA, RecordedFile
@@ -19,7 +20,7 @@ ENVIRONMENT = ("mbd_sim", "casadi", "llvmlite", "numpy", "processor")  # on whic
 def verify(
     path: str | Path, tolerance: float | None = None, progress: Callable[[float], None] | None = None
 ) -> list[Verification]:
-    """Recompute each file of a recording and compare.
+    """Recompute each file of a recording and compare; check all checksums, offsets and indexes of the files.
 
     :param tolerance: compare to it even where the bits should agree. It is relative to 1 + the largest number of the
         message; each interval between two recorded states then starts from the recorded one.
@@ -42,6 +43,7 @@ def _verify_file(file: RecordedFile, tolerance: float | None, progress: Callable
     recomputation = Recomputation(file)
     simulation = recomputation.simulation
     differences = environment_differences(file.metadata[RUN_METADATA], run_metadata(simulation))
+    check = check_file(file.path)
     result = Verification(
         path=file.path,
         mechanism=simulation.mechanism.name,
@@ -50,6 +52,8 @@ def _verify_file(file: RecordedFile, tolerance: float | None, progress: Callable
         tolerance=tolerance if tolerance is not None else TOLERANCE if differences else None,
         environment_differences=differences,
         problem=file.problem,
+        index_problem=check.index_problem,
+        content_problem=check.content_problem,
     )
     Comparison(recomputation, result).run(progress)
     return result

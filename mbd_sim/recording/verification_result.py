@@ -48,9 +48,16 @@ class Verification:
     agreeing_since: int = 0  # number of messages that agree after the last that does not
     suspected_commands: list[str] = field(default_factory=list)  # between the last state that agrees and `first`
     problem: str = ""  # why the file is incomplete
+    index_problem: str = ""  # damage of indexes and summary, because of which other readers may refuse the file
+    content_problem: str = ""  # damage of records that are not compared
     failure: str = ""  # why the comparison ended before the end of the file
 
     @property
     def agrees(self) -> bool:
         """Whether every recorded state is the recomputed one."""
         return self.first is None and not self.failure
+
+    @property
+    def is_intact(self) -> bool:
+        """Whether all states agree, and nothing else of the file is damaged; it may be truncated."""
+        return self.agrees and not self.index_problem and not self.content_problem

@@ -6,12 +6,18 @@ import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from mbd_sim.recording.recorder import Recorder
+from mbd_sim.recording.recorder import SHORTEST_FILE, Recorder
 from mbd_sim.recording.recording_paths import RecordingError
 from mbd_sim.recording.run_metadata import Moment
 from mbd_sim.ros.requests import RequestQueue
 
 DISK_TIMEOUT = 0.2  # s that a service call waits for the disk; commands wait as long
+CLOSE_TIMEOUT = 1.8  # s that the end of the node waits for the disk
+MAX_WAITING_FILES = 5  # files that may wait for the disk before the duration of the present one is exceeded
+LONG_FILES = (
+    "files of the recording exceed record_split_size or record_split_duration: a file is split by size "
+    f"at most every {SHORTEST_FILE:g} s, and at most {MAX_WAITING_FILES} files wait for the disk"
+)
 
 
 @dataclass(frozen=True)
@@ -36,6 +42,7 @@ class NodeRecordings:
         request_moment: Callable[[], None],
         on_failure: Callable[[str], None],
         limits: SplitLimits,
+        on_long_files: Callable[[str], None] = lambda explanation: None,
     ) -> None:
         """Create the object, without a recording.
 
@@ -43,15 +50,18 @@ class NodeRecordings:
         :param metadata: the metadata of a file that begins at a moment.
         :param request_moment: requests a `Moment` from the stepping thread.
         :param on_failure: is called with the reason when a recording has ended by a failure.
+        :param on_long_files: is called once in a recording, with an explanation, when a limit is exceeded because the
+            recording cannot be split that often.
         """
         self.limits = limits
         self._open_recorder, self._metadata, self._on_failure = open_recorder, metadata, on_failure
+        self._on_long_files = on_long_files
         self._requests: RequestQueue[[Moment]] = RequestQueue(request_moment)
         self._each_file: dict[str, bytes] = {}  # the last message of each topic that begins every file
         self._requested: Recorder | None = None  # the recorder as the services see it
         self._current: Recorder | None = None  # the recorder that the publishing thread feeds
         self._file_start_ns = 0
-        self._splitting = self._closed = False
+        self._splitting = self._closed = self._long_files = False
         self._lock = threading.Lock()
         self.recorder: Recorder | None = None  # the last one, for its counters
 
@@ -67,7 +77,10 @@ class NodeRecordings:
                 recorder = self._open_recorder()
             except RecordingError as error:
                 return False, str(error)
+            if self.recorder is not None:
+                self.recorder.close(timeout=0.0)  # one that has failed may repair its file now
             self._requested = self.recorder = recorder
+            self._long_files = False
             if moment is not None:
                 self._begin_file(recorder, moment)
             else:
@@ -99,20 +112,19 @@ class NodeRecordings:
             return True, str(path)
 
     def close(self) -> None:
-        """Finish the recording, however long the disk takes; when nothing is put any more."""
-        with self._lock:
-            self._closed = True
-        for recorder in (self._requested, self.recorder):
-            if recorder is not None:
-                recorder.close()
+        """Finish the recording when nothing is put any more, as far as the disk permits in `CLOSE_TIMEOUT`."""
+        self._closed = True  # without the lock: a service may hold it, and wait for a disk that does not answer
+        if self.recorder is not None:
+            self.recorder.close(CLOSE_TIMEOUT)
 
     def summary(self) -> str:
-        """A sentence on the last recording, or ""."""
+        """Sentences on the last recording, or ""."""
         recorder = self.recorder
         if recorder is None:
             return ""
         dropped = f" ({recorder.dropped} dropped)" if recorder.dropped else ""
-        return f"recorded {recorder.written} messages{dropped} to {recorder.paths.location}"
+        text = f"recorded {recorder.saved} messages{dropped} to {recorder.paths.location}"
+        return f"{text}; {recorder.state_on_disk}" if recorder.state_on_disk else text
 
     def at_moment(self, moment: Moment) -> None:
         """Serve the request that asked for this moment; for the publishing thread."""
@@ -136,9 +148,14 @@ class NodeRecordings:
         if recorder is None or self._splitting:
             return
         size, duration = self.limits.size, self.limits.duration
-        if (size and recorder.size >= size) or (duration and time_ns - self._file_start_ns >= duration * 1e9):
+        too_large = bool(size) and recorder.size >= size
+        too_long = bool(duration) and time_ns - self._file_start_ns >= duration * 1e9
+        if (too_large and recorder.is_settled) or (too_long and recorder.waiting_files < MAX_WAITING_FILES):
             self._splitting = True
             self._requests.submit(self._split)
+        elif (too_large or too_long) and not self._long_files and not recorder.failure:
+            self._long_files = True
+            self._on_long_files(LONG_FILES)
 
     def _active(self) -> Recorder | None:
         if self._requested is not None and self._requested.failure:

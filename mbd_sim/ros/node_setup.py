@@ -97,8 +97,7 @@ def node_recordings(
         raise ValueError(f"record_format: there is no format '{file_format}'. {nearest(file_format, FORMATS)}")
 
     def open_recorder() -> Recorder:
-        folder = Path(parameters["record_dir"]).expanduser()
-        paths = new_recording_paths(folder, mechanism.name, rosbag2=file_format == "rosbag2")
+        paths = new_recording_paths(Path(parameters["record_dir"]), mechanism.name, rosbag2=file_format == "rosbag2")
         return Recorder(paths, publishing_thread.recorded_topics(), mechanism.source.text)
 
     return NodeRecordings(
@@ -106,6 +105,7 @@ def node_recordings(
         metadata=lambda moment: run_metadata(simulation, moment, parameters.values),
         request_moment=stepping_thread.request_moment,
         on_failure=lambda failure: log.error(f"{failure}. The simulation continues."),
+        on_long_files=log.warning,
         limits=split_limits(parameters),
     )
 

@@ -32,7 +32,7 @@ PARAMETERS = (
     ParameterSpec("record_dir", "recordings", "folder of the recordings, relative to the node's working directory"),
     ParameterSpec("record_format", "mcap", "mcap: one file; rosbag2: a folder with metadata.yaml"),
     ParameterSpec(
-        "record_split_size", 0.0, "MB after which a recording continues in another file; 0: never",
+        "record_split_size", 0.0, "MB after which a recording continues in another file, at most every 0.1 s; 0: never",
         0.0, 1e9, live=True,
     ),
     ParameterSpec(

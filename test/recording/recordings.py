@@ -42,6 +42,8 @@ def metadata(path):
 def readable(path):
     """Return the readable messages of a file that may be truncated."""
     found = []
+    if not path.exists():  # it gets its name with its first bytes
+        return found
     with path.open("rb") as stream, contextlib.suppress(McapError, EOFError, ValueError, struct.error):
         for _, _, message in NonSeekingReader(stream).iter_messages(log_time_order=False):
             found.append(message)

@@ -8,6 +8,7 @@ import shutil
 import signal
 import struct
 import subprocess
+import time
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -83,6 +84,31 @@ def test_a_folder_that_can_only_be_read_is_reported_and_another_start_answers_wh
         assert "Read-only file system" in answer.message
         goes_on(listener)
         assert node.end() == 0
+
+
+def test_a_disk_that_does_not_answer_does_not_keep_the_node_from_ending(tmp_path: Path) -> None:
+    if not shutil.which("gcc"):
+        pytest.skip("gcc is not installed")
+    library, control, folder = tmp_path / "faulty_disk.so", tmp_path / "control", tmp_path / "logs"
+    source = Path(__file__).with_name("faulty_disk.c")
+    subprocess.run(["gcc", "-O1", "-shared", "-fPIC", source, "-o", library, "-ldl"], check=True)
+    control.write_bytes(struct.pack("iii", 0, 0, -1))
+    variables = {"LD_PRELOAD": str(library), "FAULTY_CONTROL": str(control), "FAULTY_FOLDER": str(folder)}
+    options = {"record": True, "record_dir": str(folder), "record_format": "rosbag2"}
+    with running(tmp_path, variables=variables, **options) as (node, listener):
+        (path,) = folder.glob("*/*.mcap")
+        listener.until(lambda: len(readable(path)) > 20, "a recording of some size")
+        with control.open("r+b") as stream:
+            stream.write(struct.pack("iii", -2, 0, -1))  # writes hang
+        goes_on(listener)
+        began = time.monotonic()
+        assert node.end() == 0
+        assert time.monotonic() - began < 20.0  # 2 s on a machine that runs the node; it waited for ever
+    assert "the disk does not answer" in node.text and "mbd_sim recover" in node.text
+    kept = len(readable(path))
+    assert main(["recover", str(path.parent)]) == 0
+    with AnyReader([path.parent]) as reader:
+        assert reader.message_count == kept > 20
 
 
 def test_killed_nodes_leave_recordings_that_lack_at_most_half_a_second_and_are_computed_again(tmp_path: Path) -> None:

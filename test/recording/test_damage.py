@@ -1,0 +1,97 @@
+"""Damaged recordings: `verify` says what is damaged, and `recover` repairs what other readers refuse."""
+
+import random
+import struct
+import zlib
+
+import pytest
+from mcap.opcode import Opcode
+
+from mbd_sim.cli.main import main
+from mbd_sim.recording.recovery import damaged_original, recover
+from mbd_sim.recording.verification import verify
+from test.recording.mutations import mutate, problems_with, records, refusal_of_other_readers
+from test.recording.runs import record_run, rewrite
+
+SAMPLE = 12
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A short run as the recorder writes it."""
+    folder = tmp_path_factory.mktemp("run")
+    return record_run(folder, "double_rod", seconds=0.04, resets=False, commands=3)
+
+
+def with_changed_record(data, opcode, offset, change):
+    """Return a file with a byte of a record's content changed, and a valid checksum of the summary."""
+    _, start, _ = next(record for record in records(data) if record[0] == opcode)
+    changed = bytearray(data)
+    changed[start + 9 + offset] ^= change
+    end = len(changed) - 8 - 4
+    (summary,) = struct.unpack_from("<Q", changed, end - 16)
+    struct.pack_into("<I", changed, end, zlib.crc32(changed[summary:end]))
+    return bytes(changed)
+
+
+@pytest.mark.parametrize(
+    ("opcode", "offset", "words"),
+    [
+        (Opcode.CHUNK, 0, "gives other times than its messages have"),
+        (Opcode.MESSAGE_INDEX, 8, "the index of messages does not fit"),
+        (Opcode.CHUNK_INDEX, 16, "the index of chunks differs"),
+        (Opcode.STATISTICS, 0, "other numbers of messages"),
+        (Opcode.SCHEMA, 200, "a definition of the data differs"),
+        (Opcode.SUMMARY_OFFSET, 3, "an offset in the summary is wrong"),
+        (Opcode.ATTACHMENT_INDEX, 1, "the index of attachments differs"),
+    ],
+)
+def test_a_damaged_index_is_reported_and_repaired(run, tmp_path, capsys, opcode, offset, words):
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(with_changed_record(run.read_bytes(), opcode, offset, 1))
+    assert main(["verify", "--quiet", str(path)]) == 1
+    out = capsys.readouterr().out
+    assert "the states are right, bit for bit, but the index of the file is damaged" in out
+    assert words in out and f"mbd_sim recover {path}" in out
+    assert main(["recover", str(path)]) == 0
+    assert main(["verify", "--quiet", str(path)]) == 0
+    assert refusal_of_other_readers(path, deserialize=True) == ""
+    assert recover(path) is None
+
+
+def test_changed_parameters_in_the_metadata_are_reported(run, tmp_path, capsys):
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(run.read_bytes().replace(b"command_timeout", b"command_timeouT", 1))
+    assert main(["verify", "--quiet", str(path)]) == 1
+    assert "the checksum of its data differs" in capsys.readouterr().out
+    assert recover(path) is not None and damaged_original(path).exists()
+    assert recover(path) is None
+
+
+def test_a_damaged_length_does_not_cost_the_original(run, tmp_path, capsys):
+    path = tmp_path / "damaged.mcap"
+    data = rewrite(run, path, chunk_size=500).read_bytes()
+    chunks = [start for opcode, start, _ in records(data) if opcode == Opcode.CHUNK]
+    damaged = bytearray(data)
+    struct.pack_into("<Q", damaged, chunks[1] + 1, 1 << 40)
+    path.write_bytes(damaged)
+    assert len(chunks) > 3
+    assert main(["recover", str(path)]) == 0
+    assert "the damaged file is kept as" in capsys.readouterr().out
+    assert damaged_original(path).read_bytes() == damaged
+    assert refusal_of_other_readers(path) == ""
+    assert verify(path)[0].is_intact
+
+
+def test_randomly_damaged_records_are_never_a_surprise(run, tmp_path):
+    chance = random.Random(4)
+    small_chunks = rewrite(run, tmp_path / "small.mcap", chunk_size=500)
+    path = tmp_path / "damaged.mcap"
+    called_intact = 0
+    for number in range(SAMPLE):
+        data, what = mutate((run, small_chunks)[number % 2].read_bytes(), chance)
+        path.write_bytes(data)
+        problems, intact = problems_with(path)
+        assert problems == [], what
+        called_intact += intact
+    assert called_intact < SAMPLE // 2
