@@ -103,10 +103,12 @@ def _fail(name: str, problem: str) -> int:
 def _spin(node: ProgramNode, ended: threading.Event) -> None:
     """Start the node, run its callbacks in a thread until `ended`, and stop it."""
     assert isinstance(node, Node)
-    guard = CallbackGuard(node)
-    guard.guard()
+    nodes: list[Node] = [node, *getattr(node, "companions", ())]
+    guards = [CallbackGuard(each) for each in nodes]
     executor = EventsExecutor()
-    executor.add_node(node)
+    for each, guard in zip(nodes, guards, strict=True):
+        guard.guard()
+        executor.add_node(each)
 
     def spin() -> None:
         # EventsExecutor.spin() delivers nothing in rclpy 7.1.6 as built for PyPI; spin_once() does, and as fast.
@@ -116,15 +118,17 @@ def _spin(node: ProgramNode, ended: threading.Event) -> None:
             except ExternalShutdownException:
                 break
             except Exception as error:  # of a message that rclpy cannot take, for example
-                guard.report("message or request", error)
+                guards[0].report("message or request", error)
         ended.set()
 
     spinning = threading.Thread(target=spin, name="executor", daemon=True)
     spinning.start()
     node.start()
-    guard.guard()  # what it has created at its start
+    for guard in guards:
+        guard.guard()  # what its node has created at its start
     realtime.wait_for(ended)
     node.stop()
     executor.shutdown()
     spinning.join(timeout=JOIN_TIMEOUT)
-    node.destroy_node()
+    for each in nodes:
+        each.destroy_node()

@@ -23,6 +23,7 @@ from mbd_sim.ros.node_parameters import NodeParameters
 from mbd_sim.ros.node_recordings import NodeRecordings, SplitLimits
 from mbd_sim.ros.publishing_thread import PublishingThread
 from mbd_sim.ros.qos import FOLLOWED_CLOCK
+from mbd_sim.ros.rates import Rates
 from mbd_sim.ros.stepping_thread import SteppingThread
 from mbd_sim.ros.wrench_buffer import ALL, WrenchTargets, wrench_targets
 from mbd_sim.simulation.compiled_model import Model
@@ -135,9 +136,18 @@ def rerun_viewer(parameters: NodeParameters, simulation: Simulation, log: Any) -
     return viewer
 
 
-def followed_clock(node: Node, parameters: NodeParameters) -> FollowedClock | None:
-    """The clock that the node follows with `use_sim_time`, fed from `/clock`; None if it has a clock of its own.
+def initial_rates(parameters: NodeParameters, *, leads: bool) -> Rates:
+    """The rates at the start; only a node that leads publishes the clock."""
+    clock = parameters["clock_rate"] if leads else 0.0
+    return Rates(parameters["real_time_factor"], parameters["publish_rate"], clock, parameters["marker_rate"])
 
+
+def followed_clock(
+    node: Node, parameters: NodeParameters, leader: SteppingThread | None = None
+) -> FollowedClock | None:
+    """The clock that the node follows with `use_sim_time`; None if it has a clock of its own.
+
+    :param leader: feeds the clock; by default it is fed from `/clock`.
     :raises ValueError: a parameter contradicts a followed clock.
     """
     parameters.fix("use_sim_time", "set use_sim_time when starting the node: it decides whose clock the node follows.")
@@ -149,6 +159,8 @@ def followed_clock(node: Node, parameters: NodeParameters) -> FollowedClock | No
             raise ValueError(f"{name} cannot be {parameters[name]} here: {reason}")
         parameters.fix(name, reason)
     clock = FollowedClock()
+    if leader is not None:
+        return clock
 
     def take(message: Clock) -> None:
         clock.take(message.clock.sec * 1_000_000_000 + message.clock.nanosec)

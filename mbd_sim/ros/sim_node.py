@@ -17,11 +17,13 @@ from mbd_sim.ros import realtime
 from mbd_sim.ros.build_progress import BuildProgress
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.diagnostics import PERIOD, Diagnostics
+from mbd_sim.ros.node_group import node_options
 from mbd_sim.ros.node_parameters import NodeParameters
 from mbd_sim.ros.node_program import run_node
 from mbd_sim.ros.node_setup import (
     build_simulation,
     followed_clock,
+    initial_rates,
     node_recordings,
     requested_topics,
     rerun_viewer,
@@ -29,7 +31,6 @@ from mbd_sim.ros.node_setup import (
 )
 from mbd_sim.ros.program_help import program_help
 from mbd_sim.ros.publishing_thread import PublishingThread
-from mbd_sim.ros.rates import Rates
 from mbd_sim.ros.sim_parameters import PARAMETERS
 from mbd_sim.ros.simulation_services import serve_simulation_interfaces
 from mbd_sim.ros.start_values import named_starts, start_values
@@ -52,9 +53,14 @@ MAX_OVERRUNS = 3  # overruns a second from which the node gives up its real-time
 class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
     """Runs a mechanism in real time: publishes states and energies, accepts efforts and wrenches, records every run."""
 
-    def __init__(self, end: Callable[[], None]) -> None:
-        """Build all parts; `end` is called when a service asks the program to end."""
-        super().__init__("sim_node")
+    def __init__(self, end: Callable[[], None], *, leader: SimNode | None = None, **options: Any) -> None:
+        """Build all parts; `end` is called when a service asks the program to end.
+
+        :param leader: a node of this program whose clock the node follows.
+        :param options: of `rclpy.node.Node`.
+        """
+        super().__init__("sim_node", **options)
+        self.companions: list[SimNode] = []  # the nodes of this program that follow this one
         log = self.get_logger()
         specs = (*PARAMETERS, *named_starts(self))
         parameters = self.parameters = NodeParameters(self, specs, self._on_parameter_change)
@@ -67,14 +73,9 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         timeout = parameters["command_timeout"]
         self.commands = CommandBuffer(simulation.effort_map, timeout)
         self.wrenches = WrenchBuffer(simulation.wrench_map, simulation.model.part_names, timeout, frame_prefix)
-        self.followed = followed_clock(self, parameters)
-        self.rates = Rates(
-            parameters["real_time_factor"],
-            parameters["publish_rate"],
-            parameters["clock_rate"] if self.followed is None else 0.0,
-            parameters["marker_rate"],
-        )
-        self.stepping_thread = SteppingThread(
+        self.followed = followed_clock(self, parameters, leader.stepping_thread if leader else None)
+        self.rates = initial_rates(parameters, leads=self.followed is None)
+        self.stepping_thread: SteppingThread = SteppingThread(
             simulation,
             self.commands,
             self.rates,
@@ -113,7 +114,10 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self.simulation_services = serve_simulation_interfaces(self, self.stepping_thread, end)
 
     def start(self) -> None:
-        """Start to record, to publish and to step."""
+        """Start to record, to publish and to step; first the nodes that follow."""
+        for companion in self.companions:
+            self.stepping_thread.followers.append(companion.stepping_thread)
+            companion.start()
         simulation, log = self.simulation, self.get_logger()
         state = "paused" if self.stepping_thread.paused else "running"
         log.info(
@@ -143,6 +147,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
     def stop(self) -> None:
         """Stop stepping, then everything fed by it; the recording is finished when this returns."""
         self.stepping_thread.stop()
+        for companion in self.companions:
+            companion.stop()
         self.publishing_thread.join()
         energies = self.publishing_thread.energies
         residual = f", energy residual {energies.residual:.1e} J" if energies is not None else ""
@@ -276,7 +282,9 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
 
 
 def _make_node(end: Callable[[], None]) -> SimNode:
-    node = SimNode(end)
+    leader, *others = node_options()
+    node = SimNode(end, **leader)
+    node.companions = [SimNode(end, leader=node, **options) for options in others]
     realtime.freeze_memory()
     return node
 

@@ -7,6 +7,10 @@ from mbd_sim.ros.node_parameters import ParameterSpec
 
 PARAMETERS = (
     ParameterSpec("mechanism", "double_rod", "a mechanism file (.yaml), a robot's .urdf, or a shipped mechanism"),
+    ParameterSpec(
+        "mechanisms", "",
+        "several mechanisms, each with a node in its namespace, on the clock of the first: 'left=double_rod, four_bar'",
+    ),
     ParameterSpec("method", "", "integration method; empty: from the mechanism file"),
     ParameterSpec("step", 0.0, "integration step in s; 0: from the mechanism file", 0.0, 1.0),
     ParameterSpec(

@@ -35,6 +35,7 @@ WAKE_UP_PERIOD = 1e-3  # s of real time between wake-ups where the step is short
 FAST_BATCH = 1000  # steps between requests when running as fast as possible
 REPEAT_PERIOD = 0.5  # s of real time between repeated states while paused, for subscribers that join later
 BACKLOG = 200  # snapshots that may wait for publication when running as fast as possible
+MAX_LEAD = 0.5  # simulated s by which a thread may be ahead of those that follow, as fast as possible
 MAX_WAITING = 10_000  # snapshots that may wait at all; when publishing is that slow, further ones are dropped
 
 
@@ -62,6 +63,7 @@ class SteppingThread:
         self.ticks = 0
         self.followed = followed
         self.start_values: StateValues | None = None  # to which a reset returns; None: the start of the file
+        self.followers: list[SteppingThread] = []  # threads of this program that follow this clock
         self._held_moments = 0  # requested before the followed clock has begun
         self._last_emitted = self._last_viewed = -1  # the tick of the last state that was emitted, and for the viewer
         self._emitted_at = 0.0  # s of the steady clock
@@ -165,6 +167,7 @@ class SteppingThread:
             raise
 
     def _loop(self) -> None:
+        self._lead()
         if self.followed is None:
             self._emit(Due.ALL)
         for remark in self.simulation.remarks:
@@ -247,8 +250,18 @@ class SteppingThread:
             self._report(EventKind.WARNING, f"/clock has restarted, but {problem}")
 
     def _wait_for_output(self) -> None:
-        while self.output.qsize() > BACKLOG and not self._stopping:
+        while (self.output.qsize() > BACKLOG or self._is_far_ahead()) and not self._stopping:
             time.sleep(1e-3)
+
+    def _lead(self) -> None:
+        """Pass the clock to the threads that follow."""
+        for follower in self.followers:
+            if follower.followed is not None:
+                follower.followed.take(self.clock_ns)
+
+    def _is_far_ahead(self) -> bool:
+        """Whether a thread that follows is behind by more than `MAX_LEAD`; one that is paused or has failed is not."""
+        return any(f.lag > MAX_LEAD and not f.paused and f._thread.is_alive() for f in self.followers)
 
     def _steps_until_due(self) -> int:
         """Steps to take at once: those of one wake-up period, and none beyond the next publication."""
@@ -267,6 +280,7 @@ class SteppingThread:
             self.problem = self._report(EventKind.DIVERGED, str(error)).text
             return str(error)
         self.ticks += steps
+        self._lead()
         self._check_error_estimate()
         self.counters.stepping += time.perf_counter() - began
         if due := self.rates.due(self._clock_ticks, self.simulation.step_size):
@@ -350,6 +364,7 @@ class SteppingThread:
             self.wrenches.clear()
         if rewind_clock:
             self._clock_zero_ns = -self.ticks * self._step_ns
+            self._lead()
         self._report(EventKind.RESET if state else EventKind.CLOCK_RESET)
         if state and self.start_values is not None:
             self._report(EventKind.NEW_STATE, self._new_state())

@@ -9,6 +9,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
 from mbd_sim.recording.verification import verify
+from mbd_sim.ros.node_group import members
 from test.system.nodes import Listener, SimNodeProcess, as_in_the_node, nanoseconds, new_domain
 
 MECHANISMS = {"left": "double_rod", "right": "rod_pendulum"}
@@ -123,3 +124,53 @@ def test_parameters_that_contradict_a_followed_clock_end_the_node(tmp_path: Path
         assert "Traceback" not in node.text
     finally:
         node.kill()
+
+
+def test_several_mechanisms_in_one_program_run_on_one_clock_each_in_its_namespace(tmp_path: Path) -> None:
+    domain = new_domain()
+    mechanisms = "'left=double_rod, right=rod_pendulum'"
+    node = SimNodeProcess(
+        domain, tmp_path, {"mechanisms": mechanisms, "record": True, "record_dir": "logs", "real_time_factor": 0}
+    )
+    listeners = {name: Listener(domain, name) for name in MECHANISMS}
+    for name, listener in listeners.items():
+        listener.server, listener.process = f"/{name}/sim_node", node
+    left, right = listeners["left"], listeners["right"]
+    try:
+        for listener in listeners.values():
+            listener.until(lambda listener=listener: len(listener.states) > 50, "states")
+        assert left.node.count_publishers("/clock") == 1
+        left.pause(True)
+        right.pause(False)
+        message = right.states[-1]
+        simulation = as_in_the_node("rod_pendulum")
+        simulation.step(nanoseconds(message.header.stamp) // 1_000_000)
+        assert list(message.position) == simulation.q.tolist()
+        assert node.end() == 0, node.text
+        assert "Traceback" not in node.text
+    finally:
+        for listener in listeners.values():
+            listener.close()
+        node.kill()
+    for mechanism in MECHANISMS.values():
+        (path,) = (tmp_path / "logs").glob(f"{mechanism}_*.mcap")
+        (result,) = verify(path)
+        assert result.agrees and result.tolerance is None, (mechanism, result.first, result.failure)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", []),
+        ("double_rod, four_bar", [("double_rod", "double_rod"), ("four_bar", "four_bar")]),
+        ("a=double_rod, b = ./x.yaml", [("a", "double_rod"), ("b", "./x.yaml")]),
+    ],
+)
+def test_the_members_of_a_group(text: str, expected: list[tuple[str, str]]) -> None:
+    assert members(text) == expected
+
+
+@pytest.mark.parametrize("text", ["a=double_rod, a=four_bar", "../x.yaml", "a="])
+def test_members_without_a_namespace_of_their_own_are_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="Write NAMESPACE=MECHANISM"):
+        members(text)
