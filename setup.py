@@ -41,10 +41,10 @@ def example_pages() -> list[tuple[str, list[str]]]:
 
 
 def ros2_run_scripts() -> tuple[str, list[str]]:
-    """A script for each program in lib/, where `ros2 run` looks for it."""
+    """A script for each program in lib/, where `ros2 run` looks for it; pip puts the programs into bin/."""
     source, folder = Path("scripts", "ros2_run_program"), Path("build", "ros2_run")
     folder.mkdir(parents=True, exist_ok=True)
-    return f"lib/{NAME}", [shutil.copy(source, folder / program) for program in ROS_PROGRAMS]
+    return f"lib/{NAME}", [shutil.copy(source, folder / program) for program in (NAME, *ROS_PROGRAMS)]
 
 
 data_files = [
@@ -56,6 +56,8 @@ data_files = [
 ]
 if "bdist_wheel" in sys.argv:
     data_files.append(ros2_run_scripts())
+elif "editable_wheel" not in sys.argv:
+    data_files.append(("bin", ["scripts/mbd_sim"]))  # on the PATH; colcon puts the programs into lib/
 
 setup(
     name=NAME,
@@ -94,11 +96,14 @@ setup(
         ],
         # Recorded runs as HTML pages and Parquet tables.
         "plot": ["plotly>=5.20", "pyarrow>=14"],
+        # Animations as MP4.
+        "video": ["av>=12"],
         # Sweeps: tables, and parallel runs.
         "sweep": ["dask[distributed]>=2024.1", "pyarrow>=14"],
         # Real robots, and Pinocchio as the reference for their accelerations; without them those tests are skipped.
         "robots": ["example-robot-data>=4", "pin>=3"],
         "test": [
+            "av>=12",
             "dask[distributed]>=2024.1",
             "gymnasium>=1.0",
             "hypothesis>=6.100",

@@ -6,7 +6,7 @@ import importlib.util
 
 from mbd_sim.errors import InputError
 
-ROS = "a sourced ROS 2 environment, or: pip install 'mbd_sim[ros]'"
+ROS = "Source a ROS 2 environment, or install the wheels, in the source folder of mbd_sim: pip install '.[ros]'"
 DISTRIBUTIONS = {  # by the name of the module, where it is another one
     "PIL": "pillow",
     "dask": "'dask[distributed]'",
@@ -59,7 +59,7 @@ def _missing(name: str, purpose: str, otherwise: str) -> MissingPackageError:
     name = name.partition(".")[0]
     if name in _ROS_MODULES or name.endswith("_msgs"):
         message = f"{purpose} needs ROS 2 ({name}), which is not installed here"
-        return MissingPackageError(message, f"Give it {ROS}")
+        return MissingPackageError(message, ROS)
     remedy = f"Install it with: pip install {DISTRIBUTIONS.get(name, name)}"
     return MissingPackageError(
         f"{purpose} needs {name}, which is not installed", remedy + (otherwise and f"; {otherwise}")

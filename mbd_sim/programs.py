@@ -10,7 +10,9 @@ from __future__ import annotations
 import importlib
 import os
 import signal
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Sequence
+from typing import cast
 
 INTERRUPTED = 130  # exit code of a command after Ctrl-C, as in a shell
 
@@ -30,13 +32,24 @@ class EntryPoint:
     def __call__(self) -> int:
         """Import the module and call the function; its return value is the exit code."""
         signal.signal(signal.SIGINT, lambda *_: os._exit(self._exit_code))
-        *module, function = self._path
-        main = getattr(importlib.import_module(".".join(("mbd_sim", *module))), function)
+        main = self._imported()
         signal.signal(signal.SIGINT, signal.default_int_handler)
         try:
             return int(main())
         except KeyboardInterrupt:
             return self._exit_code
+
+    def _imported(self) -> Callable[[], int]:
+        """The function; the program ends with a message where a package is missing, such as ROS."""
+        *module, function = self._path
+        try:
+            return cast("Callable[[], int]", getattr(importlib.import_module(".".join(("mbd_sim", *module))), function))
+        except ModuleNotFoundError as error:
+            from mbd_sim.packages import missing_package
+
+            if (explained := missing_package(error)) is None:
+                raise
+            sys.exit(str(explained))
 
 
 node = EntryPoint((), 0)  # a node ends by SIGINT without an error

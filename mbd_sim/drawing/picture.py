@@ -43,6 +43,7 @@ def draw(mechanism: Mechanism, poses: Mapping[str, Pose], path: str | Path, *, t
             f"cannot draw {quoted(str(path))}: the suffix is {quoted(path.suffix) if path.suffix else 'missing'}. "
             f"Use a file name that ends in {' or '.join(FORMATS)}."
         )
+    require_packages("matplotlib", purpose="A drawing")
     picture = compose(mechanism, poses, title)
     try:
         path.open("ab").close()  # fails before Matplotlib is loaded

@@ -51,7 +51,7 @@ MAX_OVERRUNS = 3  # overruns a second from which the node gives up its real-time
 
 
 class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
-    """Runs a mechanism in real time: publishes states and energies, accepts efforts and wrenches, records every run."""
+    """Runs a mechanism in real time: publishes states and energies, accepts efforts and wrenches, records the run."""
 
     def __init__(self, end: Callable[[], None], *, leader: SimNode | None = None, **options: Any) -> None:
         """Build all parts; `end` is called when a service asks the program to end.
