@@ -31,6 +31,7 @@ DESCRIPTION = (
 SHOWN_RATE = 60.0  # states per simulated second that go to the viewer
 CHUNK = 20_000  # steps per call without a viewer
 FLUSH_INTERVAL = 10_000  # states after which the run waits for the viewer, so that its queue drops none
+RESIDUAL_LIMIT = 1e-4  # of the largest energy or work, above which the energy residual is worth a warning
 VIOLATION_LIMIT = 1e-6  # m and m/s, above which a violated constraint is worth a warning
 
 
@@ -158,6 +159,7 @@ def _summary(simulation: Simulation, seconds: float, done: str) -> str:
             f"  energy residual  {energies.residual:.3g} J of {energies.total:.6g} J total "
             f"(applied {energies.work_applied:.6g}, drives {energies.work_drives:.6g}, "
             f"dissipated {energies.dissipated:.6g})",
+            *_residual(simulation),
             *(f"  note             {remark}" for remark in simulation.remarks),
             *_accuracy(simulation),
             *_constraints(simulation),
@@ -165,6 +167,25 @@ def _summary(simulation: Simulation, seconds: float, done: str) -> str:
             *values,
         ]
     )
+
+
+def _residual(simulation: Simulation) -> list[str]:
+    """A warning if the energy residual is large in comparison with the energies that were exchanged."""
+    energies = simulation.energies
+    exchanged = max(
+        abs(value)
+        for value in (
+            energies.kinetic, energies.potential, energies.total - simulation.start_energy,
+            energies.work_applied, energies.work_drives, energies.dissipated,
+        )
+    )  # fmt: skip
+    if not abs(energies.residual) > RESIDUAL_LIMIT * exchanged:
+        return []
+    share = abs(energies.residual) / (exchanged or 1.0)
+    return [
+        f"  WARNING          the energy residual is {share:.2g} of the largest energy or work: "
+        f"use a smaller step than {simulation.step_size:g} s, or another method"
+    ]
 
 
 def _accuracy(simulation: Simulation) -> list[str]:

@@ -15,6 +15,7 @@ from mbd_sim.mechanism_file.schema.file_schema import MechanismFile
 PydanticLocation = tuple[int | str, ...]  # keys, indices, and tags of unions
 SchemaNode = dict[str, Any]
 
+UNIT_KEY = "x-unit"  # of the number of a quantity, see `Quantity`
 REPEATED_SECTIONS = ("parts", "joints", "constraints", "forces")
 REPEATED_NAME = r"^[A-Za-z0-9_]*\{.*$"  # with an index in braces
 REPETITION: SchemaNode = {
@@ -62,6 +63,18 @@ def known_types(location: PydanticLocation) -> list[str]:
 
 def takes_expression(data: Any, location: Location) -> bool:
     """Whether the value at a location of a file's data may be an expression."""
+    nodes = _nodes_of(data, location)
+    return any("number" in (kinds := node.get("type", "")) or kinds == "number" for node in nodes)
+
+
+def unit_at(data: Any, location: Location) -> str:
+    """The SI unit of the quantity at a location of a file's data; empty if it is none, or has none."""
+    written = (node.get(UNIT_KEY, "") for node in _nodes_of(data, location))
+    return next((str(unit) for unit in written if unit), "")
+
+
+def _nodes_of(data: Any, location: Location) -> list[SchemaNode]:
+    """The parts of the schema that describe the value at a location of a file's data."""
     nodes = _forms(_json_schema())
     for step in location:
         kind = data.get("type") if isinstance(data, dict) else None
@@ -69,7 +82,7 @@ def takes_expression(data: Any, location: Location) -> bool:
         nodes = [form for node in tagged or nodes for form in _forms(node)]
         nodes = [form for node in nodes for inner in _below(node, step) for form in _forms(inner)]
         data = data[step]
-    return any("number" in (kinds := node.get("type", "")) or kinds == "number" for node in nodes)
+    return nodes
 
 
 class _NamesWithoutSuffix(GenerateJsonSchema):

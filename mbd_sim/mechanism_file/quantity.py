@@ -31,7 +31,7 @@ class Quantity:
         )
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        number: dict[str, Any] = {"type": "number"}
+        number: dict[str, Any] = {"type": "number", "x-unit": self.unit}
         if self.above is not None:
             number["exclusiveMinimum"] = self.above
         if self.at_least is not None:

@@ -38,10 +38,14 @@ def report(simulation: Simulation) -> dict[str, Any]:
         "constraints": constraints,
         "holonomic": all(row["holonomic"] or row["integrable"] for row in constraints),
         "dynamics": [],
+        "size": _size(simulation),
         "start": {"q": simulation.q.tolist(), "u": simulation.u.tolist(), **energies._asdict()},
         "mass_matrix": _mass_matrix(simulation),
         "inertia_forces": _inertia_forces(simulation),
-        "small_motions": _small_motions(equations, simulation.model.kernel.instructions),
+        "small_motions": {
+            **_small_motions(equations, simulation.model.kernel.instructions),
+            "coordinates": _position_names(equations, mechanism),
+        },
         "integrator": {
             "method": simulation.model.method.name,
             "order": simulation.model.method.order,
@@ -117,6 +121,26 @@ def _constraints(equations: Equations) -> list[dict[str, Any]]:
         }
         for index, row in enumerate(equations.rows)
     ]
+
+
+def _size(simulation: Simulation) -> float:
+    """The largest distance of a center of mass from the origin of ground at the start, m."""
+    poses, parts = simulation.poses(), simulation.mechanism.parts
+    places = [poses[name].position + poses[name].rotation @ part.center for name, part in parts.items()]
+    return max((float(np.linalg.norm(place)) for place in places), default=0.0)
+
+
+def _position_names(equations: Equations, mechanism: Mechanism) -> list[str]:
+    """A name for each of the generalized coordinates q, also for the components of quaternions."""
+    names: dict[int, str] = {}
+    for joint in mechanism.tree_joints():
+        first, quaternion = equations.layout.q[joint.name].start, joint.kind.quaternion
+        labels = list(joint.motion_names[:quaternion])
+        if quaternion is not None:
+            labels += [f"{joint.name}.q{letter}" for letter in "wxyz"]
+        if not joint.drive:
+            names |= {first + index: label for index, label in enumerate(labels)}
+    return [names[index] for index in sorted(names)]
 
 
 def _mass_matrix(simulation: Simulation) -> dict[str, Any]:
@@ -197,6 +221,7 @@ def _joint(joint: Joint, at: Mapping[str, float]) -> dict[str, Any]:
         "axes": [axis.tolist() for axis in (joint.axis, joint.second) if axis.any()],
         "lead": joint.lead,
         "position": [at[name] for name in joint.motion_names if name in at],
+        "position_units": [coordinate.unit for coordinate in joint.kind.coordinates],
         "reversed": joint.reversed,
         "coordinates": list(joint.motion_names),
         "drive": [expression.text for expression in joint.drive],

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from mbd_sim.errors import listed, printable
+
+ROUND_OFF = 1e-14  # relative to the size of the mechanism
 
 
 def report_text(found: dict[str, Any]) -> str:
@@ -59,10 +62,12 @@ def _remarks(found: dict[str, Any]) -> list[str]:
 def _dynamics(found: dict[str, Any]) -> list[str]:
     """Energies, mass matrix, small motions and the integrator."""
     start, integrator = found["start"], found["integrator"]
+    weight = found["mass"] * math.hypot(*found["gravity"])
+    scale = max(abs(start["kinetic"]), weight * found["size"])
     return [
         *_mass_and_gravity(found),
-        f"Initial energies    kinetic {start['kinetic']:.6g} J, potential {start['potential']:.6g} J, "
-        f"total {start['total']:.6g} J",
+        f"Initial energies    kinetic {_rounded(start['kinetic'], scale):.6g} J, "
+        f"potential {_rounded(start['potential'], scale):.6g} J, total {_rounded(start['total'], scale):.6g} J",
         *_mass(found["mass_matrix"]),
         *_inertia_forces(found["inertia_forces"]),
         *_motions(found["small_motions"]),
@@ -74,7 +79,11 @@ def _dynamics(found: dict[str, Any]) -> list[str]:
 def _start(joint: dict[str, Any], found: dict[str, Any]) -> str:
     if joint["name"] in found["closing_joints"]:
         return "closes a loop"
-    return "driven" if joint["drive"] else _vector(joint["position"])
+    if joint["drive"]:
+        return "driven"
+    given = zip(joint["position"], joint["position_units"], strict=False)
+    turned = [f"{math.degrees(value) + 0.0:.4g}°" for value, unit in given if unit == "rad" and value]
+    return _vector(joint["position"]) + (f" ({', '.join(turned)})" if turned else "")
 
 
 def _mobility(found: dict[str, Any]) -> list[str]:
@@ -156,7 +165,8 @@ def _inertia_forces(terms: dict[str, Any] | None) -> list[str]:
 def _motions(small: dict[str, Any]) -> list[str]:
     if small["equilibrium"] is None:
         return [f"Equilibrium         not determined: {small['reason']}"]
-    lines = [f"Equilibrium         at {_vector(small['equilibrium'])}"]
+    named = zip(small["coordinates"], small["equilibrium"], strict=True)
+    lines = [f"Equilibrium         at {', '.join(f'{name} = {_rounded(value):.4g}' for name, value in named)}"]
     for mode in small["modes"]:
         if mode["frequency"]:
             lines.append(f"  natural mode      {mode['frequency']:.6g} Hz, damping ratio {mode['damping']:.4g}")
@@ -175,4 +185,9 @@ def _axes(joint: dict[str, Any]) -> str:
 
 
 def _vector(values: list[float]) -> str:
-    return "[" + ", ".join(f"{value + 0.0:.4g}" for value in values) + "]" if values else ""
+    return "[" + ", ".join(f"{_rounded(value):.4g}" for value in values) + "]" if values else ""
+
+
+def _rounded(value: float, scale: float = 1.0) -> float:
+    """The value, or 0 where it is round-off in comparison with `scale`."""
+    return 0.0 if abs(value) < ROUND_OFF * scale else value

@@ -35,14 +35,19 @@ def step_count(n: int) -> int:
     return count
 
 
-def step_at(time: float, size: float) -> int:
+def step_at(time: float, size: float, steps: int = 0) -> int:
     """The number of the step nearest to a time in s.
 
-    :raises ValueError: the time is not finite.
+    :param steps: the steps taken so far.
+    :raises ValueError: the time is not finite, or is before that step.
     """
     if not math.isfinite(time):
         raise ValueError(f"cannot run until t = {time} s: the time must be finite.")
-    return round(time / size)
+    if (last := round(time / size)) < steps:
+        raise ValueError(
+            f"cannot run until t = {time:g} s: it is t = {steps * size:g} s. Give a later time, or call reset() first."
+        )
+    return last
 
 
 def finite_vector(values: Sequence[float] | Array, size: int, name: str) -> Array:

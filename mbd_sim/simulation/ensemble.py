@@ -260,9 +260,9 @@ class Ensemble(ReadOnlyAttributes):
     def run(self, until: float, progress: Callable[[float], None] | None = None) -> None:
         """Advance to the step nearest to time `until` in s; `progress` is called with the time every 2000 steps.
 
-        :raises ValueError: the time is not finite.
+        :raises ValueError: the time is not finite, or is in the past.
         """
-        last = step_at(until, self.step_size)
+        last = step_at(until, self.step_size, self.steps)
         while self.steps < last:
             self.step(min(last - self.steps, RUN_CHUNK))
             if progress is not None:

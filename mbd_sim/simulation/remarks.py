@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+import math
+
 from mbd_sim.errors import listed
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism_file.bare_angles import large_bare_angles
 from mbd_sim.simulation.compiled_model import Model
 
 
 def remarks(model: Model) -> tuple[str, ...]:
-    """A sentence on the method, if it is not an ordinary one, and one on limits that do not act on the motion."""
-    return tuple(remark for remark in (model.method_remark, limits_remark(model.mechanism)) if remark)
+    """Sentences on a method that is not an ordinary one, limits that do not act, and angles beyond a full turn."""
+    found = (model.method_remark, limits_remark(model.mechanism), *angle_remarks(model.mechanism))
+    return tuple(remark for remark in found if remark)
+
+
+def angle_remarks(mechanism: Mechanism) -> list[str]:
+    """A sentence on each angle that exceeds a full turn and has no unit."""
+    return [
+        f"{key} is {value:g} rad ({math.degrees(value):.4g}°), because it has no unit. "
+        f"Write {value:g} deg or {value:g} rad."
+        for key, value in large_bare_angles(mechanism.source)
+    ]
 
 
 def limits_remark(mechanism: Mechanism) -> str:

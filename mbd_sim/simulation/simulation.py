@@ -144,9 +144,9 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
         """Advance to the step nearest to time `until` in s; `progress` is called with the time every 20,000 steps.
 
         :raises DivergedError: see `advance`.
-        :raises ValueError: the time is not finite.
+        :raises ValueError: the time is not finite, or is in the past.
         """
-        last = step_at(until, self.step_size)
+        last = step_at(until, self.step_size, self.steps)
         while self.steps < last:
             self.advance(min(last - self.steps, RUN_CHUNK))
             if progress is not None:

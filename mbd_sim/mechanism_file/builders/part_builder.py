@@ -21,7 +21,8 @@ def build_part(name: str, spec: file_schema.PartSpec, source: Source, problems: 
     """A part; its problems are added to `problems`."""
     location: Location = ("parts", name)
     shapes = _shapes(spec)
-    if spec.inertia is not None or not shapes:
+    only_drawn = all(_is_drawn_only(shape) for shape in shapes)
+    if spec.inertia is not None or not shapes or (only_drawn and spec.mass):
         body = _given_properties(spec, location, source, problems)
     else:
         body = _computed_properties(spec, location, source, problems)
@@ -54,6 +55,10 @@ def _shapes(spec: file_schema.PartSpec) -> list[file_schema.AnyShapeSpec]:
     return [spec.shape] if spec.shape is not None else list(spec.shapes or [])
 
 
+def _is_drawn_only(shape: file_schema.AnyShapeSpec) -> bool:
+    return shape.mass == 0.0
+
+
 def _given_properties(
     spec: file_schema.PartSpec, location: Location, source: Source, problems: list[Problem]
 ) -> MassProperties:
@@ -61,7 +66,7 @@ def _given_properties(
     if spec.mass is None:
         problems.append(source.problem(location, "'mass' is missing", "Add 'mass', or a shape with mass or density."))
     for index, shape in enumerate(_shapes(spec)):
-        if shape.mass is not None or getattr(shape, "density", None) is not None:
+        if not _is_drawn_only(shape) and (shape.mass is not None or getattr(shape, "density", None) is not None):
             where = (*location, "shape") if spec.shape else (*location, "shapes", index)
             remedy = "Remove the shape's mass: if the part gives its inertia, its shapes are only drawn."
             problems.append(source.problem(where, "gives a mass although the part gives its inertia", remedy))

@@ -1,0 +1,60 @@
+"""The report of `mbd_sim check`: degrees, names, round-off, and suspicious angles."""
+
+import re
+
+import pytest
+
+from mbd_sim import Simulation
+from mbd_sim.cli.run import simulate
+from mbd_sim.load import parse_mechanism
+from mbd_sim.report.mechanism_report import report
+from mbd_sim.report.report_text import report_text
+
+PENDULUM = """mechanism: pendulum
+parts: {rod: {mass: 1, center: [0, 0, -1], inertia: [0.1, 0.1, 0.01]}}
+joints: {pin: {type: revolute, between: [ground, rod], axis: [0, 1, 0], position: ANGLE}}
+"""
+
+
+def text_of(angle):
+    return report_text(report(Simulation.from_text(PENDULUM.replace("ANGLE", angle))))
+
+
+def test_angles_are_shown_in_degrees_as_well():
+    assert "[1.047] (60°)" in text_of("60 deg")
+
+
+def test_an_angle_beyond_a_full_turn_without_a_unit_is_remarked():
+    remark = "joints.pin.position is 60 rad (3438°), because it has no unit. Write 60 deg or 60 rad."
+    assert remark in text_of("60") and "no unit" not in text_of("60 rad") + text_of("6") + text_of("60 deg")
+
+
+def test_round_off_is_shown_as_zero_and_equilibria_are_named():
+    text = text_of("90 deg")
+    assert "potential 0 J, total 0 J" in text
+    assert "Equilibrium         at pin = 0\n" in text and not re.search(r"e-1\d\d", text)
+
+
+def test_components_of_quaternions_are_named():
+    ball = PENDULUM.replace("type: revolute", "type: spherical").replace(", axis: [0, 1, 0], position: ANGLE", "")
+    assert "Equilibrium         at pin.qw = 1, pin.qx = 0, pin.qy = 0, pin.qz = 0\n" in report_text(
+        report(Simulation.from_text(ball))
+    )
+
+
+def test_shapes_that_are_only_drawn_may_stand_beside_the_mass_of_the_part():
+    shapes = "shapes: [{type: sphere, radius: 0.1, mass: 0}]"
+    part = parse_mechanism(PENDULUM.replace("inertia: [0.1, 0.1, 0.01]", shapes).replace("ANGLE", "1")).parts["rod"]
+    assert part.mass == 1.0 and part.center.tolist() == [0.0, 0.0, -1.0] and not part.inertia.any()
+    both = parse_mechanism(PENDULUM.replace("0.01]", "0.01], " + shapes).replace("ANGLE", "1")).parts["rod"]
+    assert both.inertia[0, 0] == 0.1 and len(both.shapes) == 1
+
+
+@pytest.mark.parametrize("step, warned", [(0.5, True), (1e-3, False)])
+def test_a_large_energy_residual_is_a_warning(step, warned):
+    sim = Simulation.from_text(PENDULUM.replace("ANGLE", "1"), method="euler" if warned else None, step=step)
+    summary = simulate(sim, 5.0, quiet=True)
+    assert (
+        bool(re.search(r"WARNING +the energy residual is .* of the largest energy or work: use a smaller", summary))
+        == warned
+    )
