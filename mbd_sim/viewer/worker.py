@@ -10,12 +10,19 @@ import json
 import os
 import pickle
 import sys
-from typing import IO
+import time
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
 from mbd_sim.viewer import protocol
+from mbd_sim.viewer.sinks import is_live
 
+if TYPE_CHECKING:
+    from mbd_sim.viewer.rerun_stream import RerunStream
+
+FILE_PERIOD, FILE_BATCH = 1.0, 4_000_000  # s, bytes: rows for a file are sent when either is reached
+FILE_GROWTH = 0.01  # of the time since the start, by which the period grows
 NICENESS = 10  # so that the simulation comes first where there is not enough processor time for both
 
 
@@ -26,6 +33,36 @@ def main() -> int:
     with contextlib.suppress(OSError):
         os.nice(NICENESS)
     return _run(sys.stdin.buffer, answers)
+
+
+class RowBatches:
+    """Rows on their way into a stream.
+
+    Each batch becomes a chunk for every entity. Rerun keeps 0.4 kB for each chunk of a file in memory, for the list at
+    its end. Therefore rows for a file, which nobody watches, are collected: for a second, and for 1 % of the time since
+    the start if that is longer, but not beyond `FILE_BATCH`. Rows for a viewer are sent as they come.
+    """
+
+    def __init__(self, stream: RerunStream, width: int, *, live: bool) -> None:
+        self._stream, self._width, self._live = stream, width, live
+        self._waiting: list[bytes] = []
+        self._size, self._start = 0, time.monotonic()
+        self._sent = self._start
+
+    def add(self, rows: bytes) -> None:
+        """Take rows, and send them if it is time."""
+        self._waiting.append(rows)
+        self._size += len(rows)
+        now = time.monotonic()
+        period = max(FILE_PERIOD, FILE_GROWTH * (now - self._start))
+        if self._live or self._size >= FILE_BATCH or now - self._sent >= period:
+            self.send()
+
+    def send(self) -> None:
+        """Send all rows that wait."""
+        if self._waiting:
+            self._stream.send_samples(np.frombuffer(b"".join(self._waiting)).reshape(-1, self._width))
+        self._waiting, self._size, self._sent = [], 0, time.monotonic()
 
 
 def _run(source: IO[bytes], answers: IO[str]) -> int:
@@ -48,17 +85,20 @@ def _run(source: IO[bytes], answers: IO[str]) -> int:
         answer(failed=str(error) or repr(error))
         return 1
     answer(address=stream.address)
+    batches = RowBatches(stream, scene.rows.width, live=is_live(sink))
     try:
         while (message := protocol.read(source)) is not None:
             kind, payload = message
             if kind == protocol.ROWS:
-                stream.send_samples(np.frombuffer(payload).reshape(-1, scene.rows.width))
+                batches.add(payload)
             elif kind == protocol.EVENTS:
                 events = json.loads(payload)
                 stream.send_events([LoggedEvent(time, EventKind(kind), text) for time, kind, text in events])
             elif kind == protocol.FLUSH:
+                batches.send()
                 stream.flush()
                 answer(flushed=int.from_bytes(payload, "little"))
+        batches.send()
         stream.flush()
     except Exception as error:
         answer(failed=str(error) or repr(error))
