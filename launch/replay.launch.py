@@ -6,16 +6,10 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchDescription
+from mbd_sim.ros.launch_arguments import argument_rows
+from mbd_sim.ros.replay_node import PARAMETERS
 
-ARGUMENTS = [
-    ("rate", "1.0", "1: as recorded; 0: as fast as possible", float),
-    ("start", "0.0", "where to start, in s after the first message", float),
-    ("end", "0.0", "where to end, in s after the first message; 0: at the recording's end", float),
-    ("loop", "false", "restart at the end", bool),
-    ("stay", "false", "pause at the end instead of exiting", bool),
-    ("start_paused", "false", "wait for ~/pause, ~/step or ~/seek", bool),
-    ("clock_rate", "200.0", "/clock messages per recorded second", float),
-]
+ARGUMENTS = [row for row in argument_rows(PARAMETERS) if row[0] != "bag"]  # name, default, meaning, type
 
 
 def generate_launch_description():

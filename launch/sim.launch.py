@@ -9,35 +9,10 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
+from mbd_sim.ros.launch_arguments import argument_rows
+from mbd_sim.ros.sim_parameters import PARAMETERS
 
-# Parameters of the node: name, default, meaning.
-PARAMETERS = [
-    ("mechanism", "double_rod", "a mechanism file, or the name of a shipped mechanism"),
-    ("method", "", "integration method; empty: that of the mechanism's file"),
-    ("step", "0.0", "integration step in s; 0: that of the mechanism's file"),
-    ("publish_rate", "100.0", "joint states per simulated second"),
-    ("clock_rate", "200.0", "/clock messages per simulated second; 0: none"),
-    ("real_time_factor", "1.0", "1: real time; 0: as fast as possible"),
-    ("start_paused", "false", "wait for ~/pause or ~/step"),
-    (
-        "command_timeout",
-        "0.5",
-        "simulated s without a command for a joint after which its effort is set to zero; 0: never",
-    ),
-    ("record", "true", "record the run to an MCAP file"),
-    ("record_dir", "recordings", "folder of the recordings"),
-    ("rerun", "", "spawn, serve, connect, or a file.rrd"),
-    ("marker_rate", "30.0", "markers per simulated second, while subscribed; 0: none"),
-    ("joint_reactions", "false", "publish the force and moment that each joint transmits"),
-    ("constraint_violation", "false", "publish by how much loops and constraints are violated"),
-    ("frame_prefix", "", "prefix of all frame names, for several instances: name/"),
-]
-KINDS = {
-    **dict.fromkeys(
-        ["step", "publish_rate", "clock_rate", "real_time_factor", "command_timeout", "marker_rate"], float
-    ),
-    **dict.fromkeys(["start_paused", "record", "joint_reactions", "constraint_violation"], bool),
-}
+ARGUMENTS = argument_rows(PARAMETERS)  # all parameters of the node: name, default, meaning, type
 OTHERS = [
     ("namespace", "", "namespace of all nodes"),
     ("params_file", "", "a YAML file of parameters, such as live values; it overrides the other arguments"),
@@ -51,7 +26,7 @@ def generate_launch_description():
         [
             *(
                 DeclareLaunchArgument(name, default_value=default, description=about)
-                for name, default, about in [*PARAMETERS, *OTHERS]
+                for name, default, about in [*(row[:3] for row in ARGUMENTS), *OTHERS]
             ),
             OpaqueFunction(function=simulation),
             OpaqueFunction(function=rviz, condition=IfCondition(LaunchConfiguration("rviz"))),
@@ -61,9 +36,7 @@ def generate_launch_description():
 
 def simulation(context):
     """The node; the parameter file comes last, so that it overrides the defaults of the arguments."""
-    parameters = [
-        {name: ParameterValue(LaunchConfiguration(name), value_type=KINDS.get(name, str)) for name, _, _ in PARAMETERS}
-    ]
+    parameters = [{name: ParameterValue(LaunchConfiguration(name), value_type=kind) for name, _, _, kind in ARGUMENTS}]
     if file := LaunchConfiguration("params_file").perform(context):
         parameters.append(file)
     return [

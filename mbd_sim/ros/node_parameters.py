@@ -20,7 +20,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from mbd_sim.errors import nearest
+from mbd_sim.errors import nearest, quoted
 
 RCLPY_PREFIXES = ("qos_overrides.",)  # of parameters that rclpy itself declares later
 SIMILARITY = 0.7  # of an unknown name to a known one from which it counts as misspelled
@@ -164,8 +164,12 @@ class NodeParameters:
         values = [value] if keys == [name] else list(value) if isinstance(value, Sequence | array) else []
         if len(values) != len(keys) or not all(_is_finite(number) for number in values):
             expected = "a number" if keys == [name] else f"{len(keys)} numbers"
-            return {}, f"parameter '{name}' must be {expected}, not {value!r}."
+            return {}, f"parameter '{name}' must be {expected}, not {_shown(value)}."
         return dict(zip(keys, map(float, values), strict=True)), ""
+
+
+def _shown(value: Any) -> str:
+    return quoted(list(value) if isinstance(value, array) else value, 100)
 
 
 def _is_finite(value: Any) -> bool:
@@ -191,7 +195,7 @@ def _problem(spec: ParameterSpec, value: Any) -> str:
     if expected is float:
         fits = _is_finite(value)
     if not fits:
-        return f"parameter '{spec.name}' must be of type {expected.__name__}, not {value!r} ({spec.description})."
+        return f"parameter '{spec.name}' must be of type {expected.__name__}, not {_shown(value)} ({spec.description})."
     low, high = spec.low, spec.high
     if low is not None and high is not None and not low <= value <= high:
         return f"parameter '{spec.name}' must lie between {low:g} and {high:g}, not {value!r}."

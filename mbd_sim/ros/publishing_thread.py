@@ -170,7 +170,7 @@ class PublishingThread:
         if event.kind in ERRORS:
             self._log.error(event.text)
         elif event.kind is EventKind.WARNING:
-            self._log.warning(event.text)
+            self._log.warning(str(event.payload))  # the severity says that it is a warning
         elif event.kind is not EventKind.COMMAND:
             self._log.info(event.text)
 

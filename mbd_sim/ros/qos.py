@@ -25,6 +25,7 @@ def profile(offered: OfferedQos) -> QoSProfile:
 
 FOLLOWED_CLOCK = QoSProfile(depth=1, reliability=QoSReliabilityPolicy.BEST_EFFORT)  # fits every publisher
 STATE, CLOCK, COMMAND = profile(qos.STATE), profile(qos.CLOCK), profile(qos.COMMAND)
+COMMAND_BEST_EFFORT = QoSProfile(depth=COMMAND.depth, reliability=QoSReliabilityPolicy.BEST_EFFORT)
 
 
 def profile_of(text: str) -> QoSProfile:

@@ -26,7 +26,10 @@ class PlayerOutput(Protocol):
         """Publish a message."""
 
     def warn(self, text: str) -> None:
-        """Report something to the user."""
+        """Report a problem to the user."""
+
+    def inform(self, text: str) -> None:
+        """Report something that is no problem."""
 
     def end(self) -> None:
         """The player has ended: nothing follows."""
@@ -206,7 +209,7 @@ class Player:
 
     def _wait_at_end(self) -> None:
         self.paused = True
-        self.output.warn(f"at the end, t = {self.time:.9g} s")
+        self.output.inform(f"at the end, t = {self.time:.9g} s")
         while not self._stopping and self._seek_ns < 0:
             self._wake.wait()
             self._serve_requests()

@@ -37,6 +37,7 @@ class ReplayPublishers:
         self.latched: list[str] = []
         self.publishers: dict[str, Publisher] = {}
         self.warn, self.end = on_warning, on_end
+        self._log = node.get_logger()
         self._handles = ExitStack()
         self._publish: dict[str, Callable[[bytes], None]] = {}
         for name, topic in recording.topics.items():
@@ -49,6 +50,10 @@ class ReplayPublishers:
         if not self.clock_recorded:
             self._publish_clock = self._raw_publish(node.create_publisher(Clock, CLOCK, qos.CLOCK))
         self._clock_message = MessageTemplate(Clock(clock=STAMP))
+
+    def inform(self, text: str) -> None:
+        """Log something that is no problem."""
+        self._log.info(text)
 
     def clock(self, time_ns: int) -> None:
         """Publish a time in ns on /clock."""

@@ -97,7 +97,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self.publishing_thread.recordings = self.recordings
         self.publishing_thread.viewer = rerun_viewer(parameters, simulation, log)
         self.rates.view = parameters["rerun_rate"] if self.publishing_thread.viewer is not None else 0.0
-        subscriptions = Subscriptions(
+        subscriptions = self.subscribed = Subscriptions(
             self,
             simulation.mechanism,
             self.commands,
@@ -215,6 +215,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             realtime.prioritize(0)
             self._priority = 0
             self._add_note("stepping uses all available time, so it continues without real-time priority")
+        self.subscribed.fit_reliability()
         self.diagnostics.publish()
 
     def _step_on_command(self) -> None:

@@ -8,6 +8,8 @@ from functools import partial
 
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
+from rclpy.qos import QoSProfile, QoSReliabilityPolicy
+from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -56,16 +58,37 @@ class Subscriptions:
         self.last_rejection: tuple[str, CommandError] | None = None
         self._log = node.get_logger()
         self._last_warning = 0.0
-        node.create_subscription(Float64MultiArray, "~/commands", self._take_by_order, qos.COMMAND)
-        node.create_subscription(JointState, "joint_commands", self._take_by_name, qos.COMMAND)
-        node.create_subscription(JointState, SET_STATE, self._take_state, qos.COMMAND)
+        self._node, self._subscriptions = node, dict[str, Subscription]()
+        self._subscribe(Float64MultiArray, "~/commands", self._take_by_order)
+        self._subscribe(JointState, "joint_commands", self._take_by_name)
+        self._subscribe(JointState, SET_STATE, self._take_state)
         tokens = topic_names(mechanism.parts)
         for part, point in wrench_targets:
             topic = f"~/wrench/{tokens[part]}"
             if point is not None:
                 topic += f"/{topic_names(mechanism.parts[part].points)[point]}"
             take = partial(self._take_wrench, topic, part, point)
-            node.create_subscription(WrenchStamped, topic, take, qos.COMMAND)
+            self._subscribe(WrenchStamped, topic, take)
+
+    def fit_reliability(self) -> None:
+        """Subscribe as best effort to topics with a best-effort publisher, which reliable subscriptions cannot receive.
+
+        All other topics are reliable, so that no command is lost. To be called now and then.
+        """
+        for topic, subscription in list(self._subscriptions.items()):
+            publishers = self._node.get_publishers_info_by_topic(subscription.topic_name)
+            best_effort = any(
+                publisher.qos_profile.reliability == QoSReliabilityPolicy.BEST_EFFORT for publisher in publishers
+            )
+            profile = qos.COMMAND_BEST_EFFORT if best_effort else qos.COMMAND
+            if publishers and profile.reliability != subscription.qos_profile.reliability:
+                self._node.destroy_subscription(subscription)
+                self._subscribe(subscription.msg_type, topic, subscription.callback, profile)
+
+    def _subscribe(
+        self, message_type: type, topic: str, take: Callable[..., None], profile: QoSProfile = qos.COMMAND
+    ) -> None:
+        self._subscriptions[topic] = self._node.create_subscription(message_type, topic, take, profile)
 
     @property
     def accepted(self) -> int:

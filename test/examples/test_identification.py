@@ -35,6 +35,26 @@ def test_the_truth_is_found_from_a_recorded_run(recording, capsys):
     assert "Did you mean 'damping'?" in capsys.readouterr().err
 
 
+def test_several_recordings_are_used_together(recording, capsys):
+    assert main([str(recording), str(recording), "damping=0.1"]) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("damping")]
+    assert float(line.split()[2]) == pytest.approx(0.04, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (["a.mcap", "b.mcap"], "no guess is given"),
+        (["inertia=0.03"], "no recording is given"),
+        (["a.mcap", "inertia="], "inertia=: '' is not a positive number"),
+        (["a.mcap", "inertia=-1"], "'-1' is not a positive number"),
+    ],
+)
+def test_wrong_words_are_named(words, problem, capsys):
+    assert main(words) == 1
+    assert problem in capsys.readouterr().err
+
+
 def test_noise_spoils_it_little(recording):
     run, rng = read(recording), np.random.default_rng(1)
     noisy = dataclasses.replace(

@@ -36,6 +36,9 @@ class RecordingOutput:
     def warn(self, text):
         self.texts.append(text)
 
+    def inform(self, text):
+        self.texts.append(text)
+
     def end(self):
         self.ended.set()
 

@@ -24,7 +24,7 @@ import yaml
 from test.waiting import PATIENCE
 
 ROOT = Path(__file__).resolve().parent.parent.parent
-TYPES: dict[type, Callable[[str], Any]] = {bool: lambda text: text.lower() == "true", float: float, str: str}
+TYPES: dict[type, Callable[[str], Any]] = {bool: lambda text: text.lower() == "true", float: float, int: int, str: str}
 
 
 @dataclasses.dataclass

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
 
 from mbd_sim.load import load_mechanism
+from mbd_sim.ros.node_parameters import ParameterSpec
+from mbd_sim.ros.replay_node import PARAMETERS as REPLAY_PARAMETERS
+from mbd_sim.ros.sim_parameters import PARAMETERS as SIM_PARAMETERS
 from test.recording.runs import record_run
 from test.system.launch_runner import ROOT, launched, launching
 from test.system.nodes import Listener, new_domain
@@ -31,6 +37,35 @@ def test_the_simulation_runs_with_arguments_and_a_file_of_parameters(tmp_path: P
             assert listener.parameter("record") is False
     finally:
         listener.close()
+
+
+def other(spec: ParameterSpec) -> Any:
+    """A value that differs from the default of a parameter and is valid."""
+    match spec.default:
+        case bool(value):
+            return not value
+        case int(value) | float(value):
+            return value + 1 if spec.high is None or value + 1 <= spec.high else value / 2
+        case _:
+            return f"other_{spec.name}"
+
+
+@pytest.mark.parametrize(
+    ("file", "specs", "node"),
+    [(SIMULATION, SIM_PARAMETERS, "sim_node"), (REPLAY, REPLAY_PARAMETERS, "replay_node")],
+    ids=["sim", "replay"],
+)
+def test_every_launch_argument_reaches_its_node(
+    tmp_path: Path, file: Path, specs: Sequence[ParameterSpec], node: str
+) -> None:
+    given = {spec.name: other(spec) for spec in specs}
+    texts = {name: str(value).lower() if isinstance(value, bool) else str(value) for name, value in given.items()}
+    (command,) = launched(file, tmp_path, **texts).commands
+    assert Path(command[0]).name == node
+    (written,) = [Path(word) for word in command if word.endswith(".yaml")]
+    passed = yaml.safe_load(written.read_text())["/**"]["ros__parameters"]
+    assert passed == given
+    assert {name: type(value) for name, value in passed.items()} == {spec.name: type(spec.default) for spec in specs}
 
 
 @pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.name.partition(".")[0])

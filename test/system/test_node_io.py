@@ -16,6 +16,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter as NodeParameter
+from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import Float64MultiArray, Header
 from std_srvs.srv import SetBool
@@ -297,3 +298,16 @@ def test_two_instances_and_two_clocks_are_warned_of(tmp_path: Path) -> None:
         listener.close()
         for node in nodes:
             node.kill()
+
+
+def test_commands_of_best_effort_publishers_arrive(tmp_path: Path) -> None:
+    profile = QoSProfile(depth=10, reliability=QoSReliabilityPolicy.BEST_EFFORT)
+    with running(tmp_path, command_timeout=0.0) as (_, listener):
+        publisher = listener.node.create_publisher(JointState, "joint_commands", profile)
+        listener.until(publisher.get_subscription_count, "a subscription that fits")
+
+        def applied() -> bool:
+            publisher.publish(JointState(name=["elbow"], effort=[0.5]))
+            return bool(listener.states) and listener.states[-1].effort[1] == 0.5
+
+        listener.until(applied, "the effort")

@@ -27,6 +27,7 @@ from mbd_sim.load import parse_mechanism
 from mbd_sim.simulation.events import RESTARTS, parse_event
 from mbd_sim.simulation.simulation import Simulation
 
+WORDS = "recordings of the same mechanism, and a guess for each parameter to identify"
 MAX_ITERATIONS, CONVERGED = 30, 1e-7  # relative change of the parameters at which the search ends
 NOISE_LIMIT = 1e-3  # the same where noise and finite differences allow no further improvement
 DIFFERENCE = 1e-4  # relative step of the finite differences
@@ -51,6 +52,9 @@ class ParameterEstimate(NamedTuple):
 
     value: float
     error: float
+
+
+Estimates = dict[str, ParameterEstimate]
 
 
 def read(path: str | Path) -> Run:
@@ -82,24 +86,33 @@ def read(path: str | Path) -> Run:
     return Run(text, about["method"], float.fromhex(about["step"]), np.array(ticks), np.array(q), np.array(u), efforts)
 
 
-def identify(run: Run, guess: Mapping[str, float], interval: float = 0.5) -> dict[str, ParameterEstimate]:
-    """Improve guessed parameters until simulations over intervals (s) from recorded states on match the recording.
+def identify(runs: Run | Sequence[Run], guess: Mapping[str, float], interval: float = 0.5) -> Estimates:
+    """Improve guessed parameters until simulations over intervals (s) from recorded states on match the recordings.
+
+    Several runs must be of the same mechanism, method and step.
 
     :raises MbdSimError: an unknown parameter, one that is built into the equations such as a length, or guesses from
         which the search does not converge.
     """
+    runs = [runs] if isinstance(runs, Run) else list(runs)
+    run = runs[0]
+    if any((other.text, other.method, other.step) != (run.text, run.method, run.step) for other in runs):
+        raise MbdSimError("the recordings differ in mechanism, method or step. Give recordings of the same mechanism.")
     mechanism, keys = parse_mechanism(run.text), [f"parameters.{name}" for name in guess]
     for name in guess:
         if name not in mechanism.parameters:
             raise MbdSimError(f"the mechanism has no parameter '{name}'. {nearest(name, mechanism.parameters)}")
     simulation = Simulation(mechanism, method=run.method, step=run.step, live=keys)
-    recorded = np.hstack([run.q, run.u])
-    scale = np.std(recorded, axis=0)
+    recorded = [np.hstack([one.q, one.u]) for one in runs]
+    scale = np.std(np.concatenate(recorded), axis=0)
     scale[scale == 0.0] = 1.0
 
     def residuals(values: Array) -> Array:
         simulation.set_live(dict(zip(keys, values.tolist(), strict=True)))
-        return np.asarray((_predicted(simulation, run, interval) - recorded) / scale).ravel()
+        errors = [
+            (_predicted(simulation, one, interval) - q_u) / scale for one, q_u in zip(runs, recorded, strict=True)
+        ]
+        return np.concatenate([error.ravel() for error in errors])
 
     values, errors = _least_squares(residuals, np.array(list(guess.values()), dtype=float))
     return {name: ParameterEstimate(*pair) for name, *pair in zip(guess, values.tolist(), errors.tolist(), strict=True)}
@@ -160,18 +173,37 @@ def _predicted(simulation: Simulation, run: Run, interval: float) -> Array:
     return np.array(states)
 
 
+def recordings_and_guesses(words: Sequence[str]) -> tuple[list[str], dict[str, float]]:
+    """The recordings, and the guesses of the parameters, which contain an equals sign.
+
+    :raises MbdSimError: one of them is missing, or a guess is not a positive number.
+    """
+    paths = [word for word in words if "=" not in word]
+    guess: dict[str, float] = {}
+    for name, _, text in (word.partition("=") for word in words if "=" in word):
+        try:
+            guess[name] = float(text)
+        except ValueError:
+            guess[name] = 0.0
+        if not 0.0 < guess[name] < float("inf"):
+            raise MbdSimError(f"{name}={text}: '{text}' is not a positive number. Write for example {name}=0.03.")
+    if not paths or not guess:
+        missing = "recording" if not paths else "guess"
+        raise MbdSimError(f"no {missing} is given. Write for example: example_identify run.mcap inertia=0.03")
+    return paths, guess
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Identify parameters, and print them beside the values of the recorded mechanism."""
     parser = argparse.ArgumentParser(prog="example_identify", description=__doc__.splitlines()[0])
-    parser.add_argument("recording", type=Path)
-    parser.add_argument("guess", nargs="+", help="name=value: a guess for each parameter to identify")
+    parser.add_argument("words", nargs="+", metavar="RUN.mcap | NAME=VALUE", help=WORDS)
     parser.add_argument("--piece", type=float, default=0.5, help="length in s of the intervals that are simulated")
     options = parser.parse_args(arguments)
     try:
-        guess = {name: float(value) for name, _, value in (item.partition("=") for item in options.guess)}
-        run = read(options.recording)
-        estimates = identify(run, guess, options.piece)
-        truth = parse_mechanism(run.text).parameters
+        paths, guess = recordings_and_guesses(options.words)
+        runs = [read(path) for path in paths]
+        estimates = identify(runs, guess, options.piece)
+        truth = parse_mechanism(runs[0].text).parameters
     except (MbdSimError, ValueError, OSError) as error:
         print(f"example_identify: {error}", file=sys.stderr)
         return 1
