@@ -25,11 +25,14 @@ class RequestQueue(Generic[P]):
         self._wake()
         return done
 
-    def call(self, action: Callable[P, None], server: threading.Thread) -> None:
-        """Add a request and wait until the serving thread, which may start later, has served it or has ended."""
+    def call(self, action: Callable[P, None], server: threading.Thread, *, await_start: bool = False) -> None:
+        """Add a request and wait until the serving thread has served it, or has ended.
+
+        :param await_start: wait also for a thread that has not started yet; otherwise it serves the request later.
+        """
         done = self.submit(action)
         while not done.wait(0.1):
-            if server.ident is not None and not server.is_alive():
+            if not server.is_alive() and not (await_start and server.ident is None):
                 return
 
     def serve_next(self, *args: P.args, **kwargs: P.kwargs) -> bool:

@@ -156,7 +156,7 @@ class SteppingThread:
     def _call(self, action: Callable[[], str]) -> str:
         """The answer of an action that the stepping thread executes between two steps."""
         answers: list[str] = []
-        self._requests.call(lambda: answers.append(action()), self._thread)
+        self._requests.call(lambda: answers.append(action()), self._thread, await_start=True)
         return answers[0] if answers else "the simulation has stopped"
 
     def _run(self) -> None:
