@@ -85,7 +85,7 @@ def main() -> None:
     chance = random.Random(options.seed)
     busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(options.load)]
     with tempfile.TemporaryDirectory() as folder:
-        runs = [planned(number, Path(folder) / str(number), chance) for number in range(options.runs)]
+        runs = [planned(number, Path(folder) / f"run_{number}", chance) for number in range(options.runs)]
         try:
             runs, loads = kill_all(runs, options.at_once)
         finally:
@@ -137,7 +137,8 @@ def kill_one(run: Killed) -> tuple[Killed, float]:
         seconds, nanoseconds = struct.unpack_from("<iI", payload, 4)
         run.stamps.append(seconds * 10**9 + nanoseconds)
 
-    node.create_subscription(JointState, "joint_states", on_state, 1000, raw=True)
+    namespace = f"/{run.folder.name}"  # unique: another node may use the same domain
+    node.create_subscription(JointState, f"{namespace}/joint_states", on_state, 1000, raw=True)
     executor = EventsExecutor(context=context)
     executor.add_node(node)
     ended = threading.Event()
@@ -148,7 +149,7 @@ def kill_one(run: Killed) -> tuple[Killed, float]:
 
     spinning = threading.Thread(target=spin)
     spinning.start()
-    process = SimNodeProcess(domain, run.folder, run.parameters)
+    process = SimNodeProcess(domain, run.folder, run.parameters, [f"__ns:={namespace}"])
     while not any(run.folder.rglob("*.mcap")):
         time.sleep(1e-3)
     time.sleep(run.life)
@@ -182,7 +183,7 @@ def check(run: Killed) -> None:
         try:
             with path.open("rb") as stream:
                 for _, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
-                    if channel.topic == "/joint_states":
+                    if channel.topic.endswith("/joint_states"):
                         last_ns = max(last_ns, message.log_time)
             with AnyReader([path]) as reader:
                 sum(1 for _ in reader.messages())

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import yaml
 from mcap.opcode import Opcode
 from mcap.records import (
     AttachmentIndex,
@@ -40,6 +41,9 @@ _INDEXES: dict[int, tuple[type[Any], str]] = {
     Opcode.ATTACHMENT_INDEX: (AttachmentIndex, "offset"),
     Opcode.METADATA_INDEX: (MetadataIndex, "offset"),
 }
+_QOS_KEYS = {
+    "history", "depth", "reliability", "durability", "deadline", "lifespan", "liveliness", "liveliness_lease_duration"
+}  # fmt: skip
 _SUMMARY_RECORDS: dict[int, type[Any]] = {
     Opcode.SCHEMA: Schema,
     Opcode.CHANNEL: Channel,
@@ -180,6 +184,8 @@ def definition_problem(definitions: Definitions) -> str:
         schema = definitions.schemas.get(channel.schema_id)
         if schema is None:
             return f"the definition of {channel.topic} is missing"
+        if not _is_qos(channel.metadata.get("offered_qos_profiles", "")):
+            return f"the QoS profiles of {channel.topic} cannot be read"
         if schema.encoding != "ros2msg":
             continue
         try:
@@ -187,6 +193,15 @@ def definition_problem(definitions: Definitions) -> str:
         except Exception as error:  # the parser raises errors of its own
             return f"the definition of {schema.name} cannot be read ({error})"
     return ""
+
+
+def _is_qos(text: str) -> bool:
+    """Whether a text holds rosbag2's QoS profiles, or nothing."""
+    try:
+        profiles = yaml.safe_load(text) or []
+    except yaml.YAMLError:
+        return False
+    return isinstance(profiles, list) and all(isinstance(one, dict) and one.keys() >= _QOS_KEYS for one in profiles)
 
 
 def _words(kind: type[Any]) -> str:
