@@ -22,8 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--show",
         metavar="PANELS",
         default="",
-        help="comma-separated list of energies, joints, residual, reactions, phase (default: all that the recording "
-        "allows)",
+        help="comma-separated list of energies, joints, residual, reactions, phase (default: all that have data)",
     )
     add_quiet(parser)
 

@@ -9,29 +9,41 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbd_sim.cli.common import ANY_RECORDING, DURATION, SECONDS, ProgressBar, add_method_and_step, positive_number
+from mbd_sim.cli.common import (
+    ANY_RECORDING,
+    DURATION,
+    MCAP_OR_BAG,
+    SECONDS,
+    ProgressBar,
+    add_method_and_step,
+    positive_number,
+)
 from mbd_sim.cli.setup_options import add_set, add_start, build_simulation
 from mbd_sim.errors import InputError, nearest
 
 if TYPE_CHECKING:
     from mbd_sim.simulation.simulation import Simulation
 
-RUN_KINDS = f"{ANY_RECORDING}; or a mechanism file, a URDF or the name of a shipped mechanism, which is run first"
+OR_MECHANISM = "or a mechanism file, a URDF file, or the name of a shipped mechanism, which is run first"
 RECORDING_SUFFIXES = (".mcap", ".db3", ".zstd")
-SET_HELP = "change a value of the mechanism's file, such as joints.elbow.damping=0.2 or l='80 cm'; repeatable"
+SET_HELP = "change a value of the mechanism file, such as joints.elbow.damping=0.2 or l='80 cm'; repeatable"
 
 
-def add_run(parser: argparse.ArgumentParser, *, several: bool = False, changes: bool = True) -> None:
+def add_run(
+    parser: argparse.ArgumentParser, *, several: bool = False, changes: bool = True, recomputed: bool = False
+) -> None:
     """Declare the run, and the options for a mechanism.
 
     :param several: accept more than one run.
     :param changes: declare `--set`, `--method` and `--step` too.
+    :param recomputed: the run must contain its mechanism, which `.db3` files lack.
     """
+    kinds = f"{MCAP_OR_BAG if recomputed else ANY_RECORDING}; {OR_MECHANISM}"
     if several:
-        parser.add_argument("recordings", metavar="RUN", nargs="+", help=f"{RUN_KINDS}; one or more")
+        parser.add_argument("recordings", metavar="RUN", nargs="+", help=f"{kinds}; one or more")
     else:
-        parser.add_argument("recording", metavar="RUN", help=RUN_KINDS)
-    group = parser.add_argument_group("options of a mechanism that is run first")
+        parser.add_argument("recording", metavar="RUN", help=kinds)
+    group = parser.add_argument_group("options for a mechanism that is run first")
     group.add_argument("--time", type=positive_number, metavar="S", help=f"seconds to simulate (default {DURATION:g})")
     if changes:
         add_method_and_step(group, "from the file")

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from mbd_sim.cli.common import MCAP_OR_BAG, add_recordings
 
-HELP = "repair recordings truncated by a killed process or a full disk, and damaged indexes"
+HELP = "repair recordings with a truncated end or a damaged index"
 DESCRIPTION = (
-    "Repair recordings: remove what follows the last complete and undamaged record of each file, and write the summary "
-    "and the indexes that MCAP tools need. If more than an incomplete end is removed, the original is kept as "
+    "Repair recordings: remove everything after the last complete, undamaged record of each file, and write the "
+    "summary and the indexes that MCAP tools need. If more than an incomplete end is removed, the original is kept as "
     "FILE.damaged."
 )
 

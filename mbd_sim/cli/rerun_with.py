@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 HELP = "recompute a recorded run with changed values, and compare the two runs"
 DESCRIPTION = (
     "Recompute a recorded run under the same commands, but with other values, integration method or time step, and "
-    "report the deviations. A mechanism is first run as its file describes it."
+    "report the deviations. If RUN is a mechanism, it is first run as its file describes it."
 )
 
 SHOWN = 8  # rows of each table
@@ -30,7 +30,7 @@ SHOWN = 8  # rows of each table
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    add_run(parser, changes=False)
+    add_run(parser, changes=False, recomputed=True)
     add_set(parser, SET_HELP)
     add_method_and_step(parser, "as recorded")
     parser.add_argument("--plot", type=Path, metavar="PICTURE", help="plot both runs: .png, .svg, .pdf or .html")

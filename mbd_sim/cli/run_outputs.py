@@ -35,7 +35,7 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
         "--rate",
         type=float,
         metavar="HZ",
-        help="states that are recorded per second (default 100, or one for each step if that is fewer)",
+        help="recorded states per simulated second (default 100, but at most one per step)",
     )
     group.add_argument("--reactions", action="store_true", help="also record the force and moment of each joint")
     group.add_argument("--violation", action="store_true", help="also record the violation of loops and constraints")

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 HELP = "recompute recorded runs and compare them bit for bit"
 DESCRIPTION = (
     "Recompute recorded runs from the mechanism, initial state and commands that they contain, and compare every "
-    "recorded state. A mechanism is run and recorded first. Checksums, offsets and indexes of the files are checked as "
-    "well. The exit code is 1 if any state differs or a file is damaged; a file that was only cut off by a kill is "
-    "compared up to its end."
+    "recorded state. If RUN is a mechanism, it is run and recorded first. Checksums, offsets and indexes of the files "
+    "are also checked. The exit code is 1 if any state differs or a file is damaged. A file that was merely truncated "
+    "by a kill is compared up to its end."
 )
 
 NOUNS = {  # singular and plural
@@ -36,7 +36,7 @@ NOUNS = {  # singular and plural
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    add_run(parser, several=True)
+    add_run(parser, several=True, recomputed=True)
     parser.add_argument(
         "--tolerance",
         type=positive_number,

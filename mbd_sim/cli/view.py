@@ -31,7 +31,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--rerun", metavar="SINK", default="spawn", help="spawn (default), serve, connect, or a file.rrd"
     )
     parser.add_argument(
-        "--rate", type=positive_number, default=RATE, metavar="HZ", help=f"states per second (default {RATE:g})"
+        "--rate",
+        type=positive_number,
+        default=RATE,
+        metavar="HZ",
+        help=f"states per simulated second (default {RATE:g})",
     )
     parser.add_argument(
         "--trace",

@@ -22,7 +22,7 @@ class When(Enum):
     """When a topic is published."""
 
     STATE = "with each state, at `publish_rate`"
-    EVENT = "when it happens"
+    EVENT = "on each event"
     START = "once, at the start"
     CLOCK = "at `clock_rate`"
     MARKERS = "at `marker_rate`, while there is a subscriber"
@@ -118,7 +118,7 @@ TF = OutputTopic(
     qos.STATE,
     on_state=state_messages.transforms,
     parameter=RequestParameter(
-        "tf", False, "publish the poses of all parts on /tf; not together with robot_state_publisher; needs tf2_msgs"
+        "tf", False, "publish the poses of all parts on /tf, for use without robot_state_publisher; needs tf2_msgs"
     ),
 )
 APPLIED_EFFORTS = OutputTopic(

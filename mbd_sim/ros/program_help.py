@@ -24,7 +24,7 @@ def program_help(
     blocks = [
         f"usage: ros2 run mbd_sim {name} [--ros-args -p {example} ...]",
         textwrap.fill(description, WIDTH),
-        _table("parameters, each after -p (* : can be set while the node runs)", _parameter_rows(parameters)),
+        _table("parameters, each after -p (*: can be changed while the node runs)", _parameter_rows(parameters)),
         *(_table(heading, rows) for heading, rows in sections.items() if rows),
     ]
     return "\n\n".join(blocks)

@@ -25,14 +25,14 @@ PARAMETERS = (
     ParameterSpec("bag", "", "the recording: an .mcap or .db3 file, or a rosbag2 folder"),
     ParameterSpec("rate", 1.0, "1: as recorded; 2: twice as fast; 0: as fast as possible", 0.0, 1000.0, live=True),
     ParameterSpec("start", 0.0, "where to start, in s after the first message", 0.0, 1e9),
-    ParameterSpec("end", 0.0, "where to end, in s after the first message; 0: at the recording's end", 0.0, 1e9),
+    ParameterSpec("end", 0.0, "where to end, in s after the first message; 0: at the end of the recording", 0.0, 1e9),
     ParameterSpec("loop", False, "restart at the end", live=True),
     ParameterSpec("stay", False, "pause at the end instead of exiting", live=True),
     ParameterSpec("start_paused", False, "wait for ~/pause, ~/step or ~/seek before the first message"),
     ParameterSpec("clock_rate", 200.0, "/clock messages per recorded second; 0: none", 0.0, 100_000.0),
-    ParameterSpec("seek_to", 0.0, "the target of ~/seek, in s after the first message", 0.0, 1e9, live=True),
+    ParameterSpec("seek_to", 0.0, "target of ~/seek, in s after the first message", 0.0, 1e9, live=True),
     ParameterSpec("real_time_priority", 20, "SCHED_FIFO priority of the playing thread, if permitted; 0: none", 0, 90),
-    ParameterSpec("step_count", 1, "message times played by one call of ~/step", 1, 1_000_000, live=True),
+    ParameterSpec("step_count", 1, "number of message times published by one call of ~/step", 1, 1_000_000, live=True),
 )
 EXAMPLE = "bag:=RUN.mcap"
 PUBLISHED = (
@@ -41,8 +41,8 @@ PUBLISHED = (
 )
 SERVICES = (
     ("~/pause", "std_srvs/srv/SetBool: pause (true) or resume"),
-    ("~/step", "std_srvs/srv/Trigger: play the messages of the next step_count times while paused"),
-    ("~/seek", "std_srvs/srv/Trigger: go to the time seek_to"),
+    ("~/step", "std_srvs/srv/Trigger: while paused, publish the messages of the next step_count message times"),
+    ("~/seek", "std_srvs/srv/Trigger: jump to the time seek_to"),
 )
 THREADS_BY_PRIORITY = ("player", "reader", "executor")
 GARBAGE_COLLECTION_PERIOD = 10.0  # s; the automatic collector is off
@@ -162,7 +162,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def help_text() -> str:
     """What `--help` prints."""
     sections = {"published topics": PUBLISHED, "services": SERVICES}
-    return program_help("replay_node", "Publishes the topics of a recording again.", EXAMPLE, PARAMETERS, sections)
+    return program_help("replay_node", "Replay the topics of a recording.", EXAMPLE, PARAMETERS, sections)
 
 
 if __name__ == "__main__":

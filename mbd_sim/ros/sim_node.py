@@ -43,8 +43,8 @@ EXAMPLE = "mechanism:=double_rod"
 SERVICES = (
     ("~/pause", "std_srvs/srv/SetBool: pause (true) or resume"),
     ("~/step", "std_srvs/srv/Trigger: take step_count steps while paused"),
-    ("~/reset", "std_srvs/srv/Trigger: return to the start state, or that of the parameter start"),
-    ("~/record", "std_srvs/srv/SetBool: start or stop a recording"),
+    ("~/reset", "std_srvs/srv/Trigger: return to the start state, or to the one that the parameter start gives"),
+    ("~/record", "std_srvs/srv/SetBool: start (true) or stop a recording"),
     ("~/split_recording", "std_srvs/srv/Trigger: continue the recording in another file"),
 )
 MAX_OVERRUNS = 3  # overruns a second from which the node gives up its real-time priority
@@ -299,7 +299,7 @@ def help_text() -> str:
     """What `--help` prints."""
     published = [(topic.name, f"{topic.message_type}, {topic.when.value}") for topic in TOPICS]
     sections = {"published topics": published, "subscribed topics": SUBSCRIBED, "services": SERVICES}
-    return program_help("sim_node", "Runs a mechanism in real time.", EXAMPLE, PARAMETERS, sections)
+    return program_help("sim_node", "Run a mechanism in real time.", EXAMPLE, PARAMETERS, sections)
 
 
 if __name__ == "__main__":

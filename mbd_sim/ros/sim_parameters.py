@@ -9,7 +9,8 @@ PARAMETERS = (
     ParameterSpec("mechanism", "double_rod", "a mechanism file (.yaml), a robot's .urdf, or a shipped mechanism"),
     ParameterSpec(
         "mechanisms", "",
-        "several mechanisms, each with a node in its namespace, on the clock of the first: 'left=double_rod, four_bar'",
+        "several mechanisms, each with a node in its own namespace, on the clock of the first: "
+        "'left=double_rod, four_bar'",
     ),
     ParameterSpec("method", "", "integration method; empty: from the mechanism file"),
     ParameterSpec("step", 0.0, "integration step in s; 0: from the mechanism file", 0.0, 1.0),
@@ -21,12 +22,12 @@ PARAMETERS = (
     ParameterSpec("start_paused", False, "wait for ~/pause or ~/step before the first step"),
     ParameterSpec(
         "start", "",
-        "where the run and each reset begin: 'hip = 30 deg, knee.velocity = 1', or the name of a parameter starts.NAME;"
-        " empty: from the mechanism file", live=True,
+        "state at the start and after a reset: 'hip = 30 deg, knee.velocity = 1', or the name of a parameter "
+        "starts.NAME; empty: from the mechanism file", live=True,
     ),
     ParameterSpec(
         "command_timeout", 0.5,
-        "simulated s without a command for a joint after which its effort is set to zero; 0: never",
+        "simulated s after the last command for a joint until its effort is set to zero; 0: never",
         0.0, 1e6, live=True,
     ),
     ParameterSpec("step_count", 1, "steps taken by one call of ~/step", 1, 1_000_000, live=True),
@@ -51,7 +52,7 @@ PARAMETERS = (
         "live", "gravity[*], parameters.*, forces.*, joints.*.stiffness, joints.*.damping",
         "values of the mechanism file that are parameters of this node; empty: none",
     ),
-    ParameterSpec("rerun", "", "show the run in Rerun: spawn, serve, connect, connect:URL, or a file.rrd; empty: no"),
+    ParameterSpec("rerun", "", "show the run in Rerun: spawn, serve, connect, connect:URL, or a file.rrd; empty: off"),
     ParameterSpec("rerun_rate", 60.0, "updates of the Rerun scene per simulated second", 1.0, 10_000.0, live=True),
     ParameterSpec(
         "rerun_traces", "",
@@ -68,8 +69,8 @@ PARAMETERS = (
     ),
     ParameterSpec(
         "tf_floating", True,
-        "publish on /tf the transforms of free and spherical joints, which robot_state_publisher lacks; see also tf",
+        "publish on /tf the transforms of free and spherical joints, which robot_state_publisher does not; see also tf",
     ),
-    ParameterSpec("frame_prefix", "", "prefix of all frame names, for several instances: name/"),
+    ParameterSpec("frame_prefix", "", "prefix of all frame names, for several nodes: name/"),
     ParameterSpec("real_time_priority", 20, "SCHED_FIFO priority of the stepping thread, if permitted; 0: none", 0, 90),
 )  # fmt: skip
