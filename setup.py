@@ -72,7 +72,7 @@ setup(
     zip_safe=True,
     python_requires=">=3.11",
     install_requires=[
-        "casadi>=3.6",
+        "casadi>=3.7",
         "llvmlite>=0.45",
         "matplotlib>=3.8",
         "mcap>=1.5",
