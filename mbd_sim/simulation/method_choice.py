@@ -59,8 +59,8 @@ def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, nam
     if name == AUTO:
         chosen = _implicit(equations, inputs, step)
         remark = (
-            f"method {chosen} is used: {rates}, and with steps of {step:g} s {DEFAULT}, the default, is stable up to "
-            f"{method.stability_limit / step:.2g}/s. Select another one with 'method'."
+            f"method {chosen} is used: {rates}, and with steps of {step:g} s {DEFAULT}, the default, is used only up "
+            f"to {MARGIN * method.stability_limit / step:.2g}/s. Select another one with 'method'."
         )
         return MethodChoice(METHODS[chosen], remark)
     if step * mode.rate <= method.stability_limit:

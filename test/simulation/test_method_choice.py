@@ -46,7 +46,7 @@ def test_the_choice_is_explained():
     remark, limits = finger().remarks
     assert re.match(
         r"method rosenbrock_w is used: knuckle has rates of 3e\+10/s, and with steps of 0.001 s tsitouras8, the "
-        r"default, is stable up to 2.9e\+03/s.",
+        r"default, is used only up to 1.4e\+03/s.",
         remark,
     )
     assert limits.startswith("the limits of 'shoulder' do not act on the motion. To make them elastic stops, give")
