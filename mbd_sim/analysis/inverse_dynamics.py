@@ -92,7 +92,7 @@ class InverseDynamics:
             raise ValueError(
                 f"no efforts at {', '.join(self.actuated) or 'no joint'} give these accelerations: "
                 f"{self.mechanism.coordinate_names[worst]} would have {found[worst]:.6g} instead of "
-                f"{u_rates[worst]:.6g}. Ask for accelerations that the constraints allow, or actuate more joints."
+                f"{u_rates[worst]:.6g}. Request accelerations that the constraints allow, or actuate more joints."
             )
 
 

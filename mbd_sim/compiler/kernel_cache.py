@@ -129,7 +129,7 @@ def _is_private(group: int) -> bool:
 def _refuse(path: Path, used: Path) -> None:
     """Warn once for each path."""
     warnings.warn(
-        f"the kernel cache '{used}' is not used: another user owns '{path}' or may write it. "
+        f"the kernel cache '{used}' is not used: another user owns '{path}' or can write to it. "
         f"Run: chmod go-w '{path}', or set {_VARIABLE} to a folder of yours.",
         RuntimeWarning,
         stacklevel=2,

@@ -61,7 +61,7 @@ class Functions:
         text = ast.unparse(_Inlined(self.by_name).visit(copy.deepcopy(parsed(expression).body)))
         self.expanded_length += len(text)
         if len(text) > MAX_EXPANDED or self.expanded_length > MAX_TOTAL:
-            raise InputError("becomes too long when its functions are inserted", "Simplify the functions.")
+            raise InputError("is too long after its functions are inserted", "Simplify the functions.")
         return text
 
     def calls_invalid(self, expression: str) -> bool:
@@ -87,7 +87,7 @@ class _Inlined(ast.NodeTransformer):
         values = dict(zip(function.arguments, node.args, strict=True))
         size = sum(1 for argument in values.values() for _ in ast.walk(argument))
         if size * sum(1 for _ in ast.walk(function.body)) > 10 * MAX_EXPANDED:
-            raise InputError("becomes too long when its functions are inserted", "Simplify the functions.")
+            raise InputError("is too long after its functions are inserted", "Simplify the functions.")
         body: ast.AST = _Substituted(values).visit(copy.deepcopy(function.body))
         return body
 
@@ -148,7 +148,7 @@ def _checked_name(key: str, parameters: set[str], known: Mapping[str, str]) -> s
     name, arguments = key.partition("(")[0].strip(), _arguments(key)
     for word in (name, *arguments):
         if word in CONSTANTS or word in FUNCTIONS or keyword.iskeyword(word):
-            raise InputError(f"'{word}' has a meaning in expressions", "Choose another name.")
+            raise InputError(f"'{word}' is reserved in expressions", "Choose another name.")
         if word in parameters:
             raise InputError(f"'{word}' is also a parameter", "Choose another name.")
     if name in known:

@@ -85,7 +85,7 @@ def resolve_parameters(source: Source) -> Parameters:
 
 def _used_names(name: str, value: object, written: Mapping[str, object], functions: Functions) -> set[str]:
     if name in CONSTANTS or name in FUNCTIONS or keyword.iskeyword(name):
-        raise InputError(f"'{name}' has a meaning in expressions", "Choose another name.")
+        raise InputError(f"'{name}' is reserved in expressions", "Choose another name.")
     used = names_in(functions.expanded(split_unit(value)[0])) if isinstance(value, str) else set()
     unknown = sorted(other for other in used if other not in written)
     if unknown:

@@ -92,7 +92,7 @@ class _Expansion:
         """A copy of the value at `old` in the template, for the place `new`."""
         self._count += 1
         if self._count > MAX_VALUES:
-            message = f"repetition makes more than {MAX_VALUES} values"
+            message = f"the repetitions give more than {MAX_VALUES} values"
             raise file_error(self._source.file, self._source.line(old), message, "Use fewer repetitions.")
         if old in self._source.lines:
             self._result.lines[new] = self._source.lines[old]
@@ -155,7 +155,7 @@ class _Expansion:
                 self._check_index(name, outer)
                 scopes = [{**scope, name: value} for scope in scopes for value in self._values(values, scope)]
                 if len(scopes) > MAX_VALUES:
-                    raise InputError(f"stands for more than {MAX_VALUES} entries", "Use fewer repetitions.")
+                    raise InputError(f"expands to more than {MAX_VALUES} entries", "Use fewer repetitions.")
             except InputError as error:
                 self._report((*entry, FOR, name), error)
                 return
@@ -165,7 +165,7 @@ class _Expansion:
         if not re.match(NAME_PATTERN, name) or keyword.iskeyword(name):
             raise InputError("not a valid name of an index", "Use letters, such as i.")
         if name in CONSTANTS or name in FUNCTIONS or name in VARIABLES:
-            raise InputError(f"'{name}' has a meaning in expressions", "Choose another name, such as i.")
+            raise InputError(f"'{name}' is reserved in expressions", "Choose another name, such as i.")
         if name in (self._source.data.get("parameters") or {}):
             raise InputError(f"the index '{name}' has the name of a parameter", "Rename one of them.")
         if name in outer:
@@ -253,7 +253,7 @@ def _inserted(value: float | str, following: str | None) -> str:
     if isinstance(value, str):
         return value
     if following is None and value != int(value):
-        raise InputError(f"{value:g} is not a whole number, and cannot be in a name", "Use whole numbers or words.")
+        raise InputError(f"{value:g} is not a whole number and cannot be part of a name", "Use whole numbers or words.")
     text = repr(int(value)) if value == int(value) else repr(float(value))
     is_base = following is not None and re.match(r"\s*(\*\*|\^)", following)
     return f"({text})" if value < 0 and is_base else text

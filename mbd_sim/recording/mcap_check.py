@@ -77,7 +77,7 @@ def check_file(path: Path) -> FileCheck:
     except OSError as error:
         raise ReadingError(f"{path}: cannot be read: {error.strerror}") from error
     if not found.crc_agrees and not content_problem and not index_problem:
-        content_problem = "the checksum of its data differs: something outside of the messages was changed"
+        content_problem = "the checksum of its data differs: something outside the messages was changed"
     return FileCheck(index_problem, content_problem)
 
 
@@ -165,9 +165,9 @@ def _index_contradiction(
     summary, counts = found.summary(), {number: count for number, count in found.counts.items() if count}
     recorded = {number: count for number, count in statistics.channel_message_counts.items() if count}
     if recorded != counts or statistics.message_count != sum(counts.values()):
-        return "the statistics give other numbers of messages than the file has"
+        return "the statistics and the file differ in the numbers of messages"
     if (statistics.message_start_time, statistics.message_end_time) != (summary.first_ns, summary.last_ns):
-        return "the statistics give other times than the messages have"
+        return "the statistics and the messages differ in their times"
     numbers = (statistics.schema_count, statistics.channel_count, statistics.chunk_count)
     if numbers != (len(known.schemas), len(known.channels), len(found.chunks)):
         return "the statistics differ from the contents of the file"

@@ -185,7 +185,7 @@ class _DataSectionReader:
             return
         known = trusted.schemas if opcode == Opcode.SCHEMA else trusted.channels
         if content not in [encoded(record)[RECORD_HEADER.size :] for record in known.values()]:
-            self._add_index_problem("a definition of the data differs from those of the summary")
+            self._add_index_problem("a definition in the data differs from that in the summary")
         found.definitions.schemas |= trusted.schemas
         found.definitions.channels |= trusted.channels
 
@@ -211,7 +211,7 @@ class _DataSectionReader:
         times = [time_ns for channel in entries.values() for time_ns, _ in channel] or [0]
         index.message_start_time, index.message_end_time = min(times), max(times)
         if times != [0] and (chunk.message_start_time, chunk.message_end_time) != (min(times), max(times)):
-            self._add_index_problem(f"the chunk at byte {start} gives other times than its messages have")
+            self._add_index_problem(f"the times of the chunk at byte {start} differ from those of its messages")
         found.chunks.append(IndexedChunk(index, {channel: len(each) for channel, each in entries.items()}))
         self._entries, self._indexed = entries, {}
 

@@ -128,7 +128,7 @@ def _scan(path: Path, data: ByteSource) -> _FileContents:
             if opcode == Opcode.FOOTER:
                 return found
             if opcode == Opcode.DATA_END and not _summary_is_intact(data, end):
-                found.problem = "damaged: its summary fails its CRC check, mbd_sim recover rebuilds it"
+                found.problem = "damaged: its summary fails its CRC check; mbd_sim recover rebuilds it"
                 return found
             try:
                 found.read(data, opcode, begin, end)

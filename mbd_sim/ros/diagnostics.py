@@ -163,7 +163,8 @@ class Diagnostics:
         if self.publishing_thread.publishes_clock and publishers > 1:
             return f"{text}, but another node publishes /clock as well: start all nodes but one with use_sim_time:=true"
         if thread.lag > MAX_LAG and not thread.paused:
-            return f"{text}, but {thread.lag:.1f} s behind /clock: {STEPS_TOO_EXPENSIVE}, or slow the node that leads"
+            slower = "slow down the node that publishes /clock"
+            return f"{text}, but {thread.lag:.1f} s behind /clock: {STEPS_TOO_EXPENSIVE}, or {slower}"
         return ""
 
     def _mechanics(self) -> DiagnosticStatus:

@@ -157,7 +157,7 @@ def _state_values(message: JointState) -> StateValues:
     :raises CommandError: the lengths differ, a joint is named twice, or efforts are given.
     """
     if message.effort:
-        raise CommandError("it contains efforts, which are no part of the state. Send them to joint_commands.")
+        raise CommandError("it contains efforts, which are not part of the state. Send them to joint_commands.")
     if len(set(message.name)) != len(message.name):
         raise CommandError("a joint is named twice. Give one value for each joint.")
     for key, values in (("position", message.position), ("velocity", message.velocity)):

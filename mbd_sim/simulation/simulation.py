@@ -215,8 +215,8 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
             return
         if steps is None:
             raise ValueError(
-                "the state alone does not say at which time it was. Give its number of steps, restore(state, steps=…), "
-                "or restore a snapshot()."
+                "the time of the state is missing: also give the number of steps, restore(state, steps=…), or restore "
+                "a snapshot()."
             )
         y = finite_vector(state, self.y.size, "the state")
         new_inputs = self._memory.inputs if inputs is None else finite_vector(inputs, self.inputs.size, "inputs")

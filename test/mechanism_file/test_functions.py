@@ -54,7 +54,7 @@ def test_parameters_in_functions_can_be_live_and_functions_can_be_replaced():
         ("1 - x/10", "later(x)\n  later(x): taper(x)", "4: functions.'taper(x)': functions call each other in a circle: taper, later"),
         ("taper(x)", "taper", "4: functions.taper: not a function of arguments (got '1 - x/10'). Write for example 'stroke(t): "),
         ("tilt(t)", "tilt(l)", "7: functions.'tilt(l)': 'l' is also a parameter"),
-        ("tilt(t)", "sin(t)", "7: functions.'sin(t)': 'sin' has a meaning in expressions"),
+        ("tilt(t)", "sin(t)", "7: functions.'sin(t)': 'sin' is reserved in expressions"),
         ("1 - x/10", "1 -", "4: functions.'taper(x)': not a number, a value with a unit, or an expression (got '1 -')."),
         ("1 - x/10", "[x]", "4: functions.'taper(x)': must be an expression"),
     ],
@@ -69,5 +69,5 @@ def test_problems_are_reported_once_where_they_are(old, new, problem):
 def test_functions_that_grow_without_bound_are_refused():
     doubling = "".join(f"  f{i}(x): f{i - 1}(f{i - 1}(x)) + f{i - 1}(x)\n" for i in range(1, 60))
     body = "parts: {a: {mass: f59(1)}}\njoints: {j: {type: fixed, between: [ground, a]}}\n"
-    with pytest.raises(MechanismError, match="becomes too long when its functions are inserted"):
+    with pytest.raises(MechanismError, match="is too long after its functions are inserted"):
         parse_mechanism(f"mechanism: large\nfunctions:\n  f0(x): x + x\n{doubling}{body}")

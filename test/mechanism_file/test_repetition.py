@@ -94,7 +94,7 @@ def test_an_empty_range_stands_for_no_entry():
     [
         ("    axis: [0, 1, 0]\n", "    axis: [0, 1, 0]\n    dampin: 1\n",
          ["chain.yaml:20: joints.pin_2.dampin (i = 2, and 2 more): unknown key 'dampin'. Did you mean 'damping'? Others: "
-          "axis, between, cut, damper, drive, effort_limit, friction, guess, limits, position, rest, spring, … (4 more)."]),
+          "axis, between, compliance, cut, damper, drive, effort_limit, friction, guess, limits, position, rest, … (5 more)."]),
         ("link_{i-1}.tip", "link_{i}.top",
          [f"chain.yaml:18: joints.pin_{i}.between[0] (i = {i}): 'link_{i}' has no point 'top'. Did you mean 'tip'?"
           for i in (2, 3, 4)]),
@@ -117,7 +117,7 @@ def test_an_empty_range_stands_for_no_entry():
          ["chain.yaml:18: joints.'pin_{i}'.between[0] (i = 2, and 2 more): unknown name 'j' (got 'link_{j-1}.tip'). "
           "Valid: count, e, i, l, n, pi."]),
         ("link_{i-1}.tip", "link_{i/2}.tip",
-         ["chain.yaml:18: joints.'pin_{i}'.between[0] (i = 3): 1.5 is not a whole number, and cannot be in a name "
+         ["chain.yaml:18: joints.'pin_{i}'.between[0] (i = 3): 1.5 is not a whole number and cannot be part of a name "
           "(got 'link_{i/2}.tip'). Use whole numbers or words."]),
     ],
 )  # fmt: skip
@@ -162,7 +162,7 @@ def test_entries_beside_a_urdf_are_repeated(tmp_path):
     five = load_mechanism(path)
     assert five.joints["right_hip"].damping == five.joints["left_hip"].damping == [3.0] and "extra_2" in five.parts
     assert list(parse_mechanism(five.source.text).parts) == list(five.parts)
-    with pytest.raises(MechanismError, match="n: decides how many entries the file has beside its URDF"):
+    with pytest.raises(MechanismError, match="n: determines the number of entries in a file that extends a URDF"):
         with_values(five, {"n": 3})
 
 

@@ -37,11 +37,11 @@ def with_changed_record(data, opcode, offset, change):
 @pytest.mark.parametrize(
     ("opcode", "offset", "words"),
     [
-        (Opcode.CHUNK, 0, "gives other times than its messages have"),
+        (Opcode.CHUNK, 0, "differ from those of its messages"),
         (Opcode.MESSAGE_INDEX, 8, "the index of messages does not fit"),
         (Opcode.CHUNK_INDEX, 16, "the index of chunks differs"),
-        (Opcode.STATISTICS, 0, "other numbers of messages"),
-        (Opcode.SCHEMA, 200, "a definition of the data differs"),
+        (Opcode.STATISTICS, 0, "differ in the numbers of messages"),
+        (Opcode.SCHEMA, 200, "a definition in the data differs"),
         (Opcode.SUMMARY_OFFSET, 3, "an offset in the summary is wrong"),
         (Opcode.ATTACHMENT_INDEX, 1, "the index of attachments differs"),
     ],
