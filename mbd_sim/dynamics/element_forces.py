@@ -131,7 +131,7 @@ def require_defined_forces(mechanism: Mechanism, lengths: Array) -> None:
     for element, length in zip(mechanism.two_point_elements, lengths, strict=True):
         if not element.needs_line or length > COINCIDENT:
             continue
-        kind, remedy = "spring", "a spring without length and damping needs no direction."
+        kind, remedy = "spring", "a spring without length or damping needs no direction."
         if isinstance(element, Damper):
             kind, remedy = "damper", "a damper with 'along: velocity' needs no direction."
         message = f"the ends coincide at the start, where the {kind} has no direction"
