@@ -236,7 +236,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
     def _on_step(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         problem = self.stepping_thread.step(self.parameters["step_count"])
         response.success = not problem
-        response.message = problem or f"t = {1e-9 * self.stepping_thread.clock_ns:.9g} s"
+        response.message = problem or f"t = {1e-9 * self.stepping_thread.clock.ns:.9g} s"
         return response
 
     def _on_record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:

@@ -1,0 +1,113 @@
+"""What the stepping thread hands to the publishing thread: snapshots and events, with the node's clock."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from queue import SimpleQueue
+
+from mbd_sim.messages.snapshot import Due, Snapshot
+from mbd_sim.recording.run_metadata import Moment
+from mbd_sim.ros.snapshots import Counters, Item
+from mbd_sim.simulation.events import Event, EventKind, NewState, Payload
+from mbd_sim.simulation.simulation import Simulation
+
+MAX_WAITING = 10_000  # snapshots that may wait at all; when publishing is that slow, further ones are dropped
+
+
+@dataclass
+class NodeClock:
+    """The simulated clock of a node: `ticks` are the steps of `step_ns` ns since the node started, at `zero_ns` ns."""
+
+    step_ns: int
+    ticks: int = 0
+    zero_ns: int = 0
+
+    @property
+    def ns(self) -> int:
+        """The time in ns; it goes back only when a reset asks for it, or a followed clock does."""
+        return self.zero_ns + self.ticks * self.step_ns
+
+    @property
+    def whole_steps(self) -> int:
+        """The whole steps since the clock was zero."""
+        return self.ns // self.step_ns
+
+    def set(self, time_ns: int) -> None:
+        """Set the clock to a time in ns."""
+        self.zero_ns = time_ns - self.ticks * self.step_ns
+
+
+class SteppingOutput:
+    """The queue of snapshots, events and moments; while it is `silent`, states and moments wait."""
+
+    def __init__(self, simulation: Simulation, clock: NodeClock, *, silent: bool = False) -> None:
+        self.queue: SimpleQueue[Item] = SimpleQueue()
+        self.counters = Counters()
+        self.last_emitted = -1  # the tick of the last state
+        self._simulation, self._clock = simulation, clock
+        self._last_viewed = -1  # the tick of the last sample for the viewer
+        self._emitted_at = 0.0  # s of the steady clock
+        self._silent, self._held_moments = silent, 0
+
+    @property
+    def silence(self) -> float:
+        """The time since the last state in s."""
+        return time.perf_counter() - self._emitted_at
+
+    def emit(self, due: Due, repeated: bool = False) -> None:
+        """Put the present state into the queue, or count it as dropped if the queue is too long."""
+        if self._silent:
+            return
+        if self.queue.qsize() >= MAX_WAITING:
+            self.counters.dropped += 1
+            return
+        if repeated and self._last_viewed == self._clock.ticks:
+            due &= ~Due.VIEW
+        if Due.STATE in due:
+            self.last_emitted, self._emitted_at = self._clock.ticks, time.perf_counter()
+        if Due.VIEW in due:
+            self._last_viewed = self._clock.ticks
+        self.queue.put(
+            Snapshot(
+                ticks=self._clock.ticks,
+                clock_ns=self._clock.ns,
+                time=self._simulation.time,
+                y=self._simulation.state,
+                inputs=self._simulation.inputs.copy(),
+                start_energy=self._simulation.start_energy,
+                due=due,
+                repeated=repeated,
+            )
+        )
+
+    def report(self, kind: EventKind, payload: Payload = None) -> Event:
+        """Put an event into the queue."""
+        event = Event(kind, payload, self._clock.ticks, self._clock.ns)
+        self.queue.put(event)
+        return event
+
+    def report_new_state(self) -> None:
+        """Put the state into the queue as one from which the run continues."""
+        simulation = self._simulation
+        inputs, live = simulation.inputs.copy(), simulation.live
+        new = NewState(simulation.steps, simulation.state, inputs, simulation.start_energy, live)
+        self.report(EventKind.NEW_STATE, new)
+
+    def moment(self) -> Moment:
+        """Everything that determines the motion from here on."""
+        return Moment.of(self._simulation, self._clock.ticks, self._clock.ns)
+
+    def put_moment(self) -> None:
+        """Put the present moment into the queue, or as soon as the output is no longer silent."""
+        if self._silent:
+            self._held_moments += 1
+        else:
+            self.queue.put(self.moment())
+
+    def begin(self) -> None:
+        """End the silence."""
+        self._silent = False
+        for _ in range(self._held_moments):
+            self.queue.put(self.moment())
+        self._held_moments = 0
