@@ -20,7 +20,7 @@ from mbd_sim.ros.node_program import ProgramNode, run_node
 from mbd_sim.ros.program_help import Rows, program_help
 
 CONTROL_TOPICS = (
-    ("joint_states", "sensor_msgs/msg/JointState, subscribed: the state; each one is answered"),
+    ("joint_states", "sensor_msgs/msg/JointState, subscribed: the state; each message is answered with efforts"),
     ("joint_commands", "sensor_msgs/msg/JointState, published: efforts by joint name"),
 )
 NEWEST = QoSProfile(depth=1)  # a controller that is late answers the newest state, not an old one
@@ -88,7 +88,8 @@ def run(name: str, node_class: Callable[[], ProgramNode], *, example: str, topic
     """Run an example's node until SIGINT or SIGTERM; `example` is a parameter for the usage line."""
 
     def help_text() -> str:
-        description = (sys.modules[node_class.__module__].__doc__ or "").partition(": ")[2]
+        summary = (sys.modules[node_class.__module__].__doc__ or "").partition(": ")[2]
+        description = summary[:1].upper() + summary[1:]
         return program_help(name, description, example, getattr(node_class, "PARAMETERS", ()), {"topics": topics})
 
     return run_node(name, lambda end: node_class(), example=example, help_text=help_text)

@@ -162,7 +162,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def help_text() -> str:
     """What `--help` prints."""
     sections = {"published topics": PUBLISHED, "services": SERVICES}
-    return program_help("replay_node", "Replay the topics of a recording.", EXAMPLE, PARAMETERS, sections)
+    return program_help("replay_node", "Replays the topics of a recording.", EXAMPLE, PARAMETERS, sections)
 
 
 if __name__ == "__main__":

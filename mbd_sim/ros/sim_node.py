@@ -299,7 +299,7 @@ def help_text() -> str:
     """What `--help` prints."""
     published = [(topic.name, f"{topic.message_type}, {topic.when.value}") for topic in TOPICS]
     sections = {"published topics": published, "subscribed topics": SUBSCRIBED, "services": SERVICES}
-    return program_help("sim_node", "Run a mechanism in real time.", EXAMPLE, PARAMETERS, sections)
+    return program_help("sim_node", "Runs a mechanism in real time.", EXAMPLE, PARAMETERS, sections)
 
 
 if __name__ == "__main__":

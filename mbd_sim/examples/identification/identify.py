@@ -195,9 +195,9 @@ def recordings_and_guesses(words: Sequence[str]) -> tuple[list[str], dict[str, f
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Identify parameters, and print them beside the values of the recorded mechanism."""
-    parser = argparse.ArgumentParser(prog="example_identify", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="example_identify", description="Identifies parameters from recordings.")
     parser.add_argument("words", nargs="+", metavar="RUN.mcap | NAME=VALUE", help=WORDS)
-    parser.add_argument("--piece", type=float, default=0.5, help="length in s of the intervals that are simulated")
+    parser.add_argument("--piece", type=float, default=0.5, help="length in s of the simulated intervals (default 0.5)")
     options = parser.parse_args(arguments)
     try:
         paths, guess = recordings_and_guesses(options.words)
