@@ -22,7 +22,9 @@ RECORDED = {
     "paused": (EventKind.PAUSED, None),
     "running": (EventKind.RUNNING, None),
     "reset": (EventKind.RESET, None),
+    "new state": (EventKind.NEW_STATE, None),
     "clock set to zero": (EventKind.CLOCK_RESET, None),
+    "clock set: to 2.5 s after the pause": (EventKind.CLOCK_SET, str),
     "live values: gravity[2] = -1.6": (EventKind.LIVE_VALUES, ChangedValues({"gravity[2]": -1.6})),
     "live values: parameters.l = 0.5, joints.pin.damping = 1e-05": (
         EventKind.LIVE_VALUES,

@@ -29,6 +29,7 @@ TOPICS = {
     "/sim_node/applied_efforts": "std_msgs/msg/Float64MultiArray",
     "/sim_node/applied_wrenches": "std_msgs/msg/Float64MultiArray",
     "/sim_node/live_values": "std_msgs/msg/Float64MultiArray",
+    "/sim_node/new_states": "std_msgs/msg/Float64MultiArray",
     "/sim_node/events": "std_msgs/msg/String",
     "/robot_description": "std_msgs/msg/String",
 }
