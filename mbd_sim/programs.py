@@ -35,9 +35,16 @@ class EntryPoint:
         main = self._imported()
         signal.signal(signal.SIGINT, signal.default_int_handler)
         try:
-            return int(main())
+            try:
+                return int(main())
+            finally:
+                if sys.stdout is not None:
+                    sys.stdout.flush()  # here, and not when the interpreter ends, which would print the error
         except KeyboardInterrupt:
             return self._exit_code
+        except BrokenPipeError:  # what reads the output, such as `head`, has ended
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return 1
 
     def _imported(self) -> Callable[[], int]:
         """The function; the program ends with a message where a package is missing, such as ROS."""

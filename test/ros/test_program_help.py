@@ -1,6 +1,8 @@
 """What the programs print for `--help`: every parameter with its default, without DDS."""
 
 import importlib
+import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -58,3 +60,31 @@ def test_an_example_has_help(name, capsys, monkeypatch):
     ] or [None]
     for spec in getattr(node_class, "PARAMETERS", ()):
         assert f"\n  {spec.name}" in text and f"(default: {written(spec.default)})" in " ".join(text.split())
+
+
+ENTRY = "import sys; from mbd_sim.programs import {0}; sys.exit({0}.{1}())"
+
+
+@pytest.mark.parametrize(
+    ("program", "word", "unbuffered"),
+    [
+        ("node.ros.sim_node.main", "--help", ""),
+        ("node.ros.replay_node.main", "--help", "1"),
+        ("node.examples.identification.identify.main", "--help", ""),
+        ("command.cli.main.main", "list", ""),
+        ("command.cli.main.main", "list", "1"),
+    ],
+)
+def test_output_that_nobody_reads_prints_no_error(program, word, unbuffered):
+    """As in `sim_node --help | head -1`, when `head` has ended before the output is complete."""
+    kind, _, path = program.partition(".")
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        ended = subprocess.run(
+            [sys.executable, "-c", ENTRY.format(kind, path), word],
+            stdout=writing, stderr=subprocess.PIPE, env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
+        )  # fmt: skip
+    finally:
+        os.close(writing)
+    assert (ended.returncode, ended.stderr) == (1, b"")
