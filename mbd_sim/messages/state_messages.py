@@ -56,6 +56,23 @@ def energies(model: Model) -> StateWriter:
     return StateWriter(message, write)
 
 
+def energy_values(model: Model) -> StateWriter:
+    """The energy audit in J as positions by name, with a stamp: tools plot joint states by name, but not arrays."""
+    builder = MessageBuilder()
+    builder.header()
+    builder.texts(Energies._fields)
+    place = builder.sequence(len(Energies._fields))
+    builder.integer(0)  # no velocities,
+    builder.integer(0)  # no efforts
+    message = builder.message()
+    values = message.view(place)
+
+    def write(snapshot: Snapshot, energies: Energies) -> None:
+        values[:] = energies
+
+    return StateWriter(message, write)
+
+
 def constraint_violation(model: Model) -> StateWriter:
     """The largest violation of loops and constraints, in position and in velocity."""
     message, values = labeled_array(Violation._fields)

@@ -83,6 +83,16 @@ ENERGIES = OutputTopic(
     Recorded.YES,
     on_state=lambda model, prefix: state_messages.energies(model),
 )
+ENERGY_VALUES = OutputTopic(
+    "energy_values",
+    "sensor_msgs/msg/JointState",
+    When.STATE,
+    qos.STATE,
+    on_state=lambda model, prefix: state_messages.energy_values(model),
+    parameter=RequestParameter(
+        "energy_values", False, "publish the energies with names and a time stamp, for tools that plot"
+    ),
+)
 JOINT_REACTIONS = OutputTopic(
     "joint_reactions",
     "sensor_msgs/msg/MultiDOFJointState",
@@ -178,6 +188,7 @@ DIAGNOSTICS = OutputTopic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray",
 TOPICS = (
     JOINT_STATES,
     ENERGIES,
+    ENERGY_VALUES,
     JOINT_REACTIONS,
     CONSTRAINT_VIOLATION,
     PART_POSES,

@@ -53,6 +53,14 @@ def written(simulation, writer):
     return writer.payload(snapshot, simulation.energies)
 
 
+def test_energy_values_are_energies_by_name_with_a_stamp(simulation):
+    payload = written(simulation, state_messages.energy_values(simulation.model))
+    for message in read("sensor_msgs/msg/JointState", payload):
+        assert (message.header.stamp.sec, message.header.stamp.nanosec) == divmod(TIME_NS, 10**9)
+        assert dict(zip(message.name, message.position, strict=True)) == simulation.energies._asdict()
+        assert (len(message.velocity), len(message.effort)) == (0, 0)
+
+
 def test_joint_states(simulation):
     payload = written(simulation, state_messages.joint_states(simulation.model))
     expected = joint_state_arrays(simulation.model, simulation.time, simulation.y, simulation.inputs)

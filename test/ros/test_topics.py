@@ -45,12 +45,15 @@ def test_the_node_publishes_the_topics_without_a_parameter():
 
 
 def test_parameters_request_the_other_topics():
-    found, recorded = published("joint_reactions:=true", "constraint_violation:=true", "part_poses:='*'")
+    found, recorded = published(
+        "energy_values:=true", "joint_reactions:=true", "constraint_violation:=true", "part_poses:='*'"
+    )
     requested = [topic for topic in TOPICS if topic is not topics.TF]
     expected = {resolved(topic): [topic.message_type] for topic in requested if PART not in topic.name}
     poses = {f"/sim_node/poses/{part}": [topics.PART_POSES.message_type] for part in ("upper", "lower")}
     assert found == expected | poses
     assert set(poses) < {topic.name for topic in recorded.values()}
+    assert "/energy_values" not in {topic.name for topic in recorded.values()}
     assert all(topic.vital == ("applied" in topic.name or topic.name.endswith(("live_values", "new_states", "events",
                "robot_description"))) for topic in recorded.values())  # fmt: skip
 

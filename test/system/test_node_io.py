@@ -42,13 +42,15 @@ def computed(message: Any, mechanism: str) -> Simulation:
 
 
 def test_reactions_violation_poses_and_markers_are_those_of_the_same_run_without_ros(tmp_path: Path) -> None:
-    extra = {"joint_reactions": True, "constraint_violation": True, "part_poses": "coupler, rocker"}
+    extra = {"energy_values": True, "joint_reactions": True, "constraint_violation": True}
+    extra |= {"part_poses": "coupler, rocker"}
     with running(tmp_path, mechanism="four_bar", **extra) as (_, listener):
         reactions = received(listener, MultiDOFJointState, "joint_reactions")
+        energies = received(listener, JointState, "energy_values")
         violations = received(listener, Float64MultiArray, "constraint_violation")
         poses = received(listener, PoseStamped, "sim_node/poses/coupler")
         markers = received(listener, MarkerArray, "markers")
-        listener.until(lambda: all([reactions, violations, poses, markers]), "all topics")
+        listener.until(lambda: all([energies, reactions, violations, poses, markers]), "all topics")
         topics = {name for name, _ in listener.node.get_topic_names_and_types()}
     assert "/sim_node/poses/rocker" in topics and "/sim_node/poses/crank" not in topics
     latest = reactions[-1]
@@ -59,6 +61,10 @@ def test_reactions_violation_poses_and_markers_are_those_of_the_same_run_without
         assert [wrench.force.x, wrench.force.y, wrench.force.z] == expected.force.tolist()
         assert [wrench.torque.x, wrench.torque.y, wrench.torque.z] == expected.moment.tolist()
     assert set(latest.joint_names) == set(simulation.mechanism.all_joints)
+    assert (
+        dict(zip(energies[-1].name, energies[-1].position, strict=True))
+        == computed(energies[-1], "four_bar").energies._asdict()
+    )
     assert [dimension.label for dimension in violations[-1].layout.dim] == ["position", "velocity"]
     assert max(violations[-1].data) < 1e-9
     at, expected_at = poses[-1].pose.position, computed(poses[-1], "four_bar").poses()["coupler"].position
