@@ -11,8 +11,10 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from mbd_sim.cli.main import main
+from mbd_sim.recording.reader import open_recording
 from mbd_sim.recording.recovery import recover
 from test.recording.recordings import count_and_last, messages, metadata, readable, recorder_in
+from test.recording.runs import record_run
 from test.waiting import PATIENCE
 
 KILLS = 100
@@ -80,6 +82,27 @@ def test_the_recover_command_accepts_files_and_rosbag2_folders(tmp_path, capsys)
     (tmp_path / "note.mcap").write_text("not a recording")
     assert main(["recover", str(tmp_path / "note.mcap")]) == 1
     assert "not an MCAP file" in capsys.readouterr().err
+
+
+def test_a_folder_killed_before_its_metadata_existed_is_recovered(tmp_path, capsys):
+    run = record_run(tmp_path, "double_rod", seconds=0.04, resets=False, commands=3, record_format="rosbag2")
+    folder = run.parent
+    (folder / "metadata.yaml").unlink()
+    run.write_bytes(run.read_bytes()[:-2_000])
+    assert main(["recover", str(folder)]) == 0
+    assert main(["verify", "--quiet", str(folder)]) == 0
+    with AnyReader([folder]) as reader:
+        assert reader.message_count == sum(1 for _ in reader.messages()) == len(messages(run)) > 0
+        assert {connection.topic for connection in reader.connections} == set(open_recording(run).topics)
+        assert all(connection.digest.startswith("RIHS01_") for connection in reader.connections)
+    recovered = (folder / "metadata.yaml").read_bytes()
+    assert main(["recover", str(folder)]) == 0
+    assert (folder / "metadata.yaml").read_bytes() == recovered
+    capsys.readouterr()
+    run.unlink()
+    (folder / "metadata.yaml").unlink()
+    assert main(["recover", str(folder)]) == 1
+    assert "contains neither metadata.yaml nor a file" in capsys.readouterr().err
 
 
 def test_recovery_keeps_the_complete_chunks_of_a_file_truncated_anywhere(tmp_path):
