@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
 from mcap.opcode import Opcode
 from mcap.records import (
     AttachmentIndex,
@@ -21,6 +20,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from mbd_sim.recording.definition_check import definition_problem
 from mbd_sim.recording.mcap_contents import DataSection, read_data_section, strictly_read
 from mbd_sim.recording.mcap_scanner import (
     MAGIC,
@@ -41,9 +41,6 @@ _INDEXES: dict[int, tuple[type[Any], str]] = {
     Opcode.ATTACHMENT_INDEX: (AttachmentIndex, "offset"),
     Opcode.METADATA_INDEX: (MetadataIndex, "offset"),
 }
-_QOS_KEYS = {
-    "history", "depth", "reliability", "durability", "deadline", "lifespan", "liveliness", "liveliness_lease_duration"
-}  # fmt: skip
 _SUMMARY_RECORDS: dict[int, type[Any]] = {
     Opcode.SCHEMA: Schema,
     Opcode.CHANNEL: Channel,
@@ -174,34 +171,6 @@ def _index_contradiction(
     if (statistics.attachment_count, statistics.metadata_count) != (len(found.attachments), len(found.metadata)):
         return "the statistics differ from the contents of the file"
     return ""
-
-
-def definition_problem(definitions: Definitions) -> str:
-    """Return which topic has no valid definition of its messages, or ""."""
-    from rosbags.typesys import get_types_from_msg
-
-    for channel in definitions.channels.values():
-        schema = definitions.schemas.get(channel.schema_id)
-        if schema is None:
-            return f"the definition of {channel.topic} is missing"
-        if not _is_qos(channel.metadata.get("offered_qos_profiles", "")):
-            return f"the QoS profiles of {channel.topic} cannot be read"
-        if schema.encoding != "ros2msg":
-            continue
-        try:
-            get_types_from_msg(schema.data.decode(), schema.name)
-        except Exception as error:  # the parser raises errors of its own
-            return f"the definition of {schema.name} cannot be read ({error})"
-    return ""
-
-
-def _is_qos(text: str) -> bool:
-    """Whether a text holds rosbag2's QoS profiles, or nothing."""
-    try:
-        profiles = yaml.safe_load(text) or []
-    except yaml.YAMLError:
-        return False
-    return isinstance(profiles, list) and all(isinstance(one, dict) and one.keys() >= _QOS_KEYS for one in profiles)
 
 
 def _words(kind: type[Any]) -> str:

@@ -24,6 +24,7 @@ from mcap.records import (
     Schema,
 )
 
+from mbd_sim.recording.definition_check import repair_definitions
 from mbd_sim.recording.mcap_scanner import (
     MAGIC,
     MESSAGE_HEADER,
@@ -39,6 +40,7 @@ from mbd_sim.recording.mcap_scanner import (
     scan_records,
 )
 from mbd_sim.recording.mcap_summary import Summary, attachment_index, chunk_index, encoded
+from mbd_sim.recording.recorded_file import RUN_METADATA
 
 _SUMMARY_ONLY = {
     Opcode.STATISTICS, Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX, Opcode.SUMMARY_OFFSET
@@ -115,9 +117,21 @@ class DataSection:
 
 
 def read_data_section(data: ByteSource) -> DataSection:
-    """Read and check all records up to the end of the data section or the first damage."""
+    """Read and check all records up to the end of the data section or the first damage.
+
+    Damaged definitions of a recorded run are replaced by those of its topics, unless summary and data agree on them.
+    """
+    trusted = checked_definitions(data)
+    found = _read_records(data, trusted)
+    is_run = any(record.name == RUN_METADATA for record in found.metadata)
+    if is_run and (found.index_problem or not trusted.channels):
+        found.index_problem = repair_definitions(found.definitions) or found.index_problem
+    return found
+
+
+def _read_records(data: ByteSource, trusted: Definitions) -> DataSection:
     found = DataSection()
-    reader = _DataSectionReader(data, found, checked_definitions(data))
+    reader = _DataSectionReader(data, found, trusted)
     try:
         for opcode, begin, end in scan_records(data, len(MAGIC)):
             start = begin - RECORD_HEADER.size
@@ -181,7 +195,12 @@ class _DataSectionReader:
         """Add a schema or a channel that is not in a chunk, which has no checksum: the summary's copy prevails."""
         found, trusted = self._found, self._trusted
         if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL) or not trusted.channels:
-            self._define(opcode, content)
+            try:
+                self._define(opcode, content)
+            except PARSE_ERRORS:
+                if opcode != Opcode.SCHEMA:
+                    raise
+                self._add_index_problem("a definition cannot be read")  # it is repaired, or said to be missing
             return
         known = trusted.schemas if opcode == Opcode.SCHEMA else trusted.channels
         if content not in [encoded(record)[RECORD_HEADER.size :] for record in known.values()]:

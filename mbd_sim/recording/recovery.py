@@ -14,7 +14,8 @@ from typing import IO
 from mcap.opcode import Opcode
 from mcap.records import Chunk, Header, MessageIndex
 
-from mbd_sim.recording.mcap_check import definition_problem, summary_problem
+from mbd_sim.recording.definition_check import definition_problem
+from mbd_sim.recording.mcap_check import summary_problem
 from mbd_sim.recording.mcap_contents import DataSection, chunk_records, read_data_section
 from mbd_sim.recording.mcap_scanner import (
     MAGIC,
@@ -111,6 +112,7 @@ def _write_at(descriptor: int, data: bytes, position: int) -> None:
 def _rewrite(path: Path, data: ByteSource, found: DataSection) -> None:
     """Write the undamaged records into a new file, with new indexes, and let it take the place of this one.
 
+    :raises ValueError: a chunk contains damaged definitions; the file is not modified then.
     :raises OSError: it cannot be written; the file is not modified then.
     """
     draft = path.with_name(f".{path.name}.recovered")
@@ -119,7 +121,10 @@ def _rewrite(path: Path, data: ByteSource, found: DataSection) -> None:
         with draft.open("w+b") as stream:
             _copy_records(stream, data, found)
             copied = FileBytes(stream)
-            _end_in_place(stream, copied, read_data_section(copied))
+            copy = read_data_section(copied)
+            if copy.index_problem:
+                raise ValueError(f"is damaged: {copy.index_problem}, within a chunk. That cannot be repaired.")
+            _end_in_place(stream, copied, copy)
             os.fsync(stream.fileno())
         if not only_indexes:
             path.rename(damaged_original(path))

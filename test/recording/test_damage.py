@@ -1,6 +1,7 @@
 """Damaged recordings: `verify` says what is damaged, and `recover` repairs what other readers refuse."""
 
 import random
+import re
 import struct
 import zlib
 
@@ -8,9 +9,11 @@ import pytest
 from mcap.opcode import Opcode
 
 from mbd_sim.cli.main import main
+from mbd_sim.recording.reader import open_recording
 from mbd_sim.recording.recovery import damaged_original, recover
 from mbd_sim.recording.verification import verify
 from test.recording.mutations import mutate, problems_with, records, refusal_of_other_readers
+from test.recording.recordings import recorder_in
 from test.recording.runs import record_run, rewrite
 
 SAMPLE = 12
@@ -57,6 +60,59 @@ def test_a_damaged_index_is_reported_and_repaired(run, tmp_path, capsys, opcode,
     assert main(["verify", "--quiet", str(path)]) == 0
     assert refusal_of_other_readers(path, deserialize=True) == ""
     assert recover(path) is None
+
+
+def without_summary(data):
+    """Return a file that was cut off where its summary begins."""
+    return data[: next(start for opcode, start, _ in records(data) if opcode == Opcode.DATA_END)]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (b"ros2msg", b"rosrmsg"),
+        (b"# This", b"\xff This"),
+        (b"float64[] position", b"floau64[] position"),
+        (b"float64[] position", b"float64[] positioo"),
+        (b"sensor_msgs/msg/JointState", b"sensor_msgs/msg/JointStatf"),
+        (b"sensor_msgs/msg/JointState", b"\xffensor_msgs/msg/JointState"),
+        (b"MSG: std_msgs/Header", b"MSG: std_msgs/HeadeR"),
+        (b"\x01\x00\x1a\x00\x00\x00sensor", b"\x03\x00\x1a\x00\x00\x00sensor"),  # the schema's number
+    ],
+)
+def test_a_damaged_definition_is_replaced(run, tmp_path, old, new):
+    path = tmp_path / "damaged.mcap"
+    data = without_summary(run.read_bytes())
+    assert old in data
+    path.write_bytes(data)
+    complete = recover(path)
+    path.write_bytes(data.replace(old, new, 1))
+    assert recover(path) == complete
+    assert refusal_of_other_readers(path, deserialize=True) == ""
+    assert open_recording(path).topics == open_recording(run).topics
+    result = verify(path)[0]
+    assert result.is_intact and not result.index_problem and not result.content_problem
+    assert recover(path) is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (b"ros2msg", b"rosrmsg", "std_msgs/msg/String has the unknown encoding 'rosrmsg'"),
+        (b"string data", b"strinh data", "the definition of std_msgs/msg/String lacks that of 'std_msgs/msg/strinh'"),
+        (b"# This", b"\xff This", "the definition of std_msgs/msg/String cannot be read ('utf-8' codec"),
+    ],
+)
+def test_damaged_definitions_of_unknown_topics_are_refused(tmp_path, old, new, words):
+    recorder = recorder_in(tmp_path)
+    recorder.put("text", bytes(8), 1, 1)
+    recorder.close()
+    path = recorder.paths.location
+    damaged = without_summary(path.read_bytes()).replace(old, new, 1)
+    path.write_bytes(damaged)
+    with pytest.raises(ValueError, match=re.escape(words)):
+        recover(path)
+    assert path.read_bytes() == damaged
 
 
 def test_changed_parameters_in_the_metadata_are_reported(run, tmp_path, capsys):
