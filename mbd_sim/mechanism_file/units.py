@@ -162,7 +162,15 @@ def _named(name: str) -> Any:
         same = [other for other in _NAMES if other.casefold() == name.casefold()]
         same += [name[:-1]] if name.endswith("s") and name[:-1] in _NAMES else []
         halves = [(name[:cut], name[cut:]) for cut in range(1, len(name))]
-        products = [f"{first}*{second}" for first, second in halves if first in _NAMES and second in _NAMES]
+        products = [f"{first}*{second}" for first, second in halves if _can_multiply(first, second)]
         close = same or products or difflib.get_close_matches(name, _NAMES, n=1, cutoff=0.6)
         remedy = (f"Did you mean '{close[0]}'? " if close else "") + f"Known: {UNIT_WORDS}."
         raise InputError(f"unknown unit {quoted(name)}", remedy) from error
+
+
+def _can_multiply(first: str, second: str) -> bool:
+    """Whether two words are units of different dimensions: a product of two masses is hardly intended."""
+    if first not in _NAMES or second not in _NAMES:
+        return False
+    one, other = (_registry().parse_units(name) for name in (first, second))
+    return bool(one.dimensionality != other.dimensionality)

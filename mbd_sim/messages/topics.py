@@ -15,7 +15,7 @@ from mbd_sim.messages.topic_names import topic_names
 from mbd_sim.simulation.compiled_model import Model
 
 NODE = "sim_node"  # the name of the node, which replaces ~ in the names of topics
-PART = "{part}"  # in the name of an entry that stands for one topic for each requested part
+PART = "<part>"  # in the name of an entry that stands for one topic for each requested part
 
 
 class When(Enum):
@@ -206,7 +206,7 @@ TOPICS = (
 
 
 def for_each_part(topic: OutputTopic, part_names: Sequence[str], parts: Sequence[str]) -> Iterator[OutputTopic]:
-    """An entry with `{part}` in its name as one entry for each of some of the mechanism's parts."""
+    """An entry with `<part>` in its name as one entry for each of some of the mechanism's parts."""
     tokens = topic_names(part_names)
     for part in parts:
         writer = partial(state_messages.part_pose, part=part)

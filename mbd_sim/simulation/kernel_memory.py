@@ -29,6 +29,11 @@ class KernelMemory:
         return int(self._counter[0])
 
     @property
+    def step_size(self) -> float:
+        """In s."""
+        return float(self._step_size[0])
+
+    @property
     def error_estimate(self) -> float:
         """The largest estimated error of a step since time zero: see `Simulation.error_estimate`."""
         return float(self._error_estimate[0])
@@ -36,7 +41,7 @@ class KernelMemory:
     def advance(self, n: int) -> bool:
         """Advance by n steps; False where the new state would not be finite, and then nothing is changed."""
         addresses = self.y.ctypes.data, self.inputs.ctypes.data
-        step_size, estimate = float(self._step_size[0]), self._error_estimate.ctypes.data
+        step_size, estimate = self.step_size, self._error_estimate.ctypes.data
         if not self._kernel.estimating_advance(*addresses, self.steps, step_size, n, estimate):
             return False
         self._counter[0] += n

@@ -65,10 +65,7 @@ class LiveValues:
         """
         for key in changes:
             if key not in self.current:
-                remedy = (
-                    nearest(key, self.current) or "No value is live. List it in 'live' when you build the simulation."
-                )
-                raise CommandError(f"'{key}' is not a live value. {remedy}")
+                raise CommandError(f"'{key}' is not a live value. {self._remedy(key)}")
         current = {**self.current, **{key: float(value) for key, value in changes.items()}}
         try:
             inputs = self.values.checked_values_in(equation_data(with_values(self._mechanism, current)))
@@ -79,6 +76,18 @@ class LiveValues:
         except StructureError as error:
             raise CommandError(f"{', '.join(changes)}: {error}. Change the file and start again.") from error
         return PreparedValues(dict(changes), current, inputs)
+
+    def _remedy(self, key: str) -> str:
+        """How a value becomes live, or what the key is meant to be."""
+        try:
+            value_of(self._mechanism, key)
+        except MechanismError as error:
+            return nearest(key, self.current) or error.problems[0].remedy
+        listed = f"live=['{key}']" if not self.current else f"live=[…, '{key}']"
+        return (
+            f"To change it during a run, name it at the start: Simulation(..., {listed}), or the parameter `live` "
+            "of sim_node."
+        )
 
 
 def require_closed(changes: Mapping[str, float], gap: float, before: float) -> None:

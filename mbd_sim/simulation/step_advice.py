@@ -10,6 +10,7 @@ from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.integrators.tableau import Tableau
 from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.spectrum import fastest_mode
+from mbd_sim.simulation.undefined_expressions import UndefinedExpression
 
 TOLERATED = 1e-5  # estimated error of a step relative to 1 + |q| and 1 + |u|; shipped mechanisms stay below 1e-6
 TARGET = 1e-7  # error of a step at which the proposed step size aims
@@ -47,16 +48,22 @@ def step_advice(model: Model, time: float, y: Array, inputs: Array, step: float,
     )
 
 
-def divergence(model: Model, time: float, n: int, step: float, advice: str | None) -> DivergedError:
-    """The error for a state that becomes infinite within n steps of size `step` from `time` on, both in s."""
+def divergence(
+    model: Model, time: float, n: int, step: float, advice: str | None, undefined: UndefinedExpression | None
+) -> DivergedError:
+    """The error for a state that becomes infinite within n steps of size `step` from `time` on, both in s.
+
+    :param undefined: an expression without a finite value there, see `undefined_expression`.
+    """
+    head = f"{model.mechanism.name}: the state became infinite between t = {time:g} s and {time + n * step:g} s."
+    if undefined is not None:
+        also = f" Another possible cause: {advice}" if advice and undefined.error_estimate > TOLERATED else ""
+        return DivergedError(f"{head} {undefined.problem}{also}")
     remedy = advice or f"Use a smaller step than {step:g} s."
     causes = "efforts, stiffnesses, initial values and drives"
     if model.equations.rows:
         causes += ", and that the loops can follow the motion"
-    return DivergedError(
-        f"{model.mechanism.name}: the state became infinite between t = {time:g} s and {time + n * step:g} s. "
-        f"{remedy[0].upper()}{remedy[1:]} Otherwise check the {causes}."
-    )
+    return DivergedError(f"{head} {remedy[0].upper()}{remedy[1:]} Otherwise check the {causes}.")
 
 
 def fastest_rate(model: Model, time: float, y: Array, inputs: Array) -> float:

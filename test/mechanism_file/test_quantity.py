@@ -99,6 +99,8 @@ def test_the_unit_is_split_from_the_expression():
         ("5 kgs", "unknown unit 'kgs'", "Did you mean 'kg'?"),
         ("5 Kg", "unknown unit 'Kg'", "Did you mean 'kg'?"),
         ("5 Nm", "unknown unit 'Nm'", "Did you mean 'N*m'?"),
+        ("5 kgg", "unknown unit 'kgg'", "Did you mean 'kg'?"),
+        ("5 mmm", "unknown unit 'mmm'", "Did you mean 'mm'?"),
         ("5 furlong", "unknown unit 'furlong'", "Known: m, mm, in"),
         ("2l", "unknown unit 'l'", "To multiply by the parameter, write 2*l."),
         ("2*l kg", "not a number, a value with a unit, or an expression", "Put the arithmetic before a unit in braces"),

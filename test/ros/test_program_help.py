@@ -46,6 +46,8 @@ def test_the_help_of_a_node_has_all_parameters_with_their_defaults(module, capsy
 def test_the_help_of_sim_node_has_all_topics(capsys, monkeypatch):
     text = printed(sim_node.main, capsys, monkeypatch, "-h")
     assert all(f"\n  {topic.name} " in text or f"\n  {topic.name}\n" in text for topic in TOPICS)
+    assert "~/poses/<part>" in text and "~/wrench/<part>" in text
+    assert "{part}" not in text
 
 
 @pytest.mark.parametrize("name", MODULES)

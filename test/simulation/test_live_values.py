@@ -50,6 +50,18 @@ def test_a_change_that_does_not_fit_is_rejected_whole(changes, words):
     assert np.array_equal(sim.inputs, inputs)
 
 
+def test_a_value_that_is_not_live_is_refused_with_the_way_to_make_it_so():
+    sim = Simulation.from_file("double_rod")
+    remedy = r"Simulation\(\.\.\., live=\['parameters\.l'\]\), or the parameter `live` of sim_node"
+    with pytest.raises(CommandError, match=rf"'parameters\.l' is not a live value\. .*{remedy}"):
+        sim.set_live({"parameters.l": 1})
+    some = Simulation.from_file("double_rod", live=["gravity[2]"])
+    with pytest.raises(CommandError, match=r"Simulation\(\.\.\., live=\[…, 'parameters\.l'\]\)"):
+        some.set_live({"parameters.l": 1})
+    with pytest.raises(CommandError, match=r"'parameters\.ll' is not a live value\. Did you mean 'l'\?"):
+        sim.set_live({"parameters.ll": 1})
+
+
 def test_a_change_must_not_open_loops():
     sim = Simulation.from_file("four_bar", live=["parameters.crank", "parameters.density"])
     sim.run(0.5)
