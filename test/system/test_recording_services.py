@@ -108,8 +108,8 @@ def test_split_by_service_loses_nothing_and_each_file_is_computed_again_alone(tm
         for number in range(3):
             if number:
                 assert listener.call(Trigger, "split_recording").success
-            listener.until(lambda number=number: len(list(logs.iterdir())) > number, "the next file")
-            paths += set(logs.iterdir()) - set(paths)
+            listener.until(lambda number=number: len(list(logs.glob("*.mcap"))) > number, "the next file")
+            paths += set(logs.glob("*.mcap")) - set(paths)
             until_recorded(listener, paths[-1], 15)
         process.end()
     assert sorted(paths) == sorted(logs.iterdir())
