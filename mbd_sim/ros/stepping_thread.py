@@ -265,15 +265,23 @@ class SteppingThread:
         return ""
 
     def _apply_commands(self) -> None:
-        time_now = self.ticks * self.simulation.step_size
+        """Apply what is due; report expired commands, and those that change a bit of the inputs of the equations.
+
+        A command that repeats the inputs has no effect, so that a recording without it is recomputed bit for bit.
+        """
+        simulation, time_now = self.simulation, self.ticks * self.simulation.step_size
         for due in self.commands.due(time_now):
-            self.simulation.set_efforts(due.efforts)
-            self._output.report(due.kind, AppliedEfforts(due.efforts, due.expired))
+            before = simulation.efforts.tobytes()
+            simulation.set_efforts(due.efforts)
+            if due.kind is EventKind.EXPIRED or simulation.efforts.tobytes() != before:
+                self._output.report(due.kind, AppliedEfforts(due.efforts, due.expired))
         for due_wrench in self.wrenches.due(time_now):
-            due_wrench.wrench.apply(self.simulation)
             part = due_wrench.wrench.part
-            inputs = self.simulation.inputs[self.wrenches.input_range(part)].copy()
-            self._output.report(due_wrench.kind, AppliedWrench(part, inputs))
+            inputs = simulation.inputs[self.wrenches.input_range(part)]
+            before = inputs.tobytes()
+            due_wrench.wrench.apply(simulation)
+            if due_wrench.kind is EventKind.EXPIRED or inputs.tobytes() != before:
+                self._output.report(due_wrench.kind, AppliedWrench(part, inputs.copy()))
 
     def _check_error_estimate(self) -> None:
         """Warn once of a step that is too large, and again when the estimated error has grown tenfold."""

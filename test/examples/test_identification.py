@@ -6,6 +6,7 @@ import signal
 import numpy as np
 import pytest
 
+from mbd_sim import Simulation
 from mbd_sim.examples.identification.excite import multisine
 from mbd_sim.examples.identification.identify import identify, main, read
 from test.examples.programs import beside, lockstep
@@ -39,6 +40,17 @@ def test_several_recordings_are_used_together(recording, capsys):
     assert main([str(recording), str(recording), "damping=0.1"]) == 0
     (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("damping")]
     assert float(line.split()[2]) == pytest.approx(0.04, rel=1e-6)
+
+
+def test_a_recording_may_begin_under_an_effort(tmp_path):
+    simulation = Simulation.from_file("motor_arm")
+    simulation.set_efforts([0.5])
+    simulation.step(20)
+    with simulation.recording(tmp_path / "run.mcap"):
+        simulation.step(500)
+    run = read(tmp_path / "run.mcap")
+    assert [efforts.tolist() for _, efforts in run.efforts] == [[0.5]]
+    assert identify(run, {"damping": 0.06})["damping"].value == pytest.approx(0.04, rel=1e-6)
 
 
 @pytest.mark.parametrize(

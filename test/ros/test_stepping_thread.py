@@ -90,6 +90,21 @@ def test_a_command_takes_effect_between_two_steps_and_reports_which(make):
     assert (event.ticks, event.text, event.payload.values.tolist()) == (0, "command", [2.0])
 
 
+def test_a_command_is_reported_only_if_it_changes_the_efforts(make):
+    stepping_thread = make(real_time_factor=0.0, paused=True)
+    stepping_thread.start()
+    for effort in (0.0, 2.0, 2.0, 2.0, -0.0, 0.0, 0.0, 3.0):
+        stepping_thread.commands.by_order([effort])
+        assert stepping_thread.step(1) == ""
+    stepping_thread.reset(False)
+    stepping_thread.commands.by_order([3.0])
+    assert stepping_thread.step(1) == ""
+    stepping_thread.stop()
+    events = [item for item in collected(stepping_thread) if isinstance(item, Event) and item.text == "command"]
+    found = [(event.ticks, str(event.payload.values[0])) for event in events]
+    assert found == [(1, "2.0"), (4, "-0.0"), (5, "0.0"), (7, "3.0"), (8, "3.0")]
+
+
 def test_requests_are_served_while_paused_and_while_running(make):
     stepping_thread = make(paused=True)
     stepping_thread.start()
@@ -236,8 +251,9 @@ def test_live_values_and_wrenches_are_reported_with_their_tick(make):
     stepping_thread.step(10)
     assert stepping_thread.set_live({"gravity[2]": -1.6}) == ""
     assert "'gravty' is not a live value" in stepping_thread.set_live({"gravty": 1.0})
-    stepping_thread.wrenches.take("rod", None, "ground", (3.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    stepping_thread.step(5)
+    for _ in range(2):  # the second one changes nothing and is not reported
+        stepping_thread.wrenches.take("rod", None, "ground", (3.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        stepping_thread.step(5)
     stepping_thread.stop()
     events = [item for item in collected(stepping_thread) if isinstance(item, Event)]
     assert [(event.ticks, event.text) for event in events] == [

@@ -14,6 +14,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
 from mbd_sim import Simulation, parse_mechanism
+from mbd_sim.recording.reader import open_recording
 from test.system.growing_recordings import stop_recording, until_recorded
 from test.system.nodes import Listener, running
 
@@ -110,8 +111,11 @@ def test_split_by_service_loses_nothing_and_each_file_is_computed_again_alone(tm
                 assert listener.call(Trigger, "split_recording").success
             listener.until(lambda number=number: len(list(logs.glob("*.mcap"))) > number, "the next file")
             paths += set(logs.glob("*.mcap")) - set(paths)
+            listener.by_order.publish(Float64MultiArray(data=[0.3, 0.1]))  # changes nothing: it is not recorded
             until_recorded(listener, paths[-1], 15)
         process.end()
+    efforts = [m for path in paths for m in open_recording(path).messages() if m.topic.endswith("applied_efforts")]
+    assert len(efforts) == 1
     assert sorted(paths) == sorted(logs.iterdir())
     assert len(paths) == 3
     assert all(recomputed(path) >= 14 for path in paths)

@@ -69,6 +69,9 @@ def read(path: str | Path) -> Run:
         text = next(reader.iter_attachments()).data.decode()
         about = next(record.metadata for record in reader.iter_metadata() if record.name == "mbd_sim")
         names = json.loads(about["coordinates"])
+        if "inputs" in about:  # those of the first state, the efforts first
+            inputs = [float.fromhex(value) for value in json.loads(about["inputs"])]
+            efforts.append((int(about["first_tick"]), np.array(inputs[: len(names)])))
         for _, channel, message in reader.iter_messages():
             name = channel.topic.rsplit("/", 1)[1]
             if name not in TYPES:
