@@ -29,7 +29,7 @@ SUBSCRIBED = (
     ("~/wrench/<part>[/<point>]", "geometry_msgs/msg/WrenchStamped: force and torque on a part"),
 )
 MAX_LENGTH = 400  # characters of a reason: names in messages may be of any length
-WARNING_PERIOD = 1.0  # s between warnings of rejected messages
+WARNING_PERIOD = 1.0  # s between warnings of rejected messages on a topic
 
 
 class Subscriptions:
@@ -57,7 +57,7 @@ class Subscriptions:
         self.states_accepted = self.states_rejected = 0
         self.last_rejection: tuple[str, CommandError] | None = None
         self._log = node.get_logger()
-        self._last_warning = 0.0
+        self._last_warnings: dict[str, float] = {}  # by topic, s of the steady clock
         self._node, self._subscriptions = node, dict[str, Subscription]()
         self._subscribe(Float64MultiArray, "~/commands", self._take_by_order)
         self._subscribe(JointState, "joint_commands", self._take_by_name)
@@ -142,8 +142,9 @@ class Subscriptions:
     def _reject(self, topic: str, error: CommandError) -> None:
         self.last_rejection = topic, error
         now = time.monotonic()
-        if now - self._last_warning >= WARNING_PERIOD:  # the logger's own throttle inspects the stack at each call
-            self._last_warning = now
+        # The logger's own throttle inspects the stack at each call.
+        if now - self._last_warnings.get(topic, -WARNING_PERIOD) >= WARNING_PERIOD:
+            self._last_warnings[topic] = now
             text = f"{topic}: message rejected ({self.rejected} so far): {printable(str(error))}"
             if topic == SET_STATE:  # the event is logged as well
                 self._warn(text)

@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 
 from mbd_sim.recording.verification import verify
 from test.system.nodes import SimNodeProcess, new_domain, running
@@ -21,7 +22,10 @@ def test_a_state_set_by_name_and_resets_to_given_starts_are_confirmed_recorded_a
         listener.until(
             lambda: f"state set: {names[0]} = 1.2, {names[0]}.velocity = 0.5" in listener.events, "the event"
         )
-        publisher.publish(JointState(name=names, position=[1.0] * len(names)))
+        listener.ready_to_command()
+        listener.by_order.publish(Float64MultiArray(data=[1.0] * 7))
+        listener.until(lambda: "efforts expected, but 7 given" in process.text, "the rejection of the command")
+        publisher.publish(JointState(name=names, position=[1.0] * len(names)))  # its reason is given nevertheless
         listener.until(lambda: "the loops cannot be closed with these positions" in process.text, "the rejection")
         listener.until(lambda: any("set_state: message rejected" in event for event in listener.events), "its event")
         for bad in (
