@@ -96,6 +96,8 @@ setup(
         ],
         # Recorded runs as HTML pages and Parquet tables.
         "plot": ["plotly>=5.20", "pyarrow>=14"],
+        # Meshes in pictures, and those in COLLADA in Rerun.
+        "mesh": ["contourpy>=1.2", "pillow>=9.1", "pycollada>=0.8", "trimesh>=4.6"],
         # Animations as MP4.
         "video": ["av>=12"],
         # Sweeps: tables, and parallel runs.
@@ -113,11 +115,13 @@ setup(
             "plotly>=5.20",
             "psutil>=5.9",
             "pyarrow>=14",
+            "pycollada>=0.8",
             "pytest>=7.4",
             "pytest-timeout>=2.2",
             "pytest-xdist>=3.5",
             "ruff>=0.5",
             "scipy>=1.11",
+            "trimesh>=4.6",
             "types-PyYAML",
         ],
     },

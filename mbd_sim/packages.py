@@ -9,9 +9,11 @@ from mbd_sim.errors import InputError
 ROS = "Source a ROS 2 environment, or install the wheels, in the source folder of mbd_sim: pip install '.[ros]'"
 DISTRIBUTIONS = {  # by the name of the module, where it is another one
     "PIL": "pillow",
+    "collada": "pycollada",
     "dask": "'dask[distributed]'",
     "distributed": "'dask[distributed]'",
     "rerun": "rerun-sdk",
+    "trimesh": "trimesh pycollada",  # which it needs for COLLADA
     "yaml": "pyyaml",
 }
 NEEDED = (  # by this package; any of them may be missing where pip has not installed it

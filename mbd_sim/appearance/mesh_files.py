@@ -19,6 +19,19 @@ def mesh_path(uri: str, source: str) -> Path | None:
     return next((path for path in _candidates(uri, Path(source).absolute().parent) if _is_file(path)), None)
 
 
+def resource_uri(uri: str, source: str) -> str:
+    """The URI under which other programs find a mesh; empty if its file is not on this machine.
+
+    A `package://` URI that ROS can resolve stays as it is, so that it is valid on other machines too; anything else
+    becomes the `file://` URI of the file.
+    """
+    path = mesh_path(uri, source)
+    if path is None:
+        return ""
+    known = [path for path in _installed(uri) if _is_file(path)] if uri.startswith("package://") else []
+    return uri if known else path.absolute().as_uri()
+
+
 def _candidates(uri: str, folder: Path) -> Iterator[Path]:
     scheme, _, rest = uri.partition("://")
     if not rest:
@@ -27,16 +40,18 @@ def _candidates(uri: str, folder: Path) -> Iterator[Path]:
         yield Path(unquote(urlparse(uri).path))
     elif scheme in ("package", "model"):
         package, _, inner = rest.partition("/")
-        for prefix in _folders("AMENT_PREFIX_PATH"):
-            yield prefix / "share" / package / inner
-        for root in _folders("ROS_PACKAGE_PATH"):
+        yield from _installed(uri)
+        for root in (*_folders("ROS_PACKAGE_PATH"), folder, *folder.parents):
             yield root / package / inner
             if root.name == package:
                 yield root / inner
-        for above in (folder, *folder.parents):
-            yield above / package / inner
-            if above.name == package:
-                yield above / inner
+
+
+def _installed(uri: str) -> Iterator[Path]:
+    """Where the packages of a ROS 2 environment would have the file of a `package://` URI."""
+    package, _, inner = uri.partition("://")[2].partition("/")
+    for prefix in _folders("AMENT_PREFIX_PATH"):
+        yield prefix / "share" / package / inner
 
 
 def _folders(variable: str) -> list[Path]:

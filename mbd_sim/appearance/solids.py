@@ -124,5 +124,5 @@ def skeleton(part: Part) -> list[Array]:
 
 
 def is_invisible(part: Part) -> bool:
-    """Whether a part has neither mass nor shape: it only carries coordinates, and is not drawn."""
-    return part.mass == 0.0 and not part.shapes
+    """Whether a part has neither mass nor shape nor mesh: it only carries coordinates, and is not drawn."""
+    return part.mass == 0.0 and not part.shapes and not part.meshes

@@ -6,7 +6,7 @@ import argparse
 import json
 from typing import TYPE_CHECKING
 
-from mbd_sim.cli.common import add_mechanism
+from mbd_sim.cli.common import add_mechanism, print_undrawn_meshes
 
 if TYPE_CHECKING:
     from mbd_sim.errors import NoInertiaError
@@ -49,6 +49,7 @@ def execute(options: argparse.Namespace) -> int:
         from mbd_sim.drawing import draw
 
         draw(simulation.mechanism, simulation.poses(), options.draw)
+        print_undrawn_meshes(simulation.mechanism)
     if options.latex:
         from mbd_sim.symbolic import symbolic_equations, to_latex
 
@@ -93,6 +94,7 @@ def _without_dynamics(mechanism: Mechanism, error: NoInertiaError, options: argp
         from mbd_sim.drawing import draw
 
         draw(mechanism, kinematics.poses(), options.draw)
+        print_undrawn_meshes(mechanism)
     content = kinematic_report(kinematics, error.problems)
     if options.inertia:
         content["inertia"] = inertia_report(mechanism.parts, kinematics.poses())

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 if TYPE_CHECKING:
+    from mbd_sim.mechanism.records import Mechanism
     from mbd_sim.playback.run_table import RunTable
 
 PERCENT = "{task.percentage:.0f} %"  # how a progress bar prints the completed amount
@@ -117,3 +119,12 @@ def print_notes(notes: Iterable[str]) -> None:
     """Print each on a line of its own."""
     for note in notes:
         print(f"note: {note}")
+
+
+def print_undrawn_meshes(mechanism: Mechanism) -> None:
+    """Print, to standard error, which meshes a picture lacks and why."""
+    from mbd_sim.appearance.mesh_triangles import undrawn_meshes
+    from mbd_sim.errors import listed
+
+    if missing := undrawn_meshes(mechanism):
+        print(f"note: meshes that are not drawn: {listed(missing)}", file=sys.stderr)

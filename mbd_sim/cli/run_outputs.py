@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbd_sim.cli.common import COUNT, ProgressBar, read_run_table
+from mbd_sim.cli.common import COUNT, ProgressBar, print_undrawn_meshes, read_run_table
 
 if TYPE_CHECKING:
     from mbd_sim.geometry.pose import Pose
@@ -153,4 +153,5 @@ class RunOutputs:
                     progress.advance(1)
 
             write_animation(self._options.animate, frames(), simulation.mechanism.name)
+        print_undrawn_meshes(simulation.mechanism)
         self.written.append(f"{self._options.animate}: {len(self._frames)} frames")

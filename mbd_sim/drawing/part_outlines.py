@@ -6,8 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mbd_sim.appearance.mesh_triangles import part_triangles
 from mbd_sim.appearance.palette import Color, from_hex
 from mbd_sim.appearance.solids import half_sizes
+from mbd_sim.drawing.mesh_outlines import mesh_paths
 from mbd_sim.drawing.projection import Page
 from mbd_sim.drawing.shape_outlines import (
     BAR,
@@ -29,7 +31,9 @@ ROD_TOLERANCE = 1e-6  # relative; largest deviation of a slide from the rod that
 
 
 def part_paths(page: Page, mechanism: Mechanism, part: Part, pose: Pose, color: Color) -> list[SheetPath]:
-    """All shapes of a part; for one without shapes, bars from its origin to its points and a dot at its mass center."""
+    """The meshes of a part, or else its shapes, or else bars from its origin to its points and a dot at its center."""
+    if meshes := mesh_paths(page, part, mechanism.source.file, pose, color):
+        return meshes
     paths: list[SheetPath] = []
     for shape in sorted(part.shapes, key=lambda shape: shape.hole):
         own_color = from_hex(shape.color) if shape.color else color
@@ -124,12 +128,21 @@ def is_point(part: Part) -> bool:
 
 def bounding_points(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array:
     """Points (n, 3) in ground's frame that bound the mechanism."""
-    points = [poses[name].position + corners(part) @ poses[name].rotation.T for name, part in mechanism.parts.items()]
+    points = []
+    for name, part in mechanism.parts.items():
+        meshes = [triangles.reshape(-1, 3) for _, triangles in part_triangles(part, mechanism.source.file)]
+        points += [poses[name].position + at @ poses[name].rotation.T for at in (corners(part), *map(_box, meshes))]
     used = [pose.position[None] for pose in mechanism.ground_points.values()]
     used += [joint.parent_pose.position[None] for joint in mechanism.all_joints.values() if joint.parent not in poses]
     bases = [constraint.base for constraint in mechanism.constraints if isinstance(constraint, Surface)]
     used += [(at.point if at.part not in poses else poses[at.part].position)[None] for at in bases]
     return np.vstack([*points, *used] or [np.zeros((1, 3))])
+
+
+def _box(points: Array) -> Array:
+    """The corners (8, 3) of the box around points (n, 3)."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    return np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
 
 
 def _has_pin(mechanism: Mechanism, part: Part) -> bool:

@@ -11,6 +11,7 @@ from visualization_msgs.msg import Marker
 
 from mbd_sim.appearance import palette
 from mbd_sim.appearance.joint_geometry import axis_frame, joint_radius
+from mbd_sim.appearance.mesh_files import resource_uri
 from mbd_sim.appearance.polylines import circle
 from mbd_sim.appearance.solids import (
     LINE_WIDTH,
@@ -36,7 +37,7 @@ Points = tuple[tuple[float, float, float], ...]
 class PartMarker:
     """A marker that moves with a part: its namespace and type, pose in the part's frame, scale in m, and color.
 
-    `points`, in m in the marker's frame, are those of a line.
+    `points`, in m in the marker's frame, are those of a line; `mesh` is the URI of a mesh.
     """
 
     part: str
@@ -46,14 +47,17 @@ class PartMarker:
     scale: tuple[float, float, float]
     color: palette.Color
     points: Points = ()
+    mesh: str = ""
 
 
 def part_markers(mechanism: Mechanism, part: Part, size: float) -> list[PartMarker]:
-    """The shapes of a part; for a part without shapes, a ball at its mass center and lines to its points.
+    """The meshes of a part, or else its shapes; without either, a ball at its mass center and lines to its points.
 
     :param size: the length in m of the mechanism.
     """
     color = palette.part_colors(mechanism)[part.name]
+    if meshes := _mesh_markers(part, mechanism.source.file, color):
+        return meshes
     if part.shapes:
         return [marker for shape in part.shapes if not shape.hole for marker in _shape_markers(part.name, shape, color)]
     diameter = 2.0 * POINT_MASS_RADIUS * size
@@ -64,6 +68,16 @@ def part_markers(mechanism: Mechanism, part: Part, size: float) -> list[PartMark
         markers.append(
             PartMarker(part.name, "parts", Marker.LINE_LIST, identity_pose(), width, color, _points(np.vstack(lines)))
         )
+    return markers
+
+
+def _mesh_markers(part: Part, source: str, part_color: palette.Color) -> list[PartMarker]:
+    """The meshes whose files are on this machine. RViz takes the colors of their own materials, which STL has not."""
+    markers = []
+    for mesh in part.meshes:
+        if uri := resource_uri(mesh.file, source):
+            color = palette.from_hex(mesh.color) if mesh.color else palette.lit(part_color)
+            markers.append(PartMarker(part.name, "parts", Marker.MESH_RESOURCE, mesh.pose, mesh.scale, color, mesh=uri))
     return markers
 
 

@@ -132,7 +132,7 @@ class Markers:
         self._positions = np.array([marker.pose.position for marker in markers]).reshape(-1, 3)
         self._rotations = np.array([marker.pose.rotation for marker in markers]).reshape(-1, 3, 3)
         for marker in markers:
-            self._add_marker(marker.namespace, marker.type, marker.scale, marker.color, marker.points)
+            self._add_marker(marker.namespace, marker.type, marker.scale, marker.color, marker.points, marker.mesh)
 
     def _add_force_elements(self) -> None:
         for element in self._model.mechanism.two_point_elements:
@@ -177,12 +177,19 @@ class Markers:
         self._lines.append(_MovingLine(kind, tuple(self._attached.add(end) for end in ends), number, count))
 
     def _add_marker(
-        self, namespace: str, type_: int, scale: tuple[float, float, float], color: palette.Color, points: Points
+        self,
+        namespace: str,
+        type_: int,
+        scale: tuple[float, float, float],
+        color: palette.Color,
+        points: Points,
+        mesh: str = "",
     ) -> None:
         """Append a message; the place of its pose in the serialized message is found by its number."""
         number = len(self._messages)
         red, green, blue = (channel / 255.0 for channel in color)
         x, y, z = scale
+        own_materials = bool(mesh) and not mesh.lower().endswith(".stl")  # which a color of 0 leaves as they are
         self._messages.append(
             Marker(
                 header=Header(stamp=STAMP, frame_id=self._frame),
@@ -191,7 +198,9 @@ class Markers:
                 type=type_,
                 pose=Pose(position=Point(x=slot(number))),
                 scale=Vector3(x=x, y=y, z=z),
-                color=ColorRGBA(r=red, g=green, b=blue, a=1.0),
+                color=ColorRGBA() if own_materials else ColorRGBA(r=red, g=green, b=blue, a=1.0),
                 points=[Point(x=px, y=py, z=pz) for px, py, pz in points],
+                mesh_resource=mesh,
+                mesh_use_embedded_materials=own_materials,
             )
         )

@@ -95,7 +95,7 @@ def _drawn(reading: Reading, link: Element, key: str, colors: dict[str, str], or
         if drawn["shapes"]:
             break
     if drawn["meshes"]:
-        reading.leave_out("meshes, drawn in Rerun and passed on to exported URDF", key)
+        reading.leave_out("meshes, drawn and passed on to exported URDF", key)
     return {kind: shapes for kind, shapes in drawn.items() if shapes}
 
 

@@ -9,11 +9,12 @@ import rerun as rr
 
 from mbd_sim.appearance import palette
 from mbd_sim.appearance.mesh_files import mesh_path
+from mbd_sim.appearance.mesh_triangles import as_glb, reason_not_to_draw, undrawn_meshes
 from mbd_sim.appearance.palette import Color
 from mbd_sim.appearance.solids import LINE_WIDTH, POINT_MASS_RADIUS, skeleton
 from mbd_sim.errors import listed
 from mbd_sim.geometry.rotation import quaternions
-from mbd_sim.mechanism.records import GROUND, Mechanism, Mesh, Part
+from mbd_sim.mechanism.records import GROUND, Mesh, Part
 from mbd_sim.viewer import entity_paths, rerun_shapes
 from mbd_sim.viewer.arrow_entities import LONG, weight
 from mbd_sim.viewer.entity import Entity, LoggedItems
@@ -21,7 +22,7 @@ from mbd_sim.viewer.part_poses import PartPoses
 from mbd_sim.viewer.sample_rows import Rows
 from mbd_sim.viewer.scene_description import SceneDescription
 
-DRAWN = (".glb", ".gltf", ".obj", ".stl")  # files of meshes that Rerun reads
+RERUN_READS = (".glb", ".gltf", ".obj", ".stl")  # files of meshes
 
 
 def part_entities(scene: SceneDescription) -> Iterator[Entity]:
@@ -57,18 +58,18 @@ class _Part:
 
     def static(self) -> LoggedItems:
         part, path = self._part, self._path
+        meshes = [(mesh, asset) for mesh in part.meshes if (asset := _asset(mesh, self._source, self._color))]
+        for index, (mesh, asset) in enumerate(meshes):
+            yield f"{path}/mesh_{index}", asset
+            yield f"{path}/mesh_{index}", rerun_shapes.placed(mesh.pose, mesh.scale)
+        if meshes:
+            return
         for index, shape in enumerate(part.shapes):
             own = palette.from_hex(shape.color) if shape.color else palette.lit(self._color)
             yield f"{path}/{index}_{shape.kind}", rerun_shapes.solid(shape, own)
             if not shape.hole and (mark := rerun_shapes.mark(shape, own)) is not None:
                 yield f"{path}/{index}_{shape.kind}/mark", mark
-        meshes = 0
-        for index, mesh in enumerate(part.meshes):
-            if (asset := _asset(mesh, self._source, self._color)) is not None:
-                meshes += 1
-                yield f"{path}/mesh_{index}", asset
-                yield f"{path}/mesh_{index}", rerun_shapes.placed(mesh.pose, mesh.scale)
-        if not part.shapes and not meshes and part.mass:
+        if not part.shapes and part.mass:
             yield (
                 f"{path}/center",
                 rerun_shapes.sphere(part.center, POINT_MASS_RADIUS * self._size, palette.lit(self._color)),
@@ -83,24 +84,17 @@ class _Part:
 
 
 def _asset(mesh: Mesh, source: str, color: Color) -> rr.Asset3D | None:
-    """The mesh as Rerun loads it; None if its file is missing or of a kind that Rerun does not read."""
+    """The mesh as Rerun loads it; None if its file is missing, or cannot be read."""
     path = mesh_path(mesh.file, source)
-    if path is None or path.suffix.lower() not in DRAWN:
+    if path is None:
         return None
-    own = palette.from_hex(mesh.color) if mesh.color else palette.lit(color)
-    return rr.Asset3D(path=path, albedo_factor=own if path.suffix.lower() == ".stl" else None)
-
-
-def undrawn_meshes(mechanism: Mechanism) -> list[str]:
-    """The meshes that are not drawn, each with the reason."""
-    found = []
-    for uri in dict.fromkeys(mesh.file for part in mechanism.parts.values() for mesh in part.meshes):
-        path = mesh_path(uri, mechanism.source.file)
-        if path is None:
-            found.append(f"{uri} (not found)")
-        elif path.suffix.lower() not in DRAWN:
-            found.append(f"{uri} (not of the kinds {', '.join(DRAWN)})")
-    return found
+    kind = path.suffix.lower()
+    if kind in RERUN_READS:
+        own = palette.from_hex(mesh.color) if mesh.color else palette.lit(color)
+        return rr.Asset3D(path=path, albedo_factor=own if kind == ".stl" else None)
+    if reason_not_to_draw(path):
+        return None
+    return rr.Asset3D(contents=as_glb(path), media_type="model/gltf-binary")
 
 
 def about(scene: SceneDescription) -> rr.TextDocument:
@@ -120,6 +114,6 @@ def about(scene: SceneDescription) -> rr.TextDocument:
         f"An arrow of {LONG * scene.extent.size:.3g} m is {weight(scene):.3g} N. A force that has an expression or an "
         "effort limit is scaled by its largest value instead.",
     ]
-    if missing := undrawn_meshes(mechanism):
+    if missing := undrawn_meshes(mechanism, RERUN_READS):
         lines.append(f"Meshes that are not drawn: {listed(missing)}.")
     return rr.TextDocument("\n\n".join(lines), media_type=rr.MediaType.MARKDOWN)

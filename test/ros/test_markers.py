@@ -5,11 +5,12 @@ import pytest
 from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
-from mbd_sim import Simulation
+from mbd_sim import Simulation, load_mechanism
 from mbd_sim.geometry.rotation import from_quaternion
 from mbd_sim.mechanism_file.library import shipped
 from mbd_sim.messages.snapshot import Due, Snapshot
 from mbd_sim.ros.markers import Markers
+from test.generators import mesh_files
 
 
 def snapshot(simulation: Simulation) -> Snapshot:
@@ -73,3 +74,31 @@ def test_markers_of_all_kinds_of_mechanisms_are_finite():
             values += [value for point in marker.points for value in (point.x, point.y, point.z)]
             assert np.all(np.isfinite(values)) and np.max(np.abs(values)) < 1e3
             assert marker.scale.x > 0.0
+
+
+def test_meshes_are_placed_scaled_and_named_by_a_uri_that_rviz_resolves(tmp_path):
+    (tmp_path / "pack").mkdir()
+    (tmp_path / "pack" / "a b.dae").write_text(mesh_files.collada())
+    (tmp_path / "pack" / "a.STL").write_bytes(mesh_files.binary_stl())
+    visual = (
+        '<visual><origin xyz="0 0 2"/><geometry><mesh filename="package://pack/{}" scale="2 3 4"/></geometry></visual>'
+    )
+    (tmp_path / "r.urdf").write_text(
+        '<robot name="r"><link name="a"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+        + "".join(visual.format(name) for name in ("a b.dae", "a.STL", "missing.stl"))
+        + '<collision><geometry><box size="1 1 1"/></geometry></collision></link></robot>'
+    )
+    simulation = Simulation(load_mechanism(tmp_path / "r.urdf", base="free"))
+    markers = Markers(simulation.model)
+    simulation.run(0.1)
+    painted, plain = [marker for marker in drawn(markers, simulation) if marker.ns == "parts"]
+    assert painted.type == plain.type == Marker.MESH_RESOURCE
+    assert painted.mesh_resource == (tmp_path / "pack" / "a b.dae").as_uri()
+    assert plain.mesh_resource.endswith("/pack/a.STL")
+    assert [painted.mesh_use_embedded_materials, plain.mesh_use_embedded_materials] == [True, False]
+    assert [painted.color.r, painted.color.g, painted.color.b, painted.color.a] == [0.0] * 4  # no tint
+    assert plain.color.a == 1.0 and plain.color.r + plain.color.g + plain.color.b > 0.0
+    for marker in (painted, plain):
+        assert (marker.scale.x, marker.scale.y, marker.scale.z) == (2.0, 3.0, 4.0)
+        assert marker.pose.position.z == pytest.approx(2.0 + simulation.poses()["a"].position[2], abs=1e-12)
+    assert simulation.poses()["a"].position[2] < -0.04

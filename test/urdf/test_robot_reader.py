@@ -408,6 +408,6 @@ def test_check_tells_what_was_left_out(tmp_path, capsys):
     assert main(["check", str(path), "--json"]) == 0
     remarks = json.loads(capsys.readouterr().out)["remarks"]
     assert any(
-        remark.startswith("from the URDF, meshes, drawn in Rerun and passed on to exported URDF: link[link1]")
+        remark.startswith("from the URDF, meshes, drawn and passed on to exported URDF: link[link1]")
         for remark in remarks
     )

@@ -145,7 +145,7 @@ AnyShapeSpec = Annotated[
 
 
 class MeshSpec(Spec):
-    """A file with a surface to draw. It is not read; its URI is passed on to exported URDF."""
+    """A file with a surface that is drawn instead of the shapes; its URI is passed on to exported URDF."""
 
     file: Annotated[str, StringConstraints(min_length=1, max_length=1000)]
     scale: tuple[Number, Number, Number] = (1.0, 1.0, 1.0)
@@ -181,7 +181,7 @@ class PartSpec(Spec):
     inertia_check: bool = Field(True, description="false: accept an inertia that no rigid body can have")
     shape: AnyShapeSpec | None = None
     shapes: list[AnyShapeSpec] | None = None
-    meshes: list[MeshSpec] = Field([], description="not simulated; passed on to exported URDF")
+    meshes: list[MeshSpec] = Field([], description="not simulated; drawn instead of the shapes, and passed on to exported URDF")
     points: dict[Name, PointOrVector] = Field(default={})
 
     @model_validator(mode="after")
