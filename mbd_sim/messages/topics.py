@@ -118,7 +118,7 @@ PART_POSES = OutputTopic(
     qos.STATE,
     Recorded.YES,
     parameter=RequestParameter(
-        "part_poses", "", "parts whose poses are published, separated by commas, or *; empty: none"
+        "part_poses", "", "parts whose poses are published, separated by commas; all; or empty: none"
     ),
 )
 TF = OutputTopic(

@@ -16,10 +16,9 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 
 from mbd_sim.errors import quoted
+from mbd_sim.ros.parameter_requests import Service, set_one_at_a_time
 
 REPORT_PERIOD = 1.0  # s between reports
-
-Service = Callable[[Any, Any], Any]  # (request, response) -> response
 
 
 class CallbackGuard:
@@ -42,7 +41,7 @@ class CallbackGuard:
         for service in self._new(self._node.services):
             callback = service.callback
             if service.srv_type is SetParameters:
-                callback = _one_at_a_time(callback)
+                callback = set_one_at_a_time(self._node, callback, _reason)
             service.callback = self._guarded_service(callback, service)
 
     def report(self, what: str, error: Exception) -> None:
@@ -78,22 +77,6 @@ class CallbackGuard:
                 return _refusal(service.srv_type, _reason(error))
 
         return guarded
-
-
-def _one_at_a_time(callback: Service) -> Service:
-    """`set_parameters` that answers a parameter that rclpy cannot read with a failure, and sets the others."""
-
-    def set_parameters(request: Any, response: Any) -> Any:
-        for parameter in request.parameters:
-            try:
-                single = callback(SetParameters.Request(parameters=[parameter]), SetParameters.Response())
-                response.results.extend(single.results)
-            except Exception as error:
-                reason = f"parameter '{parameter.name}': {_reason(error)}"
-                response.results.append(SetParametersResult(successful=False, reason=reason))
-        return response
-
-    return set_parameters
 
 
 def _refusal(service_type: Any, reason: str) -> Any:

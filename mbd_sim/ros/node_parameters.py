@@ -23,6 +23,7 @@ from rclpy.parameter import Parameter
 from mbd_sim.errors import nearest, quoted
 
 RCLPY_PREFIXES = ("qos_overrides.",)  # of parameters that rclpy itself declares later
+ALL, WILDCARD = "all", "*"  # the former is what is dumped: `ros2 param load` cannot read the latter
 SIMILARITY = 0.7  # of an unknown name to a known one from which it counts as misspelled
 
 
@@ -36,6 +37,7 @@ class ParameterSpec:
     low: float | None = None
     high: float | None = None
     live: bool = False
+    takes_all: bool = False  # names separated by commas, or "all", which may be written as *
 
 
 def _descriptor(spec: ParameterSpec) -> ParameterDescriptor:
@@ -70,6 +72,9 @@ class NodeParameters:
         self._check: Callable[[Mapping[str, Any]], str] = lambda values: ""
         self._set_live: Callable[[Mapping[str, float]], str] = lambda changes: ""
         for spec in specs:
+            given = node._parameter_overrides.get(spec.name)
+            if spec.takes_all and given is not None and given.value == WILDCARD:
+                node._parameter_overrides[spec.name] = Parameter(spec.name, value=ALL)
             value = node.declare_parameter(spec.name, spec.default, _descriptor(spec)).value
             if problem := _problem(spec, value):
                 raise ValueError(problem)
@@ -84,8 +89,10 @@ class NodeParameters:
         return dict(self._values)
 
     def names_in(self, name: str) -> list[str]:
-        """The entries of a parameter that holds names separated by commas."""
-        return [entry.strip() for entry in self._values[name].split(",") if entry.strip()]
+        """The entries of a parameter that holds names separated by commas; `*` for all."""
+        entries = [entry.strip() for entry in self._values[name].split(",") if entry.strip()]
+        takes_all = self._specs[name].takes_all
+        return [WILDCARD if takes_all and entry == ALL else entry for entry in entries]
 
     def add_live(self, live: Mapping[str, float], set_live: Callable[[Mapping[str, float]], str]) -> dict[str, float]:
         """Declare the mechanism's live values; returns those given at the start that differ from the file's.

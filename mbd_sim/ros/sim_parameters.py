@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mbd_sim.messages.topics import TOPICS
-from mbd_sim.ros.node_parameters import ParameterSpec
+from mbd_sim.ros.node_parameters import ALL, ParameterSpec
 
 PARAMETERS = (
     ParameterSpec("mechanism", "double_rod", "a mechanism file (.yaml), a robot's .urdf, or a shipped mechanism"),
@@ -45,12 +45,12 @@ PARAMETERS = (
         0.0, 1e9, live=True,
     ),
     ParameterSpec(
-        "wrenches", "*",
-        "parts and points (part.point) that accept wrenches, separated by commas; *: all; empty: none",
+        "wrenches", ALL,
+        "parts and points (part.point) that accept wrenches, separated by commas; all; or empty: none", takes_all=True,
     ),
     ParameterSpec(
         "live", "gravity[*], parameters.*, forces.*, joints.*.stiffness, joints.*.damping",
-        "values of the mechanism file that are parameters of this node; empty: none",
+        "values of the mechanism file that are parameters of this node; all; or empty: none", takes_all=True,
     ),
     ParameterSpec("rerun", "", "show the run in Rerun: spawn, serve, connect, connect:URL, or a file.rrd; empty: off"),
     ParameterSpec("rerun_rate", 60.0, "updates of the Rerun scene per simulated second", 1.0, 10_000.0, live=True),
@@ -63,7 +63,10 @@ PARAMETERS = (
         "marker_rate", 30.0, "markers per simulated second, while subscribed; 0: none", 0.0, 1000.0, live=True
     ),
     *(
-        ParameterSpec(topic.parameter.name, topic.parameter.default, topic.parameter.description)
+        ParameterSpec(
+            topic.parameter.name, topic.parameter.default, topic.parameter.description,
+            takes_all=isinstance(topic.parameter.default, str),
+        )
         for topic in TOPICS
         if topic.parameter is not None
     ),

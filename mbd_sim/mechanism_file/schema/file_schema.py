@@ -181,7 +181,9 @@ class PartSpec(Spec):
     inertia_check: bool = Field(True, description="false: accept an inertia that no rigid body can have")
     shape: AnyShapeSpec | None = None
     shapes: list[AnyShapeSpec] | None = None
-    meshes: list[MeshSpec] = Field([], description="not simulated; drawn instead of the shapes, and passed on to exported URDF")
+    meshes: list[MeshSpec] = Field(
+        [], description="not simulated; drawn instead of the shapes, and passed on to exported URDF"
+    )
     points: dict[Name, PointOrVector] = Field(default={})
 
     @model_validator(mode="after")
