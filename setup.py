@@ -100,11 +100,14 @@ setup(
         "mesh": ["contourpy>=1.2", "pillow>=9.1", "pycollada>=0.8", "trimesh>=4.6"],
         # Animations as MP4.
         "video": ["av>=12"],
+        # The command line in a shell.
+        "completion": ["argcomplete>=3.1"],
         # Sweeps: tables, and parallel runs.
         "sweep": ["dask[distributed]>=2024.1", "pyarrow>=14"],
         # Real robots, and Pinocchio as the reference for their accelerations; without them those tests are skipped.
         "robots": ["example-robot-data>=4", "pin>=3"],
         "test": [
+            "argcomplete>=3.1",
             "av>=12",
             "dask[distributed]>=2024.1",
             "gymnasium>=1.0",

@@ -5,6 +5,8 @@ import. A console script such as `sim_node = mbd_sim.programs:node.ros.sim_node.
 module `mbd_sim.ros.sim_node`.
 """
 
+# PYTHON_ARGCOMPLETE_OK: activate-global-python-argcomplete looks for this in the module of a console script
+
 from __future__ import annotations
 
 import importlib

@@ -23,6 +23,7 @@ from mbd_sim.cli import (
     verify,
     view,
 )
+from mbd_sim.cli.completion import complete
 from mbd_sim.errors import MbdSimError
 from mbd_sim.packages import missing_package
 
@@ -62,7 +63,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     0: success. 1: a problem was reported, or `verify` found a difference. 2: wrong usage. 130: interrupted by Ctrl-C.
     """
-    options = build_parser().parse_args(arguments)
+    parser = build_parser()
+    complete(parser)
+    options = parser.parse_args(arguments)
     try:
         return COMMANDS[options.command].execute(options)
     except MbdSimError as error:

@@ -28,6 +28,11 @@ def applied_efforts(model: Model) -> EventWriter:
     return write
 
 
+def no_efforts(model: Model) -> bytes:
+    """The efforts that act after a reset: zero."""
+    return labeled_array(model.coordinate_names)[0].payload()
+
+
 def applied_wrenches(model: Model) -> EventWriter:
     """The wrench on one part that acts from the event's step on, labeled with the part."""
     arrays = {part: labeled_array(wrench_labels(part)) for part in model.equations.inputs.loaded}

@@ -24,6 +24,7 @@ STATE = OfferedQos(depth=10)
 CLOCK = OfferedQos(depth=1)
 LATCHED = OfferedQos(depth=1, latched=True)
 COMMAND = OfferedQos(depth=10)
+LATCHED_COMMAND = OfferedQos(depth=10, latched=True)  # a late subscriber of depth 1 receives the last one
 
 
 def offered_qos_profiles(offered: OfferedQos) -> str:

@@ -52,7 +52,8 @@ class OutputTopic:
     """A topic that the node publishes.
 
     The function that makes its messages is `on_state`, given the model and the frame prefix, or `on_event`, given the
-    model; `at_start`, given the model and its live values, makes the first message. Topics without any of them are
+    model; `at_start`, given the model and its live values, makes the first message, and `at_reset` one that is
+    published after a reset and not recorded, because it follows from the reset. Topics without any of them are
     published by the module that makes their messages. With a `parameter`, the topic is published only on request.
     """
 
@@ -64,6 +65,7 @@ class OutputTopic:
     on_state: Callable[[Model, str], StateWriter] | None = None
     on_event: Callable[[Model], EventWriter] | None = None
     at_start: Callable[[Model, Mapping[str, float]], bytes] | None = None
+    at_reset: Callable[[Model], bytes] | None = None
     parameter: RequestParameter | None = None
 
 
@@ -135,9 +137,10 @@ APPLIED_EFFORTS = OutputTopic(
     "~/applied_efforts",
     "std_msgs/msg/Float64MultiArray",
     When.EVENT,
-    qos.COMMAND,
+    qos.LATCHED_COMMAND,
     Recorded.VITAL,
     on_event=event_messages.applied_efforts,
+    at_reset=event_messages.no_efforts,
 )
 APPLIED_WRENCHES = OutputTopic(
     "~/applied_wrenches",

@@ -166,6 +166,10 @@ class PublishingThread:
             payload = write(event)
             if payload is not None:
                 self._send(name, payload, event.clock_ns, event.ticks)
+        if event.kind is EventKind.RESET:
+            for publisher in self._topics.values():
+                if publisher.topic.at_reset is not None:
+                    publisher.publisher.publish(publisher.topic.at_reset(self.model))
         # A call on a line of its own for each severity: rclpy allows one severity for each line of code.
         if event.kind in ERRORS:
             self._log.error(event.text)

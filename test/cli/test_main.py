@@ -10,7 +10,7 @@ import pytest
 from mbd_sim import __version__
 from mbd_sim.cli.main import COMMANDS, main
 
-SHARED = {"common", "recorded_run", "run_outputs", "setup_options"}  # by several commands
+SHARED = {"common", "completion", "recorded_run", "run_outputs", "setup_options"}  # by several commands
 
 
 def answer(capsys, *arguments):

@@ -33,6 +33,7 @@ TOPICS = {
     "/sim_node/events": "std_msgs/msg/String",
     "/robot_description": "std_msgs/msg/String",
 }
+LATCHED = ("/robot_description", "/sim_node/applied_efforts", "/sim_node/events", "/sim_node/live_values")
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +132,7 @@ def test_channels_schemas_and_the_first_records_are_as_ros_tools_expect(run: tup
             assert summary.schemas[channel.schema_id].encoding == "ros2msg"
             (profile,) = yaml.safe_load(channel.metadata["offered_qos_profiles"])
             assert profile["reliability"] == "reliable" and profile["history"] == "keep_last"
-            latched = channel.topic in ("/robot_description", "/sim_node/events", "/sim_node/live_values")
+            latched = channel.topic in LATCHED
             assert profile["durability"] == ("transient_local" if latched else "volatile")
             assert profile["lifespan"] == {"sec": 9223372036, "nsec": 854775807}
             assert channel.metadata["topic_type_hash"].startswith("RIHS01_")

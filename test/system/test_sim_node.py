@@ -12,10 +12,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from mbd_sim import Simulation
+from mbd_sim.recording.reader import open_recording
+from mbd_sim.recording.verification import verify
 from test.system.nodes import Listener, SimNodeProcess, as_in_the_node, nanoseconds, new_domain, running
 from test.waiting import PATIENCE
 
@@ -153,6 +156,35 @@ def test_without_commands_efforts_expire_and_the_next_command_recovers(tmp_path:
         listener.until(lambda: listener.applied == [[1.0, 0.0], [0.0, 0.0]], "both efforts")
         listener.by_order.publish(Float64MultiArray(data=[0.0, 2.0]))
         listener.until(lambda: list(listener.states[-1].effort) == [0.0, 2.0], "the recovery")
+
+
+def test_a_late_subscriber_receives_the_efforts_in_effect_also_after_a_reset(tmp_path: Path) -> None:
+    latched = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
+    with running(tmp_path, command_timeout=0, record=True, record_dir="run") as (process, listener):
+        listener.ready_to_command()
+        for effort in (1.0, 2.0, 3.0):
+            listener.by_order.publish(Float64MultiArray(data=[effort, 0.0]))
+            listener.until(lambda effort=effort: listener.states[-1].effort[0] == effort, "the effort")  # type: ignore[misc]
+        late: list[list[float]] = []
+        listener.node.create_subscription(
+            Float64MultiArray, "sim_node/applied_efforts", lambda message: late.append(list(message.data)), latched
+        )
+        listener.until(lambda: late, "the efforts in effect")
+        assert late == [[3.0, 0.0]]
+        listener.reset()
+        listener.until(lambda: late[-1] == listener.applied[-1] == [0.0, 0.0], "no efforts")
+        later: list[list[float]] = []
+        listener.node.create_subscription(
+            Float64MultiArray, "sim_node/applied_efforts", lambda message: later.append(list(message.data)), latched
+        )
+        listener.until(lambda: later, "no efforts, later")
+        assert later == [[0.0, 0.0]]
+        assert process.end() == 0
+    (path,) = (tmp_path / "run").glob("*.mcap")
+    recorded = [message for message in open_recording(path).messages() if message.topic.endswith("applied_efforts")]
+    assert len(recorded) == 3  # the reset implies the last
+    (result,) = verify(path)
+    assert result.agrees
 
 
 def test_pause_stops_time_and_step_takes_exactly_the_steps_that_were_set(tmp_path: Path) -> None:

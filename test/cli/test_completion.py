@@ -1,0 +1,65 @@
+"""Completion in bash, as `register-python-argcomplete mbd_sim` sets it up."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+BIN = Path(sys.executable).parent
+SCRIPT = """
+eval "$({bin}/register-python-argcomplete mbd_sim)"
+COMP_LINE="$1"; COMP_POINT=${{#1}}; COMP_TYPE=9
+read -ra COMP_WORDS <<< "$1"
+[[ "$1" == *" " ]] && COMP_WORDS+=("")
+COMP_CWORD=$(( ${{#COMP_WORDS[@]}} - 1 ))
+_python_argcomplete mbd_sim "${{COMP_WORDS[COMP_CWORD]}}" "${{COMP_WORDS[COMP_CWORD-1]}}"
+printf '%s\\n' "${{COMPREPLY[@]}}"
+"""
+
+
+def completions(line, folder):
+    done = subprocess.run(
+        [shutil.which("bash"), "-c", SCRIPT.format(bin=BIN), "bash", line],
+        env=os.environ | {"PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stderr == ""
+    return {text.strip() for text in done.stdout.splitlines() if text.strip()}
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("mbd_sim ver", {"verify"}),
+        ("mbd_sim re", {"recover", "rerun-with"}),
+        ("mbd_sim run double_r", {"double_rod"}),
+        ("mbd_sim verify scissor_", {"scissor_lift"}),
+        ("mbd_sim check mine", {"mine.yaml"}),
+        ("mbd_sim recover double_r", set()),
+        ("mbd_sim run double_rod --anim", {"--animate"}),
+        ("mbd_sim run double_rod --method tsit", {"tsitouras8"}),
+        ("mbd_sim run double_rod --out my", {"my_runs/"}),
+    ],
+)
+def test_commands_options_mechanisms_and_files_are_completed(line, expected, tmp_path):
+    (tmp_path / "mine.yaml").touch()
+    (tmp_path / "my_runs").mkdir()
+    assert completions(line, tmp_path) == expected
+
+
+def test_all_commands_are_offered(tmp_path):
+    from mbd_sim.cli.main import COMMANDS
+
+    assert set(COMMANDS) <= completions("mbd_sim ", tmp_path)
+
+
+def test_argcomplete_is_not_imported_by_a_command():
+    program = "import sys; from mbd_sim.cli.main import main; main(['list']); print('argcomplete' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "False"
