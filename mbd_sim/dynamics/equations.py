@@ -28,6 +28,7 @@ from mbd_sim.dynamics.body_symbols import flat_pose
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.dynamics.constraint_rows import ConstraintRow
+from mbd_sim.dynamics.distant_springs import DistantSprings, distant_springs
 from mbd_sim.dynamics.element_forces import require_defined_forces
 from mbd_sim.dynamics.energy import AUDIT_STATES, gravitational_potential
 from mbd_sim.dynamics.initial_conditions import AssembledStart, Assembly, assemble
@@ -54,7 +55,7 @@ class Equations:
 
     - `rates(t, y, inputs)`: y', and with constraints a margin that is negative where they are nearly singular.
     - `project(t, y)`: y with unit quaternions, projected onto the constraints; None if there are neither.
-    - `energies(t, y)`: T and V.
+    - `energies(t, y)`: T and V, without the `distant_springs`, which are None in most mechanisms.
     - `poses(t, y)`: X_WB of each of `part_names`, (12,) each: the position, then the rotation column by column.
     - `drives(t, y, inputs)`: coordinates (n,) of driven joints in declared order, their speeds, and their forces.
     - `multipliers(t, y, inputs)`: λ (m,) of all `rows`, zero for those that are zero everywhere.
@@ -70,6 +71,7 @@ class Equations:
     parameters: SymbolicParameters
     rates: ca.Function
     energies: ca.Function
+    distant_springs: DistantSprings | None
     poses: ca.Function
     drives: ca.Function
     project: ca.Function | None
@@ -182,6 +184,7 @@ def _packaged(
         parameters=traced.parameters,
         rates=function("rates", with_inputs, y_rates, *margin),
         energies=function("energies", without_commands, ca.vertcat(traced.kinetic_energy, potential)),
+        distant_springs=distant_springs(traced, forces.elements.lengths, without_commands),
         poses=function("poses", without_commands, _flat_poses(traced)),
         drives=function("drives", with_inputs, ca.vec(motion.drives)),
         # "settle" is the function's name in compiled kernels, and so part of their keys in the cache.

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from functools import lru_cache, partial
 from typing import assert_never
 
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.piecewise import select
-from mbd_sim.dynamics.potentials import potential
+from mbd_sim.dynamics.distant_potentials import DistantPotential
+from mbd_sim.dynamics.piecewise import DECADES, select
+from mbd_sim.dynamics.potentials import Table, potential, table_of
 from mbd_sim.dynamics.spatial_algebra import is_absent
 from mbd_sim.dynamics.time_functions import function_of
+from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.laws import (
     ELONGATION,
     ElasticLaw,
     Expressed,
     Friction,
+    GreenStrain,
     Linear,
     Piecewise,
     PowerLaw,
@@ -23,7 +27,7 @@ from mbd_sim.mechanism.laws import (
 
 
 def elastic(law: ElasticLaw, x: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """The force f(x) in N or N·m and its potential ∫ f from 0 to x in J.
+    """The force f(x) in N or N·m and its potential ∫ f from 0 to x in J, which `distant_potential` completes.
 
     :param x: elongation in m or rad. A positive force pulls it back.
     """
@@ -36,14 +40,35 @@ def elastic(law: ElasticLaw, x: ca.SX) -> tuple[ca.SX, ca.SX]:
             d = x - origin
             energy = start + d * (c0 + d * (c1 / 2.0 + d * (c2 / 3.0 + d * c3 / 4.0)))
             return c0 + d * (c1 + d * (c2 + d * c3)), energy
-        case Expressed(force=force, lower=lower, upper=upper):
-
-            def f(elongation: ca.SX) -> ca.SX:
-                return function_of(force, {ELONGATION: elongation})
-
-            return f(x), potential(f, lower, upper, x)
+        case Expressed():
+            force = partial(_force, law.force)
+            return force(x), potential(force, _table(law), x)
         case _:
             assert_never(law)
+
+
+def distant_potential(law: ElasticLaw | GreenStrain) -> DistantPotential | None:
+    """What the potential of `elastic` lacks far from 0; None if it lacks nothing up to 1e5 times the law's range."""
+    if not isinstance(law, Expressed):
+        return None
+    table = _table(law)
+    (lower, upper), far = table.ends, 10.0**DECADES
+    if lower <= far * law.lower and upper >= far * law.upper:
+        return None
+    return DistantPotential(partial(_force, law.force), table)
+
+
+def _force(expression: TimeExpression, elongation: ca.SX) -> ca.SX:
+    return function_of(expression, {ELONGATION: elongation})
+
+
+def _table(law: Expressed) -> Table:
+    return _cached_table(law.force.text, tuple(law.force.names.items()), law.lower, law.upper)
+
+
+@lru_cache(maxsize=64)
+def _cached_table(text: str, names: tuple[tuple[str, float], ...], lower: float, upper: float) -> Table:
+    return table_of(partial(_force, TimeExpression(text, dict(names))), lower, upper)
 
 
 def power_law(law: PowerLaw, speed_squared: ca.SX) -> tuple[ca.SX, ca.SX]:

@@ -16,8 +16,8 @@ TOLERANCE = 1e-15  # of an integral, relative to the integral of the absolute va
 MAX_PANELS = 64  # on each side of 0
 DECADES = 5  # beyond the range of a law, to which further panels may reach
 MIN_WIDTH = 1e-12  # of a panel, relative to the range
-_NODES, _WEIGHTS = (0.5 * values for values in np.polynomial.legendre.leggauss(POINTS))
-_NODES = _NODES + 0.5  # of the interval from 0 to 1
+NODES, WEIGHTS = (0.5 * values for values in np.polynomial.legendre.leggauss(POINTS))
+NODES = NODES + 0.5  # of the interval from 0 to 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +30,11 @@ class Panels:
     knots: Array
     origins: Array
     values: Array
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The outer ends of the outermost panels; 0 on a side without panels."""
+        return float(self.origins[0]), float(self.origins[-1])
 
 
 def select(x: ca.SX, knots: Array, columns: Array) -> ca.SX:
@@ -49,8 +54,19 @@ def integral(f: Callable[[ca.SX], ca.SX], panels: Panels, x: ca.SX) -> ca.SX:
     """∫ f from 0 to x: a number up to the origin of the panel of x, and Gauss–Legendre quadrature from there."""
     start, value = ca.vertsplit(select(x, panels.knots, np.column_stack([panels.origins, panels.values])))
     width = x - start
-    terms = [float(weight) * f(start + width * float(node)) for node, weight in zip(_NODES, _WEIGHTS, strict=True)]
+    terms = [float(weight) * f(start + width * float(node)) for node, weight in zip(NODES, WEIGHTS, strict=True)]
     return value + width * sum(terms[1:], terms[0])
+
+
+def evaluator(f: Callable[[ca.SX], ca.SX]) -> Callable[[Array], Array]:
+    """f as a function of an array of numbers, whose shape its values have."""
+    x = ca.SX.sym("x")
+    values = ca.Function("f", [x], [f(x)])
+
+    def at(points: Array) -> Array:
+        return np.array(values(ca.DM(points.ravel()).T)).reshape(points.shape)
+
+    return at
 
 
 def panels_of(f: Callable[[ca.SX], ca.SX], lower: float, upper: float) -> Panels:
@@ -61,12 +77,7 @@ def panels_of(f: Callable[[ca.SX], ca.SX], lower: float, upper: float) -> Panels
     31. Where they are not enough, as at a kink, panels are halved until they are. The integrals occur only in the
     energies, which are read at the publishing rate; the accelerations contain f alone. Panels stop where f overflows.
     """
-    x = ca.SX.sym("x")
-    values = ca.Function("f", [x], [f(x)])
-
-    def at(points: Array) -> Array:
-        return np.array(values(ca.DM(points.ravel()).T)).reshape(points.shape)
-
+    at = evaluator(f)
     below, above = _edges(at, lower), _edges(at, upper)
     edges = np.array([*reversed(below), 0.0, *above])
     pieces = [_quadrature(at, a, b)[0] for a, b in pairwise(edges)]
@@ -77,12 +88,7 @@ def panels_of(f: Callable[[ca.SX], ca.SX], lower: float, upper: float) -> Panels
 
 def extended(f: Callable[[ca.SX], ca.SX], panels: Panels) -> Panels:
     """The same panels and further ones beyond both ends, by decades, as far as `MAX_PANELS` for each are enough."""
-    x = ca.SX.sym("x")
-    values = ca.Function("f", [x], [f(x)])
-
-    def at(points: Array) -> Array:
-        return np.array(values(ca.DM(points.ravel()).T)).reshape(points.shape)
-
+    at = evaluator(f)
     above, below = (_outward(at, float(panels.knots[index])) for index in (-1, 0))
     edges = np.array([*reversed(below), *panels.origins, *above])
     up = np.cumsum([panels.values[-1], *(_quadrature(at, a, b)[0] for a, b in pairwise([panels.origins[-1], *above]))])
@@ -96,17 +102,18 @@ def _outward(at: Callable[[Array], Array], start: float) -> list[float]:
     found: list[float] = []
     for decade in range(DECADES):
         a, b = start * 10.0**decade, start * 10.0 ** (decade + 1)
-        edges = [a, b]
+        edges, errors = [a, b], [_refined(at, a, b)]
         size = _refined(at, 0.0, a)[1]
         while len(edges) <= MAX_PANELS:
-            errors = [_refined(at, *pair) for pair in pairwise(edges)]
             if not np.all(np.isfinite(at(np.array(edges)))) or not np.all(np.isfinite([e for _, e in errors])):
                 return found
             total = size + sum(own for _, own in errors)
             worst = max(range(len(errors)), key=lambda index: errors[index][0])
             if errors[worst][0] <= TOLERANCE * total:
                 break
-            edges.insert(worst + 1, 0.5 * (edges[worst] + edges[worst + 1]))
+            middle = 0.5 * (edges[worst] + edges[worst + 1])
+            errors[worst : worst + 1] = [_refined(at, edges[worst], middle), _refined(at, middle, edges[worst + 1])]
+            edges.insert(worst + 1, middle)
         else:
             return found
         found += edges[1:]
@@ -142,5 +149,5 @@ def _refined(at: Callable[[Array], Array], a: float, b: float) -> tuple[float, f
 
 
 def _quadrature(at: Callable[[Array], Array], a: float, b: float) -> tuple[float, float]:
-    values = at(a + (b - a) * _NODES)
-    return float((b - a) * (_WEIGHTS @ values)), float(abs(b - a) * (_WEIGHTS @ np.abs(values)))
+    values = at(a + (b - a) * NODES)
+    return float((b - a) * (WEIGHTS @ values)), float(abs(b - a) * (WEIGHTS @ np.abs(values)))

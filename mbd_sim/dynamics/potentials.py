@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.piecewise import extended, integral, panels_of
+from mbd_sim.dynamics.piecewise import Panels, evaluator, extended, integral, panels_of
+from mbd_sim.geometry.pose import Array
 
 MAX_TURNS = 6  # longest period that is recognized; half of it lies within the panels
 SAMPLES = np.concatenate([np.linspace(-40.0, 40.0, 2003), np.geomspace(41.0, 1e3, 300), -np.geomspace(41.0, 1e3, 300)])
@@ -24,27 +25,50 @@ class Repetition:
     slope: float
 
 
-def potential(f: Callable[[ca.SX], ca.SX], lower: float, upper: float, x: ca.SX) -> ca.SX:
-    """∫ f from 0 to x, exact to rounding between `lower` and `upper`, and far beyond if f is smooth or repeats itself.
+@dataclass(frozen=True, eq=False)
+class Table:
+    """The panels of ∫ f from 0, and how f repeats itself; without repetition the integral is exact between `ends`."""
 
-    Beyond, x is reduced by whole periods; other functions get further panels where few of them are enough.
+    panels: Panels
+    repetition: Repetition | None
+    mean: float = 0.0
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The smallest and the largest x with exact integrals."""
+        return self.panels.ends if self.repetition is None else (-np.inf, np.inf)
+
+
+def table_of(f: Callable[[ca.SX], ca.SX], lower: float, upper: float) -> Table:
+    """The panels of ∫ f between `lower` and `upper`, and further ones where few of them are enough.
+
+    If f repeats itself, those between the two suffice: x is reduced by whole periods beyond.
     """
     panels = panels_of(f, lower, upper)
-    if lower != -upper or (panels.knots[0], panels.knots[-1]) != (lower, upper):
-        return integral(f, panels, x)
+    if lower != -upper or panels.ends != (lower, upper):
+        return Table(panels, None)
     found = repetition(f)
     if found is None:
-        return integral(f, extended(f, panels), x)
+        return Table(extended(f, panels), None)
     symbol = ca.SX.sym("x")
     inside = ca.Function("inside", [symbol], [integral(f, panels, symbol)])
     half = np.pi * found.turns
     mean = float(inside(half) - inside(-half)) / (2.0 * half)
     if abs(mean) <= RELATIVE_ROUND_OFF * float(np.max(np.abs(_values(f, np.linspace(-half, half, 101))))):
         mean = 0.0
-    angle = x / found.turns
-    reduced = ca.if_else(ca.fabs(x) > upper, found.turns * ca.atan2(ca.sin(angle), ca.cos(angle)), x)
+    return Table(panels, found, mean)
+
+
+def potential(f: Callable[[ca.SX], ca.SX], table: Table, x: ca.SX) -> ca.SX:
+    """∫ f from 0 to x, exact to rounding between the ends of the table; beyond them, the integral up to the end."""
+    lower, upper = table.panels.ends
+    if table.repetition is None:
+        return integral(f, table.panels, ca.if_else(x > upper, upper, ca.if_else(x < lower, lower, x)))
+    turns, slope = table.repetition.turns, table.repetition.slope
+    angle = x / turns
+    reduced = ca.if_else(ca.fabs(x) > upper, turns * ca.atan2(ca.sin(angle), ca.cos(angle)), x)
     whole = x - reduced
-    return integral(f, panels, reduced) + whole * (0.5 * found.slope * (x + reduced) + mean)
+    return integral(f, table.panels, reduced) + whole * (0.5 * slope * (x + reduced) + table.mean)
 
 
 def repetition(f: Callable[[ca.SX], ca.SX]) -> Repetition | None:
@@ -63,6 +87,5 @@ def repetition(f: Callable[[ca.SX], ca.SX]) -> Repetition | None:
     return None
 
 
-def _values(f: Callable[[ca.SX], ca.SX], points: np.ndarray) -> np.ndarray:
-    x = ca.SX.sym("x")
-    return np.array(ca.Function("f", [x], [f(x)])(ca.DM(points).T)).ravel()
+def _values(f: Callable[[ca.SX], ca.SX], points: Array) -> Array:
+    return evaluator(f)(points)

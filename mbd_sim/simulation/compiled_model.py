@@ -86,6 +86,8 @@ class Model:
             "drives": equations.drives,
             "violation": equations.violation,
         }
+        if equations.distant_springs is not None:
+            readers["elongations"] = equations.distant_springs.elongations
         self.equations = equations
         self.layout, self.start, self.part_names = equations.layout, equations.start_state, equations.part_names
         self.coordinate_names, self.driven_names = mechanism.coordinate_names, mechanism.driven_names
@@ -117,6 +119,8 @@ class Model:
     def energies(self, time: float, y: Array, start_total: float = 0.0, inputs: Array | None = None) -> Energies:
         """The energy audit at a state; `start_total` is T + V at the start, in J."""
         kinetic, potential = self._read("energies", time, y, np.empty(2), inputs).tolist()
+        if (springs := self.equations.distant_springs) is not None:
+            potential += springs.potential(self._read("elongations", time, y, np.empty(len(springs)), inputs))
         work_applied, work_drives, dissipated = y[-len(AUDIT_STATES) :].tolist()
         total = kinetic + potential
         residual = total - start_total - work_applied - work_drives + dissipated
