@@ -35,7 +35,7 @@ from mbd_sim.dynamics.initial_conditions import AssembledStart, Assembly, assemb
 from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.dynamics.joint_linearization import JointLinearization, joint_linearization
 from mbd_sim.dynamics.links import CoordinateLayout, build_links
-from mbd_sim.dynamics.mass_matrix_check import require_definite
+from mbd_sim.dynamics.mass_matrix_check import require_definite, require_independent
 from mbd_sim.dynamics.multipliers import ConstraintSolver, typical_diagonal
 from mbd_sim.dynamics.reactions import joint_reactions, wrenches_of_multipliers
 from mbd_sim.dynamics.state_projection import projected_state
@@ -147,7 +147,10 @@ def _require_regular_start(
     if not np.all(finite := np.isfinite(bias)):
         raise undefined_constraints(traced.numeric, assembly.equations.rows, ~finite)
     require_defined_forces(traced.numeric, lengths)
-    require_definite(traced.numeric, build_links(traced.numeric), pivots, poses.reshape(-1, 12))
+    links = build_links(traced.numeric)
+    require_definite(traced.numeric, links, pivots, poses.reshape(-1, 12))
+    if links:
+        require_independent(traced.numeric, links, assembly.functions.mass_matrix(0.0, assembly.start.q))
 
 
 def _flat_poses(traced: TracedMechanism) -> ca.SX:

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbd_sim.dynamics.links import Link
-from mbd_sim.errors import NoInertiaError, Problem
+from mbd_sim.errors import NoInertiaError, Problem, listed
 from mbd_sim.geometry.pose import Array, unpack_poses
-from mbd_sim.mechanism.records import Joint, Mechanism
+from mbd_sim.mechanism.records import Joint, Mechanism, Part
 
-ROUND_OFF = 1e-13  # relative to an inertia: the largest pivot that counts as zero
+ROUND_OFF = 1e-13  # relative to an inertia: the largest pivot, or eigenvalue, that counts as zero
+INVOLVED = 0.1  # the smallest share of a coordinate in a motion without inertia, relative to the largest share
 
 
 def require_definite(mechanism: Mechanism, links: Sequence[Link], pivots: Array, poses: Array) -> None:
@@ -48,6 +49,40 @@ def require_definite(mechanism: Mechanism, links: Sequence[Link], pivots: Array,
             refused[link.parent] |= refused[index]
     if problems:
         raise NoInertiaError(sorted(problems, key=lambda problem: problem.line))
+
+
+def require_independent(mechanism: Mechanism, links: Sequence[Link], mass_matrix: Array) -> None:
+    """Refuse joints that together can move without moving any inertia, though each of them alone cannot.
+
+    An example is a particle that three joints turn about one point. The mass matrix counts as singular if its smallest
+    eigenvalue is no more than round-off, after each coordinate is scaled to an inertia of 1.
+
+    :param mass_matrix: (nv, nv), definite according to `require_definite`.
+    :raises NoInertiaError: the joints and the parts without an inertia of their own are named.
+    """
+    sizes = np.sqrt(np.diag(mass_matrix))
+    values, vectors = np.linalg.eigh(mass_matrix / np.outer(sizes, sizes))
+    if not len(values) or values[0] > ROUND_OFF:
+        return
+    shares = np.abs(vectors[:, 0])
+    joints = [index for index, link in enumerate(links) if np.any(shares[link.u] > INVOLVED * np.max(shares))]
+    names = [f"'{links[index].joint.name}'" for index in joints]
+    moved: set[int] = set()
+    for index, link in enumerate(links):
+        if index in joints or link.parent in moved:
+            moved.add(index)
+    parts = [mechanism.parts[links[index].joint.outboard] for index in sorted(moved)]
+    points = [f"'{part.name}'" for part in parts if part.mass > 0.0 and _is_particle(part)]
+    message = f"the joints {listed(names)} together can move without moving any inertia"
+    remedy = "Give the parts that they move an inertia, or fix or drive one of the joints."
+    if points:
+        remedy += f" These parts have none: {listed(points)}."
+    raise NoInertiaError([mechanism.source.problem(("joints", links[joints[-1]].joint.name), message, remedy)])
+
+
+def _is_particle(part: Part) -> bool:
+    """Whether the inertia of a part about its center is round-off of that of its mass at 1 m."""
+    return float(np.trace(part.inertia)) <= ROUND_OFF * part.mass
 
 
 def _is_moment(joint: Joint) -> list[bool]:

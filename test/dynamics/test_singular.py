@@ -10,7 +10,7 @@ import pytest
 
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.spatial_algebra import SpdFactors, inverse_spd
-from mbd_sim.errors import MechanismError
+from mbd_sim.errors import MechanismError, NoInertiaError
 from mbd_sim.load import parse_mechanism
 from test.generators.mechanisms import accelerations, derived, random_state
 from test.oracles import kane
@@ -82,6 +82,32 @@ def test_only_the_joints_that_cause_the_singularity_are_named():
         parts=rods,
     )
     assert refused(text) == ["joints.bad"]
+
+
+def neck(head, turned=3.7e-6):
+    """Three hinges that turn a head about nearly one point, the second and third nearly in its plane."""
+    parts = {
+        "low": {"mass": 0.1, "points": {"top": [0, 0.0095, 0]}},
+        "high": {"mass": 0.1},
+        "head": {"mass": 1.3, "center": [0.0185, -0.11, 0], **head},
+    }
+    joints = [
+        ("pitch", "revolute", "ground", "low", (0, 0, 1)),
+        ("roll", "revolute", "low.top", "high", (1, 0, turned)),
+        ("yaw", "revolute", "high", "head", (0, 1, 0)),
+    ]
+    return chain(*joints, parts=parts)
+
+
+def test_joints_that_together_move_no_inertia_are_named_with_the_particles_that_they_move():
+    with pytest.raises(NoInertiaError) as caught:
+        derived(neck({}))
+    (problem,) = caught.value.problems
+    assert problem.key == "joints.yaw" and problem.line > 0
+    assert problem.message == "the joints 'roll', 'yaw' together can move without moving any inertia"
+    assert problem.remedy.endswith("These parts have none: 'high', 'head'.")
+    derived(neck({"inertia": [1e-9, 1e-9, 1e-9]}))
+    derived(neck({}, turned=0.1))
 
 
 def test_a_free_rod_and_a_free_particle_are_refused():
