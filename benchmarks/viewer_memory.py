@@ -33,7 +33,9 @@ def main() -> None:
             if sample % ROWS == 0:
                 time.sleep(0.05)  # as in a run: one batch
             if sample % 10_000 == 0:
-                print(f"{sample:8d} samples  {process.memory_info().rss / 1e6:6.0f} MB", flush=True)
+                written = Path(viewer.address).stat().st_size
+                memory = process.memory_info().rss
+                print(f"{sample:8d} samples  {memory / 1e6:6.1f} MB, file {written / 1e6:7.1f} MB", flush=True)
 
 
 if __name__ == "__main__":

@@ -32,16 +32,17 @@ FLUSH_TIMEOUT = 5.0  # s
 class RerunStream:
     """One recording. `address` is where to view it: a URL, or the path of the file."""
 
-    def __init__(self, scene: SceneDescription, sink: str, *, live: bool | None = None) -> None:
+    def __init__(self, scene: SceneDescription, sink: str, *, live: bool | None = None, footer: bool = True) -> None:
         """Open the sink and log the scene.
 
         :param live: follow the incoming data rather than play them in a loop; by default, loop only in files.
+        :param footer: write a list of all chunks at the end of a file; it is kept in memory until then.
         :raises ViewerError: the sink cannot be opened.
         """
         self._scene = scene
         self._recording = rr.RecordingStream(APPLICATION, batcher_config=rr.ChunkBatcherConfig.LOW_LATENCY())
         self._connection = SinkConnection(
-            self._recording, sink, make_blueprint(scene, live=is_live(sink) if live is None else live)
+            self._recording, sink, make_blueprint(scene, live=is_live(sink) if live is None else live), footer=footer
         )
         self.address = self._connection.address
         try:

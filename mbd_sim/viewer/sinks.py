@@ -51,17 +51,21 @@ class SinkConnection:
     :raises ViewerError: the sink cannot be opened.
     """
 
-    def __init__(self, recording: RecordingStream, sink: str, blueprint: Blueprint) -> None:
+    def __init__(self, recording: RecordingStream, sink: str, blueprint: Blueprint, *, footer: bool = True) -> None:
+        """Open the sink.
+
+        :param footer: write a list of all chunks at the end of a file; it is kept in memory until then.
+        """
         self._server: subprocess.Popen[bytes] | None = None
         try:
-            self.address = self._open(recording, sink, blueprint)
+            self.address = self._open(recording, sink, blueprint, footer)
         except (OSError, RuntimeError, subprocess.SubprocessError) as error:
             self.close()
             raise ViewerError(f"the viewer sink '{sink}' cannot be opened: {error}") from error
 
-    def _open(self, recording: RecordingStream, sink: str, blueprint: Blueprint) -> str:
+    def _open(self, recording: RecordingStream, sink: str, blueprint: Blueprint, footer: bool) -> str:
         if not is_live(sink):
-            recording.save(sink, default_blueprint=blueprint)
+            recording.save(sink, default_blueprint=blueprint, write_footer=footer)
             return str(Path(sink).resolve())
         address = url = _data_url(DATA_PORT)
         if sink == "serve":

@@ -11,18 +11,21 @@ import os
 import pickle
 import sys
 import time
+from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
 from mbd_sim.viewer import protocol
+from mbd_sim.viewer.rrd_footer import add_footer
 from mbd_sim.viewer.sinks import is_live
 
 if TYPE_CHECKING:
     from mbd_sim.viewer.rerun_stream import RerunStream
 
-FILE_PERIOD, FILE_BATCH = 1.0, 4_000_000  # s, bytes: rows for a file are sent when either is reached
+FILE_PERIOD, FILE_BATCH = 1.0, 500_000  # s, bytes: rows for a file are sent when either is reached
 FILE_GROWTH = 0.01  # of the time since the start, by which the period grows
+RERUN_LOG = "warn,re_log_encoding::rrd::file_sink=error"  # Rerun warns of files without a footer
 NICENESS = 10  # so that the simulation comes first where there is not enough processor time for both
 
 
@@ -32,15 +35,16 @@ def main() -> int:
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # output of libraries must not mix with the answers
     with contextlib.suppress(OSError):
         os.nice(NICENESS)
+    os.environ.setdefault("RUST_LOG", RERUN_LOG)
     return _run(sys.stdin.buffer, answers)
 
 
 class RowBatches:
     """Rows on their way into a stream.
 
-    Each batch becomes a chunk for every entity. Rerun keeps 0.4 kB for each chunk of a file in memory, for the list at
-    its end. Therefore rows for a file, which nobody watches, are collected: for a second, and for 1 % of the time since
-    the start if that is longer, but not beyond `FILE_BATCH`. Rows for a viewer are sent as they come.
+    Each batch becomes a chunk for every entity, and larger chunks take less space. Therefore rows for a file, which
+    nobody watches, are collected: for a second, and for 1 % of the time since the start if that is longer, but not
+    beyond `FILE_BATCH`, which bounds the memory. Rows for a viewer are sent as they come.
     """
 
     def __init__(self, stream: RerunStream, width: int, *, live: bool) -> None:
@@ -80,7 +84,7 @@ def _run(source: IO[bytes], answers: IO[str]) -> int:
         if first is None:
             return 1
         scene, sink = pickle.loads(first[1])  # noqa: S301  (from the process that started this one)
-        stream = RerunStream(scene, sink)
+        stream = RerunStream(scene, sink, footer=False)  # a run may last for days
     except Exception as error:  # reported by the simulation's process
         answer(failed=str(error) or repr(error))
         return 1
@@ -105,6 +109,8 @@ def _run(source: IO[bytes], answers: IO[str]) -> int:
         stream.close()
         return 1
     stream.close()
+    if not is_live(sink):
+        add_footer(Path(sink))
     return 0
 
 
