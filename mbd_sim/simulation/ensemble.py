@@ -26,9 +26,10 @@ from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.argument_checks import require_finite, step_at, step_count, step_size
 from mbd_sim.simulation.compiled_model import Model, build_model
 from mbd_sim.simulation.ensemble_variants import Change, Variants
+from mbd_sim.simulation.member_failures import divergence_of_member
 from mbd_sim.simulation.options import EnsembleOptions
 from mbd_sim.simulation.read_only import ReadOnlyAttributes, read_only
-from mbd_sim.simulation.snapshot import EnsembleSnapshot, RunLayout, require_same_layout
+from mbd_sim.simulation.snapshot import EnsembleSnapshot, MemberFailure, RunLayout, require_same_layout
 
 RUN_CHUNK = 2000  # steps between two calls of `progress` in `run`
 
@@ -93,7 +94,8 @@ class Ensemble(ReadOnlyAttributes):
         self.step_size = step_size(step, mechanism.step)
         variants = Variants(mechanism, changes)
         self.model: Model = build_model(variants.first, method, (), variants.values, self.step_size)
-        self._limits = variants.effort_limits()
+        self._variants, self._limits = variants, variants.effort_limits()
+        self._failures: dict[int, MemberFailure] = {}
         self._starts, values = variants.starts(self.model)
         self._groups: MemberGroups = _member_groups(self.model, len(changes))
         layout = self.model.equations.inputs
@@ -185,7 +187,7 @@ class Ensemble(ReadOnlyAttributes):
         self._groups.put("inputs", inputs)
         self._groups.put("estimates", np.zeros((len(self), 1)))
         self._groups.put("alive", np.ones((len(self), 1)))
-        self._steps = 0
+        self._steps, self._failures = 0, {}
         self._start_energies = np.zeros(len(self))
         self._start_energies = np.asarray(self.energies.total)
 
@@ -193,7 +195,8 @@ class Ensemble(ReadOnlyAttributes):
         """Everything that the rest of the runs depends on: states, time, efforts, values and the audit."""
         groups, estimates = self._groups, self.error_estimates
         states, inputs, energies = groups.get("y"), groups.get("inputs"), self._start_energies.copy()
-        return EnsembleSnapshot(self._run_layout, states, self.steps, inputs, energies, estimates, self.alive)
+        failures = dict(self._failures)
+        return EnsembleSnapshot(self._run_layout, states, self.steps, inputs, energies, estimates, self.alive, failures)
 
     @property
     def _run_layout(self) -> RunLayout:
@@ -210,6 +213,7 @@ class Ensemble(ReadOnlyAttributes):
         self._groups.put("estimates", snapshot.error_estimates[:, None])
         self._groups.put("alive", snapshot.alive[:, None].astype(float))
         self._steps, self._start_energies = snapshot.steps, snapshot.start_energies.copy()
+        self._failures = dict(snapshot.failures)
 
     def set_efforts(self, efforts: Array | Mapping[str, float | Array]) -> None:
         """Set the efforts (k, nv) in N and N·m, or (nv,) for all members; or some by name, one number or (k,) each.
@@ -246,7 +250,7 @@ class Ensemble(ReadOnlyAttributes):
         :raises TypeError: n is not an integer.
         :raises ValueError: n is negative.
         """
-        n = step_count(n)
+        n, alive = step_count(n), self.alive
         shares = self._groups.shares(self._threads)
         if len(shares) == 1:
             self._groups.advance(self.steps, self.step_size, n, shares[0])
@@ -255,6 +259,10 @@ class Ensemble(ReadOnlyAttributes):
                 tasks = [pool.submit(self._groups.advance, self.steps, self.step_size, n, share) for share in shares]
                 for task in tasks:
                     task.result()
+        lost = np.flatnonzero(alive & ~self.alive).tolist()
+        if lost:
+            inputs = self._groups.get("inputs")
+            self._failures |= {member: MemberFailure(self.steps, n, inputs[member]) for member in lost}
         self._steps += n
 
     def run(self, until: float, progress: Callable[[float], None] | None = None) -> None:
@@ -271,12 +279,17 @@ class Ensemble(ReadOnlyAttributes):
     def require_alive(self) -> None:
         """Raise an error if a member is no longer `alive`.
 
-        :raises DivergedError: it names the first such member.
+        :raises DivergedError: it names the first such member, the time, and an expression without a finite value or a
+            better step, as `Simulation.step` does.
         """
-        lost = np.flatnonzero(~self.alive)
-        if len(lost):
+        lost = np.flatnonzero(~self.alive).tolist()
+        if lost:
+            first, estimates = lost[0], self.error_estimates
+            mechanism, failure = self._variants.mechanism_of(first), self._failures[first]
+            y, step = self.state[first], self.step_size
+            cause = divergence_of_member(self.model, mechanism, failure, y, step, float(estimates[first]))
             raise DivergedError(
-                f"{self.mechanism.name}: {len(lost)} members reached an infinite state, the first is member {lost[0]}."
+                f"{len(lost)} of {len(self)} members reached an infinite state, the first is member {first}. {cause}"
             )
 
 

@@ -62,6 +62,10 @@ class Variants:
         """The mechanism of the first member."""
         return self._mechanisms[0]
 
+    def mechanism_of(self, member: int) -> Mechanism:
+        """The mechanism with the values of a member."""
+        return self._mechanisms[self._variant_of[member]]
+
     def starts(self, model: Model) -> tuple[Array, Array]:
         """The start states (k, n) and the values (k, m) of the k members.
 

@@ -56,10 +56,20 @@ class SimulationSnapshot:
 
 
 @dataclass(frozen=True, eq=False)
+class MemberFailure:
+    """The call of `Ensemble.step` that failed: `count` steps after the first `steps`, with these `inputs` (m,)."""
+
+    steps: int
+    count: int
+    inputs: Array
+
+
+@dataclass(frozen=True, eq=False)
 class EnsembleSnapshot:
     """All members of an ensemble at a step boundary, from `Ensemble.snapshot`, for `Ensemble.restore`.
 
     The arrays have a row or an entry for each member; for their meaning see `SimulationSnapshot` and `Ensemble.alive`.
+    `failures` has an entry for each member that is no longer alive.
     """
 
     layout: RunLayout
@@ -69,6 +79,7 @@ class EnsembleSnapshot:
     start_energies: Array
     error_estimates: Array
     alive: NDArray[np.bool_]
+    failures: Mapping[int, MemberFailure]
 
 
 def require_same_layout(given: RunLayout, own: RunLayout) -> None:

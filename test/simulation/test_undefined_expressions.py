@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from mbd_sim import Simulation
+from mbd_sim import Ensemble, Simulation
 from mbd_sim.errors import DivergedError
+from mbd_sim.load import parse_mechanism
 
 BEAD = """mechanism: bead
 gravity: [0, 0, 0]
@@ -87,3 +88,49 @@ def test_steps_that_are_too_large_are_still_answered_with_a_step():
     stiff = BEAD + "forces: {band: {type: spring, between: [ground.o, bead.dot], force: 1e9*x}}"
     assert "has no finite" not in (text := failure(Simulation.from_text(stiff, method="rk4"), 5000))
     assert "Try" in text
+
+
+def member_failure(ensemble: Ensemble) -> str:
+    with pytest.raises(DivergedError) as caught:
+        ensemble.require_alive()
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("method", ["tsitouras8", "gauss4"])
+def test_an_ensemble_names_what_a_simulation_of_its_member_names(method):
+    text = BEAD + CASES["surface"][0]
+    ensemble = Ensemble(parse_mechanism(text), [{}, {"parts.bead.mass": 2}, {}], method=method)
+    ensemble.step(100)
+    ensemble.require_alive()
+    ensemble.step(5000)
+    single = Simulation.from_text(text, method=method)
+    single.step(100)
+    expected = failure(single, 5000)
+    assert ":11: constraints.wire.equation: the expression has no finite value" in expected
+    head = "3 of 3 members reached an infinite state, the first is member 0. "
+    assert member_failure(ensemble) == head + expected
+
+
+def test_the_values_and_inputs_of_the_failed_call_count():
+    mechanism = parse_mechanism(DRIVEN.replace("DRIVE", "sqrt(end - t)"))
+    ensemble = Ensemble(mechanism, [{"parameters.end": 2}, {"parameters.end": 0.5}])
+    ensemble.step(300)
+    ensemble.step(300)
+    snapshot = ensemble.snapshot()
+    ensemble.set_efforts([1.0])
+    ensemble.step(50)
+    text = member_failure(ensemble)
+    assert "1 of 2 members reached an infinite state, the first is member 1. " in text
+    assert "between t = 0.3 s and 0.6 s. " in text
+    assert ":6: joints.crank.drive: the expression has no finite value or derivative near t = 0.5" in text
+    ensemble.reset()
+    ensemble.require_alive()
+    ensemble.restore(snapshot)
+    assert member_failure(ensemble) == text
+
+
+def test_a_member_that_takes_too_large_steps_is_given_advice():
+    ensemble = Ensemble.from_file("double_rod", [{}, {"joints.elbow.damping": 1e9}], method="rk4")
+    ensemble.step(10)
+    text = member_failure(ensemble)
+    assert "the first is member 1" in text and "which has rates of" in text and "method rosenbrock" in text
