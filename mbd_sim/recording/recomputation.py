@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple, assert_never
 
-from mbd_sim.errors import CommandError
+from mbd_sim.errors import CommandError, listed
 from mbd_sim.geometry.pose import Array
 from mbd_sim.load import parse_mechanism
 from mbd_sim.mechanism.records import Mechanism
@@ -164,7 +164,19 @@ class Recomputation:
         if self.file.mechanism_text is None:
             raise RecomputeError(f"{self.file.path}: contains no mechanism.yaml, so it cannot be recomputed.")
         mechanism = parse_mechanism(self.file.mechanism_text, self._start.file)
-        return with_values(mechanism, self.changes) if self.changes else mechanism
+        if not self.changes:
+            return mechanism
+        changed = with_values(mechanism, self.changes)
+        own, others = ({*one.coordinate_names, *one.driven_names} for one in (mechanism, changed))
+        if own != others:
+            different = [*(f"'{name}' is added" for name in sorted(others - own))]
+            different += [f"'{name}' is missing" for name in sorted(own - others)]
+            raise RecomputeError(
+                f"{self.file.path}: the change gives the mechanism other coordinates ({listed(different)}), so the "
+                "commands and states of the recording do not fit. Change values that keep the coordinates, or run the "
+                "changed mechanism with 'mbd_sim run'."
+            )
+        return changed
 
     def _is_changed(self, key: str) -> bool:
         return key in self.changes or key.removeprefix("parameters.") in self.changes
