@@ -111,7 +111,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self._priority = parameters["real_time_priority"]
         self.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._create_services()
-        self.simulation_services = serve_simulation_interfaces(self, self.stepping_thread, end)
+        self.simulation_services = serve_simulation_interfaces(self, self.stepping_thread, end, frame_prefix)
 
     def start(self) -> None:
         """Start to record, to publish and to step; first the nodes that follow."""

@@ -10,10 +10,12 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from mbd_sim.ros.entity_services import EntityServices
 from mbd_sim.ros.stepping_thread import SteppingThread
 
 FEATURES = (
     "SIMULATION_RESET", "SIMULATION_RESET_TIME", "SIMULATION_RESET_STATE",
+    "ENTITY_STATE_GETTING", "ENTITY_STATE_SETTING",
     "SIMULATION_STATE_GETTING", "SIMULATION_STATE_SETTING", "SIMULATION_STATE_PAUSE",
     "STEP_SIMULATION_SINGLE", "STEP_SIMULATION_MULTIPLE",
 )  # fmt: skip
@@ -22,13 +24,14 @@ MAX_STEPS = 10_000_000  # in one call; the node answers no other request meanwhi
 
 
 def serve_simulation_interfaces(
-    node: Node, stepping_thread: SteppingThread, end: Callable[[], None]
+    node: Node, stepping_thread: SteppingThread, end: Callable[[], None], frame_prefix: str
 ) -> SimulationServices | None:
     """Create the services; None if the package is not installed. `end` ends the program."""
     try:
         messages, services = (importlib.import_module(f"simulation_interfaces.{kind}") for kind in ("msg", "srv"))
     except ImportError:
         return None
+    EntityServices(node, stepping_thread, messages, services, frame_prefix)
     return SimulationServices(node, stepping_thread, end, messages, services)
 
 

@@ -96,11 +96,11 @@ class SteppingThread:
 
     def reset(self, rewind_clock: bool = False, *, state: bool = True) -> str:
         """Reset the state to the start state, the clock to zero, or both; returns the problem, or "" on success."""
-        return self._call(lambda: self._reset(rewind_clock, state))
+        return self.between_steps(lambda: self._reset(rewind_clock, state))
 
     def step(self, steps: int) -> str:
         """Take some steps while paused; returns the problem, or "" on success."""
-        return self._call(lambda: self._step_paused(steps))
+        return self.between_steps(lambda: self._step_paused(steps))
 
     def set_live(self, changes: Mapping[str, float]) -> str:
         """Change live values of the mechanism; returns the problem, and then nothing has changed, or "" on success.
@@ -112,11 +112,14 @@ class SteppingThread:
                 prepared = self.simulation.prepare_live(changes)
             except CommandError as error:
                 return str(error)
-            return self._call(lambda: self._apply_live(prepared))
+            return self.between_steps(lambda: self._apply_live(prepared))
 
-    def set_state(self, given: StateValues) -> str:
-        """Set positions and speeds by name; returns the problem, and then nothing has changed, or "" on success."""
-        return self._call(lambda: self._set_state(given))
+    def set_state(self, given: StateValues | Callable[[], StateValues]) -> str:
+        """Set positions and speeds by name; returns the problem, and then nothing has changed, or "" on success.
+
+        :param given: the values, or a function of the present state, which is called between two steps.
+        """
+        return self.between_steps(lambda: self._set_state(given))
 
     def warn(self, text: str) -> None:
         """Report a warning as an event between two steps; returns at once."""
@@ -138,7 +141,7 @@ class SteppingThread:
         """Schedule the next steps from now on, as after a change of the real-time factor."""
         self._requests.call(self.pacer.anchor, self._thread)
 
-    def _call(self, action: Callable[[], str]) -> str:
+    def between_steps(self, action: Callable[[], str]) -> str:
         """The answer of an action that the stepping thread executes between two steps."""
         answers: list[str] = []
         self._requests.call(lambda: answers.append(action()), self._thread, await_start=True)
@@ -327,9 +330,10 @@ class SteppingThread:
         self.pacer.delay(time.perf_counter() - began)  # no step has to make up for it
         return ""
 
-    def _set_state(self, given: StateValues) -> str:
+    def _set_state(self, given: StateValues | Callable[[], StateValues]) -> str:
         began = time.perf_counter()
         try:
+            given = given() if callable(given) else given
             self.simulation.set_state(*given)
         except CommandError as error:
             return str(error)

@@ -13,6 +13,7 @@ import importlib.util
 import io
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -25,7 +26,7 @@ from typing import Any
 HERE = Path(__file__).parent
 PREFIX = Path(sys.prefix)
 DEPENDENCIES = {
-    "simulation_interfaces": ("builtin_interfaces", "service_msgs"),
+    "simulation_interfaces": ("builtin_interfaces", "service_msgs", "std_msgs", "geometry_msgs"),
     "tf2_msgs": ("builtin_interfaces", "std_msgs", "geometry_msgs"),
 }
 FAST_DDS, INTROSPECTION = "rosidl_typesupport_fastrtps_c", "rosidl_typesupport_introspection_c"
@@ -45,6 +46,13 @@ DEPENDENCY_LIBRARIES = ("rosidl_generator_c", "rosidl_typesupport_c", FAST_DDS, 
 def installed() -> bool:
     """Whether this environment has the packages already, as a full ROS 2 installation may."""
     return all(importlib.util.find_spec(package) for package in DEPENDENCIES)
+
+
+def is_complete(folder: Path) -> bool:
+    """Whether a folder has all the interfaces: an older build may lack some."""
+    words = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
+    sources = [source.relative_to(HERE) for source in HERE.glob("*/*/*.*") if source.suffix in (".msg", ".srv")]
+    return all((folder / source.parent / f"_{words.sub('_', source.stem).lower()}.py").exists() for source in sources)
 
 
 def missing_tools() -> str:

@@ -5,12 +5,14 @@
  *   skip   writes that still succeed
  *   count  writes that fail after them; -1: all
  *
- * A disk that hangs does so in fdatasync(), fsync() and ftruncate() as well. */
+ * The creation of a file or folder counts as a write. A disk that hangs does so in fdatasync(), fsync() and ftruncate()
+ * as well. */
 
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <stdarg.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -45,15 +47,24 @@ static int concerned(int file) {
     return strncmp(path, folder, strlen(folder)) == 0;
 }
 
+static int is_below_folder(const char *path) {
+    const char *folder = getenv("FAULTY_FOLDER");
+    if (!control) find_control();
+    return control && folder && control[0] > NONE && strncmp(path, folder, strlen(folder)) == 0;
+}
+
+static int is_due(void) {
+    if (__atomic_fetch_sub(&control[1], 1, __ATOMIC_SEQ_CST) > 0) return 0;
+    if (control[2] < 0) return 1;
+    return __atomic_fetch_sub(&control[2], 1, __ATOMIC_SEQ_CST) > 0;
+}
+
 static void hang_if_asked(int file) {
     while (concerned(file) && control[0] == HANG && control[1] <= 0) usleep(10000);
 }
 
 static int fails(int file) {
-    if (!concerned(file)) return 0;
-    if (__atomic_fetch_sub(&control[1], 1, __ATOMIC_SEQ_CST) > 0) return 0;
-    if (control[2] < 0) return 1;
-    return __atomic_fetch_sub(&control[2], 1, __ATOMIC_SEQ_CST) > 0;
+    return concerned(file) && is_due();
 }
 
 /* The number of bytes that may be written, or -1 with errno. */
@@ -108,3 +119,27 @@ int ftruncate(int file, off_t length) {
 }
 
 int ftruncate64(int file, off64_t length) { return ftruncate(file, length); }
+
+/* Whether a file or folder may be created; with errno if not. */
+static int creation_fails(const char *path) {
+    if (!is_below_folder(path) || !is_due()) return 0;
+    errno = control[0];
+    return 1;
+}
+
+int open64(const char *path, int flags, ...) {
+    static int (*original)(const char *, int, ...);
+    if (!original) original = (int (*)(const char *, int, ...))dlsym(RTLD_NEXT, "open64");
+    va_list arguments;
+    va_start(arguments, flags);
+    mode_t mode = flags & O_CREAT ? va_arg(arguments, mode_t) : 0;
+    va_end(arguments);
+    if (flags & O_CREAT && creation_fails(path)) return -1;
+    return original(path, flags, mode);
+}
+
+int mkdir(const char *path, mode_t mode) {
+    static int (*original)(const char *, mode_t);
+    if (!original) original = (int (*)(const char *, mode_t))dlsym(RTLD_NEXT, "mkdir");
+    return creation_fails(path) ? -1 : original(path, mode);
+}

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from mbd_sim.recording.verification import verify
 from test.ros_interfaces import build
 from test.system.nodes import SimNodeProcess, as_in_the_node, nanoseconds, new_domain, running
 
@@ -23,7 +26,7 @@ def packages(tmp_path_factory: pytest.TempPathFactory) -> Path | None:
     if reason := build.missing_tools():
         pytest.skip(reason)
     folder = Path(sys.prefix) / "interfaces"
-    if not folder.exists():
+    if not build.is_complete(folder):
         folder = tmp_path_factory.mktemp("interfaces") / "packages"
         build.build(folder)
     return folder
@@ -83,6 +86,78 @@ def test_the_services_of_simulation_interfaces(tmp_path: Path, variables: dict[s
         listener.until(answer.done, "the answer")
         assert answer.result().result.result == Result.RESULT_OK
         assert process.exit_code() == 0
+
+
+def test_the_motion_of_a_free_part_is_read_and_set(tmp_path: Path, variables: dict[str, str]) -> None:
+    from simulation_interfaces.msg import EntityState, Result, SimulatorFeatures
+    from simulation_interfaces.srv import GetEntityState, GetSimulatorFeatures, SetEntityState
+
+    options: dict[str, Any] = {"mechanism": "tumbling", "frame_prefix": "left/", "start_paused": True}
+    with running(tmp_path, variables=variables, record=True, record_dir="run", **options) as (process, listener):
+        features = listener.call(GetSimulatorFeatures, "get_simulator_features").features.features
+        assert {SimulatorFeatures.ENTITY_STATE_GETTING, SimulatorFeatures.ENTITY_STATE_SETTING} <= set(features)
+        (part,) = as_in_the_node("tumbling").mechanism.parts
+
+        def get(entity: str = part) -> Any:
+            return listener.call(GetEntityState, "get_entity_state", entity=entity)
+
+        def put(entity: str = part, **fields: Any) -> Any:
+            return listener.call(SetEntityState, "set_entity_state", entity=entity, **fields).result
+
+        def numbers(vector: Any) -> list[float]:
+            return [vector.x, vector.y, vector.z]
+
+        state = EntityState()
+        state.pose.position.x, state.pose.orientation.z, state.pose.orientation.w = 1.5, 0.6, 0.8
+        state.twist.linear.y, state.twist.angular.z = -2.0, 3.0
+        assert put(state=state, set_pose=True, set_twist=True).result == Result.RESULT_OK
+        found = get()
+        assert found.result.result == Result.RESULT_OK and found.state.header.frame_id == "left/ground"
+        assert numbers(found.state.pose.position) == pytest.approx([1.5, 0.0, 0.0], abs=1e-15)
+        assert numbers(found.state.pose.orientation) == pytest.approx([0.0, 0.0, 0.6], abs=1e-15)
+        assert numbers(found.state.twist.linear) == pytest.approx([0.0, -2.0, 0.0], abs=1e-15)
+        assert numbers(found.state.twist.angular) == pytest.approx([0.0, 0.0, 3.0], abs=1e-15)
+        moved = EntityState()
+        moved.pose.position.z, moved.pose.orientation.w = 7.0, 1.0
+        assert put(state=moved, set_pose=True).result == Result.RESULT_OK
+        assert numbers(get().state.pose.position) == pytest.approx([0.0, 0.0, 7.0], abs=1e-15)
+        assert numbers(get().state.twist.linear) == pytest.approx([0.0, -2.0, 0.0], abs=1e-15)  # in ground's axes
+
+        refused = put("nothing", state=state, set_pose=True)
+        assert refused.result == Result.RESULT_NOT_FOUND and part in refused.error_message
+        assert get("nothing").result.result == Result.RESULT_NOT_FOUND
+        assert put(state=state).result == Result.RESULT_FEATURE_UNSUPPORTED
+        state.pose.orientation.w = 0.1
+        assert put(state=state, set_pose=True).result == SetEntityState.Response.INVALID_POSE
+        state.twist.linear.x = math.nan
+        assert put(state=state, set_twist=True).result == Result.RESULT_OPERATION_FAILED
+        moved.header.frame_id = "elsewhere"
+        assert "'left/ground'" in put(state=moved, set_pose=True).error_message
+        assert numbers(get().state.pose.position) == pytest.approx([0.0, 0.0, 7.0], abs=1e-15)
+        listener.pause(False)
+        seen = len(listener.states)
+        listener.until(lambda: len(listener.states) > seen + 20, "states")
+        assert process.end() == 0
+    (path,) = (tmp_path / "run").glob("*.mcap")
+    (result,) = verify(path)
+    assert result.agrees
+
+
+def test_a_part_that_joints_hold_is_read_but_not_set(tmp_path: Path, variables: dict[str, str]) -> None:
+    from simulation_interfaces.msg import EntityState, Result
+    from simulation_interfaces.srv import GetEntityState, SetEntityState
+
+    with running(tmp_path, variables=variables) as (_, listener):
+        found = listener.call(GetEntityState, "get_entity_state", entity="lower")
+        assert found.result.result == Result.RESULT_OK
+        simulation = as_in_the_node("double_rod")
+        simulation.step(nanoseconds(found.state.header.stamp) // 1_000_000)
+        at, expected = found.state.pose.position, simulation.poses()["lower"].position
+        assert [at.x, at.y, at.z] == pytest.approx(expected.tolist(), abs=1e-12)
+        state = EntityState()
+        state.pose.orientation.w = 1.0
+        refused = listener.call(SetEntityState, "set_entity_state", entity="lower", state=state, set_pose=True).result
+        assert refused.result == Result.RESULT_OPERATION_FAILED and "~/set_state" in refused.error_message
 
 
 def test_transforms_of_all_parts(tmp_path: Path, variables: dict[str, str]) -> None:
