@@ -30,7 +30,7 @@ from mbd_sim.messages.topics import (
 from mbd_sim.recording.mcap_writer import DiskNearlyFullError, McapWriter
 from mbd_sim.recording.recording_paths import RecordingError
 from mbd_sim.recording.run_metadata import Moment, run_metadata
-from mbd_sim.simulation.events import RESTARTS, AppliedEfforts, AppliedWrench, Event, EventKind, Payload
+from mbd_sim.simulation.events import RESTARTS, Event, EventKind, Payload
 from mbd_sim.simulation.simulation import Simulation
 
 SUFFIX = ".mcap"
@@ -78,7 +78,6 @@ class RunRecorder:
         self._ticks = self._steps = simulation.steps  # ticks count on where the steps return to an earlier time
         self._last_state = -1  # the tick of the last state that was recorded
         self._flushed, self._closed = time.monotonic(), False
-        self._commands: dict[str, bytes] = {}  # the last effort, and the last wrench on each part
         model = simulation.model
         self._numbers = {topic.name: number for number, topic in enumerate(requested)}
         self._state_writers: dict[str, StateWriter] = {t.name: t.on_state(model, "") for t in requested if t.on_state}
@@ -147,9 +146,8 @@ class RunRecorder:
         """
         if kind in RESTARTS:
             self._steps = self._simulation.steps
-            self._commands.clear()
         self._count_steps()
-        if self._closed or self._is_repeated(payload):
+        if self._closed:
             return
         event = Event(kind, payload, self._ticks, self._clock_ns)
         self.events += 1
@@ -164,19 +162,6 @@ class RunRecorder:
         """Follow steps that were taken, also by a function `step` that was obtained before the recording began."""
         self._ticks += self._simulation.steps - self._steps
         self._steps = self._simulation.steps
-
-    def _is_repeated(self, payload: Payload) -> bool:
-        """Whether a command is the same as the one before, and so changes nothing."""
-        match payload:
-            case AppliedEfforts(values=values) if values is not None:
-                key, numbers = "", values.tobytes()
-            case AppliedWrench(part=part, inputs=inputs) if inputs is not None:
-                key, numbers = part, inputs.tobytes()
-            case _:
-                return False
-        repeated = self._commands.get(key) == numbers
-        self._commands[key] = numbers
-        return repeated
 
     @property
     def _clock_ns(self) -> int:

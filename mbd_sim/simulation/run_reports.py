@@ -26,7 +26,7 @@ class RunListener(Protocol):
         ...
 
     def report(self, kind: EventKind, payload: Payload = None) -> None:
-        """Follow a command, a changed value, a reset or a new state, which acts from here on."""
+        """Follow a command that changes an input, a changed value, a reset or a new state, which acts from here on."""
         ...
 
 
@@ -76,8 +76,12 @@ class RunReports:
         if self._listener is not None:
             self._listener.report(kind, payload)
 
+    def _is_repeated(self, inputs: Array, command: Array) -> bool:
+        """Whether a command changes no bit of the inputs in effect, and so is not reported, as in a node."""
+        return self._listener is None or inputs.tobytes() == command.tobytes()
+
     def _report_efforts(self, efforts: Array) -> None:
-        self._report(EventKind.COMMAND, AppliedEfforts(efforts.copy()) if self._listener else None)
+        self._report(EventKind.COMMAND, AppliedEfforts(efforts.copy()))
 
     def _report_wrench(self, part: str, inputs: Array) -> None:
         self._report(EventKind.COMMAND, AppliedWrench(part, inputs))

@@ -253,8 +253,11 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
 
         :raises CommandError: wrong length, an unknown name, or a value that is not finite; nothing is changed then.
         """
-        self._efforts[:] = self.effort_map.clamped(self.effort_map.merged(self._efforts, efforts))
-        self._report_efforts(self._efforts)
+        new = self.effort_map.clamped(self.effort_map.merged(self._efforts, efforts))
+        repeated = self._is_repeated(self._efforts, new)
+        self._efforts[:] = new
+        if not repeated:
+            self._report_efforts(new)
 
     def set_wrench(
         self,
@@ -274,8 +277,11 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
             exist, or a vector that is not three finite numbers; nothing is changed then.
         """
         numbers = self.wrench_map.numbers(part, force, couple, at, axes)
-        self._memory.inputs[self.wrench_map.slices[part]] = numbers
-        self._report_wrench(part, numbers)
+        inputs = self._memory.inputs[self.wrench_map.slices[part]]
+        repeated = self._is_repeated(inputs, numbers)
+        inputs[:] = numbers
+        if not repeated:
+            self._report_wrench(part, numbers)
 
     @property
     def live(self) -> Mapping[str, float]:

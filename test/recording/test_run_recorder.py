@@ -70,6 +70,27 @@ def test_a_damaged_command_is_found(tmp_path):
     assert not found.agrees
 
 
+def test_commands_that_change_nothing_are_not_recorded(tmp_path):
+    """As in a node: the first command of a file as well, and the same ones after a reset."""
+    sim = Simulation.from_file("double_rod", wrenches=["lower"])
+    sim.set_efforts([0.0, 1.0])
+    with sim.recording(tmp_path / "run.mcap"):
+        for efforts in ([0.0, 1.0], [0.0, 1.0], [0.0, 2.0], {"elbow": 2.0}):
+            sim.set_efforts(efforts)
+            sim.set_wrench("lower")
+            sim.step(5)
+        for _ in range(2):
+            sim.set_wrench("lower", force=(0.0, 0.0, 1.0))
+            sim.step(5)
+        sim.reset()
+        for efforts in ([0.0, 0.0], [0.0, 2.0], [0.0, 2.0]):
+            sim.set_efforts(efforts)
+            sim.set_wrench("lower")
+            sim.step(5)
+    found = verified(tmp_path / "run.mcap").commands
+    assert found == {"applied_efforts": 2, "applied_wrenches": 1, "live_values": 1, "resets": 1}
+
+
 def test_the_run_is_the_same_as_without_a_recording(tmp_path):
     plain, recorded = (Simulation.from_file("double_rod") for _ in range(2))
     with recorded.recording(tmp_path / "run.mcap", rate=333.0):
