@@ -11,6 +11,7 @@ import yaml
 from mbd_sim.messages.recorded_topic import Topic
 from mbd_sim.recording.mcap_reader import read_mcap
 from mbd_sim.recording.recorded_file import RecordedFile
+from mbd_sim.recording.recording_paths import natural_order
 from mbd_sim.recording.recovery import recover
 from mbd_sim.recording.rosbag2_metadata import (
     FILE_NAME,
@@ -31,31 +32,7 @@ def recover_bag(folder: Path) -> Iterator[tuple[Path, dict[str, int] | None]]:
         try:
             counts = recover(file)
         except ValueError as error:
-            raise ValueError(f"{file.name}: {error}") from error
-        yield file, counts
-    update_metadata(folder)
-
-
-def update_metadata(folder: Path) -> None:
-    """Write `metadata.yaml` of a folder according to the contents of its files, which must be complete.
-
-    Topics that the existing `metadata.yaml` does not contain are taken from the files: all of them where a recorder was
-    killed before it wrote one.
-
-    :raises ValueError: the existing `metadata.yaml` is not one of rosbag2, or there is neither one nor a file.
-    :raises OSError: a file cannot be read or written.
-    """
-    path = folder / FILE_NAME
-    files = [read_mcap(file) for file in _bag_files(folder)]
-    if path.exists():
-        document = read_bag_metadata(path)
-    elif files:
-        document = {"custom_data": {"recorded_by": "mbd_sim"} if any(file.is_run for file in files) else {}}
-    else:
-        raise ValueError(
-            f"contains neither {FILE_NAME} nor a file {folder.resolve().name}_0.mcap that is not empty. "
-            "Nothing can be recovered."
-        )
+            raise ValueError("contains no .mcap file that is not empty. Nothing can be recovered.")
     topics = _topics(document, files)
     write_metadata(
         path, bag_text(topics, [_statistics(file, topics) for file in files], document.get("custom_data") or {})
@@ -89,6 +66,8 @@ def _statistics(file: RecordedFile, topics: Sequence[Topic]) -> FileStatistics:
 
 
 def _bag_files(folder: Path) -> list[Path]:
-    """Return the files of the folder in the order of their numbers, without those that a killed recorder left empty."""
-    files = [path for path in folder.glob(f"{folder.resolve().name}_*.mcap") if path.stat().st_size]
-    return sorted(files, key=lambda path: int(path.stem.rpartition("_")[2]))
+    """Return the files of the folder in order, without those that a killed recorder left empty.
+
+    They keep their names if the folder is renamed.
+    """
+    return natural_order(path for path in folder.glob("*.mcap") if path.stat().st_size)

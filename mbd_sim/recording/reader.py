@@ -25,6 +25,7 @@ from mbd_sim.recording.recorded_file import (
     RecordedFile,
     RecordedTopic,
 )
+from mbd_sim.recording.recording_paths import natural_order
 from mbd_sim.recording.sqlite_reader import read_sqlite
 
 _READERS = {".mcap": read_mcap, ".db3": read_sqlite}
@@ -170,26 +171,38 @@ def _read_file(path: Path) -> RecordedFile:
 
 
 def _files(folder: Path) -> list[Path]:
-    """Return the files of a folder in order: as listed in `metadata.yaml` and those that follow, or all without it."""
-    description = folder / rosbag2_metadata.FILE_NAME
-    if description.is_file():
-        try:
-            names = rosbag2_metadata.read_bag_metadata(description)["relative_file_paths"]
-            files = [folder / name for name in names]
-            files += _later_files(files)
-        except (OSError, ValueError, LookupError, TypeError) as error:
-            raise ReadingError(f"{description}: cannot be read: {error}.") from error
-    else:
-        files = sorted((file for file in folder.iterdir() if file.suffix in _READERS), key=_natural_order)
-    if not files:
+    """Return the files of a folder in order: as listed in `metadata.yaml` and those that follow.
+
+    Without a list, or if its files have been renamed, these are all recordings in the folder.
+    """
+    listed, present = _listed_files(folder), natural_order(file for file in folder.iterdir() if file.suffix in _READERS)
+    missing = [file for file in listed if not file.is_file()]
+    if present and len(missing) == len(listed):
+        return present
+    if missing:
+        raise ReadingError(
+            f"{missing[0]}: there is no such file, though {rosbag2_metadata.FILE_NAME} lists it. Put it back, or list "
+            f"the files that are there with 'mbd_sim recover {folder}'."
+        )
+    if not listed:
         raise ReadingError(f"{folder}: contains no recording: neither metadata.yaml nor .mcap or .db3 files.")
-    return files
+    return listed + _later_files(listed)
+
+
+def _listed_files(folder: Path) -> list[Path]:
+    description = folder / rosbag2_metadata.FILE_NAME
+    if not description.is_file():
+        return []
+    try:
+        return [folder / name for name in rosbag2_metadata.read_bag_metadata(description)["relative_file_paths"]]
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        raise ReadingError(f"{description}: cannot be read: {error}.") from error
 
 
 def _later_files(listed: Sequence[Path]) -> list[Path]:
     """Return the files that continue a list: a recorder that was killed may have begun them since it wrote the list."""
     found: list[Path] = []
-    match = re.fullmatch(r"(.*_)(\d+)", listed[-1].stem) if listed else None
+    match = re.fullmatch(r"(.*_)(\d+)", listed[-1].stem)
     while match:
         number = int(match[2]) + 1 + len(found)
         path = listed[-1].with_stem(f"{match[1]}{number}")
@@ -197,11 +210,6 @@ def _later_files(listed: Sequence[Path]) -> list[Path]:
             break
         found.append(path)
     return found
-
-
-def _natural_order(path: Path) -> list[tuple[int, int, str]]:
-    """Return a sorting key that puts `run_2` before `run_10`."""
-    return [(1, int(word), "") if word.isdigit() else (0, 0, word) for word in re.split(r"(\d+)", path.name)]
 
 
 def _time(message: Message) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -78,6 +79,16 @@ def new_recording_paths(folder: Path, name: str, *, rosbag2: bool = False) -> Re
         raise RecordingError(f"cannot record to '{folder}': {reason}. Choose another record_dir.") from error
     raise RecordingError(
         f"'{folder}' already contains {MAX_RECORDINGS_PER_SECOND} recordings of this second. Try again later."
+    )
+
+
+def natural_order(paths: Iterable[Path]) -> list[Path]:
+    """Sort paths by their names so that `run_2` comes before `run_10`."""
+    return sorted(
+        paths,
+        key=lambda path: [
+            (word.isdigit(), int(word) if word.isdigit() else 0, word) for word in re.split(r"(\d+)", path.name)
+        ],
     )
 
 

@@ -6,9 +6,11 @@ import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
+from mbd_sim.cli.main import main
 from mbd_sim.recording import cdr
 from mbd_sim.recording.reader import open_recording
 from mbd_sim.recording.recorded_file import DamagedError, Message, ReadingError
+from mbd_sim.recording.rosbag2_metadata import read_bag_metadata
 from test.recording.runs import record_run, rewrite
 
 
@@ -104,9 +106,35 @@ def test_a_folder_of_several_files_is_one_recording(run, tmp_path):
     assert recording.topics["/energies"].count == 3 * open_recording(run).topics["/energies"].count
     (folder / "metadata.yaml").write_text("rosbag2_bagfile_information: {relative_file_paths: [bag_1.mcap]}")
     assert [file.path.name for file in open_recording(folder).files] == ["bag_1.mcap"]
+    (folder / "metadata.yaml").write_text(
+        "rosbag2_bagfile_information: {relative_file_paths: [bag_0.mcap, bag_2.mcap]}"
+    )
+    with pytest.raises(
+        ReadingError, match=r"bag_2.mcap: there is no such file, though metadata.yaml .*mbd_sim recover"
+    ):
+        open_recording(folder)
     (folder / "metadata.yaml").write_text("nonsense")
     with pytest.raises(ReadingError, match=r"metadata.yaml: cannot be read: it is not a description"):
         open_recording(folder)
+
+
+def test_a_rosbag2_folder_and_its_files_may_be_renamed(tmp_path, capsys):
+    path = record_run(tmp_path, "double_rod", seconds=0.05, commands=2, record_format="rosbag2")
+    folder = path.parent.rename(tmp_path / "renamed")
+    for first, then in ((path.name, "other.mcap"), ("other.mcap", "third.mcap")):
+        assert main(["verify", str(folder), "--quiet"]) == 0
+        assert main(["recover", str(folder)]) == 0
+        (listed,) = read_bag_metadata(folder / "metadata.yaml")["relative_file_paths"]
+        assert listed == first
+        (folder / first).rename(folder / then)
+    assert main(["verify", str(folder), "--quiet"]) == 0
+    assert "third.mcap" in capsys.readouterr().out
+    (folder / "third.mcap").unlink()
+    about = (folder / "metadata.yaml").read_text()
+    assert main(["verify", str(folder), "--quiet"]) == main(["recover", str(folder)]) == 1
+    error = capsys.readouterr().err
+    assert "other.mcap: there is no such file" in error and "Nothing can be recovered" in error
+    assert (folder / "metadata.yaml").read_text() == about
 
 
 @pytest.mark.parametrize(
