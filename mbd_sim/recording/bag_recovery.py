@@ -32,7 +32,28 @@ def recover_bag(folder: Path) -> Iterator[tuple[Path, dict[str, int] | None]]:
         try:
             counts = recover(file)
         except ValueError as error:
-            raise ValueError("contains no .mcap file that is not empty. Nothing can be recovered.")
+            raise ValueError(f"{file.name}: {error}") from error
+        yield file, counts
+    update_metadata(folder)
+
+
+def update_metadata(folder: Path) -> None:
+    """Write `metadata.yaml` of a folder according to the contents of its files, which must be complete.
+
+    Topics that the existing `metadata.yaml` does not contain are taken from the files: all of them where a recorder was
+    killed before it wrote one.
+
+    :raises ValueError: the existing `metadata.yaml` is not one of rosbag2, or there is no file.
+    :raises OSError: a file cannot be read or written.
+    """
+    path = folder / FILE_NAME
+    files = [read_mcap(file) for file in _bag_files(folder)]
+    if path.exists() and any(folder.glob("*.mcap")):
+        document = read_bag_metadata(path)
+    elif files:
+        document = {"custom_data": {"recorded_by": "mbd_sim"} if any(file.is_run for file in files) else {}}
+    else:
+        raise ValueError("contains no .mcap file that is not empty. Nothing can be recovered.")
     topics = _topics(document, files)
     write_metadata(
         path, bag_text(topics, [_statistics(file, topics) for file in files], document.get("custom_data") or {})
