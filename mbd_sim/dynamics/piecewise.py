@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -64,7 +64,7 @@ def evaluator(f: Callable[[ca.SX], ca.SX]) -> Callable[[Array], Array]:
     values = ca.Function("f", [x], [f(x)])
 
     def at(points: Array) -> Array:
-        return np.array(values(ca.DM(points.ravel()).T)).reshape(points.shape)
+        return np.array(values.map(points.size)(ca.DM(points.ravel()).T)).reshape(points.shape)
 
     return at
 
@@ -80,7 +80,7 @@ def panels_of(f: Callable[[ca.SX], ca.SX], lower: float, upper: float) -> Panels
     at = evaluator(f)
     below, above = _edges(at, lower), _edges(at, upper)
     edges = np.array([*reversed(below), 0.0, *above])
-    pieces = [_quadrature(at, a, b)[0] for a, b in pairwise(edges)]
+    pieces = _integrals(at, edges)
     zero = len(below)
     energies = [*-np.cumsum(pieces[:zero][::-1])[::-1], 0.0, *np.cumsum(pieces[zero:])]
     return Panels(np.delete(edges, zero), edges, np.array(energies))
@@ -91,8 +91,8 @@ def extended(f: Callable[[ca.SX], ca.SX], panels: Panels) -> Panels:
     at = evaluator(f)
     above, below = (_outward(at, float(panels.knots[index])) for index in (-1, 0))
     edges = np.array([*reversed(below), *panels.origins, *above])
-    up = np.cumsum([panels.values[-1], *(_quadrature(at, a, b)[0] for a, b in pairwise([panels.origins[-1], *above]))])
-    down = np.cumsum([panels.values[0], *(_quadrature(at, a, b)[0] for a, b in pairwise([panels.origins[0], *below]))])
+    up = np.cumsum([panels.values[-1], *_integrals(at, [panels.origins[-1], *above])])
+    down = np.cumsum([panels.values[0], *_integrals(at, [panels.origins[0], *below])])
     energies = np.array([*down[:0:-1], *panels.values, *up[1:]])
     return Panels(np.array([*reversed(below), *panels.knots, *above]), edges, energies)
 
@@ -111,9 +111,7 @@ def _outward(at: Callable[[Array], Array], start: float) -> list[float]:
             worst = max(range(len(errors)), key=lambda index: errors[index][0])
             if errors[worst][0] <= TOLERANCE * total:
                 break
-            middle = 0.5 * (edges[worst] + edges[worst + 1])
-            errors[worst : worst + 1] = [_refined(at, edges[worst], middle), _refined(at, middle, edges[worst + 1])]
-            edges.insert(worst + 1, middle)
+            _halve(at, edges, errors, worst)
         else:
             return found
         found += edges[1:]
@@ -134,20 +132,37 @@ def _edges(at: Callable[[Array], Array], end: float) -> list[float]:
         worst = int(np.argmax(excess))
         if not excess[worst] > 0.0:
             break
-        middle = 0.5 * (edges[worst] + edges[worst + 1])
-        found[worst : worst + 1] = [_refined(at, edges[worst], middle), _refined(at, middle, edges[worst + 1])]
-        edges.insert(worst + 1, middle)
+        _halve(at, edges, found, worst)
     return edges[1:]
+
+
+def _halve(at: Callable[[Array], Array], edges: list[float], found: list[tuple[float, float]], index: int) -> None:
+    """Halve the panel `index` between `edges`, and replace what `_refined` has found for it."""
+    a, b = edges[index : index + 2]
+    middle = 0.5 * (a + b)
+    found[index : index + 1] = [_refined(at, a, middle), _refined(at, middle, b)]
+    edges.insert(index + 1, middle)
 
 
 def _refined(at: Callable[[Array], Array], a: float, b: float) -> tuple[float, float]:
     """How much halving changes the integral from a to b, and the integral of the absolute value."""
     middle = 0.5 * (a + b)
-    whole, size = _quadrature(at, a, b)
-    change = whole - _quadrature(at, a, middle)[0] - _quadrature(at, middle, b)[0]
+    (whole, size), (first, _), (second, _) = _quadratures(at, (a, b), (a, middle), (middle, b))
+    change = whole - first - second
     return (abs(change), size) if np.isfinite(change) else (0.0, size)
 
 
-def _quadrature(at: Callable[[Array], Array], a: float, b: float) -> tuple[float, float]:
-    values = at(a + (b - a) * NODES)
-    return float((b - a) * (WEIGHTS @ values)), float(abs(b - a) * (WEIGHTS @ np.abs(values)))
+def _integrals(at: Callable[[Array], Array], edges: Sequence[float]) -> list[float]:
+    """The integrals from each of the edges to the next."""
+    return [whole for whole, _ in _quadratures(at, *pairwise(edges))]
+
+
+def _quadratures(at: Callable[[Array], Array], *ranges: tuple[float, float]) -> list[tuple[float, float]]:
+    """The integral over each range and that of the absolute value; the function is called once for all of them."""
+    if not ranges:
+        return []
+    values = at(np.array([a + (b - a) * NODES for a, b in ranges]).reshape(-1, POINTS))
+    return [
+        (float((b - a) * (WEIGHTS @ row)), float(abs(b - a) * (WEIGHTS @ np.abs(row))))
+        for (a, b), row in zip(ranges, values, strict=True)
+    ]
