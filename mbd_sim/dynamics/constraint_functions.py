@@ -28,27 +28,27 @@ class ConstraintFunctions:
 
     def position(self, t: float, q: Array) -> Array:
         """The position Φ (m,), zero in nonholonomic rows."""
-        return np.array(self._traced.position(t, q, self.values), dtype=float).ravel()
+        return evaluated(self._traced.position, t, q, self.values).ravel()
 
     def gradient(self, t: float, q: Array) -> Array:
         """The constraint matrix G (m, nv)."""
-        return np.array(self._traced.gradient(t, q, self.values), dtype=float)
+        return evaluated(self._traced.gradient, t, q, self.values)
 
     def drift(self, t: float, q: Array) -> Array:
         """The drift b (m,): the constraints are G u + b = 0."""
-        return np.array(self._traced.drift(t, q, self.values), dtype=float).ravel()
+        return evaluated(self._traced.drift, t, q, self.values).ravel()
 
     def mass_matrix(self, t: float, q: Array) -> Array:
         """The mass matrix M (nv, nv)."""
-        return np.array(self._traced.mass_matrix(t, q, self.values), dtype=float)
+        return evaluated(self._traced.mass_matrix, t, q, self.values)
 
     def branch_checks(self, t: float, q: Array) -> Array:
         """Numbers that are positive where all loops are closed in the right assembly mode."""
-        return np.array(self._traced.branch_checks(t, q, self.values), dtype=float).ravel()
+        return evaluated(self._traced.branch_checks, t, q, self.values).ravel()
 
     def displaced(self, q: Array, displacement: Array) -> Array:
         """The coordinates (nq,) after a small displacement (nv,) along the speeds, with unit quaternions."""
-        return np.array(self._traced.displaced(q, displacement, self.values), dtype=float).ravel()
+        return evaluated(self._traced.displaced, q, displacement, self.values).ravel()
 
     @property
     def size(self) -> float:
@@ -59,6 +59,23 @@ class ConstraintFunctions:
     def holonomic(self) -> Array:
         """Which of the rows (m,) are holonomic."""
         return self._traced.holonomic
+
+
+def evaluated(function: ca.Function, *arguments: float | Array) -> Array:
+    """The dense result of a function of dense arguments, in a quarter of the time of a call that converts them to DM.
+
+    :raises ValueError: an argument does not have as many numbers as that of the function.
+    """
+    buffer, evaluate = function.buffer()
+    arrays = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
+    if [array.size for array in arrays] != [function.nnz_in(index) for index in range(function.n_in())]:
+        raise ValueError(f"the arguments of {function} do not have the sizes {[a.shape for a in arrays]}")
+    result = np.empty(function.nnz_out(0))
+    for index, array in enumerate(arrays):
+        buffer.set_arg(index, memoryview(array))
+    buffer.set_res(0, memoryview(result))
+    evaluate()
+    return np.ascontiguousarray(result.reshape(function.size_out(0), order="F"))
 
 
 def constraint_functions(traced: TracedMechanism, constraints: ConstraintEquations) -> ConstraintFunctions:

@@ -35,13 +35,7 @@ def zeros(rows: int, columns: int = 1) -> ca.SX:
 
 def skew(v: ca.SX) -> ca.SX:
     """S (3, 3) with S @ w = v × w."""
-    return ca.sparsify(
-        ca.vertcat(
-            ca.horzcat(ca.SX(1, 1), -v[2], v[1]),
-            ca.horzcat(v[2], ca.SX(1, 1), -v[0]),
-            ca.horzcat(-v[1], v[0], ca.SX(1, 1)),
-        )
-    )
+    return ca.sparsify(ca.skew(v))
 
 
 def motion_transform(R_AB: ca.SX, p_AB: ca.SX) -> ca.SX:
