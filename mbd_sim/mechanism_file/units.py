@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import difflib
 import functools
+import math
 import re
 from collections.abc import Callable
 from typing import Any
@@ -50,6 +51,18 @@ pound_force = pound * standard_gravity = lbf
 slug = pound_force * second ** 2 / foot
 """
 
+# The units of most files: the SI unit of each, and the factor that pint computes, to the bit. Importing pint takes
+# longer than reading such a file.
+USUAL = {
+    **{unit: (unit, 1.0) for unit in ("m", "kg", "s", "rad", "N", "N*m", "m/s", "rad/s", "N/m", "N*s/m")},
+    **{unit: (unit, 1.0) for unit in ("N*m/rad", "N*m*s/rad", "kg*m**2", "kg/m**3", "m/s**2")},
+    "mm": ("m", 1e-3),
+    "cm": ("m", 1e-2),
+    "g": ("kg", 1e-3),
+    "ms": ("s", 1e-3),
+    "deg": ("rad", math.pi / 180.0),
+    "deg/s": ("rad/s", math.pi / 180.0),
+}
 UNIT_WORDS = "m, mm, in, ft, kg, g, lb, slug, s, ms, rad, deg, rpm, N, lbf, J, W and products such as N*m/rad"
 MAX_LENGTH = 60
 MAX_EXPONENT = 9
@@ -83,6 +96,9 @@ def factor(unit: str, si_unit: str) -> float:
 
     :raises InputError: an unknown unit, or one of another dimension.
     """
+    usual_unit, usual = USUAL.get(unit, (None, 0.0))
+    if usual_unit == si_unit:
+        return usual
     given, wanted = _unit(unit), _unit(si_unit) if si_unit else _registry().parse_units("")
     if given.dimensionality != wanted.dimensionality:
         here = f"a value in {si_unit}" if si_unit else "a plain number"
@@ -97,6 +113,8 @@ def si_factor(unit: str) -> float:
 
     :raises InputError: an unknown unit.
     """
+    if unit in USUAL:
+        return USUAL[unit][1]
     given = _unit(unit)
     grams = given.dimensionality.get("[mass]", 0)  # pint's base unit of mass is the gram
     base = _registry().Quantity

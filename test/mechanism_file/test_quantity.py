@@ -6,6 +6,7 @@ import pytest
 
 from mbd_sim.errors import InputError
 from mbd_sim.load import parse_mechanism
+from mbd_sim.mechanism_file import units
 from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
 from test.generators.mechanism_texts import changed, part_of, problem_of
 
@@ -194,3 +195,15 @@ def test_the_largest_and_smallest_values_give_finite_inertias(size):
     ):
         part = part_of(f"{{shapes: [{shape}, {{type: particle, mass: 1, at: [{size}, 1, 1]}}]}}")
         assert all(math.isfinite(x) for x in [part.mass, *part.center, *part.inertia.flat])
+
+
+def test_usual_units_have_the_factors_that_pint_computes(monkeypatch):
+    usual = dict(units.USUAL)
+    monkeypatch.setattr(units, "USUAL", {})
+    for unit, (si_unit, factor) in usual.items():
+        assert units.factor.__wrapped__(unit, si_unit) == units.si_factor.__wrapped__(unit) == factor, unit
+
+
+def test_a_usual_unit_of_another_dimension_is_refused():
+    with pytest.raises(InputError, match="the unit 'cm' does not fit: a value in kg is expected here"):
+        parse_value("3 cm", {}, "kg")
