@@ -72,8 +72,8 @@ def evaluated(function: ca.Function, *arguments: float | Array) -> Array:
         raise ValueError(f"the arguments of {function} do not have the sizes {[a.shape for a in arrays]}")
     result = np.empty(function.nnz_out(0))
     for index, array in enumerate(arrays):
-        buffer.set_arg(index, memoryview(array))
-    buffer.set_res(0, memoryview(result))
+        buffer.set_arg(index, array.data)  # type: ignore[call-arg]  # the size is that of the memory
+    buffer.set_res(0, result.data)  # type: ignore[call-arg]
     evaluate()
     return np.ascontiguousarray(result.reshape(function.size_out(0), order="F"))
 

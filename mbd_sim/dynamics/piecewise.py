@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -152,7 +152,7 @@ def _refined(at: Callable[[Array], Array], a: float, b: float) -> tuple[float, f
     return (abs(change), size) if np.isfinite(change) else (0.0, size)
 
 
-def _integrals(at: Callable[[Array], Array], edges: Sequence[float]) -> list[float]:
+def _integrals(at: Callable[[Array], Array], edges: Iterable[float]) -> list[float]:
     """The integrals from each of the edges to the next."""
     return [whole for whole, _ in _quadratures(at, *pairwise(edges))]
 
