@@ -5,8 +5,8 @@
  *   skip   writes that still succeed
  *   count  writes that fail after them; -1: all
  *
- * The creation of a file or folder counts as a write. A disk that hangs does so in fdatasync(), fsync() and ftruncate()
- * as well. */
+ * The creation of a file or folder, fdatasync(), fsync() and ftruncate() count as writes; a disk that hangs does so in
+ * the last three as well. */
 
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -97,25 +97,30 @@ ssize_t pwrite64(int file, const void *data, size_t length, off64_t offset) {
 
 ssize_t pwrite(int file, const void *data, size_t length, off_t offset) { return pwrite64(file, data, length, offset); }
 
+/* Whether a call that takes no data fails; with errno if it does. */
+static int call_fails(int file) {
+    hang_if_asked(file);
+    if (!control || control[0] <= NONE || !fails(file)) return 0;
+    errno = control[0];
+    return 1;
+}
+
 int fdatasync(int file) {
     static int (*original)(int);
     if (!original) original = (int (*)(int))dlsym(RTLD_NEXT, "fdatasync");
-    hang_if_asked(file);
-    return original(file);
+    return call_fails(file) ? -1 : original(file);
 }
 
 int fsync(int file) {
     static int (*original)(int);
     if (!original) original = (int (*)(int))dlsym(RTLD_NEXT, "fsync");
-    hang_if_asked(file);
-    return original(file);
+    return call_fails(file) ? -1 : original(file);
 }
 
 int ftruncate(int file, off_t length) {
     static int (*original)(int, off_t);
     if (!original) original = (int (*)(int, off_t))dlsym(RTLD_NEXT, "ftruncate");
-    hang_if_asked(file);
-    return original(file, length);
+    return call_fails(file) ? -1 : original(file, length);
 }
 
 int ftruncate64(int file, off64_t length) { return ftruncate(file, length); }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import random
 import shutil
@@ -20,6 +21,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from mbd_sim.cli.main import main
 from mbd_sim.recording.recovery import recover
+from mbd_sim.recording.verification import verify
 from test.recording.recordings import readable
 from test.system.nodes import Listener, SimNodeProcess, nanoseconds, new_domain, running
 from test.system.test_recording_services import recomputed, state_ticks
@@ -86,20 +88,36 @@ def test_a_folder_that_can_only_be_read_is_reported_and_another_start_answers_wh
         assert node.end() == 0
 
 
-def test_a_disk_that_does_not_answer_does_not_keep_the_node_from_ending(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def faulty_disk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The library that makes writes fail, see its source."""
     if not shutil.which("gcc"):
         pytest.skip("gcc is not installed")
-    library, control, folder = tmp_path / "faulty_disk.so", tmp_path / "control", tmp_path / "logs"
+    library = tmp_path_factory.mktemp("library") / "faulty_disk.so"
     source = Path(__file__).with_name("faulty_disk.c")
     subprocess.run(["gcc", "-O1", "-shared", "-fPIC", source, "-o", library, "-ldl"], check=True)
+    return library
+
+
+def on_a_faulty_disk(library: Path, control: Path, folder: Path) -> dict[str, str]:
+    """The variables with which writes of a node to a folder fail as the control file says; at first none do."""
     control.write_bytes(struct.pack("iii", 0, 0, -1))
-    variables = {"LD_PRELOAD": str(library), "FAULTY_CONTROL": str(control), "FAULTY_FOLDER": str(folder)}
+    return {"LD_PRELOAD": str(library), "FAULTY_CONTROL": str(control), "FAULTY_FOLDER": str(folder)}
+
+
+def set_fault(control: Path, kind: int, skip: int = 0, count: int = -1) -> None:
+    with control.open("r+b") as stream:
+        stream.write(struct.pack("iii", kind, skip, count))
+
+
+def test_a_disk_that_does_not_answer_does_not_keep_the_node_from_ending(faulty_disk: Path, tmp_path: Path) -> None:
+    control, folder = tmp_path / "control", tmp_path / "logs"
+    variables = on_a_faulty_disk(faulty_disk, control, folder)
     options = {"record": True, "record_dir": str(folder), "record_format": "rosbag2"}
     with running(tmp_path, variables=variables, **options) as (node, listener):
         (path,) = folder.glob("*/*.mcap")
         listener.until(lambda: len(readable(path)) > 20, "a recording of some size")
-        with control.open("r+b") as stream:
-            stream.write(struct.pack("iii", -2, 0, -1))  # writes hang
+        set_fault(control, -2)  # writes hang
         goes_on(listener)
         began = time.monotonic()
         assert node.end() == 0
@@ -109,6 +127,32 @@ def test_a_disk_that_does_not_answer_does_not_keep_the_node_from_ending(tmp_path
     assert main(["recover", str(path.parent)]) == 0
     with AnyReader([path.parent]) as reader:
         assert reader.message_count == kept > 20
+
+
+@pytest.mark.parametrize("at_end", [False, True])
+@pytest.mark.parametrize(("calls", "count"), [(0, -1), (1, -1), (3, -1), (0, 1), (2, 1)])
+def test_a_quota_that_is_reached_at_any_call_does_not_keep_the_node_from_ending(
+    faulty_disk: Path, tmp_path: Path, calls: int, count: int, at_end: bool
+) -> None:
+    """Among these calls are chunks and their fdatasync(), new files at a split, and metadata.yaml at the end."""
+    control, folder = tmp_path / "control", tmp_path / "logs"
+    variables = on_a_faulty_disk(faulty_disk, control, folder)
+    options = {"record": True, "record_dir": str(folder), "record_format": "rosbag2", "record_split_duration": 0.5}
+    with running(tmp_path, variables=variables, **options) as (node, listener):
+        listener.until(lambda: len(list(folder.glob("*/*.mcap"))) > 2, "splits")
+        set_fault(control, errno.EDQUOT, calls, count)
+        if not at_end:
+            goes_on(listener)
+        began = time.monotonic()
+        assert node.end() == 0
+        assert time.monotonic() - began < 3.0
+    set_fault(control, 0)
+    assert "Traceback" not in node.text
+    (recording,) = folder.iterdir()
+    assert main(["recover", str(recording)]) == 0
+    with AnyReader([recording]) as reader:
+        assert reader.message_count > 100
+    assert all(result.agrees for result in verify(recording))
 
 
 def test_killed_nodes_leave_recordings_that_lack_at_most_half_a_second_and_are_computed_again(tmp_path: Path) -> None:
