@@ -1,7 +1,7 @@
 """The list of all chunks at the end of a file of Rerun, by which other programs find data without reading it all.
 
 Rerun itself keeps this list in memory while it writes a file. The viewer's process writes files without it, so that its
-memory is bounded, and has it added at the end.
+memory hardly grows, and has it added at the end.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ class RowBatches:
 
     Each batch becomes a chunk for every entity, and larger chunks take less space. Therefore rows for a file, which
     nobody watches, are collected: for a second, and for 1 % of the time since the start if that is longer, but not
-    beyond `FILE_BATCH`, which bounds the memory. Rows for a viewer are sent as they come.
+    beyond `FILE_BATCH`, which they occupy in memory. Rows for a viewer are sent as they come.
     """
 
     def __init__(self, stream: RerunStream, width: int, *, live: bool) -> None:
