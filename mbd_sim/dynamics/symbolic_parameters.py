@@ -8,9 +8,9 @@ numbers by symbols.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import casadi as ca
@@ -119,7 +119,9 @@ def equation_data(mechanism: Mechanism) -> EquationData:
     paths: list[Path] = []
     free: list[float] = []
     fixed: dict[Path, Any] = {}
-    for path, leaf, symbolic in _leaves((mechanism, tuple(build_links(mechanism))), (), False):
+    leaves: list[tuple[Path, Any, bool]] = []
+    _leaves((mechanism, tuple(build_links(mechanism))), (), False, leaves)
+    for path, leaf, symbolic in leaves:
         if not symbolic:
             fixed[path] = leaf
         elif isinstance(leaf, np.ndarray):
@@ -169,24 +171,28 @@ def _require_same_structure(base: EquationData, other: EquationData) -> None:
             raise StructureError(f"{_dotted(path)} differs, which is built into the equations")
 
 
-def _leaves(record: Any, path: Path, symbolic: bool) -> Iterator[tuple[Path, Any, bool]]:
-    """The path and value of each leaf of nested records, and whether it can be a symbol."""
+def _leaves(record: Any, path: Path, symbolic: bool, found: list[tuple[Path, Any, bool]]) -> None:
+    """Append to `found` the path and value of each leaf of nested records, and whether it can be a symbol."""
     if isinstance(record, Expressed):  # its potential is integrated numerically when the equations are derived
-        yield path, record, False
+        found.append((path, record, False))
     elif dataclasses.is_dataclass(record) and not isinstance(record, type):
-        kind = type(record)
-        for field in dataclasses.fields(record):
-            if field.name not in _UNREAD.get(kind, ()):
-                can_be_symbolic = field.name in _SYMBOLIC.get(kind, ())
-                yield from _leaves(getattr(record, field.name), (*path, field.name), can_be_symbolic)
+        for name, can_be_symbolic in _read_fields(type(record)):
+            _leaves(getattr(record, name), (*path, name), can_be_symbolic, found)
     elif isinstance(record, Mapping):
         for key, value in record.items():
-            yield from _leaves(value, (*path, key), symbolic)
+            _leaves(value, (*path, key), symbolic, found)
     elif isinstance(record, tuple | list):
         for index, value in enumerate(record):
-            yield from _leaves(value, (*path, index), symbolic)
+            _leaves(value, (*path, index), symbolic, found)
     else:
-        yield path, record, symbolic and isinstance(record, float | int | np.ndarray)
+        found.append((path, record, symbolic and isinstance(record, float | int | np.ndarray)))
+
+
+@cache
+def _read_fields(kind: type) -> tuple[tuple[str, bool], ...]:
+    """The fields of a record on which the equations depend, and whether their numbers can be symbols."""
+    names = [field.name for field in dataclasses.fields(kind) if field.name not in _UNREAD.get(kind, ())]
+    return tuple((name, name in _SYMBOLIC.get(kind, ())) for name in names)
 
 
 def _replaced(record: Any, path: Path, symbols: Mapping[Path, ca.SX], prefixes: set[Path]) -> Any:

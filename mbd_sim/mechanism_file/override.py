@@ -16,6 +16,7 @@ from mbd_sim.mechanism.source import Location, Source, dotted
 from mbd_sim.mechanism_file.builders.mechanism_builder import build
 from mbd_sim.mechanism_file.repetition import expanded
 from mbd_sim.mechanism_file.schema.base_schema import FORMER_KEYS, as_written
+from mbd_sim.mechanism_file.schema.file_schema import MechanismFile
 from mbd_sim.mechanism_file.validation import validate
 
 _STEP = re.compile(r"\.?(?:'([^']+)'|([^.\[\]']+))|\[(\d+)\]")
@@ -114,11 +115,23 @@ def value_of(mechanism: Mechanism, key: str) -> float | None:
 
     :raises MechanismError: there is no such key.
     """
+    return values_of(mechanism, [key])[key]
+
+
+def values_of(mechanism: Mechanism, keys: Collection[str]) -> dict[str, float | None]:
+    """`value_of` for several keys; the file is validated once."""
+    if not keys:
+        return {}
+    file, _ = validate(mechanism.source)
+    return {key: _value_in(file, mechanism, key) for key in keys}
+
+
+def _value_in(file: MechanismFile, mechanism: Mechanism, key: str) -> float | None:
     try:
         location = location_of(mechanism, key)
         if location[0] == "parameters" and len(location) == 2:
             return float(_entry(mechanism.parameters, location[1]))
-        value: Any = validate(mechanism.source)[0]
+        value: Any = file
         for step in location:
             value = _entry(value, step)
     except InputError as error:

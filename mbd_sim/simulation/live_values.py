@@ -15,7 +15,7 @@ from mbd_sim.dynamics.symbolic_parameters import (
 from mbd_sim.errors import CommandError, MechanismError, Problem, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.mechanism_file.override import matching, value_of, with_values
+from mbd_sim.mechanism_file.override import matching, value_of, values_of, with_values
 
 LARGEST_GAP = 1e-6  # violation of the constraints that a change of live values may leave, m or 1
 _PROBE_FACTORS = (1.01, 0.99)  # applied to a value to find the numbers that depend on it
@@ -41,20 +41,22 @@ class LiveValues:
         """
         self._mechanism = mechanism
         base = equation_data(mechanism)
+        keys = [
+            (key, "*" in name) for name in names for key in (matching(mechanism, [name]) if "*" in name else [name])
+        ]
+        values = values_of(mechanism, [key for key, _ in keys])
         found: dict[str, EquationData] = {}
         problems: list[Problem] = []
-        for name in names:
-            is_pattern = "*" in name
-            for key in matching(mechanism, [name]) if is_pattern else [name]:
-                try:
-                    found[key] = _probed(mechanism, key, base)
-                except StructureError as error:
-                    if not is_pattern:
-                        remedy = "Change the file and start again."
-                        problems.append(Problem(f"cannot change during a run: {error}", remedy, key=key))
+        for key, is_match in keys:
+            try:
+                found[key] = _probed(mechanism, key, values[key], base)
+            except StructureError as error:
+                if not is_match:
+                    remedy = "Change the file and start again."
+                    problems.append(Problem(f"cannot change during a run: {error}", remedy, key=key))
         if problems:
             raise MechanismError(problems)
-        self.current: dict[str, float] = {key: value_of(mechanism, key) or 0.0 for key in found}
+        self.current: dict[str, float] = {key: values[key] or 0.0 for key in found}
         self.values: SymbolicParameters = varying_parameters(base, list(found.values()))
 
     def prepare(self, changes: Mapping[str, float]) -> PreparedValues:
@@ -103,13 +105,11 @@ def require_closed(changes: Mapping[str, float], gap: float, before: float) -> N
         )
 
 
-def _probed(mechanism: Mechanism, key: str, base: EquationData) -> EquationData:
-    """The numbers of the mechanism with another value at a key.
+def _probed(mechanism: Mechanism, key: str, value: float | None, base: EquationData) -> EquationData:
+    """The numbers of the mechanism with another value at a key than the present one.
 
     :raises StructureError: the value is not a number, is built into the equations, or is not used by them.
-    :raises MechanismError: the key does not exist.
     """
-    value = value_of(mechanism, key)
     if value is None:
         raise StructureError("it is not a number")
     probes = [factor * value for factor in _PROBE_FACTORS] if value else list(_PROBES_OF_ZERO)
