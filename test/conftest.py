@@ -8,6 +8,7 @@ import gc
 import math
 import os
 import shutil
+import sys
 import tempfile
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from hypothesis import HealthCheck, settings
 
 from mbd_sim.compiler import machine_code
 from mbd_sim.compiler.compile_process import LONG
+from mbd_sim.mechanism_file.library import shipped
 from test import shared_builds
 
 # Folders whose tests build many mechanisms and take few steps: level 0 compiles them in half the time, without starting
@@ -41,11 +43,27 @@ settings.load_profile("mbd_sim")
 shared_builds.share_builds()
 
 
+# Tests start some hundred processes, each of which would compile all modules of the package again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 gc.disable()  # during the collection of the tests, whose objects stay
+
+
+def pytest_collection_modifyitems(items):
+    """Put the tests of each shipped mechanism together, so that it is mostly one process that builds it for all of them."""
+    places = {name: place for place, name in enumerate(sorted(shipped()))}
+
+    def place(item):
+        values = item.callspec.params.values() if hasattr(item, "callspec") else ()
+        return next((places[value] for value in values if isinstance(value, str) and value in places), -1)
+
+    items.sort(key=place)
 
 
 def pytest_collection_finish():
     gc.freeze()
+    gc.set_threshold(2000, 10, 100)  # the shared builds are many objects, which stay as well
     gc.enable()
 
 

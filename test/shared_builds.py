@@ -1,6 +1,6 @@
 """The tests of a process share what they build: equal mechanisms are derived and compiled once.
 
-`Equations` and `Model` have no state, so that sharing changes nothing but the time. What cannot be pickled is built
+`Equations`, `LagrangeEquations` and `Model` have no state, so that sharing changes nothing but the time. What cannot be pickled is built
 each time. The fixture `own_builds` turns sharing off.
 """
 
@@ -12,12 +12,17 @@ from collections.abc import Callable
 from typing import Any
 
 import mbd_sim.dynamics.equations
+import mbd_sim.dynamics.lagrange
 import mbd_sim.simulation.compiled_model
 from mbd_sim.compiler import machine_code
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 
 MOST = 300  # models and equations that are kept; those not used for longest go
-BUILDERS = (mbd_sim.dynamics.equations.derive, mbd_sim.simulation.compiled_model.build_model)
+BUILDERS = (
+    mbd_sim.dynamics.equations.derive,
+    mbd_sim.dynamics.lagrange.lagrange_equations,
+    mbd_sim.simulation.compiled_model.build_model,
+)
 
 enabled = True
 _kept: OrderedDict[bytes, Any] = OrderedDict()

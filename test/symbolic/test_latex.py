@@ -8,12 +8,11 @@ import sys
 import pytest
 
 from mbd_sim.cli.main import main
-from mbd_sim.load import load_mechanism
-from mbd_sim.symbolic import symbolic_equations, to_latex
+from mbd_sim.symbolic import to_latex
 from mbd_sim.symbolic.latex import constraint_rows, entry_rows, motion_rows
 from mbd_sim.symbolic.latex_printer import number
 from test.generators.mechanisms import SHIPPED
-from test.symbolic.test_symbolic_equations import small
+from test.symbolic.test_symbolic_equations import equations_of, small
 
 INNERMOST = re.compile(r"\\left\(((?:(?!\\left|\\right).)*)\\right\)")
 NAME = r"\\mathrm\{[A-Za-z0-9,]+(?:\\_[A-Za-z0-9,]+)*\}"
@@ -63,7 +62,7 @@ def parse_term(term):
 
 @pytest.mark.parametrize("name", [name for name in SHIPPED if small(name)])
 def test_every_formula_parses(name):
-    equations = symbolic_equations(load_mechanism(name))
+    equations = equations_of(name)
     for left, right in motion_rows(equations) + constraint_rows(equations):
         for formula in (*left, *right):
             parse(formula)
@@ -111,7 +110,7 @@ def test_numbers_are_fractions_where_they_are_simple(fraction, text):
 
 
 def test_constraints_add_their_multipliers():
-    equations = symbolic_equations(load_mechanism("four_bar"))
+    equations = equations_of("four_bar")
     (_, first), (_, second), (_, third) = motion_rows(equations)
     own = [r"\lambda_{\mathrm{rocker\_pin},1}", r"\lambda_{\mathrm{rocker\_pin},2}"]
     for terms in (first, second, third):
@@ -128,7 +127,7 @@ def test_constraints_add_their_multipliers():
 
 
 def test_nonholonomic_rows_are_written_in_speeds():
-    equations = symbolic_equations(load_mechanism("knife_edge"))
+    equations = equations_of("knife_edge")
     ((left, right),) = constraint_rows(equations)
     angle = r"q_{\mathrm{ice,angle}}"
     assert left == [
@@ -140,7 +139,7 @@ def test_nonholonomic_rows_are_written_in_speeds():
 
 
 def test_constraints_that_depend_on_time_have_their_drift():
-    text = to_latex(symbolic_equations(load_mechanism("scissor_lift")))
+    text = to_latex(equations_of("scissor_lift"))
     assert r"and $G u + b = 0$ with" in text and r"b_{3} &=" in text and r"$t$ is the time" in text
 
 

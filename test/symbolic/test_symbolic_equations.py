@@ -1,5 +1,6 @@
 """Symbolic equations evaluate to the engine's numbers, and read as the textbook's."""
 
+import functools
 import re
 
 import numpy as np
@@ -27,9 +28,15 @@ def constrained(name):
     return bool(mechanism.closing or mechanism.constraints)
 
 
-def compare(mechanism, states=4):
+@functools.cache
+def equations_of(name):
+    """The symbolic equations of a shipped mechanism."""
+    return symbolic_equations(load_mechanism(name))
+
+
+def compare(mechanism, found, states=4):
     """Compare u' from the symbolic M, h and Q with the compiled recursion at random states."""
-    found, engine = symbolic_equations(mechanism), derive(mechanism)
+    engine = derive(mechanism)
     arguments = [found.time, *found.q, *found.u, *found.efforts]
     terms = sp.lambdify(arguments, [sp.Matrix(found.mass), sp.Matrix(found.inertial), sp.Matrix(found.forces)], "numpy")
     rng = np.random.default_rng(7)
@@ -39,7 +46,6 @@ def compare(mechanism, states=4):
         rates = np.linalg.solve(mass, forces - inertial).ravel()
         expected = accelerations(engine, q, u, efforts, t)
         assert np.max(np.abs(rates - expected)) <= 1e-10 * max(1.0, float(np.max(np.abs(expected))))
-    return found
 
 
 def rate(found, expression):
@@ -57,9 +63,9 @@ def rate(found, expression):
     return total
 
 
-def compare_constrained(mechanism, states=4):
+def compare_constrained(mechanism, found, states=4):
     """Hold u' and λ from the symbolic equations, with G u' differentiated, against the engine's at closed states."""
-    found, engine = symbolic_equations(mechanism), derive(mechanism)
+    engine = derive(mechanism)
     velocities = [sum(g * u for g, u in zip(c.gradient, found.u, strict=True)) + c.drift for c in found.constraints]
     positions = [0 if c.position is None else c.position for c in found.constraints]
     kept = [velocity if c.position is None else rate(found, c.position)
@@ -90,21 +96,20 @@ def compare_constrained(mechanism, states=4):
             pairs.append((solved[len(mass) :], multipliers[rows]))
         for own, expected in pairs:
             assert np.max(np.abs(own - expected)) <= 1e-10 * max(1.0, float(np.max(np.abs(expected))))
-    return found
 
 
 @pytest.mark.parametrize("name", [name for name in SHIPPED if small(name) and not constrained(name)])
 def test_shipped_mechanisms_give_the_engines_accelerations(name):
-    compare(load_mechanism(name))
+    compare(load_mechanism(name), equations_of(name))
 
 
 @pytest.mark.parametrize("name", [name for name in SHIPPED if small(name) and constrained(name)])
 def test_shipped_closed_mechanisms_give_the_engines_accelerations_and_multipliers(name):
-    compare_constrained(load_mechanism(name))
+    compare_constrained(load_mechanism(name), equations_of(name))
 
 
 def test_the_four_bar_has_the_familiar_closing_equations():
-    found = symbolic_equations(load_mechanism("four_bar"))
+    found = equations_of("four_bar")
     crank, coupler, rocker = found.q
     along, up = (constraint.position for constraint in found.constraints)
     assert sp.expand(-10 * along) == 5 * sp.cos(crank) + 14 * sp.cos(crank + coupler) - 12 * sp.cos(rocker) - 15
@@ -114,7 +119,7 @@ def test_the_four_bar_has_the_familiar_closing_equations():
 
 
 def test_a_blade_has_a_velocity_that_stays_zero_and_no_position():
-    found = symbolic_equations(load_mechanism("knife_edge"))
+    found = equations_of("knife_edge")
     (edge,), angle = found.constraints, found.q[2]
     assert edge.position is None and edge.drift == 0
     assert edge.gradient == (-sp.sin(angle), sp.cos(angle), 0)
@@ -124,12 +129,12 @@ def test_a_blade_has_a_velocity_that_stays_zero_and_no_position():
 @pytest.mark.parametrize("text", [audited(stops=False), audited(stops=True)])
 def test_springs_dampers_stops_and_oblique_axes(text):
     assert AUDITED
-    compare(parse_mechanism(text))
+    mechanism = parse_mechanism(text)
+    compare(mechanism, symbolic_equations(mechanism))
 
 
 def test_drives_with_roots_powers_and_exponentials():
-    compare(
-        parse_mechanism("""
+    mechanism = parse_mechanism("""
 mechanism: driven
 parts: {a: {mass: 1}, b: {mass: 2}, c: {mass: 1, center: [0, 0, -0.3], inertia: [1, 2, 2]}}
 joints:
@@ -137,11 +142,11 @@ joints:
   fast: {type: prismatic, between: [a, b], axis: [1, 0, 0], drive: exp(-t)*sin(2*pi*t)}
   pin: {type: revolute, between: [c, b], axis: [0, 1, 0], damping: 2}
 """)
-    )
+    compare(mechanism, symbolic_equations(mechanism))
 
 
 def test_the_double_rod_reads_as_in_the_book():
-    found = symbolic_equations(load_mechanism("double_rod"))
+    found = equations_of("double_rod")
     (shoulder, elbow), (_, turning), third = found.q, found.u, sp.Rational(1, 3)
     assert found.mass[0][0] == sp.Rational(5, 3) + sp.cos(elbow)
     assert found.mass[0][1] == found.mass[1][0] == third + sp.cos(elbow) / 2
@@ -151,7 +156,7 @@ def test_the_double_rod_reads_as_in_the_book():
 
 
 def test_a_ball_joint_has_eulers_equations():
-    found = symbolic_equations(load_mechanism("spherical_top"))
+    found = equations_of("spherical_top")
     x, y, z = found.u
     a, c = sp.Rational("0.02125"), sp.Rational("0.0025")
     assert found.mass == ((a, 0, 0), (0, a, 0), (0, 0, c))
@@ -159,7 +164,7 @@ def test_a_ball_joint_has_eulers_equations():
 
 
 def test_springs_along_a_line_have_no_roots_left():
-    found = symbolic_equations(load_mechanism("tube_particles"))
+    found = equations_of("tube_particles")
     assert not any(force.atoms(sp.Abs) or "sqrt" in str(force) for force in found.forces)
 
 
