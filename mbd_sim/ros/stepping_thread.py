@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from mbd_sim.errors import CommandError, DivergedError
 from mbd_sim.messages.snapshot import Due
 from mbd_sim.recording.run_metadata import Moment
+from mbd_sim.ros.applied_commands import apply_commands
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.followed_clock import FollowedClock
 from mbd_sim.ros.pacing import Pacer
@@ -16,12 +17,7 @@ from mbd_sim.ros.rates import Rates
 from mbd_sim.ros.requests import RequestQueue
 from mbd_sim.ros.stepping_output import NodeClock, SteppingOutput
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
-from mbd_sim.simulation.events import (
-    AppliedEfforts,
-    AppliedWrench,
-    ChangedValues,
-    EventKind,
-)
+from mbd_sim.simulation.events import ChangedValues, EventKind
 from mbd_sim.simulation.live_values import PreparedValues
 from mbd_sim.simulation.simulation import Simulation
 from mbd_sim.simulation.state_values import StateValues
@@ -268,23 +264,8 @@ class SteppingThread:
         return ""
 
     def _apply_commands(self) -> None:
-        """Apply what is due; report expired commands, and those that change a bit of the inputs of the equations.
-
-        A command that repeats the inputs has no effect, so that a recording without it is recomputed bit for bit.
-        """
-        simulation, time_now = self.simulation, self.ticks * self.simulation.step_size
-        for due in self.commands.due(time_now):
-            before = simulation.efforts.tobytes()
-            simulation.set_efforts(due.efforts)
-            if due.kind is EventKind.EXPIRED or simulation.efforts.tobytes() != before:
-                self._output.report(due.kind, AppliedEfforts(due.efforts, due.expired))
-        for due_wrench in self.wrenches.due(time_now):
-            part = due_wrench.wrench.part
-            inputs = simulation.inputs[self.wrenches.input_range(part)]
-            before = inputs.tobytes()
-            due_wrench.wrench.apply(simulation)
-            if due_wrench.kind is EventKind.EXPIRED or inputs.tobytes() != before:
-                self._output.report(due_wrench.kind, AppliedWrench(part, inputs.copy()))
+        time_now = self.ticks * self.simulation.step_size
+        apply_commands(self.simulation, self.commands, self.wrenches, time_now, self._output)
 
     def _check_error_estimate(self) -> None:
         """Warn once of a step that is too large, and again when the estimated error has grown tenfold."""
