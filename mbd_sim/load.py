@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mbd_sim.errors import few_suggestions
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism.source import Source
 from mbd_sim.mechanism_file.builders.mechanism_builder import build
 from mbd_sim.mechanism_file.library import find
 from mbd_sim.mechanism_file.repetition import expanded
 from mbd_sim.mechanism_file.validation import validate
 from mbd_sim.mechanism_file.yaml_reader import parse_source, read_text
-from mbd_sim.urdf.overlay import with_urdf
-from mbd_sim.urdf.robot_reader import Base, urdf_source
-from mbd_sim.urdf.xml_elements import is_xml
+
+if TYPE_CHECKING:
+    from mbd_sim.urdf.robot_reader import Base
 
 
 def load_mechanism(mechanism: str | Path, base: Base | None = None) -> Mechanism:
@@ -35,6 +37,22 @@ def parse_mechanism(text: str, file: str = "<text>", base: Base | None = None) -
     :raises MechanismError: see `load_mechanism`.
     """
     with few_suggestions():
-        source = urdf_source(text, file, base) if is_xml(text) else with_urdf(expanded(parse_source(text, file)), base)
+        source = _source(text, file, base)
         records, parameters = validate(source)
         return build(records, parameters, source)
+
+
+def _source(text: str, file: str, base: Base | None) -> Source:
+    """The data of a file in either format, merged with those of the URDF that it names."""
+    if "<" in text:  # the readers of URDF are imported only for files that may need them
+        from mbd_sim.urdf.robot_reader import urdf_source
+        from mbd_sim.urdf.xml_elements import is_xml
+
+        if is_xml(text):
+            return urdf_source(text, file, base)
+    source = expanded(parse_source(text, file))
+    if base is None and not (isinstance(source.data, dict) and {"urdf", "base"} & source.data.keys()):
+        return source
+    from mbd_sim.urdf.overlay import with_urdf
+
+    return with_urdf(source, base)

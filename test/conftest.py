@@ -16,7 +16,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from mbd_sim.compiler import machine_code
-from mbd_sim.compiler.compile_process import LONG
+from mbd_sim.compiler.machine_code import LONG
 from mbd_sim.mechanism_file.library import shipped
 from test import shared_builds
 

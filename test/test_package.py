@@ -163,3 +163,19 @@ def test_a_simulation_needs_neither_ros_nor_rerun_nor_scipy():
         "sim = Simulation.from_file('double_rod'); sim.step(); print(sim.steps)"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "1\n"
+
+
+def test_what_few_runs_need_is_loaded_by_them_alone():
+    """The readers of URDF, the viewer, the checks of damaged files and LLVM's own process are not part of start-up."""
+    rare = {
+        "import mbd_sim; sim = mbd_sim.Simulation.from_file('double_rod'); sim.step()": [
+            "mbd_sim.compiler.compile_process", "mbd_sim.urdf.robot_reader", "mbd_sim.dynamics.potentials",
+            "mbd_sim.simulation.undefined_expressions", "mbd_sim.analysis.load_sharing",
+        ],
+        "import mbd_sim.ros.sim_node": [
+            "mbd_sim.viewer", "mbd_sim.urdf.robot_reader", "mbd_sim.recording.mcap_check", "numpy.polynomial",
+        ],
+    }  # fmt: skip
+    for statement, names in rare.items():
+        code = f"import sys\n{statement}\nprint([name for name in {names!r} if name in sys.modules])"
+        assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"

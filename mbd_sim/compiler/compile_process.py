@@ -13,7 +13,6 @@ import time
 
 from mbd_sim.compiler.object_code import object_code
 
-LONG = 300_000  # characters of intermediate code from which on the process pays: it starts in 0.15 s, LLVM needs 1 s
 REPORT_PERIOD = 5.0  # s
 _PROGRAM = "from mbd_sim.compiler.compile_process import main; main()"
 _PARENT_DEATH = 1  # PR_SET_PDEATHSIG of Linux

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.dynamics.piecewise import NODES, POINTS, WEIGHTS
+from mbd_sim.dynamics.piecewise import POINTS, gauss_formula
 from mbd_sim.dynamics.potentials import Table
 from mbd_sim.geometry.pose import Array
 
@@ -27,9 +27,10 @@ BATCH = 512  # points at which f is evaluated at once
 EXTRAPOLATION = 1e-8  # relative error to an end; a kink this close to it is no more than its square in the integral
 AMPLIFICATION = 100.0  # an upper bound of that of rounding errors by this extrapolation
 
-_NODES_AND_ENDS = np.array([*NODES, 0.0, 1.0])
+_NODES, _WEIGHTS = gauss_formula()
+_NODES_AND_ENDS = np.array([*_NODES, 0.0, 1.0])
 # The Lagrange polynomials of the nodes at 0; at 1 they are in reversed order.
-_AT_START = [float(np.prod([other / (other - own) for other in NODES if other != own])) for own in NODES]
+_AT_START = [float(np.prod([other / (other - own) for other in _NODES if other != own])) for own in _NODES]
 
 
 class DistantPotential:
@@ -139,7 +140,7 @@ def _quadrature(at: Callable[[Array], Array], starts: Array, stops: Array) -> tu
     values = at(starts[:, None] + widths[:, None] * _NODES_AND_ENDS)
     total, size = np.zeros(len(widths)), np.zeros(len(widths))
     first, last = -values[:, POINTS], -values[:, POINTS + 1]
-    for index, weight in enumerate(WEIGHTS.tolist()):
+    for index, weight in enumerate(_WEIGHTS.tolist()):
         total += weight * values[:, index]
         size += weight * np.abs(values[:, index])
         first += _AT_START[index] * values[:, index]

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from mbd_sim.dynamics.distant_potentials import DistantPotential
 from mbd_sim.dynamics.law_expressions import distant_potential
 from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.geometry.pose import Array
+
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.distant_potentials import DistantPotential
 
 
 @dataclass(frozen=True, eq=False)

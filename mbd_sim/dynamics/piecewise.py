@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 
 import casadi as ca
@@ -16,8 +17,6 @@ TOLERANCE = 1e-15  # of an integral, relative to the integral of the absolute va
 MAX_PANELS = 64  # on each side of 0
 DECADES = 5  # beyond the range of a law, to which further panels may reach
 MIN_WIDTH = 1e-12  # of a panel, relative to the range
-NODES, WEIGHTS = (0.5 * values for values in np.polynomial.legendre.leggauss(POINTS))
-NODES = NODES + 0.5  # of the interval from 0 to 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +36,13 @@ class Panels:
         return float(self.origins[0]), float(self.origins[-1])
 
 
+@cache
+def gauss_formula() -> tuple[Array, Array]:
+    """The nodes (16,) between 0 and 1 and the weights (16,) of Gauss–Legendre quadrature over this interval."""
+    nodes, weights = (0.5 * values for values in np.polynomial.legendre.leggauss(POINTS))
+    return nodes + 0.5, weights
+
+
 def select(x: ca.SX, knots: Array, columns: Array) -> ca.SX:
     """The row of `columns` (n + 1, m) for the piece in which x lies, as (m,); a knot belongs to the piece above it.
 
@@ -54,7 +60,7 @@ def integral(f: Callable[[ca.SX], ca.SX], panels: Panels, x: ca.SX) -> ca.SX:
     """∫ f from 0 to x: a number up to the origin of the panel of x, and Gauss–Legendre quadrature from there."""
     start, value = ca.vertsplit(select(x, panels.knots, np.column_stack([panels.origins, panels.values])))
     width = x - start
-    terms = [float(weight) * f(start + width * float(node)) for node, weight in zip(NODES, WEIGHTS, strict=True)]
+    terms = [float(weight) * f(start + width * float(node)) for node, weight in zip(*gauss_formula(), strict=True)]
     return value + width * sum(terms[1:], terms[0])
 
 
@@ -161,8 +167,9 @@ def _quadratures(at: Callable[[Array], Array], *ranges: tuple[float, float]) -> 
     """The integral over each range and that of the absolute value; the function is called once for all of them."""
     if not ranges:
         return []
-    values = at(np.array([a + (b - a) * NODES for a, b in ranges]).reshape(-1, POINTS))
+    nodes, weights = gauss_formula()
+    values = at(np.array([a + (b - a) * nodes for a, b in ranges]).reshape(-1, POINTS))
     return [
-        (float((b - a) * (WEIGHTS @ row)), float(abs(b - a) * (WEIGHTS @ np.abs(row))))
+        (float((b - a) * (weights @ row)), float(abs(b - a) * (weights @ np.abs(row))))
         for (a, b), row in zip(ranges, values, strict=True)
     ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
@@ -29,7 +29,9 @@ from mbd_sim.ros.wrench_buffer import ALL, WrenchTargets, wrench_targets
 from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.simulation import Simulation
 from mbd_sim.urdf.urdf_writer import floating_joints
-from mbd_sim.viewer import Viewer, ViewerError
+
+if TYPE_CHECKING:
+    from mbd_sim.viewer import Viewer
 
 
 def build_simulation(parameters: NodeParameters) -> tuple[Simulation, WrenchTargets]:
@@ -120,6 +122,8 @@ def rerun_viewer(parameters: NodeParameters, simulation: Simulation, log: Any) -
     """The Rerun viewer; None if it is not requested, or if it cannot be opened, which is logged."""
     if not parameters["rerun"]:
         return None
+    from mbd_sim.viewer import Viewer, ViewerError
+
     try:
         viewer = Viewer(
             simulation.model,

@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 from queue import SimpleQueue
+from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
@@ -26,7 +27,9 @@ from mbd_sim.ros.snapshots import Item
 from mbd_sim.ros.topic_publisher import TopicPublisher
 from mbd_sim.simulation.compiled_model import Energies, Model
 from mbd_sim.simulation.events import ERRORS, Event, EventKind
-from mbd_sim.viewer import Viewer
+
+if TYPE_CHECKING:
+    from mbd_sim.viewer import Viewer
 
 
 class PublishingThread:

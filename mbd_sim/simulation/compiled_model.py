@@ -5,11 +5,10 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mbd_sim.analysis.load_sharing import LoadSharing
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
 from mbd_sim.dynamics.energy import AUDIT_STATES
@@ -20,6 +19,9 @@ from mbd_sim.geometry.rotation import unit
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.method_choice import MethodChoice, choose_method, require_method
+
+if TYPE_CHECKING:
+    from mbd_sim.analysis.load_sharing import LoadSharing
 
 MANY_JOINTS = 10  # from which on the derivation takes a second or more
 
@@ -167,6 +169,8 @@ class Model:
     @cached_property
     def load_sharing(self) -> LoadSharing:
         """How redundant joints and constraints share the load."""
+        from mbd_sim.analysis.load_sharing import LoadSharing
+
         return LoadSharing(self.mechanism, self.equations)
 
     def consistent(self, q: Array, u: Array, values: Array | None = None) -> tuple[Array, Array]:

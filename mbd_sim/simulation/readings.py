@@ -11,7 +11,6 @@ from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.argument_checks import finite_vector
 from mbd_sim.simulation.compiled_model import DriveState, Energies, Model, Reaction, Violation
 from mbd_sim.simulation.kernel_memory import KernelMemory
-from mbd_sim.simulation.remarks import remarks
 from mbd_sim.simulation.step_advice import step_advice
 
 if TYPE_CHECKING:
@@ -77,6 +76,8 @@ class Readings:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What a user should know before the first step: why the method was chosen, and limits that do not act."""
+        from mbd_sim.simulation.remarks import remarks
+
         return remarks(self.model)
 
     def multipliers(self) -> Mapping[str, Array]:

@@ -26,7 +26,6 @@ from mbd_sim.simulation.run_reports import RunReports
 from mbd_sim.simulation.snapshot import RunLayout, SimulationSnapshot, require_same_layout
 from mbd_sim.simulation.state_values import checked_values, state_with
 from mbd_sim.simulation.step_advice import divergence
-from mbd_sim.simulation.undefined_expressions import undefined_expression
 from mbd_sim.simulation.wrenches import WrenchMap, require_parts
 
 RUN_CHUNK = 20_000  # steps between two calls of `progress` in `run`
@@ -126,6 +125,8 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
         n = step_count(n)
         for part in (n,) if self._listener is None else self._listener.parts_of(n):
             if not self._memory.advance(part):
+                from mbd_sim.simulation.undefined_expressions import undefined_expression
+
                 mechanism = with_values(self.mechanism, self._live.current) if self._live.current else self.mechanism
                 undefined = undefined_expression(self.model, mechanism, self._memory, part)
                 raise divergence(self.model, self.time, part, self.step_size, self.step_advice, undefined)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from mbd_sim.errors import DivergedError
 from mbd_sim.geometry.pose import Array
@@ -10,7 +11,9 @@ from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.integrators.tableau import Tableau
 from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.spectrum import fastest_mode
-from mbd_sim.simulation.undefined_expressions import UndefinedExpression
+
+if TYPE_CHECKING:
+    from mbd_sim.simulation.undefined_expressions import UndefinedExpression
 
 TOLERATED = 1e-5  # estimated error of a step relative to 1 + |q| and 1 + |u|; shipped mechanisms stay below 1e-6
 TARGET = 1e-7  # error of a step at which the proposed step size aims

@@ -66,7 +66,7 @@ def test_after_an_error_at_any_write_other_readers_open_the_file(tmp_path, code,
 @pytest.mark.parametrize("code", CODES)
 def test_a_disk_that_fails_for_ever_leaves_what_recover_repairs_and_the_recorder_says_so(tmp_path, code, monkeypatch):
     monkeypatch.setattr(
-        "mbd_sim.recording.recorder.recover", lambda path: (_ for _ in ()).throw(OSError("still fails"))
+        "mbd_sim.recording.recovery.recover", lambda path: (_ for _ in ()).throw(OSError("still fails"))
     )
     recorder = record(tmp_path, faulty(CODES[code], 5, 1000, partial=True))
     assert recorder.state_on_disk.endswith(f"mbd_sim recover '{recorder.path}'")
