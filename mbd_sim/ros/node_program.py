@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import queue
 import signal
 import sys
 import threading
@@ -69,6 +70,7 @@ def _run(
     help_text: Callable[[], str],
 ) -> int:
     ended = threading.Event()
+    end_requests: queue.SimpleQueue[int] = queue.SimpleQueue()  # signals, and 0 for a request of the node itself
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     usage = f"Parameters follow --ros-args, each after -p: {name} --ros-args -p {example}"
     words = sys.argv[1:] if arguments is None else list(arguments)
@@ -84,12 +86,12 @@ def _run(
         return _fail(name, f"{error}\n{usage}")
     try:
         try:
-            node = make_node(ended.set)
+            node = make_node(lambda: end_requests.put(0))
         except USER_ERRORS as error:
             return _fail(name, str(error))
         for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: ended.set())
-        _spin(node, ended)
+            signal.signal(number, lambda received, _: end_requests.put(received))
+        _spin(node, ended, end_requests)
         return 0
     finally:
         rclpy.try_shutdown()
@@ -100,8 +102,8 @@ def _fail(name: str, problem: str) -> int:
     return 1
 
 
-def _spin(node: ProgramNode, ended: threading.Event) -> None:
-    """Start the node, run its callbacks in a thread until `ended`, and stop it."""
+def _spin(node: ProgramNode, ended: threading.Event, end_requests: queue.SimpleQueue[int]) -> None:
+    """Start the node, run its callbacks in a thread until `ended` or a request to end, and stop it."""
     assert isinstance(node, Node)
     nodes: list[Node] = [node, *getattr(node, "companions", ())]
     guards = [CallbackGuard(each) for each in nodes]
@@ -126,7 +128,7 @@ def _spin(node: ProgramNode, ended: threading.Event) -> None:
     node.start()
     for guard in guards:
         guard.guard()  # what its node has created at its start
-    realtime.wait_for(ended)
+    realtime.wait_for(ended, end_requests)
     node.stop()
     executor.shutdown()
     spinning.join(timeout=JOIN_TIMEOUT)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import gc
 import os
+import queue
 import resource
 import sys
 import threading
@@ -63,11 +65,14 @@ def prioritize(priority: int, thread_names: Sequence[str] = THREADS_BY_PRIORITY)
     return ""
 
 
-def wait_for(ended: threading.Event) -> None:
-    """Wait in the main thread until a signal handler sets the event.
+def wait_for(ended: threading.Event, end_requests: queue.SimpleQueue[int]) -> None:
+    """Wait in the main thread until something is put into the queue, and set the event.
 
     A signal delivered to another thread does not wake the main thread, the only one that runs Python's handlers:
-    hence the periodic check.
+    hence the periodic check. A handler puts the signal's number into the queue rather than set the event: if the main
+    thread held the lock of the event at that moment, it would wait for itself.
     """
-    while not ended.wait(SIGNAL_CHECK_PERIOD):
-        pass
+    while not ended.is_set():
+        with contextlib.suppress(queue.Empty):
+            end_requests.get(timeout=SIGNAL_CHECK_PERIOD)
+            ended.set()

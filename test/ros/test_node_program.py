@@ -1,0 +1,41 @@
+"""A node as a program: Ctrl-C ends it at whatever moment it arrives."""
+
+import subprocess
+import sys
+
+from test.system.nodes import new_domain
+from test.waiting import PATIENCE
+
+# Sends SIGINT before one line after another of those that Python executes while the main thread waits.
+PROGRAM = """
+import itertools, signal, sys
+from rclpy.node import Node
+from mbd_sim.ros.node_program import run_node
+
+class Interrupted(Node):
+    def __init__(self, number):
+        super().__init__("interrupted")
+        self.number, self.lines = number, itertools.count(1)
+
+    def start(self):
+        sys.settrace(self.trace)
+
+    def trace(self, frame, event, _):
+        waits = frame.f_code.co_filename.endswith(("threading.py", "realtime.py"))
+        if waits and event == "line" and next(self.lines) == self.number:
+            signal.raise_signal(signal.SIGINT)
+        return self.trace if waits else None
+
+    def stop(self):
+        sys.settrace(None)
+
+for number in range(1, 13):
+    print("interrupted before line", number, flush=True)
+    assert run_node("interrupted", lambda end: Interrupted(number), [], example="x", help_text=str) == 0
+"""
+
+
+def test_a_signal_at_any_line_of_the_wait_ends_the_program(monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(new_domain()))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    subprocess.run([sys.executable, "-c", PROGRAM], check=True, timeout=PATIENCE)
