@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import time
 from typing import TYPE_CHECKING, Protocol
 
@@ -171,7 +172,11 @@ def _summary(simulation: Simulation, seconds: float, done: str) -> str:
 
 def _residual(simulation: Simulation) -> list[str]:
     """A warning if the energy residual is large in comparison with the energies that were exchanged."""
+    from mbd_sim.simulation.compiled_model import UNKNOWN_ENERGY
+
     energies = simulation.energies
+    if math.isnan(energies.residual):
+        return [f"  WARNING          {UNKNOWN_ENERGY}"]
     exchanged = max(
         abs(value)
         for value in (

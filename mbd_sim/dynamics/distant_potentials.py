@@ -6,6 +6,7 @@ itself, the rest of the integral is added in Python when energies are read, on c
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections.abc import Callable
 from threading import Lock
@@ -20,9 +21,10 @@ from mbd_sim.geometry.pose import Array
 
 TOLERANCE = 2e-15  # of the integral over an interval, relative to that of the absolute value
 MAX_HALVINGS = 50  # of a cell
+MAX_PARTS = 256  # of each interval on average that are halved again; the integral of faster waves is nan
 MAX_CELLS = 1_000_000  # on each side; the energy is nan beyond
 CELLS_PER_END = 16  # the largest number of cells in the distance of an end from 0
-CHUNK = 1024  # cells added at once
+CHUNK = 256  # cells added at once
 BATCH = 512  # points at which f is evaluated at once
 EXTRAPOLATION = 1e-8  # relative error to an end; a kink this close to it is no more than its square in the integral
 AMPLIFICATION = 100.0  # an upper bound of that of rounding errors by this extrapolation
@@ -49,7 +51,7 @@ class DistantPotential:
         self._lock = Lock()
 
     def __call__(self, x: float) -> float:
-        """The integral to x in m or rad; nan beyond `MAX_CELLS` cells."""
+        """The integral to x in m or rad; nan beyond `MAX_CELLS` cells, and from where f changes too fast on."""
         if self._lower <= x <= self._upper:
             return 0.0
         with self._lock, np.errstate(all="ignore"):
@@ -69,8 +71,10 @@ class _Cells:
         if not distance < MAX_CELLS:
             return float("nan")
         cell = int(distance)
-        while len(self._integrals) <= cell:
+        while len(self._integrals) <= cell and not math.isnan(self._total):
             self._add_cells()
+        if len(self._integrals) <= cell:
+            return float("nan")
         begin = self._start + cell * self._width
         return self._integrals[cell] + float(_integrals(self._at, np.array([begin]), np.array([x]))[0])
 
@@ -108,25 +112,36 @@ class _Evaluator:
 
 def _integrals(at: Callable[[Array], Array], starts: Array, stops: Array) -> Array:
     """The integrals (n,) from `starts` to `stops`; each interval is halved until that changes nothing twice."""
-    unsettled = np.zeros(len(starts), dtype=bool)
-    return _refined(at, starts, stops, _quadrature(at, starts, stops)[0], unsettled, MAX_HALVINGS)
+    unsettled, most = np.zeros(len(starts), dtype=bool), MAX_PARTS * len(starts)
+    return _refined(at, starts, stops, _quadrature(at, starts, stops)[0], unsettled, most, MAX_HALVINGS)
 
 
 def _refined(
-    at: Callable[[Array], Array], starts: Array, stops: Array, whole: Array, settled: NDArray[np.bool_], halvings: int
+    at: Callable[[Array], Array],
+    starts: Array,
+    stops: Array,
+    whole: Array,
+    settled: NDArray[np.bool_],
+    most: int,
+    halvings: int,
 ) -> Array:
-    """The same from the integrals `whole`; for the `settled` intervals, the last halving changed nothing."""
+    """The same from the integrals `whole`; for the `settled` intervals, the last halving changed nothing.
+
+    At most `most` intervals are halved again, `halvings` times.
+    """
     middles = 0.5 * (starts + stops)
     lower, lower_error = _quadrature(at, starts, middles)
     upper, upper_error = _quadrature(at, middles, stops)
     result = lower + upper
     rough = np.abs(whole - result) > lower_error + upper_error
     again = rough | ~settled
-    if halvings and np.any(again):
+    if np.count_nonzero(again) > most:
+        result[rough] = np.nan
+    elif halvings and np.any(again):
         begins = np.concatenate([starts[again], middles[again]])
         ends = np.concatenate([middles[again], stops[again]])
         halves, quiet = np.concatenate([lower[again], upper[again]]), np.tile(~rough[again], 2)
-        parts = _refined(at, begins, ends, halves, quiet, halvings - 1)
+        parts = _refined(at, begins, ends, halves, quiet, most, halvings - 1)
         result[again] = parts[: len(parts) // 2] + parts[len(parts) // 2 :]
     return result
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from mbd_sim.ros.publishing_thread import PublishingThread
 from mbd_sim.ros.stepping_thread import SteppingThread
 from mbd_sim.ros.subscriptions import Subscriptions, printable
 from mbd_sim.ros.topic_publisher import TopicPublisher
-from mbd_sim.simulation.compiled_model import Model
+from mbd_sim.simulation.compiled_model import UNKNOWN_ENERGY, Model
 
 PERIOD = 1.0  # s of the steady clock
 WARNING_PERIOD = 30.0  # s between warnings of bad timing on the console
@@ -176,7 +177,9 @@ class Diagnostics:
         if energies is not None:
             values |= {"energy residual (J)": f"{energies.residual:.3e}", "energy (J)": f"{energies.total:.6g}"}
             scale = max(1e-3, *(abs(value) for value in energies))
-            if not problem and abs(energies.residual) > MAX_RESIDUAL * scale:
+            if not problem and math.isnan(energies.residual):
+                problem = UNKNOWN_ENERGY
+            elif not problem and abs(energies.residual) > MAX_RESIDUAL * scale:
                 problem = advice or f"the energy balance is off by {energies.residual:.2e} J: use a smaller step"
         if snapshot is not None and self.model.equations.rows:
             violation = self.model.violation(snapshot.time, snapshot.y, snapshot.inputs)

@@ -23,6 +23,10 @@ from mbd_sim.simulation.method_choice import MethodChoice, choose_method, requir
 if TYPE_CHECKING:
     from mbd_sim.analysis.load_sharing import LoadSharing
 
+UNKNOWN_ENERGY = (
+    "the energy balance is unknown: at this elongation the potential of a spring with 'force' is not computed "
+    "(docs/mechanism_file.md); the motion is not affected"
+)
 MANY_JOINTS = 10  # from which on the derivation takes a second or more
 
 _log = logging.getLogger(__name__)
@@ -32,7 +36,8 @@ class Energies(NamedTuple):
     """The energy audit, all in J; `total` is kinetic + potential.
 
     `residual = total - total at the start - work_applied - work_drives + dissipated` measures the error of the
-    integration: it is zero for an exact solution.
+    integration: it is zero for an exact solution. `potential`, `total` and `residual` are nan where the potential of a
+    spring is not computed: see `DistantPotential`.
     """
 
     kinetic: float

@@ -12,6 +12,12 @@ from mbd_sim.cli.main import COMMANDS, main
 
 SHARED = {"common", "completion", "recorded_run", "run_outputs", "setup_options"}  # by several commands
 
+FAR = """mechanism: far
+parts: {wheel: {mass: 1, inertia: [1, 1, 1]}}
+joints:
+  pin: {type: revolute, between: [ground, wheel], axis: [0, 0, 1], position: 1e9 rad, spring: {force: sin(sqrt(2)*x)}}
+"""
+
 
 def answer(capsys, *arguments):
     code = main(arguments)
@@ -74,6 +80,13 @@ def test_run_reports_steps_speed_and_residual(capsys):
     assert "3 s in 3000 steps of 0.001 s (tsitouras8)" in out
     assert "× real time" in out
     assert "-1.4972379" in out
+
+
+def test_run_says_that_the_energies_are_unknown_where_a_potential_is_not_computed(capsys, tmp_path):
+    file = tmp_path / "far.yaml"
+    file.write_text(FAR, encoding="utf-8")
+    code, out, _ = answer(capsys, "run", str(file), "--time", "0.1", "--quiet")
+    assert code == 0 and "WARNING          the energy balance is unknown: at this elongation the potential" in out
 
 
 def test_run_with_method_step_and_effort(capsys):
