@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbd_sim.appearance.mesh_triangles import part_triangles
 from mbd_sim.appearance.solids import half_sizes
 from mbd_sim.geometry.pose import Array, identity_pose, unpack_poses
 from mbd_sim.mechanism.records import (
@@ -51,6 +52,9 @@ def extent_of(model: Model) -> Extent:
     The motion counts up to three times the box of the start, so that parts that fly away do not take the camera along.
     """
     corners = {name: _corners(part) for name, part in model.mechanism.parts.items()}
+    if all(not np.ptp(points, axis=0).any() for points in corners.values()):  # meshes are read only where they must be
+        source = model.mechanism.source.file
+        corners = {name: _mesh_corners(part, source, corners[name]) for name, part in model.mechanism.parts.items()}
     fixed = [pose.position for pose in model.mechanism.ground_points.values()]
     fixed += [joint.parent_pose.position for joint in model.mechanism.all_joints.values() if joint.parent == GROUND]
     times, states = _preview(model)
@@ -118,6 +122,12 @@ def _corners(part: Part) -> Array:
         signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
         points += list(shape.pose.position + (signs * half) @ shape.pose.rotation.T)
     return np.array(points)
+
+
+def _mesh_corners(part: Part, source: str, corners: Array) -> Array:
+    """Points (n, 3) in the part's frame that bound it and its meshes."""
+    meshes = [triangles.reshape(-1, 3) for _, triangles in part_triangles(part, source)]
+    return np.vstack([corners, *(end for points in meshes for end in (points.min(axis=0), points.max(axis=0)))])
 
 
 def _plane(mechanism: Mechanism, model: Model) -> Array | None:
