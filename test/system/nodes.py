@@ -33,6 +33,7 @@ from mbd_sim import Simulation
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.ros.sim_parameters import PARAMETERS
+from test.system.forked_programs import ForkedProcess
 from test.waiting import PATIENCE, wait_until
 
 _counter = itertools.count()
@@ -59,6 +60,9 @@ def new_domain() -> int:
 class SimNodeProcess:
     """`sim_node` in a process of its own, with its output."""
 
+    program = "mbd_sim.ros.sim_node"
+    defaults = (("record", False),)
+
     def __init__(
         self,
         domain: int,
@@ -69,18 +73,22 @@ class SimNodeProcess:
         variables: Mapping[str, str] | None = None,
     ) -> None:
         environment = os.environ | {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-        environment |= variables or {}
-        command = [*wrapper, sys.executable, "-m", "mbd_sim.ros.sim_node", "--ros-args"]
-        for name, value in ({"record": False} | parameters).items():
-            text = str(value).lower() if isinstance(value, bool) else str(value)
-            command += ["-p", f"{name}:={text}"]
+        arguments = ["--ros-args"]
+        for name, value in (dict(self.defaults) | parameters).items():
+            arguments += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
         for remap in remaps:
-            command += ["-r", remap]
+            arguments += ["-r", remap]
         self.log = folder / f"node_{next(_counter)}.log"
+        self.process: ForkedProcess | subprocess.Popen[bytes]
+        if not wrapper and variables is None:
+            self.process = ForkedProcess(self.program, arguments, folder, environment, self.log)
+            return
+        command = [*wrapper, sys.executable, "-m", self.program, *arguments]
         with self.log.open("wb") as stream:
             self.process = subprocess.Popen(
-                command, cwd=folder, env=environment, stdout=stream, stderr=subprocess.STDOUT, start_new_session=True
-            )
+                command, cwd=folder, env=environment | (variables or {}), stdout=stream, stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )  # fmt: skip
 
     @property
     def text(self) -> str:

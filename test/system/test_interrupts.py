@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from test.system.forked_programs import ForkedProcess
 from test.system.nodes import Listener, SimNodeProcess, new_domain
 from test.waiting import PATIENCE, wait_until
 
@@ -45,7 +46,7 @@ def children(pid: int) -> list[str]:
     return found
 
 
-def interrupted(process: subprocess.Popen[bytes]) -> int:
+def interrupted(process: ForkedProcess | subprocess.Popen[bytes]) -> int:
     """The exit code after Ctrl-C; the compiling process must end as well."""
     compilers = children(process.pid)
     process.send_signal(signal.SIGINT)

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import signal
-import subprocess
-import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -38,18 +35,8 @@ EPOCH = 1_700_000_000_000_000_000
 class ReplayProcess(SimNodeProcess):
     """`replay_node` in a process of its own; it starts paused."""
 
-    def __init__(self, domain: int, folder: Path, parameters: dict[str, Any], remaps: Sequence[str] = ()) -> None:
-        environment = os.environ | {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-        command = [sys.executable, "-m", "mbd_sim.ros.replay_node", "--ros-args"]
-        for name, value in ({"start_paused": True} | parameters).items():
-            command += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
-        for remap in remaps:
-            command += ["-r", remap]
-        self.log = folder / "replay_node.log"
-        with self.log.open("wb") as stream:
-            self.process = subprocess.Popen(
-                command, cwd=folder, env=environment, stdout=stream, stderr=subprocess.STDOUT, start_new_session=True
-            )
+    program = "mbd_sim.ros.replay_node"
+    defaults = (("start_paused", True),)
 
 
 class Audience(Listener):
