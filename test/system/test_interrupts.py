@@ -17,7 +17,7 @@ from test.waiting import PATIENCE, wait_until
 
 
 def chain(joints: int) -> str:
-    """A chain that takes LLVM some seconds."""
+    """A chain that takes LLVM some seconds, if there are many joints."""
     parts = [
         f"  l{k}: {{mass: 1.0, inertia: [0.01, 0.02, 0.03], points: {{tip: [0.1, 0.05, 0.02]}}}}" for k in range(joints)
     ]
@@ -31,7 +31,7 @@ def chain(joints: int) -> str:
 def long_chain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("MBD_SIM_CACHE", "off")
     file = tmp_path / "chain.yaml"
-    file.write_text(chain(8))
+    file.write_text(chain(28))
     return file
 
 
