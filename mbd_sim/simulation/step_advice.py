@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from mbd_sim.errors import DivergedError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.rosenbrock import Rosenbrock
@@ -37,7 +39,8 @@ def step_advice(model: Model, time: float, y: Array, inputs: Array, step: float,
     if stiff:
         better = min(better, MARGIN * method.stability_limit / fastest)
     proposals = []
-    if stiff or (not math.isfinite(estimate) and not isinstance(method, Rosenbrock)):
+    may_be_stiff = not isinstance(method, Rosenbrock) and _may_become_stiff(model)
+    if stiff or (not math.isfinite(estimate) and may_be_stiff):
         proposals.append("method rosenbrock")
     elif method.order < 8 and isinstance(method, Tableau):
         proposals.append("method tsitouras8")
@@ -49,6 +52,16 @@ def step_advice(model: Model, time: float, y: Array, inputs: Array, step: float,
         f"a step of {step:g} s is too large for {model.mechanism.name}{rates}: the error of a step {size}. "
         f"Try {' or '.join(proposals)}."
     )
+
+
+def _may_become_stiff(model: Model) -> bool:
+    """Whether there are springs, dampers, friction or stops, or live values, which may be theirs."""
+    mechanism = model.mechanism
+    return bool(mechanism.two_point_elements or len(model.equations.parameters.base)) or any(
+        np.any(joint.stiffness) or np.any(joint.damping) or joint.spring or joint.damper or joint.friction
+        or (joint.limits is not None and joint.limits.stiffness)
+        for joint in mechanism.all_joints.values()
+    )  # fmt: skip
 
 
 def divergence(

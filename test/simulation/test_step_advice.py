@@ -126,3 +126,19 @@ def test_the_fastest_rate_is_an_eigenvalue():
 @pytest.mark.parametrize(("value", "rounded"), [(1.0, 1.0), (0.0049, 0.002), (0.05, 0.05), (9e-7, 5e-7), (3.0, 2.0)])
 def test_steps_are_rounded_down(value, rounded):
     assert round_down(value) == pytest.approx(rounded)
+
+
+@pytest.mark.parametrize(("keys", "helps"), [("", False), (", damping: 0.1", True)])
+def test_an_implicit_method_is_proposed_only_where_something_may_be_stiff(keys, helps):
+    text = f"""
+mechanism: whirl
+parts: {{a: {{mass: 1, shape: {{type: rod, to: [0, 0, -1]}}, points: {{tip: [0, 0, -1]}}}}, b: {{mass: 1, inertia: [1, 2, 3], center: [1, 0, 0]}}}}
+joints:
+  first: {{type: revolute, between: [ground, a], axis: [1, 0, 0]{keys}}}
+  second: {{type: revolute, between: [a.tip, b], axis: [0, 1, 0]}}
+"""
+    simulation = Simulation.from_text(text, method="rk4")
+    simulation.set_efforts([1e9, 0.0])
+    with pytest.raises(DivergedError, match=r"the error of a step is unbounded. Try step 0.0001") as caught:
+        simulation.run(until=10.0)
+    assert ("method rosenbrock" in str(caught.value)) is helps
