@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
@@ -53,8 +54,8 @@ def _reference_problems(source: Source, parameters: Parameters) -> list[Problem]
     """
     keys = ("parts", "joints", "forces", "constraints", "ground")
     written_parts, written_joints, written_forces, written_constraints, ground = map(source.data.get, keys)
-    grounds = _accepted({"ground": {} if ground is None else ground}, TypeAdapter(GroundSpec), parameters)
-    parts = _accepted(written_parts, TypeAdapter(PartSpec), parameters)
+    grounds = _accepted({"ground": {} if ground is None else ground}, _adapter(GroundSpec), parameters)
+    parts = _accepted(written_parts, _adapter(PartSpec), parameters)
     joints: dict[str, Any] = {}
     forces: dict[str, Any] = {}
     unreadable, all_joints = [] if grounds else ["ground"], False
@@ -62,14 +63,14 @@ def _reference_problems(source: Source, parameters: Parameters) -> list[Problem]
         unreadable += [name for name in written_parts if name not in parts]
         ends = {name: joint.get("between") for name, joint in written_joints.items() if isinstance(joint, dict)}
         welds = {name: {"type": "fixed", "between": between} for name, between in ends.items()}
-        as_written = _accepted(written_joints, TypeAdapter(AnyJointSpec), parameters)
-        joints = _accepted(welds, TypeAdapter(AnyJointSpec), parameters) | as_written
+        as_written = _accepted(written_joints, _adapter(AnyJointSpec), parameters)
+        joints = _accepted(welds, _adapter(AnyJointSpec), parameters) | as_written
         all_joints = as_written.keys() == written_joints.keys()
     if isinstance(written_forces, dict):
         ends_only = {name: _ends_only(force) for name, force in written_forces.items() if isinstance(force, dict)}
         for records in (ends_only, written_forces):
-            forces |= _accepted(records, TypeAdapter(AnyForceSpec), parameters)
-    constraints = _accepted(written_constraints, TypeAdapter(AnyConstraintSpec), parameters)
+            forces |= _accepted(records, _adapter(AnyForceSpec), parameters)
+    constraints = _accepted(written_constraints, _adapter(AnyConstraintSpec), parameters)
     frame = grounds.get("ground") or GroundSpec()
     return build_elements(parts, joints, forces, constraints, frame, source, unreadable, all_joints).problems
 
@@ -80,6 +81,11 @@ def _ends_only(written: dict[str, Any]) -> dict[str, Any]:
         return {"type": "spring", "between": written["between"], "stiffness": 1}
     kind, key = ("couple", "on") if "on" in written else ("force", "at")
     return {"type": kind, key: written.get(key), "vector": [0, 0, 0]}
+
+
+@cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
 
 
 def _accepted(records: object, adapter: TypeAdapter[Any], parameters: Parameters) -> dict[str, Any]:
