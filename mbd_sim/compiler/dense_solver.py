@@ -25,22 +25,24 @@ from mbd_sim.compiler.ir_vectors import (
 class DenseSolver:
     """`factorize(matrix, rows)` once, in place, column by column; `solve(matrix, rows, right, x)` as often as needed.
 
-    `rows` (n,) receives the order of the rows, as doubles. With a singular matrix x is not finite.
+    `rows` (n,) receives the order of the rows, as doubles. With a singular matrix x is not finite. If `counted`, both
+    have a last argument i64, the order of a smaller system at the start of the same arrays.
     """
 
     factorize: ir.Function
     solve: ir.Function
 
 
-def emit_dense_solver(module: ir.Module, size: int) -> DenseSolver:
-    """Emit both functions for n = `size`."""
-    return DenseSolver(_factorize(module, size), _solve(module, size))
+def emit_dense_solver(module: ir.Module, size: int, *, counted: bool = False) -> DenseSolver:
+    """Emit both functions for n = `size`, or for any order up to that."""
+    return DenseSolver(_factorize(module, size, counted), _solve(module, size, counted))
 
 
-def _function(module: ir.Module, name: str, arguments: int) -> tuple[ir.Function, ir.IRBuilder]:
-    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER] * arguments), name)
+def _function(module: ir.Module, name: str, arguments: int, counted: bool) -> tuple[ir.Function, ir.IRBuilder]:
+    types = [POINTER] * arguments + ([INT] if counted else [])
+    function = ir.Function(module, ir.FunctionType(ir.VoidType(), types), name)
     function.linkage = "internal"
-    for argument in function.args:
+    for argument in function.args[:arguments]:
         argument.add_attribute("noalias")
     return function, ir.IRBuilder(function.append_basic_block("entry"))
 
@@ -51,12 +53,13 @@ def _offset(b: ir.IRBuilder, size: int, row: Index, column: Index) -> ir.Value:
     return b.add(row, b.mul(column, integer(size)))
 
 
-def _factorize(module: ir.Module, size: int) -> ir.Function:
-    function, b = _function(module, "factorize", 2)
-    matrix, rows = function.args
+def _factorize(module: ir.Module, size: int, counted: bool) -> ir.Function:
+    function, b = _function(module, "factorize", 2, counted)
+    matrix, rows, *counts = function.args
+    order: Index = counts[0] if counted else size
     fabs = module.declare_intrinsic("llvm.fabs", [DOUBLE])
     largest, pivot_row = b.alloca(DOUBLE), b.alloca(INT)
-    loop(b, 0, size, lambda i: store(b, b.sitofp(i, DOUBLE), rows, i))
+    loop(b, 0, order, lambda i: store(b, b.sitofp(i, DOUBLE), rows, i))
 
     def eliminate(k: ir.Value) -> None:
         following = b.add(k, integer(1))
@@ -69,10 +72,10 @@ def _factorize(module: ir.Module, size: int) -> ir.Function:
             b.store(b.select(larger, value, b.load(largest, typ=DOUBLE)), largest)
             b.store(b.select(larger, i, b.load(pivot_row, typ=INT)), pivot_row)
 
-        loop(b, k, size, compare)
+        loop(b, k, order, compare)
         found = b.load(pivot_row, typ=INT)
         with b.if_then(b.icmp_signed("!=", found, k)):
-            loop(b, 0, size, lambda j: _swap(b, matrix, _offset(b, size, k, j), _offset(b, size, found, j)))
+            loop(b, 0, order, lambda j: _swap(b, matrix, _offset(b, size, k, j), _offset(b, size, found, j)))
             _swap(b, rows, k, found)
         inverse = b.fdiv(number(1.0), load(b, matrix, _offset(b, size, k, k)))
 
@@ -80,7 +83,7 @@ def _factorize(module: ir.Module, size: int) -> ir.Function:
             offset = _offset(b, size, i, k)
             store(b, b.fmul(load(b, matrix, offset), inverse), matrix, offset)
 
-        loop(b, following, size, scale)
+        loop(b, following, order, scale)
 
         def update_column(j: ir.Value) -> None:
             factor = load(b, matrix, _offset(b, size, k, j))
@@ -90,20 +93,22 @@ def _factorize(module: ir.Module, size: int) -> ir.Function:
                 offset = _offset(b, size, i, j)
                 store(b, b.fsub(load(b, matrix, offset), subtracted), matrix, offset)
 
-            loop(b, following, size, update)
+            loop(b, following, order, update)
 
-        loop(b, following, size, update_column)
+        loop(b, following, order, update_column)
         store(b, inverse, matrix, _offset(b, size, k, k))
 
-    loop(b, 0, size, eliminate)
+    loop(b, 0, order, eliminate)
     b.ret_void()
     return function
 
 
-def _solve(module: ir.Module, size: int) -> ir.Function:
-    function, b = _function(module, "solve", 4)
-    matrix, rows, right, x = function.args
-    loop(b, 0, size, lambda i: store(b, load(b, right, b.fptosi(load(b, rows, i), INT)), x, i))
+def _solve(module: ir.Module, size: int, counted: bool) -> ir.Function:
+    function, b = _function(module, "solve", 4, counted)
+    matrix, rows, right, x, *counts = function.args
+    order: Index = counts[0] if counted else size
+    last = b.sub(counts[0], integer(1)) if counted else integer(size - 1)
+    loop(b, 0, order, lambda i: store(b, load(b, right, b.fptosi(load(b, rows, i), INT)), x, i))
 
     def subtract_column(k: ir.Value, first: Index, beyond: Index) -> None:
         factor = load(b, x, k)
@@ -114,12 +119,12 @@ def _solve(module: ir.Module, size: int) -> ir.Function:
         loop(b, first, beyond, subtract)
 
     def substitute_back(step: ir.Value) -> None:
-        k = b.sub(integer(size - 1), step)
+        k = b.sub(last, step)
         store(b, b.fmul(load(b, x, k), load(b, matrix, _offset(b, size, k, k))), x, k)
         subtract_column(k, 0, k)
 
-    loop(b, 0, size, lambda k: subtract_column(k, b.add(k, integer(1)), size))
-    loop(b, 0, size, substitute_back)
+    loop(b, 0, order, lambda k: subtract_column(k, b.add(k, integer(1)), order))
+    loop(b, 0, order, substitute_back)
     b.ret_void()
     return function
 

@@ -12,6 +12,7 @@ import llvmlite.ir as ir
 
 from mbd_sim.compiler.fastcall import callable_of, emit_call
 from mbd_sim.compiler.gauss_step import gauss_step
+from mbd_sim.compiler.guarded_system import OneSidedSystem, emit_guarded
 from mbd_sim.compiler.instruction_list import Instructions
 from mbd_sim.compiler.ir_types import POINTER
 from mbd_sim.compiler.linearized_system import linearize_rates
@@ -36,6 +37,18 @@ _ADVANCE = (_ADDRESS, _ADDRESS, _INT, _DOUBLE, _INT)
 
 
 @dataclass(frozen=True, eq=False)
+class GuardedKernel:
+    """`advance_to_event` and `part_step` as in `emit_guarded_advance`, and `readings(t, y, inputs, out)`.
+
+    See `mbd_sim.dynamics.contact_functions.ContactFunctions`.
+    """
+
+    advance_to_event: Callable[..., int]
+    part_step: Callable[..., None]
+    readings: Callable[..., None]
+
+
+@dataclass(frozen=True, eq=False)
 class Kernel:
     """The compiled functions of a system.
 
@@ -43,6 +56,7 @@ class Kernel:
     has a sixth argument, see `emit_advance`. `readers` take addresses of doubles: those of their inputs, then that of
     their output; `reads_inputs` says which of them take the inputs of the system. All of them release the
     interpreter's lock. `instructions` is the number of scalar instructions of one evaluation of the rates.
+    `guarded` are the functions of a system with one-sided rows.
     """
 
     advance: Callable[..., int]
@@ -51,6 +65,7 @@ class Kernel:
     reads_inputs: Mapping[str, bool]
     instructions: int
     code: MachineCode
+    guarded: GuardedKernel | None = None
 
     def stepper(
         self, fallback: Callable[..., None], addresses: Sequence[int], keep_alive: object
@@ -69,6 +84,7 @@ def compile_kernel(
     method: Method,
     core: slice | None = None,
     partial_system: PartialSystem | None = None,
+    one_sided: OneSidedSystem | None = None,
 ) -> Kernel:
     """Compile y' = rates(t, y, inputs) with a method of integration: see `System`.
 
@@ -76,12 +92,17 @@ def compile_kernel(
     :param core: the components that `linearize_rates` solves for together, by default all. No rate depends on the
         components after them, which do not count in error estimates either.
     :param partial_system: for methods with `joints_only`: see `rosenbrock_w_step`.
+    :param one_sided: the one-sided rows of the system; without them all of its rows are two-sided.
     """
     core = slice(0, rates.nnz_out(0)) if core is None else core
     module = new_module()
     program = arranged(rates)
     system = emit_system(module, rates, program, projection, method, core.stop)
-    advance = emit_advance(module, system, _step_of(method, rates, core, partial_system))
+    prepare = _step_of(method, rates, core, partial_system)
+    if one_sided is None:
+        advance = emit_advance(module, system, prepare)
+    else:
+        advance = emit_guarded(module, system, prepare, one_sided)
     emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
     for name, function in readers.items():
         _export(module, f"read_{name}", lower(module, function, inline=True))
@@ -93,6 +114,15 @@ def compile_kernel(
         reads_inputs={name: function.n_in() > 2 for name, function in readers.items()},
         instructions=instruction_count(program),
         code=code,
+        guarded=None if one_sided is None else _guarded(code),
+    )
+
+
+def _guarded(code: MachineCode) -> GuardedKernel:
+    return GuardedKernel(
+        advance_to_event=ctypes.CFUNCTYPE(_INT, *_ADVANCE, _ADDRESS)(code.address("advance_to_event")),
+        part_step=ctypes.CFUNCTYPE(None, _ADDRESS, _ADDRESS, _DOUBLE, _DOUBLE)(code.address("part_step")),
+        readings=ctypes.CFUNCTYPE(None, *[_ADDRESS] * 4)(code.address("read_contacts")),
     )
 
 

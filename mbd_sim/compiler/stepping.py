@@ -40,13 +40,17 @@ def emit_advance(module: ir.Module, system: System, prepare: Prepare) -> ir.Func
     with b.if_then(finite):
         copy(b, system.size, emitter.y, state)
     b.ret(b.zext(finite, INT))
+    emit_plain_advance(module, function)
+    return function
 
-    plain = ir.Function(module, ir.FunctionType(INT, arguments), "advance")
+
+def emit_plain_advance(module: ir.Module, estimating: ir.Function) -> None:
+    """Emit `advance`, which calls `estimating_advance` and drops the estimate."""
+    plain = ir.Function(module, ir.FunctionType(INT, [POINTER, POINTER, INT, DOUBLE, INT]), "advance")
     b = ir.IRBuilder(plain.append_basic_block("entry"))
     unread = local_array(b, 1)
     b.store(number(0.0), unread)
-    b.ret(b.call(function, [*plain.args, unread]))
-    return function
+    b.ret(b.call(estimating, [*plain.args, unread]))
 
 
 def _emit_steps(

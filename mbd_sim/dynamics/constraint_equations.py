@@ -61,9 +61,26 @@ def constraint_equations(traced: TracedMechanism, own_axes: Collection[str] = ()
 
     :param own_axes: closing joints whose gap is measured along their own axes, see `constraint_rows`.
     """
-    mechanism, links, state, poses = traced.mechanism, traced.links, traced.state, traced.poses
-    bodies, time = BodySymbols(links), ca.SX.sym("time")
+    mechanism, bodies, time = traced.mechanism, BodySymbols(traced.links), ca.SX.sym("time")
     rows = constraint_rows(mechanism, bodies, time, own_axes)
+    checks = [
+        check for joint in mechanism.closing.values() for check in branch_checks(joint, *joint_frames(joint, bodies))
+    ]
+    return equations_of_rows(traced, bodies, time, rows, checks)
+
+
+def equations_of_rows(
+    traced: TracedMechanism,
+    bodies: BodySymbols,
+    time: ca.SX,
+    rows: Sequence[ConstraintRow],
+    checks: Sequence[ca.SX] = (),
+) -> ConstraintEquations:
+    """Express rows, and `branch_checks`, in the generalized coordinates and speeds.
+
+    :param time: the symbol of time in the rows, which are written on the symbols of the `bodies`.
+    """
+    mechanism, links, state, poses = traced.mechanism, traced.links, traced.state, traced.poses
     twists = [world_twist(link, motion, X_WB) for link, motion, X_WB in zip(links, traced.motions, poses, strict=True)]
     symbols = [ca.vertcat(*bodies.poses), ca.vertcat(*bodies.twists), time]
     values = [ca.vertcat(*map(flat_pose, poses)), ca.vertcat(*twists), state.t]
@@ -81,9 +98,6 @@ def constraint_equations(traced: TracedMechanism, own_axes: Collection[str] = ()
     body_velocity = bodies.rate(body_position) + ca.jacobian(body_position, time) + body_slip
     wrenches = in_state(ca.jacobian(body_velocity, symbols[1])).T
     own_rate = ca.substitute([body_velocity], [symbols[1]], [ca.SX.zeros(*symbols[1].shape)])[0]
-    checks = [
-        check for joint in mechanism.closing.values() for check in branch_checks(joint, *joint_frames(joint, bodies))
-    ]
     return ConstraintEquations(
         rows=rows,
         position=position,

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import assert_never
+from typing import NamedTuple, assert_never
 
 import casadi as ca
 import numpy as np
@@ -20,6 +20,7 @@ from mbd_sim.dynamics.spatial_algebra import constant
 from mbd_sim.dynamics.time_functions import function_of
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.mechanism import constraints as c
+from mbd_sim.mechanism.one_sided import is_one_sided
 from mbd_sim.mechanism.records import Attachment, Joint, Mechanism
 from mbd_sim.mechanism.source import Location
 
@@ -50,7 +51,7 @@ class ConstraintRow:
 def constraint_rows(
     mechanism: Mechanism, bodies: BodySymbols, time: ca.SX, own_axes: Collection[str] = ()
 ) -> list[ConstraintRow]:
-    """The rows of all closing joints and constraints.
+    """The rows of all closing joints and constraints, except one-sided ones: see `contact_rows`.
 
     The gap of a loop is measured along the axes of the part from which both branches of the loop start: there a plane
     loop stays in its plane, however that plane moves. For the joints in `own_axes` it is measured along the axes of
@@ -63,17 +64,27 @@ def constraint_rows(
         for joint in mechanism.closing.values()
         for equation in _loop(joint, bodies, joint.name in own_axes)
     ]
-    writer = _RowWriter(bodies, time)
-    return rows + [row for constraint in mechanism.constraints for row in writer.rows_of(constraint)]
+    writer = RowWriter(bodies, time)
+    two_sided = [constraint for constraint in mechanism.constraints if not is_one_sided(constraint)]
+    return rows + [row for constraint in two_sided for row in writer.rows_of(constraint)]
 
 
-class _RowWriter:
+class SurfaceGap(NamedTuple):
+    """A point at a surface: its distance in m, its velocity (3,) along the surface, and two directions (3,) there."""
+
+    position: ca.SX
+    slip: ca.SX
+    sides: list[ca.SX]
+
+
+class RowWriter:
     """Writes the rows of constraints on the symbols of the parts."""
 
     def __init__(self, bodies: BodySymbols, time: ca.SX) -> None:
         self._bodies, self._time = bodies, time
 
-    def _at(self, attachment: Attachment) -> BodyFrame:
+    def frame(self, attachment: Attachment) -> BodyFrame:
+        """The frame at a point, with its part's axes."""
         return self._bodies.frame(attachment.part, attachment.point)
 
     def rows_of(self, record: c.Constraint) -> Iterator[ConstraintRow]:
@@ -93,24 +104,26 @@ class _RowWriter:
                 yield from self._rolling(record)
             case c.KnifeEdge():
                 yield self._knife_edge(record)
+            case c.Clutch():
+                yield ConstraintRow(_owner(record), "speed", ca.SX(1, 1), factors=record.factors)
             case _:
                 assert_never(record)
 
     def _distance(self, record: c.Distance) -> ConstraintRow:
         """(l² - length²) / 2 length: as large as l - length near zero, and smooth where the points meet."""
         length = function_of(record.length, {"t": self._time})
-        line = self._at(record.second).position - self._at(record.first).position
+        line = self.frame(record.second).position - self.frame(record.first).position
         return ConstraintRow(_owner(record), "length", (ca.dot(line, line) - length * length) / (2.0 * length))
 
     def _cable(self, record: c.Cable) -> ConstraintRow:
         total = -function_of(record.length, {"t": self._time})
         for one, other in pairwise(record.points):
-            total += ca.norm_2(self._at(other).position - self._at(one).position)
+            total += ca.norm_2(self.frame(other).position - self.frame(one).position)
         return ConstraintRow(_owner(record), "length", total)
 
     def _flat(self, record: c.Flat) -> Iterator[ConstraintRow]:
-        base = self._at(record.base)
-        line = self._at(record.point).position - base.position
+        base = self.frame(record.base)
+        line = self.frame(record.point).position - base.position
         for number, normal in enumerate(record.normals):
             quantity = (
                 "distance from the plane" if len(record.normals) == 1 else f"distance from the line, {number + 1}"
@@ -119,11 +132,24 @@ class _RowWriter:
 
     def _surface(self, record: c.Surface) -> Iterator[ConstraintRow]:
         base = self._bodies.frame(record.base.part, record.base.point, record.axes)
-        point = base.rotation.T @ (self._at(record.point).position - base.position)
+        point = base.rotation.T @ (self.frame(record.point).position - base.position)
         names = {"x": point[0], "y": point[1], "z": point[2], "t": self._time}
         for number, equation in enumerate(record.equations):
             quantity = "equation" if len(record.equations) == 1 else f"equation {number + 1}"
             yield ConstraintRow(_owner(record), quantity, function_of(equation, names), unit="")
+
+    def surface_gap(self, record: c.Surface) -> SurfaceGap:
+        """The distance of the point from a surface, to first order, and its slip along it."""
+        base, point = self._bodies.frame(record.base.part, record.base.point, record.axes), self.frame(record.point)
+        x = ca.SX.sym("x", 3)
+        value = function_of(record.equations[0], {"x": x[0], "y": x[1], "z": x[2], "t": self._time})
+        gradient = ca.gradient(value, x)
+        size = ca.norm_2(gradient)
+        sides = perpendiculars_of(gradient / size)
+        at = base.rotation.T @ (point.position - base.position)
+        distance, *sides = ca.substitute([value / size, *sides], [x], [at])
+        slip = point.velocity - velocity_at(base, point.position)
+        return SurfaceGap(distance, slip, [base.rotation @ side for side in sides])
 
     def _coupling(self, record: c.Coupling) -> ConstraintRow:
         value = function_of(record.value, {"t": self._time})
@@ -135,7 +161,7 @@ class _RowWriter:
 
         The directions of a wheel are forward and sideways. Wheels on one axle then share a row in any position.
         """
-        wheel, plane = self._at(record.center), self._at(record.plane)
+        wheel, plane = self.frame(record.center), self.frame(record.plane)
         normal = ca.sparsify(plane.rotation @ constant(record.normal))
         up, directions = normal, [plane.rotation @ constant(side) for side in perpendiculars(record.normal)]
         if record.axis is not None:
@@ -147,15 +173,15 @@ class _RowWriter:
         arm = -record.radius * up
         contact = wheel.position + arm
         yield ConstraintRow(_owner(record), "contact", ca.dot(normal, contact - plane.position))
-        slip = wheel.velocity + ca.cross(wheel.omega, arm) - _velocity_at(plane, contact)
+        slip = wheel.velocity + ca.cross(wheel.omega, arm) - velocity_at(plane, contact)
         for number, direction in enumerate(directions):
             yield ConstraintRow(_owner(record), f"slip {number + 1}", velocity=ca.dot(direction, slip))
 
     def _knife_edge(self, record: c.KnifeEdge) -> ConstraintRow:
-        blade, plane = self._at(record.point), self._at(record.plane)
+        blade, plane = self.frame(record.point), self.frame(record.plane)
         normal = plane.rotation @ constant(record.normal)
         sideways = ca.cross(normal, blade.rotation @ constant(record.direction))
-        slip = blade.velocity - _velocity_at(plane, blade.position)
+        slip = blade.velocity - velocity_at(plane, blade.position)
         return ConstraintRow(_owner(record), "sideways motion", velocity=ca.dot(sideways / ca.norm_2(sideways), slip))
 
 
@@ -163,7 +189,16 @@ def _owner(record: c.Constraint) -> Location:
     return "constraints", record.name
 
 
-def _velocity_at(frame: BodyFrame, point: ca.SX) -> ca.SX:
+def perpendiculars_of(normal: ca.SX) -> list[ca.SX]:
+    """Two unit vectors (3,) perpendicular to a unit `normal` (3,) and to each other (Duff et al. 2017)."""
+    x, y, z = ca.vertsplit(ca.densify(normal))
+    sign = ca.if_else(z >= 0.0, 1.0, -1.0)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    return [ca.vertcat(1.0 + sign * x * x * a, sign * b, -sign * x), ca.vertcat(b, sign + y * y * a, -y)]
+
+
+def velocity_at(frame: BodyFrame, point: ca.SX) -> ca.SX:
     """The velocity (3,) of a point that is fixed in a frame's part, in ground's axes."""
     return frame.velocity + ca.cross(frame.omega, point - frame.position)
 

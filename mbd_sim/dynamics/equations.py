@@ -1,7 +1,8 @@
 """The equations of motion of a mechanism, traced once into functions that the compiler turns into machine code.
 
 The integrated state y is q (nq,), u (nv,), and three energies of the audit in J: the work of the applied forces, the
-work of the drives, and the dissipated energy (`AUDIT_STATES`).
+work of the drives, and the dissipated energy (`AUDIT_STATES`). With one-sided elements two of their losses come before
+these, see `audit_states`.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ from mbd_sim.dynamics.body_symbols import flat_pose
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.dynamics.constraint_rows import ConstraintRow
+from mbd_sim.dynamics.contact_equations import contact_equations, with_contact_inputs
+from mbd_sim.dynamics.contact_functions import ContactDynamics, ContactFunctions
 from mbd_sim.dynamics.distant_springs import DistantSprings, distant_springs
 from mbd_sim.dynamics.element_forces import require_defined_forces
 from mbd_sim.dynamics.energy import AUDIT_STATES, gravitational_potential
@@ -43,6 +46,7 @@ from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.dynamics.time_functions import require_smooth
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
 from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.one_sided import has_one_sided
 from mbd_sim.mechanism.records import Mechanism
 
 
@@ -61,6 +65,9 @@ class Equations:
     - `multipliers(t, y, inputs)`: λ (m,) of all `rows`, zero for those that are zero everywhere.
     - `violation(t, y)`: Φ and G u + b (m, 2).
     - `reactions(t, y, inputs)`: (6, joints), see `joint_reactions`.
+
+    With one-sided elements `rates` are those with everything open, and `contact` are their other functions; the forces
+    in all other functions include the contact forces among the inputs.
 
     `constraints` are the constraints and the mass matrix as functions of numbers. `start` and `start_state` satisfy
     them.
@@ -85,6 +92,7 @@ class Equations:
     trace_reactions: Callable[[], ca.Function]
     trace_joint_linearization: Callable[[], JointLinearization]
     trace_load_paths: Callable[[], ca.Function]
+    contact: ContactFunctions | None = None
 
     @property
     def inputs_without_commands(self) -> Array:
@@ -116,6 +124,9 @@ def derive(mechanism: Mechanism, loaded: Sequence[str] = (), parameters: Symboli
     """
     require_smooth(mechanism)
     traced = trace(mechanism, loaded, parameters)
+    contacts = contact_equations(traced) if has_one_sided(mechanism) else None
+    if contacts is not None:
+        traced = with_contact_inputs(traced, contacts)
     assembly = assemble(traced)
     forces = applied_forces(traced)
     mass_matrix = FactorizedMassMatrix(traced.links, traced.motions, traced.layout.nv)
@@ -126,13 +137,18 @@ def derive(mechanism: Mechanism, loaded: Sequence[str] = (), parameters: Symboli
         scales = typical_diagonal(assembly.functions, assembly.start)
         solver = ConstraintSolver(mass_matrix, constraints, scales, assembly.dependent)
     motion = solve_accelerations(traced, mass_matrix, constraints, solver, forces)
-    y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, audit_rates(constraints, forces, motion))
+    open_losses = ca.SX(traced.audit.shape[0] - len(AUDIT_STATES), 1)
+    y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, open_losses, audit_rates(constraints, forces, motion))
+    contact = None
+    if contacts is not None:
+        dynamics = ContactDynamics(traced, mass_matrix, constraints, solver, forces, contacts, assembly.functions.size)
+        contact, motion = dynamics.functions(), dynamics.motion(contacts.given_forces)
     linearized = partial(joint_linearization, traced, constraints, scales, assembly.dependent, forces)
-    return _packaged(traced, assembly, forces, solver, motion, y_rates, linearized)
+    return _packaged(traced, assembly, forces, solver, motion, y_rates, linearized, contact)
 
 
-def _start_state(start: AssembledStart) -> Array:
-    return np.concatenate([start.q, start.u, np.zeros(len(AUDIT_STATES))])
+def _start_state(traced: TracedMechanism, start: AssembledStart) -> Array:
+    return np.concatenate([start.q, start.u, np.zeros(traced.audit.shape[0])])
 
 
 def _require_regular_start(
@@ -142,7 +158,7 @@ def _require_regular_start(
     outputs = [ca.densify(assembly.equations.bias), forces.elements.lengths, mass_matrix.pivots, _flat_poses(traced)]
     symbols = [traced.state.t, traced.y, traced.parameters.symbols]
     at_start = ca.Function("at_start", symbols, outputs)
-    values = at_start(0.0, _start_state(assembly.start), traced.parameters.base)
+    values = at_start(0.0, _start_state(traced, assembly.start), traced.parameters.base)
     bias, lengths, pivots, poses = (np.array(value).ravel() for value in values)
     if not np.all(finite := np.isfinite(bias)):
         raise undefined_constraints(traced.numeric, assembly.equations.rows, ~finite)
@@ -165,15 +181,17 @@ def _packaged(
     motion: ConstrainedMotion,
     y_rates: ca.SX,
     linearized: Callable[[], JointLinearization],
+    contact: ContactFunctions | None,
 ) -> Equations:
     """The expressions as functions."""
     t, y, constraints = traced.state.t, traced.y, assembly.equations
     with_inputs = [t, y, traced.inputs]
     without_commands = with_inputs if len(traced.parameters.base) else [t, y]
+    two_sided = len(assembly.start.active)
     potential = forces.joints.potential + forces.elements.potential
     potential += gravitational_potential(traced.mechanism, traced.links, traced.poses)
     multipliers = ca.SX(len(constraints.rows), 1)
-    multipliers[list(assembly.start.active)] = motion.multipliers
+    multipliers[list(assembly.start.active)] = motion.multipliers[:two_sided, :]
     margin = [] if solver is None or solver.margin is None else [ca.densify(solver.margin)]
     projected = projected_state(traced, solver)
     violation = ca.horzcat(constraints.position, constraints.velocity)
@@ -197,11 +215,12 @@ def _packaged(
         rows=tuple(constraints.rows),
         constraints=assembly.functions,
         start=assembly.start,
-        start_state=_start_state(assembly.start),
+        start_state=_start_state(traced, assembly.start),
         part_names=tuple(link.joint.outboard for link in traced.links),
         trace_reactions=partial(_reactions, traced, assembly, motion, multipliers),
         trace_joint_linearization=linearized,
         trace_load_paths=partial(_load_paths, traced, assembly.equations),
+        contact=contact,
     )
 
 

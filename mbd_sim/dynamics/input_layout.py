@@ -1,4 +1,4 @@
-"""The inputs of the equations of motion: efforts, wrenches on parts, and values of symbolic parameters."""
+"""The inputs of the equations of motion: efforts, wrenches on parts, values of parameters, and contact modes."""
 
 from __future__ import annotations
 
@@ -31,11 +31,15 @@ class ExternalWrench:
 
 @dataclass(frozen=True)
 class InputLayout:
-    """The slices of the inputs: the efforts (nv,), `WRENCH_SIZE` numbers for each loaded part, then the values."""
+    """The slices of the inputs: the efforts (nv,), `WRENCH_SIZE` numbers for each loaded part, then the values.
+
+    Mechanisms with one-sided elements also have the `contact` numbers, see `ContactLayout`.
+    """
 
     nv: int
     loaded: tuple[str, ...] = ()
     value_count: int = 0
+    contact_count: int = 0
 
     @property
     def efforts(self) -> slice:
@@ -51,12 +55,21 @@ class InputLayout:
     @property
     def values(self) -> slice:
         """The values of the symbolic parameters."""
-        return slice(self.size - self.value_count, self.size)
+        return slice(self._commands, self._commands + self.value_count)
+
+    @property
+    def contact(self) -> slice:
+        """The modes of the one-sided elements, and their multipliers."""
+        return slice(self._commands + self.value_count, self.size)
 
     @property
     def size(self) -> int:
         """The number of inputs."""
-        return self.nv + WRENCH_SIZE * len(self.loaded) + self.value_count
+        return self._commands + self.value_count + self.contact_count
+
+    @property
+    def _commands(self) -> int:
+        return self.nv + WRENCH_SIZE * len(self.loaded)
 
     def external_wrenches(self, inputs: ca.SX) -> Mapping[str, ExternalWrench]:
         """The symbols of the wrench on each loaded part."""

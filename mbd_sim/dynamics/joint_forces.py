@@ -60,8 +60,10 @@ def _resistance(joint: Joint, offset: int, speed: ca.SX) -> ca.SX:
     force = ca.SX(1, 1) if is_absent(joint.damping[offset]) else joint.damping[offset] * speed
     if joint.damper is not None:
         force += power_law(joint.damper, speed**2)[0] * speed
-    if joint.friction is not None:
+    if joint.friction is not None and not joint.friction.sticks:
         force += friction(joint.friction, speed)
+    elif joint.friction is not None and not is_absent(joint.friction.viscous):
+        force += joint.friction.viscous * speed
     return force
 
 

@@ -22,6 +22,7 @@ from mbd_sim.dynamics.accelerations import AppliedForces
 from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
 from mbd_sim.dynamics.multipliers import ConstraintSolver
+from mbd_sim.dynamics.separation import separated
 from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.geometry.pose import Array
 
@@ -69,24 +70,13 @@ def joint_linearization(
     dissipated = g * ca.jtimes(forces.joints.dissipated_power, state.u, solution)
     full = ca.densify(ca.vertcat(before, solution, right_w[:-1], right_w[-1] + dissipated))
     given = [state.t, traced.y, traced.inputs, g]
-    memory, values, reduced = _separated(full, ca.vertcat(*given), right)
+    memory, values, reduced = separated(full, ca.vertcat(*given), right)
     options = {"cse": True}
     return JointLinearization(
         at=ca.Function("linearize_joints", given, [values], options),
         solve=ca.Function("solve_joints", [memory, right], [ca.densify(reduced)], options),
         slopes=ca.Function("joint_slopes", given[:-1], [ca.densify(slopes), ca.jacobian(displaced, right_q)]),
     )
-
-
-def _separated(expression: ca.SX, given: ca.SX, right: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Symbols (m,) for all that depends on `given` only, their values, and the expression with these symbols."""
-    reduced, symbols, values = ca.extract_parametric(expression, given)
-    own = {entry.element_hash() for entry in [*ca.vertsplit(right), *symbols]}
-    bare = [entry for entry in ca.symvar(reduced) if entry.element_hash() not in own]
-    renamed = [ca.SX.sym(f"given_{index}") for index in range(len(bare))]
-    reduced = ca.substitute(reduced, ca.vertcat(ca.SX(0, 1), *bare), ca.vertcat(ca.SX(0, 1), *renamed))
-    memory, contents = (ca.vertcat(ca.SX(0, 1), *entries) for entries in ([*symbols, *renamed], [*values, *bare]))
-    return memory, ca.densify(contents), reduced
 
 
 def _slopes(traced: TracedMechanism, forces: AppliedForces) -> tuple[ca.SX, ca.SX]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, assert_never
 
@@ -91,7 +92,14 @@ def power_law(law: PowerLaw, speed_squared: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 def friction(law: Friction, speed: ca.SX) -> ca.SX:
     """The force or torque of dry friction in N or N·m. It opposes the speed and has the speed's sign here."""
+    return dry_friction(law, speed) * ca.tanh(speed / law.regularization) + law.viscous * speed
+
+
+def dry_friction(law: Friction, speed: ca.SX) -> ca.SX:
+    """The size of dry friction in motion, in N or N·m, without its viscous part."""
     size = ca.SX(law.coulomb)
+    if law.sticks and law.stribeck_velocity == math.inf:
+        return size
     if not is_absent(law.static - law.coulomb):
         size += (law.static - law.coulomb) * ca.exp(-((speed / law.stribeck_velocity) ** 2))
-    return size * ca.tanh(speed / law.regularization) + law.viscous * speed
+    return size

@@ -68,6 +68,15 @@ class ConstraintSolver:
             return -self._factors.solve(unconstrained + self._constraints.bias)
         return -self._factors.solve(unconstrained) - self._cautious_factors.solve(self._constraints.bias)
 
+    def coupling(self, net_forces: Sequence[ca.SX]) -> ca.SX:
+        """G M⁻¹ F (m, k) for forces F with these net joint forces (., k)."""
+        return self._mass_matrix.product(self._net_forces, net_forces)
+
+    def reaction(self, coupling: ca.SX) -> ca.SX:
+        """The multipliers (m, k) that keep G u' as it is under forces with this `coupling` (m, k)."""
+        columns = [self._factors.solve(-coupling[:, index]) for index in range(coupling.shape[1])]
+        return ca.horzcat(ca.SX(coupling.shape[0], 0), *columns)
+
     def accelerations(self, applied: Sequence[ca.SX], multipliers: ca.SX) -> Accelerations:
         """The accelerations under applied forces with these net joint forces and the constraint forces."""
         net_forces = [ca.sparsify(one + own @ multipliers) for one, own in zip(applied, self._net_forces, strict=True)]

@@ -23,6 +23,7 @@ from mbd_sim.mechanism import constraints as c
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.force_elements import Spring
 from mbd_sim.mechanism.laws import Expressed, Friction, GreenStrain, Linear, PowerLaw
+from mbd_sim.mechanism.one_sided import ContactLaw, Play
 from mbd_sim.mechanism.records import (
     Attachment,
     Joint,
@@ -40,19 +41,30 @@ _SYMBOLIC: Mapping[type, tuple[str, ...]] = {
     Link: ("inertia",),
     Pose: ("position", "rotation"),
     Joint: ("stiffness", "rest", "damping"),
-    Limits: ("lower", "upper", "stiffness", "damping"),
+    Limits: ("lower", "upper", "stiffness", "damping", "restitution"),
+    ContactLaw: ("restitution", "friction", "static_friction"),
+    Play: ("half", "restitution"),
     Linear: ("stiffness",),
     GreenStrain: ("stiffness", "length"),
     PowerLaw: ("coefficient",),
-    Friction: ("coulomb", "static", "stribeck_velocity", "viscous", "regularization"),
+    Friction: (
+        "coulomb",
+        "static",
+        "stribeck_velocity",
+        "viscous",
+        "regularization",
+        "coefficient",
+        "static_coefficient",
+    ),
     Spring: ("length", "damping", "mass"),
     Attachment: ("point",),
     TimeExpression: ("names",),
     c.Rolling: ("radius",),
+    c.Clutch: ("static",),
 }
 # The fields of each record on which the equations do not depend.
 _UNREAD: Mapping[type, tuple[str, ...]] = {
-    Mechanism: ("name", "description", "parameters", "source", "method", "step", "ground_points", "tree"),
+    Mechanism: ("name", "description", "parameters", "source", "method", "step", "rest_speed", "ground_points", "tree"),
     Part: ("inertia", "points", "shapes"),  # the inertia is read from the link
     Joint: ("position", "velocity", "fixed_in_assembly", "fixed_speeds", "effort_limit", "compliance"),
     Link: ("q", "u"),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from mbd_sim.dynamics.energy import AUDIT_STATES, kinetic_energy
+from mbd_sim.dynamics.energy import audit_states, kinetic_energy
 from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.dynamics.kinematics import (
     LinkMotion,
@@ -45,7 +45,7 @@ class TracedMechanism:
     """A mechanism whose motion is traced as a function of symbols.
 
     `numeric` is the mechanism in numbers; `mechanism` and `links` hold symbols in place of its `parameters`. The
-    integrated state `y` is q (nq,), u (nv,) and the energies `audit` in J, see `AUDIT_STATES`. `inputs` are described
+    integrated state `y` is q (nq,), u (nv,) and the energies `audit` in J, see `audit_states`. `inputs` are described
     in `input_layout`; the `efforts` (nv,) are their first part. `motions` and `poses` are those of the links.
     """
 
@@ -80,7 +80,7 @@ def trace(
     input_layout = InputLayout(nv, tuple(loaded), len(parameters.base))
     t, efforts = ca.SX.sym("t"), ca.SX.sym("e", nv)
     wrenches = ca.SX.sym("w", input_layout.values.start - nv)
-    y = ca.SX.sym("y", nq + nv + len(AUDIT_STATES))
+    y = ca.SX.sym("y", nq + nv + len(audit_states(mechanism)))
     q, u, audit = ca.vertsplit(y, [0, nq, nq + nv, y.shape[0]])
     motions = link_motions(links, t, q, u)
     return TracedMechanism(

@@ -1,5 +1,8 @@
 """Constraints as plain records: they restrict the motion in addition to the joints.
 
+A constraint with a contact `law` is one-sided: `bound` says whether the constrained quantity is at least or at most
+what the record says, and the gap is the distance to that.
+
 Directions (3,) are unit vectors in the frame of the part that carries them; SI units throughout.
 """
 
@@ -11,6 +14,7 @@ from typing import assert_never
 
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.expression import TimeExpression
+from mbd_sim.mechanism.one_sided import Bound, ContactLaw, Play
 from mbd_sim.mechanism.records import Attachment
 
 
@@ -23,6 +27,8 @@ class Distance:
     second: Attachment
     length: TimeExpression
     kind: str = "distance"
+    bound: Bound | None = None
+    law: ContactLaw | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +40,8 @@ class Flat:
     base: Attachment
     normals: Array
     kind: str
+    bound: Bound | None = None
+    law: ContactLaw | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,21 +58,27 @@ class Surface:
     axes: Array
     equations: tuple[TimeExpression, ...]
     kind: str
+    bound: Bound | None = None
+    law: ContactLaw | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """The linear relation Σ factor · coordinate = `value` between joint coordinates by name."""
+    """The linear relation Σ factor · coordinate = `value` between joint coordinates by name, or up to a `play`."""
 
     name: str
     factors: Mapping[str, float]
     value: TimeExpression
     kind: str
+    play: Play | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Rolling:
-    """A disc with this `axis`, or a ball if it is None, that rolls without slip on the plane through `plane`."""
+    """A disc with this `axis`, or a ball if it is None, that rolls without slip on the plane through `plane`.
+
+    With a contact `law` it slips where friction does not suffice, and can lift off.
+    """
 
     name: str
     center: Attachment
@@ -73,6 +87,7 @@ class Rolling:
     plane: Attachment
     normal: Array
     kind: str = "rolling"
+    law: ContactLaw | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,9 +110,27 @@ class Cable:
     points: tuple[Attachment, ...]
     length: TimeExpression
     kind: str = "cable"
+    bound: Bound | None = None
+    law: ContactLaw | None = None
 
 
-Constraint = Distance | Flat | Surface | Coupling | Rolling | KnifeEdge | Cable
+@dataclass(frozen=True, eq=False)
+class Clutch:
+    """A clutch or brake for the relative speed Σ factor · speed of joint coordinates by name.
+
+    A one-way clutch has a `law`, and does not let that speed become negative. A friction clutch transmits up to its
+    `capacity`, a force or moment as a function of time, and `static` times as much while it sticks.
+    """
+
+    name: str
+    factors: Mapping[str, float]
+    capacity: TimeExpression | None = None
+    static: float = 1.0
+    law: ContactLaw | None = None
+    kind: str = "clutch"
+
+
+Constraint = Distance | Flat | Surface | Coupling | Rolling | KnifeEdge | Cable | Clutch
 
 
 def expressions_of(constraint: Constraint) -> tuple[TimeExpression, ...]:
@@ -109,6 +142,8 @@ def expressions_of(constraint: Constraint) -> tuple[TimeExpression, ...]:
             return (value,)
         case Surface(equations=equations):
             return equations
+        case Clutch(capacity=capacity):
+            return () if capacity is None else (capacity,)
         case Flat() | Rolling() | KnifeEdge():
             return ()
         case _:

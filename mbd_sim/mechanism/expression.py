@@ -8,7 +8,7 @@ import keyword
 import math
 import re
 import unicodedata
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any
@@ -20,6 +20,7 @@ MAX_EXPANDED = 5000  # of one in which functions of the file are replaced by the
 TIME = "t"
 
 CONSTANTS: dict[str, float] = {"pi": math.pi, "e": math.e}
+HIDEABLE = "e"  # may be the name of a parameter as well, by tradition a coefficient of restitution
 FUNCTIONS: dict[str, tuple[int, Callable[..., float]]] = {
     "sqrt": (1, math.sqrt), "exp": (1, math.exp), "log": (1, math.log), "abs": (1, abs),
     "sin": (1, math.sin), "cos": (1, math.cos), "tan": (1, math.tan),
@@ -63,15 +64,16 @@ class TimeExpression:
         return evaluate(self.text, {**self.names, TIME: time})
 
 
-def names_in(text: str) -> set[str]:
-    """The names that an expression refers to, except constants and functions.
+def names_in(text: str, defined: Container[str] = ()) -> set[str]:
+    """The names that an expression refers to, except functions and those constants that are not `defined` otherwise.
 
     :raises InputError: not an arithmetic expression.
     """
     parsed(text)
     found = _NAMES.findall(unicodedata.normalize("NFKC", text))  # as Python's parser reads them
     called = {name for name, parenthesis in found if parenthesis}
-    return {name for name, _ in found if not keyword.iskeyword(name)} - called - CONSTANTS.keys()
+    constants = {name for name in CONSTANTS if name not in defined}
+    return {name for name, _ in found if not keyword.iskeyword(name)} - called - constants
 
 
 def evaluate(text: str, names: Mapping[str, float]) -> float:

@@ -74,6 +74,9 @@ class Friction:
     """Dry friction F = (Fc + (Fs - Fc) exp(-(v/vs)²)) tanh(v/vr) + d v against the speed v, in N or N·m.
 
     `coulomb` Fc, `static` Fs, `stribeck_velocity` vs (infinite if Fs = Fc), `viscous` d, `regularization` vr > 0.
+    If it `sticks`, the speed stays exactly zero up to Fs, and sign(v) stands for tanh(v/vr). With a `coefficient` it
+    sticks, and Fc and Fs are that and `static_coefficient` times the force that the joint transmits across its axis;
+    those of a hinge include the radius of its bearing, in m.
     """
 
     coulomb: float
@@ -81,6 +84,9 @@ class Friction:
     stribeck_velocity: float
     viscous: float
     regularization: float
+    sticks: bool = False
+    coefficient: float = 0.0
+    static_coefficient: float = 0.0
 
 
 def tabulated(elongations: Sequence[float], forces: Sequence[float]) -> Piecewise:

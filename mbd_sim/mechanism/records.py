@@ -68,12 +68,14 @@ class Limits:
     """The range of a joint coordinate; `stiffness` k is None if the limits are only passed on to URDF.
 
     A stop pushes back with k δ (1 + c δ') at the depth δ beyond it, never less than 0; `damping` c is in s/rad or s/m.
+    With a `restitution` the stops are rigid.
     """
 
     lower: float
     upper: float
     stiffness: float | None = None
     damping: float = 0.0
+    restitution: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +173,8 @@ class Attachment:
 class Mechanism:
     """A mechanism. `joints`, which form a tree, are in declared order, which is that of q, u and the efforts.
 
-    `tree` has their names from ground outwards. `closing` joints close loops; they have no coordinates.
+    `tree` has their names from ground outwards. `closing` joints close loops; they have no coordinates. Contacts that
+    approach more slowly than `rest_speed` in m/s or rad/s do not rebound.
     """
 
     name: str
@@ -190,6 +193,7 @@ class Mechanism:
     applied: tuple[AppliedForce, ...] = ()
     closing: Mapping[str, Joint] = field(default_factory=dict)
     constraints: tuple[Constraint, ...] = ()
+    rest_speed: float = 1e-5
 
     @property
     def all_joints(self) -> Mapping[str, Joint]:

@@ -52,7 +52,7 @@ class ExpressionField:
             return TimeExpression("0", {})  # the problem is reported at the parameter, not at each use of it
         expression, unit = split_unit(str(value))
         expression = parameters.functions.expanded(expression)
-        used = names_in(expression)
+        used = names_in(expression, values)
         if hidden := [name for name in self.variables if name in values and (name in used or name == TIME)]:
             what = "time" if hidden[0] == TIME else f"variable '{hidden[0]}'"
             raise InputError(f"the parameter '{hidden[0]}' hides the {what}", "Rename the parameter.")

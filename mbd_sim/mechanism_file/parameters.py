@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from mbd_sim.errors import InputError, Problem, listed, nearest, quoted
-from mbd_sim.mechanism.expression import CONSTANTS, FUNCTIONS, names_in
+from mbd_sim.mechanism.expression import CONSTANTS, FUNCTIONS, HIDEABLE, names_in
 from mbd_sim.mechanism.source import Source
 from mbd_sim.mechanism_file.dependencies import dependencies_first, users
 from mbd_sim.mechanism_file.functions import Functions, resolve_functions
@@ -33,7 +33,7 @@ class Parameters:
             return False
         expression, _ = split_unit(value)
         return self.functions.calls_invalid(expression) or bool(
-            names_in(self.functions.expanded(expression)) & self.unresolved
+            names_in(self.functions.expanded(expression), self.unresolved) & self.unresolved
         )
 
     def among(self, names: Collection[str]) -> dict[str, float]:
@@ -84,9 +84,9 @@ def resolve_parameters(source: Source) -> Parameters:
 
 
 def _used_names(name: str, value: object, written: Mapping[str, object], functions: Functions) -> set[str]:
-    if name in CONSTANTS or name in FUNCTIONS or keyword.iskeyword(name):
+    if (name in CONSTANTS and name != HIDEABLE) or name in FUNCTIONS or keyword.iskeyword(name):
         raise InputError(f"'{name}' is reserved in expressions", "Choose another name.")
-    used = names_in(functions.expanded(split_unit(value)[0])) if isinstance(value, str) else set()
+    used = names_in(functions.expanded(split_unit(value)[0]), written) if isinstance(value, str) else set()
     unknown = sorted(other for other in used if other not in written)
     if unknown:
         remedy = nearest(unknown[0], (other for other in written if other != name)) or "Define it under 'parameters'."

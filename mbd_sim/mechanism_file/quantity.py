@@ -19,11 +19,12 @@ LARGEST, SMALLEST = 1e40, 1e-60
 
 @dataclass(frozen=True)
 class Quantity:
-    """Marks a float field as a quantity in the SI unit `unit`, within bounds."""
+    """Marks a float field as a quantity in the SI unit `unit`, within bounds; with `unit` None, of any dimension."""
 
-    unit: str
+    unit: str | None
     above: float | None = None
     at_least: float | None = None
+    at_most: float | None = None
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.with_info_plain_validator_function(
@@ -31,11 +32,13 @@ class Quantity:
         )
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        number: dict[str, Any] = {"type": "number", "x-unit": self.unit}
+        number: dict[str, Any] = {"type": "number", **({} if self.unit is None else {"x-unit": self.unit})}
         if self.above is not None:
             number["exclusiveMinimum"] = self.above
         if self.at_least is not None:
             number["minimum"] = self.at_least
+        if self.at_most is not None:
+            number["maximum"] = self.at_most
         kind = f"in {self.unit}" if self.unit else "a plain number"
         return {
             "anyOf": [number, {"type": "string"}],
@@ -61,11 +64,15 @@ class Quantity:
         if self.above is not None and not number > self.above:
             raise InputError(f"must be greater than {self.above:g}{found}", "Write a positive number.")
         if self.at_least is not None and not number >= self.at_least:
-            raise InputError(f"must be at least {self.at_least:g}{found}", "Write 0 or a positive number.")
+            remedy = "a positive number" if self.at_least == 0.0 else "a larger number"
+            raise InputError(f"must be at least {self.at_least:g}{found}", f"Write {self.at_least:g} or {remedy}.")
+        if self.at_most is not None and not number <= self.at_most:
+            raise InputError(f"must be at most {self.at_most:g}{found}", f"Write {self.at_most:g} or a smaller number.")
         return number
 
 
 Number = Annotated[float, Quantity("")]
+Restitution = Annotated[float, Quantity("", at_least=0, at_most=1)]
 Angle = Annotated[float, Quantity("rad")]
 AngularVelocity = Annotated[float, Quantity("rad/s")]
 Length = Annotated[float, Quantity("m")]

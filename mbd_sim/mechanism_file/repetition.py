@@ -198,7 +198,7 @@ class _Expansion:
     def _evaluated(self, text: str, indices: Indices) -> float:
         text = self._parameters.functions.expanded(text.strip())
         numbers = {name: value for name, value in indices.items() if not isinstance(value, str)}
-        self._used |= names_in(text) & self._parameters.values.keys()
+        self._used |= names_in(text, self._parameters.values) & self._parameters.values.keys()
         return evaluate(text, {**self._parameters.values, **numbers})
 
     def _replaced(self, text: str, location: Location, indices: Indices, is_expression: bool) -> str:

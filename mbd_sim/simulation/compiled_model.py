@@ -18,7 +18,14 @@ from mbd_sim.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.geometry.rotation import unit
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.simulation.method_choice import MethodChoice, choose_method, require_method
+from mbd_sim.simulation.contact_system import one_sided_system
+from mbd_sim.simulation.contact_terms import ContactModel
+from mbd_sim.simulation.method_choice import (
+    MethodChoice,
+    choose_method,
+    require_contact_method,
+    require_method,
+)
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.load_sharing import LoadSharing
@@ -104,8 +111,17 @@ class Model:
         joints_only = isinstance(self.method, Rosenbrock) and self.method.joints_only
         partial_system = equations.joint_linearization()[:2] if joints_only else None
         self.kernel = compile_kernel(
-            equations.rates, equations.project, readers, self.method, self.u_range, partial_system
+            equations.rates,
+            equations.project,
+            readers,
+            self.method,
+            self.u_range,
+            partial_system,
+            one_sided_system(equations),
         )
+        self.contact: ContactModel | None = None
+        if equations.contact is not None:
+            self.contact = ContactModel(equations.contact, equations.inputs, self.kernel)
         self.quaternions = {
             name: self.layout.q[name].start + offset
             for name, joint in mechanism.joints.items()
@@ -116,6 +132,12 @@ class Model:
     def degrees_of_freedom(self) -> int:
         """The number of independent speeds."""
         return self.layout.nv - self.equations.start.rank
+
+    def with_contact_forces(self, time: float, y: Array, inputs: Array) -> Array:
+        """The inputs with the forces of contacts, which functions that read forces take from there."""
+        if self.contact is None:
+            return inputs
+        return self.contact.with_forces(time, y, inputs)
 
     def _read(self, name: str, time: float, y: Array, out: Array, inputs: Array | None) -> Array:
         moment, given = np.array([time]), self.inputs if inputs is None else inputs
@@ -147,7 +169,8 @@ class Model:
 
     def drives(self, time: float, y: Array, inputs: Array) -> Array:
         """(3, n): the coordinates of `driven_names`, their speeds, and the forces of the drives, in SI units."""
-        return self._read("drives", time, y, np.empty((3, len(self.driven_names))), inputs)
+        given = self.with_contact_forces(time, y, inputs)
+        return self._read("drives", time, y, np.empty((3, len(self.driven_names))), given)
 
     def violation(self, time: float, y: Array, inputs: Array | None = None) -> Violation:
         """The largest violation of the constraints."""
@@ -161,13 +184,13 @@ class Model:
         constraint are the normal force and the two components of friction. Redundant equations share the load as
         described in `LoadSharing`.
         """
-        values = self.load_sharing.multipliers(time, y, inputs)
+        values = self.load_sharing.multipliers(time, y, self.with_contact_forces(time, y, inputs))
         names = [str(row.owner[1]) for row in self.equations.rows]
         return {name: values[[other == name for other in names]] for name in dict.fromkeys(names)}
 
     def reactions(self, time: float, y: Array, inputs: Array) -> Mapping[str, Reaction]:
         """The load that each joint transmits: the joints of the spanning tree first, then those that close loops."""
-        found = self.load_sharing.reactions(time, y, inputs)
+        found = self.load_sharing.reactions(time, y, self.with_contact_forces(time, y, inputs))
         names = [*self.mechanism.joints, *self.mechanism.closing]
         return {name: Reaction(row[:3], row[3:]) for name, row in zip(names, found, strict=True)}
 
@@ -249,6 +272,7 @@ def build_model(
     name = require_method(mechanism, method)
     if len(mechanism.all_joints) >= MANY_JOINTS:
         _log.info("deriving the equations of '%s': %d joints", mechanism.name, len(mechanism.all_joints))
+    require_contact_method(mechanism, name)
     equations = derive(mechanism, loaded, values)
     centers = [mechanism.parts[part].center for part in loaded]
     inputs = equations.inputs.without_commands(centers, equations.parameters.base)

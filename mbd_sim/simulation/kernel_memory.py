@@ -6,8 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from mbd_sim.dynamics.initial_conditions import rheonomic
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.compiled_model import Model
+from mbd_sim.simulation.contact_events import ContactStepper
+from mbd_sim.simulation.contact_system import guard_tolerance
 
 
 class KernelMemory:
@@ -19,6 +22,7 @@ class KernelMemory:
     def __init__(self, model: Model, step_size: float) -> None:
         """Allocate the arrays: the start state of the `model`, its inputs without commands, and a step size in s."""
         self._kernel = model.kernel
+        self.contacts = None if model.contact is None else contact_stepper(model)
         self.y, self.inputs = model.start.copy(), model.inputs.copy()
         self._counter, self._step_size = np.zeros(1, dtype=np.int64), np.array([step_size])
         self._error_estimate = np.zeros(1)
@@ -40,6 +44,11 @@ class KernelMemory:
 
     def advance(self, n: int) -> bool:
         """Advance by n steps; False where the new state would not be finite, and then nothing is changed."""
+        if self.contacts is not None:
+            if not self.contacts.advance(self.y, self.inputs, self.steps, self.step_size, n, self._error_estimate):
+                return False
+            self._counter[0] += n
+            return True
         addresses = self.y.ctypes.data, self.inputs.ctypes.data
         step_size, estimate = self.step_size, self._error_estimate.ctypes.data
         if not self._kernel.estimating_advance(*addresses, self.steps, step_size, n, estimate):
@@ -52,6 +61,34 @@ class KernelMemory:
         arrays = (self._counter, self._step_size, self.y, self.inputs, self._error_estimate)
         return self._kernel.stepper(fallback, [array.ctypes.data for array in arrays], arrays)
 
+    def settle(self) -> None:
+        """Find the modes of one-sided rows anew, for a state that was set from outside.
+
+        :raises EventError: contacts without a solution.
+        """
+        if self.contacts is not None:
+            self.contacts.settle(self.steps * self.step_size, self.y, self.inputs)
+
     def load(self, y: Array, inputs: Array, steps: int, error_estimate: float = 0.0) -> None:
         """Replace the state (n,), the inputs (m,), the step counter and the error estimate."""
         self.y[:], self.inputs[:], self._counter[0], self._error_estimate[0] = y, inputs, steps, error_estimate
+
+
+def contact_stepper(model: Model) -> ContactStepper:
+    """The stepper of a model with one-sided rows."""
+    assert model.contact is not None
+    mechanism, equations = model.mechanism, model.equations
+
+    def energy(time: float, y: Array, inputs: Array) -> float:
+        return model.energies(time, y, 0.0, inputs).total
+
+    first = model.u_range.stop
+    return ContactStepper(
+        model.contact,
+        energy,
+        model.u_range,
+        slice(first, first + 2),
+        mechanism.rest_speed,
+        guard_tolerance(equations),
+        rheonomic(mechanism),
+    )

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbd_sim.dynamics.equations import Equations
-from mbd_sim.errors import MechanismError, Problem, nearest
+from mbd_sim.errors import MechanismError, Problem, listed, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.methods import AUTO, METHODS, Method
+from mbd_sim.integrators.rosenbrock import Rosenbrock
+from mbd_sim.mechanism.one_sided import one_sided_names
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.spectrum import FastestMode, fastest_mode, fastest_without_joints
 
@@ -43,6 +45,18 @@ def require_method(mechanism: Mechanism, method: str | None) -> str:
     raise MechanismError([mechanism.source.problem(("integrator", "method"), message, remedy)])
 
 
+def require_contact_method(mechanism: Mechanism, name: str) -> None:
+    """Refuse a method that cannot treat one-sided elements.
+
+    :raises MechanismError: the elements are named.
+    """
+    names = one_sided_names(mechanism)
+    if names and name != AUTO and isinstance(METHODS[name], Rosenbrock):
+        able = ", ".join(other for other, method in METHODS.items() if not isinstance(method, Rosenbrock))
+        message = f"method {name} cannot treat one-sided elements ({listed(names)})"
+        raise MechanismError([Problem(message, f"Use one of {able}.", key="integrator.method")])
+
+
 def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, name: str, step: float) -> MethodChoice:
     """The named method; for `auto` the default one, or the implicit one where the default would be unstable.
 
@@ -56,6 +70,12 @@ def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, nam
     if step * mode.rate <= MARGIN * method.stability_limit:
         return MethodChoice(method)
     rates = f"{mechanism.coordinate_names[mode.speed]} has rates of {mode.rate:.1g}/s"
+    if name == AUTO and one_sided_names(mechanism):
+        remark = (
+            f"{rates}, too fast for steps of {step:g} s with method {DEFAULT}; methods for stiff mechanisms do not "
+            f"treat one-sided elements. Use steps of {MARGIN * method.stability_limit / mode.rate:.2g} s."
+        )
+        return MethodChoice(method, remark)
     if name == AUTO:
         chosen = _implicit(equations, inputs, step)
         remark = (

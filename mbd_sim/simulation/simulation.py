@@ -175,6 +175,7 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
             model.project(y, self._live_inputs)
         self._memory.load(y, inputs, 0)
         self.start_energy = model.energies(0.0, y, 0.0, inputs).total
+        self._memory.settle()
         self._report_reset(to_start=q is None and u is None)
 
     def snapshot(self) -> SimulationSnapshot:

@@ -11,6 +11,7 @@ from mbd_sim.geometry import rotation as rot
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism import constraints as c
 from mbd_sim.mechanism.expression import TimeExpression
+from mbd_sim.mechanism.one_sided import ContactLaw, Play
 from mbd_sim.mechanism.records import Attachment, Joint
 from mbd_sim.mechanism.source import Location
 from mbd_sim.mechanism_file.builders.build_context import BuildContext
@@ -35,7 +36,10 @@ def coupled_joints(constraints: Iterable[c.Constraint], joints: Mapping[str, Joi
     """The joints whose coordinates a coupling refers to."""
     owners = {label: joint.name for joint in joints.values() for label in joint.motion_names}
     return [
-        owners[name] for constraint in constraints if isinstance(constraint, c.Coupling) for name in constraint.factors
+        owners[name]
+        for constraint in constraints
+        if isinstance(constraint, c.Coupling | c.Clutch)
+        for name in constraint.factors
     ]
 
 
@@ -51,21 +55,25 @@ class _GuidedPoint:
     def plane(self, name: str, spec: schema.OnPlaneSpec) -> c.Flat:
         """The point stays on a plane through the base."""
         normal = self.base_axes @ rot.unit(spec.normal)
-        return c.Flat(name, self.point, self.base, normal[None, :], spec.type)
+        return c.Flat(name, self.point, self.base, normal[None, :], spec.type, spec.bound, contact_law(spec))
 
     def line(self, name: str, spec: schema.OnLineSpec) -> c.Flat:
         """The point stays on a line through the base."""
         across = rot.aligning_z(rot.unit(spec.direction))[:, :2]
         return c.Flat(name, self.point, self.base, (self.base_axes @ across).T, spec.type)
 
-    def surface(self, name: str, equations: tuple[TimeExpression, ...], kind: str) -> c.Surface:
+    def surface(self, name: str, spec: schema.OnSurfaceSpec) -> c.Surface:
         """The point stays where expressions of its coordinates are zero."""
-        return c.Surface(name, self.point, self.base, self.base_axes, equations, kind)
+        equations = (spec.equation,) if spec.equation else spec.equations or ()
+        law = contact_law(spec)
+        return c.Surface(name, self.point, self.base, self.base_axes, equations, spec.type, spec.bound, law)
 
     def rolling(self, name: str, spec: schema.RollingSpec) -> c.Rolling:
         """The point is the center of a wheel or a ball that rolls on a plane through the base."""
         axis = None if spec.axis is None else self.point_axes @ rot.unit(spec.axis)
-        return c.Rolling(name, self.point, axis, spec.radius, self.base, self.base_axes @ rot.unit(spec.normal))
+        law = rolling_law(spec)
+        normal = self.base_axes @ rot.unit(spec.normal)
+        return c.Rolling(name, self.point, axis, spec.radius, self.base, normal, law=law)
 
     def knife_edge(self, name: str, spec: schema.KnifeEdgeSpec) -> c.KnifeEdge:
         """The point is on an edge that does not move sideways in a plane through the base."""
@@ -83,28 +91,31 @@ class _ConstraintBuilder:
         match spec:
             case schema.DistanceSpec(length=length):
                 points = self._points_apart(name, "between", spec.between, length)
-                return c.Distance(name, points[0], points[1], length) if points else None
+                bound = {"bound": spec.bound, "law": contact_law(spec)}
+                return c.Distance(name, points[0], points[1], length, **bound) if points else None
             case schema.CableSpec(length=length):
                 points = self._points_apart(name, "through", spec.through, length)
-                return c.Cable(name, tuple(points), length) if points else None
+                bound = {"bound": spec.bound, "law": contact_law(spec)}
+                return c.Cable(name, tuple(points), length, **bound) if points else None
             case schema.GearSpec(joints=names, radii=(first, second), internal=internal):
                 factors = {names[0]: first, names[1]: -second if internal else second}
-                return self._coupling(name, factors, ("joints", names), "gear")
+                return self._coupling(name, factors, ("joints", names), spec)
             case schema.RackSpec(pinion=pinion, rack=rack, radius=radius, reverse=reverse):
                 factors = {pinion: radius if reverse else -radius, rack: 1.0}
-                return self._coupling(name, factors, ("", (pinion, rack)), "rack")
+                return self._coupling(name, factors, ("", (pinion, rack)), spec)
             case schema.CouplingSpec(terms=terms, value=value):
-                return self._coupling(name, terms, ("terms", tuple(terms)), "coupling", value)
+                return self._coupling(name, terms, ("terms", tuple(terms)), spec, value)
+            case schema.ClutchSpec(terms=terms):
+                return self._clutch(name, spec)
             case schema.OnPlaneSpec():
                 guided = self._guided(name, ("point", spec.point), ("plane", spec.plane))
                 return guided.plane(name, spec) if guided else None
             case schema.OnLineSpec():
                 guided = self._guided(name, ("point", spec.point), ("line", spec.line))
                 return guided.line(name, spec) if guided else None
-            case schema.OnSurfaceSpec(equation=equation):
+            case schema.OnSurfaceSpec():
                 guided = self._guided(name, ("point", spec.point), ("frame", spec.frame))
-                equations = (equation,) if equation else spec.equations or ()
-                return guided.surface(name, equations, spec.type) if guided else None
+                return guided.surface(name, spec) if guided else None
             case schema.RollingSpec():
                 guided = self._guided(name, ("wheel", spec.wheel), ("plane", spec.plane))
                 return guided.rolling(name, spec) if guided else None
@@ -140,17 +151,33 @@ class _ConstraintBuilder:
         name: str,
         factors: Mapping[str, float],
         written: tuple[str, tuple[str, ...]],
-        kind: str,
+        spec: schema.GearSpec | schema.RackSpec | schema.CouplingSpec,
         value: TimeExpression = ZERO,
     ) -> c.Coupling | None:
         """A coupling of coordinates.
 
         :param written: the key of the coordinates in the file (`""` for the record itself), and the coordinates.
         """
+        if not self._couples(name, factors, written):
+            return None
+        play = None if spec.backlash is None else Play(0.5 * spec.backlash, spec.restitution or 0.0)
+        return c.Coupling(name, dict(factors), value, spec.type, play)
+
+    def _clutch(self, name: str, spec: schema.ClutchSpec) -> c.Clutch | None:
+        if not self._couples(name, spec.terms, ("terms", tuple(spec.terms))):
+            return None
+        law = ContactLaw() if spec.one_way else None
+        return c.Clutch(name, dict(spec.terms), spec.capacity, spec.static, law)
+
+    def _couples(self, name: str, factors: Mapping[str, float], written: tuple[str, tuple[str, ...]]) -> bool:
+        """Whether coordinates can be coupled with these factors; if not, problems are reported.
+
+        :param written: see `_coupling`.
+        """
         key, names = written
         where: Location = ("constraints", name, *([key] if key else []))
         if None in self._joints.values():
-            return None  # the coordinates are not all known
+            return False  # the coordinates are not all known
         known = {label: joint for joint in self._joints.values() if joint for label in joint.motion_names}
         before = len(self._context.problems)
         if len(set(names)) < len(names):
@@ -166,4 +193,22 @@ class _ConstraintBuilder:
                 self._context.report(where, message, remedy)
             elif not factors[coordinate]:
                 self._context.report((*where, coordinate), "has the factor 0", "Leave it out.")
-        return c.Coupling(name, dict(factors), value, kind) if len(self._context.problems) == before else None
+        return len(self._context.problems) == before
+
+
+def contact_law(spec: schema.BoundedSpec) -> ContactLaw | None:
+    """The law of a constraint with a bound; None without one."""
+    if spec.bound is None:
+        return None
+    friction = getattr(spec, "friction", None) or 0.0
+    static = getattr(spec, "static_friction", None)
+    return ContactLaw(spec.restitution or 0.0, friction, friction if static is None else static)
+
+
+def rolling_law(spec: schema.RollingSpec) -> ContactLaw | None:
+    """The law of rolling that can slip and lift off; None where it cannot."""
+    if spec.friction is None and spec.restitution is None:
+        return None
+    friction = spec.friction or 0.0
+    static = friction if spec.static_friction is None else spec.static_friction
+    return ContactLaw(spec.restitution or 0.0, friction, static)

@@ -65,7 +65,7 @@ def _joint(name: str, spec: schema.AnyJointSpec, parent: str, parent_pose: Pose,
         damping=_per_coordinate(spec, "damping", nv),
         lead=getattr(spec, "lead", 0.0),
         drive=_expressions(drive),
-        limits=Limits(limits.lower, limits.upper, limits.stiffness, limits.damping) if limits else None,
+        limits=_limits(limits) if limits else None,
         effort_limit=getattr(spec, "effort_limit", None),
         velocity_limit=getattr(spec, "velocity_limit", None),
         spring=build_elastic_law(spring) if spring else None,
@@ -76,6 +76,10 @@ def _joint(name: str, spec: schema.AnyJointSpec, parent: str, parent_pose: Pose,
         cut=spec.cut,
         compliance=spec.compliance,
     )
+
+
+def _limits(spec: schema.AngleLimitsSpec | schema.LengthLimitsSpec) -> Limits:
+    return Limits(spec.lower, spec.upper, spec.stiffness, spec.damping, spec.restitution)
 
 
 def _are_parallel(first: tuple[float, ...], second: tuple[float, ...]) -> bool:

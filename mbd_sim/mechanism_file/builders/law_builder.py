@@ -36,6 +36,12 @@ def build_power_law(spec: schema.LinearPowerSpec | schema.TorsionPowerSpec) -> P
 
 def build_friction(spec: schema.LinearFrictionSpec | schema.TorsionFrictionSpec) -> Friction:
     """The law of dry friction."""
+    if spec.coefficient is not None:
+        lever = getattr(spec, "radius", None) or 1.0
+        static = spec.coefficient if spec.static_coefficient is None else spec.static_coefficient
+        coefficients = lever * spec.coefficient, lever * static
+        return Friction(0.0, 0.0, math.inf, spec.viscous, spec.regularization, True, *coefficients)
+    assert spec.coulomb is not None
     static = spec.coulomb if spec.static is None else spec.static
     stribeck = math.inf if spec.stribeck_velocity is None else spec.stribeck_velocity
-    return Friction(spec.coulomb, static, stribeck, spec.viscous, spec.regularization)
+    return Friction(spec.coulomb, static, stribeck, spec.viscous, spec.regularization, spec.sticking)

@@ -54,6 +54,7 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         gravity=np.array(file.gravity),
         method=file.integrator.method,
         step=file.integrator.step,
+        rest_speed=file.integrator.rest_speed,
         parameters=dict(parameters),
         source=source,
         springs=elements.forces.springs,

@@ -18,6 +18,7 @@ from mbd_sim.mechanism_file.quantity import (
     PositiveDensity,
     PositiveLength,
     PositiveTime,
+    Quantity,
 )
 from mbd_sim.mechanism_file.schema.base_schema import (
     Direction,
@@ -198,6 +199,9 @@ class IntegrationSpec(Spec):
 
     method: str = "auto"
     step: PositiveTime = 1e-3
+    rest_speed: Annotated[float, Quantity("m/s", at_least=0)] = Field(
+        1e-5, description="approach speed of contacts below which they do not rebound"
+    )
 
 
 class MechanismFile(Spec):

@@ -18,6 +18,7 @@ from mbd_sim.mechanism_file.quantity import (
     PositiveForce,
     PositiveTorque,
     Quantity,
+    Restitution,
     TorsionDamping,
     TorsionStiffness,
     Velocity,
@@ -44,7 +45,11 @@ LengthOfTime = Annotated[TimeExpression, ExpressionField("m")]
 
 
 class LimitsSpec(Spec):
-    """The checks of both kinds of limits."""
+    """What both kinds of limits have in common."""
+
+    restitution: Restitution | None = Field(
+        None, description="makes the ends rigid stops, with this coefficient of restitution"
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> LimitsSpec:
@@ -53,6 +58,10 @@ class LimitsSpec(Spec):
             raise InputError(f"lower {lower:g} is not below upper {upper:g}", "Swap them.")
         if getattr(self, "damping") and not getattr(self, "stiffness"):  # noqa: B009
             raise InputError("damping of stops has no effect without stiffness", "Add 'stiffness'.")
+        if self.restitution is not None and getattr(self, "stiffness") is not None:  # noqa: B009
+            raise InputError(
+                "has stiffness and restitution", "Elastic stops have 'stiffness', rigid ones 'restitution': remove one."
+            )
         return self
 
 

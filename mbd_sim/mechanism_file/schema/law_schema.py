@@ -16,6 +16,7 @@ from mbd_sim.mechanism_file.quantity import (
     AngularVelocity,
     Length,
     LinearDamping,
+    PositiveLength,
     Quantity,
     TorsionDamping,
     Velocity,
@@ -105,37 +106,79 @@ class TorsionPowerSpec(Spec):
 
 
 class FrictionSpec(Spec):
-    """The checks of friction along lengths and about axes."""
+    """What friction along lengths and about axes has in common."""
+
+    sticking: bool = Field(False, description="friction that holds exactly up to its static size, instead of creeping")
 
     @model_validator(mode="after")
-    def _stribeck(self) -> FrictionSpec:
+    def _consistent(self) -> FrictionSpec:
+        require_one(self, "coulomb", "coefficient")
+        if getattr(self, "coefficient") is not None:  # noqa: B009
+            self._require_loaded()
+            return self
+        if getattr(self, "static_coefficient") is not None:  # noqa: B009
+            raise InputError("static_coefficient needs coefficient", "Give 'static' with 'coulomb'.")
         coulomb, static, speed = (getattr(self, key) for key in ("coulomb", "static", "stribeck_velocity"))
+        if self.sticking and "regularization" in self.model_fields_set:
+            raise InputError("has sticking and regularization", "Friction that sticks is not smooth: remove one.")
         if static is not None and static < coulomb:
             raise InputError(
                 f"static {static:g} is less than coulomb {coulomb:g}",
                 "Static friction is at least as large as sliding friction.",
             )
-        if (static is None) != (speed is None):
+        if (static is None) != (speed is None) and not (self.sticking and speed is None):
             missing = "static" if static is None else "stribeck_velocity"
             raise InputError("static and stribeck_velocity belong together", f"Add '{missing}'.")
         return self
 
+    def _require_loaded(self) -> None:
+        """The checks of friction that depends on the load."""
+        given = [key for key in ("static", "stribeck_velocity", "regularization") if key in self.model_fields_set]
+        if given:
+            message = f"has coefficient and {given[0]}"
+            raise InputError(message, "Friction with a coefficient sticks: give 'static_coefficient' if you need it.")
+        sliding, static = (getattr(self, key) for key in ("coefficient", "static_coefficient"))
+        if static is not None and static < sliding:
+            raise InputError(
+                f"static_coefficient {static:g} is less than coefficient {sliding:g}",
+                "Static friction is at least as large as sliding friction.",
+            )
+
 
 class LinearFrictionSpec(FrictionSpec):
-    """Dry friction in a slider: of constant size, independent of the normal force, and smooth at rest."""
+    """Dry friction in a slider: smooth at rest, or `sticking`.
 
-    coulomb: FrictionForce
+    `coulomb` is its size whatever the load; with a `coefficient` it is that times the force across the guide.
+    """
+
+    coulomb: FrictionForce | None = None
     static: FrictionForce | None = None
+    coefficient: Coefficient | None = Field(None, description="of the force across the guide; friction then sticks")
+    static_coefficient: Coefficient | None = None
     stribeck_velocity: PositiveVelocity | None = None
     viscous: LinearDamping = 0.0
     regularization: PositiveVelocity = Field(1e-2, description="speed below which friction falls to zero")
 
 
 class TorsionFrictionSpec(FrictionSpec):
-    """Dry friction in a hinge: of constant size, independent of the bearing load, and smooth at rest."""
+    """Dry friction in a hinge: smooth at rest, or `sticking`.
 
-    coulomb: FrictionTorque
+    `coulomb` is its size whatever the load; with a `coefficient` it is that times the force in the bearing, times the
+    bearing's `radius`.
+    """
+
+    coulomb: FrictionTorque | None = None
     static: FrictionTorque | None = None
+    coefficient: Coefficient | None = Field(None, description="of the force in the bearing; friction then sticks")
+    static_coefficient: Coefficient | None = None
+    radius: PositiveLength | None = Field(None, description="of the bearing, for friction with a coefficient")
     stribeck_velocity: PositiveAngularVelocity | None = None
     viscous: TorsionDamping = 0.0
     regularization: PositiveAngularVelocity = Field(1e-2, description="speed below which friction falls to zero")
+
+    @model_validator(mode="after")
+    def _bearing(self) -> TorsionFrictionSpec:
+        if (self.coefficient is None) != (self.radius is None):
+            missing = "coefficient" if self.coefficient is None else "radius"
+            raise InputError("coefficient and radius belong together", f"Add '{missing}'.")
+        return self

@@ -1,0 +1,235 @@
+"""Forces at one-sided contacts with Coulomb friction: Lemke's method finds the modes, Newton's the forces.
+
+With the rates s = A λ + r of all rows, of velocity for impulses λ and of acceleration for forces,
+
+- a normal row has s ≥ 0, λ ≥ 0, s λ = 0;
+- friction along one or two rows has |λ_T| ≤ μ λ_N, or |λ_T| ≤ F without a normal row, and s_T = -σ λ_T with σ ≥ 0,
+  which is zero unless friction is at its limit.
+
+For Lemke's method friction is written along opposite directions (Stewart & Trinkle 1996).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbd_sim.contact.elimination import solve
+from mbd_sim.contact.lemke import lemke
+from mbd_sim.geometry.pose import Array
+
+ACCURATE = 1e-10  # residual, relative to the size of forces and rates, up to which a solution is accepted
+NEWTON_STEPS, SWEEPS = 40, 400
+
+
+class NoSolutionError(ValueError):
+    """No forces satisfy the conditions of all contacts (Painlevé), or they could not be found."""
+
+
+@dataclass(frozen=True)
+class FrictionLimit:
+    """Friction along one or two rows: up to `size` times the force of row `normal`, or up to `size` without one."""
+
+    rows: tuple[int, ...]
+    normal: int | None
+    size: float
+
+
+@dataclass(frozen=True, eq=False)
+class ContactProblem:
+    """`matrix` A (n, n) and rates r (n,) without forces, `normals` among the rows, and their friction."""
+
+    matrix: Array
+    free: Array
+    normals: Sequence[int]
+    frictions: Sequence[FrictionLimit]
+
+    def rates(self, forces: Array) -> Array:
+        """s (n,), summed in order."""
+        total = self.free.copy()
+        for column in range(len(forces)):
+            if forces[column]:
+                total += self.matrix[:, column] * forces[column]
+        return total
+
+
+def contact_forces(problem: ContactProblem) -> Array:
+    """λ (n,) that satisfies all conditions.
+
+    :raises NoSolutionError: there is none, or none was found.
+    """
+    n = len(problem.free)
+    if not n:
+        return np.zeros(0)
+    scaled, scale = _scaled(problem)
+    start = _by_lemke(scaled)
+    attempts = [start] if start is not None else []
+    for forces in (*attempts, np.zeros(n)):
+        polished = _newton(scaled, forces)
+        if _residual(scaled, polished) <= ACCURATE:
+            return polished * scale
+    swept = np.zeros(n) if start is None else start
+    for _ in range(20):
+        swept = _sweep(scaled, swept)
+        polished = _newton(scaled, swept)
+        if _residual(scaled, polished) <= ACCURATE:
+            return polished * scale
+    raise NoSolutionError("no forces satisfy the conditions of all contacts")
+
+
+def _scaled(problem: ContactProblem) -> tuple[ContactProblem, Array]:
+    """The same problem with rows of unit diagonal and rates of at most 1; λ = scale · λ of the scaled one.
+
+    The rows of one friction element keep a common scale, so that its circle stays one, and so does its normal row.
+    """
+    diagonal = np.diag(problem.matrix).copy()
+    for friction in problem.frictions:
+        group = [*friction.rows, *([] if friction.normal is None else [friction.normal])]
+        diagonal[group] = np.max(diagonal[group])
+    changed = True
+    while changed:  # rows that share a normal row
+        changed = False
+        for friction in problem.frictions:
+            group = [*friction.rows, *([] if friction.normal is None else [friction.normal])]
+            if np.any(diagonal[group] != np.max(diagonal[group])):
+                diagonal[group], changed = np.max(diagonal[group]), True
+    weights = np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 1.0)
+    free = weights * problem.free
+    size = float(np.max(np.abs(free), initial=0.0)) or 1.0
+    matrix = problem.matrix * weights[:, None] * weights[None, :]
+    scale = size * weights
+    frictions = [
+        friction if friction.normal is not None
+        else FrictionLimit(friction.rows, None, friction.size / scale[friction.rows[0]])
+        for friction in problem.frictions
+    ]  # fmt: skip
+    return ContactProblem(matrix, free / size, problem.normals, frictions), scale
+
+
+def _by_lemke(problem: ContactProblem) -> Array | None:
+    """The solution with friction along the directions of the rows, which is exact for one direction."""
+    normals, n = list(problem.normals), len(problem.free)
+    columns = [(row, 1.0) for row in normals]
+    columns += [(row, sign) for friction in problem.frictions for row in friction.rows for sign in (1.0, -1.0)]
+    basis = np.zeros((n, len(columns)))
+    for index, (row, sign) in enumerate(columns):
+        basis[row, index] = sign
+    size, extra = len(columns), len(problem.frictions)
+    matrix, right = np.zeros((size + extra, size + extra)), np.zeros(size + extra)
+    matrix[:size, :size] = _product(basis, problem.matrix)
+    right[:size] = [sign * problem.free[row] for row, sign in columns]
+    first = len(normals)
+    for index, friction in enumerate(problem.frictions):
+        own = range(first, first + 2 * len(friction.rows))
+        first = own.stop
+        for column in own:
+            matrix[column, size + index], matrix[size + index, column] = 1.0, -1.0
+        if friction.normal is None:
+            right[size + index] = friction.size
+        else:
+            matrix[size + index, normals.index(friction.normal)] = friction.size
+    z = lemke(matrix, right)
+    if z is None:
+        return None
+    forces: Array = np.zeros(n)
+    for index, (row, sign) in enumerate(columns):
+        forces[row] += sign * z[index]
+    return forces
+
+
+def _product(basis: Array, matrix: Array) -> Array:
+    """Bᵀ A B, for a basis of signed unit vectors."""
+    rows = np.argmax(np.abs(basis), axis=0)
+    signs = basis[rows, np.arange(basis.shape[1])]
+    return np.asarray(signs[:, None] * matrix[np.ix_(rows, rows)] * signs[None, :])
+
+
+def _projected(problem: ContactProblem, trial: Array) -> Array:
+    """The nearest admissible forces to a trial, each element for itself."""
+    forces = trial.copy()
+    for row in problem.normals:
+        forces[row] = max(trial[row], 0.0)
+    for friction in problem.frictions:
+        limit = friction.size * (1.0 if friction.normal is None else forces[friction.normal])
+        own = [trial[row] for row in friction.rows]
+        size = _length(own)
+        if size > limit:
+            for row, value in zip(friction.rows, own, strict=True):
+                forces[row] = value * (limit / size)
+    return forces
+
+
+def _length(vector: Sequence[float] | Array) -> float:
+    return math.sqrt(sum(float(value) * float(value) for value in vector))
+
+
+def _residual(problem: ContactProblem, forces: Array) -> float:
+    """How far the conditions are from satisfied: λ less the projection of λ - s, relative to the forces."""
+    natural = forces - _projected(problem, forces - problem.rates(forces))
+    size = 1.0 + float(np.max(np.abs(forces), initial=0.0))
+    return float(np.max(np.abs(natural), initial=0.0)) / size if np.all(np.isfinite(natural)) else np.inf
+
+
+def _newton(problem: ContactProblem, forces: Array) -> Array:
+    """Semismooth Newton on λ - P(λ - s) = 0 (Alart & Curnier 1991); the best iterate."""
+    best, least = forces, _residual(problem, forces)
+    for _ in range(NEWTON_STEPS):
+        trial = forces - problem.rates(forces)
+        right, jacobian = _linearized(problem, forces, trial)
+        forces = forces + solve(jacobian, -right)
+        found = _residual(problem, forces)
+        if not found < least:
+            if not np.isfinite(found) or least <= 1e-15:
+                break
+            if found > 1e3 * least:
+                break
+            continue
+        best, least = forces, found
+        if least <= 1e-16:
+            break
+    return best
+
+
+def _linearized(problem: ContactProblem, forces: Array, trial: Array) -> tuple[Array, Array]:
+    """The residual F = λ - P(λ - s) (n,), and its Jacobian (n, n)."""
+    n, projected = len(forces), _projected(problem, trial)
+    by_trial = np.zeros((n, n))
+    for row in problem.normals:
+        by_trial[row, row] = 1.0 if trial[row] > 0.0 else 0.0
+    for friction in problem.frictions:
+        rows, normal = list(friction.rows), friction.normal
+        load = 1.0 if normal is None else max(trial[normal], 0.0)
+        limit, own = friction.size * load, trial[rows]
+        size = _length(own)
+        if size <= limit or size == 0.0:
+            by_trial[rows, rows] = 1.0
+            continue
+        direction = own / size
+        if len(rows) == 2:
+            by_trial[np.ix_(rows, rows)] = limit / size * (np.eye(2) - np.multiply.outer(direction, direction))
+        if normal is not None and trial[normal] > 0.0:
+            by_trial[rows, normal] = friction.size * direction
+    shift = np.eye(n) - problem.matrix
+    product = np.zeros((n, n))
+    for inner in range(n):
+        product += np.multiply.outer(by_trial[:, inner], shift[inner])
+    return forces - projected, np.eye(n) - product
+
+
+def _sweep(problem: ContactProblem, forces: Array) -> Array:
+    """Projected Gauss–Seidel sweeps over the elements."""
+    forces = forces.copy()
+    groups = [[row] for row in problem.normals] + [list(friction.rows) for friction in problem.frictions]
+    for _ in range(SWEEPS):
+        for group in groups:
+            step = max(float(problem.matrix[row, row]) for row in group)
+            if step <= 0.0:
+                continue
+            trial = forces.copy()
+            for row in group:
+                trial[row] -= (problem.free[row] + sum((problem.matrix[row] * forces).tolist())) / step
+            forces[group] = _projected(problem, trial)[group]
+    return forces

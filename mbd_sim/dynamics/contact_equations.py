@@ -1,0 +1,175 @@
+"""The one-sided rows in generalized coordinates, and how their modes make them active, sliding or absent."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import casadi as ca
+
+from mbd_sim.dynamics.body_symbols import BodySymbols
+from mbd_sim.dynamics.constraint_equations import ConstraintEquations, equations_of_rows
+from mbd_sim.dynamics.contact_rows import Gap, contact_rows
+from mbd_sim.dynamics.tracing import TracedMechanism
+from mbd_sim.mechanism.records import Joint
+
+SLOW = 1e-12  # m/s, slip below which the direction of sliding is the stored one
+
+
+@dataclass(frozen=True)
+class ContactLayout:
+    """The contact numbers at the end of the inputs, for some gaps and rows: the gaps come first among the rows.
+
+    `closed` (gaps,) are 1 for closed gaps. `active` (rows,) are 1 for rows that are solved for: independent closed gaps
+    and sticking friction. `direction` (rows - gaps,) are the unit vectors of sliding, 0 without sliding. `multipliers`
+    (rows,) are λ, which functions that read forces take from there. `signs` (loads,) are those of the forces across
+    the axes of joints whose friction depends on them, where these forces have one direction only.
+    """
+
+    gaps: int
+    rows: int
+    loads: int = 0
+
+    @property
+    def closed(self) -> slice:
+        return slice(0, self.gaps)
+
+    @property
+    def active(self) -> slice:
+        return slice(self.gaps, self.gaps + self.rows)
+
+    @property
+    def direction(self) -> slice:
+        return slice(self.gaps + self.rows, 2 * self.rows)
+
+    @property
+    def modes(self) -> slice:
+        """All of these, without the multipliers."""
+        return slice(0, 2 * self.rows + self.loads)
+
+    @property
+    def signs(self) -> slice:
+        return slice(2 * self.rows, 2 * self.rows + self.loads)
+
+    @property
+    def multipliers(self) -> slice:
+        return slice(self.modes.stop, self.size)
+
+    @property
+    def size(self) -> int:
+        return 3 * self.rows + self.loads
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionElement:
+    """Friction along one or two `rows`, with a load: that of the gap with this index, that of a `joint`, or none.
+
+    With a load `sliding` and `static` are the coefficients μ and μ_s; otherwise they are forces, in N or N·m. The load
+    of a joint depends on friction itself, so its row is active while it slides as well.
+    """
+
+    rows: tuple[int, ...]
+    gap: int | None
+    sliding: Callable[[ca.SX], ca.SX]
+    static: ca.SX
+    joint: Joint | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ContactEquations:
+    """The one-sided rows of a mechanism: `gaps`, their friction and all other sticking friction as `equations`.
+
+    `numbers` are the symbols of the contact inputs, see `ContactLayout`.
+    """
+
+    gaps: tuple[Gap, ...]
+    frictions: tuple[FrictionElement, ...]
+    equations: ConstraintEquations
+    layout: ContactLayout
+    numbers: ca.SX
+
+    @property
+    def active(self) -> ca.SX:
+        """Which rows (rows,) are solved for."""
+        return self.numbers[self.layout.active]
+
+    @property
+    def closed(self) -> ca.SX:
+        """Which gaps (gaps,) are closed."""
+        return self.numbers[self.layout.closed]
+
+    @property
+    def given_forces(self) -> ca.SX:
+        """λ (rows,) among the inputs."""
+        return self.numbers[self.layout.multipliers]
+
+    def stored_direction(self, element: FrictionElement) -> ca.SX:
+        """The stored direction of sliding (1,) or (2,)."""
+        first = self.layout.direction.start - self.layout.gaps
+        return ca.vertcat(*(self.numbers[first + row] for row in element.rows))
+
+    def direction(self, element: FrictionElement) -> ca.SX:
+        """The direction of sliding, zero without sliding. In two dimensions it follows the slip velocity."""
+        stored = self.stored_direction(element)
+        if len(element.rows) == 1:
+            return stored
+        slip = ca.vertcat(*(self.equations.velocity[row] for row in element.rows))
+        speed = ca.sqrt(ca.dot(slip, slip))
+        slides, moves = ca.dot(stored, stored) > 0.0, speed > SLOW
+        return ca.if_else(slides * moves, slip / ca.fmax(speed, SLOW), stored)
+
+    def forces(self, solved: ca.SX) -> ca.SX:
+        """The multipliers λ (rows,) of all rows, from those that are solved for, with the friction of sliding."""
+        forces = ca.SX(self.active * solved)
+        for element in self.frictions:
+            if element.joint is not None:
+                continue
+            direction = self.direction(element)
+            for index, row in enumerate(element.rows):
+                size = element.sliding(self.equations.velocity[row])
+                load = ca.SX(1) if element.gap is None else forces[element.gap]
+                forces[row] = forces[row] - size * load * direction[index]
+        return forces
+
+    def friction_power(self, forces: ca.SX) -> ca.SX:
+        """The power in W that friction dissipates."""
+        rows = [row for element in self.frictions for row in element.rows]
+        return -ca.dot(forces[rows], self.equations.velocity[rows]) if rows else ca.SX(1, 1)
+
+
+def contact_equations(traced: TracedMechanism) -> ContactEquations:
+    """Write the one-sided rows of a mechanism. Slip that cannot occur, as across a plane mechanism, has no row."""
+    bodies, time = BodySymbols(traced.links), ca.SX.sym("time")
+    gaps, sticking = contact_rows(traced.mechanism, bodies, time, traced.state.t)
+    slips = [(index, row) for index, gap in enumerate(gaps) for row in gap.slip]
+    rows = [*(gap.row for gap in gaps), *(row for _, row in slips), *(friction.row for friction in sticking)]
+    equations = equations_of_rows(traced, bodies, time, rows)
+    impossible = {
+        len(gaps) + number for number in range(len(slips)) if not equations.gradient[len(gaps) + number, :].nnz()
+    }
+    kept = [row for row in range(len(rows)) if row not in impossible]
+    new_index = {row: index for index, row in enumerate(kept)}
+    frictions: list[FrictionElement] = []
+    for index, gap in enumerate(gaps):
+        own = [len(gaps) + number for number, (owner, _) in enumerate(slips) if owner == index]
+        if own := [new_index[row] for row in own if row in new_index]:
+            mu = ca.SX(gap.law.friction)
+            frictions.append(
+                FrictionElement(tuple(own), index, lambda speed, mu=mu: mu, ca.SX(gap.law.static_friction))
+            )
+    for number, friction in enumerate(sticking):
+        row = new_index[len(gaps) + len(slips) + number]
+        frictions.append(FrictionElement((row,), None, friction.sliding, friction.static, friction.joint))
+    layout = ContactLayout(len(gaps), len(kept), sum(element.joint is not None for element in frictions))
+    return ContactEquations(
+        tuple(gaps), tuple(frictions), equations.select(kept), layout, ca.SX.sym("contact", layout.size)
+    )
+
+
+def with_contact_inputs(traced: TracedMechanism, contacts: ContactEquations) -> TracedMechanism:
+    """The same mechanism with the contact numbers as further inputs."""
+    return replace(
+        traced,
+        inputs=ca.vertcat(traced.inputs, contacts.numbers),
+        input_layout=replace(traced.input_layout, contact_count=contacts.layout.size),
+    )

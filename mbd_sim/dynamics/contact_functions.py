@@ -1,0 +1,334 @@
+"""The functions of a mechanism with one-sided rows, from which its steps, readings and events are compiled.
+
+The rows that are active are solved for together: A λ = r with A = G P M⁻¹ (G + friction)ᵀ, where P M⁻¹ is the response
+of the mechanism with its loops and other two-sided constraints. A is not symmetric while something slides. Functions
+come in pairs: the first gives a memory and the system, the second takes the memory and the solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from mbd_sim.dynamics.accelerations import (
+    AppliedForces,
+    ConstrainedMotion,
+    audit_rates,
+    coupling_forces,
+    drive_table,
+)
+from mbd_sim.dynamics.articulated_body import Accelerations, FactorizedMassMatrix
+from mbd_sim.dynamics.constraint_equations import ConstraintEquations
+from mbd_sim.dynamics.contact_equations import ContactEquations, FrictionElement
+from mbd_sim.dynamics.joint_loads import JointLoad, transmitted_force
+from mbd_sim.dynamics.kinematics import normalized_quaternions
+from mbd_sim.dynamics.multipliers import ConstraintSolver
+from mbd_sim.dynamics.reactions import transmitted_wrenches
+from mbd_sim.dynamics.separation import separated
+from mbd_sim.dynamics.tracing import TracedMechanism
+
+TURNED = 0.9  # cosine of the angle by which a direction of sliding turns before it is stored again
+ROUND_OFF = 1e-15  # m, of gaps of a mechanism of up to 1 m
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedPair:
+    """`system(t, y, inputs)` gives a memory (m,), a matrix (n, n), right sides (n, k), and perhaps a margin.
+
+    `result(memory, solution)` takes the solution (n, k) of the active rows, with zeros for all others. Where friction
+    depends on the loads of joints, the system also gives these loads: see `mbd_sim.compiler.active_rows.Load`.
+    """
+
+    system: ca.Function
+    result: ca.Function
+
+
+@dataclass(frozen=True, eq=False)
+class ContactFunctions:
+    """The functions of a mechanism with `contacts`.
+
+    - `rates`: y' as of `Equations.rates`.
+    - `project`: y moved back to the closed gaps and to the speeds of the active rows.
+    - `readings(t, y, inputs, solution)`: gaps (gaps,), rates of all rows (rows,), λ (rows,), and the guards (gaps +
+      frictions + loads with one component,), which are negative where a mode ends. Guards of forces are fractions of the
+      weight, or in N if that is below 1 N.
+    - `open_guards(t, y, inputs)`: while nothing is closed, the gaps (gaps,) and their rates (gaps,).
+    - `terms(t, y, inputs)`: A (rows, rows) without friction, the rates of change (rows,) of the rows' rates without
+      contact forces, and the sizes of sliding and of static friction (frictions, 2).
+    - `loads`: functions of (t, y, inputs) that give the `unloaded` force (k,) and `by_force` (k, rows) of each load.
+    - `response(t, y, inputs, impulses)`: the change of u (nv,) by impulses (rows,) of the rows.
+    - `restitution(inputs)`: e (gaps,).
+    """
+
+    contacts: ContactEquations
+    rates: SolvedPair
+    project: SolvedPair
+    readings: ca.Function
+    open_guards: ca.Function
+    terms: ca.Function
+    loads: list[ca.Function]
+    response: ca.Function
+    restitution: ca.Function
+
+
+class ContactDynamics:
+    """The expressions of a mechanism with one-sided rows.
+
+    :param constraints: the active two-sided rows, and their solver, or None.
+    :param size: of the mechanism, in m.
+    """
+
+    def __init__(
+        self,
+        traced: TracedMechanism,
+        mass_matrix: FactorizedMassMatrix,
+        constraints: ConstraintEquations,
+        solver: ConstraintSolver | None,
+        forces: AppliedForces,
+        contacts: ContactEquations,
+        size: float,
+    ) -> None:
+        self._traced, self._mass_matrix, self._solver, self._size = traced, mass_matrix, solver, max(1.0, size)
+        mechanism = traced.numeric
+        self._weight = max(1.0, mechanism.mass * float(np.linalg.norm(mechanism.gravity)))
+        self._constraints, self._forces, self.contacts = constraints, forces, contacts
+        rows = contacts.equations
+        self._net_forces = mass_matrix.net_joint_forces(rows.gradient.T)
+        self._matrix = mass_matrix.product(self._net_forces, self._net_forces)
+        self._reaction = ca.SX(0, rows.gradient.shape[0])
+        if solver is not None:
+            coupling = solver.coupling(self._net_forces)
+            self._reaction = solver.reaction(coupling)
+            self._matrix = ca.sparsify(self._matrix + coupling.T @ self._reaction)
+
+    @cached_property
+    def _unloaded(self) -> tuple[list[ca.SX], list[ca.SX], ca.SX]:
+        """The net joint forces, the links' bias accelerations, and the two-sided multipliers without contact forces."""
+        forces = self._forces
+        applied, bias = self._mass_matrix.applied(
+            forces.joints.generalized, forces.elements.wrenches, self._traced.mechanism.gravity
+        )
+        multipliers = ca.SX(0, 1) if self._solver is None else self._solver.multipliers(applied)
+        return applied, bias, multipliers
+
+    @cached_property
+    def _free(self) -> ca.SX:
+        """The rates of change (rows,) of the rows' rates without contact forces."""
+        applied, _, multipliers = self._unloaded
+        free = self._mass_matrix.product(self._net_forces, applied) + self.contacts.equations.bias
+        if self._solver is not None:
+            free += self._solver.coupling(self._net_forces).T @ multipliers
+        return ca.densify(free)
+
+    def motion(self, forces: ca.SX) -> ConstrainedMotion:
+        """The motion under contact forces λ (rows,); its multipliers are those of the two-sided rows, then these."""
+        traced = self._traced
+        applied, bias, unloaded = self._unloaded
+        loaded = self._loaded(applied, forces)
+        multipliers = unloaded + self._reaction @ forces
+        at_rest = Accelerations(ca.SX(traced.layout.nv, 1), bias)
+        accelerations = self._accelerations(loaded, multipliers) + at_rest
+        both = self._all_rows
+        all_multipliers = ca.vertcat(multipliers, forces)
+        wrenches = [
+            ca.sparsify(own + unit @ all_multipliers)
+            for own, unit in zip(self._forces.elements.wrenches, both.wrenches, strict=True)
+        ]
+        transmitted = transmitted_wrenches(traced.links, traced.motions, accelerations.links, wrenches)
+        drives = drive_table(traced, transmitted, coupling_forces(both, all_multipliers))
+        return ConstrainedMotion(all_multipliers, accelerations.u_rates, transmitted, drives)
+
+    @cached_property
+    def _all_rows(self) -> ConstraintEquations:
+        return joined(self._constraints, self.contacts.equations)
+
+    def _loaded(self, applied: Sequence[ca.SX], forces: ca.SX) -> list[ca.SX]:
+        return [ca.sparsify(one + own @ forces) for one, own in zip(applied, self._net_forces, strict=True)]
+
+    def _accelerations(self, net_forces: Sequence[ca.SX], multipliers: ca.SX) -> Accelerations:
+        if self._solver is None:
+            return self._mass_matrix.solve(net_forces)
+        return self._solver.accelerations(net_forces, multipliers)
+
+    def _response(self, impulses: ca.SX) -> ca.SX:
+        """The change of u (nv,) by impulses (rows,)."""
+        net_forces = [ca.sparsify(own @ impulses) for own in self._net_forces]
+        return self._accelerations(net_forces, self._reaction @ impulses).u_rates
+
+    @cached_property
+    def loads(self) -> list[JointLoad]:
+        """The loads of joints on which their friction depends."""
+        contacts, found = self.contacts, list[JointLoad]()
+        loaded = [element for element in contacts.frictions if element.joint is not None]
+        if not loaded:
+            return found
+        forces = ca.SX.sym("forces", contacts.layout.rows)
+        transmitted = self.motion(forces).transmitted
+        signs = contacts.numbers[contacts.layout.signs]
+        for number, element in enumerate(loaded):
+            assert element.joint is not None
+            across = transmitted_force(self._traced.links, element.joint, transmitted)
+            across = across[[index for index in range(across.shape[0]) if across.has_nz(index, 0)], :]
+            row = element.rows[0]
+            factor = contacts.stored_direction(element)[0] * element.sliding(contacts.equations.velocity[row])
+            by_force = ca.jacobian(across, forces)
+            unloaded = ca.substitute([across], [forces], [ca.SX.zeros(forces.shape[0], 1)])[0]
+            found.append(JointLoad(row, ca.densify(unloaded), by_force, factor, signs[number]))
+        return found
+
+    def functions(self) -> ContactFunctions:
+        """All functions."""
+        contacts, state = self.contacts, self._traced.state
+        inputs = [state.t, self._traced.y, self._traced.inputs]
+        solution = ca.SX.sym("solution", contacts.layout.rows)
+        laws = [gap.law.restitution for gap in contacts.gaps]
+        sizes = [
+            ca.horzcat(element.sliding(contacts.equations.velocity[element.rows[0]]), element.static)
+            for element in contacts.frictions
+        ]
+        gaps = contacts.layout.gaps
+        rates = self._gap_values(contacts.equations.velocity[:gaps, :])
+        return ContactFunctions(
+            contacts=contacts,
+            rates=self._rates(solution),
+            project=self._project(solution),
+            readings=_function("contact_readings", [*inputs, solution], self._readings(solution)),
+            open_guards=_function("open_guards", inputs, ca.vertcat(self._gap_values(None), rates)),
+            terms=_function("contact_terms", inputs, self._matrix, self._free, ca.vertcat(ca.SX(0, 2), *sizes)),
+            loads=[_function("joint_load", inputs, load.unloaded, load.by_force) for load in self.loads],
+            response=_function("contact_response", [*inputs, solution], self._response(solution)),
+            restitution=_function("restitution", [self._traced.inputs], ca.vertcat(ca.SX(0, 1), *laws)),
+        )
+
+    def _rates(self, solution: ca.SX) -> SolvedPair:
+        contacts, traced = self.contacts, self._traced
+        n = contacts.layout.rows
+        at_zero = contacts.forces(ca.SX(n, 1))
+        with_friction = ca.jacobian(contacts.forces(solution), solution)  # λ is affine in the solution
+        matrix = self._matrix @ with_friction
+        right = -(self._free + self._matrix @ at_zero)
+        forces = contacts.forces(solution)
+        motion = self.motion(forces)
+        audit = audit_rates(self._all_rows, self._forces, motion)
+        friction = contacts.friction_power(forces)
+        audit[2] += friction
+        y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, ca.SX(1, 1), friction, audit)
+        margin = [] if self._solver is None or self._solver.margin is None else [ca.densify(self._solver.margin)]
+        loads = [
+            ca.vertcat(
+                load.factor,
+                load.start,
+                load.unloaded + load.by_force @ at_zero,
+                ca.vec(ca.densify(load.by_force @ with_friction)),
+            )
+            for load in self.loads
+        ]
+        extra = [ca.vertcat(*loads)] if loads else []
+        return self._pair("contact", y_rates, solution, matrix, right, [*extra, *margin])
+
+    def _project(self, solution: ca.SX) -> SolvedPair:
+        contacts, traced = self.contacts, self._traced
+        state, n, gaps = traced.state, contacts.layout.rows, contacts.layout.gaps
+        holonomic = ca.SX(ca.DM([0.0 if gap.clutch else 1.0 for gap in contacts.gaps]))
+        depths = holonomic * contacts.equations.position[:gaps, :]
+        depths = depths * (ca.fabs(depths) > ROUND_OFF * self._size)  # so that what rests does not move at all
+        position = ca.vertcat(-depths, ca.SX(n - gaps, 1))
+        right = ca.horzcat(position, -contacts.equations.velocity)
+        matrix = self._matrix
+        for load in self.loads:  # rows that are active while they slide
+            slides = load.factor != 0.0
+            keep = ca.SX.ones(n, 1)
+            keep[load.row] = 1.0 - slides
+            matrix = matrix * (keep @ keep.T)
+            matrix[load.row, load.row] += slides
+            right = right * ca.horzcat(keep, keep)
+        speeds = ca.SX.sym("speeds", n)
+        q = state.q + ca.jacobian(state.q_rates, state.u) @ self._response(solution)
+        q = normalized_quaternions(traced.links, q)
+        projected = ca.vertcat(q, state.u + self._response(speeds), traced.audit)
+        return self._pair("contact_project", projected, ca.vertcat(solution, speeds), matrix, right, [])
+
+    def _pair(
+        self, name: str, result: ca.SX, solution: ca.SX, matrix: ca.SX, right: ca.SX, further: list[ca.SX]
+    ) -> SolvedPair:
+        given = [self._traced.state.t, self._traced.y, self._traced.inputs]
+        memory, values, reduced = separated(ca.densify(result), ca.vertcat(*given), solution)
+        system = _function(
+            f"{name}_system", given, values, ca.vec(ca.densify(matrix)), ca.vec(ca.densify(right)), *further
+        )
+        return SolvedPair(system, _function(f"{name}_result", [memory, solution], reduced))
+
+    def _gap_values(self, positions: ca.SX | None) -> ca.SX:
+        """The gaps (gaps,), or other `positions`; for clutches their speeds."""
+        equations, found = self.contacts.equations, []
+        for index, gap in enumerate(self.contacts.gaps):
+            clutch = equations.velocity[index]
+            found.append(clutch if gap.clutch else (equations.position if positions is None else positions)[index])
+        return ca.vertcat(ca.SX(0, 1), *found)
+
+    def _readings(self, solution: ca.SX) -> ca.SX:
+        contacts = self.contacts
+        forces = contacts.forces(solution)
+        gaps, weight = self._gap_values(None), self._weight
+        guards = [
+            ca.if_else(
+                contacts.closed[index], ca.if_else(contacts.active[index], forces[index] / weight, 1.0), gaps[index]
+            )
+            for index in range(contacts.layout.gaps)
+        ]
+        sizes = iter([load.size(forces) for load in self.loads])
+        for element in contacts.frictions:
+            if element.gap is not None:
+                load = forces[element.gap]
+            else:
+                load = ca.SX(1) if element.joint is None else next(sizes)
+            guards.append(self._friction_guard(element, forces, load))
+        guards += [
+            ca.if_else(load.factor, load.sign * (load.unloaded + load.by_force @ forces) / weight, 1.0)
+            for load in self.loads
+            if load.components == 1
+        ]
+        return ca.vertcat(gaps, contacts.equations.velocity, forces, *guards)
+
+    def _friction_guard(self, element: FrictionElement, forces: ca.SX, load: ca.SX) -> ca.SX:
+        """Sliding: the speed along the stored direction. Sticking: what friction could bear more than it does.
+
+        Along two directions sliding ends when it has turned by some 25 degrees as well, to store the new direction.
+        """
+        contacts, rows = self.contacts, list(element.rows)
+        stored = contacts.stored_direction(element)
+        own = forces[rows]
+        size = ca.fabs(own[0]) if len(rows) == 1 else ca.sqrt(ca.dot(own, own))
+        reserve = (element.static * load - size) / self._weight
+        sticks = ca.sum1(contacts.active[rows]) > 0.0
+        slides = ca.dot(stored, stored) > 0.0
+        slip = contacts.equations.velocity[rows, :]
+        speed = ca.dot(stored, slip)
+        if len(rows) == 2:
+            speed -= TURNED * ca.sqrt(ca.dot(slip, slip))
+        return ca.if_else(slides, speed, ca.if_else(sticks, reserve, 1.0))
+
+
+def joined(one: ConstraintEquations, other: ConstraintEquations) -> ConstraintEquations:
+    """The rows of both."""
+    return ConstraintEquations(
+        rows=[*one.rows, *other.rows],
+        position=ca.vertcat(one.position, other.position),
+        gradient=ca.vertcat(one.gradient, other.gradient),
+        velocity=ca.vertcat(one.velocity, other.velocity),
+        bias=ca.vertcat(one.bias, other.bias),
+        wrenches=[ca.horzcat(a, b) for a, b in zip(one.wrenches, other.wrenches, strict=True)],
+        driven_factors={
+            name: ca.vertcat(factors, other.driven_factors[name]) for name, factors in one.driven_factors.items()
+        },
+        own_rate=ca.vertcat(one.own_rate, other.own_rate),
+        branch_checks=one.branch_checks,
+    )
+
+
+def _function(name: str, inputs: list[ca.SX], *outputs: ca.SX) -> ca.Function:
+    return ca.Function(name, inputs, [ca.densify(output) for output in outputs], {"cse": True})

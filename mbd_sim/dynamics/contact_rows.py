@@ -1,0 +1,159 @@
+"""The one-sided rows of a mechanism: gaps with their friction, and dry friction that sticks.
+
+A gap is a position g ≥ 0, or for a one-way clutch a speed ≥ 0. Friction acts along one or two slip velocities.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import assert_never
+
+import casadi as ca
+
+from mbd_sim.dynamics.body_symbols import BodySymbols
+from mbd_sim.dynamics.constraint_rows import ConstraintRow, RowWriter, velocity_at
+from mbd_sim.dynamics.law_expressions import dry_friction
+from mbd_sim.dynamics.loop_equations import perpendiculars
+from mbd_sim.dynamics.spatial_algebra import constant, is_absent
+from mbd_sim.dynamics.time_functions import function_of
+from mbd_sim.mechanism import constraints as c
+from mbd_sim.mechanism.one_sided import Bound, ContactLaw, is_one_sided
+from mbd_sim.mechanism.records import Joint, Mechanism
+
+
+@dataclass(frozen=True, eq=False)
+class Gap:
+    """A one-sided row: its position, or for a `clutch` its rate, is not negative.
+
+    `slip` are up to two rows whose rates are the slip velocities at the contact.
+    """
+
+    row: ConstraintRow
+    law: ContactLaw
+    slip: tuple[ConstraintRow, ...] = ()
+    clutch: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class StickingFriction:
+    """Dry friction against the rate of a row: `sliding(v)` is its size in motion, `static` at rest, in N or N·m.
+
+    For a loaded `joint` both are times the force that this joint transmits across its axis.
+    """
+
+    row: ConstraintRow
+    sliding: Callable[[ca.SX], ca.SX]
+    static: ca.SX
+    joint: Joint | None = None
+
+
+def contact_rows(
+    mechanism: Mechanism, bodies: BodySymbols, time: ca.SX, t: ca.SX
+) -> tuple[list[Gap], list[StickingFriction]]:
+    """All gaps and all sticking friction, joints first.
+
+    :param time: the symbol of time in the rows.
+    :param t: the symbol of time in the forces.
+    """
+    gaps: list[Gap] = []
+    frictions: list[StickingFriction] = []
+    for joint in mechanism.joints.values():
+        gaps += _stops(joint)
+        if joint.friction is not None and joint.friction.sticks:
+            frictions.append(_joint_friction(joint))
+    writer = RowWriter(bodies, time)
+    for constraint in mechanism.constraints:
+        if isinstance(constraint, c.Clutch) and constraint.capacity is not None:
+            frictions.append(_friction_clutch(constraint, writer, t))
+        elif is_one_sided(constraint):
+            gaps += _gaps_of(constraint, writer)
+    return gaps, frictions
+
+
+def _stops(joint: Joint) -> Iterator[Gap]:
+    """The rigid stops of a joint: q ≥ lower, and q ≤ upper."""
+    limits = joint.limits
+    if limits is None or limits.restitution is None:
+        return
+    law, (name,) = ContactLaw(limits.restitution), joint.motion_names
+    unit = joint.kind.coordinates[0].unit
+    for quantity, sign, bound in (("lower limit", 1.0, limits.lower), ("upper limit", -1.0, limits.upper)):
+        position = ca.SX(-sign * bound)
+        yield Gap(ConstraintRow(("joints", joint.name), quantity, position, unit=unit, factors={name: sign}), law)
+
+
+def _joint_friction(joint: Joint) -> StickingFriction:
+    law, (name,) = joint.friction, joint.motion_names
+    assert law is not None
+    row = ConstraintRow(("joints", joint.name), "friction", ca.SX(1, 1), factors={name: 1.0})
+    if not is_absent(law.static_coefficient):
+        return StickingFriction(row, lambda speed: ca.SX(law.coefficient), ca.SX(law.static_coefficient), joint)
+    return StickingFriction(row, lambda speed: dry_friction(law, speed), ca.SX(law.static))
+
+
+def _friction_clutch(record: c.Clutch, writer: RowWriter, t: ca.SX) -> StickingFriction:
+    assert record.capacity is not None
+    capacity = ca.fmax(function_of(record.capacity, {"t": t}), 0.0)
+    (row,) = writer.rows_of(record)
+    return StickingFriction(row, lambda speed: capacity, record.static * capacity)
+
+
+def _gaps_of(record: c.Constraint, writer: RowWriter) -> Iterator[Gap]:
+    """The gaps of a one-sided constraint."""
+    match record:
+        case c.Distance(law=ContactLaw() as law) | c.Cable(law=ContactLaw() as law):
+            yield Gap(_bounded(next(writer.rows_of(record)), record.bound), law)
+        case c.Flat(law=ContactLaw() as law):
+            yield Gap(_bounded(next(writer.rows_of(record)), record.bound), law, _slip_on_plane(record, law, writer))
+        case c.Surface(law=ContactLaw() as law):
+            yield _surface_gap(record, law, writer)
+        case c.Rolling(law=ContactLaw() as law):
+            contact, *slip = writer.rows_of(record)
+            yield Gap(contact, law, () if is_absent(law.static_friction) else tuple(slip))
+        case c.Coupling(play=play) if play is not None:
+            law, (row,) = ContactLaw(play.restitution), writer.rows_of(record)
+            for quantity, sign in (("play, lower end", 1.0), ("play, upper end", -1.0)):
+                factors = {name: sign * factor for name, factor in record.factors.items()}
+                position = sign * row.position + play.half
+                yield Gap(dataclasses.replace(row, quantity=quantity, position=position, factors=factors), law)
+        case c.Clutch(law=ContactLaw() as law):
+            yield Gap(next(writer.rows_of(record)), law, clutch=True)
+        case c.Distance() | c.Cable() | c.Flat() | c.Surface() | c.Rolling() | c.Coupling() | c.Clutch():
+            raise ValueError(f"constraint {record.name} is not one-sided")
+        case c.KnifeEdge():
+            raise ValueError("a knife edge has no gap")
+        case _:
+            assert_never(record)
+
+
+def _bounded(row: ConstraintRow, bound: Bound | None) -> ConstraintRow:
+    """A row as a gap: its position where that is at least 0, the negative of it where it is at most 0."""
+    assert row.position is not None
+    return row if bound == "at_least" else dataclasses.replace(row, position=-row.position)
+
+
+def _slip_on_plane(record: c.Flat, law: ContactLaw, writer: RowWriter) -> tuple[ConstraintRow, ...]:
+    """The two components of the velocity of a point along a plane."""
+    if is_absent(law.static_friction):
+        return ()
+    base, point = writer.frame(record.base), writer.frame(record.point)
+    slip = point.velocity - velocity_at(base, point.position)
+    sides = [base.rotation @ constant(side) for side in perpendiculars(record.normals[0])]
+    return _slip_rows(record.name, slip, sides)
+
+
+def _surface_gap(record: c.Surface, law: ContactLaw, writer: RowWriter) -> Gap:
+    """f / |∇f|: on the surface its gradient is the unit normal, so that its multiplier is the normal force."""
+    gap = writer.surface_gap(record)
+    row = ConstraintRow(("constraints", record.name), "distance from the surface", gap.position)
+    slip = () if is_absent(law.static_friction) else _slip_rows(record.name, gap.slip, gap.sides)
+    return Gap(_bounded(row, record.bound), law, slip)
+
+
+def _slip_rows(name: str, slip: ca.SX, sides: list[ca.SX]) -> tuple[ConstraintRow, ...]:
+    return tuple(
+        ConstraintRow(("constraints", name), f"slip {number}", velocity=ca.dot(side, slip))
+        for number, side in enumerate(sides, start=1)
+    )

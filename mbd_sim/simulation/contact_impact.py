@@ -1,0 +1,118 @@
+"""Impacts: the speeds after several contacts have closed at one instant (Moreau 1988; Glocker 2001).
+
+v_N⁺ + e v_N⁻ ≥ 0, Λ_N ≥ 0, one of them zero; impulses of friction up to μ Λ_N against the slip after the impact. Joints
+and other two-sided constraints take up impulses as well. Newton's law with friction, or with different coefficients of
+restitution, can demand a gain of energy; the coefficients of that impact are then reduced by a common factor, the
+largest that gains none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbd_sim.contact.elimination import independent, solve
+from mbd_sim.contact.problem import ContactProblem, FrictionLimit, contact_forces
+from mbd_sim.geometry.pose import Array
+from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings
+
+GAIN = 1e-13  # of the kinetic energy that is exchanged, up to which a gain is round-off
+HALVINGS = 50
+ELASTIC_REST = 1e-9  # m/s, the approach speed below which even an elastic contact closes
+
+
+@dataclass(frozen=True, eq=False)
+class Impact:
+    """The `impulses` (rows,) of an impact in N·s, the change of u (nv,), and the `loss` of energy in J.
+
+    `factor` is 1, or what the coefficients of restitution were reduced by.
+    """
+
+    impulses: Array
+    u_change: Array
+    loss: float
+    factor: float
+
+
+def impact(
+    model: ContactModel,
+    time: float,
+    y: Array,
+    inputs: Array,
+    readings: ContactReadings,
+    touching: Array,
+    returning: Array,
+    rest_speed: float,
+    elastic: bool = True,
+) -> Impact:
+    """The impact of all touching contacts.
+
+    :param returning: gaps (gaps,) that open so slowly that they close again before they differ from zero.
+    :param rest_speed: approach speed in m/s below which a contact does not rebound.
+    :param elastic: False: nothing rebounds.
+    :raises NoSolutionError: no impulses are admissible.
+    """
+    terms = model.terms(time, y, inputs)
+    e = model.restitution(inputs)
+    slow = np.where(e == 1.0, ELASTIC_REST, rest_speed)
+    rates = readings.rates[: model.layout.gaps]
+    gaps = [int(index) for index in np.flatnonzero(touching)]
+    frictions = [
+        (rows, gap, terms.sizes[index, 0])
+        for index, (rows, gap) in enumerate(model.frictions)
+        if gap is not None and gap in gaps and terms.sizes[index, 0] > 0.0
+    ]
+    resting = [gap for gap in gaps if abs(rates[gap]) <= slow[gap] or returning[gap]]
+    if np.all(rates[gaps] >= -slow[gaps]) and resting:
+        own = [rows for rows, gap, _ in frictions if gap in resting]
+        slip = [row for rows in own for row in rows if abs(readings.rates[row]) <= rest_speed]
+        return _rest(model, time, y, inputs, readings, terms.matrix, [*resting, *slip])
+    chosen = [*gaps, *(row for rows, _, _ in frictions for row in rows)]
+    place = {row: position for position, row in enumerate(chosen)}
+    limits = [FrictionLimit(tuple(place[row] for row in rows), place[gap], size) for rows, gap, size in frictions]
+    matrix, before = terms.matrix[np.ix_(chosen, chosen)], readings.rates[chosen]
+    approach = np.minimum(before[: len(gaps)], 0.0)
+    e = np.where(-approach < slow[gaps], 0.0, e[gaps]) * (1.0 if elastic else 0.0)
+
+    def with_factor(factor: float) -> tuple[Array, float]:
+        free = before.copy()
+        free[: len(gaps)] += factor * e * approach
+        impulses = contact_forces(ContactProblem(matrix, free, list(range(len(gaps))), limits))
+        after = before.copy()
+        for column, impulse in enumerate(impulses.tolist()):
+            after += matrix[:, column] * impulse
+        return impulses, -0.5 * sum((impulses * (before + after)).tolist())
+
+    found, loss, factor = *with_factor(1.0), 1.0
+    exchanged = 0.5 * sum(abs(found * before).tolist())
+    if loss < -GAIN * exchanged:
+        low, high = 0.0, 1.0
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if with_factor(middle)[1] >= 0.0 else (low, middle)
+        found, loss, factor = *with_factor(low), low
+    impulses = np.zeros(model.layout.rows)
+    impulses[chosen] = found
+    return Impact(impulses, model.response(time, y, inputs, impulses), max(loss, 0.0), factor)
+
+
+def _rest(
+    model: ContactModel,
+    time: float,
+    y: Array,
+    inputs: Array,
+    readings: ContactReadings,
+    matrix: Array,
+    rows: list[int],
+) -> Impact:
+    """What brings the rates of all these rows to zero, with the least loss of energy; so infinitely many impacts end.
+
+    A block that rocks on its edges rebounds without restitution, from one edge to the other.
+    """
+    chosen = independent(matrix, rows)
+    solution = solve(matrix[np.ix_(chosen, chosen)], -readings.rates[chosen])
+    impulses = np.zeros(model.layout.rows)
+    impulses[chosen] = solution
+    loss = 0.5 * sum((solution * -readings.rates[chosen]).tolist())
+    return Impact(impulses, model.response(time, y, inputs, impulses), max(loss, 0.0), 1.0)

@@ -1,0 +1,237 @@
+"""Which gaps are closed, and which contacts stick or slide, at one instant.
+
+Without a jump of speeds, forces are sought that keep the accelerations of all touching contacts admissible.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mbd_sim.contact.elimination import independent
+from mbd_sim.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
+from mbd_sim.geometry.pose import Array
+from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, ContactTerms
+
+RESTING = 1e-10  # m/s, up to which a speed counts as zero
+STOPPED = 1e-8  # m/s, the same for slip along two directions, which turns ever faster as it stops
+YIELDING = 1.0 - 1e-7  # of its limit, that friction bears which has just reached it
+UNMOVED = 1e-9  # acceleration, relative to those without contact forces, that counts as zero
+ATTEMPTS, LOAD_ITERATIONS = 20, 200
+
+
+@dataclass(frozen=True)
+class Forced:
+    """What an event has decided: gaps that `open`, and friction elements that begin to slide.
+
+    `yielding` elements have reached their limit; they slide in the direction in which their forces and accelerations
+    agree. Those in `slides` bear their limit in a given direction.
+    """
+
+    open: frozenset[int] = frozenset()
+    yielding: frozenset[int] = frozenset()
+    slides: Mapping[int, tuple[float, ...]] = field(default_factory=dict)
+
+
+class ModeFinder:
+    """Finds the modes of a contact model; `touching` is the gap in m that counts as zero."""
+
+    def __init__(self, model: ContactModel, touching: float) -> None:
+        self._model, self._touching = model, touching
+
+    def is_touching(self, readings: ContactReadings) -> Array:
+        """Which gaps (gaps,) are zero; for clutches, whether they do not slip."""
+        clutches = self._model.clutches
+        limit = np.where(clutches, RESTING, self._touching)
+        return np.asarray(readings.gaps <= limit)
+
+    def find(self, time: float, y: Array, inputs: Array, forced: Forced = Forced()) -> Array:
+        """The modes (see `ContactLayout.modes`) at a state without approaching contacts.
+
+        :raises NoSolutionError: no forces are admissible.
+        """
+        inputs = inputs.copy()
+        for _ in range(ATTEMPTS):
+            readings, terms = self._model.readings(time, y, inputs), self._model.terms(time, y, inputs)
+            state = _Candidates(self._model, readings, terms, self.is_touching(readings), forced)
+            modes, wrong = state.solved(self._model.modes(inputs))
+            if wrong is not None:
+                forced = wrong
+                continue
+            self._model.modes(inputs)[:] = modes
+            guards = self._model.readings(time, y, inputs)
+            overloaded = self._overloaded(guards, modes, readings)
+            if not overloaded:
+                return modes
+            forced = Forced(forced.open, forced.yielding, {**forced.slides, **overloaded})
+        raise NoSolutionError("the contacts change their state without end")
+
+    def _overloaded(
+        self, found: ContactReadings, modes: Array, before: ContactReadings
+    ) -> dict[int, tuple[float, ...]]:
+        """Sticking elements that carry more than they can, with the direction in which each is loaded.
+
+        That happens where several share a load that is indeterminate. Each then bears as much as it can.
+        """
+        model, overloaded = self._model, {}
+        scale = 1.0 + float(np.max(np.abs(found.forces), initial=0.0))
+        for index, (rows, _) in enumerate(model.frictions):
+            guard = found.guards[model.layout.gaps + index]
+            first = model.layout.direction.start - model.layout.gaps
+            slides = any(modes[first + row] for row in rows)
+            if not slides and guard < -1e-9 * scale:
+                force = found.forces[list(rows)]
+                overloaded[index] = tuple((-force / _length(force)).tolist())
+        return overloaded
+
+
+class _Candidates:
+    """The contacts that can be closed, and the problem for their forces."""
+
+    def __init__(
+        self, model: ContactModel, readings: ContactReadings, terms: ContactTerms, touching: Array, forced: Forced
+    ) -> None:
+        self._model, self._readings, self._terms, self._forced = model, readings, terms, forced
+        gaps = model.layout.gaps
+        resting = readings.rates[:gaps] <= RESTING
+        self._touching = [index for index in range(gaps) if touching[index] and resting[index]]
+        self._closable = [index for index in self._touching if index not in forced.open]
+        self._loads = {index: terms.load(index, readings.forces) for index in model.loaded}
+        self._direction: dict[int, Array] = {}
+        self._sticking: list[int] = []
+        for index, (rows, gap) in enumerate(model.frictions):
+            if gap is not None and gap not in self._closable:
+                continue
+            slip = readings.rates[list(rows)]
+            if index in forced.slides:
+                self._direction[index] = np.array(forced.slides[index])
+            elif (speed := _length(slip)) > (RESTING if len(rows) == 1 else STOPPED):
+                self._direction[index] = slip / speed
+            elif terms.sizes[index, 1] > 0.0:
+                self._sticking.append(index)
+
+    def solved(self, before: Array) -> tuple[Array, Forced | None]:
+        """The modes, or what of the forced decisions must be withdrawn.
+
+        :param before: the modes until now, of which the signs of loads may stay.
+
+        :raises NoSolutionError: see `ModeFinder.find`.
+        """
+        for _ in range(ATTEMPTS):
+            forces, rates = self._forces_and_loads()
+            slipping = self._slipping(forces, rates)
+            if not slipping:
+                break
+            for index, direction in slipping.items():
+                self._direction[index] = direction
+                self._sticking.remove(index)
+        size = self._unmoved
+        for gap in sorted(self._forced.open & set(self._touching)):
+            if rates[gap] < -size:
+                return np.zeros(0), replace(self._forced, open=self._forced.open - {gap})
+        for index, direction in self._forced.slides.items():
+            own = rates[list(self._model.frictions[index][0])]
+            at_rest = _length(self._readings.rates[list(self._model.frictions[index][0])]) <= RESTING
+            if index in self._direction and at_rest and float(sum(own * direction)) < -size:
+                rest = {other: kept for other, kept in self._forced.slides.items() if other != index}
+                return np.zeros(0), replace(self._forced, slides=rest)
+        return self._modes(forces, rates, size, before), None
+
+    @property
+    def _unmoved(self) -> float:
+        """The acceleration that counts as zero."""
+        return UNMOVED * (1.0 + float(np.max(np.abs(self._terms.free), initial=0.0)))
+
+    def _forces_and_loads(self) -> tuple[Array, Array]:
+        """The same as `_forces`, with the loads of joints that follow from these forces."""
+        for _ in range(LOAD_ITERATIONS):
+            forces, rates = self._forces()
+            loads = {index: self._terms.load(index, forces) for index in self._loads}
+            change = max((abs(loads[index] - load) for index, load in self._loads.items()), default=0.0)
+            self._loads = loads
+            if change <= 1e-14 * max(loads.values(), default=0.0):
+                return forces, rates
+        raise NoSolutionError("friction and the loads on which it depends do not balance")
+
+    def _forces(self) -> tuple[Array, Array]:
+        """λ (rows,) of all rows, and the accelerations (rows,) with them."""
+        model, terms = self._model, self._terms
+        n = model.layout.rows
+        matrix, free = terms.matrix.copy(), terms.free.copy()
+        unit = np.eye(n)  # the forces of all rows by a unit force of each normal row
+        constant = np.zeros(n)
+        for index, direction in self._direction.items():
+            rows, gap = model.frictions[index]
+            size = terms.sizes[index, 0] * self._loads.get(index, 1.0)
+            for row, part in zip(rows, direction.tolist(), strict=True):
+                if gap is None:
+                    constant[row] -= size * part
+                    free += matrix[:, row] * (-size * part)
+                else:
+                    unit[row, gap] -= size * part
+        for index, direction in self._direction.items():
+            rows, gap = model.frictions[index]
+            if gap is not None:
+                for row, part in zip(rows, direction.tolist(), strict=True):
+                    matrix[:, gap] -= terms.matrix[:, row] * (terms.sizes[index, 0] * part)
+        chosen = [*self._closable, *(row for index in self._sticking for row in model.frictions[index][0])]
+        place = {row: position for position, row in enumerate(chosen)}
+        limits = [
+            FrictionLimit(tuple(place[row] for row in rows), None if gap is None else place[gap], self._static(index))
+            for index in self._sticking
+            for rows, gap in [model.frictions[index]]
+        ]
+        normals = [place[gap] for gap in self._closable]
+        solution = contact_forces(ContactProblem(matrix[np.ix_(chosen, chosen)], free[chosen], normals, limits))
+        forces, rates = constant, free.copy()
+        for row, value in zip(chosen, solution.tolist(), strict=True):
+            forces += unit[:, row] * value
+            rates += matrix[:, row] * value
+        return forces, rates
+
+    def _static(self, index: int) -> float:
+        """The limit of an element's friction at rest, for a unit force of its gap if it has one."""
+        limit = float(self._terms.sizes[index, 1] * self._loads.get(index, 1.0))
+        return limit * YIELDING if index in self._forced.yielding else limit
+
+    def _slipping(self, forces: Array, rates: Array) -> dict[int, Array]:
+        """Sticking elements that begin to slide, with the direction of that; friction is then at its limit."""
+        found, unmoved = {}, self._unmoved
+        for index in self._sticking:
+            rows, gap = self._model.frictions[index]
+            load = 1.0 if gap is None else forces[gap]
+            force, limit = forces[list(rows)], self._static(index) * load
+            size = _length(force)
+            if size > 0.0 and size >= limit * (1.0 - 1e-9) and _length(rates[list(rows)]) > unmoved:
+                found[index] = -force / size
+        return found
+
+    def _modes(self, forces: Array, rates: Array, size: float, before: Array) -> Array:
+        model, layout = self._model, self._model.layout
+        modes = np.zeros(layout.modes.stop)
+        modes[layout.signs] = before[layout.signs]
+        closed = [gap for gap in self._closable if forces[gap] > 0.0 or abs(rates[gap]) <= size]
+        modes[closed] = 1.0
+        active = sorted(closed, key=lambda gap: (-forces[gap], gap))
+        sticking = [index for index in self._sticking if model.frictions[index][1] in (None, *closed)]
+        sticking.sort(key=lambda index: (-_length(forces[list(model.frictions[index][0])]), index))
+        active += [row for index in sticking for row in model.frictions[index][0]]
+        for row in independent(self._terms.matrix, active):
+            modes[layout.active.start + row] = 1.0
+        first = layout.direction.start - layout.gaps
+        for index, direction in self._direction.items():
+            rows, gap = model.frictions[index]
+            if index in self._loads:
+                modes[layout.active.start + rows[0]] = 1.0
+            if gap is None or gap in closed:
+                for row, part in zip(rows, direction.tolist(), strict=True):
+                    modes[first + row] = part
+        model.set_signs(self._terms, forces, modes)
+        return modes
+
+
+def _length(vector: Sequence[float] | Array) -> float:
+    return math.sqrt(sum(float(value) * float(value) for value in vector))

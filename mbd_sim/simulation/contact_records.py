@@ -1,0 +1,61 @@
+"""What happens at contacts, and what can be read from them, as plain records."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from mbd_sim.geometry.pose import Array
+
+
+class ContactChange(StrEnum):
+    """What happened at a contact."""
+
+    CLOSED = "closed"
+    OPENED = "opened"
+    STICKS = "sticks"
+    SLIDES = "slides"
+    IMPACT = "impact"
+
+
+@dataclass(frozen=True, slots=True)
+class ContactEvent:
+    """A change at the element `name` at `time` in s.
+
+    Of an impact, `impulse` is that along the normal in N·s or N·m·s, and `loss` the energy in J that the whole impact
+    dissipated. `factor` below 1 says that restitution was reduced by it, because otherwise energy would have grown.
+    """
+
+    time: float
+    name: str
+    change: ContactChange
+    impulse: float = 0.0
+    loss: float = 0.0
+    factor: float = 1.0
+
+    @property
+    def text(self) -> str:
+        """The event for people, on one line."""
+        text = f"contact {self.name}: {self.change} at {self.time:.6f} s"
+        if self.change is ContactChange.IMPACT:
+            text += f", impulse {self.impulse:.4g}, loss {self.loss:.4g} J"
+            if self.factor < 1.0:
+                text += f"; restitution reduced to {self.factor:.3g} of its value, so that energy does not grow"
+        return text
+
+
+@dataclass(frozen=True, eq=False)
+class ContactState:
+    """A contact at one instant.
+
+    `gap` in m or rad, and its `rate`; `normal` force λ ≥ 0 in N or N·m; `friction` and `slip` (k,) along the k = 0, 1
+    or 2 directions of friction, in N or N·m and m/s or rad/s. `state` is "open", "sticks", "slides", or "closed" without
+    friction. Friction without a gap has the gap 0 and no normal force.
+    """
+
+    state: str
+    gap: float
+    rate: float
+    normal: float
+    friction: Array
+    slip: Array

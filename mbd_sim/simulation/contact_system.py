@@ -1,0 +1,43 @@
+"""The one-sided rows of a mechanism as a system for the compiler."""
+
+from __future__ import annotations
+
+from mbd_sim.compiler.active_rows import Load
+from mbd_sim.compiler.guarded_system import OneSidedSystem
+from mbd_sim.dynamics.contact_functions import SolvedPair
+from mbd_sim.dynamics.equations import Equations
+
+TOLERANCE = 1e-13  # of guards, for a mechanism of up to 1 m; m, m/s, and fractions of the weight
+
+
+def guard_tolerance(equations: Equations) -> float:
+    """How negative a guard may be by round-off."""
+    return TOLERANCE * max(1.0, equations.constraints.size)
+
+
+def one_sided_system(equations: Equations) -> OneSidedSystem | None:
+    """The system for `compile_kernel`, or None where everything is two-sided."""
+    contact = equations.contact
+    if contact is None:
+        return None
+    layout = contact.contacts.layout
+    rows = [element.rows[0] for element in contact.contacts.frictions if element.joint is not None]
+    loads = tuple(Load(row, load.nnz_out(0)) for row, load in zip(rows, contact.loads, strict=True))
+    single_loads = sum(load.components == 1 for load in loads)
+
+    def pair(functions: SolvedPair) -> tuple:
+        return functions.system, functions.result
+
+    return OneSidedSystem(
+        gaps=layout.gaps,
+        rows=layout.rows,
+        guards=layout.gaps + len(contact.contacts.frictions) + single_loads,
+        rates=pair(contact.rates),
+        project=pair(contact.project),
+        readings=(contact.rates.system, contact.readings),
+        open_guards=contact.open_guards,
+        first_mode=equations.inputs.contact.start,
+        modes=2 * layout.rows,
+        loads=loads,
+        tolerance=guard_tolerance(equations),
+    )

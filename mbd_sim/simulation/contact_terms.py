@@ -1,0 +1,129 @@
+"""What the events of a mechanism with one-sided rows are computed from, at one state."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from mbd_sim.compiler.kernel import Kernel
+from mbd_sim.dynamics.contact_equations import ContactLayout
+from mbd_sim.dynamics.contact_functions import ContactFunctions
+from mbd_sim.dynamics.input_layout import InputLayout
+from mbd_sim.geometry.pose import Array
+
+ROUND_OFF = 1e-10  # of a load, relative to its parts
+
+
+@dataclass(frozen=True, eq=False)
+class ContactReadings:
+    """The gaps (gaps,), rates (rows,), forces λ (rows,) and guards (gaps + frictions,) of a state."""
+
+    gaps: Array
+    rates: Array
+    forces: Array
+    guards: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ContactTerms:
+    """A (rows, rows), the rows' accelerations (rows,) without contact forces, and friction's sizes (frictions, 2).
+
+    `loads` are the forces of joints with loads, without contact forces (k,) and by these (k, rows), by the friction
+    element.
+    """
+
+    matrix: Array
+    free: Array
+    sizes: Array
+    loads: Mapping[int, tuple[Array, Array]]
+
+    def load(self, element: int, forces: Array) -> float:
+        """The size in N of the force on which the friction of an element depends."""
+        unloaded, by_force = self.loads[element]
+        total = unloaded.copy()
+        for row, force in enumerate(forces.tolist()):
+            total += by_force[:, row] * force
+        return math.sqrt(sum((total * total).tolist()))
+
+
+class ContactModel:
+    """The functions of a model's one-sided rows, evaluated in numbers. It holds no state.
+
+    `frictions` are the rows of each friction element and the gap that loads it, or None. `names` are those of the gaps
+    and then of the friction elements.
+    """
+
+    def __init__(self, functions: ContactFunctions, inputs: InputLayout, kernel: Kernel) -> None:
+        assert kernel.guarded is not None
+        contacts = functions.contacts
+        self._functions, self.kernel, self.span = functions, kernel.guarded, inputs.contact
+        self.layout: ContactLayout = contacts.layout
+        self.frictions: Sequence[tuple[tuple[int, ...], int | None]] = [
+            (element.rows, element.gap) for element in contacts.frictions
+        ]
+        self.clutches = np.array([gap.clutch for gap in contacts.gaps], dtype=bool)
+        self.names = tuple(contacts.equations.rows[index].name for index in range(self.layout.gaps))
+        self.owners = tuple(contacts.equations.rows[index].owner for index in range(self.layout.rows))
+        self.loaded = [index for index, element in enumerate(contacts.frictions) if element.joint is not None]
+        self._single = [number for number, load in enumerate(functions.loads) if load.nnz_out(0) == 1]
+        self.guard_count = self.layout.gaps + len(self.frictions) + len(self._single)
+
+    def modes(self, inputs: Array) -> Array:
+        """A view of the modes among the inputs, see `ContactLayout.modes`."""
+        return inputs[self.span][self.layout.modes]
+
+    def readings(self, time: float, y: Array, inputs: Array) -> ContactReadings:
+        """Gaps, rates, forces and guards."""
+        gaps, rows = self.layout.gaps, self.layout.rows
+        moment, out = np.array([time]), np.empty(gaps + 2 * rows + self.guard_count)
+        self.kernel.readings(*(array.ctypes.data for array in (moment, y, inputs, out)))
+        return ContactReadings(*np.split(out, [gaps, gaps + rows, gaps + 2 * rows]))
+
+    def with_forces(self, time: float, y: Array, inputs: Array) -> Array:
+        """A copy of the inputs with the forces λ of all rows."""
+        filled = inputs.copy()
+        filled[self.span][self.layout.multipliers] = self.readings(time, y, inputs).forces
+        return filled
+
+    def terms(self, time: float, y: Array, inputs: Array) -> ContactTerms:
+        """The terms of the equations for forces and impulses."""
+        matrix, free, sizes = (np.array(value, dtype=float) for value in self._functions.terms(time, y, inputs))
+        loads = {
+            index: (_vector(unloaded), np.array(by_force, dtype=float))
+            for index, function in zip(self.loaded, self._functions.loads, strict=True)
+            for unloaded, by_force in [function(time, y, inputs)]
+        }
+        return ContactTerms(matrix, free.ravel(), sizes, loads)
+
+    def set_signs(self, terms: ContactTerms, forces: Array, modes: Array) -> None:
+        """Write the signs of loads with one component into the modes; those that are zero keep theirs."""
+        for number, index in enumerate(self.loaded):
+            unloaded, by_force = terms.loads[index]
+            parts = [float(unloaded[0]), *(by_force[0] * forces).tolist()]
+            value, position = sum(parts), self.layout.signs.start + number
+            if abs(value) > ROUND_OFF * (1.0 + sum(map(abs, parts))):
+                modes[position] = -1.0 if value < 0.0 else 1.0
+            elif modes[position] == 0.0:
+                modes[position] = 1.0
+
+    def flip_signs(self, modes: Array, reached: Array) -> None:
+        """Change the signs of those loads whose guards, the last ones, have been reached."""
+        for number, at_zero in zip(self._single, reached[len(reached) - len(self._single) :], strict=True):
+            if at_zero:
+                modes[self.layout.signs.start + number] *= -1.0
+
+    def response(self, time: float, y: Array, inputs: Array, impulses: Array) -> Array:
+        """The change of u (nv,) by impulses (rows,)."""
+        return _vector(self._functions.response(time, y, inputs, impulses))
+
+    def restitution(self, inputs: Array) -> Array:
+        """e (gaps,)."""
+        return _vector(self._functions.restitution(inputs))
+
+
+def _vector(value: ca.DM) -> Array:
+    return np.array(value, dtype=float).ravel()
