@@ -12,6 +12,7 @@ from mbd_sim.dynamics.constraint_rows import ConstraintRow
 from mbd_sim.dynamics.initial_conditions import AssembledStart
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism import constraints as c
+from mbd_sim.mechanism.one_sided import two_sided
 from mbd_sim.mechanism.records import (
     GROUND,
     Attachment,
@@ -99,7 +100,7 @@ def _planar(mechanism: Mechanism, poses: Mapping[str, Pose]) -> int | None:
     ):
         return None
     equations = 0
-    for constraint in mechanism.constraints:
+    for constraint in two_sided(mechanism.constraints):
         if (count := _planar_equations(constraint, poses, normal)) is None:
             return None
         equations += count
@@ -117,7 +118,7 @@ def _planar_equations(constraint: c.Constraint, poses: Mapping[str, Pose], norma
         return poses[at.part].position + poses[at.part].rotation @ at.point
 
     match constraint:
-        case c.Coupling():
+        case c.Coupling() | c.Clutch():
             return 1
         case c.Distance(first=first, second=second):
             return 1 if _perpendicular(position(second) - position(first), normal) else None

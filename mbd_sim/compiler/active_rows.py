@@ -51,7 +51,7 @@ def emit_solved(
     fused: bool = True,
     reports_margin: bool = False,
 ) -> ir.Function:
-    """Emit `system`, if it is not there yet, `result`, and `void name(double* t, double* y, double* inputs, double* out[, double* margin])`.
+    """Emit `system`, if it is not there yet, `result`, and `void name(t, y, inputs, out[, margin])` of double pointers.
 
     `system(t, y, inputs)` gives a memory, a matrix (n, n), right sides (n, k) one after the other, and perhaps a
     margin; `result(memory, solution)`, or `result(t, y, inputs, solution)`, takes the solution, zero for all other
@@ -168,16 +168,14 @@ def _emit_solve(module: ir.Module, name: str, active: ActiveRows, columns: int) 
 
     loop(b, 0, size, gather_column)
     b.call(active.solver.factorize, [small, order, size])
-    for column in range(columns):
-        offset = integer(column * n)
-        loop(b, 0, n, lambda i, offset=offset: store(b, number(0.0), solution, b.add(i, offset)))
-        loop(
-            b,
-            0,
-            size,
-            lambda i, offset=offset: store(b, load(b, right, b.add(chosen_row(i), offset)), small_right, i),
-        )
+
+    def solve_column(offset: ir.Value) -> None:
+        loop(b, 0, n, lambda i: store(b, number(0.0), solution, b.add(i, offset)))
+        loop(b, 0, size, lambda i: store(b, load(b, right, b.add(chosen_row(i), offset)), small_right, i))
         b.call(active.solver.solve, [small, order, small_right, x, size])
-        loop(b, 0, size, lambda i, offset=offset: store(b, load(b, x, i), solution, b.add(chosen_row(i), offset)))
+        loop(b, 0, size, lambda i: store(b, load(b, x, i), solution, b.add(chosen_row(i), offset)))
+
+    for column in range(columns):
+        solve_column(integer(column * n))
     b.ret_void()
     return function

@@ -16,7 +16,17 @@ from mbd_sim.drawing.sheet import BACK, FRONT, GRAY, INK, WHITE, SheetPath, left
 from mbd_sim.drawing.spring_symbols import cable_paths
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import aligning_z, unit_or_zero
-from mbd_sim.mechanism.constraints import Cable, Constraint, Coupling, Distance, Flat, KnifeEdge, Rolling, Surface
+from mbd_sim.mechanism.constraints import (
+    Cable,
+    Clutch,
+    Constraint,
+    Coupling,
+    Distance,
+    Flat,
+    KnifeEdge,
+    Rolling,
+    Surface,
+)
 from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
 
 PLANE = (246, 247, 249)
@@ -62,6 +72,8 @@ def _own_symbol(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], con
             return _blade(page, poses, constraint)
         case Flat() | Rolling():
             return []
+        case Clutch():
+            return []  # between joints, whose symbols show its place
         case Distance() | Surface():
             return []  # drawn by `two_point_paths` and `curve_paths`
         case _:
@@ -76,7 +88,7 @@ def _guide_of(constraint: Constraint) -> _Guide | None:
             return _Guide(plane, center, np.atleast_2d(normal))
         case KnifeEdge(plane=plane, point=point, normal=normal):
             return _Guide(plane, point, np.atleast_2d(normal))
-        case Distance() | Surface() | Coupling() | Cable():
+        case Distance() | Surface() | Coupling() | Cable() | Clutch():
             return None
         case _:
             assert_never(constraint)

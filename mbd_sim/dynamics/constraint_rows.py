@@ -20,7 +20,7 @@ from mbd_sim.dynamics.spatial_algebra import constant
 from mbd_sim.dynamics.time_functions import function_of
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.mechanism import constraints as c
-from mbd_sim.mechanism.one_sided import is_one_sided
+from mbd_sim.mechanism.one_sided import two_sided
 from mbd_sim.mechanism.records import Attachment, Joint, Mechanism
 from mbd_sim.mechanism.source import Location
 
@@ -65,8 +65,7 @@ def constraint_rows(
         for equation in _loop(joint, bodies, joint.name in own_axes)
     ]
     writer = RowWriter(bodies, time)
-    two_sided = [constraint for constraint in mechanism.constraints if not is_one_sided(constraint)]
-    return rows + [row for constraint in two_sided for row in writer.rows_of(constraint)]
+    return rows + [row for constraint in two_sided(mechanism.constraints) for row in writer.rows_of(constraint)]
 
 
 class SurfaceGap(NamedTuple):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import casadi as ca
 
@@ -32,14 +33,17 @@ class ContactLayout:
 
     @property
     def closed(self) -> slice:
+        """Of the gaps."""
         return slice(0, self.gaps)
 
     @property
     def active(self) -> slice:
+        """Of all rows."""
         return slice(self.gaps, self.gaps + self.rows)
 
     @property
     def direction(self) -> slice:
+        """Of the rows of friction."""
         return slice(self.gaps + self.rows, 2 * self.rows)
 
     @property
@@ -49,14 +53,17 @@ class ContactLayout:
 
     @property
     def signs(self) -> slice:
+        """Of the loads of joints."""
         return slice(2 * self.rows, 2 * self.rows + self.loads)
 
     @property
     def multipliers(self) -> slice:
+        """Of all rows."""
         return slice(self.modes.stop, self.size)
 
     @property
     def size(self) -> int:
+        """The number of all of them."""
         return 3 * self.rows + self.loads
 
 
@@ -153,10 +160,8 @@ def contact_equations(traced: TracedMechanism) -> ContactEquations:
     for index, gap in enumerate(gaps):
         own = [len(gaps) + number for number, (owner, _) in enumerate(slips) if owner == index]
         if own := [new_index[row] for row in own if row in new_index]:
-            mu = ca.SX(gap.law.friction)
-            frictions.append(
-                FrictionElement(tuple(own), index, lambda speed, mu=mu: mu, ca.SX(gap.law.static_friction))
-            )
+            sliding, static = ca.SX(gap.law.friction), ca.SX(gap.law.static_friction)
+            frictions.append(FrictionElement(tuple(own), index, partial(_of_any_speed, sliding), static))
     for number, friction in enumerate(sticking):
         row = new_index[len(gaps) + len(slips) + number]
         frictions.append(FrictionElement((row,), None, friction.sliding, friction.static, friction.joint))
@@ -164,6 +169,10 @@ def contact_equations(traced: TracedMechanism) -> ContactEquations:
     return ContactEquations(
         tuple(gaps), tuple(frictions), equations.select(kept), layout, ca.SX.sym("contact", layout.size)
     )
+
+
+def _of_any_speed(size: ca.SX, speed: ca.SX) -> ca.SX:
+    return size
 
 
 def with_contact_inputs(traced: TracedMechanism, contacts: ContactEquations) -> TracedMechanism:

@@ -54,8 +54,8 @@ class ContactFunctions:
     - `rates`: y' as of `Equations.rates`.
     - `project`: y moved back to the closed gaps and to the speeds of the active rows.
     - `readings(t, y, inputs, solution)`: gaps (gaps,), rates of all rows (rows,), λ (rows,), and the guards (gaps +
-      frictions + loads with one component,), which are negative where a mode ends. Guards of forces are fractions of the
-      weight, or in N if that is below 1 N.
+      frictions + loads with one component,), which are negative where a mode ends. Guards of forces are fractions of
+      the weight, or in N if that is below 1 N.
     - `open_guards(t, y, inputs)`: while nothing is closed, the gaps (gaps,) and their rates (gaps,).
     - `terms(t, y, inputs)`: A (rows, rows) without friction, the rates of change (rows,) of the rows' rates without
       contact forces, and the sizes of sliding and of static friction (frictions, 2).

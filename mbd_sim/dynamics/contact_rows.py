@@ -114,6 +114,7 @@ def _gaps_of(record: c.Constraint, writer: RowWriter) -> Iterator[Gap]:
             yield Gap(contact, law, () if is_absent(law.static_friction) else tuple(slip))
         case c.Coupling(play=play) if play is not None:
             law, (row,) = ContactLaw(play.restitution), writer.rows_of(record)
+            assert row.position is not None
             for quantity, sign in (("play, lower end", 1.0), ("play, upper end", -1.0)):
                 factors = {name: sign * factor for name, factor in record.factors.items()}
                 position = sign * row.position + play.half

@@ -6,10 +6,14 @@ across it, and a coefficient of restitution.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from mbd_sim.errors import MechanismError, Problem, listed
+
 if TYPE_CHECKING:
+    from mbd_sim.mechanism.constraints import Constraint
     from mbd_sim.mechanism.records import Mechanism
 
 Bound = Literal["at_least", "at_most"]
@@ -29,10 +33,21 @@ class ContactLaw:
 
 @dataclass(frozen=True)
 class Play:
-    """The play of a coupling: its sum may be between -`half` and `half` about its value; m or rad. Both ends rebound."""
+    """The play of a coupling: its sum may be between -`half` and `half` about its value, in m or rad."""
 
     half: float
     restitution: float
+
+
+def require_two_sided(mechanism: Mechanism, what: str, remedy: str = "") -> None:
+    """Refuse what is possible only without one-sided elements.
+
+    :param what: that it is not possible, such as "is not linearized".
+    :raises MechanismError: the elements are named.
+    """
+    if names := one_sided_names(mechanism):
+        message = f"{mechanism.name} {what}, because it has one-sided elements: {listed(names)}"
+        raise MechanismError([Problem(message, remedy or "Remove them, or make them two-sided.")])
 
 
 def has_one_sided(mechanism: Mechanism) -> bool:
@@ -52,6 +67,11 @@ def one_sided_names(mechanism: Mechanism) -> tuple[str, ...]:
     return tuple(found)
 
 
-def is_one_sided(constraint: object) -> bool:
+def two_sided(constraints: Iterable[Constraint]) -> list[Constraint]:
+    """Those that act on both sides, always."""
+    return [constraint for constraint in constraints if not is_one_sided(constraint)]
+
+
+def is_one_sided(constraint: Constraint) -> bool:
     """Whether a constraint acts on one side only."""
     return any(getattr(constraint, key, None) is not None for key in ("law", "play", "capacity"))

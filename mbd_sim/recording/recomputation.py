@@ -211,7 +211,7 @@ class Recomputation:
         simulation.restore(y, steps, inputs)
         if (gap := simulation.violation.position) > LARGEST_GAP:
             raise ValueError(f"with these changes its loops are open by {gap:.3g} in the middle of the run")
-        simulation.restore(y, steps, inputs, simulation.energies.total)
+        simulation.restore(y, steps, start_energy=simulation.energies.total)
         self._reference_steps = steps
 
     def _continue_from(self, recorded: cdr.MultiArray) -> None:

@@ -52,11 +52,25 @@ def report(simulation: Simulation) -> dict[str, Any]:
             "step": simulation.step_size,
             "instructions_per_evaluation": simulation.model.kernel.instructions,
         },
+        "one_sided": _one_sided(simulation),
         "remarks": [
             *simulation.remarks,
             *_import_notes(mechanism),
         ],
     }
+
+
+def _one_sided(simulation: Simulation) -> dict[str, Any]:
+    """The one-sided elements at the start, and the degrees of freedom that the closed ones leave."""
+    contact, states = simulation.model.contact, simulation.contacts()
+    if contact is None:
+        return {"elements": {}}
+    active = int(contact.modes(simulation.inputs)[contact.layout.active].sum())
+    elements = {
+        name: {"state": state.state, "gap": state.gap, "normal": state.normal, "friction": state.friction.tolist()}
+        for name, state in states.items()
+    }
+    return {"elements": elements, "degrees_of_freedom": simulation.model.degrees_of_freedom - active}
 
 
 def kinematic_report(kinematics: Kinematics, problems: Sequence[Problem]) -> dict[str, Any]:
@@ -183,6 +197,8 @@ def _inertia_forces(simulation: Simulation) -> dict[str, Any] | None:
 def _small_motions(equations: Equations, instructions: int) -> dict[str, Any]:
     """An equilibrium near the start and its natural modes, or the reason why they were not computed."""
     nv = equations.layout.nv
+    if equations.contact is not None:
+        return {"equilibrium": None, "reason": "there are one-sided elements", "modes": []}
     if nv == equations.start.rank or instructions > LINEARIZED:
         no_freedom = nv == equations.start.rank
         reason = "there is no degree of freedom" if no_freedom else "the equations are too large to linearize"

@@ -70,10 +70,30 @@ def _dynamics(found: dict[str, Any]) -> list[str]:
         f"potential {_rounded(start['potential'], scale):.6g} J, total {_rounded(start['total'], scale):.6g} J",
         *_mass(found["mass_matrix"]),
         *_inertia_forces(found["inertia_forces"]),
+        *_one_sided(found),
         *_motions(found["small_motions"]),
         f"Integrator          {integrator['method']} (order {integrator['order']}), step {integrator['step']:g} s, "
         f"{integrator['instructions_per_evaluation']} instructions per evaluation",
     ]
+
+
+def _one_sided(found: dict[str, Any]) -> list[str]:
+    """The one-sided elements, and what they take away of the degrees of freedom at the start."""
+    elements = found["one_sided"]["elements"]
+    if not elements:
+        return []
+    lines = []
+    for name, element in elements.items():
+        text = f"{name}: {element['state']}"
+        if element["state"] == "open":
+            text += f", gap {element['gap']:.6g}"
+        elif element["normal"]:
+            text += f", force {element['normal']:.6g}"
+        lines.append(f"  {text}")
+    left, free = found["one_sided"]["degrees_of_freedom"], found["degrees_of_freedom"]
+    some = "1 element leaves" if len(elements) == 1 else f"{len(elements)} elements leave"
+    head = f"One-sided           {some} {left} of {free} degrees of freedom at the start"
+    return [head, *lines]
 
 
 def _start(joint: dict[str, Any], found: dict[str, Any]) -> str:

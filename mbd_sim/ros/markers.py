@@ -15,7 +15,17 @@ from mbd_sim.appearance.extent import extent_of
 from mbd_sim.appearance.solids import LINE_WIDTH
 from mbd_sim.appearance.trace_points import default_traces
 from mbd_sim.geometry.pose import Array, pack_poses, unpack_poses
-from mbd_sim.mechanism.constraints import Cable, Constraint, Coupling, Distance, Flat, KnifeEdge, Rolling, Surface
+from mbd_sim.mechanism.constraints import (
+    Cable,
+    Clutch,
+    Constraint,
+    Coupling,
+    Distance,
+    Flat,
+    KnifeEdge,
+    Rolling,
+    Surface,
+)
 from mbd_sim.mechanism.force_elements import Damper, Spring
 from mbd_sim.mechanism.records import GROUND, Attachment
 from mbd_sim.messages.snapshot import Snapshot
@@ -155,7 +165,7 @@ class Markers:
                 self._add_line("straight", "links", (first, second), 2, palette.JOINT)
             case Cable(points=points):
                 self._add_line("straight", "cables", points, len(points), palette.JOINT)
-            case Flat() | Surface() | Coupling() | Rolling() | KnifeEdge():
+            case Flat() | Surface() | Coupling() | Rolling() | KnifeEdge() | Clutch():
                 pass  # RViz shows the parts that they constrain, not the constraint
             case _:
                 assert_never(constraint)

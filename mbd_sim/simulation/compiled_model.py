@@ -11,7 +11,7 @@ import numpy as np
 
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
-from mbd_sim.dynamics.energy import AUDIT_STATES
+from mbd_sim.dynamics.energy import AUDIT_STATES, LOSS_STATES
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
@@ -54,6 +54,13 @@ class Energies(NamedTuple):
     work_drives: float
     total: float
     residual: float
+
+
+class Losses(NamedTuple):
+    """Parts of the dissipated energy in J: that of impacts, and that of friction that sticks and slides."""
+
+    impact: float
+    friction: float
 
 
 class Violation(NamedTuple):
@@ -154,6 +161,13 @@ class Model:
         total = kinetic + potential
         residual = total - start_total - work_applied - work_drives + dissipated
         return Energies(kinetic, potential, dissipated, work_applied, work_drives, total, residual)
+
+    def losses(self, y: Array) -> Losses:
+        """The energies that one-sided elements have dissipated."""
+        if self.contact is None:
+            return Losses(0.0, 0.0)
+        first = self.u_range.stop
+        return Losses(*y[first : first + len(LOSS_STATES)].tolist())
 
     def pose_array(self, time: float, y: Array, inputs: Array | None = None) -> Array:
         """The pose rows (parts, 12) of `part_names` in ground's frame: see `mbd_sim.geometry.pose.unpack_poses`."""

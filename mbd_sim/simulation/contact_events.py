@@ -12,11 +12,12 @@ from collections.abc import Callable
 import numpy as np
 
 from mbd_sim.contact.problem import NoSolutionError
+from mbd_sim.errors import DivergedError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.contact_impact import Impact, impact
 from mbd_sim.simulation.contact_modes import RESTING, STOPPED, Forced, ModeFinder
 from mbd_sim.simulation.contact_records import ContactChange, ContactEvent
-from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings
+from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, Mask
 from mbd_sim.simulation.event_location import first_zero
 
 EVENTS_KEPT = 10_000
@@ -24,7 +25,7 @@ MOST_EVENTS = 500  # in one step, beyond which nothing rebounds
 FRACTION = 1e-3  # of a step, in which a direction of sliding becomes apparent
 
 
-class EventError(ValueError):
+class EventError(DivergedError):
     """A contact problem that has no solution; the message says where."""
 
 
@@ -80,7 +81,6 @@ class ContactStepper:
 
         :raises EventError: contacts without a solution.
         """
-        self.events.clear()
         self._model.modes(inputs)[:] = 0.0
         self._resolve(time, y, inputs, Forced(), np.zeros(self._model.layout.gaps, dtype=bool), True, first=True)
 
@@ -205,7 +205,7 @@ class ContactStepper:
         self._resolve(time, y, inputs, Forced(opening, yielding), touched, elastic)
 
     def _resolve(
-        self, time: float, y: Array, inputs: Array, forced: Forced, touched: Array, elastic: bool, first: bool = False
+        self, time: float, y: Array, inputs: Array, forced: Forced, touched: Mask, elastic: bool, first: bool = False
     ) -> None:
         """Impacts of touching contacts that approach, then the new modes."""
         model = self._model
@@ -227,8 +227,8 @@ class ContactStepper:
             except NoSolutionError as error:
                 names = ", ".join(name for name, at in zip(model.names, touching, strict=True) if at)
                 raise EventError(
-                    f"at {time:.9g} s no contact forces are possible ({names}): the mechanism jams, or slides where its "
-                    "friction is too large (Painlevé's paradox). Reduce friction, or give the contacts elasticity."
+                    f"at {time:.9g} s no contact forces are possible ({names}): the mechanism jams, or slides with "
+                    "too much friction (Painlevé's paradox). Reduce the friction, or make the contacts elastic."
                 ) from error
         model.modes(inputs)[:] = modes
         if not first:
@@ -240,8 +240,8 @@ class ContactStepper:
         y: Array,
         inputs: Array,
         readings: ContactReadings,
-        touching: Array,
-        returning: Array,
+        touching: Mask,
+        returning: Mask,
         elastic: bool,
     ) -> None:
         model = self._model
@@ -268,13 +268,13 @@ class ContactStepper:
                 change = ContactChange.CLOSED if now else ContactChange.OPENED
                 self.events.append(ContactEvent(time, model.names[gap], change))
         first = layout.direction.start - layout.gaps
-        for rows, gap in model.frictions:
-            if gap is not None and not new[gap]:
+        for rows, load in model.frictions:
+            if load is not None and not new[load]:
                 continue
             slid, slides = (any(modes[first + row] for row in rows) for modes in (old, new))
             reverses = slid and sum(old[first + row] * new[first + row] for row in rows) < 0.0
             stuck = any(old[layout.active.start + row] for row in rows)
-            name = str(model.owners[rows[0]][1])
+            name = model.row_names[rows[0]] if load is None else model.names[load]
             if (slides and not slid) or reverses:
                 self.events.append(ContactEvent(time, name, ContactChange.SLIDES))
             elif not slides and (slid or not stuck):

@@ -15,7 +15,7 @@ import numpy as np
 from mbd_sim.contact.elimination import independent, solve
 from mbd_sim.contact.problem import ContactProblem, FrictionLimit, contact_forces
 from mbd_sim.geometry.pose import Array
-from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings
+from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, Mask
 
 GAIN = 1e-13  # of the kinetic energy that is exchanged, up to which a gain is round-off
 HALVINGS = 50
@@ -41,8 +41,8 @@ def impact(
     y: Array,
     inputs: Array,
     readings: ContactReadings,
-    touching: Array,
-    returning: Array,
+    touching: Mask,
+    returning: Mask,
     rest_speed: float,
     elastic: bool = True,
 ) -> Impact:

@@ -14,7 +14,7 @@ import numpy as np
 from mbd_sim.contact.elimination import independent
 from mbd_sim.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
 from mbd_sim.geometry.pose import Array
-from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, ContactTerms
+from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, ContactTerms, Mask
 
 RESTING = 1e-10  # m/s, up to which a speed counts as zero
 STOPPED = 1e-8  # m/s, the same for slip along two directions, which turns ever faster as it stops
@@ -42,11 +42,11 @@ class ModeFinder:
     def __init__(self, model: ContactModel, touching: float) -> None:
         self._model, self._touching = model, touching
 
-    def is_touching(self, readings: ContactReadings) -> Array:
+    def is_touching(self, readings: ContactReadings) -> Mask:
         """Which gaps (gaps,) are zero; for clutches, whether they do not slip."""
         clutches = self._model.clutches
         limit = np.where(clutches, RESTING, self._touching)
-        return np.asarray(readings.gaps <= limit)
+        return np.asarray(readings.gaps <= limit, dtype=bool)
 
     def find(self, time: float, y: Array, inputs: Array, forced: Forced = Forced()) -> Array:
         """The modes (see `ContactLayout.modes`) at a state without approaching contacts.
@@ -63,15 +63,13 @@ class ModeFinder:
                 continue
             self._model.modes(inputs)[:] = modes
             guards = self._model.readings(time, y, inputs)
-            overloaded = self._overloaded(guards, modes, readings)
+            overloaded = self._overloaded(guards, modes)
             if not overloaded:
                 return modes
             forced = Forced(forced.open, forced.yielding, {**forced.slides, **overloaded})
         raise NoSolutionError("the contacts change their state without end")
 
-    def _overloaded(
-        self, found: ContactReadings, modes: Array, before: ContactReadings
-    ) -> dict[int, tuple[float, ...]]:
+    def _overloaded(self, found: ContactReadings, modes: Array) -> dict[int, tuple[float, ...]]:
         """Sticking elements that carry more than they can, with the direction in which each is loaded.
 
         That happens where several share a load that is indeterminate. Each then bears as much as it can.
@@ -92,7 +90,7 @@ class _Candidates:
     """The contacts that can be closed, and the problem for their forces."""
 
     def __init__(
-        self, model: ContactModel, readings: ContactReadings, terms: ContactTerms, touching: Array, forced: Forced
+        self, model: ContactModel, readings: ContactReadings, terms: ContactTerms, touching: Mask, forced: Forced
     ) -> None:
         self._model, self._readings, self._terms, self._forced = model, readings, terms, forced
         gaps = model.layout.gaps
@@ -132,10 +130,10 @@ class _Candidates:
         for gap in sorted(self._forced.open & set(self._touching)):
             if rates[gap] < -size:
                 return np.zeros(0), replace(self._forced, open=self._forced.open - {gap})
-        for index, direction in self._forced.slides.items():
+        for index, given in self._forced.slides.items():
             own = rates[list(self._model.frictions[index][0])]
             at_rest = _length(self._readings.rates[list(self._model.frictions[index][0])]) <= RESTING
-            if index in self._direction and at_rest and float(sum(own * direction)) < -size:
+            if index in self._direction and at_rest and sum((own * given).tolist()) < -size:
                 rest = {other: kept for other, kept in self._forced.slides.items() if other != index}
                 return np.zeros(0), replace(self._forced, slides=rest)
         return self._modes(forces, rates, size, before), None

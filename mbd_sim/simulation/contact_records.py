@@ -49,8 +49,8 @@ class ContactState:
     """A contact at one instant.
 
     `gap` in m or rad, and its `rate`; `normal` force λ ≥ 0 in N or N·m; `friction` and `slip` (k,) along the k = 0, 1
-    or 2 directions of friction, in N or N·m and m/s or rad/s. `state` is "open", "sticks", "slides", or "closed" without
-    friction. Friction without a gap has the gap 0 and no normal force.
+    or 2 directions of friction, in N or N·m and m/s or rad/s. `state` is "open", "sticks", "slides", or "closed" where
+    there is no friction. Friction without a gap has the gap 0 and no normal force.
     """
 
     state: str

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import casadi as ca
+
 from mbd_sim.compiler.active_rows import Load
 from mbd_sim.compiler.guarded_system import OneSidedSystem
 from mbd_sim.dynamics.contact_functions import SolvedPair
@@ -25,7 +27,7 @@ def one_sided_system(equations: Equations) -> OneSidedSystem | None:
     loads = tuple(Load(row, load.nnz_out(0)) for row, load in zip(rows, contact.loads, strict=True))
     single_loads = sum(load.components == 1 for load in loads)
 
-    def pair(functions: SolvedPair) -> tuple:
+    def pair(functions: SolvedPair) -> tuple[ca.Function, ca.Function]:
         return functions.system, functions.result
 
     return OneSidedSystem(

@@ -5,15 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.compiler.kernel import Kernel
-from mbd_sim.dynamics.contact_equations import ContactLayout
+from mbd_sim.dynamics.contact_equations import ContactEquations, ContactLayout
 from mbd_sim.dynamics.contact_functions import ContactFunctions
 from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.geometry.pose import Array
+from mbd_sim.simulation.contact_records import ContactState
+
+Mask: TypeAlias = NDArray[np.bool_]
 
 ROUND_OFF = 1e-10  # of a load, relative to its parts
 
@@ -66,7 +71,8 @@ class ContactModel:
             (element.rows, element.gap) for element in contacts.frictions
         ]
         self.clutches = np.array([gap.clutch for gap in contacts.gaps], dtype=bool)
-        self.names = tuple(contacts.equations.rows[index].name for index in range(self.layout.gaps))
+        self.row_names = _row_names(contacts)
+        self.names = self.row_names[: self.layout.gaps]
         self.owners = tuple(contacts.equations.rows[index].owner for index in range(self.layout.rows))
         self.loaded = [index for index, element in enumerate(contacts.frictions) if element.joint is not None]
         self._single = [number for number, load in enumerate(functions.loads) if load.nnz_out(0) == 1]
@@ -89,6 +95,28 @@ class ContactModel:
         filled[self.span][self.layout.multipliers] = self.readings(time, y, inputs).forces
         return filled
 
+    def states(self, time: float, y: Array, inputs: Array) -> dict[str, ContactState]:
+        """Each gap and each friction element without one, by name."""
+        layout, modes, read = self.layout, self.modes(inputs), self.readings(time, y, inputs)
+        first = layout.direction.start - layout.gaps
+        friction = {gap: index for index, (_, gap) in enumerate(self.frictions) if gap is not None}
+
+        def state(element: int) -> tuple[str, Array, Array]:
+            rows = list(self.frictions[element][0])
+            slides = any(modes[first + row] for row in rows)
+            return "slides" if slides else "sticks", read.forces[rows], read.rates[rows]
+
+        found: dict[str, ContactState] = {}
+        for gap, name in enumerate(self.names):
+            how, forces, slip = state(friction[gap]) if gap in friction else ("closed", np.zeros(0), np.zeros(0))
+            how = how if modes[gap] else "open"
+            found[name] = ContactState(how, read.gaps[gap], read.rates[gap], read.forces[gap], forces, slip)
+        for index, (rows, load) in enumerate(self.frictions):
+            if load is None:
+                how, forces, slip = state(index)
+                found[self.row_names[rows[0]]] = ContactState(how, 0.0, 0.0, 0.0, forces, slip)
+        return found
+
     def terms(self, time: float, y: Array, inputs: Array) -> ContactTerms:
         """The terms of the equations for forces and impulses."""
         matrix, free, sizes = (np.array(value, dtype=float) for value in self._functions.terms(time, y, inputs))
@@ -110,7 +138,7 @@ class ContactModel:
             elif modes[position] == 0.0:
                 modes[position] = 1.0
 
-    def flip_signs(self, modes: Array, reached: Array) -> None:
+    def flip_signs(self, modes: Array, reached: Mask) -> None:
         """Change the signs of those loads whose guards, the last ones, have been reached."""
         for number, at_zero in zip(self._single, reached[len(reached) - len(self._single) :], strict=True):
             if at_zero:
@@ -123,6 +151,18 @@ class ContactModel:
     def restitution(self, inputs: Array) -> Array:
         """e (gaps,)."""
         return _vector(self._functions.restitution(inputs))
+
+
+def _row_names(contacts: ContactEquations) -> tuple[str, ...]:
+    """The name of each row: that of its element, with the constrained quantity where the element has several gaps."""
+    rows = contacts.equations.rows
+    owners = [row.owner for row in rows[: contacts.layout.gaps]]
+    names = []
+    for index, row in enumerate(rows):
+        several = owners.count(row.owner) > 1 or (index >= contacts.layout.gaps and row.owner[0] == "joints")
+        quantity = row.quantity.replace(" ", "_").replace(",", "")
+        names.append(f"{row.owner[1]}.{quantity}" if several else str(row.owner[1]))
+    return tuple(names)
 
 
 def _vector(value: ca.DM) -> Array:

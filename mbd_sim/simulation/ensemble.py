@@ -22,6 +22,7 @@ from mbd_sim.errors import CommandError, DivergedError, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.tableau import Tableau
 from mbd_sim.load import load_mechanism
+from mbd_sim.mechanism.one_sided import require_two_sided
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.argument_checks import require_finite, step_at, step_count, step_size
 from mbd_sim.simulation.compiled_model import Model, build_model
@@ -90,6 +91,7 @@ class Ensemble(ReadOnlyAttributes):
         changes: Sequence[Change] = [{}] * index(members) if isinstance(members, int) else list(members)
         if not changes:
             raise ValueError("an ensemble needs at least one member.")
+        require_two_sided(mechanism, "cannot be an ensemble", "Use a Simulation for each member.")
         self.mechanism = mechanism
         self.step_size = step_size(step, mechanism.step)
         variants = Variants(mechanism, changes)

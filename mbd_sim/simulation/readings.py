@@ -7,9 +7,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.mechanism.one_sided import require_two_sided
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.argument_checks import finite_vector
-from mbd_sim.simulation.compiled_model import DriveState, Energies, Model, Reaction, Violation
+from mbd_sim.simulation.compiled_model import DriveState, Energies, Losses, Model, Reaction, Violation
+from mbd_sim.simulation.contact_records import ContactEvent, ContactState
 from mbd_sim.simulation.kernel_memory import KernelMemory
 from mbd_sim.simulation.step_advice import step_advice
 
@@ -93,6 +95,25 @@ class Readings:
         """The force and the moment that each joint transmits."""
         return self.model.reactions(self.time, self._memory.y, self._memory.inputs)
 
+    def contacts(self) -> Mapping[str, ContactState]:
+        """Each one-sided element by name: its gap, normal force, friction and state; empty without such elements.
+
+        Elements with several gaps, such as the two ends of a joint's limits, have an entry for each.
+        """
+        contact = self.model.contact
+        return {} if contact is None else contact.states(self.time, self._memory.y, self._memory.inputs)
+
+    @property
+    def contact_events(self) -> tuple[ContactEvent, ...]:
+        """The latest changes of contacts since the start, at most 10,000 of them."""
+        stepper = self._memory.contacts
+        return () if stepper is None else tuple(stepper.events)
+
+    @property
+    def losses(self) -> Losses:
+        """The energies in J that impacts and dry friction of one-sided elements have dissipated."""
+        return self.model.losses(self._memory.y)
+
     def inverse_dynamics(self, u_rates: Sequence[float] | Array) -> Array:
         """The efforts (nv,) in N and N·m that produce the accelerations `u_rates` (nv,) in this state.
 
@@ -100,6 +121,7 @@ class Readings:
 
         :raises ValueError: the constraints do not allow them; see `mbd_sim.analysis.inverse_dynamics.InverseDynamics`.
         """
+        require_two_sided(self.mechanism, "has no unique inverse dynamics")
         model, (y, inputs) = self.model, (self._memory.y, self._memory.inputs)
         wanted = finite_vector(u_rates, model.layout.nv, "u_rates")
         return self._inverse(y[model.q_range], y[model.u_range], wanted, self.time, inputs)
@@ -117,6 +139,7 @@ class Readings:
         """
         from mbd_sim.analysis.linearization import linearize
 
+        require_two_sided(self.mechanism, "is not linearized")
         model, (y, inputs) = self.model, (self._memory.y, self._memory.inputs)
         efforts = inputs[model.equations.inputs.efforts]
         return linearize(model.equations, y[model.q_range], y[model.u_range], efforts, self.time, inputs)

@@ -30,11 +30,11 @@ def limits_remark(mechanism: Mechanism) -> str:
     idle = [
         f"'{joint.name}'"
         for joint in mechanism.all_joints.values()
-        if joint.limits is not None and joint.limits.stiffness is None
+        if joint.limits is not None and joint.limits.stiffness is None and joint.limits.restitution is None
     ]
     if not idle:
         return ""
-    remedy = "To make them elastic stops, give limits.stiffness"
+    remedy = "To make them stops, give limits.stiffness or limits.restitution"
     if mechanism.source.file.endswith(".urdf"):
         remedy += " in a mechanism file with 'urdf:'"
     return f"the limits of {listed(idle)} do not act on the motion. {remedy}."

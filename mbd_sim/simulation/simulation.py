@@ -175,6 +175,8 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
             model.project(y, self._live_inputs)
         self._memory.load(y, inputs, 0)
         self.start_energy = model.energies(0.0, y, 0.0, inputs).total
+        if self._memory.contacts is not None:
+            self._memory.contacts.events.clear()
         self._memory.settle()
         self._report_reset(to_start=q is None and u is None)
 
@@ -228,6 +230,8 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
         if index(steps) < 0:
             raise ValueError(f"the number of steps must be 0 or more, not {steps}.")
         self._memory.load(y, new_inputs, index(steps))
+        if inputs is None:
+            self._memory.settle()
         if start_energy is not None:
             self.start_energy = float(start_energy)
         self._live.current = {**self._live.current, **(live or {})}
@@ -317,6 +321,7 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
         before = self.energies.total
         self._memory.inputs[:], self._live.current = inputs, dict(prepared.current)
         self.start_energy += self.energies.total - before
+        self._memory.settle()
         self._report_live_values(prepared.changes)
 
     def _use_compiled_step(self) -> None:

@@ -10,7 +10,7 @@ import rerun as rr
 
 from mbd_sim.appearance import palette
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.constraints import Cable, Coupling, Distance, Flat, KnifeEdge, Rolling, Surface
+from mbd_sim.mechanism.constraints import Cable, Clutch, Coupling, Distance, Flat, KnifeEdge, Rolling, Surface
 from mbd_sim.mechanism.records import GROUND, Attachment
 from mbd_sim.viewer import entity_paths
 from mbd_sim.viewer.entity import Entity, LoggedItems
@@ -41,7 +41,7 @@ def constraint_entities(scene: SceneDescription) -> Iterator[Entity]:
                 yield _PointOnLine(path, constraint, size)
             case KnifeEdge(point=point) | Surface(point=point):
                 yield _Point(path, point, size)
-            case Coupling():
+            case Coupling() | Clutch():
                 pass  # visible in the motion of its joints only
             case _:
                 assert_never(constraint)

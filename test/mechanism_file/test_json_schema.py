@@ -108,7 +108,7 @@ def test_a_file_with_every_key_satisfies_it_and_loads():
         ("    axis: [0, -1, 0]\n", ""),
         ("position: 90 deg", "position: [1]"),
         ("position: 90 deg", "limits: {lower: 1}"),
-        ("position: 90 deg", "friction: {static: 1}"),
+        ("position: 90 deg", "friction: {coulomb: [1]}"),
         ("position: 90 deg", "spring: {table: [[0, 1, 2], [1, 2, 3]]}"),
     ],
 )

@@ -49,7 +49,7 @@ def test_the_choice_is_explained():
         r"default, is used only up to 1.4e\+03/s.",
         remark,
     )
-    assert limits.startswith("the limits of 'shoulder' do not act on the motion. To make them elastic stops, give")
+    assert limits.startswith("the limits of 'shoulder' do not act on the motion. To make them stops, give")
     assert f"note             {remark}" in simulate(finger(), 0.01, quiet=True)
 
 

@@ -91,12 +91,12 @@ class _ConstraintBuilder:
         match spec:
             case schema.DistanceSpec(length=length):
                 points = self._points_apart(name, "between", spec.between, length)
-                bound = {"bound": spec.bound, "law": contact_law(spec)}
-                return c.Distance(name, points[0], points[1], length, **bound) if points else None
+                law = contact_law(spec)
+                return c.Distance(name, points[0], points[1], length, bound=spec.bound, law=law) if points else None
             case schema.CableSpec(length=length):
                 points = self._points_apart(name, "through", spec.through, length)
-                bound = {"bound": spec.bound, "law": contact_law(spec)}
-                return c.Cable(name, tuple(points), length, **bound) if points else None
+                law = contact_law(spec)
+                return c.Cable(name, tuple(points), length, bound=spec.bound, law=law) if points else None
             case schema.GearSpec(joints=names, radii=(first, second), internal=internal):
                 factors = {names[0]: first, names[1]: -second if internal else second}
                 return self._coupling(name, factors, ("joints", names), spec)

@@ -194,14 +194,15 @@ class PartSpec(Spec):
         return self
 
 
+RestSpeed = Annotated[float, Quantity("m/s", at_least=0)]
+
+
 class IntegrationSpec(Spec):
-    """The integration method and its step."""
+    """The integration method and its step; contacts that approach more slowly than `rest_speed` do not rebound."""
 
     method: str = "auto"
     step: PositiveTime = 1e-3
-    rest_speed: Annotated[float, Quantity("m/s", at_least=0)] = Field(
-        1e-5, description="approach speed of contacts below which they do not rebound"
-    )
+    rest_speed: RestSpeed = 1e-5
 
 
 class MechanismFile(Spec):

@@ -136,3 +136,43 @@ def test_a_cable_may_pass_over_points_of_the_same_part():
     cable = record("{type: cable, through: [ground.o, a.p, a.q, b], length: 3 + 0.1*t}")
     assert [point.part for point in cable.points] == ["ground", "a", "a", "b"]
     assert cable.length.at(2.0) == pytest.approx(3.2)
+
+
+@pytest.mark.parametrize(("constraint", "where", "words"), [
+    ("{type: distance, between: [a.p, b.p], length: 1, restitution: 0.5}", "k",
+     "restitution has no effect without a bound. Add 'bound: at_least' or 'bound: at_most'."),
+    ("{type: on_plane, point: a.p, bound: at_least, restitution: 1.2}", "k.restitution", "must be at most 1"),
+    ("{type: on_plane, point: a.p, bound: at_least, friction: -0.1}", "k.friction", "must be at least 0"),
+    ("{type: on_plane, point: a.p, bound: at_least, static_friction: 0.4}", "k", "static_friction needs friction"),
+    ("{type: on_plane, point: a.p, bound: at_least, friction: 0.5, static_friction: 0.4}", "k",
+     "static_friction 0.4 is less than friction 0.5"),
+    ("{type: on_plane, point: a.p, bound: above}", "k.bound", "at_least"),
+    ("{type: on_curve, point: a.p, equations: [x, y], bound: at_least}", "k", "a curve has no sides"),
+    ("{type: rolling, wheel: a.p, radius: r, static_friction: 1}", "k", "static_friction needs friction"),
+    ("{type: coupling, terms: {slide: 1, spin: -1}, restitution: 0.5}", "k", "no effect without backlash"),
+    ("{type: coupling, terms: {slide: 1, spin: -1}, backlash: 0}", "k.backlash", "must be greater than 0"),
+    ("{type: clutch, terms: {spin: 1}}", "k", "has neither one_way nor a capacity"),
+    ("{type: clutch, terms: {spin: 1}, one_way: true, capacity: 3}", "k", "has both one_way and a capacity"),
+    ("{type: clutch, terms: {spin: 1}, one_way: true, static: 2}", "k", "a one-way clutch has no static friction"),
+    ("{type: clutch, terms: {spin: 1}, capacity: 2, static: 0.5}", "k.static", "must be at least 1"),
+    ("{type: clutch, terms: {wheel: 1}, capacity: 2}", "k.terms", "there is no joint coordinate 'wheel'"),
+])  # fmt: skip
+def test_one_sided_constraints_that_make_no_sense_are_refused_with_their_line(constraint, where, words):
+    with pytest.raises(MechanismError) as raised:
+        parse_mechanism(TEXT.replace("CONSTRAINT", constraint))
+    message = str(raised.value)
+    assert f":{LINE}: constraints.{where}" in message
+    assert words in message
+
+
+def test_one_sided_constraints_become_records_with_a_law():
+    text = TEXT.replace(
+        "CONSTRAINT",
+        "{type: on_plane, point: a.p, bound: at_most, friction: r, restitution: 0.3}\n"
+        "  gear: {type: gear, joints: [spin, rod.angle], radii: [1, 2], backlash: 2 mm, restitution: 0.1}",
+    )
+    plane, gear = parse_mechanism(text).constraints
+    assert (plane.bound, plane.law.restitution, plane.law.friction, plane.law.static_friction) == (
+        "at_most", 0.3, 0.2, 0.2,
+    )  # fmt: skip
+    assert (gear.play.half, gear.play.restitution) == (0.001, 0.1)

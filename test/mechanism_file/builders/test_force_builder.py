@@ -120,7 +120,7 @@ JOINTS = {
     "friction: {coulomb: 2, static: 1, stribeck_velocity: 1}": "static 1 is less than coulomb 2",
     "friction: {coulomb: 2, static: 3}": "belong together. Add 'stribeck_velocity'.",
     "friction: {coulomb: 2, stribeck_velocity: 3}": "belong together. Add 'static'.",
-    "friction: {static: 2, stribeck_velocity: 3}": "'coulomb' is missing",
+    "friction: {static: 2, stribeck_velocity: 3}": "gives none of coulomb, coefficient",
     "friction: {coulomb: 1, regularization: 0}": "regularization: must be greater than 0",
     "limits: {lower: 0, upper: 1, damping: 2}": "damping of stops has no effect without stiffness. Add 'stiffness'.",
     "limits: {lower: 0, upper: 1, stiffness: 3, damping: 2 N*s/m}": "a value in s/m is expected here",
