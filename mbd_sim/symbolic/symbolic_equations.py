@@ -10,6 +10,7 @@ from mbd_sim.dynamics.lagrange import lagrange_equations
 from mbd_sim.dynamics.links import coordinate_layout
 from mbd_sim.errors import MbdSimError
 from mbd_sim.mechanism.joint_types import JOINT_KINDS, JointType
+from mbd_sim.mechanism.one_sided import require_two_sided
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.packages import require_packages
 from mbd_sim.symbolic.latex_printer import escaped
@@ -90,9 +91,11 @@ def symbolic_equations(mechanism: Mechanism) -> SymbolicEquations:
     """Derive the equations of a small mechanism, with the numbers of its file.
 
     :raises MissingPackageError: SymPy is not installed.
-    :raises MbdSimError: the equations are too long to be read, or the mechanism has no degree of freedom.
+    :raises MbdSimError: the equations are too long to be read, or the mechanism has no degree of freedom or one-sided
+        elements.
     """
     require_packages("sympy", purpose="Deriving equations as formulas")
+    require_two_sided(mechanism, "is not printed as formulas")
     _require_small(mechanism, coordinate_layout(mechanism).nv)
     functions = [lagrange_equations(mechanism).terms]
     derived = derive(mechanism) if mechanism.closing or mechanism.constraints else None

@@ -10,11 +10,11 @@ from mbd_sim.compiler.linearized_system import linearize_rates, unit_inverse
 from mbd_sim.dynamics.assembly import null_space
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.load import load_mechanism
-from mbd_sim.mechanism_file.library import shipped
+from test.generators.mechanisms import SHIPPED
 
 # Off their constraints the multipliers of rows that depend on each other are large and strongly curved.
 OVERCONSTRAINED = ("bennett", "three_cranks")
-SMALL = [name for name in shipped() if name not in ("stewart", "tricycle")]
+SMALL = [name for name in SHIPPED if name not in ("stewart", "tricycle")]
 
 
 @pytest.mark.parametrize("name", SMALL)

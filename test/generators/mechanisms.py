@@ -13,7 +13,7 @@ from mbd_sim.dynamics.equations import derive
 from mbd_sim.load import parse_mechanism
 from mbd_sim.mechanism_file.library import shipped
 
-SHIPPED = tuple(shipped())
+SHIPPED = tuple(name for name, path in shipped().items() if path.parent.name != "contacts")  # all smooth ones
 
 CART_PENDULUM = """
 mechanism: cart_pendulum

@@ -11,13 +11,13 @@ from mbd_sim import Simulation
 from mbd_sim.cli.run import simulate
 from mbd_sim.errors import DivergedError
 from mbd_sim.integrators.methods import METHODS
-from mbd_sim.mechanism_file.library import shipped
 from mbd_sim.simulation.step_advice import (
     TARGET,
     TOLERATED,
     fastest_rate,
     round_down,
 )
+from test.generators.mechanisms import SHIPPED
 
 STIFF = """
 mechanism: grain_on_a_rod
@@ -33,7 +33,7 @@ RIGID = STIFF[: STIFF.index("  slide")] + "  slide: {type: fixed, between: [rod.
 RIGID = RIGID.replace("to: [0, 0, -1]}}", "to: [0, 0, -1]}, points: {tip: [0, 0, -1]}}")
 
 
-@pytest.mark.parametrize("name", [name for name in shipped() if name not in ("stewart", "tricycle")])
+@pytest.mark.parametrize("name", [name for name in SHIPPED if name not in ("stewart", "tricycle")])
 def test_no_shipped_mechanism_is_warned_of(name):
     simulation = Simulation.from_file(name)
     simulation.step(3000)

@@ -47,10 +47,6 @@ LengthOfTime = Annotated[TimeExpression, ExpressionField("m")]
 class LimitsSpec(Spec):
     """What both kinds of limits have in common."""
 
-    restitution: Restitution | None = Field(
-        None, description="makes the ends rigid stops, with this coefficient of restitution"
-    )
-
     @model_validator(mode="after")
     def _ordered(self) -> LimitsSpec:
         lower, upper = getattr(self, "lower"), getattr(self, "upper")  # noqa: B009  (of the subclasses)
@@ -58,7 +54,7 @@ class LimitsSpec(Spec):
             raise InputError(f"lower {lower:g} is not below upper {upper:g}", "Swap them.")
         if getattr(self, "damping") and not getattr(self, "stiffness"):  # noqa: B009
             raise InputError("damping of stops has no effect without stiffness", "Add 'stiffness'.")
-        if self.restitution is not None and getattr(self, "stiffness") is not None:  # noqa: B009
+        if getattr(self, "restitution") is not None and getattr(self, "stiffness") is not None:  # noqa: B009
             raise InputError(
                 "has stiffness and restitution", "Elastic stops have 'stiffness', rigid ones 'restitution': remove one."
             )
@@ -66,21 +62,29 @@ class LimitsSpec(Spec):
 
 
 class AngleLimitsSpec(LimitsSpec):
-    """The range of a revolute joint. With `stiffness` its ends are elastic stops, which `damping` damps."""
+    """The range of a revolute joint. With `stiffness` and `damping` its ends are elastic stops.
+
+    With a coefficient of `restitution` they are rigid stops.
+    """
 
     lower: Angle
     upper: Angle
     stiffness: TorsionStiffness | None = None
     damping: Annotated[float, Quantity("s/rad", at_least=0)] = 0.0
+    restitution: Restitution | None = None
 
 
 class LengthLimitsSpec(LimitsSpec):
-    """The range of a prismatic joint. With `stiffness` its ends are elastic stops, which `damping` damps."""
+    """The range of a prismatic joint. With `stiffness` and `damping` its ends are elastic stops.
+
+    With a coefficient of `restitution` they are rigid stops.
+    """
 
     lower: Length
     upper: Length
     stiffness: LinearStiffness | None = None
     damping: Annotated[float, Quantity("s/m", at_least=0)] = 0.0
+    restitution: Restitution | None = None
 
 
 class JointSpec(Spec):
