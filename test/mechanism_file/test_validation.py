@@ -77,7 +77,7 @@ MISTAKES = {
     "a point of a point": (("[ground, rod]", "[ground, rod.tip.x]"), 13, "joints.pin.between[1]", "'rod' has no point 'tip.x'", "'tip'?"),
     "a part joined to itself": (("[ground, rod]", "[rod.tip, rod]"), 13, "joints.pin.between", "connects 'rod' with itself", "two different"),
     "limits in the wrong order": ((END, "    limits: {lower: 2, upper: 1}\n"), 15, "joints.pin.limits", "lower 2 is not below upper 1", "Swap them."),
-    "limits as a list": ((END, "    limits: [1, 2]\n"), 15, "joints.pin.limits", "must be a mapping", "Its keys: lower, upper, stiffness, damping."),
+    "limits as a list": ((END, "    limits: [1, 2]\n"), 15, "joints.pin.limits", "must be a mapping", "Its keys: lower, upper, stiffness, damping, restitution."),
     "one limit": ((END, "    limits: {lower: 2}\n"), 15, "joints.pin.limits", "'upper' is missing", "Add it."),
     "a negative damping": ((END, "    damping: -1\n"), 15, "joints.pin.damping", "must be at least 0", "Write 0 or"),
     "an effort limit of zero": ((END, "    effort_limit: 0\n"), 15, "joints.pin.effort_limit", "must be greater than 0", "positive"),
