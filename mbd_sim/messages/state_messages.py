@@ -83,6 +83,30 @@ def constraint_violation(model: Model) -> StateWriter:
     return StateWriter(message, write)
 
 
+def contact_states(model: Model) -> StateWriter:
+    """One-sided elements: gap, its rate and the normal force as position, velocity and effort.
+
+    After each element that has friction comes an entry for each direction of that: its position is 1 while the contact
+    slides, its velocity the slip and its effort the friction.
+    """
+    names = [] if model.contact is None else model.contact.entry_names()
+    builder = MessageBuilder()
+    builder.header()
+    builder.texts(names)
+    places = [builder.sequence(len(names)) for _ in range(3)]
+    message = builder.message()
+    columns = [message.view(place) for place in places]
+
+    def write(snapshot: Snapshot, energies: Energies) -> None:
+        if model.contact is None:
+            return
+        rows = model.contact.entries(snapshot.time, snapshot.y, snapshot.inputs)
+        for column, values in zip(columns, zip(*rows, strict=True), strict=True):
+            column[:] = values
+
+    return StateWriter(message, write)
+
+
 def joint_reactions(model: Model, frame_prefix: str) -> StateWriter:
     """The force and moment of each joint on its second part, in ground's axes, in the field `wrench`."""
     names = list(model.mechanism.all_joints)

@@ -104,6 +104,17 @@ JOINT_REACTIONS = OutputTopic(
     on_state=state_messages.joint_reactions,
     parameter=RequestParameter("joint_reactions", False, "publish the force and moment that each joint transmits"),
 )
+CONTACT_STATES = OutputTopic(
+    "contact_states",
+    "sensor_msgs/msg/JointState",
+    When.STATE,
+    qos.STATE,
+    Recorded.YES,
+    on_state=lambda model, prefix: state_messages.contact_states(model),
+    parameter=RequestParameter(
+        "contact_states", False, "publish gaps, normal forces, slip and friction of contacts, stops, ropes and clutches"
+    ),
+)
 CONSTRAINT_VIOLATION = OutputTopic(
     "constraint_violation",
     "std_msgs/msg/Float64MultiArray",
@@ -193,6 +204,7 @@ TOPICS = (
     ENERGIES,
     ENERGY_VALUES,
     JOINT_REACTIONS,
+    CONTACT_STATES,
     CONSTRAINT_VIOLATION,
     PART_POSES,
     TF,

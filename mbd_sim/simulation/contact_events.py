@@ -32,7 +32,7 @@ class EventError(DivergedError):
 class ContactStepper:
     """Advances a state `y` and the modes among its `inputs`, both in place.
 
-    `energy(time, y, inputs)` is the total energy in J. `events` are the latest ones.
+    `energy(time, y, inputs)` is the total energy in J. `events` are the latest ones of `count` in all.
     """
 
     def __init__(
@@ -49,13 +49,14 @@ class ContactStepper:
         self._rest_speed, self._tolerance, self._driven = rest_speed, tolerance, driven
         self._finder = ModeFinder(model, tolerance)
         self.events: deque[ContactEvent] = deque(maxlen=EVENTS_KEPT)
+        self.count = 0
 
     def advance(self, y: Array, inputs: Array, first: int, h: float, n: int, estimate: Array) -> bool:
         """Take n steps; False, with nothing changed, where the state would not stay finite.
 
         :raises EventError: contacts without a solution; nothing is changed then either.
         """
-        before, modes, known = y.copy(), inputs.copy(), list(self.events)
+        before, modes, known, count = y.copy(), inputs.copy(), list(self.events), self.count
         try:
             done = 0
             while done < n:
@@ -71,6 +72,7 @@ class ContactStepper:
             y[:], inputs[:] = before, modes
             self.events.clear()
             self.events.extend(known)
+            self.count = count
             if isinstance(error, EventError):
                 raise
             return False
@@ -257,16 +259,18 @@ class ContactStepper:
             y[-2] += self._energy(time, y, inputs) - before + found.loss
         for gap in np.flatnonzero(found.impulses[: model.layout.gaps]).tolist():
             impulse = float(found.impulses[gap])
-            self.events.append(
-                ContactEvent(time, model.names[gap], ContactChange.IMPACT, impulse, found.loss, found.factor)
-            )
+            self._record(ContactEvent(time, model.names[gap], ContactChange.IMPACT, impulse, found.loss, found.factor))
+
+    def _record(self, event: ContactEvent) -> None:
+        self.events.append(event)
+        self.count += 1
 
     def _record_changes(self, time: float, old: Array, new: Array) -> None:
         layout, model = self._model.layout, self._model
         for gap, (was, now) in enumerate(zip(old[layout.closed], new[layout.closed], strict=True)):
             if was != now:
                 change = ContactChange.CLOSED if now else ContactChange.OPENED
-                self.events.append(ContactEvent(time, model.names[gap], change))
+                self._record(ContactEvent(time, model.names[gap], change))
         first = layout.direction.start - layout.gaps
         for rows, load in model.frictions:
             if load is not None and not new[load]:
@@ -276,6 +280,6 @@ class ContactStepper:
             stuck = any(old[layout.active.start + row] for row in rows)
             name = model.row_names[rows[0]] if load is None else model.names[load]
             if (slides and not slid) or reverses:
-                self.events.append(ContactEvent(time, name, ContactChange.SLIDES))
+                self._record(ContactEvent(time, name, ContactChange.SLIDES))
             elif not slides and (slid or not stuck):
-                self.events.append(ContactEvent(time, name, ContactChange.STICKS))
+                self._record(ContactEvent(time, name, ContactChange.STICKS))

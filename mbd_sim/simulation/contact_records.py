@@ -36,7 +36,7 @@ class ContactEvent:
     @property
     def text(self) -> str:
         """The event for people, on one line."""
-        text = f"contact {self.name}: {self.change} at {self.time:.6f} s"
+        text = f"{self.name}: {self.change} at {self.time:.6f} s"
         if self.change is ContactChange.IMPACT:
             text += f", impulse {self.impulse:.4g}, loss {self.loss:.4g} J"
             if self.factor < 1.0:

@@ -117,6 +117,25 @@ class ContactModel:
                 found[self.row_names[rows[0]]] = ContactState(how, 0.0, 0.0, 0.0, forces, slip)
         return found
 
+    def entry_names(self) -> list[str]:
+        """The names of the `entries`, such as `floor`, `floor.friction_1`, `floor.friction_2`."""
+        friction = {gap: rows for rows, gap in self.frictions if gap is not None}
+        names = []
+        for gap, name in enumerate(self.names):
+            names += [name, *(f"{name}.friction_{number}" for number in range(1, len(friction.get(gap, ())) + 1))]
+        return names + [self.row_names[rows[0]] for rows, gap in self.frictions if gap is None]
+
+    def entries(self, time: float, y: Array, inputs: Array) -> list[tuple[float, float, float]]:
+        """For each gap its size, rate and force; after it, for each direction of friction, sliding, slip and force."""
+        found: list[tuple[float, float, float]] = []
+        states = list(self.states(time, y, inputs).values())
+        for number, state in enumerate(states):
+            if number < self.layout.gaps:
+                found.append((state.gap, state.rate, state.normal))
+            slides = float(state.state == "slides")
+            found += [(slides, *pair) for pair in zip(state.slip.tolist(), state.friction.tolist(), strict=True)]
+        return found
+
     def terms(self, time: float, y: Array, inputs: Array) -> ContactTerms:
         """The terms of the equations for forces and impulses."""
         matrix, free, sizes = (np.array(value, dtype=float) for value in self._functions.terms(time, y, inputs))

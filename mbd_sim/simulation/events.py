@@ -26,6 +26,7 @@ class EventKind(StrEnum):
     CLOCK_RESET = "clock set to zero"  # the state stays as it is
     CLOCK_SET = "clock set"  # to the time of a clock that the node follows; the state stays as it is
     LIVE_VALUES = "live values"
+    CONTACT = "contact"  # a contact has closed, opened, begun to stick or to slide, or there was an impact
     WARNING = "warning"
     DIVERGED = "diverged"  # the motion became infinite; the simulation is paused
     FAILED = "failed"  # the simulation has ended with an error of the program
@@ -34,7 +35,7 @@ class EventKind(StrEnum):
 
 RESTARTS = frozenset({EventKind.RESET, EventKind.NEW_STATE})  # after which the motion is another one
 ERRORS = frozenset({EventKind.DIVERGED, EventKind.FAILED})
-_WITH_MESSAGE = frozenset({EventKind.CLOCK_SET, EventKind.WARNING, *ERRORS})
+_WITH_MESSAGE = frozenset({EventKind.CLOCK_SET, EventKind.CONTACT, EventKind.WARNING, *ERRORS})
 _WITHOUT_PAYLOAD = frozenset(
     {
         EventKind.COMMAND,

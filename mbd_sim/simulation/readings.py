@@ -110,6 +110,12 @@ class Readings:
         return () if stepper is None else tuple(stepper.events)
 
     @property
+    def contact_event_count(self) -> int:
+        """The number of changes of contacts since the simulation was built."""
+        stepper = self._memory.contacts
+        return 0 if stepper is None else stepper.count
+
+    @property
     def losses(self) -> Losses:
         """The energies in J that impacts and dry friction of one-sided elements have dissipated."""
         return self.model.losses(self._memory.y)

@@ -37,6 +37,7 @@ class RunReports:
     _memory: KernelMemory
     _live: LiveValues
     _listener: RunListener | None = None
+    _contacts_seen: int = 0
 
     def recording(self, path: str | Path, **options: Unpack[RecordingOptions]) -> RunRecorder:
         """Record everything from here on to an MCAP file, until the `with` block ends or `close` is called.
@@ -62,7 +63,7 @@ class RunReports:
         """
         if listener is not None and self._listener is not None:
             raise InputError("this simulation is being recorded already", "Close the other recording first.")
-        self._listener = listener
+        self._listener, self._contacts_seen = listener, self._contact_count
         if listener is None:
             self._use_compiled_step()
         else:
@@ -71,6 +72,18 @@ class RunReports:
     def _use_compiled_step(self) -> None:
         """Take steps by compiled code instead of the method `step`."""
         raise NotImplementedError
+
+    @property
+    def _contact_count(self) -> int:
+        contacts = self._memory.contacts
+        return 0 if contacts is None else contacts.count
+
+    def _report_contacts(self) -> None:
+        """Report what has happened at contacts since the last report."""
+        if self._listener is not None and self._memory.contacts is not None:
+            new, self._contacts_seen = self._contact_count - self._contacts_seen, self._contact_count
+            for event in list(self._memory.contacts.events)[-new:] if new > 0 else ():
+                self._listener.report(EventKind.CONTACT, event.text)
 
     def _report(self, kind: EventKind, payload: Payload) -> None:
         if self._listener is not None:

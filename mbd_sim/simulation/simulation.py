@@ -130,6 +130,7 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
                 mechanism = with_values(self.mechanism, self._live.current) if self._live.current else self.mechanism
                 undefined = undefined_expression(self.model, mechanism, self._memory, part)
                 raise divergence(self.model, self.time, part, self.step_size, self.step_advice, undefined)
+            self._report_contacts()
 
     def advance(self, n: int) -> None:
         """Take n steps; if the state becomes infinite, take as many of them as possible.

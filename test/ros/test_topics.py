@@ -46,7 +46,11 @@ def test_the_node_publishes_the_topics_without_a_parameter():
 
 def test_parameters_request_the_other_topics():
     found, recorded = published(
-        "energy_values:=true", "joint_reactions:=true", "constraint_violation:=true", "part_poses:='*'"
+        "energy_values:=true",
+        "joint_reactions:=true",
+        "contact_states:=true",
+        "constraint_violation:=true",
+        "part_poses:='*'",
     )
     requested = [topic for topic in TOPICS if topic is not topics.TF]
     expected = {resolved(topic): [topic.message_type] for topic in requested if PART not in topic.name}

@@ -18,7 +18,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter as NodeParameter
 from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import JointState, MultiDOFJointState
-from std_msgs.msg import Float64MultiArray, Header
+from std_msgs.msg import Float64MultiArray, Header, String
 from std_srvs.srv import SetBool
 from visualization_msgs.msg import MarkerArray
 
@@ -70,6 +70,26 @@ def test_reactions_violation_poses_and_markers_are_those_of_the_same_run_without
     at, expected_at = poses[-1].pose.position, computed(poses[-1], "four_bar").poses()["coupler"].position
     assert [at.x, at.y, at.z] == expected_at.tolist()
     assert {marker.header.frame_id for marker in markers[-1].markers} == {"ground"}
+
+
+def test_contact_states_and_events_are_those_of_the_same_run_without_ros(tmp_path: Path) -> None:
+    with running(tmp_path, mechanism="rocking", contact_states=True, reset_rewinds_clock=True) as (_, listener):
+        contacts = received(listener, JointState, "contact_states")
+        events = received(listener, String, "sim_node/events")
+        listener.until(lambda: len(contacts) > 5, "contact states")
+        listener.until(lambda: any("contact: " in event.data for event in events), "an event of a contact")
+    latest = contacts[-1]
+    simulation = computed(latest, "rocking")
+    left, right = (simulation.contacts()[name] for name in ("left", "right"))
+    assert list(latest.name) == ["left", "left.friction_1", "right", "right.friction_1"]
+    assert list(latest.position) == [left.gap, 0.0, right.gap, 0.0]
+    assert list(latest.velocity) == [left.rate, *left.slip, right.rate, *right.slip]
+    assert list(latest.effort) == [left.normal, *left.friction, right.normal, *right.friction]
+    assert left.normal + right.normal > 5.0
+    run = Simulation.from_file("rocking")
+    run.run(until=6.0)
+    texts = {f"contact: {event.text}" for event in run.contact_events}
+    assert {event.data for event in events if event.data.startswith("contact: ")} <= texts
 
 
 def test_diagnostics_report_time_energies_and_commands_with_remedies(tmp_path: Path) -> None:
