@@ -119,6 +119,10 @@ def _gaps_of(record: c.Constraint, writer: RowWriter) -> Iterator[Gap]:
                 factors = {name: sign * factor for name, factor in record.factors.items()}
                 position = sign * row.position + play.half
                 yield Gap(dataclasses.replace(row, quantity=quantity, position=position, factors=factors), law)
+        case c.Coupling(law=ContactLaw() as law):
+            row = _bounded(next(writer.rows_of(record)), record.bound)
+            across = ConstraintRow(("constraints", record.name), "slip", ca.SX(1, 1), factors=record.slip)
+            yield Gap(row, law, (across,) if record.slip and not is_absent(law.static_friction) else ())
         case c.Clutch(law=ContactLaw() as law):
             yield Gap(next(writer.rows_of(record)), law, clutch=True)
         case c.Distance() | c.Cable() | c.Flat() | c.Surface() | c.Rolling() | c.Coupling() | c.Clutch():
@@ -132,7 +136,10 @@ def _gaps_of(record: c.Constraint, writer: RowWriter) -> Iterator[Gap]:
 def _bounded(row: ConstraintRow, bound: Bound | None) -> ConstraintRow:
     """A row as a gap: its position where that is at least 0, the negative of it where it is at most 0."""
     assert row.position is not None
-    return row if bound == "at_least" else dataclasses.replace(row, position=-row.position)
+    if bound == "at_least":
+        return row
+    factors = {name: -factor for name, factor in row.factors.items()}
+    return dataclasses.replace(row, position=-row.position, factors=factors)
 
 
 def _slip_on_plane(record: c.Flat, law: ContactLaw, writer: RowWriter) -> tuple[ConstraintRow, ...]:

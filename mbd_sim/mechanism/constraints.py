@@ -9,7 +9,7 @@ Directions (3,) are unit vectors in the frame of the part that carries them; SI 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import assert_never
 
 from mbd_sim.geometry.pose import Array
@@ -64,13 +64,20 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """The linear relation Σ factor · coordinate = `value` between joint coordinates by name, or up to a `play`."""
+    """The linear relation Σ factor · coordinate = `value` between joint coordinates by name, or up to a `play`.
+
+    With a contact `law` the sum is at least or at most the value, by `bound`, and friction acts along the rate of
+    Σ `slip` factor · coordinate.
+    """
 
     name: str
     factors: Mapping[str, float]
     value: TimeExpression
     kind: str
     play: Play | None = None
+    bound: Bound | None = None
+    law: ContactLaw | None = None
+    slip: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import fcntl
 import functools
@@ -47,6 +48,7 @@ def _own_block() -> tuple[int, IO[str] | None]:
         file = (Path(tempfile.gettempdir()) / f"mbd_sim_test_domains_{block}").open("w")
         with contextlib.suppress(BlockingIOError):
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            atexit.register(file.close)
             return block, file
         file.close()
     return os.getpid() % BLOCKS, None  # more processes than blocks

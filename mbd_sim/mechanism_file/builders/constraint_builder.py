@@ -161,7 +161,12 @@ class _ConstraintBuilder:
         if not self._couples(name, factors, written):
             return None
         play = None if spec.backlash is None else Play(0.5 * spec.backlash, spec.restitution or 0.0)
-        return c.Coupling(name, dict(factors), value, spec.type, play)
+        if not isinstance(spec, schema.CouplingSpec) or spec.bound is None:
+            return c.Coupling(name, dict(factors), value, spec.type, play)
+        if spec.slip is not None and not self._couples(name, spec.slip, ("slip", tuple(spec.slip))):
+            return None
+        law, slip = contact_law(spec), dict(spec.slip or {})
+        return c.Coupling(name, dict(factors), value, spec.type, bound=spec.bound, law=law, slip=slip)
 
     def _clutch(self, name: str, spec: schema.ClutchSpec) -> c.Clutch | None:
         if not self._couples(name, spec.terms, ("terms", tuple(spec.terms))):
@@ -196,7 +201,7 @@ class _ConstraintBuilder:
         return len(self._context.problems) == before
 
 
-def contact_law(spec: schema.BoundedSpec) -> ContactLaw | None:
+def contact_law(spec: schema.BoundedSpec | schema.CouplingSpec) -> ContactLaw | None:
     """The law of a constraint with a bound; None without one."""
     if spec.bound is None:
         return None

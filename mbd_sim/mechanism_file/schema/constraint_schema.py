@@ -153,12 +153,37 @@ class RackSpec(PlaySpec):
     reverse: bool = Field(False, description="the rack moves backward when the pinion rotates forward")
 
 
-class CouplingSpec(PlaySpec):
-    """A linear relation between joint coordinates: the sum of `terms` (factors by coordinate) equals `value`."""
+class CouplingSpec(Spec):
+    """A linear relation between joint coordinates: the sum of `terms` (factors by coordinate) equals `value`.
+
+    With a `bound` the sum is at least or at most the value. Friction then acts along the rate of the sum of `slip`.
+    """
 
     type: Literal["coupling"]
-    terms: dict[Coordinate, Number] = Field(min_length=2)
+    terms: dict[Coordinate, Number] = Field(min_length=1)
     value: Annotated[TimeExpression, ExpressionField(None)] = TimeExpression("0", {})
+    backlash: Annotated[float, Quantity(None, above=0)] | None = None
+    bound: Literal["at_least", "at_most"] | None = None
+    restitution: Restitution | None = None
+    friction: FrictionCoefficient | None = None
+    static_friction: FrictionCoefficient | None = None
+    slip: dict[Coordinate, Number] | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> CouplingSpec:
+        if self.bound is not None and self.backlash is not None:
+            raise InputError("has a bound and backlash", "Give one of them.")
+        if self.restitution is not None and self.bound is None and self.backlash is None:
+            raise InputError("restitution has no effect without backlash", "Add 'backlash' or 'bound'.")
+        if len(self.terms) < 2 and self.bound is None:
+            raise InputError("couples one coordinate with nothing", "Name two coordinates, or add a 'bound'.")
+        if (self.friction is None) != (self.slip is None):
+            missing = "friction" if self.friction is None else "slip"
+            raise InputError("friction and slip belong together", f"Add '{missing}'.")
+        if self.friction is not None and self.bound is None:
+            raise InputError("friction has no effect without a bound", "Add 'bound'.")
+        require_ordered_friction(self.friction, self.static_friction)
+        return self
 
 
 class RollingSpec(Spec):
