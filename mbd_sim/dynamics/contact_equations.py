@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import casadi as ca
+import numpy as np
 
 from mbd_sim.dynamics.body_symbols import BodySymbols
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations, equations_of_rows
 from mbd_sim.dynamics.contact_rows import Gap, contact_rows
+from mbd_sim.dynamics.kinematics import SymbolicPose
+from mbd_sim.dynamics.spatial_algebra import constant
 from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.mechanism.records import Joint
 
@@ -147,7 +150,7 @@ class ContactEquations:
 def contact_equations(traced: TracedMechanism) -> ContactEquations:
     """Write the one-sided rows of a mechanism. Slip that cannot occur, as across a plane mechanism, has no row."""
     bodies, time = BodySymbols(traced.links), ca.SX.sym("time")
-    gaps, sticking = contact_rows(traced.mechanism, bodies, time, traced.state.t)
+    gaps, sticking = contact_rows(traced.mechanism, bodies, time, traced.state.t, still_axis(traced.poses))
     slips = [(index, row) for index, gap in enumerate(gaps) for row in gap.slip]
     rows = [*(gap.row for gap in gaps), *(row for _, row in slips), *(friction.row for friction in sticking)]
     equations = equations_of_rows(traced, bodies, time, rows)
@@ -173,6 +176,19 @@ def contact_equations(traced: TracedMechanism) -> ContactEquations:
 
 def _of_any_speed(size: ca.SX, speed: ca.SX) -> ca.SX:
     return size
+
+
+def still_axis(poses: Sequence[SymbolicPose]) -> int | None:
+    """The axis of ground, 0, 1 or 2, about which all parts turn and along which none moves; None without one."""
+    unit = np.eye(3)
+    for axis in range(3):
+        columns = [pose.rotation[:, axis] - constant(unit[axis]) for pose in poses]
+        if all(
+            not ca.sparsify(column).nnz() and not ca.symvar(pose.position[axis])
+            for column, pose in zip(columns, poses, strict=True)
+        ):
+            return axis
+    return None
 
 
 def with_contact_inputs(traced: TracedMechanism, contacts: ContactEquations) -> TracedMechanism:

@@ -6,7 +6,7 @@ A gap is a position g ≥ 0, or for a one-way clutch a speed ≥ 0. Friction act
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import assert_never
 
@@ -16,11 +16,14 @@ from mbd_sim.dynamics.body_symbols import BodySymbols
 from mbd_sim.dynamics.constraint_rows import ConstraintRow, RowWriter, velocity_at
 from mbd_sim.dynamics.law_expressions import dry_friction
 from mbd_sim.dynamics.loop_equations import perpendiculars
+from mbd_sim.dynamics.shape_contacts import touch
 from mbd_sim.dynamics.spatial_algebra import constant, is_absent
 from mbd_sim.dynamics.time_functions import function_of
 from mbd_sim.mechanism import constraints as c
+from mbd_sim.mechanism.contacts import Contact
 from mbd_sim.mechanism.one_sided import Bound, ContactLaw, is_one_sided
 from mbd_sim.mechanism.records import Joint, Mechanism
+from mbd_sim.mechanism.source import Location
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,12 +53,13 @@ class StickingFriction:
 
 
 def contact_rows(
-    mechanism: Mechanism, bodies: BodySymbols, time: ca.SX, t: ca.SX
+    mechanism: Mechanism, bodies: BodySymbols, time: ca.SX, t: ca.SX, still: int | None = None
 ) -> tuple[list[Gap], list[StickingFriction]]:
-    """All gaps and all sticking friction, joints first.
+    """All gaps and all sticking friction: joints, constraints, then contacts.
 
     :param time: the symbol of time in the rows.
     :param t: the symbol of time in the forces.
+    :param still: see `touch`.
     """
     gaps: list[Gap] = []
     frictions: list[StickingFriction] = []
@@ -69,7 +73,20 @@ def contact_rows(
             frictions.append(_friction_clutch(constraint, writer, t))
         elif is_one_sided(constraint):
             gaps += _gaps_of(constraint, writer)
+    gaps += [_shape_gap(contact, bodies, still) for contact in mechanism.contacts if contact.rigid]
     return gaps, frictions
+
+
+def _shape_gap(contact: Contact, bodies: BodySymbols, still: int | None) -> Gap:
+    first, second = (bodies.frame(body.at.part, body.at.point) for body in (contact.first, contact.second))
+    touching, law = touch(contact, first, second, still), contact.law
+    assert isinstance(law, ContactLaw)
+    owner = ("contacts", contact.name)
+    row = ConstraintRow(owner, contact.quantity, touching.distance)
+    if is_absent(law.static_friction):
+        return Gap(row, law)
+    slip = velocity_at(first, touching.point) - velocity_at(second, touching.point)
+    return Gap(row, law, _slip_rows(owner, f"{contact.quantity} slip", slip, touching.sides))
 
 
 def _stops(joint: Joint) -> Iterator[Gap]:
@@ -149,19 +166,19 @@ def _slip_on_plane(record: c.Flat, law: ContactLaw, writer: RowWriter) -> tuple[
     base, point = writer.frame(record.base), writer.frame(record.point)
     slip = point.velocity - velocity_at(base, point.position)
     sides = [base.rotation @ constant(side) for side in perpendiculars(record.normals[0])]
-    return _slip_rows(record.name, slip, sides)
+    return _slip_rows(("constraints", record.name), "slip", slip, sides)
 
 
 def _surface_gap(record: c.Surface, law: ContactLaw, writer: RowWriter) -> Gap:
     """f / |∇f|: on the surface its gradient is the unit normal, so that its multiplier is the normal force."""
     gap = writer.surface_gap(record)
     row = ConstraintRow(("constraints", record.name), "distance from the surface", gap.position)
-    slip = () if is_absent(law.static_friction) else _slip_rows(record.name, gap.slip, gap.sides)
+    slip = () if is_absent(law.static_friction) else _slip_rows(row.owner, "slip", gap.slip, gap.sides)
     return Gap(_bounded(row, record.bound), law, slip)
 
 
-def _slip_rows(name: str, slip: ca.SX, sides: list[ca.SX]) -> tuple[ConstraintRow, ...]:
+def _slip_rows(owner: Location, quantity: str, slip: ca.SX, sides: Sequence[ca.SX]) -> tuple[ConstraintRow, ...]:
     return tuple(
-        ConstraintRow(("constraints", name), f"slip {number}", velocity=ca.dot(side, slip))
+        ConstraintRow(owner, f"{quantity} {number}", velocity=ca.dot(side, slip))
         for number, side in enumerate(sides, start=1)
     )

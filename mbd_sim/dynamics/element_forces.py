@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.dynamics.applied_wrenches import AppliedWrenches
+from mbd_sim.dynamics.compliant_contacts import apply_cushion
 from mbd_sim.dynamics.input_layout import ExternalWrench
 from mbd_sim.dynamics.kinematics import LinkMotion, SymbolicPose
 from mbd_sim.dynamics.law_expressions import elastic, power_law
@@ -19,6 +20,7 @@ from mbd_sim.dynamics.spatial_algebra import constant, is_absent
 from mbd_sim.dynamics.time_functions import time_functions
 from mbd_sim.errors import InputError, MechanismError, Problem
 from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.contacts import Cushion
 from mbd_sim.mechanism.expression import evaluate
 from mbd_sim.mechanism.force_elements import AppliedForce, Damper, Spring, TwoPointElement
 from mbd_sim.mechanism.laws import ELONGATION, Expressed, GreenStrain, Linear, Piecewise
@@ -61,6 +63,11 @@ def element_forces(
         dissipated += loss
         if isinstance(element, Spring) and not is_absent(element.mass):
             potential -= _apply_weight(applied, element, mechanism.gravity)
+    for contact in mechanism.contacts:
+        if isinstance(contact.law, Cushion):
+            energy, loss = apply_cushion(applied, contact, contact.law)
+            potential += energy
+            dissipated += loss
     for force in mechanism.applied:
         applied_power += _apply_force(applied, force, t)
     applied_power += sum((_apply_external(applied, part, wrench) for part, wrench in external.items()), ca.SX(1, 1))

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from mbd_sim.dynamics.links import Link, build_links
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism import constraints as c
+from mbd_sim.mechanism.contacts import Ball, Barrel, Cushion, Rim
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.force_elements import Spring
 from mbd_sim.mechanism.laws import Expressed, Friction, GreenStrain, Linear, PowerLaw
@@ -61,6 +62,10 @@ _SYMBOLIC: Mapping[type, tuple[str, ...]] = {
     TimeExpression: ("names",),
     c.Rolling: ("radius",),
     c.Clutch: ("static",),
+    Ball: ("radius",),
+    Rim: ("radius",),
+    Barrel: ("radius",),
+    Cushion: ("stiffness", "damping", "friction", "regularization"),
 }
 # The fields of each record on which the equations do not depend.
 _UNREAD: Mapping[type, tuple[str, ...]] = {

@@ -56,7 +56,7 @@ def has_one_sided(mechanism: Mechanism) -> bool:
 
 
 def one_sided_names(mechanism: Mechanism) -> tuple[str, ...]:
-    """The one-sided elements as keys of the file, such as `joints.elbow.limits`: joints first, then constraints."""
+    """The one-sided elements as keys of the file, such as `joints.elbow.limits`: joints, constraints, contacts."""
     found = []
     for name, joint in mechanism.all_joints.items():
         if joint.limits is not None and joint.limits.restitution is not None:
@@ -64,6 +64,7 @@ def one_sided_names(mechanism: Mechanism) -> tuple[str, ...]:
         if joint.friction is not None and joint.friction.sticks:
             found.append(f"joints.{name}.friction")
     found += [f"constraints.{constraint.name}" for constraint in mechanism.constraints if is_one_sided(constraint)]
+    found += dict.fromkeys(f"contacts.{contact.name}" for contact in mechanism.contacts if contact.rigid)
     return tuple(found)
 
 

@@ -20,6 +20,7 @@ from mbd_sim.mechanism.source import Source
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism.constraints import Constraint
+    from mbd_sim.mechanism.contacts import Contact
     from mbd_sim.mechanism.force_elements import AppliedForce, Damper, Spring, TwoPointElement
 
 GROUND = "ground"
@@ -193,6 +194,7 @@ class Mechanism:
     applied: tuple[AppliedForce, ...] = ()
     closing: Mapping[str, Joint] = field(default_factory=dict)
     constraints: tuple[Constraint, ...] = ()
+    contacts: tuple[Contact, ...] = ()
     rest_speed: float = 1e-5
 
     @property

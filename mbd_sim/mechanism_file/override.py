@@ -20,7 +20,18 @@ from mbd_sim.mechanism_file.schema.file_schema import MechanismFile
 from mbd_sim.mechanism_file.validation import validate
 
 _STEP = re.compile(r"\.?(?:'([^']+)'|([^.\[\]']+))|\[(\d+)\]")
-_SECTIONS = ("gravity", "parameters", "functions", "parts", "joints", "forces", "constraints", "ground", "integrator")
+_SECTIONS = (
+    "gravity",
+    "parameters",
+    "functions",
+    "parts",
+    "joints",
+    "forces",
+    "constraints",
+    "contacts",
+    "ground",
+    "integrator",
+)
 
 
 def with_values(mechanism: Mechanism, changes: Mapping[str, Any]) -> Mechanism:

@@ -13,6 +13,7 @@ from mbd_sim.mechanism_file.builders.mechanism_builder import build_elements, in
 from mbd_sim.mechanism_file.library import SUFFIXES
 from mbd_sim.mechanism_file.parameters import Parameters, resolve_parameters
 from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
+from mbd_sim.mechanism_file.schema.contact_schema import ContactSpec
 from mbd_sim.mechanism_file.schema.file_schema import GroundSpec, MechanismFile, PartSpec
 from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
 from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
@@ -24,7 +25,7 @@ MANY = 1000  # problems beyond which no further ones are searched for
 def validate(source: Source) -> tuple[MechanismFile, dict[str, float]]:
     """The file's records and the values of its parameters in SI units.
 
-    :raises MechanismError: with everything that the schema refuses. The parts, joints, forces and constraints that it
+    :raises MechanismError: with everything that the schema refuses. The parts, joints, forces, constraints and contacts that it
         accepts are then checked too, so that one run reports all problems (of a file with fewer than a thousand).
     """
     if not isinstance(source.data, dict):
@@ -52,8 +53,8 @@ def _reference_problems(source: Source, parameters: Parameters) -> list[Problem]
 
     Of joints and forces that it refuses, the ends are checked.
     """
-    keys = ("parts", "joints", "forces", "constraints", "ground")
-    written_parts, written_joints, written_forces, written_constraints, ground = map(source.data.get, keys)
+    keys = ("parts", "joints", "forces", "ground")
+    written_parts, written_joints, written_forces, ground = map(source.data.get, keys)
     grounds = _accepted({"ground": {} if ground is None else ground}, _adapter(GroundSpec), parameters)
     parts = _accepted(written_parts, _adapter(PartSpec), parameters)
     joints: dict[str, Any] = {}
@@ -70,9 +71,11 @@ def _reference_problems(source: Source, parameters: Parameters) -> list[Problem]
         ends_only = {name: _ends_only(force) for name, force in written_forces.items() if isinstance(force, dict)}
         for records in (ends_only, written_forces):
             forces |= _accepted(records, _adapter(AnyForceSpec), parameters)
-    constraints = _accepted(written_constraints, _adapter(AnyConstraintSpec), parameters)
+    constraints = _accepted(source.data.get("constraints"), _adapter(AnyConstraintSpec), parameters)
+    contacts = _accepted(source.data.get("contacts"), _adapter(ContactSpec), parameters)
     frame = grounds.get("ground") or GroundSpec()
-    return build_elements(parts, joints, forces, constraints, frame, source, unreadable, all_joints).problems
+    built = build_elements(parts, joints, forces, constraints, contacts, frame, source, unreadable, all_joints)
+    return built.problems
 
 
 def _ends_only(written: dict[str, Any]) -> dict[str, Any]:

@@ -11,15 +11,18 @@ from mbd_sim.errors import MechanismError, Problem
 from mbd_sim.geometry.pose import Pose
 from mbd_sim.mechanism.attachments import PointsByPart
 from mbd_sim.mechanism.constraints import Constraint
+from mbd_sim.mechanism.contacts import Contact
 from mbd_sim.mechanism.records import GROUND, Joint, Mechanism, Part
 from mbd_sim.mechanism.source import Source
 from mbd_sim.mechanism_file.builders.build_context import BuildContext
 from mbd_sim.mechanism_file.builders.constraint_builder import build_constraints, coupled_joints
+from mbd_sim.mechanism_file.builders.contact_builder import build_contacts
 from mbd_sim.mechanism_file.builders.force_builder import ForceElements, build_force_elements
 from mbd_sim.mechanism_file.builders.joint_builder import build_joint
 from mbd_sim.mechanism_file.builders.part_builder import build_part, point_poses
 from mbd_sim.mechanism_file.builders.tree_builder import build_tree
 from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
+from mbd_sim.mechanism_file.schema.contact_schema import ContactSpec
 from mbd_sim.mechanism_file.schema.file_schema import GroundSpec, MechanismFile, PartSpec
 from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
 from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
@@ -30,7 +33,9 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
 
     :raises MechanismError: with every invalid reference, mass and connection.
     """
-    elements = build_elements(file.parts, file.joints, file.forces, file.constraints, file.ground, source)
+    elements = build_elements(
+        file.parts, file.joints, file.forces, file.constraints, file.contacts, file.ground, source
+    )
     if elements.problems:
         raise MechanismError(in_order(elements.problems))
     joints = elements.joints
@@ -61,6 +66,7 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         dampers=elements.forces.dampers,
         applied=elements.forces.applied,
         constraints=elements.constraints,
+        contacts=elements.contacts,
     )
 
 
@@ -82,12 +88,13 @@ def _merged(group: Sequence[Problem]) -> Problem:
 
 @dataclasses.dataclass(frozen=True)
 class MechanismElements:
-    """The parts, joints, force elements and constraints of a file, before the tree is found, and their problems."""
+    """The parts, joints, force elements, constraints and contacts of a file, before the tree is found, and their problems."""
 
     parts: dict[str, Part]
     joints: dict[str, Joint]
     forces: ForceElements
     constraints: tuple[Constraint, ...]
+    contacts: tuple[Contact, ...]
     ground_points: dict[str, Pose]
     problems: list[Problem]
 
@@ -97,6 +104,7 @@ def build_elements(
     joints: Mapping[str, AnyJointSpec],
     forces: Mapping[str, AnyForceSpec],
     constraints: Mapping[str, AnyConstraintSpec],
+    contacts: Mapping[str, ContactSpec],
     ground: GroundSpec,
     source: Source,
     unreadable: Collection[str] = (),
@@ -122,7 +130,8 @@ def build_elements(
     built_forces = build_force_elements(forces, context)
     known_joints = built_joints if all_joints else {**built_joints, "": None}
     built_constraints = build_constraints(constraints, known_joints, context)
+    built_contacts = build_contacts(contacts, parts, context)
     valid_joints = {name: joint for name, joint in built_joints.items() if joint}
     return MechanismElements(
-        built_parts, valid_joints, built_forces, built_constraints, ground_points, context.problems
+        built_parts, valid_joints, built_forces, built_constraints, built_contacts, ground_points, context.problems
     )

@@ -31,6 +31,7 @@ from mbd_sim.mechanism_file.schema.base_schema import (
     written_as,
 )
 from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
+from mbd_sim.mechanism_file.schema.contact_schema import ContactSpec
 from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
 from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
 
@@ -49,6 +50,7 @@ class ShapeSpec(Spec):
 
     mass: Mass | None = Field(None, description="mass of the shape; 0 if it is only drawn")
     hole: bool = Field(False, description="removes material")
+    name: Name | None = Field(None, description="by which contacts name this shape of the part, as part.name")
     color: Color | None = None
 
     @model_validator(mode="after")
@@ -226,4 +228,5 @@ class MechanismFile(Spec):
     constraints: dict[Name, AnyConstraintSpec] = Field(
         default={}, description="restrictions of the motion in addition to joints"
     )
+    contacts: dict[Name, ContactSpec] = Field(default={}, description="shapes that cannot penetrate each other")
     forces: dict[Name, AnyForceSpec] = Field(default={}, description="springs, dampers, forces and couples")

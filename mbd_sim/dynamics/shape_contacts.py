@@ -1,0 +1,144 @@
+"""The geometry of contacts between shapes: their distance, their normal, and where they touch.
+
+It holds for any frames, those of rigid contacts and those of compliant ones. The gradient of a distance is the unit
+normal where it is zero, so that its multiplier is the normal force.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import casadi as ca
+import numpy as np
+
+from mbd_sim.dynamics.cam_contacts import follower_angle, profile_point, roller_angle
+from mbd_sim.dynamics.loop_equations import perpendiculars
+from mbd_sim.dynamics.spatial_algebra import constant
+from mbd_sim.mechanism.contacts import Ball, Barrel, Cam, Contact, Face, Rim
+
+FLAT = 1e-30  # square of the sine of the angle below which a rim counts as lying flat
+STEEP = 0.8  # component of a normal along y, from which on z is the reference for directions of slip
+
+
+class Frame(Protocol):
+    """A frame in ground's axes: the position (3,) of its origin, and its axes (3, 3)."""
+
+    @property
+    def position(self) -> ca.SX: ...
+    @property
+    def rotation(self) -> ca.SX: ...
+
+
+class Touch(NamedTuple):
+    """Two bodies that touch: their distance in m, and in ground's axes the `normal` (3,) and the `point` (3,).
+
+    The normal is that along which the second body pushes the first. `sides` are two directions (3,) of slip.
+    """
+
+    distance: ca.SX
+    normal: ca.SX
+    point: ca.SX
+    sides: tuple[ca.SX, ca.SX]
+
+
+def touch(contact: Contact, first: Frame, second: Frame, still: int | None = None) -> Touch:
+    """The geometry of a contact; the frames are at the points of both bodies, with the axes of their parts.
+
+    :param still: the axis of ground, 0, 1 or 2, along which no part moves; None if there is none.
+    """
+    match contact.first, contact.second:
+        case Ball() as ball, Face() as face:
+            normal = _turned(second, face.normal)
+            point = first.position - ball.radius * normal
+            return Touch(ca.dot(normal, point - second.position), normal, point, _along(second, face))
+        case Rim() as rim, Face() as face:
+            return _rim_on_face(rim, face, first, second)
+        case Ball() as ball, Ball() as other:
+            return _round(contact, ball.radius, other.radius, first.position - second.position, second, None, still)
+        case Ball() as ball, Barrel() as barrel:
+            axis, line = _turned(second, barrel.axis), first.position - second.position
+            across = line - axis * ca.dot(axis, line)
+            return _round(contact, ball.radius, barrel.radius, across, second, axis, still)
+        case Ball() as ball, Cam() as cam:
+            return _ball_on_cam(ball, cam, first, second)
+        case Cam() as cam, Face() as face:
+            normal, axes = _turned(second, face.normal), ca.sparsify(first.rotation @ constant(cam.axes))
+            own = (axes.T @ normal)[:2]
+            point = first.position + axes[:, :2] @ profile_point(cam.profile, follower_angle(cam.profile, own))
+            axis = axes[:, 2]
+            return Touch(ca.dot(normal, point - second.position), normal, point, (ca.cross(axis, normal), axis))
+        case one, other:
+            raise ValueError(f"contact {contact.name}: {type(one).__name__} and {type(other).__name__} have no gap")
+
+
+def _turned(frame: Frame, direction: object) -> ca.SX:
+    return ca.sparsify(frame.rotation @ constant(direction))  # type: ignore[arg-type]
+
+
+def _along(frame: Frame, face: Face) -> tuple[ca.SX, ca.SX]:
+    one, other = (_turned(frame, side) for side in perpendiculars(face.normal))
+    return one, other
+
+
+def _rim_on_face(rim: Rim, face: Face, first: Frame, second: Frame) -> Touch:
+    """The lowest point of the circle; the directions of slip are forward and sideways."""
+    normal, axis = _turned(second, face.normal), _turned(first, rim.axis)
+    in_disc = normal - axis * ca.dot(normal, axis)
+    size = ca.sqrt(ca.dot(in_disc, in_disc) + FLAT)
+    point = first.position - in_disc * (rim.radius / size)
+    forward = ca.cross(axis, normal) / size
+    return Touch(ca.dot(normal, point - second.position), normal, point, (forward, ca.cross(normal, forward)))
+
+
+def _round(
+    contact: Contact,
+    first_radius: float,
+    second_radius: float,
+    line: ca.SX,
+    second: Frame,
+    axis: ca.SX | None,
+    still: int | None,
+) -> Touch:
+    """Two balls, or a ball and a barrel with this `axis`; `line` (3,) leads to the first center, across the axis.
+
+    A ball inside has (R² - l²) / 2R: as large as R - l near zero, and smooth where both centers coincide.
+    """
+    if contact.inside:
+        play = second_radius - first_radius
+        distance, normal = (play * play - ca.dot(line, line)) / (2.0 * play), -line / play
+        point = second.position - second_radius * normal
+    else:
+        length = ca.norm_2(line)
+        distance, normal = length - (first_radius + second_radius), line / length
+        point = second.position + second_radius * normal
+    return Touch(distance, normal, point, tangents(normal, still) if axis is None else (ca.cross(axis, normal), axis))
+
+
+def tangents(normal: ca.SX, still: int | None) -> tuple[ca.SX, ca.SX]:
+    """Two directions (3,) perpendicular to a `normal` (3,) and to each other.
+
+    The first is perpendicular to the axis `still` as well, so that in a plane mechanism the second is that axis; without
+    one to y, or to z where the normal is almost along y.
+    """
+    if still is None:
+        steep = ca.fabs(normal[1]) > STEEP
+        reference = ca.vertcat(0.0, ca.if_else(steep, 0.0, 1.0), ca.if_else(steep, 1.0, 0.0))
+    else:
+        reference = constant(np.eye(3)[still])
+    side = ca.cross(reference, normal)
+    side /= ca.norm_2(side)
+    return side, ca.cross(normal, side)
+
+
+def _ball_on_cam(ball: Ball, cam: Cam, first: Frame, second: Frame) -> Touch:
+    """The ball, or a roller, at the nearest point of the profile."""
+    axes = ca.sparsify(second.rotation @ constant(cam.axes))
+    center = axes.T @ (first.position - second.position)
+    angle = roller_angle(cam.profile, center[:2])
+    at, slope = profile_point(cam.profile, angle), profile_point(cam.profile, angle, 1)
+    tangent = slope / ca.norm_2(slope)
+    outward = ca.vertcat(tangent[1], -tangent[0])
+    distance = ca.dot(outward, center[:2] - at) - ball.radius
+    normal = axes[:, :2] @ outward
+    point = second.position + axes @ ca.vertcat(at, center[2])
+    return Touch(distance, normal, point, (axes[:, :2] @ tangent, axes[:, 2]))

@@ -1,0 +1,98 @@
+"""Contacts between shapes of parts as plain records.
+
+Each contact is one gap between two bodies; shapes with edges have several of them, such as a block its eight corners.
+Directions (3,) are unit vectors in the frame of the part that carries them; SI units throughout.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.expression import TimeExpression
+from mbd_sim.mechanism.one_sided import ContactLaw
+from mbd_sim.mechanism.records import Attachment
+
+CAM_ANGLE = "angle"  # the variable of a cam's profile
+
+
+@dataclass(frozen=True, eq=False)
+class Ball:
+    """A sphere; with the radius 0 a point."""
+
+    at: Attachment
+    radius: float
+
+
+@dataclass(frozen=True, eq=False)
+class Rim:
+    """The circle around `axis`: the edge of a disc or of a cylinder."""
+
+    at: Attachment
+    axis: Array
+    radius: float
+
+
+@dataclass(frozen=True, eq=False)
+class Barrel:
+    """The surface of a cylinder around `axis`, without ends."""
+
+    at: Attachment
+    axis: Array
+    radius: float
+
+
+@dataclass(frozen=True, eq=False)
+class Face:
+    """A plane; its `normal` points away from the material."""
+
+    at: Attachment
+    normal: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Cam:
+    """A disc in the x-y plane of `axes` (3, 3): its `profile` is the radius in m as an expression of `angle` in rad."""
+
+    at: Attachment
+    axes: Array
+    profile: TimeExpression
+
+
+ContactBody = Ball | Rim | Barrel | Face | Cam
+
+
+@dataclass(frozen=True, eq=False)
+class Cushion:
+    """A compliant contact (Hunt & Crossley 1975): the normal force k δⁿ (1 + c δ') at the depth δ, never negative.
+
+    Its `friction` μ is smooth at rest: it falls to zero with slip below the speed `regularization`.
+    """
+
+    stiffness: float
+    exponent: float
+    damping: float
+    friction: float
+    regularization: float
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """A pair of bodies that cannot penetrate each other; `inside` is whether the second one encloses the first.
+
+    Pairs are ball and face, rim and face, ball and ball, ball and barrel, ball and cam, cam and face. `names` are those
+    of both for people, `quantity` both and the corner or rim in one word.
+    """
+
+    name: str
+    quantity: str
+    names: tuple[str, str]
+    first: ContactBody
+    second: ContactBody
+    law: ContactLaw | Cushion
+    inside: bool = False
+
+    @property
+    def rigid(self) -> bool:
+        """Whether it has no compliance: then it is one-sided, and its motion has events."""
+        return isinstance(self.law, ContactLaw)
