@@ -16,6 +16,7 @@ from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.simulation.argument_checks import finite_vector, step_at, step_count, step_size
 from mbd_sim.simulation.compiled_model import Model, build_model
+from mbd_sim.simulation.contact_start import require_free_start, require_outside
 from mbd_sim.simulation.efforts import EffortMap
 from mbd_sim.simulation.kernel_memory import KernelMemory
 from mbd_sim.simulation.live_values import LiveValues, PreparedValues, require_closed
@@ -87,6 +88,7 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
         require_parts(wrenches, mechanism)
         self._live = LiveValues(mechanism, live)
         self.model: Model = build_model(mechanism, method, wrenches, self._live.values, self.step_size)
+        require_free_start(self.model)
         memory = self._memory = KernelMemory(self.model, self.step_size)
         layout = self.model.equations.inputs
         self._efforts, self._live_inputs = memory.inputs[layout.efforts], memory.inputs[layout.values]
@@ -162,8 +164,8 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
 
         Live values stay as they are. A given state is projected to the nearest one that satisfies the constraints.
 
-        :raises ValueError: wrong length, a value that is not finite, or loops that cannot be closed near this state;
-            nothing is changed then.
+        :raises ValueError: wrong length, a value that is not finite, loops that cannot be closed near this state, or
+            parts inside each other or beyond a stop; nothing is changed then.
         """
         model, y, inputs = self.model, self.model.start.copy(), self.model.inputs.copy()
         if q is not None:
@@ -174,6 +176,7 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
         model.normalize(y)
         if q is not None or u is not None or not np.array_equal(inputs, model.inputs):
             model.project(y, self._live_inputs)
+            require_outside(model, 0.0, y, inputs)
         self._memory.load(y, inputs, 0)
         self.start_energy = model.energies(0.0, y, 0.0, inputs).total
         if self._memory.contacts is not None:
@@ -246,12 +249,13 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
         Coordinates that are not named keep their values, except as far as closed loops require others. Efforts and
         wrenches stay. The audit does not include the resulting change of energy.
 
-        :raises CommandError: an unknown or driven coordinate, a value that is not finite, or loops that cannot be
-            closed with these values; nothing is changed then.
+        :raises CommandError: an unknown or driven coordinate, a value that is not finite, loops that cannot be closed
+            with these values, or parts inside each other or beyond a stop; nothing is changed then.
         """
         given = checked_values(self.model, positions or {}, velocities or {})
         inputs, before = self._memory.inputs, self.energies.total
         y = state_with(self.model, self.time, self.y, inputs[self.model.equations.inputs.values], given)
+        require_outside(self.model, self.time, y, inputs)
         after = self.model.energies(self.time, y, 0.0, inputs).total
         self.restore(y, self.steps, start_energy=self.start_energy + after - before)
 
