@@ -12,7 +12,7 @@ from mbd_sim.dynamics.time_functions import function_of
 from mbd_sim.mechanism.contacts import CAM_ANGLE
 from mbd_sim.mechanism.expression import TimeExpression
 
-ITERATIONS = 7
+ITERATIONS = 6
 LARGEST_STEP = 0.5  # rad
 LEAST_CURVATURE = 0.05  # of the profile relative to the roller, as a fraction of that of a circle
 

@@ -16,7 +16,7 @@ from mbd_sim.dynamics.body_symbols import BodySymbols
 from mbd_sim.dynamics.constraint_rows import ConstraintRow, RowWriter, velocity_at
 from mbd_sim.dynamics.law_expressions import dry_friction
 from mbd_sim.dynamics.loop_equations import perpendiculars
-from mbd_sim.dynamics.shape_contacts import touch
+from mbd_sim.dynamics.shape_contacts import touch, without_repeated
 from mbd_sim.dynamics.spatial_algebra import constant, is_absent
 from mbd_sim.dynamics.time_functions import function_of
 from mbd_sim.mechanism import constraints as c
@@ -73,7 +73,8 @@ def contact_rows(
             frictions.append(_friction_clutch(constraint, writer, t))
         elif is_one_sided(constraint):
             gaps += _gaps_of(constraint, writer)
-    gaps += [_shape_gap(contact, bodies, still) for contact in mechanism.contacts if contact.rigid]
+    rigid = [contact for contact in mechanism.contacts if contact.rigid]
+    gaps += [_shape_gap(contact, bodies, still) for contact in without_repeated(rigid, still)]
     return gaps, frictions
 
 

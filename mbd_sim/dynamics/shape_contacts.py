@@ -6,6 +6,7 @@ normal where it is zero, so that its multiplier is the normal force.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple, Protocol
 
 import casadi as ca
@@ -13,7 +14,7 @@ import numpy as np
 
 from mbd_sim.dynamics.cam_contacts import follower_angle, profile_point, roller_angle
 from mbd_sim.dynamics.loop_equations import perpendiculars
-from mbd_sim.dynamics.spatial_algebra import constant
+from mbd_sim.dynamics.spatial_algebra import constant, is_symbolic
 from mbd_sim.mechanism.contacts import Ball, Barrel, Cam, Contact, Face, Rim
 
 FLAT = 1e-30  # square of the sine of the angle below which a rim counts as lying flat
@@ -24,9 +25,12 @@ class Frame(Protocol):
     """A frame in ground's axes: the position (3,) of its origin, and its axes (3, 3)."""
 
     @property
-    def position(self) -> ca.SX: ...
+    def position(self) -> ca.SX:
+        """(3,) m."""
+
     @property
-    def rotation(self) -> ca.SX: ...
+    def rotation(self) -> ca.SX:
+        """(3, 3)."""
 
 
 class Touch(NamedTuple):
@@ -69,6 +73,32 @@ def touch(contact: Contact, first: Frame, second: Frame, still: int | None = Non
             return Touch(ca.dot(normal, point - second.position), normal, point, (ca.cross(axis, normal), axis))
         case one, other:
             raise ValueError(f"contact {contact.name}: {type(one).__name__} and {type(other).__name__} have no gap")
+
+
+def without_repeated(contacts: Iterable[Contact], still: int | None) -> list[Contact]:
+    """The contacts, of those that always have the same gap only the first: one behind the other in a plane mechanism.
+
+    :param still: see `touch`.
+    """
+    found, known = [], set()
+    for contact in contacts:
+        key = None if still is None else _seen_along(contact, still)
+        if key is None or key not in known:
+            found.append(contact)
+        known.add(key)
+    return found
+
+
+def _seen_along(contact: Contact, axis: int) -> tuple[object, ...] | None:
+    """What of a contact with a face counts in a motion across an axis; None for others, and where numbers vary."""
+    body, face = contact.first, contact.second
+    if not isinstance(body, Ball | Rim) or not isinstance(face, Face) or face.normal[axis] != 0.0:
+        return None
+    across = isinstance(body, Ball) or abs(body.axis[axis]) == 1.0
+    if not across or is_symbolic(body.at.point, body.radius):
+        return None
+    point = tuple(np.delete(body.at.point, axis).tolist())
+    return contact.name, body.at.part, face.at.part, id(face), type(body), point, body.radius
 
 
 def _turned(frame: Frame, direction: object) -> ca.SX:
