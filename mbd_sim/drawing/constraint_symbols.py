@@ -27,6 +27,7 @@ from mbd_sim.mechanism.constraints import (
     Rolling,
     Surface,
 )
+from mbd_sim.mechanism.contacts import Contact, Face
 from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
 
 PLANE = (246, 247, 249)
@@ -47,9 +48,11 @@ def constraint_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]
     """The symbols of the constraints, except rods of constant length, and curves and surfaces; `size` in m."""
     paths: list[SheetPath] = []
     planes: set[tuple[float, ...]] = set()
+    guides: list[_Guide | None] = []
     for constraint in mechanism.constraints:
         paths += _own_symbol(page, mechanism, poses, constraint)
-        guide = _guide_of(constraint)
+        guides.append(_guide_of(constraint))
+    for guide in [*guides, *map(_face_of, mechanism.contacts)]:
         if guide is None:
             continue
         base = point_of(poses, guide.base)
@@ -92,6 +95,14 @@ def _guide_of(constraint: Constraint) -> _Guide | None:
             return None
         case _:
             assert_never(constraint)
+
+
+def _face_of(contact: Contact) -> _Guide | None:
+    """The plane of a contact; only that of a ground is drawn, since a part has its own shape."""
+    face = contact.second
+    if not isinstance(face, Face) or face.at.part != GROUND:
+        return None
+    return _Guide(face.at, contact.first.at, np.atleast_2d(face.normal))
 
 
 def _plane_or_line(

@@ -6,6 +6,8 @@ round-off for profiles without corners.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import casadi as ca
 
 from mbd_sim.dynamics.time_functions import function_of
@@ -18,7 +20,7 @@ LEAST_CURVATURE = 0.05  # of the profile relative to the roller, as a fraction o
 
 
 def profile_point(profile: TimeExpression, angle: ca.SX, order: int = 0) -> ca.SX:
-    """The point (2,) in m of a profile at an angle in rad, or its derivative of an `order` with respect to the angle."""
+    """The point (2,) in m of a profile at an angle in rad, or its derivative of an `order` by the angle."""
     s = ca.SX.sym("s")
     value = function_of(profile, {CAM_ANGLE: s}) * ca.vertcat(ca.cos(s), ca.sin(s))
     for _ in range(order):
@@ -49,9 +51,9 @@ def follower_angle(profile: TimeExpression, normal: ca.SX) -> ca.SX:
     return _solved(excess, ca.atan2(-normal[1], -normal[0]))
 
 
-def _solved(excess: object, start: ca.SX) -> ca.SX:
+def _solved(excess: Callable[[ca.SX], tuple[ca.SX, ca.SX]], start: ca.SX) -> ca.SX:
     s = start
     for _ in range(ITERATIONS):
-        value, slope = excess(s)  # type: ignore[operator]
+        value, slope = excess(s)
         s = s - ca.fmin(ca.fmax(value / slope, -LARGEST_STEP), LARGEST_STEP)
     return s

@@ -26,7 +26,7 @@ def apply_cushion(applied: AppliedWrenches, contact: Contact, law: Cushion) -> t
     Friction acts against the slip v with the size μ N v / √(v² + v_r²).
     """
     bodies = contact.first, contact.second
-    touching = touch(contact, *(_frame(applied, body) for body in bodies))
+    touching = touch(contact, _frame(applied, contact.first), _frame(applied, contact.second))
     first, second = (_velocity(applied, body, touching.point) for body in bodies)
     relative = first - second
     depth, approach = ca.fmax(-touching.distance, 0.0), -ca.dot(touching.normal, relative)

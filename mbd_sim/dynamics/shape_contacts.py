@@ -15,6 +15,7 @@ import numpy as np
 from mbd_sim.dynamics.cam_contacts import follower_angle, profile_point, roller_angle
 from mbd_sim.dynamics.loop_equations import perpendiculars
 from mbd_sim.dynamics.spatial_algebra import constant, is_symbolic
+from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.contacts import Ball, Barrel, Cam, Contact, Face, Rim
 
 FLAT = 1e-30  # square of the sine of the angle below which a rim counts as lying flat
@@ -101,8 +102,8 @@ def _seen_along(contact: Contact, axis: int) -> tuple[object, ...] | None:
     return contact.name, body.at.part, face.at.part, id(face), type(body), point, body.radius
 
 
-def _turned(frame: Frame, direction: object) -> ca.SX:
-    return ca.sparsify(frame.rotation @ constant(direction))  # type: ignore[arg-type]
+def _turned(frame: Frame, direction: Array) -> ca.SX:
+    return ca.sparsify(frame.rotation @ constant(direction))
 
 
 def _along(frame: Frame, face: Face) -> tuple[ca.SX, ca.SX]:
@@ -147,8 +148,8 @@ def _round(
 def tangents(normal: ca.SX, still: int | None) -> tuple[ca.SX, ca.SX]:
     """Two directions (3,) perpendicular to a `normal` (3,) and to each other.
 
-    The first is perpendicular to the axis `still` as well, so that in a plane mechanism the second is that axis; without
-    one to y, or to z where the normal is almost along y.
+    The first is perpendicular to the axis `still` as well, so that in a plane mechanism the second is that axis;
+    without one to y, or to z where the normal is almost along y.
     """
     if still is None:
         steep = ca.fabs(normal[1]) > STEEP

@@ -62,7 +62,7 @@ class Cam:
 ContactBody = Ball | Rim | Barrel | Face | Cam
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Cushion:
     """A compliant contact (Hunt & Crossley 1975): the normal force k δⁿ (1 + c δ') at the depth δ, never negative.
 

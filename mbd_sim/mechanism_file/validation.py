@@ -25,8 +25,9 @@ MANY = 1000  # problems beyond which no further ones are searched for
 def validate(source: Source) -> tuple[MechanismFile, dict[str, float]]:
     """The file's records and the values of its parameters in SI units.
 
-    :raises MechanismError: with everything that the schema refuses. The parts, joints, forces, constraints and contacts that it
-        accepts are then checked too, so that one run reports all problems (of a file with fewer than a thousand).
+    :raises MechanismError: with everything that the schema refuses. The parts, joints, forces, constraints and
+        contacts that it accepts are then checked too, so that one run reports all problems (of a file with fewer than
+        a thousand).
     """
     if not isinstance(source.data, dict):
         message = "a mechanism file is a mapping with 'mechanism', 'parts' and 'joints'"

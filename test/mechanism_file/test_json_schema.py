@@ -54,11 +54,11 @@ parts:
       - {type: disc, radius: 1, hole: false, mass: 1}
       - {type: plate, size: [1, 1], mass: 1}
       - {type: cylinder, radius: 1, length: 1, density: 1}
-      - {type: sphere, radius: 1, density: 1}
+      - {type: sphere, radius: 1, density: 1, name: round}
       - {type: block, size: [1, 1, 1]}
   two: {mass: 20, center: [0, 0, 1], inertia: {xx: 1, yy: 1, zz: 1, xy: 0, xz: 0, yz: 0}}
   three: {mass: 1, inertia: [1, 1, 1], points: {p: {rotate: {quaternion: [1, 0, 0, 0]}}}}
-  four: {shape: {type: block, size: [1, 2, 3], density: 1}}
+  four: {shapes: [{type: block, size: [1, 2, 3], density: 1}, {type: sphere, radius: 1, mass: 0, name: ball}]}
   five: {mass: 1}
   six: {mass: 1, inertia: [1, 1, 1]}
 joints:
@@ -73,6 +73,12 @@ joints:
   x: {type: fixed, between: [three.p, two]}
   f: {type: free, between: [ground.b, four], position: [1, 2, 3], orientation: {rpy: [1, 2, 3]}, velocity: [1, 2, 3],
       angular_velocity: [1, 2, 3]}
+contacts:
+  a: {between: [one.round, four.ball], inside: false, restitution: 0.5, friction: 0.1, static_friction: n*0.1}
+  b: {parts: [four], plane: ground.a, normal: [0, 0, 1], friction: 0.1, stiffness: 1e5 N/m, exponent: 1, damping: 1 s/m,
+      regularization: 1 mm/s}
+  c_{i}: {for: {i: 1..2}, parts: ["three.p"], cam: four, profile: "0.01*l + 0.001*cos(i*angle)"}
+  d: {among: [one.round, three.p, four.ball]}
 forces:
   s: {type: spring, between: [ground, four], stiffness: 1, length: 1, damping: 1, mass: 1}
   e: {type: spring, between: [one, four], force: n*x**3}
@@ -109,6 +115,10 @@ def test_a_file_with_every_key_satisfies_it_and_loads():
         ("position: 90 deg", "position: [1]"),
         ("position: 90 deg", "limits: {lower: 1}"),
         ("position: 90 deg", "friction: {coulomb: [1]}"),
+        ("joints:", "contacts: {k: {parts: rod, plane: ground}}\njoints:"),
+        ("joints:", "contacts: {k: {parts: [rod], plane: ground, restitution: 2}}\njoints:"),
+        ("joints:", "contacts: {k: {parts: [rod], plane: ground, friction: -1}}\njoints:"),
+        ("joints:", "contacts: {k: {parts: [rod], plane: ground, stiffness: 1, exponent: 0.5}}\njoints:"),
         ("position: 90 deg", "spring: {table: [[0, 1, 2], [1, 2, 3]]}"),
     ],
 )

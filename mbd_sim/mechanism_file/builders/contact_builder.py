@@ -210,7 +210,7 @@ def contact_law(spec: ContactSpec) -> ContactLaw | Cushion:
     """What happens at the contact."""
     friction = spec.friction or 0.0
     if spec.stiffness is not None:
-        return Cushion(spec.stiffness, float(spec.exponent), spec.damping, friction, spec.regularization)
+        return Cushion(spec.stiffness, spec.exponent, spec.damping, friction, spec.regularization)
     return ContactLaw(spec.restitution or 0.0, friction, spec.static_friction or friction)
 
 

@@ -88,7 +88,7 @@ def _merged(group: Sequence[Problem]) -> Problem:
 
 @dataclasses.dataclass(frozen=True)
 class MechanismElements:
-    """The parts, joints, force elements, constraints and contacts of a file, before the tree is found, and their problems."""
+    """The parts, joints, forces, constraints and contacts of a file, before the tree is found, and their problems."""
 
     parts: dict[str, Part]
     joints: dict[str, Joint]

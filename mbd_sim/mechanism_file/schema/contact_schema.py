@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
@@ -17,6 +17,7 @@ from mbd_sim.mechanism_file.schema.law_schema import PositiveVelocity
 
 CamProfile = Annotated[TimeExpression, ExpressionField("m", (CAM_ANGLE,))]
 PositiveStiffness = Annotated[float, Quantity(None, above=0)]
+ContactExponent = Annotated[float, Quantity("", at_least=1)]
 ContactDamping = Annotated[float, Quantity("s/m", at_least=0)]
 _PARTNERS = "'between' two parts, 'among' several, 'parts' on a 'plane' or on a 'cam', or a 'plane' on a 'cam'"
 
@@ -42,7 +43,7 @@ class ContactSpec(Spec):
     friction: FrictionCoefficient | None = None
     static_friction: FrictionCoefficient | None = None
     stiffness: PositiveStiffness | None = Field(None, description="k of a compliant contact in N/m^exponent")
-    exponent: Literal[1, 1.5] = Field(1.5, description="of the depth: 1.5 for spheres (Hertz), 1 for a linear spring")
+    exponent: ContactExponent = Field(1.5, description="n: 1.5 for spheres (Hertz), 1 for a linear spring")
     damping: ContactDamping = Field(0.0, description="c of a compliant contact in s/m")
     regularization: PositiveVelocity = Field(1e-2, description="slip below which compliant friction falls to zero")
 
