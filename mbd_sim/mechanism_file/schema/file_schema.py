@@ -50,8 +50,8 @@ class ShapeSpec(Spec):
 
     mass: Mass | None = Field(None, description="mass of the shape; 0 if it is only drawn")
     hole: bool = Field(False, description="removes material")
-    name: Name | None = Field(None, description="by which contacts name this shape of the part, as part.name")
     color: Color | None = None
+    name: Name | None = Field(None, description="by which contacts name this shape of the part, as part.name")
 
     @model_validator(mode="after")
     def _one_mass(self) -> ShapeSpec:
