@@ -2,52 +2,68 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 
 from mbd_sim.dynamics.applied_wrenches import AppliedWrenches
-from mbd_sim.dynamics.shape_contacts import touch
+from mbd_sim.dynamics.shape_contacts import Touch, touch
 from mbd_sim.dynamics.spatial_algebra import is_absent
 from mbd_sim.mechanism.contacts import Contact, ContactBody, Cushion
 from mbd_sim.mechanism.records import GROUND
 
 
-@dataclass(frozen=True, eq=False)
-class _Frame:
+class PlacedFrame(NamedTuple):
+    """A frame in ground's axes: the position (3,) in m of its origin, and its axes (3, 3)."""
+
     position: ca.SX
     rotation: ca.SX
 
 
-def apply_cushion(applied: AppliedWrenches, contact: Contact, law: Cushion) -> tuple[ca.SX, ca.SX]:
-    """Apply the forces of a compliant contact; returns its potential in J and its dissipated power in W.
+class CushionForce(NamedTuple):
+    """The forces (3,) in N of a compliant contact on its first body, in ground's axes, and its powers.
 
-    The normal force is k δⁿ (1 + c δ') (Hunt & Crossley 1975); at a separation faster than 1 / c contact is lost.
-    Friction acts against the slip v with the size μ N v / √(v² + v_r²).
+    `elastic` is that of the `potential` in J; `resisting` is that of damping and friction, which dissipate `loss` in W.
     """
-    bodies = contact.first, contact.second
-    touching = touch(contact, _frame(applied, contact.first), _frame(applied, contact.second))
-    first, second = (_velocity(applied, body, touching.point) for body in bodies)
-    relative = first - second
+
+    elastic: ca.SX
+    resisting: ca.SX
+    potential: ca.SX
+    loss: ca.SX
+
+
+def cushion_force(law: Cushion, touching: Touch, relative: ca.SX) -> CushionForce:
+    """The force at the depth δ: k δⁿ (1 + c δ'), and friction μ N v / √(v² + v_r²) against the slip v.
+
+    At a separation faster than 1 / c contact is lost (Hunt & Crossley 1975).
+
+    :param relative: (3,) the velocity of the first body at the contact relative to the second in m/s.
+    """
     depth, approach = ca.fmax(-touching.distance, 0.0), -ca.dot(touching.normal, relative)
     spring = law.stiffness * (depth if law.exponent == 1.0 else depth**law.exponent)
-    potential = spring * depth / (law.exponent + 1.0)
     damping = ca.SX(1, 1) if is_absent(law.damping) else spring * ca.fmax(law.damping * approach, -1.0)
-    size = spring + damping
-    force, dissipated = size * touching.normal, damping * approach
+    resisting, loss = damping * touching.normal, damping * approach
     if not is_absent(law.friction):
         slip = relative + touching.normal * approach
         square = ca.dot(slip, slip)
-        factor = law.friction * size / ca.sqrt(square + law.regularization**2)
-        force -= factor * slip
-        dissipated += factor * square
+        factor = law.friction * (spring + damping) / ca.sqrt(square + law.regularization**2)
+        resisting, loss = resisting - factor * slip, loss + factor * square
+    return CushionForce(spring * touching.normal, resisting, spring * depth / (law.exponent + 1.0), loss)
+
+
+def apply_cushion(applied: AppliedWrenches, contact: Contact, law: Cushion) -> tuple[ca.SX, ca.SX]:
+    """Apply the forces of a compliant contact; returns its potential in J and its dissipated power in W."""
+    bodies = contact.first, contact.second
+    touching = touch(contact, _frame(applied, contact.first), _frame(applied, contact.second))
+    first, second = (_velocity(applied, body, touching.point) for body in bodies)
+    force = cushion_force(law, touching, first - second)
     for body, sign in zip(bodies, (1.0, -1.0), strict=True):
-        _apply_at(applied, body, touching.point, sign * force)
-    return potential, dissipated
+        _apply_at(applied, body, touching.point, sign * (force.elastic + force.resisting))
+    return force.potential, force.loss
 
 
-def _frame(applied: AppliedWrenches, body: ContactBody) -> _Frame:
-    return _Frame(applied.motion_of(body.at).position, applied.rotation(body.at.part))
+def _frame(applied: AppliedWrenches, body: ContactBody) -> PlacedFrame:
+    return PlacedFrame(applied.motion_of(body.at).position, applied.rotation(body.at.part))
 
 
 def _velocity(applied: AppliedWrenches, body: ContactBody, point: ca.SX) -> ca.SX:

@@ -14,14 +14,17 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.dynamics.body_symbols import BodySymbols, flat_pose
+from mbd_sim.dynamics.compliant_contacts import PlacedFrame, cushion_force
 from mbd_sim.dynamics.constraint_equations import coordinates_by_name
 from mbd_sim.dynamics.constraint_rows import constraint_rows
 from mbd_sim.dynamics.element_forces import damper_force, force_vector, spring_force
 from mbd_sim.dynamics.joint_forces import joint_forces
 from mbd_sim.dynamics.kinematics import SymbolicPose, joint_motion, part_poses
 from mbd_sim.dynamics.links import Link, build_links, coordinate_layout
+from mbd_sim.dynamics.shape_contacts import touch
 from mbd_sim.dynamics.spatial_algebra import constant
 from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.contacts import Contact, Cushion
 from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
 
 RANK = 1e-11  # singular values below this fraction of the largest count as zero
@@ -79,6 +82,10 @@ class _Kinematics:
         if at.part == GROUND:
             return constant(at.point)
         return self.poses[at.part].position + self.poses[at.part].rotation @ constant(at.point)
+
+    def rotation(self, part: str) -> ca.SX:
+        """The axes (3, 3) of a part in ground's frame."""
+        return ca.SX(np.eye(3)) if part == GROUND else self.poses[part].rotation
 
 
 @dataclass(eq=False)
@@ -159,7 +166,26 @@ def _energies(mechanism: Mechanism, kinematics: _Kinematics) -> _Energies:
         vector = force_vector(applied, axes, kinematics.t)
         vector = rotation.T @ vector if applied.couple else vector
         energies.applied += ca.jacobian(moved, kinematics.q_rates).T @ vector
+    for contact in mechanism.contacts:
+        if isinstance(contact.law, Cushion):
+            _add_cushion(energies, kinematics, contact, contact.law)
     return energies
+
+
+def _add_cushion(energies: _Energies, kinematics: _Kinematics, contact: Contact, law: Cushion) -> None:
+    """Add the potential of a compliant contact, and its damping and friction."""
+    ends = [contact.first.at, contact.second.at]
+    frames = [PlacedFrame(kinematics.point(at), kinematics.rotation(at.part)) for at in ends]
+    touching = touch(contact, frames[0], frames[1])
+    velocities = [
+        kinematics.rate(frame.position)
+        + ca.cross(frame.rotation @ kinematics.omega(frame.rotation), touching.point - frame.position)
+        for frame in frames
+    ]
+    relative = velocities[0] - velocities[1]
+    force = cushion_force(law, touching, relative)
+    energies.potential += force.potential
+    energies.applied += ca.jacobian(relative, kinematics.q_rates).T @ force.resisting
 
 
 def _constraint_rates(mechanism: Mechanism, links: Sequence[Link], kinematics: _Kinematics) -> tuple[ca.SX, ca.SX]:

@@ -6,7 +6,7 @@ normal where it is zero, so that its multiplier is the normal force.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple, Protocol
 
 import casadi as ca
@@ -34,6 +34,9 @@ class Frame(Protocol):
         """(3, 3)."""
 
 
+Sides = Callable[[ca.SX], tuple[ca.SX, ca.SX]]
+
+
 class Touch(NamedTuple):
     """Two bodies that touch: their distance in m, and in ground's axes the `normal` (3,) and the `point` (3,).
 
@@ -59,11 +62,12 @@ def touch(contact: Contact, first: Frame, second: Frame, still: int | None = Non
         case Rim() as rim, Face() as face:
             return _rim_on_face(rim, face, first, second)
         case Ball() as ball, Ball() as other:
-            return _round(contact, ball.radius, other.radius, first.position - second.position, second, None, still)
+            line = first.position - second.position
+            return _round(contact, ball, other.radius, first, line, lambda normal: tangents(normal, still))
         case Ball() as ball, Barrel() as barrel:
             axis, line = _turned(second, barrel.axis), first.position - second.position
             across = line - axis * ca.dot(axis, line)
-            return _round(contact, ball.radius, barrel.radius, across, second, axis, still)
+            return _round(contact, ball, barrel.radius, first, across, lambda normal: (ca.cross(axis, normal), axis))
         case Ball() as ball, Cam() as cam:
             return _ball_on_cam(ball, cam, first, second)
         case Cam() as cam, Face() as face:
@@ -96,10 +100,10 @@ def _seen_along(contact: Contact, axis: int) -> tuple[object, ...] | None:
     if not isinstance(body, Ball | Rim) or not isinstance(face, Face) or face.normal[axis] != 0.0:
         return None
     across = isinstance(body, Ball) or abs(body.axis[axis]) == 1.0
-    if not across or is_symbolic(body.at.point, body.radius):
+    if not across or is_symbolic(body.at.point, body.radius, face.at.point):
         return None
-    point = tuple(np.delete(body.at.point, axis).tolist())
-    return contact.name, body.at.part, face.at.part, id(face), type(body), point, body.radius
+    places = (tuple(np.delete(at.point, axis).tolist()) for at in (body.at, face.at))
+    return contact.name, body.at.part, face.at.part, tuple(face.normal.tolist()), type(body), body.radius, *places
 
 
 def _turned(frame: Frame, direction: Array) -> ca.SX:
@@ -121,28 +125,18 @@ def _rim_on_face(rim: Rim, face: Face, first: Frame, second: Frame) -> Touch:
     return Touch(ca.dot(normal, point - second.position), normal, point, (forward, ca.cross(normal, forward)))
 
 
-def _round(
-    contact: Contact,
-    first_radius: float,
-    second_radius: float,
-    line: ca.SX,
-    second: Frame,
-    axis: ca.SX | None,
-    still: int | None,
-) -> Touch:
-    """Two balls, or a ball and a barrel with this `axis`; `line` (3,) leads to the first center, across the axis.
+def _round(contact: Contact, ball: Ball, radius: float, first: Frame, line: ca.SX, sides: Sides) -> Touch:
+    """A ball and another one, or a barrel, with this `radius`; `line` (3,) leads to the ball, across a barrel's axis.
 
     A ball inside has (R² - l²) / 2R: as large as R - l near zero, and smooth where both centers coincide.
     """
     if contact.inside:
-        play = second_radius - first_radius
+        play = radius - ball.radius
         distance, normal = (play * play - ca.dot(line, line)) / (2.0 * play), -line / play
-        point = second.position - second_radius * normal
     else:
         length = ca.norm_2(line)
-        distance, normal = length - (first_radius + second_radius), line / length
-        point = second.position + second_radius * normal
-    return Touch(distance, normal, point, tangents(normal, still) if axis is None else (ca.cross(axis, normal), axis))
+        distance, normal = length - (ball.radius + radius), line / length
+    return Touch(distance, normal, first.position - ball.radius * normal, sides(normal))
 
 
 def tangents(normal: ca.SX, still: int | None) -> tuple[ca.SX, ca.SX]:
