@@ -16,6 +16,9 @@ from mbd_sim.compiler.step_emitter import Prepare, StepEmitter, System
 from mbd_sim.compiler.stepping import ESTIMATED_EVERY, emit_plain_advance
 
 GRAZING = 4.0 / 27.0  # the largest value of x (1 - x)², by which a cubic falls below its ends for unit slopes
+TURNING = 0.25  # of a slip velocity along two directions, by which it may change within a step
+STIFF = 0.5  # of the time in which friction can turn such a velocity, that a step may take
+AT_REST = 1e-12  # m/s, up to which slip along two directions counts as none
 
 
 @dataclass(frozen=True)
@@ -23,9 +26,11 @@ class Guards:
     """The guards of a mechanism.
 
     `readings(t, y, inputs, out)` gives gaps (gaps,), rates (rows,), forces (rows,) and guards (count,) with all active
-    rows; `open_guards(t, y, inputs, out)` gives the gaps (gaps,) and their rates (gaps,) while everything is open.
+    rows, and the rates in 1/s at which the `slips` may turn; `open_guards(t, y, inputs, out)` gives the gaps (gaps,)
+    and their rates (gaps,) while everything is open.
     Modes are the inputs from `first_mode` to before `first_mode` + `modes`. A guard counts as negative below
-    -`tolerance`.
+    -`tolerance`. `slips` are the pairs of rows that slide along two directions: their direction turns ever faster as
+    they stop, so a step ends before one in which they change by more than the fraction `TURNING`, or could.
     """
 
     gaps: int
@@ -36,6 +41,7 @@ class Guards:
     first_mode: int
     modes: int
     tolerance: float
+    slips: tuple[tuple[int, int], ...] = ()
 
 
 def emit_guarded_advance(
@@ -125,7 +131,8 @@ def _emit_advance_to_event(module: ir.Module, size: int, steps: list[ir.Function
     state, inputs, first, h, count, estimate = function.args
     b = ir.IRBuilder(function.append_basic_block("entry"))
     y, before, time = local_array(b, size), local_array(b, size), local_array(b, 1)
-    values = [local_array(b, guards.gaps + 2 * guards.rows + guards.count) for _ in range(2)]  # before and after a step
+    size_of_readings = guards.gaps + 2 * guards.rows + guards.count + len(guards.slips)
+    values = [local_array(b, size_of_readings) for _ in range(2)]  # before and after a step
     ended = local_array(b, 1)
     closed = _is_closed(b, inputs, guards)
     copy(b, size, state, y)
@@ -152,7 +159,7 @@ def _emit_advance_to_event(module: ir.Module, size: int, steps: list[ir.Function
         with otherwise:
             b.call(steps[0], arguments)
     _read(b, guards, closed, time, following, y, inputs, values[1])
-    _emit_check(b, guards, closed, values, h, ended)
+    _emit_check(b, guards, closed, values, inputs, h, ended)
     is_event = b.fcmp_unordered("!=", b.load(ended, typ=DOUBLE), number(0.0))
     next_index = b.add(index, integer(1))
     index.add_incoming(next_index, b.block)
@@ -189,9 +196,18 @@ def _read(
 
 
 def _emit_check(
-    b: ir.IRBuilder, guards: Guards, closed: ir.Value, values: list[ir.Value], h: ir.Value, ended: ir.Value
+    b: ir.IRBuilder,
+    guards: Guards,
+    closed: ir.Value,
+    values: list[ir.Value],
+    inputs: ir.Value,
+    h: ir.Value,
+    ended: ir.Value,
 ) -> None:
-    """Set `ended` to 1 if a guard is negative after the step or not a number, or if a gap may have been in between."""
+    """Set `ended` to 1 if a guard is negative after the step or not a number, or if a gap may have been in between.
+
+    The same where a slip along two directions has changed too much.
+    """
     before, after = values
     b.store(number(0.0), ended)
 
@@ -205,6 +221,10 @@ def _emit_check(
     with b.if_else(closed) as (with_rows, otherwise):
         with with_rows:
             loop(b, 0, guards.count, lambda i: end_if(below(load(b, after, b.add(i, integer(first))))))
+            for number_of_slip, slip in enumerate(guards.slips):
+                turning = load(b, after, first + guards.count + number_of_slip)
+                end_if(b.fcmp_unordered(">", b.fmul(h, turning), number(STIFF)))
+                end_if(_turns(b, guards, slip, values, inputs))
         with otherwise:
             for_each(b, guards.gaps, lambda i: end_if(below(load(b, after, i))))
 
@@ -219,6 +239,25 @@ def _emit_check(
         end_if(b.and_(b.and_(turns, open_before), b.fcmp_ordered("<", lower, depth)))
 
     for_each(b, guards.gaps, grazing)
+
+
+def _turns(
+    b: ir.IRBuilder, guards: Guards, slip: tuple[int, int], values: list[ir.Value], inputs: ir.Value
+) -> ir.Value:
+    """Whether a slip that slides has changed by more than `TURNING`."""
+    before, after = values
+    direction = [load(b, inputs, guards.first_mode + guards.rows + row) for row in slip]
+    was = [load(b, before, guards.gaps + row) for row in slip]
+    now = [load(b, after, guards.gaps + row) for row in slip]
+
+    def square(parts: list[ir.Value]) -> ir.Value:
+        return b.fma(parts[1], parts[1], b.fmul(parts[0], parts[0]))
+
+    change = square([b.fsub(new, old) for new, old in zip(now, was, strict=True)])
+    slides = b.fcmp_unordered("!=", square(direction), number(0.0))
+    moves = b.fcmp_unordered(">", square(now), number(AT_REST**2))
+    too_far = b.fcmp_unordered(">", change, b.fmul(number(TURNING**2), square(was)))
+    return b.and_(b.and_(slides, moves), too_far)
 
 
 def _is_finite(b: ir.IRBuilder, size: int, y: ir.Value) -> ir.Value:

@@ -22,7 +22,8 @@ class OneSidedSystem:
 
     `rates`, `project` and `readings` are pairs of a system and its result, see `emit_solved`; `open_guards(t, y,
     inputs)` gives the gaps and their rates. Inputs from `first_mode` on are the `modes`: which gaps are closed, which
-    rows are active, and the directions of sliding; further ones may follow.
+    rows are active, and the directions of sliding; further ones may follow. `slips` are the pairs of rows with friction
+    along two directions.
     """
 
     gaps: int
@@ -36,6 +37,7 @@ class OneSidedSystem:
     modes: int
     tolerance: float
     loads: tuple[Load, ...] = ()
+    slips: tuple[tuple[int, int], ...] = ()
 
 
 def emit_guarded(module: ir.Module, system: System, prepare: Prepare, one_sided: OneSidedSystem) -> ir.Function:
@@ -58,6 +60,7 @@ def emit_guarded(module: ir.Module, system: System, prepare: Prepare, one_sided:
         first_mode=one_sided.first_mode,
         modes=one_sided.modes,
         tolerance=one_sided.tolerance,
+        slips=one_sided.slips,
     )
     exported = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER] * 4), "read_contacts")
     builder = ir.IRBuilder(exported.append_basic_block("entry"))

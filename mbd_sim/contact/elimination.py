@@ -18,31 +18,27 @@ def solve(matrix: Array, right: Array) -> Array:
     """
     a = np.column_stack([matrix, right]).astype(float)
     n = len(right)
-    rows, columns = list(range(n)), list(range(n))
+    columns = list(range(n))
     largest = float(np.max(np.abs(a[:, :n]), initial=0.0))
     rank = 0
     while rank < n:
-        rest = np.abs(a[np.ix_(rows[rank:], columns[rank:])])
-        at = int(np.argmax(rest))
-        i, j = rank + at // (n - rank), rank + at % (n - rank)
-        if not a[rows[i], columns[j]] or abs(a[rows[i], columns[j]]) <= SINGULAR * largest:
+        rest = np.abs(a[rank:, rank:n])
+        i, j = divmod(int(rest.argmax()), n - rank)
+        if not rest[i, j] > SINGULAR * largest:
             break
-        rows[rank], rows[i] = rows[i], rows[rank]
-        columns[rank], columns[j] = columns[j], columns[rank]
-        pivot, column = rows[rank], columns[rank]
-        for other in rows[rank + 1 :]:
-            factor = a[other, column] / a[pivot, column]
-            if factor:
-                a[other] -= factor * a[pivot]
-                a[other, column] = 0.0
+        if i:
+            a[[rank, rank + i]] = a[[rank + i, rank]]
+        if j:
+            a[:, [rank, rank + j]] = a[:, [rank + j, rank]]
+            columns[rank], columns[rank + j] = columns[rank + j], columns[rank]
+        factors = a[rank + 1 :, rank] / a[rank, rank]
+        a[rank + 1 :, rank + 1 :] -= factors[:, None] * a[rank, rank + 1 :]
         rank += 1
     x: Array = np.zeros(n)
     for index in range(rank - 1, -1, -1):
-        row, column = rows[index], columns[index]
-        value = a[row, n]
-        for later in columns[index + 1 : rank]:
-            value -= a[row, later] * x[later]
-        x[column] = value / a[row, column]
+        value = a[index, n] / a[index, index]
+        a[:index, n] -= a[:index, index] * value
+        x[columns[index]] = value
     return x
 
 

@@ -195,28 +195,28 @@ def _newton(problem: ContactProblem, forces: Array) -> Array:
 
 def _linearized(problem: ContactProblem, forces: Array, trial: Array) -> tuple[Array, Array]:
     """The residual F = λ - P(λ - s) (n,), and its Jacobian (n, n)."""
-    n, projected = len(forces), _projected(problem, trial)
-    by_trial = np.zeros((n, n))
+    identity = np.eye(len(forces))
+    jacobian = identity.copy()
     for row in problem.normals:
-        by_trial[row, row] = 1.0 if trial[row] > 0.0 else 0.0
+        if trial[row] > 0.0:
+            jacobian[row] = problem.matrix[row]
+    shift = identity - problem.matrix
     for friction in problem.frictions:
         rows, normal = list(friction.rows), friction.normal
-        load = 1.0 if normal is None else max(trial[normal], 0.0)
+        load = 1.0 if normal is None else max(float(trial[normal]), 0.0)
         limit, own = friction.size * load, trial[rows]
         size = _length(own)
         if size <= limit or size == 0.0:
-            by_trial[rows, rows] = 1.0
+            jacobian[rows] = problem.matrix[rows]
             continue
         direction = own / size
         if len(rows) == 2:
-            by_trial[np.ix_(rows, rows)] = limit / size * (np.eye(2) - np.multiply.outer(direction, direction))
+            across = np.array([-direction[1], direction[0]])
+            turned = limit / size * (across[0] * shift[rows[0]] + across[1] * shift[rows[1]])
+            jacobian[rows] -= across[:, None] * turned
         if normal is not None and trial[normal] > 0.0:
-            by_trial[rows, normal] = friction.size * direction
-    shift = np.eye(n) - problem.matrix
-    product = np.zeros((n, n))
-    for inner in range(n):
-        product += np.multiply.outer(by_trial[:, inner], shift[inner])
-    return forces - projected, np.eye(n) - product
+            jacobian[rows] -= (friction.size * direction)[:, None] * shift[normal]
+    return forces - _projected(problem, trial), jacobian
 
 
 def _sweep(problem: ContactProblem, forces: Array) -> Array:

@@ -17,6 +17,7 @@ from mbd_sim.dynamics.spatial_algebra import constant
 from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.mechanism.records import Joint
 
+UNIT = 1e-13  # by which the square of a unit vector may differ from 1
 SLOW = 1e-12  # m/s, slip below which the direction of sliding is the stored one
 
 
@@ -25,9 +26,10 @@ class ContactLayout:
     """The contact numbers at the end of the inputs, for some gaps and rows: the gaps come first among the rows.
 
     `closed` (gaps,) are 1 for closed gaps. `active` (rows,) are 1 for rows that are solved for: independent closed gaps
-    and sticking friction. `direction` (rows - gaps,) are the unit vectors of sliding, 0 without sliding. `multipliers`
-    (rows,) are λ, which functions that read forces take from there. `signs` (loads,) are those of the forces across
-    the axes of joints whose friction depends on them, where these forces have one direction only.
+    and sticking friction. `direction` (rows - gaps,) are the unit vectors of sliding, 0 without sliding; sticking rows
+    that depend on others have a shorter one, which gives the share that they bear. `multipliers` (rows,) are λ, which
+    functions that read forces take from there. `signs` (loads,) are those of the forces across the axes of joints whose
+    friction depends on them, where these forces have one direction only.
     """
 
     gaps: int
@@ -119,14 +121,19 @@ class ContactEquations:
         return ca.vertcat(*(self.numbers[first + row] for row in element.rows))
 
     def direction(self, element: FrictionElement) -> ca.SX:
-        """The direction of sliding, zero without sliding. In two dimensions it follows the slip velocity."""
+        """The direction of sliding, zero without sliding. In two dimensions it follows the slip velocity.
+
+        It does not reverse with that, so that motion is smooth where it stops. A direction that is not a unit vector
+        stays as it is.
+        """
         stored = self.stored_direction(element)
         if len(element.rows) == 1:
             return stored
         slip = ca.vertcat(*(self.equations.velocity[row] for row in element.rows))
         speed = ca.sqrt(ca.dot(slip, slip))
-        slides, moves = ca.dot(stored, stored) > 0.0, speed > SLOW
-        return ca.if_else(slides * moves, slip / ca.fmax(speed, SLOW), stored)
+        slides, moves = ca.fabs(ca.dot(stored, stored) - 1.0) < UNIT, speed > SLOW
+        forward = ca.if_else(ca.dot(stored, slip) < 0.0, -1.0, 1.0)
+        return ca.if_else(slides * moves, forward * slip / ca.fmax(speed, SLOW), stored)
 
     def forces(self, solved: ca.SX) -> ca.SX:
         """The multipliers λ (rows,) of all rows, from those that are solved for, with the friction of sliding."""

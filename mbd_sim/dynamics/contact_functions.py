@@ -23,7 +23,7 @@ from mbd_sim.dynamics.accelerations import (
 )
 from mbd_sim.dynamics.articulated_body import Accelerations, FactorizedMassMatrix
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
-from mbd_sim.dynamics.contact_equations import ContactEquations, FrictionElement
+from mbd_sim.dynamics.contact_equations import SLOW, ContactEquations, FrictionElement
 from mbd_sim.dynamics.joint_loads import JointLoad, transmitted_force
 from mbd_sim.dynamics.kinematics import normalized_quaternions
 from mbd_sim.dynamics.multipliers import ConstraintSolver
@@ -31,7 +31,7 @@ from mbd_sim.dynamics.reactions import transmitted_wrenches
 from mbd_sim.dynamics.separation import separated
 from mbd_sim.dynamics.tracing import TracedMechanism
 
-TURNED = 0.9  # cosine of the angle by which a direction of sliding turns before it is stored again
+TURNED = 0.5  # cosine of the angle by which a direction of sliding turns before it is stored again
 ROUND_OFF = 1e-15  # m, of gaps of a mechanism of up to 1 m
 
 
@@ -55,7 +55,8 @@ class ContactFunctions:
     - `project`: y moved back to the closed gaps and to the speeds of the active rows.
     - `readings(t, y, inputs, solution)`: gaps (gaps,), rates of all rows (rows,), λ (rows,), and the guards (gaps +
       frictions + loads with one component,), which are negative where a mode ends. Guards of forces are fractions of
-      the weight, or in N if that is below 1 N.
+      the weight, or in N if that is below 1 N. Then, for friction along two directions, the rates in 1/s at which it
+      can turn its slip.
     - `open_guards(t, y, inputs)`: while nothing is closed, the gaps (gaps,) and their rates (gaps,).
     - `terms(t, y, inputs)`: A (rows, rows) without friction, the rates of change (rows,) of the rows' rates without
       contact forces, and the sizes of sliding and of static friction (frictions, 2).
@@ -292,12 +293,24 @@ class ContactDynamics:
             for load in self.loads
             if load.components == 1
         ]
-        return ca.vertcat(gaps, contacts.equations.velocity, forces, *guards)
+        turning = [self._turning(element, forces) for element in contacts.frictions if len(element.rows) == 2]
+        return ca.vertcat(gaps, contacts.equations.velocity, forces, *guards, *turning)
+
+    def _turning(self, element: FrictionElement, forces: ca.SX) -> ca.SX:
+        """The rate in 1/s at which friction along two directions can turn its slip velocity."""
+        assert element.gap is not None
+        slip = self.contacts.equations.velocity[list(element.rows), :]
+        speed = ca.sqrt(ca.dot(slip, slip))
+        mobility = sum((self._matrix[row, row] for row in element.rows), ca.SX(0))
+        stored = self.contacts.stored_direction(element)
+        slides = (ca.dot(stored, stored) > 0.0) * (speed > SLOW)
+        size = element.sliding(slip) * ca.fabs(forces[element.gap]) * mobility
+        return ca.if_else(slides, size / ca.fmax(speed, SLOW), 0.0)
 
     def _friction_guard(self, element: FrictionElement, forces: ca.SX, load: ca.SX) -> ca.SX:
         """Sliding: the speed along the stored direction. Sticking: what friction could bear more than it does.
 
-        Along two directions sliding ends when it has turned by some 25 degrees as well, to store the new direction.
+        Along two directions the stored direction is renewed where sliding has turned by some 60 degrees.
         """
         contacts, rows = self.contacts, list(element.rows)
         stored = contacts.stored_direction(element)
@@ -310,7 +323,9 @@ class ContactDynamics:
         speed = ca.dot(stored, slip)
         if len(rows) == 2:
             speed -= TURNED * ca.sqrt(ca.dot(slip, slip))
-        return ca.if_else(slides, speed, ca.if_else(sticks, reserve, 1.0))
+        if element.joint is not None:
+            return ca.if_else(slides, speed, ca.if_else(sticks, reserve, 1.0))
+        return ca.if_else(sticks, reserve, ca.if_else(slides, speed, 1.0))
 
 
 def joined(one: ConstraintEquations, other: ConstraintEquations) -> ConstraintEquations:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,18 +16,29 @@ from mbd_sim.contact.problem import NoSolutionError
 from mbd_sim.errors import DivergedError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.contact_impact import Impact, impact
-from mbd_sim.simulation.contact_modes import RESTING, STOPPED, Forced, ModeFinder
+from mbd_sim.simulation.contact_modes import RESTING, Forced, ModeFinder
 from mbd_sim.simulation.contact_records import ContactChange, ContactEvent
+from mbd_sim.simulation.contact_search import EventSearch
 from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, Mask
-from mbd_sim.simulation.event_location import first_zero
 
 EVENTS_KEPT = 10_000
-MOST_EVENTS = 500  # in one step, beyond which nothing rebounds
-FRACTION = 1e-3  # of a step, in which a direction of sliding becomes apparent
+MOST_EVENTS = 500  # in one step, beyond which nothing rebounds; beyond twice as many the step goes on without events
+MOST_STAGES = 5000  # of a step
+MOST_AT_ONCE = 20  # events at one instant, beyond which their guards wait until time has passed
+LONGER = 4.0  # than the last part of a step that a next one may be
 
 
 class EventError(DivergedError):
     """A contact problem that has no solution; the message says where."""
+
+
+@dataclass
+class _Decided:
+    """What events at one instant have decided: gaps that `open`, friction that is `yielding`; and their `count`."""
+
+    open: frozenset[int] = frozenset()
+    yielding: frozenset[int] = frozenset()
+    count: int = 0
 
 
 class ContactStepper:
@@ -47,7 +59,7 @@ class ContactStepper:
     ) -> None:
         self._model, self._energy, self._speeds, self._losses = model, energy, speeds, losses
         self._rest_speed, self._tolerance, self._driven = rest_speed, tolerance, driven
-        self._finder = ModeFinder(model, tolerance)
+        self._finder, self._search = ModeFinder(model, tolerance), EventSearch(model, tolerance)
         self.events: deque[ContactEvent] = deque(maxlen=EVENTS_KEPT)
         self.count = 0
 
@@ -66,7 +78,7 @@ class ContactStepper:
                     raise FloatingPointError
                 done += taken
                 if done < n:
-                    self._step(y, inputs, (first + done) * h, (first + done + 1) * h, h)
+                    self._step(y, inputs, (first + done) * h, (first + done + 1) * h)
                     done += 1
         except (FloatingPointError, EventError) as error:
             y[:], inputs[:] = before, modes
@@ -86,125 +98,48 @@ class ContactStepper:
         self._model.modes(inputs)[:] = 0.0
         self._resolve(time, y, inputs, Forced(), np.zeros(self._model.layout.gaps, dtype=bool), True, first=True)
 
-    def _step(self, y: Array, inputs: Array, start: float, end: float, h: float) -> None:
-        t, left = start, h
-        for count in range(4 * MOST_EVENTS):
-            trial = self._moved(y, inputs, t, left)
-            found = self._first_event(y, trial, inputs, t, left)
-            if found is None:
-                y[:] = trial
+    def _step(self, y: Array, inputs: Array, start: float, end: float) -> None:
+        t, events, ignored, longest, decided = start, 0, frozenset[int](), np.inf, _Decided()
+        for _ in range(MOST_STAGES):
+            stage = self._search.stage(y, inputs, t, end - t, longest, ignored)
+            y[:] = stage.y
+            longest = np.inf if stage.is_event else LONGER * stage.length
+            is_last = stage.length >= end - t
+            t = end if is_last else t + stage.length
+            if stage.is_event:
+                events += 1
+                if events > 2 * MOST_EVENTS:
+                    break
+                decided = decided if stage.length == 0.0 else _Decided()
+                ignored = self._switch(t, y, inputs, decided, events <= MOST_EVENTS)
+            elif stage.length > 0.0:
+                ignored = frozenset()
+            if is_last:
                 return
-            if found > 0.0:
-                y[:] = self._moved(y, inputs, t, found)
-                t += found
-            self._switch(t, y, inputs, count < MOST_EVENTS)
-            left = end - t
-            if left <= 0.0:
-                return
-        raise EventError(f"more than {4 * MOST_EVENTS} events of contacts within the step at {start:.9g} s")
-
-    def _moved(self, y: Array, inputs: Array, t: float, length: float) -> Array:
-        moved = y.copy()
-        self._model.kernel.part_step(moved.ctypes.data, inputs.ctypes.data, t, length)
-        if not np.all(np.isfinite(moved)):
-            raise FloatingPointError
-        return moved
-
-    def _first_event(self, y: Array, trial: Array, inputs: Array, t: float, length: float) -> float | None:
-        """The length of the step up to its first event, or None."""
-        before, after = self._model.readings(t, y, inputs), self._model.readings(t + length, trial, inputs)
-        self._turn(before, inputs)
-        after = self._model.readings(t + length, trial, inputs)
-        if not np.all(np.isfinite(after.guards)):
+        self._record(ContactEvent(t, "contacts", ContactChange.BOUND))
+        if t < end:
+            self._model.kernel.part_step(y.ctypes.data, inputs.ctypes.data, t, end - t)
+        if not np.all(np.isfinite(y)):
             raise FloatingPointError
 
-        def guard(index: int) -> Callable[[float], float]:
-            def value(s: float) -> float:
-                at = self._moved(y, inputs, t, s)
-                return float(self._model.readings(t + s, at, inputs).guards[index])
-
-            return value
-
-        start = self._model.readings(t, y, inputs).guards
-        found = []
-        for index in np.flatnonzero(after.guards < -self._tolerance).tolist():
-            zero = first_zero(guard(index), length, float(start[index]), float(after.guards[index]), self._tolerance)
-            if zero == 0.0 and self._may_turn(index, inputs):
-                zero = FRACTION * length  # from rest into an unstable direction: the motion finds the stable one
-            found.append(zero)
-        found += [
-            grazed
-            for index in self._may_graze(before, after, inputs)
-            if (grazed := self._grazing(y, inputs, t, length, index, before)) is not None
-        ]
-        return min(found, default=None)
-
-    def _may_turn(self, guard: int, inputs: Array) -> bool:
-        """Whether a guard is that of sliding along two directions."""
+    def _switch(self, time: float, y: Array, inputs: Array, decided: _Decided, elastic: bool) -> frozenset[int]:
+        """Make the changes whose guards are zero or negative; the guards that must be left as they are."""
         layout, modes = self._model.layout, self._model.modes(inputs)
-        number = guard - layout.gaps
-        if not 0 <= number < len(self._model.frictions):
-            return False
-        rows, first = self._model.frictions[number][0], layout.direction.start - layout.gaps
-        return len(rows) == 2 and any(modes[first + row] for row in rows)
-
-    def _may_graze(self, before: ContactReadings, after: ContactReadings, inputs: Array) -> list[int]:
-        gaps = self._model.layout.gaps
-        closed = inputs[self._model.span][self._model.layout.closed] != 0.0
-        turns = (before.rates[:gaps] < 0.0) & (after.rates[:gaps] > 0.0) & (before.gaps > self._tolerance)
-        return np.flatnonzero(turns & ~closed & ~self._model.clutches & (after.gaps >= -self._tolerance)).tolist()
-
-    def _grazing(
-        self, y: Array, inputs: Array, t: float, length: float, index: int, before: ContactReadings
-    ) -> float | None:
-        """Where a gap that turns within the step becomes zero before that."""
-
-        def rate(s: float) -> float:
-            return -float(self._model.readings(t + s, self._moved(y, inputs, t, s), inputs).rates[index])
-
-        def gap(s: float) -> float:
-            return float(self._model.readings(t + s, self._moved(y, inputs, t, s), inputs).gaps[index])
-
-        lowest = first_zero(rate, length, -float(before.rates[index]), rate(length), 0.0)
-        depth = gap(lowest)
-        return (
-            first_zero(gap, lowest, float(before.gaps[index]), depth, self._tolerance)
-            if depth < -self._tolerance
-            else None
-        )
-
-    def _turn(self, readings: ContactReadings, inputs: Array) -> None:
-        """Set the stored directions of sliding along two directions to the present ones."""
-        layout, modes = self._model.layout, self._model.modes(inputs)
-        first = layout.direction.start - layout.gaps
-        for rows, _ in self._model.frictions:
-            if len(rows) == 2 and any(modes[first + row] for row in rows):
-                slip = readings.rates[list(rows)]
-                speed = float(np.sqrt(slip[0] * slip[0] + slip[1] * slip[1]))
-                if speed > STOPPED:
-                    for row, part in zip(rows, slip.tolist(), strict=True):
-                        modes[first + row] = part / speed
-
-    def _switch(self, time: float, y: Array, inputs: Array, elastic: bool) -> None:
-        """Make the changes whose guards are zero or negative."""
-        layout, modes = self._model.layout, self._model.modes(inputs)
-        readings = self._model.readings(time, y, inputs)
-        self._turn(readings, inputs)
         readings = self._model.readings(time, y, inputs)
         reached = readings.guards <= self._tolerance
-        if not reached.any():
-            return  # a direction of sliding has turned
+        old, speeds = modes.copy(), y[self._speeds].copy()
         self._model.flip_signs(modes, reached)
         closed = modes[layout.closed] != 0.0
         touched = reached[: layout.gaps] & ~closed
-        opening = frozenset(np.flatnonzero(reached[: layout.gaps] & closed).tolist())
-        first = layout.direction.start - layout.gaps
-        yielding = frozenset(
-            index
-            for index, (rows, _) in enumerate(self._model.frictions)
-            if reached[layout.gaps + index] and not any(modes[first + row] for row in rows)
-        )
-        self._resolve(time, y, inputs, Forced(opening, yielding), touched, elastic)
+        decided.open |= frozenset(np.flatnonzero(reached[: layout.gaps] & closed).tolist())
+        at_limit = np.flatnonzero(reached[layout.gaps : layout.gaps + len(self._model.frictions)]).tolist()
+        decided.yielding |= frozenset(at_limit) - frozenset(self._model.sliding(modes))
+        self._resolve(time, y, inputs, Forced(decided.open, decided.yielding), touched, elastic)
+        decided.count += 1
+        is_same = bool(np.all(modes == old) and np.all(y[self._speeds] == speeds))
+        if (decided.count > 1 and is_same) or decided.count > MOST_AT_ONCE:
+            return frozenset(np.flatnonzero(reached).tolist())
+        return frozenset()
 
     def _resolve(
         self, time: float, y: Array, inputs: Array, forced: Forced, touched: Mask, elastic: bool, first: bool = False
@@ -247,6 +182,7 @@ class ContactStepper:
         elastic: bool,
     ) -> None:
         model = self._model
+        touching = touching | model.clutches  # an impact elsewhere may engage them
         before = self._energy(time, y, inputs) if self._driven else 0.0
         try:
             found: Impact = impact(model, time, y, inputs, readings, touching, returning, self._rest_speed, elastic)
@@ -272,12 +208,13 @@ class ContactStepper:
                 change = ContactChange.CLOSED if now else ContactChange.OPENED
                 self._record(ContactEvent(time, model.names[gap], change))
         first = layout.direction.start - layout.gaps
-        for rows, load in model.frictions:
+        sliding = [frozenset(model.sliding(modes)) for modes in (old, new)]
+        for index, (rows, load) in enumerate(model.frictions):
             if load is not None and not new[load]:
                 continue
-            slid, slides = (any(modes[first + row] for row in rows) for modes in (old, new))
-            reverses = slid and sum(old[first + row] * new[first + row] for row in rows) < 0.0
-            stuck = any(old[layout.active.start + row] for row in rows)
+            slid, slides = (index in elements for elements in sliding)
+            reverses = slid and slides and sum(old[first + row] * new[first + row] for row in rows) < 0.0
+            stuck = not slid and (load is None or old[load] != 0.0)
             name = model.row_names[rows[0]] if load is None else model.names[load]
             if (slides and not slid) or reverses:
                 self._record(ContactEvent(time, name, ContactChange.SLIDES))

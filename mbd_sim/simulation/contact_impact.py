@@ -8,6 +8,7 @@ largest that gains none.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,14 +88,34 @@ def impact(
     found, loss, factor = *with_factor(1.0), 1.0
     exchanged = 0.5 * sum(abs(found * before).tolist())
     if loss < -GAIN * exchanged:
-        low, high = 0.0, 1.0
-        for _ in range(HALVINGS):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if with_factor(middle)[1] >= 0.0 else (low, middle)
-        found, loss, factor = *with_factor(low), low
+        factor = _largest(lambda trial: with_factor(trial)[1], loss, GAIN * exchanged)
+        found, loss = with_factor(factor)
     impulses = np.zeros(model.layout.rows)
     impulses[chosen] = found
     return Impact(impulses, model.response(time, y, inputs, impulses), max(loss, 0.0), factor)
+
+
+def _largest(loss: Callable[[float], float], last: float, enough: float) -> float:
+    """The largest factor in 0…1 with a loss that is not negative, by a bracketing root finder.
+
+    :param last: the loss with the factor 1, negative.
+    :param enough: the loss that is not distinguished from 0.
+    """
+    low, f_low, high, f_high, side = 0.0, loss(0.0), 1.0, last, 0
+    for count in range(HALVINGS):
+        middle = (low * f_high - high * f_low) / (f_high - f_low) if f_low > 0.0 else 0.0
+        if count % 4 == 3 or not low < middle < high:
+            middle = 0.5 * (low + high)
+        found = loss(middle)
+        if found >= 0.0:
+            f_high *= 0.5 if side > 0 else 1.0
+            low, f_low, side = middle, found, 1
+            if found <= enough:
+                break
+        else:
+            f_low *= 0.5 if side < 0 else 1.0
+            high, f_high, side = middle, found, -1
+    return low
 
 
 def _rest(

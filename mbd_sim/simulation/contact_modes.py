@@ -14,12 +14,15 @@ import numpy as np
 from mbd_sim.contact.elimination import independent
 from mbd_sim.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
 from mbd_sim.geometry.pose import Array
+from mbd_sim.simulation.contact_search import STOPPED
 from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, ContactTerms, Mask
 
 RESTING = 1e-10  # m/s, up to which a speed counts as zero
-STOPPED = 1e-8  # m/s, the same for slip along two directions, which turns ever faster as it stops
 YIELDING = 1.0 - 1e-7  # of its limit, that friction bears which has just reached it
 UNMOVED = 1e-9  # acceleration, relative to those without contact forces, that counts as zero
+RESERVES = (0.5, 0.75, 0.9, *(1.0 - 3.0**-k for k in range(3, 15)))  # of limits, tried where friction is shared
+NEAR = 0.95  # of its limit, beyond which shared friction is distributed in another way if possible
+SHARED = 1.0 - 1e-6  # of its limit, that friction bears at most which depends on other sticking friction
 ATTEMPTS, LOAD_ITERATIONS = 20, 200
 
 
@@ -74,13 +77,12 @@ class ModeFinder:
 
         That happens where several share a load that is indeterminate. Each then bears as much as it can.
         """
-        model, overloaded = self._model, {}
+        model, overloaded = self._model, dict[int, tuple[float, ...]]()
+        sliding = model.sliding(modes)
         scale = 1.0 + float(np.max(np.abs(found.forces), initial=0.0))
         for index, (rows, _) in enumerate(model.frictions):
             guard = found.guards[model.layout.gaps + index]
-            first = model.layout.direction.start - model.layout.gaps
-            slides = any(modes[first + row] for row in rows)
-            if not slides and guard < -1e-9 * scale:
+            if index not in sliding and guard < -1e-9 * scale:
                 force = found.forces[list(rows)]
                 overloaded[index] = tuple((-force / _length(force)).tolist())
         return overloaded
@@ -99,6 +101,7 @@ class _Candidates:
         self._closable = [index for index in self._touching if index not in forced.open]
         self._loads = {index: terms.load(index, readings.forces) for index in model.loaded}
         self._direction: dict[int, Array] = {}
+        self._share = 1.0  # of the limits of friction at rest
         self._sticking: list[int] = []
         for index, (rows, gap) in enumerate(model.frictions):
             if gap is not None and gap not in self._closable:
@@ -122,6 +125,7 @@ class _Candidates:
             forces, rates = self._forces_and_loads()
             slipping = self._slipping(forces, rates)
             if not slipping:
+                forces, rates = self._with_reserve(forces, rates)
                 break
             for index, direction in slipping.items():
                 self._direction[index] = direction
@@ -190,9 +194,35 @@ class _Candidates:
             rates += matrix[:, row] * value
         return forces, rates
 
+    def _with_reserve(self, forces: Array, rates: Array) -> tuple[Array, Array]:
+        """Other forces with the same accelerations, with which friction that is shared is further from its limits."""
+        if len(self._sticking) < 2 or not any(self._use(index, forces) > NEAR for index in self._sticking):
+            return forces, rates
+        rows = [row for index in self._sticking for row in self._model.frictions[index][0]]
+        rows += [gap for gap in self._closable if forces[gap] > 0.0]
+        if len(independent(self._terms.matrix, rows)) == len(rows):
+            return forces, rates
+        for share in RESERVES:
+            self._share = share
+            try:
+                found, others = self._forces_and_loads()
+            except NoSolutionError:
+                continue
+            finally:
+                self._share = 1.0
+            if np.max(np.abs(others - rates)) <= self._unmoved:
+                return found, others
+        return forces, rates
+
+    def _use(self, index: int, forces: Array) -> float:
+        """The fraction of its limit that sticking friction bears."""
+        rows, gap = self._model.frictions[index]
+        limit = self._static(index) * (1.0 if gap is None else float(forces[gap]))
+        return _length(forces[list(rows)]) / limit if limit > 0.0 else 0.0
+
     def _static(self, index: int) -> float:
         """The limit of an element's friction at rest, for a unit force of its gap if it has one."""
-        limit = float(self._terms.sizes[index, 1] * self._loads.get(index, 1.0))
+        limit = float(self._terms.sizes[index, 1] * self._loads.get(index, 1.0)) * self._share
         return limit * YIELDING if index in self._forced.yielding else limit
 
     def _slipping(self, forces: Array, rates: Array) -> dict[int, Array]:
@@ -217,9 +247,19 @@ class _Candidates:
         sticking = [index for index in self._sticking if model.frictions[index][1] in (None, *closed)]
         sticking.sort(key=lambda index: (-_length(forces[list(model.frictions[index][0])]), index))
         active += [row for index in sticking for row in model.frictions[index][0]]
-        for row in independent(self._terms.matrix, active):
+        chosen = independent(self._terms.matrix, active)
+        for row in chosen:
             modes[layout.active.start + row] = 1.0
         first = layout.direction.start - layout.gaps
+        for index in sticking:
+            rows, gap = model.frictions[index]
+            limit = self._terms.sizes[index, 0] * (1.0 if gap is None else forces[gap])
+            if index in self._loads or limit <= 0.0 or all(row in chosen for row in rows):
+                continue
+            share = [0.0 if row in chosen else -float(forces[row]) / limit for row in rows]
+            size = _length(share)
+            for row, part in zip(rows, share, strict=True):
+                modes[first + row] = part * min(1.0, SHARED / size) if size else 0.0
         for index, direction in self._direction.items():
             rows, gap = model.frictions[index]
             if index in self._loads:

@@ -16,6 +16,7 @@ class ContactChange(StrEnum):
     STICKS = "sticks"
     SLIDES = "slides"
     IMPACT = "impact"
+    BOUND = "too many events"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +37,8 @@ class ContactEvent:
     @property
     def text(self) -> str:
         """The event for people, on one line."""
+        if self.change is ContactChange.BOUND:
+            return f"contacts: {self.change} within the step at {self.time:.6f} s; it goes on without further ones"
         text = f"{self.name}: {self.change} at {self.time:.6f} s"
         if self.change is ContactChange.IMPACT:
             text += f", impulse {self.impulse:.4g}, loss {self.loss:.4g} J"

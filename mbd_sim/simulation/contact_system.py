@@ -25,6 +25,7 @@ def one_sided_system(equations: Equations) -> OneSidedSystem | None:
     layout = contact.contacts.layout
     rows = [element.rows[0] for element in contact.contacts.frictions if element.joint is not None]
     loads = tuple(Load(row, load.nnz_out(0)) for row, load in zip(rows, contact.loads, strict=True))
+    slips = [element.rows for element in contact.contacts.frictions]
     single_loads = sum(load.components == 1 for load in loads)
 
     def pair(functions: SolvedPair) -> tuple[ca.Function, ca.Function]:
@@ -41,5 +42,6 @@ def one_sided_system(equations: Equations) -> OneSidedSystem | None:
         first_mode=equations.inputs.contact.start,
         modes=2 * layout.rows,
         loads=loads,
+        slips=tuple((rows[0], rows[1]) for rows in slips if len(rows) == 2),
         tolerance=guard_tolerance(equations),
     )

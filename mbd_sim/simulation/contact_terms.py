@@ -21,16 +21,21 @@ from mbd_sim.simulation.contact_records import ContactState
 Mask: TypeAlias = NDArray[np.bool_]
 
 ROUND_OFF = 1e-10  # of a load, relative to its parts
+SLIDING = 1.0 - 1e-9  # square of the length of a direction of sliding
 
 
 @dataclass(frozen=True, eq=False)
 class ContactReadings:
-    """The gaps (gaps,), rates (rows,), forces λ (rows,) and guards (gaps + frictions,) of a state."""
+    """The gaps (gaps,), rates (rows,), forces λ (rows,) and guards (gaps + frictions,) of a state.
+
+    `turning` are the rates in 1/s at which friction along two directions may turn its slip.
+    """
 
     gaps: Array
     rates: Array
     forces: Array
     guards: Array
+    turning: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +79,7 @@ class ContactModel:
         self.row_names = _row_names(contacts)
         self.names = self.row_names[: self.layout.gaps]
         self.owners = tuple(contacts.equations.rows[index].owner for index in range(self.layout.rows))
+        self.pairs = [index for index, (rows, _) in enumerate(self.frictions) if len(rows) == 2]
         self.loaded = [index for index, element in enumerate(contacts.frictions) if element.joint is not None]
         self._single = [number for number, load in enumerate(functions.loads) if load.nnz_out(0) == 1]
         self.guard_count = self.layout.gaps + len(self.frictions) + len(self._single)
@@ -82,12 +88,26 @@ class ContactModel:
         """A view of the modes among the inputs, see `ContactLayout.modes`."""
         return inputs[self.span][self.layout.modes]
 
+    def sliding(self, modes: Array) -> list[int]:
+        """The friction elements that slide."""
+        found, layout = [], self.layout
+        first = layout.direction.start - layout.gaps
+        for index, (rows, _) in enumerate(self.frictions):
+            size = sum(float(modes[first + row]) ** 2 for row in rows)
+            sticks = index not in self.loaded and any(modes[layout.active.start + row] for row in rows)
+            if size > SLIDING and not sticks:
+                found.append(index)
+        return found
+
     def readings(self, time: float, y: Array, inputs: Array) -> ContactReadings:
         """Gaps, rates, forces and guards."""
         gaps, rows = self.layout.gaps, self.layout.rows
-        moment, out = np.array([time]), np.empty(gaps + 2 * rows + self.guard_count)
+        ends = gaps, gaps + rows, gaps + 2 * rows, gaps + 2 * rows + self.guard_count
+        moment, out = np.array([time]), np.empty(ends[-1] + len(self.pairs))
         self.kernel.readings(*(array.ctypes.data for array in (moment, y, inputs, out)))
-        return ContactReadings(*np.split(out, [gaps, gaps + rows, gaps + 2 * rows]))
+        return ContactReadings(
+            out[: ends[0]], out[ends[0] : ends[1]], out[ends[1] : ends[2]], out[ends[2] : ends[3]], out[ends[3] :]
+        )
 
     def with_forces(self, time: float, y: Array, inputs: Array) -> Array:
         """A copy of the inputs with the forces λ of all rows."""
@@ -97,14 +117,13 @@ class ContactModel:
 
     def states(self, time: float, y: Array, inputs: Array) -> dict[str, ContactState]:
         """Each gap and each friction element without one, by name."""
-        layout, modes, read = self.layout, self.modes(inputs), self.readings(time, y, inputs)
-        first = layout.direction.start - layout.gaps
+        modes, read = self.modes(inputs), self.readings(time, y, inputs)
+        sliding = self.sliding(modes)
         friction = {gap: index for index, (_, gap) in enumerate(self.frictions) if gap is not None}
 
         def state(element: int) -> tuple[str, Array, Array]:
             rows = list(self.frictions[element][0])
-            slides = any(modes[first + row] for row in rows)
-            return "slides" if slides else "sticks", read.forces[rows], read.rates[rows]
+            return "slides" if element in sliding else "sticks", read.forces[rows], read.rates[rows]
 
         found: dict[str, ContactState] = {}
         for gap, name in enumerate(self.names):
@@ -150,6 +169,8 @@ class ContactModel:
         """Write the signs of loads with one component into the modes; those that are zero keep theirs."""
         for number, index in enumerate(self.loaded):
             unloaded, by_force = terms.loads[index]
+            if not len(unloaded):
+                continue  # nothing loads this joint
             parts = [float(unloaded[0]), *(by_force[0] * forces).tolist()]
             value, position = sum(parts), self.layout.signs.start + number
             if abs(value) > ROUND_OFF * (1.0 + sum(map(abs, parts))):

@@ -28,11 +28,16 @@ def first_zero(value: Callable[[float], float], length: float, start: float, end
             high, f_high = probe, found
         else:
             return 0.0
-    return _root(value, low, f_low, high, f_high)
+    return _root(value, low, f_low, high, f_high, tolerance)
 
 
-def _root(value: Callable[[float], float], low: float, f_low: float, high: float, f_high: float) -> float:
-    """The zero between `low`, where the function is positive, and `high`, by Anderson and Björck's regula falsi."""
+def _root(
+    value: Callable[[float], float], low: float, f_low: float, high: float, f_high: float, tolerance: float
+) -> float:
+    """The zero between `low`, where the function is positive, and `high`, by Anderson and Björck's regula falsi.
+
+    Where the function jumps, the first argument after that.
+    """
     best, least = (low, f_low) if abs(f_low) < abs(f_high) else (high, abs(f_high))
     side = 0
     for count in range(ITERATIONS):
@@ -58,4 +63,4 @@ def _root(value: Callable[[float], float], low: float, f_low: float, high: float
                 factor = 1.0 - found / f_high
                 f_low *= factor if factor > 0.0 else 0.5
             high, f_high, side = middle, found, -1
-    return best
+    return best if least <= tolerance else high

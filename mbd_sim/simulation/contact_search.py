@@ -1,0 +1,307 @@
+"""The search for the first event within a step of a mechanism with one-sided rows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbd_sim.compiler.guarded_stepping import AT_REST, STIFF, TURNING
+from mbd_sim.contact.elimination import solve
+from mbd_sim.geometry.pose import Array
+from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings
+from mbd_sim.simulation.event_location import first_zero
+
+STOPPED = 1e-8  # m/s, up to which slip along two directions counts as zero: it turns ever faster as it stops
+STOPPING = 4.0  # of such a slip velocity, by which it may change within a step
+STRAIGHT = 1e-10  # part of a change of slip across it, up to which it keeps its direction
+NOISE = 1e-15  # m/s, of slip
+SHORTER = 0.8  # of the length after which a slip velocity has changed by `TURNING`
+SHORTENING = 0.25  # of a length, at most; the motion beyond a stop says little
+STEADY = 16.0  # stable steps, beyond which directions of sliding are sought that hold for longer ones
+BRIEF = 1e-3  # of a stable step, in which the change of a slip is measured
+FIXED = 1.0 + 1e-12  # length of a direction of sliding that does not turn
+ANGLE = 1e-5  # rad, for the derivatives by angles
+NEWTON_STEPS = 8
+SHORTEST = 1e-15  # s, and of the time
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """The state `y` after a `length` in s; where that `is_event`, it is an event.
+
+    `stopped` are the friction elements with two directions whose sliding ends there.
+    """
+
+    length: float
+    y: Array
+    is_event: bool
+    stopped: frozenset[int] = frozenset()
+
+
+class EventSearch:
+    """Takes parts of steps up to the first event, or as far as slip along two directions does not turn much.
+
+    The directions of sliding among the `inputs` follow the slip.
+    A guard counts as negative below -`tolerance`.
+    """
+
+    def __init__(self, model: ContactModel, tolerance: float) -> None:
+        self._model, self._tolerance = model, tolerance
+        self._place = {index: place for place, index in enumerate(model.pairs)}
+
+    def stage(
+        self, y: Array, inputs: Array, t: float, length: float, first_length: float, ignored: frozenset[int]
+    ) -> Stage:
+        """The next part of a step that begins at t and is at most this long; guards in `ignored` make no event.
+
+        :param first_length: what to try first, unless slips turn much faster than they change.
+
+        :raises FloatingPointError: the state does not stay finite.
+        """
+        sliding = [index for index in self._model.sliding(self._model.modes(inputs)) if index in self._place]
+        if sliding:
+            self._turn(self._model.readings(t, y, inputs), inputs, sliding)
+        way = _Way(self._model, y, inputs, t)
+        before = way.readings(0.0)
+        turning = self._turning(way, before, sliding, length)
+        straight = self._straight(y, inputs, t, length, turning)
+        steady, longest = self._steady(way, before, turning, length) if straight is None else ([], length)
+        if straight is not None:
+            way = straight
+        elif steady:
+            length = longest
+            way = self._along_fixed(y, inputs, t, length, steady)
+        elif turning:
+            length = self._resolved_length(way, before, inputs, sliding, min(length, first_length), t)
+        before, after = way.readings(0.0), way.readings(length)
+        if not np.all(np.isfinite(after.guards)):
+            raise FloatingPointError
+        first, stopped = None, frozenset[int]()
+        for index in sliding:  # the motion beyond a stop means nothing
+            if (stop := self._stop(way, index, before, length)) is not None:
+                first, stopped, length = stop, frozenset({index}), stop
+        after = way.readings(length)
+        left_out = ignored | {self._model.layout.gaps + index for index in sliding}
+        for index in np.flatnonzero(after.guards < -self._tolerance).tolist():
+            if index not in left_out:
+                first = self._earlier(way, _guard(index), first, length)
+        for index in self._may_graze(before, after, inputs):
+            first = self._grazing(way, index, first, length)
+        if first is None:
+            return Stage(length, way.state(length), False)
+        return Stage(first, way.state(first), True, stopped if first == length else frozenset())
+
+    def _earlier(
+        self, way: _Way, value: Callable[[ContactReadings], float], first: float | None, length: float
+    ) -> float | None:
+        """The zero of a value that is negative at the end, if it is earlier than the `first` until now."""
+        end = length if first is None else first
+        if end == 0.0 or value(way.readings(end)) >= -self._tolerance:
+            return first
+        start, last = value(way.readings(0.0)), value(way.readings(end))
+        return first_zero(lambda s: value(way.readings(s)), end, start, last, self._tolerance)
+
+    def _may_graze(self, before: ContactReadings, after: ContactReadings, inputs: Array) -> list[int]:
+        gaps = self._model.layout.gaps
+        closed = inputs[self._model.span][self._model.layout.closed] != 0.0
+        turns = (before.rates[:gaps] < 0.0) & (after.rates[:gaps] > 0.0) & (before.gaps > self._tolerance)
+        return np.flatnonzero(turns & ~closed & ~self._model.clutches & (after.gaps >= -self._tolerance)).tolist()
+
+    def _grazing(self, way: _Way, index: int, first: float | None, length: float) -> float | None:
+        """Where a gap that turns within the step becomes zero before that, if that is the first event."""
+
+        def rate(s: float) -> float:
+            return -float(way.readings(s).rates[index])
+
+        lowest = first_zero(rate, length, rate(0.0), rate(length), 0.0)
+        if first is not None and first <= lowest:
+            return first if first == 0.0 else self._earlier(way, lambda at: float(at.gaps[index]), first, length)
+        found = self._earlier(way, lambda at: float(at.gaps[index]), lowest, length)
+        return found if found != lowest else first
+
+    def _turning(self, way: _Way, before: ContactReadings, sliding: list[int], length: float) -> list[int]:
+        """The elements whose slip changes, or could turn, by much within a length; also those that begin to slide."""
+        found, after = [], way.readings(length)
+        for index in sliding:
+            slip, then, place = self._slip(before, index), self._slip(after, index), self._place[index]
+            change, speed = math.hypot(then[0] - slip[0], then[1] - slip[1]), _speed(slip)
+            rate = max(float(before.turning[place]), float(after.turning[place]))
+            if change > TURNING * speed or (speed > AT_REST and length * rate > STIFF):
+                found.append(index)
+        return found
+
+    def _straight(self, y: Array, inputs: Array, t: float, length: float, turning: list[int]) -> _Way | None:
+        """The motion with constant directions of friction, if the slips keep these directions."""
+        if not turning:
+            return None
+        directions = [self._direction(index, inputs) for index in turning]
+        way = self._fixed(y, inputs, t, turning, directions)
+        for index, direction in zip(turning, directions, strict=True):
+            if not _is_straight(
+                direction, self._slip(way.readings(0.0), index), self._slip(way.readings(length), index)
+            ):
+                return None
+        return way
+
+    def _resolved_length(
+        self, way: _Way, before: ContactReadings, inputs: Array, sliding: list[int], length: float, t: float
+    ) -> float:
+        """The length of a part of a step in which no slip turns much."""
+        shortest = SHORTEST * max(1.0, abs(t))
+        while (shorter := self._resolved(before, way.readings(length), sliding, length)) < length and length > shortest:
+            length = max(shorter, shortest)
+        return length
+
+    def _steady(self, way: _Way, before: ContactReadings, turning: list[int], length: float) -> tuple[list[int], float]:
+        """The elements whose friction turns their slip much faster than it changes, and how long it does."""
+        moving = [index for index in turning if _speed(self._slip(before, index)) > AT_REST]
+        rates = {index: float(before.turning[self._place[index]]) / STIFF for index in moving}
+        fastest = max(rates.values(), default=0.0)
+        if length * fastest <= STEADY:
+            return [], length
+        brief = BRIEF / fastest
+        soon = way.readings(brief)
+        for index in moving:
+            slip, then = self._slip(before, index), self._slip(soon, index)
+            change = math.hypot(then[0] - slip[0], then[1] - slip[1]) / brief
+            if change > 0.0:
+                length = min(length, SHORTER * TURNING * _speed(slip) / change)
+        return [index for index in moving if length * rates[index] > 1.0] if length * fastest > STEADY else [], length
+
+    def _fixed(self, y: Array, inputs: Array, t: float, elements: list[int], directions: list[list[float]]) -> _Way:
+        """The motion with these constant directions of friction."""
+        given = inputs.copy()
+        layout, modes = self._model.layout, self._model.modes(given)
+        first = layout.direction.start - layout.gaps
+        for index, direction in zip(elements, directions, strict=True):
+            for row, part in zip(self._model.frictions[index][0], direction, strict=True):
+                modes[first + row] = FIXED * part
+        return _Way(self._model, y, given, t)
+
+    def _along_fixed(self, y: Array, inputs: Array, t: float, length: float, elements: list[int]) -> _Way:
+        """The motion with constant directions of friction, which are those that the slips have at the end.
+
+        That is stable however fast friction turns the slips; these are then so slow that it is accurate as well.
+        """
+        angles = np.array([math.atan2(*reversed(self._direction(index, inputs))) for index in elements])
+
+        def across(trial: Array) -> tuple[Array, _Way]:
+            directions = [[math.cos(angle), math.sin(angle)] for angle in trial.tolist()]
+            way = self._fixed(y, inputs, t, elements, directions)
+            slips = [self._slip(way.readings(length), index) for index in elements]
+            pairs = zip(slips, directions, strict=True)
+            return np.array([slip[1] * along[0] - slip[0] * along[1] for slip, along in pairs]), way
+
+        found, way = across(angles)
+        for _ in range(NEWTON_STEPS):
+            jacobian = np.empty((len(elements), len(elements)))
+            for column in range(len(elements)):
+                moved = angles.copy()
+                moved[column] += ANGLE
+                jacobian[:, column] = (across(moved)[0] - found) / ANGLE
+            angles = angles - solve(jacobian, found)
+            last, (found, way) = found, across(angles)
+            if not np.max(np.abs(found)) < 0.5 * np.max(np.abs(last)):
+                break
+        return way
+
+    def _slip(self, readings: ContactReadings, index: int) -> list[float]:
+        rows = self._model.frictions[index][0]
+        return [float(readings.rates[row]) for row in rows]
+
+    def _turn(self, readings: ContactReadings, inputs: Array, sliding: list[int]) -> None:
+        """Store the present directions of sliding."""
+        layout, modes = self._model.layout, self._model.modes(inputs)
+        first = layout.direction.start - layout.gaps
+        for index in sliding:
+            rows = self._model.frictions[index][0]
+            slip = readings.rates[list(rows)].tolist()
+            speed = math.hypot(*slip)
+            if speed > AT_REST:
+                for row, part in zip(rows, slip, strict=True):
+                    modes[first + row] = part / speed
+
+    def _direction(self, index: int, inputs: Array) -> list[float]:
+        """The stored direction of sliding."""
+        layout, modes = self._model.layout, self._model.modes(inputs)
+        first = layout.direction.start - layout.gaps
+        return [float(modes[first + row]) for row in self._model.frictions[index][0]]
+
+    def _resolved(self, before: ContactReadings, after: ContactReadings, sliding: list[int], length: float) -> float:
+        """A length within which no slip turns much."""
+        share = 1.0
+        for index in sliding:
+            was, now, place = self._slip(before, index), self._slip(after, index), self._place[index]
+            speed, change = _speed(was), math.hypot(now[0] - was[0], now[1] - was[1])
+            if speed <= AT_REST:  # sliding begins; no method is accurate in that, but for a short while
+                if change > STOPPED:
+                    share = min(share, SHORTER * STOPPED / change)
+                continue
+            rate = max(float(before.turning[place]), float(after.turning[place])) if speed > STOPPED else 0.0
+            excess = max(change / ((TURNING if speed > STOPPED else STOPPING) * speed), length * rate / STIFF)
+            if excess > 1.0:
+                share = min(share, max(SHORTER / excess, SHORTENING))
+        return share * length
+
+    def _stop(self, way: _Way, index: int, before: ContactReadings, length: float) -> float | None:
+        """Where a slip along two directions stops, or None."""
+        rows = list(self._model.frictions[index][0])
+        was = before.rates[rows].tolist()
+        speed = math.hypot(*was)
+        if speed <= AT_REST:
+            return None
+        along = [part / speed for part in was]
+
+        def forward(at: ContactReadings) -> float:
+            slip = at.rates[rows].tolist()
+            return float(along[0] * slip[0] + along[1] * slip[1])
+
+        if length == 0.0 or (last := forward(way.readings(length))) >= 0.0:
+            return None
+        return first_zero(lambda s: forward(way.readings(s)), length, speed, last, 0.0)
+
+
+class _Way:
+    """The motion from one state on, with all that was computed of it."""
+
+    def __init__(self, model: ContactModel, y: Array, inputs: Array, t: float) -> None:
+        self._model, self._y, self._inputs, self._t = model, y, inputs, t
+        self._states: dict[float, Array] = {0.0: y.copy()}
+        self._readings: dict[float, ContactReadings] = {}
+
+    def state(self, length: float) -> Array:
+        """The state after a length in s."""
+        found = self._states.get(length)
+        if found is None:
+            found = self._y.copy()
+            self._model.kernel.part_step(found.ctypes.data, self._inputs.ctypes.data, self._t, length)
+            if not np.all(np.isfinite(found)):
+                raise FloatingPointError
+            self._states[length] = found
+        return found
+
+    def readings(self, length: float) -> ContactReadings:
+        """The readings after a length in s."""
+        found = self._readings.get(length)
+        if found is None:
+            found = self._model.readings(self._t + length, self.state(length), self._inputs)
+            self._readings[length] = found
+        return found
+
+
+def _guard(index: int) -> Callable[[ContactReadings], float]:
+    return lambda at: float(at.guards[index])
+
+
+def _speed(slip: list[float]) -> float:
+    return math.hypot(*slip)
+
+
+def _is_straight(direction: list[float], was: list[float], now: list[float]) -> bool:
+    """Whether a slip has the direction before and after it has changed, or has reversed it."""
+    change = math.hypot(now[0] - was[0], now[1] - was[1])
+    across = max(abs(direction[0] * slip[1] - direction[1] * slip[0]) for slip in (was, now))
+    return across <= STRAIGHT * change + NOISE
