@@ -91,7 +91,7 @@ def _effort(text: str) -> tuple[str, float]:
     try:
         return name, float(value)
     except ValueError:
-        raise InputError(f"--effort {text}: not of the form JOINT=VALUE", "Write for example elbow=2.5.") from None
+        raise InputError(f"--effort {text}: '{value}' is not a number", "Write for example elbow=2.5.") from None
 
 
 def _start_positions(mechanism: Mechanism, starts: Iterable[tuple[str, str]]) -> dict[str, Any]:

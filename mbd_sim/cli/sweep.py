@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--histories", type=Path, metavar="FILE", help="write a table of all coordinates over time: .parquet or .csv"
     )
-    parser.add_argument("--plot", type=Path, metavar="PICTURE", help="plot one result over the varied values")
+    parser.add_argument("--plot", type=Path, metavar="PICTURE", help="plot one result against the varied values")
     parser.add_argument(
         "--show", metavar="RESULT", help="result to plot, such as elbow.most (default: the first coordinate's maximum)"
     )

@@ -41,8 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--tolerance",
         type=positive_number,
         metavar="X",
-        help="accept deviations up to X * (1 + the largest number of the message), comparing one recorded state to the "
-        "next (default: bit for bit; 1e-9 for recordings from another machine or version)",
+        help="accept deviations up to X * (1 + the largest number of the message), comparing each recorded "
+        "state with the one recomputed from the previous recorded state (default: bit for bit; 1e-9 for recordings "
+        "from another machine or version)",
     )
     add_quiet(parser)
 

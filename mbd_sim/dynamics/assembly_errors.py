@@ -53,7 +53,7 @@ def no_mobility(mechanism: Mechanism, rows: Sequence[ConstraintRow], count: int)
     """A mechanism that has none of its `count` degrees of freedom left."""
     owners = list(dict.fromkeys(row.owner for row in rows))
     names = listed([str(owner[1]) for owner in owners])
-    message = f"nothing can move: the {len(rows)} equations of {names} leave none of {count} degrees of freedom"
+    message = f"nothing can move: the {len(rows)} equations of {names} leave none of the {count} degrees of freedom"
     return MechanismError([mechanism.source.problem(owners[0], message, "Remove a joint or a constraint.")])
 
 
@@ -65,7 +65,7 @@ def inconsistent_speeds(
     problems = []
     for owner, error in _by_owner(rows, errors, 1.0):
         loop = _loop_of(mechanism, owner)
-        violation = f"the given velocities break {f'the loop of {loop}' if loop else 'this constraint'}"
+        violation = f"the given velocities violate {f'the loop of {loop}' if loop else 'this constraint'}"
         remedy = f"Give fewer of {listed(given)}: the others are computed for the least kinetic energy."
         problems.append(mechanism.source.problem(owner, f"{violation} (off by {error} per second)", remedy))
     return MechanismError(problems)
@@ -117,7 +117,7 @@ def _open_loop(mechanism: Mechanism, owner: Location, gap: str, given_positions_
     driven = [joint.name for joint in mechanism.joints.values() if joint.drive]
     drives = f", the drives of {listed(driven)} at t = 0" if driven else ""
     remedy = f"Check the lengths, points and axes of its parts{drives}, and the initial guesses ('guess: true')."
-    return mechanism.source.problem(owner, f"{violation} by {gap} at best", remedy)
+    return mechanism.source.problem(owner, f"{violation} by at least {gap}", remedy)
 
 
 def _against_drives(mechanism: Mechanism, owner: Location) -> Problem:

@@ -49,7 +49,7 @@ def composite(bodies: Sequence[MassProperties]) -> MassProperties:
         return MassProperties(0.0, np.zeros(3), np.zeros((3, 3)))
     mass = math.fsum(body.mass for body in bodies)
     if mass <= 1e-12 * math.fsum(abs(body.mass) for body in bodies):
-        raise InputError(f"the holes remove all mass: {mass:g} kg are left", "Make them smaller or lighter.")
+        raise InputError(f"the holes remove all the mass: {mass:g} kg is left", "Make them smaller or lighter.")
     center = sum((body.mass * body.center for body in bodies), np.zeros(3)) / mass
     inertia = sum((body.about(center) for body in bodies), np.zeros((3, 3)))
     return MassProperties(mass, center, inertia)

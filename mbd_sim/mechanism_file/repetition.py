@@ -169,7 +169,7 @@ class _Expansion:
         if name in (self._source.data.get("parameters") or {}):
             raise InputError(f"the index '{name}' has the name of a parameter", "Rename one of them.")
         if name in outer:
-            raise InputError(f"the index '{name}' belongs to an entry around this one", "Rename one of them.")
+            raise InputError(f"the index '{name}' is already used by an enclosing entry", "Rename one of them.")
 
     def _values(self, written: Any, scope: Indices) -> list[float | str]:
         """The values that an index takes."""

@@ -125,7 +125,8 @@ class _Constructor:
             for index, source in enumerate(value if several else [value]):
                 if not isinstance(source, dict):
                     message = "must merge a mapping, or a list of mappings"
-                    self._report((*location, "<<"), value_node.line, message, "Write <<: *name, with &name at one.")
+                    remedy = "Write <<: *name, and &name before the mapping to merge."
+                    self._report((*location, "<<"), value_node.line, message, remedy)
                     continue
                 for key, inherited in source.items():
                     if key not in mapping:

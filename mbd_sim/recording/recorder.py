@@ -125,7 +125,7 @@ class Recorder:
         if not self.ended.is_set():
             missing = self._accepted - self.saved
             return (
-                f"the disk does not answer: '{writer.path}' is not complete and lacks the last {missing} messages. "
+                f"the disk does not respond: '{writer.path}' is not complete and lacks the last {missing} messages. "
                 f"When the disk works again, run: mbd_sim recover '{self.location}'"
             )
         if not writer.size:

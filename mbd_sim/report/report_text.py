@@ -130,8 +130,8 @@ def _mobility(found: dict[str, Any]) -> list[str]:
     if counted["redundant"]:
         lines += [f"  redundant         {text}" for text in _grouped(counted["redundant"])]
         degree, stated = counted["static_indeterminacy"], found["stated_compliances"]
-        how = f"by the compliances of {listed(stated)}" if stated else "with the least sum of squares"
-        lines.append(f"  indeterminate     statically, to degree {degree}: reactions are shared {how}")
+        how = f"the compliances of {listed(stated)}" if stated else "the least sum of squares"
+        lines.append(f"  indeterminate     statically, to degree {degree}: reactions determined by {how}")
     time_dependence = "scleronomic" if found["scleronomic"] else "rheonomic (time-dependent)"
     if "constraints" not in found:
         return [*lines, f"Constraints         {time_dependence}"]

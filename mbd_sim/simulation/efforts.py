@@ -19,7 +19,7 @@ class UnknownJointError(CommandError):
         self.name, self._valid = name, valid
 
     def __str__(self) -> str:
-        remedy = nearest(self.name, self._valid) or "No joint of this mechanism takes efforts."
+        remedy = nearest(self.name, self._valid) or "No joint of this mechanism accepts efforts."
         return printable(f"there is no joint '{self.name}'. {remedy}")
 
 

@@ -111,7 +111,7 @@ def _require_number(name: str, mechanism: Mechanism) -> None:
     if name.startswith(EFFORT):
         known = mechanism.coordinate_names
         if name.removeprefix(EFFORT) not in known:
-            remedy = nearest(name.removeprefix(EFFORT), known) or "No joint of this mechanism takes efforts."
+            remedy = nearest(name.removeprefix(EFFORT), known) or "No joint of this mechanism accepts efforts."
             raise CommandError(f"there is no joint '{name.removeprefix(EFFORT)}'. {remedy}")
         return
     try:

@@ -165,7 +165,7 @@ class _Robot:
             return None  # of joints that are left out
         if not roots or len(roots) == 1:
             circle = [name for name in self.links if name not in (self._below(roots[0]) if roots else ())]
-            message, at = f"the links form a circle: {listed(circle)}", self.links[circle[0]]
+            message, at = f"the links form a loop: {listed(circle)}", self.links[circle[0]]
             self.reading.report(at, _key("link", circle[0]), message, "Remove one of its joints: URDF describes trees.")
         else:
             message = f"the robot is not connected: {len(roots)} links have no parent ({listed(roots)})"

@@ -104,15 +104,15 @@ def about(scene: SceneDescription) -> rr.TextDocument:
     lines = [
         f"# {mechanism.name}",
         mechanism.description.strip(),
-        f"{len(mechanism.parts)} parts of {mechanism.mass:.4g} kg, {free} coordinates, "
+        f"{len(mechanism.parts)} parts, {mechanism.mass:.4g} kg in all, {free} coordinates, "
         f"{len(mechanism.closing) + len(mechanism.constraints)} loops and constraints; "
         f"by default {scene.method} with a step of {1e3 * mechanism.step:g} ms.",
         "| color | meaning |\n|---|---|\n"
         "| yellow | driven joints |\n| pink | joints and rods that close loops |\n| gray, white | other joints |\n"
         "| red arrows | forces of the file |\n| green arrows | commanded efforts and wrenches |\n"
         "| blue arrows | forces through joints, if requested |",
-        f"An arrow of {LONG * scene.extent.size:.3g} m is {weight(scene):.3g} N. A force that has an expression or an "
-        "effort limit is scaled by its largest value instead.",
+        f"An arrow of {LONG * scene.extent.size:.3g} m represents {weight(scene):.3g} N. A force that has an "
+        "expression or an effort limit is scaled by its largest value instead.",
     ]
     if missing := undrawn_meshes(mechanism, RERUN_READS):
         lines.append(f"Meshes that are not drawn: {listed(missing)}.")

@@ -98,7 +98,7 @@ class _JointPlots:
 
 STACK = Series(
     entity_paths.STACK,
-    ("potential", "+ kinetic", "+ dissipated", "\N{MINUS SIGN} work: stays at the start's energy"),
+    ("potential", "+ kinetic", "+ dissipated", "\N{MINUS SIGN} work: stays at the initial energy"),
     (palette.POTENTIAL, palette.KINETIC, palette.DISSIPATED, palette.TOTAL),
 )
 RESIDUAL = Series(

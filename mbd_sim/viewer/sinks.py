@@ -110,5 +110,5 @@ def _full_url(url: str) -> str:
         raise OSError(f"{error} in '{url}'") from error
     plain = parsed.scheme == "rerun+http"
     if not (rerun_process.answers(host, port) if plain else rerun_process.listens(host, port)):
-        raise OSError(f"no viewer listens at {host}:{port}. Start one with 'rerun', or use 'spawn'")
+        raise OSError(f"no viewer is listening at {host}:{port}. Start one with 'rerun', or use 'spawn'")
     return url

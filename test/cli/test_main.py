@@ -115,7 +115,7 @@ def test_run_with_method_step_and_effort(capsys):
     [
         (["check", "dubble_rod"], "Did you mean 'double_rod'?"),
         (["run", "double_rod", "--effort", "elbw=1"], "Did you mean 'elbow'?"),
-        (["run", "double_rod", "--effort", "elbow=x"], "not of the form JOINT=VALUE. Write for example elbow=2.5."),
+        (["run", "double_rod", "--effort", "elbow=x"], "'x' is not a number. Write for example elbow=2.5."),
         (["run", "double_rod", "--method", "rk5"], "no method 'rk5'"),
         (["run", "double_rod", "--time", "0.1", "--rerun", "spwan"], "no viewer sink 'spwan'"),
         (["run", "double_rod", "--effort", "elbow=1e306", "--quiet"], "became infinite"),

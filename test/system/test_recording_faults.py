@@ -122,7 +122,7 @@ def test_a_disk_that_does_not_answer_does_not_keep_the_node_from_ending(faulty_d
         began = time.monotonic()
         assert node.end() == 0
         assert time.monotonic() - began < 20.0  # 2 s on a machine that runs the node; it waited for ever
-    assert "the disk does not answer" in node.text and "mbd_sim recover" in node.text
+    assert "the disk does not respond" in node.text and "mbd_sim recover" in node.text
     kept = len(readable(path))
     assert main(["recover", str(path.parent)]) == 0
     with AnyReader([path.parent]) as reader:

@@ -305,7 +305,7 @@ def test_all_problems_are_reported_with_line_element_value_and_remedy():
         ([link("a"), '<link name="b"/>'], "link[b]: the robot is not connected: 2 links have no parent (a, b)."),
         (
             [link("a"), link("b"), joint("j", "fixed"), joint("k", "fixed", parent="b", child="a")],
-            "link[a]: the links form a circle: a, b.",
+            "link[a]: the links form a loop: a, b.",
         ),
         (
             [link("a"), link("b"), link("c"), joint("j", "fixed"), joint("k", "fixed", parent="c", child="b")],

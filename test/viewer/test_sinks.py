@@ -59,14 +59,14 @@ def test_a_file_in_a_missing_folder(model, tmp_path):
 
 
 def test_connecting_where_nothing_listens(closed_port):
-    with pytest.raises(ViewerError, match=f"no viewer listens at 127.0.0.1:{closed_port}"):
+    with pytest.raises(ViewerError, match=f"no viewer is listening at 127.0.0.1:{closed_port}"):
         opened(f"connect:rerun+http://127.0.0.1:{closed_port}/proxy")
 
 
 def test_connecting_to_a_program_that_is_not_a_viewer():
     with socket.create_server((rerun_process.LOOPBACK, 0)) as mute:
         port = mute.getsockname()[1]
-        with pytest.raises(ViewerError, match="no viewer listens"):
+        with pytest.raises(ViewerError, match="no viewer is listening"):
             opened(f"connect:127.0.0.1:{port}")
 
 

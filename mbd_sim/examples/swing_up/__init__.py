@@ -1,1 +1,1 @@
-"""Example: a pendulum on a cart is swung up by its energy and balanced by a linear-quadratic regulator."""
+"""Example: a pendulum on a cart is swung up by energy control and balanced by a linear-quadratic regulator."""

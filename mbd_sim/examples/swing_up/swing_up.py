@@ -1,4 +1,4 @@
-"""`ros2 run mbd_sim example_swing_up`: swings up the pendulum of a cart by its energy, and balances it by LQR."""
+"""`ros2 run mbd_sim example_swing_up`: swings up the pendulum of a cart by energy control, and balances it by LQR."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`ros2 run mbd_sim example_teleop`: efforts from the keyboard of a terminal, or from a joystick on `joy`."""
+"""`ros2 run mbd_sim example_teleop`: sends efforts from the keyboard of a terminal, or from a joystick on `joy`."""
 
 from __future__ import annotations
 

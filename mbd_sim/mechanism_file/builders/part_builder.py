@@ -92,7 +92,7 @@ def _check_inertia(
 ) -> None:
     given = spec.inertia is not None
     if (defect := inertia_defect(body.inertia)) is not None and (spec.inertia_check or not given):
-        remedy = "Keep the holes in the material."
+        remedy = "Place the holes inside the material."
         if given:
             location, remedy = (*location, "inertia"), "No rigid body has such an inertia: check its numbers."
         problems.append(source.problem(location, f"the inertia {defect}", remedy))
