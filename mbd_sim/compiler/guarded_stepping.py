@@ -6,15 +6,17 @@ a call. After each step the guards are evaluated; where one is negative, the ste
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import llvmlite.ir as ir
 
 from mbd_sim.compiler.ir_types import DOUBLE, INT, POINTER, integer, local_array, number
-from mbd_sim.compiler.ir_vectors import copy, for_each, load, loop
+from mbd_sim.compiler.ir_vectors import copy, for_each, load
 from mbd_sim.compiler.step_emitter import Prepare, StepEmitter, System
 from mbd_sim.compiler.stepping import ESTIMATED_EVERY, emit_plain_advance
 
+PART, TO_EVENT, WHOLE = range(3)  # what to do at an event: ignore it, end before its step, or undo all steps
 GRAZING = 4.0 / 27.0  # the largest value of x (1 - x)², by which a cubic falls below its ends for unit slopes
 TURNING = 0.25  # of a slip velocity along two directions, by which it may change within a step
 STIFF = 0.5  # of the time in which friction can turn such a velocity, that a step may take
@@ -53,93 +55,76 @@ def emit_guarded_advance(
     negative, and returns how many were taken; -1 if the state would not stay finite, which is unchanged then.
     `void part_step(y, inputs, double t, double h)` takes one step from t on, without guards.
     """
-    steps = [_emit_step(module, name, system, prepare) for name, system in _named(open_system, closed_system)]
-    _emit_part_step(module, steps, guards)
-    to_event = _emit_advance_to_event(module, open_system.size, steps, guards)
-    size, arguments = open_system.size, [POINTER, POINTER, INT, DOUBLE, INT]
-    function = ir.Function(module, ir.FunctionType(INT, [*arguments, POINTER]), "estimating_advance")
-    state, inputs, first, h, count, estimate = function.args
-    b = ir.IRBuilder(function.append_basic_block("entry"))
-    y = local_array(b, size)
-    copy(b, size, state, y)
-    complete = b.icmp_signed("==", b.call(to_event, [y, inputs, first, h, count, estimate]), count)
-    with b.if_then(complete):
-        copy(b, size, y, state)
-    b.ret(b.zext(complete, INT))
+    loops = (
+        _emit_loop(module, "advance_closed", closed_system, prepare, guards, closed=True),
+        _emit_loop(module, "advance_open", open_system, prepare, guards, closed=False),
+    )
+    arguments = [POINTER, POINTER, INT, DOUBLE, INT, POINTER]
+    for name, mode in (("advance_to_event", TO_EVENT), ("estimating_advance", WHOLE)):
+        function = ir.Function(module, ir.FunctionType(INT, arguments), name)
+        state, inputs, first, h, count, estimate = function.args
+        b = ir.IRBuilder(function.append_basic_block("entry"))
+        given = [state, inputs, number(0.0), first, h, count, integer(mode), estimate]
+        taken = _call_loop(b, loops, guards, given)
+        b.ret(taken if mode == TO_EVENT else b.zext(b.icmp_signed("==", taken, count), INT))
+    _emit_part_step(module, loops, guards)
     emit_plain_advance(module, function)
     return function
 
 
-def _named(open_system: System, closed_system: System) -> tuple[tuple[str, System], ...]:
-    return ("open_step", open_system), ("closed_step", closed_system)
-
-
-def _emit_step(module: ir.Module, name: str, system: System, prepare: Prepare) -> ir.Function:
-    """Emit `void name(y, inputs, double t, double h, double next, i64 estimated, estimate)`: a step in place."""
-    types = [POINTER, POINTER, DOUBLE, DOUBLE, DOUBLE, INT, POINTER]
-    function = ir.Function(module, ir.FunctionType(ir.VoidType(), types), name)
-    function.linkage = "internal"
-    function.attributes.add("noinline")
-    state, inputs, t, h, following, estimated, estimate = function.args
-    for argument in (state, inputs, estimate):
-        argument.add_attribute("noalias")
-    b = ir.IRBuilder(function.append_basic_block("entry"))
-    emitter = StepEmitter(b, system, inputs, h)
-    emit_step = prepare(emitter)
-    copy(b, system.size, state, emitter.y)
-    b.store(b.load(estimate, typ=DOUBLE), emitter.largest_error)
-    emitter.is_estimated = b.icmp_signed("!=", estimated, integer(0))
-    emit_step(t)
-    emitter.project(following, emitter.y)
-    b.store(b.load(emitter.largest_error, typ=DOUBLE), estimate)
-    copy(b, system.size, emitter.y, state)
-    b.ret_void()
-    return function
-
-
-def _is_closed(b: ir.IRBuilder, inputs: ir.Value, guards: Guards) -> ir.Value:
-    """Whether any mode is not open."""
-    total = local_array(b, 1)
-    b.store(number(0.0), total)
-
-    def add(i: ir.Value) -> None:
-        value = load(b, inputs, b.add(i, integer(guards.first_mode)))
-        b.store(b.fadd(b.load(total, typ=DOUBLE), b.fmul(value, value)), total)
-
-    loop(b, 0, guards.modes, add)
-    return b.fcmp_unordered("!=", b.load(total, typ=DOUBLE), number(0.0))
-
-
-def _emit_part_step(module: ir.Module, steps: list[ir.Function], guards: Guards) -> None:
+def _emit_part_step(module: ir.Module, loops: Sequence[ir.Function], guards: Guards) -> None:
     function = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER, POINTER, DOUBLE, DOUBLE]), "part_step")
     state, inputs, t, h = function.args
     b = ir.IRBuilder(function.append_basic_block("entry"))
     unread = local_array(b, 1)
     b.store(number(0.0), unread)
-    arguments = [state, inputs, t, h, b.fadd(t, h), integer(0), unread]
-    with b.if_else(_is_closed(b, inputs, guards)) as (closed, otherwise):
-        with closed:
-            b.call(steps[1], arguments)
-        with otherwise:
-            b.call(steps[0], arguments)
+    _call_loop(b, loops, guards, [state, inputs, t, integer(0), h, integer(1), integer(PART), unread])
     b.ret_void()
 
 
-def _emit_advance_to_event(module: ir.Module, size: int, steps: list[ir.Function], guards: Guards) -> ir.Function:
-    types = [POINTER, POINTER, INT, DOUBLE, INT, POINTER]
-    function = ir.Function(module, ir.FunctionType(INT, types), "advance_to_event")
-    state, inputs, first, h, count, estimate = function.args
+def _call_loop(
+    b: ir.IRBuilder, loops: Sequence[ir.Function], guards: Guards, arguments: Sequence[ir.Value]
+) -> ir.Value:
+    """Call the first of two loops if any mode is not open, the second one otherwise."""
+    taken, squares = [], number(0.0)
+    for index in range(guards.first_mode, guards.first_mode + guards.modes):
+        mode = load(b, arguments[1], index)
+        squares = b.fadd(squares, b.fmul(mode, mode))
+    with b.if_else(b.fcmp_unordered("!=", squares, number(0.0))) as branches:
+        for branch, function in zip(branches, loops, strict=True):
+            with branch:
+                taken.append((b.call(function, arguments), b.block))
+    result = b.phi(INT)
+    for value, block in taken:
+        result.add_incoming(value, block)
+    return result
+
+
+def _emit_loop(
+    module: ir.Module, name: str, system: System, prepare: Prepare, guards: Guards, *, closed: bool
+) -> ir.Function:
+    """Emit `i64 name(y, inputs, double start, i64 first, double h, i64 steps, i64 mode, estimate)`.
+
+    Step k starts at the time `start` + k h, counted from `first`. It returns the number of steps before the first one
+    in which a guard becomes negative, or -1 if the state does not stay finite. `mode`: see `PART`.
+    """
+    function = _new_loop(module, name)
+    state, inputs, start, first, h, count, mode, estimate = function.args
     b = ir.IRBuilder(function.append_basic_block("entry"))
-    y, before, time = local_array(b, size), local_array(b, size), local_array(b, 1)
-    size_of_readings = guards.gaps + 2 * guards.rows + guards.count + len(guards.slips)
-    values = [local_array(b, size_of_readings) for _ in range(2)]  # before and after a step
-    ended = local_array(b, 1)
-    closed = _is_closed(b, inputs, guards)
+    emitter, size = StepEmitter(b, system, inputs, h), system.size
+    emit_step, y, before = prepare(emitter), emitter.y, emitter.vector()
+    check, sum_of_zeros = _Check(b, guards, closed), emitter.scalar()
+    guarded = b.icmp_signed("!=", mode, integer(PART))
+
+    def time_of(step: ir.Value) -> ir.Value:
+        return b.fadd(start, b.fmul(b.sitofp(step, DOUBLE), h))
+
     copy(b, size, state, y)
-    _read(b, guards, closed, time, b.fmul(b.sitofp(first, DOUBLE), h), y, inputs, values[1])
+    b.store(b.load(estimate, typ=DOUBLE), emitter.largest_error)
+    check.read(time_of(first), y, inputs, emitter.time)
 
     entry, head = b.block, b.append_basic_block("step")
-    body, event, finished = (b.append_basic_block(name) for name in ("body", "event", "finished"))
+    body, event, finished = (b.append_basic_block(block) for block in ("body", "event", "finished"))
     b.branch(head)
     b.position_at_end(head)
     index = b.phi(INT)
@@ -147,121 +132,110 @@ def _emit_advance_to_event(module: ir.Module, size: int, steps: list[ir.Function
     b.cbranch(b.icmp_signed("<", index, count), body, finished)
 
     b.position_at_end(body)
-    step = b.add(first, index)
-    t, following = (b.fmul(b.sitofp(value, DOUBLE), h) for value in (step, b.add(step, integer(1))))
-    estimated = b.zext(b.icmp_unsigned("==", b.and_(step, integer(ESTIMATED_EVERY - 1)), integer(0)), INT)
+    step, next_index = b.add(first, index), b.add(index, integer(1))
+    following = time_of(b.add(step, integer(1)))
+    is_eighth = b.icmp_unsigned("==", b.and_(step, integer(ESTIMATED_EVERY - 1)), integer(0))
+    emitter.is_estimated = b.and_(guarded, is_eighth)
     copy(b, size, y, before)
-    copy(b, guards.gaps + guards.rows, values[1], values[0])
-    arguments = [y, inputs, t, h, following, estimated, estimate]
-    with b.if_else(closed) as (with_rows, otherwise):
-        with with_rows:
-            b.call(steps[1], arguments)
-        with otherwise:
-            b.call(steps[0], arguments)
-    _read(b, guards, closed, time, following, y, inputs, values[1])
-    _emit_check(b, guards, closed, values, inputs, h, ended)
-    is_event = b.fcmp_unordered("!=", b.load(ended, typ=DOUBLE), number(0.0))
-    next_index = b.add(index, integer(1))
+    emit_step(time_of(step))
+    emitter.project(following, y)
+    check.keep()
+    check.read(following, y, inputs, emitter.time)
+    is_event = b.and_(guarded, check.ended(inputs, h))
     index.add_incoming(next_index, b.block)
     b.cbranch(is_event, event, head)
 
     b.position_at_end(event)
-    copy(b, size, before, state)
+    with b.if_then(b.icmp_signed("==", mode, integer(TO_EVENT))):
+        copy(b, size, before, state)
+    b.store(b.load(emitter.largest_error, typ=DOUBLE), estimate)
     b.ret(index)
 
     b.position_at_end(finished)
-    finite = _is_finite(b, size, y)
-    with b.if_then(finite):
+    finite = _is_finite(b, size, y, sum_of_zeros)
+    with b.if_then(b.or_(finite, b.icmp_signed("==", mode, integer(PART)))):
         copy(b, size, y, state)
+    b.store(b.load(emitter.largest_error, typ=DOUBLE), estimate)
     b.ret(b.select(finite, count, integer(-1)))
     return function
 
 
-def _read(
-    b: ir.IRBuilder,
-    guards: Guards,
-    closed: ir.Value,
-    time: ir.Value,
-    t: ir.Value,
-    y: ir.Value,
-    inputs: ir.Value,
-    values: ir.Value,
-) -> None:
-    b.store(t, time)
-    with b.if_else(closed) as (with_rows, otherwise):
-        with with_rows:
-            b.call(guards.readings, [time, y, inputs, values])
-        with otherwise:
-            b.call(guards.open_guards, [time, y, inputs, values])
+def _new_loop(module: ir.Module, name: str) -> ir.Function:
+    types = [POINTER, POINTER, DOUBLE, INT, DOUBLE, INT, INT, POINTER]
+    function = ir.Function(module, ir.FunctionType(INT, types), name)
+    function.linkage = "internal"
+    function.attributes.add("noinline")
+    for argument in function.args:
+        if argument.type == POINTER:
+            argument.add_attribute("noalias")
+    return function
 
 
-def _emit_check(
-    b: ir.IRBuilder,
-    guards: Guards,
-    closed: ir.Value,
-    values: list[ir.Value],
-    inputs: ir.Value,
-    h: ir.Value,
-    ended: ir.Value,
-) -> None:
-    """Set `ended` to 1 if a guard is negative after the step or not a number, or if a gap may have been in between.
+class _Check:
+    """The guards before and after a step, and whether one of them ends the step; with or without active rows."""
 
-    The same where a slip along two directions has changed too much.
-    """
-    before, after = values
-    b.store(number(0.0), ended)
+    def __init__(self, b: ir.IRBuilder, guards: Guards, closed: bool) -> None:
+        """Allocate the arrays; the builder `b` must be in the entry block of a function."""
+        self._b, self._guards, self._slips = b, guards, guards.slips if closed else ()
+        rates = guards.rows if closed else guards.gaps
+        first, count = (guards.gaps + 2 * rates, guards.count) if closed else (0, guards.gaps)
+        self._function = guards.readings if closed else guards.open_guards
+        self._kept, self._negative = guards.gaps + rates, range(first, first + count)
+        self._after = local_array(b, guards.gaps + 2 * guards.rows + guards.count + len(guards.slips))
+        self._before = local_array(b, self._kept)
 
-    def end_if(condition: ir.Value) -> None:
-        b.store(b.select(condition, number(1.0), b.load(ended, typ=DOUBLE)), ended)
+    def read(self, t: ir.Value, y: ir.Value, inputs: ir.Value, time: ir.Value) -> None:
+        """Evaluate the guards of a state; `time` is the address of a number."""
+        self._b.store(t, time)
+        self._b.call(self._function, [time, y, inputs, self._after])
 
-    def below(value: ir.Value) -> ir.Value:
-        return b.fcmp_unordered("<", value, number(-guards.tolerance))
+    def keep(self) -> None:
+        """Keep those that have been read as those before the step."""
+        copy(self._b, self._kept, self._after, self._before)
 
-    first = guards.gaps + 2 * guards.rows
-    with b.if_else(closed) as (with_rows, otherwise):
-        with with_rows:
-            loop(b, 0, guards.count, lambda i: end_if(below(load(b, after, b.add(i, integer(first))))))
-            for number_of_slip, slip in enumerate(guards.slips):
-                turning = load(b, after, first + guards.count + number_of_slip)
-                end_if(b.fcmp_unordered(">", b.fmul(h, turning), number(STIFF)))
-                end_if(_turns(b, guards, slip, values, inputs))
-        with otherwise:
-            for_each(b, guards.gaps, lambda i: end_if(below(load(b, after, i))))
+    def ended(self, inputs: ir.Value, h: ir.Value) -> ir.Value:
+        """Whether a guard is negative after the step or not a number, or a gap may have been negative within it.
 
-    def grazing(i: int | ir.Value) -> None:
-        rate = b.add(i, integer(guards.gaps)) if isinstance(i, ir.Value) else integer(i + guards.gaps)
-        gap, last_gap = load(b, after, i), load(b, before, i)
-        slope, last_slope = load(b, after, rate), load(b, before, rate)
-        turns = b.and_(b.fcmp_ordered("<", last_slope, number(0.0)), b.fcmp_ordered(">", slope, number(0.0)))
-        lower = b.select(b.fcmp_ordered("<", gap, last_gap), gap, last_gap)
-        depth = b.fmul(b.fmul(number(GRAZING), h), b.fsub(slope, last_slope))
-        open_before = b.fcmp_ordered(">", last_gap, number(guards.tolerance))
-        end_if(b.and_(b.and_(turns, open_before), b.fcmp_ordered("<", lower, depth)))
+        The same where a slip along two directions has changed too much.
+        """
+        b, limit, gaps = self._b, number(-self._guards.tolerance), self._guards.gaps
+        found = ir.Constant(ir.IntType(1), 0)
+        for index in self._negative:
+            found = b.or_(found, b.fcmp_unordered("<", load(b, self._after, index), limit))
+        for index, slip in enumerate(self._slips, self._negative.stop):
+            stiff = b.fcmp_unordered(">", b.fmul(h, load(b, self._after, index)), number(STIFF))
+            found = b.or_(found, b.or_(stiff, self._turns(slip, inputs)))
+        factor = b.fmul(number(GRAZING), h)
+        for gap in range(gaps):
+            (last_gap, last_slope), (value, slope) = (
+                (load(b, values, gap), load(b, values, gap + gaps)) for values in (self._before, self._after)
+            )
+            turns = b.and_(b.fcmp_ordered("<", last_slope, number(0.0)), b.fcmp_ordered(">", slope, number(0.0)))
+            lower = b.select(b.fcmp_ordered("<", value, last_gap), value, last_gap)
+            deep = b.fcmp_ordered("<", lower, b.fmul(factor, b.fsub(slope, last_slope)))
+            open_before = b.fcmp_ordered(">", last_gap, number(self._guards.tolerance))
+            found = b.or_(found, b.and_(b.and_(turns, open_before), deep))
+        return found
 
-    for_each(b, guards.gaps, grazing)
+    def _turns(self, slip: tuple[int, int], inputs: ir.Value) -> ir.Value:
+        """Whether a slip that slides has changed by more than `TURNING`."""
+        b, guards = self._b, self._guards
+        direction = [load(b, inputs, guards.first_mode + guards.rows + row) for row in slip]
+        was = [load(b, self._before, guards.gaps + row) for row in slip]
+        now = [load(b, self._after, guards.gaps + row) for row in slip]
 
+        def square(parts: list[ir.Value]) -> ir.Value:
+            return b.fma(parts[1], parts[1], b.fmul(parts[0], parts[0]))
 
-def _turns(
-    b: ir.IRBuilder, guards: Guards, slip: tuple[int, int], values: list[ir.Value], inputs: ir.Value
-) -> ir.Value:
-    """Whether a slip that slides has changed by more than `TURNING`."""
-    before, after = values
-    direction = [load(b, inputs, guards.first_mode + guards.rows + row) for row in slip]
-    was = [load(b, before, guards.gaps + row) for row in slip]
-    now = [load(b, after, guards.gaps + row) for row in slip]
-
-    def square(parts: list[ir.Value]) -> ir.Value:
-        return b.fma(parts[1], parts[1], b.fmul(parts[0], parts[0]))
-
-    change = square([b.fsub(new, old) for new, old in zip(now, was, strict=True)])
-    slides = b.fcmp_unordered("!=", square(direction), number(0.0))
-    moves = b.fcmp_unordered(">", square(now), number(AT_REST**2))
-    too_far = b.fcmp_unordered(">", change, b.fmul(number(TURNING**2), square(was)))
-    return b.and_(b.and_(slides, moves), too_far)
+        change = square([b.fsub(new, old) for new, old in zip(now, was, strict=True)])
+        slides = b.fcmp_unordered("!=", square(direction), number(0.0))
+        moves = b.fcmp_unordered(">", square(now), number(AT_REST**2))
+        too_far = b.fcmp_unordered(">", change, b.fmul(number(TURNING**2), square(was)))
+        return b.and_(b.and_(slides, moves), too_far)
 
 
-def _is_finite(b: ir.IRBuilder, size: int, y: ir.Value) -> ir.Value:
-    total, zero = local_array(b, 1), number(0.0)
+def _is_finite(b: ir.IRBuilder, size: int, y: ir.Value, total: ir.Value) -> ir.Value:
+    zero = number(0.0)
     b.store(zero, total)
-    loop(b, 0, size, lambda i: b.store(b.fadd(b.load(total, typ=DOUBLE), b.fmul(load(b, y, i), zero)), total))
+    for_each(b, size, lambda i: b.store(b.fadd(b.load(total, typ=DOUBLE), b.fmul(load(b, y, i), zero)), total))
     return b.fcmp_ordered("==", b.load(total, typ=DOUBLE), zero)

@@ -10,10 +10,13 @@ import llvmlite.ir as ir
 from mbd_sim.compiler.active_rows import ActiveRows, Load, emit_solved
 from mbd_sim.compiler.dense_solver import emit_dense_solver
 from mbd_sim.compiler.guarded_stepping import Guards, emit_guarded_advance
+from mbd_sim.compiler.instruction_list import Instructions, zero_components
 from mbd_sim.compiler.ir_types import POINTER, local_array
-from mbd_sim.compiler.lowering import lower
+from mbd_sim.compiler.lowering import instruction_count, lower
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.compiler.step_emitter import Prepare, System
+
+INLINED_GUARDS = 300  # instructions up to which the guards of open contacts are inlined
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +43,14 @@ class OneSidedSystem:
     slips: tuple[tuple[int, int], ...] = ()
 
 
-def emit_guarded(module: ir.Module, system: System, prepare: Prepare, one_sided: OneSidedSystem) -> ir.Function:
-    """Emit all functions and return `estimating_advance`; `system` is the one with everything open."""
+def emit_guarded(
+    module: ir.Module, system: System, program: Instructions, prepare: Prepare, one_sided: OneSidedSystem
+) -> ir.Function:
+    """Emit all functions and return `estimating_advance`.
+
+    `system` is the one with everything open, and `program` are its rates. Energies of which it changes none are left
+    out of its steps.
+    """
     rows = one_sided.rows
     solver = emit_dense_solver(module, rows, counted=True)
     active = ActiveRows(rows, one_sided.first_mode + one_sided.gaps, solver, one_sided.loads)
@@ -51,12 +60,13 @@ def emit_guarded(module: ir.Module, system: System, prepare: Prepare, one_sided:
     closed = replace(
         system, rates=rates, projection=_both(module, system, contact_project), projection_takes_inputs=True
     )
+    open_guards = arranged(one_sided.open_guards)
     guards = Guards(
         gaps=one_sided.gaps,
         rows=rows,
         count=one_sided.guards,
         readings=readings,
-        open_guards=lower(module, arranged(one_sided.open_guards), inline=False),
+        open_guards=lower(module, open_guards, inline=instruction_count(open_guards) <= INLINED_GUARDS),
         first_mode=one_sided.first_mode,
         modes=one_sided.modes,
         tolerance=one_sided.tolerance,
@@ -66,7 +76,8 @@ def emit_guarded(module: ir.Module, system: System, prepare: Prepare, one_sided:
     builder = ir.IRBuilder(exported.append_basic_block("entry"))
     builder.call(readings, exported.args)
     builder.ret_void()
-    return emit_guarded_advance(module, system, closed, prepare, guards)
+    still = frozenset(component for component in zero_components(program) if component >= system.error_size)
+    return emit_guarded_advance(module, replace(system, still=still), closed, prepare, guards)
 
 
 def _both(module: ir.Module, system: System, contact_project: ir.Function) -> ir.Function:

@@ -76,6 +76,16 @@ def graph_of(function: Instructions) -> Graph:
     return Graph(nodes, outputs)
 
 
+def zero_components(function: Instructions) -> list[int]:
+    """The components of the first result that are the constant zero."""
+    graph = graph_of(function)
+    return [
+        output.component
+        for output in graph.outputs
+        if output.result == 0 and graph.nodes[output.node] == Node(ca.OP_CONST, (), 0.0)
+    ]
+
+
 def _last_uses(graph: Graph, order: Sequence[int]) -> dict[int, int]:
     """For each node, the last position in the order at which its value is used."""
     last = {number: step for step, number in enumerate(order)}

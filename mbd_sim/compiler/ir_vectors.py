@@ -17,6 +17,8 @@ from mbd_sim.compiler.ir_types import (
 
 UNROLLED = 40  # components up to which operations on state vectors are unrolled into registers
 
+NONE: frozenset[int] = frozenset()
+
 Index: TypeAlias = int | ir.Value
 Terms: TypeAlias = Sequence[tuple[float, ir.Value]]
 
@@ -51,11 +53,15 @@ def loop(b: ir.IRBuilder, first: Index, beyond: Index, body: Callable[[ir.Value]
     b.position_at_end(after)
 
 
-def for_each(b: ir.IRBuilder, size: int, body: Callable[[Index], object]) -> None:
-    """Emit `body` for every component: unrolled if there are few, as a loop if there are many."""
+def for_each(b: ir.IRBuilder, size: int, body: Callable[[Index], object], still: frozenset[int] = NONE) -> None:
+    """Emit `body` for every component: unrolled if there are few, as a loop if there are many.
+
+    Components in `still` need it not; where there are few, they are left out.
+    """
     if size <= UNROLLED:
         for index in range(size):
-            body(index)
+            if index not in still:
+                body(index)
     else:
         loop(b, 0, size, body)
 
@@ -82,17 +88,35 @@ def total(b: ir.IRBuilder, terms: Terms, index: Index) -> ir.Value:
     return partial
 
 
-def combine(b: ir.IRBuilder, size: int, target: ir.Value, base: ir.Value, h: ir.Value | None, terms: Terms) -> None:
-    """Target = base + h Σ weight vector, rounded once; without `h` the factor is 1."""
+def combine(
+    b: ir.IRBuilder,
+    size: int,
+    target: ir.Value,
+    base: ir.Value,
+    h: ir.Value | None,
+    terms: Terms,
+    *,
+    still: frozenset[int] = NONE,
+) -> None:
+    """Target = base + h Σ weight vector, rounded once; without `h` the factor is 1. See `for_each` for `still`."""
 
     def component(i: Index) -> None:
         added, start = total(b, terms, i), load(b, base, i)
         store(b, b.fadd(start, added) if h is None else b.fma(h, added, start), target, i)
 
-    for_each(b, size, component)
+    for_each(b, size, component, still)
 
 
-def combine_at_once(b: ir.IRBuilder, size: int, target: ir.Value, base: ir.Value, h: ir.Value, terms: Terms) -> None:
+def combine_at_once(
+    b: ir.IRBuilder,
+    size: int,
+    target: ir.Value,
+    base: ir.Value,
+    h: ir.Value,
+    terms: Terms,
+    *,
+    still: frozenset[int] = NONE,
+) -> None:
     """The same, where the last vector has just been computed: the other terms are added while that is under way.
 
     The result is rounded twice, so this is for stages and not for states.
@@ -106,7 +130,7 @@ def combine_at_once(b: ir.IRBuilder, size: int, target: ir.Value, base: ir.Value
             start = b.fma(h, total(b, early, i), start)
         store(b, b.fma(factor, load(b, last, i), start), target, i)
 
-    for_each(b, size, component)
+    for_each(b, size, component, still)
 
 
 def add_square(b: ir.IRBuilder, into: ir.Value, value: ir.Value) -> None:

@@ -102,7 +102,7 @@ def compile_kernel(
     if one_sided is None:
         advance = emit_advance(module, system, prepare)
     else:
-        advance = emit_guarded(module, system, prepare, one_sided)
+        advance = emit_guarded(module, system, program, prepare, one_sided)
     emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
     for name, function in readers.items():
         _export(module, f"read_{name}", lower(module, function, inline=True))

@@ -15,18 +15,18 @@ def explicit_step(method: Tableau) -> Prepare:
     def prepare(emitter: StepEmitter) -> EmitStep:
         k, trial = [emitter.vector() for _ in range(method.stages)], emitter.vector()
         emit_estimate = emitter.estimator(method.estimate, k)
-        size, y = emitter.system.size, emitter.y
+        size, still, y = emitter.system.size, emitter.system.still, emitter.y
 
         def step(t: ir.Value) -> None:
             for stage, (weights, c) in enumerate(zip(method.a, method.c, strict=True)):
                 stage_time, state = emitter.stage_time(t, c), y
                 if any(weights):
                     state = trial
-                    combine_at_once(emitter.b, size, trial, y, emitter.h, weighted(weights, k))
+                    combine_at_once(emitter.b, size, trial, y, emitter.h, weighted(weights, k), still=still)
                     emitter.project_stage(stage_time, trial)
                 emitter.rates(stage_time, state, k[stage], first=stage == 0)
             emit_estimate(emitter.h)
-            combine(emitter.b, size, y, y, emitter.h, weighted(method.b, k))
+            combine(emitter.b, size, y, y, emitter.h, weighted(method.b, k), still=still)
 
         return step
 

@@ -31,7 +31,8 @@ class System:
 
     `projection(t, y)` or, if `projection_takes_inputs`, `projection(t, y, inputs)`, moves the state back to the
     constraints after each step. If `rates` also `reports_conditioning`, it has a second output: where that is negative
-    at the start of a step, the constraints are ill-conditioned and each further stage is projected too.
+    at the start of a step, the constraints are ill-conditioned and each further stage is projected too. The components
+    in `still`, after the first `error_size` ones, have the rate zero, and no rate depends on them.
     """
 
     size: int
@@ -40,6 +41,7 @@ class System:
     projection: ir.Function | None
     reports_conditioning: bool = False
     projection_takes_inputs: bool = False
+    still: frozenset[int] = frozenset()
 
 
 # Emits the error estimate of a step, given the factor h of the slopes (None: 1) and a further error to add to it.

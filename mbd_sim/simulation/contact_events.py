@@ -62,13 +62,15 @@ class ContactStepper:
         self._finder, self._search = ModeFinder(model, tolerance), EventSearch(model, tolerance)
         self.events: deque[ContactEvent] = deque(maxlen=EVENTS_KEPT)
         self.count = 0
+        self._new: list[ContactEvent] = []  # of the present call
 
     def advance(self, y: Array, inputs: Array, first: int, h: float, n: int, estimate: Array) -> bool:
         """Take n steps; False, with nothing changed, where the state would not stay finite.
 
         :raises EventError: contacts without a solution; nothing is changed then either.
         """
-        before, modes, known, count = y.copy(), inputs.copy(), list(self.events), self.count
+        before, modes = y.copy(), inputs.copy()
+        self._new.clear()
         try:
             done = 0
             while done < n:
@@ -82,12 +84,10 @@ class ContactStepper:
                     done += 1
         except (FloatingPointError, EventError) as error:
             y[:], inputs[:] = before, modes
-            self.events.clear()
-            self.events.extend(known)
-            self.count = count
             if isinstance(error, EventError):
                 raise
             return False
+        self._keep_new()
         return True
 
     def settle(self, time: float, y: Array, inputs: Array) -> None:
@@ -95,8 +95,10 @@ class ContactStepper:
 
         :raises EventError: contacts without a solution.
         """
+        self._new.clear()
         self._model.modes(inputs)[:] = 0.0
         self._resolve(time, y, inputs, Forced(), np.zeros(self._model.layout.gaps, dtype=bool), True, first=True)
+        self._keep_new()
 
     def _step(self, y: Array, inputs: Array, start: float, end: float) -> None:
         t, events, ignored, longest, decided = start, 0, frozenset[int](), np.inf, _Decided()
@@ -198,8 +200,11 @@ class ContactStepper:
             self._record(ContactEvent(time, model.names[gap], ContactChange.IMPACT, impulse, found.loss, found.factor))
 
     def _record(self, event: ContactEvent) -> None:
-        self.events.append(event)
-        self.count += 1
+        self._new.append(event)
+
+    def _keep_new(self) -> None:
+        self.events.extend(self._new)
+        self.count += len(self._new)
 
     def _record_changes(self, time: float, old: Array, new: Array) -> None:
         layout, model = self._model.layout, self._model

@@ -22,10 +22,11 @@ from mbd_sim.errors import CommandError, DivergedError, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.tableau import Tableau
 from mbd_sim.load import load_mechanism
-from mbd_sim.mechanism.one_sided import require_two_sided
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.argument_checks import require_finite, step_at, step_count, step_size
 from mbd_sim.simulation.compiled_model import Model, build_model
+from mbd_sim.simulation.contact_events import ContactStepper
+from mbd_sim.simulation.ensemble_contacts import advance_through_events, member_contacts, settle_members
 from mbd_sim.simulation.ensemble_variants import Change, Variants
 from mbd_sim.simulation.member_failures import divergence_of_member
 from mbd_sim.simulation.options import EnsembleOptions
@@ -91,7 +92,6 @@ class Ensemble(ReadOnlyAttributes):
         changes: Sequence[Change] = [{}] * index(members) if isinstance(members, int) else list(members)
         if not changes:
             raise ValueError("an ensemble needs at least one member.")
-        require_two_sided(mechanism, "cannot be an ensemble", "Use a Simulation for each member.")
         self.mechanism = mechanism
         self.step_size = step_size(step, mechanism.step)
         variants = Variants(mechanism, changes)
@@ -99,7 +99,8 @@ class Ensemble(ReadOnlyAttributes):
         self._variants, self._limits = variants, variants.effort_limits()
         self._failures: dict[int, MemberFailure] = {}
         self._starts, values = variants.starts(self.model)
-        self._groups: MemberGroups = _member_groups(self.model, len(changes))
+        self._contacts = member_contacts(self.model, variants, len(changes))
+        self._groups: MemberGroups = _member_groups(self.model, len(changes), self._contacts)
         layout = self.model.equations.inputs
         self._effort_inputs, self._value_inputs = layout.efforts, layout.values
         inputs = np.tile(self.model.inputs, (len(changes), 1))
@@ -173,6 +174,8 @@ class Ensemble(ReadOnlyAttributes):
         Given states are projected to the nearest ones that satisfy the constraints.
 
         :raises ValueError: wrong shape, a value that is not finite, or loops that cannot be closed near a state.
+        :raises CommandError: a member is inside an obstacle.
+        :raises EventError: the contacts of a member have no solution; nothing is changed in all these cases.
         """
         states = self._starts.copy()
         inputs = self._groups.get("inputs")
@@ -185,13 +188,13 @@ class Ensemble(ReadOnlyAttributes):
             for y, values in zip(states, inputs[:, self._value_inputs], strict=True):
                 self.model.normalize(y)
                 self.model.project(y, values)
+        energies = [self.model.energies(0.0, y, 0.0, row).total for y, row in zip(states, inputs, strict=True)]
+        settle_members(self.model, self._contacts, states, inputs)
         self._groups.put("y", states)
         self._groups.put("inputs", inputs)
         self._groups.put("estimates", np.zeros((len(self), 1)))
         self._groups.put("alive", np.ones((len(self), 1)))
-        self._steps, self._failures = 0, {}
-        self._start_energies = np.zeros(len(self))
-        self._start_energies = np.asarray(self.energies.total)
+        self._steps, self._failures, self._start_energies = 0, {}, np.array(energies)
 
     def snapshot(self) -> EnsembleSnapshot:
         """Everything that the rest of the runs depends on: states, time, efforts, values and the audit."""
@@ -295,8 +298,10 @@ class Ensemble(ReadOnlyAttributes):
             )
 
 
-def _member_groups(model: Model, count: int) -> MemberGroups:
+def _member_groups(model: Model, count: int, contacts: Sequence[ContactStepper]) -> MemberGroups:
     sizes = {"y": len(model.start), "inputs": len(model.inputs), "estimates": 1, "alive": 1}
+    if contacts:
+        return MemberGroups(count, 1, sizes, advance_through_events(contacts))
     if not isinstance(model.method, Tableau):  # each member needs its own number of iterations
         return MemberGroups(count, 1, sizes, advance_one_by_one(model.kernel))
     equations = model.equations

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mbd_sim.dynamics.energy import AUDIT_STATES
 from mbd_sim.dynamics.initial_conditions import start_like
 from mbd_sim.dynamics.symbolic_parameters import (
     EquationData,
@@ -79,7 +78,7 @@ class Variants:
                 q, u = start_like(mechanism, model.layout, constraints, equations.rows)
             except MechanismError as error:
                 raise _of_member(self._variant_of.index(number), error) from error
-            states.append(np.concatenate([q, u, np.zeros(len(AUDIT_STATES))]))
+            states.append(np.concatenate([q, u, np.zeros(len(model.start) - len(q) - len(u))]))
             rows.append(values)
         return np.array(states)[self._variant_of], np.array(rows)[self._variant_of]
 

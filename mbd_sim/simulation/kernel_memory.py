@@ -8,6 +8,7 @@ import numpy as np
 
 from mbd_sim.dynamics.initial_conditions import rheonomic
 from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.contact_events import ContactStepper
 from mbd_sim.simulation.contact_system import guard_tolerance
@@ -19,10 +20,13 @@ class KernelMemory:
     Compiled code keeps the addresses of these arrays. They are written in place and never replaced.
     """
 
-    def __init__(self, model: Model, step_size: float) -> None:
-        """Allocate the arrays: the start state of the `model`, its inputs without commands, and a step size in s."""
+    def __init__(self, model: Model, step_size: float, mechanism: Mechanism | None = None) -> None:
+        """Allocate the arrays: the start state of the `model`, its inputs without commands, and a step size in s.
+
+        :param mechanism: a variant of that of the model with the same equations, see `contact_stepper`.
+        """
         self._kernel = model.kernel
-        self.contacts = None if model.contact is None else contact_stepper(model)
+        self.contacts = None if model.contact is None else contact_stepper(model, mechanism or model.mechanism)
         self.y, self.inputs = model.start.copy(), model.inputs.copy()
         self._counter, self._step_size = np.zeros(1, dtype=np.int64), np.array([step_size])
         self._error_estimate = np.zeros(1)
@@ -74,10 +78,9 @@ class KernelMemory:
         self.y[:], self.inputs[:], self._counter[0], self._error_estimate[0] = y, inputs, steps, error_estimate
 
 
-def contact_stepper(model: Model) -> ContactStepper:
-    """The stepper of a model with one-sided rows."""
+def contact_stepper(model: Model, mechanism: Mechanism) -> ContactStepper:
+    """The stepper of a model with one-sided rows; contacts come to rest below the `rest_speed` of the mechanism."""
     assert model.contact is not None
-    mechanism, equations = model.mechanism, model.equations
 
     def energy(time: float, y: Array, inputs: Array) -> float:
         return model.energies(time, y, 0.0, inputs).total
@@ -89,6 +92,6 @@ def contact_stepper(model: Model) -> ContactStepper:
         model.u_range,
         slice(first, first + 2),
         mechanism.rest_speed,
-        guard_tolerance(equations),
+        guard_tolerance(model.equations),
         rheonomic(mechanism),
     )

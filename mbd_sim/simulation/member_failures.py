@@ -6,6 +6,7 @@ from mbd_sim.errors import DivergedError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.compiled_model import Model
+from mbd_sim.simulation.contact_events import EventError
 from mbd_sim.simulation.kernel_memory import KernelMemory
 from mbd_sim.simulation.snapshot import MemberFailure
 from mbd_sim.simulation.step_advice import divergence, step_advice
@@ -22,8 +23,12 @@ def divergence_of_member(
     :param step_size: in s.
     :param error_estimate: of the member, see `Ensemble.error_estimates`.
     """
-    memory = KernelMemory(model, step_size)
+    memory = KernelMemory(model, step_size, mechanism)
     memory.load(y, failure.inputs, failure.steps)
+    try:
+        memory.advance(failure.count)
+    except EventError as error:
+        return error
     undefined = undefined_expression(model, mechanism, memory, failure.count)
     time = failure.steps * step_size
     advice = step_advice(model, time, y, failure.inputs, step_size, error_estimate)

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.errors import MechanismError
+from mbd_sim.errors import CommandError, MbdSimError, MechanismError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.load import parse_mechanism
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.simulation.contact_events import EventError
 from mbd_sim.simulation.ensemble import Ensemble
 from mbd_sim.sweep.sweep_plan import EFFORT
 
@@ -73,7 +74,7 @@ def compute(settings: Settings, chunk: Chunk, threads: int | None = 1) -> Result
     mechanism = settings.mechanism()
     try:
         return _together(settings, mechanism, chunk, threads)
-    except MechanismError as error:
+    except (MechanismError, CommandError, EventError) as error:
         if len(chunk.changes) == 1:
             return _missing(mechanism, chunk, error)
     single_runs = (Chunk(chunk.first + index, [change]) for index, change in enumerate(chunk.changes))
@@ -137,7 +138,7 @@ def _head(chunk: Chunk) -> Table:
     return table
 
 
-def _missing(mechanism: Mechanism, chunk: Chunk, error: MechanismError) -> Results:
+def _missing(mechanism: Mechanism, chunk: Chunk, error: MbdSimError) -> Results:
     table = _head(chunk) | {"finite": np.array([False])}
     table |= {name: np.array([np.nan]) for name in result_names(mechanism)}
     return Results(table, {}, [f"run {chunk.first}: {error}"])

@@ -130,3 +130,24 @@ def test_without_gymnasium_the_error_names_the_remedy():
     code = "import sys; sys.modules['gymnasium'] = None; import mbd_sim.gym"
     error = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stderr
     assert "pip install gymnasium" in error
+
+
+@pytest.mark.parametrize("name", ["bounce", "elbow_stop", "spinning_ball"])
+def test_contacts_in_an_environment_are_those_of_the_simulation(name):
+    sim = Simulation.from_file(name)
+    limits = dict.fromkeys(sim.coordinate_names, 2.0)
+    env = MechanismEnv(name, reward=lambda sim, action: 0.0, effort_limits=limits, trigonometric=False)
+    for seed in (1, 2):
+        env.action_space.seed(seed)
+        observation, _ = env.reset(seed=seed)
+        sim.reset()
+        for _ in range(60):
+            action = env.action_space.sample()
+            observation, _, ended, _, info = env.step(action)
+            sim.set_efforts(action.astype(float))
+            sim.step(20)
+            assert not ended
+            assert info == {}
+        assert np.array_equal(observation, np.concatenate([sim.q, sim.u]))
+        assert len(sim.contact_events) > 0
+        assert abs(sim.energies.residual) < 1e-10

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mbd_sim import Ensemble, MechanismError, Simulation
+from mbd_sim import MechanismError, Simulation
 
 # End time, q, u and event times, from hand-written equations and closed forms at 1e-13.
 REFERENCE = {
@@ -322,5 +322,3 @@ def test_what_needs_smooth_equations_refuses_contacts():
         sim.linearize()
     with pytest.raises(MechanismError, match="inverse dynamics"):
         sim.inverse_dynamics([0.0])
-    with pytest.raises(MechanismError, match="Use a Simulation for each member"):
-        Ensemble.from_file("bounce", 3)

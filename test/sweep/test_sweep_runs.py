@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -75,3 +77,36 @@ def test_chunks_are_put_together_in_order():
     table = joined([compute(quick, chunk) for chunk in work]).runs
     assert table["run"].tolist() == list(range(CHUNK + 3))
     assert table["gravity[2]"].tolist() == [-float(n) for n in range(CHUNK + 3)]
+
+
+def test_runs_with_contacts_end_as_single_simulations_bit_for_bit():
+    changes = [{"mu": mu, "efforts.ball.x": effort} for mu in (0.1, 0.3) for effort in (0.0, 0.4)]
+    found = compute(replace(settings("spinning_ball"), until=0.6), chunks(changes)[0])
+    for row, change in enumerate(changes):
+        single = Simulation.from_file("spinning_ball", live=["parameters.mu"])
+        single.set_live({"parameters.mu": change["mu"]})
+        single.reset()
+        single.set_efforts({"ball.x": change["efforts.ball.x"]})
+        single.run(0.6)
+        assert len(single.contact_events) > 0
+        assert [found.runs[f"{name}.position"][row] for name in single.coordinate_names] == single.q.tolist()
+        assert [found.runs[f"{name}.velocity"][row] for name in single.coordinate_names] == single.u.tolist()
+        assert found.runs["dissipated"][row] == single.energies.dissipated
+    assert np.abs(found.runs["residual"]).max() < 1e-11
+
+
+def test_a_run_whose_contacts_have_no_solution_at_the_start_is_reported():
+    text = """
+    mechanism: ram
+    parameters: {v: 0}
+    parts: {ram: {shape: {type: particle, mass: 1}}, ball: {shape: {type: particle, mass: 1}}}
+    joints:
+      ram: {type: prismatic, between: [ground, ram], axis: [0, 0, 1], drive: -v*t}
+      ball: {type: prismatic, between: [ground, ball], axis: [0, 0, 1]}
+    constraints: {floor: {type: on_plane, point: ram, bound: at_least}}
+    """
+    found = compute(Settings(text, "ram.yaml", until=0.1, every=0.01), chunks([{"v": 0.0}, {"v": 0.5}])[0])
+    assert found.runs["finite"].tolist() == [True, False]
+    assert np.isnan(found.runs["ball.position"]).tolist() == [False, True]
+    (problem,) = found.problems
+    assert problem.startswith("run 1: ")

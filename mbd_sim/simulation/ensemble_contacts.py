@@ -1,0 +1,52 @@
+"""Members of an ensemble with one-sided elements: each goes through its own events, as a single simulation does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from mbd_sim.compiler.ensemble_kernel import Advance
+from mbd_sim.errors import CommandError
+from mbd_sim.geometry.pose import Array
+from mbd_sim.simulation.compiled_model import Model
+from mbd_sim.simulation.contact_events import ContactStepper, EventError
+from mbd_sim.simulation.contact_start import require_outside
+from mbd_sim.simulation.ensemble_variants import Variants
+from mbd_sim.simulation.kernel_memory import contact_stepper
+
+
+def member_contacts(model: Model, variants: Variants, count: int) -> tuple[ContactStepper, ...]:
+    """The stepper of each of `count` members, or none at all where everything is two-sided."""
+    if model.contact is None:
+        return ()
+    return tuple(contact_stepper(model, variants.mechanism_of(member)) for member in range(count))
+
+
+def settle_members(model: Model, contacts: Sequence[ContactStepper], states: Array, inputs: Array) -> None:
+    """Find the modes of the members at time zero, in place, with impacts where contacts approach.
+
+    :param states: (k, n), and `inputs` (k, m).
+    :raises CommandError: a member is inside an obstacle.
+    :raises EventError: contacts without a solution; both errors name the member.
+    """
+    for member, contact in enumerate(contacts):
+        contact.events.clear()
+        try:
+            require_outside(model, 0.0, states[member], inputs[member])
+            contact.settle(0.0, states[member], inputs[member])
+        except (CommandError, EventError) as error:
+            raise type(error)(f"member {member}: {error}") from error
+
+
+def advance_through_events(contacts: Sequence[ContactStepper]) -> Advance:
+    """Advance each member, in a group by itself; one whose contacts have no solution is no longer alive."""
+
+    def advance(arrays: Mapping[str, Array], first: int, h: float, steps: int, groups: range) -> None:
+        for group in groups:
+            y, inputs, estimate, alive = (arrays[name][group, :, 0] for name in ("y", "inputs", "estimates", "alive"))
+            if alive[0]:
+                try:
+                    alive[0] = float(contacts[group].advance(y, inputs, first, h, steps, estimate))
+                except EventError:
+                    alive[0] = 0.0
+
+    return advance
