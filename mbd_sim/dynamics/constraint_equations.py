@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -81,14 +81,7 @@ def equations_of_rows(
     :param time: the symbol of time in the rows, which are written on the symbols of the `bodies`.
     """
     mechanism, links, state, poses = traced.mechanism, traced.links, traced.state, traced.poses
-    twists = [world_twist(link, motion, X_WB) for link, motion, X_WB in zip(links, traced.motions, poses, strict=True)]
-    symbols = [ca.vertcat(*bodies.poses), ca.vertcat(*bodies.twists), time]
-    values = [ca.vertcat(*map(flat_pose, poses)), ca.vertcat(*twists), state.t]
-
-    def in_state(expression: ca.SX) -> ca.SX:
-        """An expression of the parts' symbols as one of the state."""
-        return ca.sparsify(ca.substitute([expression], symbols, [ca.densify(value) for value in values])[0])
-
+    in_state, twists = expressed_in_state(traced, bodies, time), ca.vertcat(*bodies.twists)
     body_position, body_slip = _stacked([row.position for row in rows]), _stacked([row.velocity for row in rows])
     position = in_state(body_position) + _coupled_coordinates(links, state, rows)
     slip = in_state(body_slip)
@@ -96,8 +89,8 @@ def equations_of_rows(
     gradient = ca.sparsify(ca.jacobian(position, state.q) @ to_rates + ca.jacobian(slip, state.u))
     velocity = ca.sparsify(ca.jacobian(position, state.q) @ to_rates @ state.u + ca.jacobian(position, state.t) + slip)
     body_velocity = bodies.rate(body_position) + ca.jacobian(body_position, time) + body_slip
-    wrenches = in_state(ca.jacobian(body_velocity, symbols[1])).T
-    own_rate = ca.substitute([body_velocity], [symbols[1]], [ca.SX.zeros(*symbols[1].shape)])[0]
+    wrenches = in_state(ca.jacobian(body_velocity, twists)).T
+    own_rate = ca.substitute([body_velocity], [twists], [ca.SX.zeros(*twists.shape)])[0]
     return ConstraintEquations(
         rows=rows,
         position=position,
@@ -115,6 +108,18 @@ def equations_of_rows(
         own_rate=in_state(own_rate),
         branch_checks=in_state(ca.vertcat(ca.SX(0, 1), *checks)),
     )
+
+
+def expressed_in_state(traced: TracedMechanism, bodies: BodySymbols, time: ca.SX) -> Callable[[ca.SX], ca.SX]:
+    """A function that expresses expressions of the symbols of the `bodies` and of `time` in the state."""
+    poses = traced.poses
+    twists = [
+        world_twist(link, motion, X_WB) for link, motion, X_WB in zip(traced.links, traced.motions, poses, strict=True)
+    ]
+    symbols = [ca.vertcat(*bodies.poses), ca.vertcat(*bodies.twists), time]
+    values = [ca.vertcat(*map(flat_pose, poses)), ca.vertcat(*twists), traced.state.t]
+    dense = [ca.densify(value) for value in values]
+    return lambda expression: ca.sparsify(ca.substitute([expression], symbols, dense)[0])
 
 
 def _stacked(expressions: Sequence[ca.SX | None]) -> ca.SX:

@@ -69,9 +69,14 @@ def constraint_rows(
 
 
 class SurfaceGap(NamedTuple):
-    """A point at a surface: its distance in m, its velocity (3,) along the surface, and two directions (3,) there."""
+    """A point at a surface: its distance in m, its velocity (3,) along the surface, and two directions (3,) there.
+
+    The unit `normal` (3,) is the direction in which the distance grows, and `point` (3,) the point in ground's frame.
+    """
 
     position: ca.SX
+    point: ca.SX
+    normal: ca.SX
     slip: ca.SX
     sides: list[ca.SX]
 
@@ -144,11 +149,13 @@ class RowWriter:
         value = function_of(record.equations[0], {"x": x[0], "y": x[1], "z": x[2], "t": self._time})
         gradient = ca.gradient(value, x)
         size = ca.norm_2(gradient)
-        sides = perpendiculars_of(gradient / size)
+        normal = gradient / size
+        sides = perpendiculars_of(normal)
         at = base.rotation.T @ (point.position - base.position)
-        distance, *sides = ca.substitute([value / size, *sides], [x], [at])
+        distance, normal, *sides = ca.substitute([value / size, normal, *sides], [x], [at])
         slip = point.velocity - velocity_at(base, point.position)
-        return SurfaceGap(distance, slip, [base.rotation @ side for side in sides])
+        sides = [base.rotation @ side for side in sides]
+        return SurfaceGap(distance, point.position, base.rotation @ normal, slip, sides)
 
     def _coupling(self, record: c.Coupling) -> ConstraintRow:
         value = function_of(record.value, {"t": self._time})
@@ -156,7 +163,17 @@ class RowWriter:
         return ConstraintRow(_owner(record), "coordinates", -value, unit=unit, factors=record.factors)
 
     def _rolling(self, record: c.Rolling) -> Iterator[ConstraintRow]:
-        """Contact, and no slip at the contact along two directions of the plane (Huston & Liu, sec. 11.10.5).
+        """Contact, and no slip at the contact along two directions of the plane (Huston & Liu, sec. 11.10.5)."""
+        wheel, plane = self.frame(record.center), self.frame(record.plane)
+        arm, normal, directions = self.rolling_contact(record)
+        contact = wheel.position + arm
+        yield ConstraintRow(_owner(record), "contact", ca.dot(normal, contact - plane.position))
+        slip = wheel.velocity + ca.cross(wheel.omega, arm) - velocity_at(plane, contact)
+        for number, direction in enumerate(directions):
+            yield ConstraintRow(_owner(record), f"slip {number + 1}", velocity=ca.dot(direction, slip))
+
+    def rolling_contact(self, record: c.Rolling) -> tuple[ca.SX, ca.SX, list[ca.SX]]:
+        """From a wheel center to its point nearest to the plane (3,), the normal (3,), and two directions (3,) across.
 
         The directions of a wheel are forward and sideways. Wheels on one axle then share a row in any position.
         """
@@ -169,12 +186,7 @@ class RowWriter:
             size = ca.sqrt(ca.dot(in_disc, in_disc))
             up, forward = in_disc / size, ca.cross(axis, normal) / size
             directions = [forward, ca.cross(normal, forward)]
-        arm = -record.radius * up
-        contact = wheel.position + arm
-        yield ConstraintRow(_owner(record), "contact", ca.dot(normal, contact - plane.position))
-        slip = wheel.velocity + ca.cross(wheel.omega, arm) - velocity_at(plane, contact)
-        for number, direction in enumerate(directions):
-            yield ConstraintRow(_owner(record), f"slip {number + 1}", velocity=ca.dot(direction, slip))
+        return -record.radius * up, normal, directions
 
     def _knife_edge(self, record: c.KnifeEdge) -> ConstraintRow:
         blade, plane = self.frame(record.point), self.frame(record.plane)

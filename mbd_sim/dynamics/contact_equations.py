@@ -10,7 +10,8 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.dynamics.body_symbols import BodySymbols
-from mbd_sim.dynamics.constraint_equations import ConstraintEquations, equations_of_rows
+from mbd_sim.dynamics.constraint_equations import ConstraintEquations, equations_of_rows, expressed_in_state
+from mbd_sim.dynamics.contact_places import placed_forces
 from mbd_sim.dynamics.contact_rows import Gap, contact_rows
 from mbd_sim.dynamics.kinematics import SymbolicPose
 from mbd_sim.dynamics.spatial_algebra import constant
@@ -91,7 +92,8 @@ class FrictionElement:
 class ContactEquations:
     """The one-sided rows of a mechanism: `gaps`, their friction and all other sticking friction as `equations`.
 
-    `numbers` are the symbols of the contact inputs, see `ContactLayout`.
+    `numbers` are the symbols of the contact inputs, see `ContactLayout`. `places` (6, placed gaps) are the points and
+    the forces of those gaps that have a place.
     """
 
     gaps: tuple[Gap, ...]
@@ -99,6 +101,7 @@ class ContactEquations:
     equations: ConstraintEquations
     layout: ContactLayout
     numbers: ca.SX
+    places: ca.SX
 
     @property
     def active(self) -> ca.SX:
@@ -176,9 +179,11 @@ def contact_equations(traced: TracedMechanism) -> ContactEquations:
         row = new_index[len(gaps) + len(slips) + number]
         frictions.append(FrictionElement((row,), None, friction.sliding, friction.static, friction.joint))
     layout = ContactLayout(len(gaps), len(kept), sum(element.joint is not None for element in frictions))
-    return ContactEquations(
-        tuple(gaps), tuple(frictions), equations.select(kept), layout, ca.SX.sym("contact", layout.size)
-    )
+    numbers, equations = ca.SX.sym("contact", layout.size), equations.select(kept)
+    placed = [(gap.place, (gap.row, *gap.slip)) for gap in gaps if gap.place is not None]
+    in_state = expressed_in_state(traced, bodies, time)
+    places = placed_forces(placed, equations.rows, numbers[layout.multipliers], in_state)
+    return ContactEquations(tuple(gaps), tuple(frictions), equations, layout, numbers, places)
 
 
 def _of_any_speed(size: ca.SX, speed: ca.SX) -> ca.SX:

@@ -63,6 +63,8 @@ class ContactFunctions:
     - `loads`: functions of (t, y, inputs) that give the `unloaded` force (k,) and `by_force` (k, rows) of each load.
     - `response(t, y, inputs, impulses)`: the change of u (nv,) by impulses (rows,) of the rows.
     - `restitution(inputs)`: e (gaps,).
+    - `places(t, y, inputs)`: the points in m and the forces in N (6, placed gaps), in ground's frame; λ is among the
+      inputs.
     """
 
     contacts: ContactEquations
@@ -74,6 +76,7 @@ class ContactFunctions:
     loads: list[ca.Function]
     response: ca.Function
     restitution: ca.Function
+    places: ca.Function
 
 
 class ContactDynamics:
@@ -203,6 +206,7 @@ class ContactDynamics:
             loads=[_function("joint_load", inputs, load.unloaded, load.by_force) for load in self.loads],
             response=_function("contact_response", [*inputs, solution], self._response(solution)),
             restitution=_function("restitution", [self._traced.inputs], ca.vertcat(ca.SX(0, 1), *laws)),
+            places=_function("contact_places", inputs, contacts.places),
         )
 
     def _rates(self, solution: ca.SX) -> SolvedPair:

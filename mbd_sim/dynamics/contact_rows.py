@@ -14,6 +14,7 @@ import casadi as ca
 
 from mbd_sim.dynamics.body_symbols import BodySymbols
 from mbd_sim.dynamics.constraint_rows import ConstraintRow, RowWriter, velocity_at
+from mbd_sim.dynamics.contact_places import ContactPlace
 from mbd_sim.dynamics.law_expressions import dry_friction
 from mbd_sim.dynamics.loop_equations import perpendiculars
 from mbd_sim.dynamics.shape_contacts import touch, without_repeated
@@ -22,7 +23,7 @@ from mbd_sim.dynamics.time_functions import function_of
 from mbd_sim.mechanism import constraints as c
 from mbd_sim.mechanism.contacts import Contact
 from mbd_sim.mechanism.one_sided import Bound, ContactLaw, is_one_sided
-from mbd_sim.mechanism.records import Joint, Mechanism
+from mbd_sim.mechanism.records import GROUND, Joint, Mechanism
 from mbd_sim.mechanism.source import Location
 
 
@@ -30,13 +31,15 @@ from mbd_sim.mechanism.source import Location
 class Gap:
     """A one-sided row: its position, or for a `clutch` its rate, is not negative.
 
-    `slip` are up to two rows whose rates are the slip velocities at the contact.
+    `slip` are up to two rows whose rates are the slip velocities at the contact. Stops, plays and clutches have
+    no `place`.
     """
 
     row: ConstraintRow
     law: ContactLaw
     slip: tuple[ConstraintRow, ...] = ()
     clutch: bool = False
+    place: ContactPlace | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,10 +87,11 @@ def _shape_gap(contact: Contact, bodies: BodySymbols, still: int | None) -> Gap:
     assert isinstance(law, ContactLaw)
     owner = ("contacts", contact.name)
     row = ConstraintRow(owner, contact.quantity, touching.distance)
+    place = ContactPlace(touching.point, touching.normal, touching.sides)
     if is_absent(law.static_friction):
-        return Gap(row, law)
+        return Gap(row, law, place=place)
     slip = velocity_at(first, touching.point) - velocity_at(second, touching.point)
-    return Gap(row, law, _slip_rows(owner, f"{contact.quantity} slip", slip, touching.sides))
+    return Gap(row, law, _slip_rows(owner, f"{contact.quantity} slip", slip, touching.sides), place=place)
 
 
 def _stops(joint: Joint) -> Iterator[Gap]:
@@ -122,14 +126,17 @@ def _gaps_of(record: c.Constraint, writer: RowWriter) -> Iterator[Gap]:
     """The gaps of a one-sided constraint."""
     match record:
         case c.Distance(law=ContactLaw() as law) | c.Cable(law=ContactLaw() as law):
-            yield Gap(_bounded(next(writer.rows_of(record)), record.bound), law)
+            row = _bounded(next(writer.rows_of(record)), record.bound)
+            yield Gap(row, law, place=_end_of_line(record, writer))
         case c.Flat(law=ContactLaw() as law):
-            yield Gap(_bounded(next(writer.rows_of(record)), record.bound), law, _slip_on_plane(record, law, writer))
+            yield _plane_gap(record, law, writer)
         case c.Surface(law=ContactLaw() as law):
             yield _surface_gap(record, law, writer)
         case c.Rolling(law=ContactLaw() as law):
             contact, *slip = writer.rows_of(record)
-            yield Gap(contact, law, () if is_absent(law.static_friction) else tuple(slip))
+            arm, normal, directions = writer.rolling_contact(record)
+            place = ContactPlace(writer.frame(record.center).position + arm, normal, tuple(directions))
+            yield Gap(contact, law, () if is_absent(law.static_friction) else tuple(slip), place=place)
         case c.Coupling(play=play) if play is not None:
             law, (row,) = ContactLaw(play.restitution), writer.rows_of(record)
             assert row.position is not None
@@ -160,14 +167,25 @@ def _bounded(row: ConstraintRow, bound: Bound | None) -> ConstraintRow:
     return dataclasses.replace(row, position=-row.position, factors=factors)
 
 
-def _slip_on_plane(record: c.Flat, law: ContactLaw, writer: RowWriter) -> tuple[ConstraintRow, ...]:
-    """The two components of the velocity of a point along a plane."""
-    if is_absent(law.static_friction):
-        return ()
+def _end_of_line(record: c.Distance | c.Cable, writer: RowWriter) -> ContactPlace:
+    """The last end of a rope or strut, or the first where the last is on ground; the direction is along the line."""
+    points = record.points if isinstance(record, c.Cable) else (record.first, record.second)
+    end, other = (points[0], points[1]) if points[-1].part == GROUND else (points[-1], points[-2])
+    line = writer.frame(end).position - writer.frame(other).position
+    return ContactPlace(writer.frame(end).position, _outward(line / ca.norm_2(line), record.bound))
+
+
+def _plane_gap(record: c.Flat, law: ContactLaw, writer: RowWriter) -> Gap:
+    """The distance of a point from a plane, and the two components of its velocity along the plane."""
+    row = _bounded(next(writer.rows_of(record)), record.bound)
     base, point = writer.frame(record.base), writer.frame(record.point)
+    normal = _outward(base.rotation @ constant(record.normals[0]), record.bound)
+    if is_absent(law.static_friction):
+        return Gap(row, law, place=ContactPlace(point.position, normal))
     slip = point.velocity - velocity_at(base, point.position)
     sides = [base.rotation @ constant(side) for side in perpendiculars(record.normals[0])]
-    return _slip_rows(("constraints", record.name), "slip", slip, sides)
+    place = ContactPlace(point.position, normal, tuple(sides))
+    return Gap(row, law, _slip_rows(("constraints", record.name), "slip", slip, sides), place=place)
 
 
 def _surface_gap(record: c.Surface, law: ContactLaw, writer: RowWriter) -> Gap:
@@ -175,7 +193,13 @@ def _surface_gap(record: c.Surface, law: ContactLaw, writer: RowWriter) -> Gap:
     gap = writer.surface_gap(record)
     row = ConstraintRow(("constraints", record.name), "distance from the surface", gap.position)
     slip = () if is_absent(law.static_friction) else _slip_rows(row.owner, "slip", gap.slip, gap.sides)
-    return Gap(_bounded(row, record.bound), law, slip)
+    place = ContactPlace(gap.point, _outward(gap.normal, record.bound), tuple(gap.sides))
+    return Gap(_bounded(row, record.bound), law, slip, place=place)
+
+
+def _outward(normal: ca.SX, bound: Bound | None) -> ca.SX:
+    """The direction (3,) in which the gap grows, from that in which the position grows."""
+    return normal if bound == "at_least" else -normal
 
 
 def _slip_rows(owner: Location, quantity: str, slip: ca.SX, sides: Sequence[ca.SX]) -> tuple[ConstraintRow, ...]:

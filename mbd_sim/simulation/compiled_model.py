@@ -18,6 +18,7 @@ from mbd_sim.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.geometry.rotation import unit
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.simulation.contact_records import ContactState
 from mbd_sim.simulation.contact_system import one_sided_system
 from mbd_sim.simulation.contact_terms import ContactModel
 from mbd_sim.simulation.method_choice import (
@@ -109,6 +110,8 @@ class Model:
         }
         if equations.distant_springs is not None:
             readers["elongations"] = equations.distant_springs.elongations
+        if equations.contact is not None and equations.contact.places.nnz_out(0):
+            readers["contact_places"] = equations.contact.places
         self.equations = equations
         self.layout, self.start, self.part_names = equations.layout, equations.start_state, equations.part_names
         self.coordinate_names, self.driven_names = mechanism.coordinate_names, mechanism.driven_names
@@ -185,6 +188,18 @@ class Model:
         """(3, n): the coordinates of `driven_names`, their speeds, and the forces of the drives, in SI units."""
         given = self.with_contact_forces(time, y, inputs)
         return self._read("drives", time, y, np.empty((3, len(self.driven_names))), given)
+
+    def contact_places(self, time: float, y: Array, inputs: Array) -> Array:
+        """(n, 2, 3): the points in m of the contacts `contact.placed`, and their forces in N, in ground's frame."""
+        placed = 0 if self.contact is None else len(self.contact.placed)
+        out = np.empty((placed, 2, 3))
+        return self._read("contact_places", time, y, out, self.with_contact_forces(time, y, inputs)) if placed else out
+
+    def contacts(self, time: float, y: Array, inputs: Array) -> dict[str, ContactState]:
+        """Each one-sided element by name; see `ContactState`."""
+        if self.contact is None:
+            return {}
+        return self.contact.states(time, y, inputs, self.contact_places(time, y, inputs))
 
     def violation(self, time: float, y: Array, inputs: Array | None = None) -> Violation:
         """The largest violation of the constraints."""

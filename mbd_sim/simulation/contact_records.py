@@ -54,6 +54,10 @@ class ContactState:
     `gap` in m or rad, and its `rate`; `normal` force λ ≥ 0 in N or N·m; `friction` and `slip` (k,) along the k = 0, 1
     or 2 directions of friction, in N or N·m and m/s or rad/s. `state` is "open", "sticks", "slides", or "closed" where
     there is no friction. Friction without a gap has the gap 0 and no normal force.
+
+    `point` (3,) in m is where it touches, and `force` (3,) in N what it exerts on the constrained point's or wheel's
+    part, friction included, both in ground's frame. Of a rope or strut they are those of its last end, or of the first
+    where the last is on ground. They are None for stops, plays, clutches and friction in joints.
     """
 
     state: str
@@ -62,3 +66,5 @@ class ContactState:
     normal: float
     friction: Array
     slip: Array
+    point: Array | None = None
+    force: Array | None = None

@@ -64,7 +64,7 @@ class ContactModel:
     """The functions of a model's one-sided rows, evaluated in numbers. It holds no state.
 
     `frictions` are the rows of each friction element and the gap that loads it, or None. `names` are those of the gaps
-    and then of the friction elements.
+    and then of the friction elements. `placed` are the indices of the gaps that have a place.
     """
 
     def __init__(self, functions: ContactFunctions, inputs: InputLayout, kernel: Kernel) -> None:
@@ -75,6 +75,7 @@ class ContactModel:
         self.frictions: Sequence[tuple[tuple[int, ...], int | None]] = [
             (element.rows, element.gap) for element in contacts.frictions
         ]
+        self.placed = tuple(index for index, gap in enumerate(contacts.gaps) if gap.place is not None)
         self.clutches = np.array([gap.clutch for gap in contacts.gaps], dtype=bool)
         self.row_names = _row_names(contacts)
         self.names = self.row_names[: self.layout.gaps]
@@ -115,8 +116,12 @@ class ContactModel:
         filled[self.span][self.layout.multipliers] = self.readings(time, y, inputs).forces
         return filled
 
-    def states(self, time: float, y: Array, inputs: Array) -> dict[str, ContactState]:
-        """Each gap and each friction element without one, by name."""
+    def states(self, time: float, y: Array, inputs: Array, places: Array | None = None) -> dict[str, ContactState]:
+        """Each gap and each friction element without one, by name.
+
+        :param places: the points and forces (placed, 2, 3) of `Model.contact_places`; without them they are None.
+        """
+        placed = {} if places is None else dict(zip(self.placed, places, strict=True))
         modes, read = self.modes(inputs), self.readings(time, y, inputs)
         sliding = self.sliding(modes)
         friction = {gap: index for index, (_, gap) in enumerate(self.frictions) if gap is not None}
@@ -129,7 +134,8 @@ class ContactModel:
         for gap, name in enumerate(self.names):
             how, forces, slip = state(friction[gap]) if gap in friction else ("closed", np.zeros(0), np.zeros(0))
             how = how if modes[gap] else "open"
-            found[name] = ContactState(how, read.gaps[gap], read.rates[gap], read.forces[gap], forces, slip)
+            place = placed.get(gap, (None, None))
+            found[name] = ContactState(how, read.gaps[gap], read.rates[gap], read.forces[gap], forces, slip, *place)
         for index, (rows, load) in enumerate(self.frictions):
             if load is None:
                 how, forces, slip = state(index)

@@ -100,8 +100,7 @@ class Readings:
 
         Elements with several gaps, such as the two ends of a joint's limits, have an entry for each.
         """
-        contact = self.model.contact
-        return {} if contact is None else contact.states(self.time, self._memory.y, self._memory.inputs)
+        return self.model.contacts(self.time, self._memory.y, self._memory.inputs)
 
     @property
     def contact_events(self) -> tuple[ContactEvent, ...]:

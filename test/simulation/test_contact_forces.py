@@ -1,0 +1,86 @@
+"""The points and forces of contacts: they balance weight and acceleration, and lie where the parts touch."""
+
+import numpy as np
+import pytest
+
+from mbd_sim import Simulation
+
+G = np.array([0.0, 0.0, -9.81])
+
+PARTICLE = """
+mechanism: rest
+parts: {ball: {shape: {type: particle, mass: 2, radius: 0.01}}}
+ground: {points: {hook: [0.1, 0.2, 1.0]}}
+joints: {ball: {type: free, between: [ground, ball], position: [0.1, 0.2, 0]}}
+constraints:
+  contact: {%s}
+"""
+
+
+def test_the_force_on_a_sliding_ball_is_its_rate_of_momentum():
+    sim = Simulation.from_file("spinning_ball", parameters={"eN": 0})
+    sim.run(0.5)
+    contact, before, start = sim.contacts()["floor"], sim.u.copy(), sim.time
+    assert contact.state == "slides"
+    sim.run(0.02)
+    floor = sim.contacts()["floor"]
+    assert floor.state == "slides"
+    rate = (sim.u - before) / (sim.time - start)  # constant while it slides; u is along x, -z, and about y
+    acceleration = np.array([rate[0], 0.0, -rate[1]])
+    for state in (contact, floor):
+        np.testing.assert_allclose(state.force + 1.0 * G, 1.0 * acceleration, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(abs(state.force[0]), 0.2 * 9.81, rtol=0, atol=1e-12)
+    moment = np.cross(floor.point - sim.poses()["ball"].position, floor.force)
+    np.testing.assert_allclose(moment, [0.0, 0.4 * 0.1**2 * rate[2], 0.0], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "constraint",
+    [
+        "type: on_plane, point: ball, bound: at_least, friction: 0.5",
+        "type: on_plane, point: ball, bound: at_most, normal: [0, 0, -1]",
+        "type: on_plane, point: ball, bound: at_least, normal: [0.3, -0.2, 1], at: [0.1, 0.2, 0], friction: 0.9",
+        "type: on_surface, point: ball, bound: at_least, equation: 3*z, friction: 0.5",
+        "type: on_surface, point: ball, bound: at_most, equation: -x*x*0 - 3*z, friction: 0.5",
+        "type: distance, between: [ground.hook, ball], length: 1, bound: at_most",
+        "type: distance, between: [ball, ground.hook], length: 1, bound: at_most",
+        "type: cable, points: [ground, ground.hook, ball], length: 1 + sqrt(1.05), bound: at_most",
+        "type: cable, points: [ball, ground.hook, ground], length: 1 + sqrt(1.05), bound: at_most",
+    ],
+)
+def test_the_force_on_a_body_at_rest_carries_its_weight_at_the_contact(constraint):
+    sim = Simulation.from_text(PARTICLE % constraint)
+    for _ in range(2):
+        (contact,) = sim.contacts().values()
+        assert contact.state in ("closed", "sticks")
+        np.testing.assert_allclose(contact.force, -2.0 * G, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(contact.point, [0.1, 0.2, 0.0], rtol=0, atol=1e-12)
+        sim.run(0.1)
+
+
+def test_the_force_of_a_strut_pushes():
+    text = PARTICLE.replace("hook: [0.1, 0.2, 1.0]", "hook: [0.1, 0.2, -1.0]")
+    strut = "type: distance, between: [ground.hook, ball], length: 1, bound: at_least"
+    (contact,) = Simulation.from_text(text % strut).contacts().values()
+    np.testing.assert_allclose(contact.force, -2.0 * G, rtol=0, atol=1e-12)
+
+
+def test_friction_in_two_directions_opposes_the_slip():
+    sim = Simulation.from_text("""
+mechanism: puck
+parts: {ball: {shape: {type: sphere, mass: 2, radius: 0.1}}}
+joints: {ball: {type: free, between: [ground, ball], position: [0, 0, 0.1], velocity: [3, -4, 0, 0, 0, 0]}}
+constraints: {floor: {type: rolling, wheel: ball, radius: 0.1, friction: 0.1}}
+""")
+    (contact,) = sim.contacts().values()
+    assert contact.state == "slides"
+    np.testing.assert_allclose(contact.force, 2 * 9.81 * np.array([-0.06, 0.08, 1.0]), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(contact.point, np.zeros(3), rtol=0, atol=1e-15)
+
+
+def test_without_contact_there_is_a_point_and_no_force_and_stops_have_neither():
+    flying = Simulation.from_file("spinning_ball").contacts()["floor"]
+    np.testing.assert_allclose(flying.point, [-0.5, 0.0, 0.9], rtol=0, atol=1e-15)
+    assert flying.force.tolist() == [0.0, 0.0, 0.0]
+    stop = Simulation.from_file("stops").contacts()
+    assert [(state.point, state.force) for state in stop.values()] == [(None, None)] * 2
