@@ -12,6 +12,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from mbd_sim.appearance import palette, polylines
 from mbd_sim.appearance.extent import extent_of
+from mbd_sim.appearance.force_scale import weight
 from mbd_sim.appearance.solids import LINE_WIDTH
 from mbd_sim.appearance.trace_points import default_traces
 from mbd_sim.geometry.pose import Array, pack_poses, unpack_poses
@@ -30,6 +31,7 @@ from mbd_sim.mechanism.force_elements import Damper, Spring
 from mbd_sim.mechanism.records import GROUND, Attachment
 from mbd_sim.messages.snapshot import Snapshot
 from mbd_sim.messages.state_messages import ros_poses
+from mbd_sim.ros.contact_markers import CONTACT_COLOR, arrow_row, ball_row
 from mbd_sim.ros.marker_shapes import PartMarker, Points, joint_markers, part_markers
 from mbd_sim.ros.message_template import STAMP, MessageTemplate, slot
 from mbd_sim.simulation.compiled_model import Model
@@ -86,6 +88,7 @@ class Markers:
         """
         self._model, self._frame = model, prefix + GROUND
         self._size = extent_of(model).size
+        self._full_force = weight(model.mechanism, self._size)
         self._coil = polylines.coil(COIL_RADIUS * self._size)
         self._dashpot = polylines.dashpot(DASHPOT_HALF_WIDTH * self._size)
         self._time = np.inf
@@ -96,7 +99,9 @@ class Markers:
         for constraint in model.mechanism.constraints:
             self._add_constraint(constraint)
         self._add_traces()
+        self._add_contacts()
         self._template = MessageTemplate(MarkerArray(markers=self._messages))
+        self._contacts = [[self._template.doubles(number, 10) for number in pair] for pair in self._contact_markers]
         self._poses = [self._template.doubles(number, 7) for number in range(len(self._part_rows))]
         self._line_points = [self._template.doubles(line.number, 3 * line.count).reshape(-1, 3) for line in self._lines]
 
@@ -113,6 +118,7 @@ class Markers:
         attached = self._attached.at(poses)
         for line, points in zip(self._lines, self._line_points, strict=True):
             self._update(points, line.kind, attached[list(line.ends)], restarted)
+        self._update_contacts(snapshot)
         self._template.stamp(snapshot.clock_ns)
         return self._template.payload()
 
@@ -130,6 +136,17 @@ class Markers:
                 points[slice(None) if restarted else -1] = ends[0]
             case _:
                 assert_never(kind)
+
+    def _update_contacts(self, snapshot: Snapshot) -> None:
+        """Overwrite the pose and the scale of the ball and the arrow of each contact."""
+        model = self._model
+        if model.contact is None or not self._contacts:
+            return
+        places = model.contact_places(snapshot.time, snapshot.y, snapshot.inputs)
+        closed = snapshot.inputs[list(model.contact.placed_inputs)] > 0.0
+        for (ball, arrow), (point, force), touches in zip(self._contacts, places, closed, strict=True):
+            ball[:] = ball_row(point, bool(touches), self._size)
+            arrow[:] = arrow_row(point, force, self._full_force, self._size)
 
     def _add_part_markers(self) -> None:
         mechanism, size = self._model.mechanism, self._size
@@ -174,6 +191,15 @@ class Markers:
         colors = palette.part_colors(self._model.mechanism)
         for name, attachment in default_traces(self._model.mechanism).items():
             self._add_line("trace", "traces", (attachment,), TRACE_POINTS, colors[name])
+
+    def _add_contacts(self) -> None:
+        self._contact_markers: list[tuple[int, int]] = []
+        contact, unit = self._model.contact, (1.0, 1.0, 1.0)
+        for _ in () if contact is None else contact.placed:
+            number = len(self._messages)
+            self._add_marker("contacts", Marker.SPHERE, unit, CONTACT_COLOR, ())
+            self._add_marker("contact_forces", Marker.ARROW, unit, CONTACT_COLOR, ())
+            self._contact_markers.append((number, number + 1))
 
     def _add_line(
         self, kind: LineKind, namespace: str, ends: tuple[Attachment, ...], count: int, color: palette.Color

@@ -85,6 +85,11 @@ class ContactModel:
         self._single = [number for number, load in enumerate(functions.loads) if load.nnz_out(0) == 1]
         self.guard_count = self.layout.gaps + len(self.frictions) + len(self._single)
 
+    @property
+    def placed_inputs(self) -> tuple[int, ...]:
+        """The indices of the inputs that are 1 while the gaps `placed` are closed."""
+        return tuple(self.span.start + self.layout.closed.start + gap for gap in self.placed)
+
     def modes(self, inputs: Array) -> Array:
         """A view of the modes among the inputs, see `ContactLayout.modes`."""
         return inputs[self.span][self.layout.modes]

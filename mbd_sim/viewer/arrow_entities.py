@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 
-from mbd_sim.appearance import palette
+from mbd_sim.appearance import force_scale, palette
+from mbd_sim.appearance.force_scale import LONG, LONGEST
 from mbd_sim.appearance.joint_geometry import joint_radius
 from mbd_sim.appearance.palette import Color
 from mbd_sim.appearance.polylines import arc_arrow
@@ -27,7 +28,6 @@ from mbd_sim.viewer.part_poses import PartPoses
 from mbd_sim.viewer.sample_rows import Rows
 from mbd_sim.viewer.scene_description import SceneDescription
 
-LONG, LONGEST = 0.25, 0.6  # full and largest length of an arrow, relative to the mechanism's size
 SWEEP, MAX_SWEEP = np.radians(240.0), np.radians(330.0)  # of the arc of a couple
 THRESHOLD = 2e-3  # relative to the value drawn at full length; nothing smaller is drawn
 PREVIEW_TIME = 5.0  # s of an expression in which its largest value is sought
@@ -48,16 +48,12 @@ def arrow_entities(scene: SceneDescription) -> Iterator[Entity]:
 
 
 def weight(scene: SceneDescription) -> float:
-    """The force in N that an arrow of full length stands for by default: the weight of all parts.
-
-    Without gravity, the force that accelerates the mechanism by its own size each second squared.
-    """
-    mechanism = scene.mechanism
-    return mechanism.mass * (float(np.linalg.norm(mechanism.gravity)) or scene.extent.size) or 1.0
+    """The force in N that an arrow of full length stands for by default."""
+    return force_scale.weight(scene.mechanism, scene.extent.size)
 
 
 @dataclass(frozen=True)
-class _ArrowStyle:
+class ArrowStyle:
     """The path, color and scale of an arrow or an arc."""
 
     path: str
@@ -67,6 +63,7 @@ class _ArrowStyle:
     radius: float = 0.1  # of an arc, relative to the size
 
     def static(self, couple: bool) -> LoggedItems:
+        """The style of an arrow, or of the arc of a `couple`."""
         radius = 0.008 * self.size
         if couple:
             yield f"{self.path}/couple", rr.LineStrips3D.from_fields(radii=[0.7 * radius], colors=[self.color])
@@ -74,10 +71,11 @@ class _ArrowStyle:
             yield f"{self.path}/force", rr.Arrows3D.from_fields(radii=[radius], colors=[self.color])
 
     def force(self, origins: Array, vectors: Array) -> LoggedItems:
-        """Arrows at origins (n, 3), for vectors (n, 3) in N."""
+        """Arrows at origins (n, 3), or k for each sample (n, k, 3), for vectors of the same shape in N."""
+        samples, origins, vectors = len(vectors), origins.reshape(-1, 3), vectors.reshape(-1, 3)
         drawn, length = self._visible(vectors)
         scale = np.minimum(LONG * length / self.full_scale, LONGEST) * self.size / np.where(drawn, length, 1.0)
-        counts = drawn.astype(int)
+        counts = drawn.reshape(samples, -1).sum(axis=1)
         columns = rr.Arrows3D.columns(
             origins=origins[drawn].reshape(-1, 3), vectors=(scale[:, None] * vectors)[drawn].reshape(-1, 3)
         )
@@ -106,7 +104,7 @@ class _Applied:
         vectors = [self._vector(time) for time in np.linspace(0.0, PREVIEW_TIME, 101)]
         largest = float(np.linalg.norm(vectors, axis=1).max()) or 1.0
         path = f"{entity_paths.WORLD}/forces/{force.name}"
-        self._style = _ArrowStyle(path, palette.APPLIED, scene.extent.size, largest)
+        self._style = ArrowStyle(path, palette.APPLIED, scene.extent.size, largest)
 
     def static(self) -> LoggedItems:
         yield from self._style.static(self._force.couple)
@@ -131,8 +129,8 @@ class _Wrench:
         self._part, self._slice, rows = part, scene.wrenches[part], scene.rows
         self._start = rows.slices["inputs"].start
         path, full_scale, size = f"{entity_paths.WORLD}/wrenches/{part}", weight(scene), scene.extent.size
-        self._force = _ArrowStyle(path, palette.COMMANDED, size, full_scale)
-        self._couple = _ArrowStyle(path, palette.COMMANDED, size, 0.25 * full_scale * size)
+        self._force = ArrowStyle(path, palette.COMMANDED, size, full_scale)
+        self._couple = ArrowStyle(path, palette.COMMANDED, size, 0.25 * full_scale * size)
 
     def static(self) -> LoggedItems:
         yield from self._force.static(couple=False)
@@ -155,8 +153,8 @@ class _Effort:
         self._couples = {coordinate.rotation for coordinate in joint.kind.coordinates}
         path, size, limit = f"{entity_paths.WORLD}/efforts/{joint.name}", scene.extent.size, joint.effort_limit
         radius = max(2.6 * joint_radius(scene.mechanism, joint, size) / size, 0.06)
-        self._force = _ArrowStyle(path, palette.COMMANDED, size, limit or weight(scene))
-        self._couple = _ArrowStyle(path, palette.COMMANDED, size, limit or 0.25 * weight(scene) * size, radius)
+        self._force = ArrowStyle(path, palette.COMMANDED, size, limit or weight(scene))
+        self._couple = ArrowStyle(path, palette.COMMANDED, size, limit or 0.25 * weight(scene) * size, radius)
 
     def static(self) -> LoggedItems:
         for couple in sorted(self._couples):
@@ -186,7 +184,7 @@ class _Reaction:
     def __init__(self, scene: SceneDescription, index: int, joint: Joint) -> None:
         self._index, self._joint = index, joint
         path = f"{entity_paths.WORLD}/reactions/{joint.name}"
-        self._style = _ArrowStyle(path, palette.REACTION, scene.extent.size, weight(scene))
+        self._style = ArrowStyle(path, palette.REACTION, scene.extent.size, weight(scene))
 
     def static(self) -> LoggedItems:
         yield from self._style.static(couple=False)

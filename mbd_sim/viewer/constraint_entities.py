@@ -9,10 +9,13 @@ import numpy as np
 import rerun as rr
 
 from mbd_sim.appearance import palette
+from mbd_sim.appearance.palette import Color
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.constraints import Cable, Clutch, Coupling, Distance, Flat, KnifeEdge, Rolling, Surface
 from mbd_sim.mechanism.records import GROUND, Attachment
+from mbd_sim.mechanism.source import Location
 from mbd_sim.viewer import entity_paths
+from mbd_sim.viewer.contact_entities import is_closed
 from mbd_sim.viewer.entity import Entity, LoggedItems
 from mbd_sim.viewer.part_poses import PartPoses
 from mbd_sim.viewer.sample_rows import Rows
@@ -20,6 +23,7 @@ from mbd_sim.viewer.scene_description import ConstraintLines, SceneDescription
 from mbd_sim.viewer.trace_entities import Trace
 
 HALF_LENGTH = 0.7  # of the line on which a point is constrained to lie, relative to the mechanism's size
+FAINT = 0.6  # share of the background in the color of a rope that is slack
 MIN_SINE = 0.05  # of the angle between a wheel and its plane: a wheel that lies flat touches with all its rim
 
 
@@ -32,11 +36,11 @@ def constraint_entities(scene: SceneDescription) -> Iterator[Entity]:
         path = f"{entity_paths.WORLD}/constraints/{constraint.name}"
         match constraint:
             case Distance(first=first, second=second):
-                yield _StraightLine(path, (first, second), 0.007 * size, palette.CLOSING)
+                yield _line(scene, constraint, (first, second), 0.007 * size)
             case Cable(points=points):
-                yield _StraightLine(path, points, 0.005 * size, palette.ROPE)
+                yield _line(scene, constraint, points, 0.005 * size)
             case Rolling():
-                yield _RollingContact(constraint, size)
+                yield _RollingContact(scene, constraint)
             case Flat():
                 yield _PointOnLine(path, constraint, size)
             case KnifeEdge(point=point) | Surface(point=point):
@@ -66,7 +70,7 @@ class _ConstraintLines:
 class _StraightLine:
     """Straight lines from point to point."""
 
-    def __init__(self, path: str, points: tuple[Attachment, ...], radius: float, color: palette.Color) -> None:
+    def __init__(self, path: str, points: tuple[Attachment, ...], radius: float, color: Color) -> None:
         self._path, self._points, self._radius, self._color = path, points, radius, color
 
     def static(self) -> LoggedItems:
@@ -75,9 +79,42 @@ class _StraightLine:
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         slices = np.stack([poses.point(at) for at in self._points], axis=1)
-        yield self._path, rr.LineStrips3D.columns(strips=list(slices))
+        yield self._path, rr.LineStrips3D.columns(strips=list(slices), colors=self._colors(rows))
         ends = rr.Points3D.columns(positions=slices.reshape(-1, 3)).partition([len(self._points)] * len(rows))
         yield f"{self._path}/ends", ends
+
+    def _colors(self, rows: Rows) -> Array | None:
+        """The colors (n, 3) of the samples, where these differ."""
+        return None
+
+
+class _OneSidedLine(_StraightLine):
+    """A rope or strut, faint while it is slack or lifted off."""
+
+    def __init__(
+        self, scene: SceneDescription, owner: Location, points: tuple[Attachment, ...], radius: float, color: Color
+    ) -> None:
+        super().__init__(f"{entity_paths.WORLD}/constraints/{owner[1]}", points, radius, color)
+        self._scene, self._owner = scene, owner
+
+    def static(self) -> LoggedItems:
+        yield self._path, rr.LineStrips3D.from_fields(radii=[self._radius])
+        yield f"{self._path}/ends", rr.Points3D.from_fields(radii=[1.8 * self._radius], colors=[self._color])
+
+    def _colors(self, rows: Rows) -> Array | None:
+        closed = is_closed(self._scene, self._owner, rows)[:, None]
+        faint = palette.mixed(self._color, palette.BACKGROUND, FAINT)
+        return np.where(closed, self._color, faint).astype(np.uint8)
+
+
+def _line(
+    scene: SceneDescription, constraint: Distance | Cable, points: tuple[Attachment, ...], radius: float
+) -> Entity:
+    rope = isinstance(constraint, Cable) or constraint.bound == "at_most"
+    color = palette.ROPE if rope else palette.CLOSING
+    if constraint.law is not None:
+        return _OneSidedLine(scene, ("constraints", constraint.name), points, radius, color)
+    return _StraightLine(f"{entity_paths.WORLD}/constraints/{constraint.name}", points, radius, color)
 
 
 class _Point:
@@ -109,21 +146,27 @@ class _PointOnLine(_Point):
 
 
 class _RollingContact:
-    """The point at which a wheel or a ball touches its plane, and the track that it leaves there."""
+    """The point at which a wheel or a ball touches its plane, and the track that it leaves there while it touches.
 
-    def __init__(self, constraint: Rolling, size: float) -> None:
-        self._constraint, self._size = constraint, size
+    The point of a wheel that can lift off is shown by `contact_entities`.
+    """
+
+    def __init__(self, scene: SceneDescription, constraint: Rolling) -> None:
+        self._scene, self._constraint, self._size = scene, constraint, scene.extent.size
         self._path = f"{entity_paths.WORLD}/contacts/{constraint.name}"
-        self._track = Trace(entity_paths.trace(constraint.name), palette.CONTACT, 0.003 * size)
+        self._track = Trace(entity_paths.trace(constraint.name), palette.CONTACT, 0.003 * self._size)
 
     def static(self) -> LoggedItems:
-        yield self._path, rr.Points3D.from_fields(radii=[0.014 * self._size], colors=[palette.CONTACT])
+        if self._constraint.law is None:
+            yield self._path, rr.Points3D.from_fields(radii=[0.014 * self._size], colors=[palette.CONTACT])
         yield from self._track.static()
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         touched = contact(self._constraint, poses)
-        yield self._path, rr.Points3D.columns(positions=touched)
-        yield from self._track.columns_through(rows, touched)
+        if self._constraint.law is None:
+            yield self._path, rr.Points3D.columns(positions=touched)
+        closed = is_closed(self._scene, ("constraints", self._constraint.name), rows)
+        yield from self._track.columns_through(rows, touched, closed)
 
 
 def contact(constraint: Rolling, poses: PartPoses) -> Array:

@@ -7,6 +7,7 @@ from mbd_sim.mechanism.records import GROUND, Joint, Mechanism
 TIMELINE = "sim_time"
 WORLD = "world"
 ABOUT = "about"
+CONTACTS = f"{WORLD}/contact_forces"
 EVENTS = "events/log"
 STATES = "events/states"
 JOINTS = "joints"

@@ -13,6 +13,7 @@ from mbd_sim.viewer import entity_paths, event_log
 from mbd_sim.viewer.arrow_entities import arrow_entities
 from mbd_sim.viewer.blueprint import make_blueprint
 from mbd_sim.viewer.constraint_entities import constraint_entities
+from mbd_sim.viewer.contact_entities import contact_entities
 from mbd_sim.viewer.entity import Entity
 from mbd_sim.viewer.event_log import LoggedEvent
 from mbd_sim.viewer.joint_entities import joint_entities
@@ -56,6 +57,7 @@ class RerunStream:
                 constraint_entities,
                 trace_entities,
                 arrow_entities,
+                contact_entities,
                 plot_entities,
             )
             self._entities: list[Entity] = [item for source in sources for item in source(scene)]

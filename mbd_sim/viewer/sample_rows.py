@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.compiled_model import Energies, Model
 
 ENERGY_NUMBERS = 7  # numbers of `Energies`
-FIELDS = ("times", "energies", "y", "inputs", "poses", "drives", "reactions")
+FIELDS = ("times", "energies", "y", "inputs", "poses", "drives", "contacts", "reactions")
 
 
 @dataclass(frozen=True)
@@ -24,19 +24,24 @@ class RowLayout:
 
     `times` are the time on the timeline and the mechanism's own; `energies` the fields of `Energies`; `poses` the
     position and the rotation matrix, column by column, of each of `parts`; `drives` the positions, speeds and forces of
-    the driven coordinates; `reactions` the force and moment through each joint, those of the tree first.
+    the driven coordinates; `contacts` the point and the force of each contact that has a place; `reactions` the force
+    and moment through each joint, those of the tree first.
     """
 
     state: int
     inputs: int
     parts: int
     driven: int
+    contacts: int
     joints: int
 
     @cached_property
     def slices(self) -> Mapping[str, slice]:
         """The slice of a row that each of `FIELDS` occupies."""
-        sizes = (2, ENERGY_NUMBERS, self.state, self.inputs, 12 * self.parts, 3 * self.driven, 6 * self.joints)
+        sizes = (
+            *(2, ENERGY_NUMBERS, self.state, self.inputs, 12 * self.parts),
+            *(3 * self.driven, 6 * self.contacts, 6 * self.joints),
+        )
         stops = np.cumsum(sizes).tolist()
         return {name: slice(stop - size, stop) for name, size, stop in zip(FIELDS, sizes, stops, strict=True)}
 
@@ -51,11 +56,12 @@ class RowWriter:
 
     def __init__(self, model: Model, reactions: bool = False) -> None:
         joints = len(model.mechanism.all_joints) if reactions else 0
+        contacts = 0 if model.contact is None else len(model.contact.placed)
         self.layout = RowLayout(
-            len(model.start), len(model.inputs), len(model.part_names), len(model.driven_names), joints
+            len(model.start), len(model.inputs), len(model.part_names), len(model.driven_names), contacts, joints
         )
         self._model, self._reactions = model, reactions
-        self._energies, self._y, self._inputs, self._poses, self._drives, self._forces = (
+        self._energies, self._y, self._inputs, self._poses, self._drives, self._contacts, self._forces = (
             self.layout.slices[name] for name in FIELDS[1:]
         )
 
@@ -70,6 +76,8 @@ class RowWriter:
         row[self._poses] = model.pose_array(motion_time, y, inputs).ravel()
         if self.layout.driven:
             row[self._drives] = model.drives(motion_time, y, inputs).ravel()
+        if self.layout.contacts:
+            row[self._contacts] = model.contact_places(motion_time, y, inputs).ravel()
         if self._reactions:
             found = model.reactions(motion_time, y, inputs).values()
             row[self._forces] = np.concatenate([part for reaction in found for part in reaction])

@@ -15,6 +15,7 @@ from mbd_sim.geometry.pose import Array, Pose, identity_pose, unpack_poses
 from mbd_sim.mechanism.attachments import resolve_reference
 from mbd_sim.mechanism.constraints import Surface
 from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
+from mbd_sim.mechanism.source import Location
 from mbd_sim.viewer.sample_rows import RowLayout
 
 if TYPE_CHECKING:
@@ -53,7 +54,8 @@ class SceneDescription:
 
     `q` and `u` are the slices of each joint's coordinates and speeds in the state, `wrenches` the slice of the
     commanded wrench on each part in the inputs, and `quaternions` the index in the state at which that of a joint
-    begins.
+    begins. `contacts` are the elements of the contacts that have a place, each with the index in the inputs that is 1
+    while it is closed.
     """
 
     mechanism: Mechanism
@@ -65,6 +67,7 @@ class SceneDescription:
     q: Mapping[str, slice]
     u: Mapping[str, slice]
     quaternions: Mapping[str, int]
+    contacts: tuple[tuple[Location, int], ...]
     part_names: tuple[str, ...]
     start: Array
     traces: Mapping[str, Attachment]
@@ -100,6 +103,7 @@ def describe_scene(model: Model, rows: RowLayout, options: DisplayOptions) -> Sc
         q=model.layout.q,
         u=model.layout.u,
         quaternions=dict(model.quaternions),
+        contacts=_contacts(model),
         part_names=tuple(model.part_names),
         start=model.pose_array(0.0, model.start),
         traces=_traces(mechanism, options.traces),
@@ -107,6 +111,14 @@ def describe_scene(model: Model, rows: RowLayout, options: DisplayOptions) -> Sc
         method=model.method.name,
         options=options,
     )
+
+
+def _contacts(model: Model) -> tuple[tuple[Location, int], ...]:
+    contact = model.contact
+    if contact is None:
+        return ()
+    owners = (contact.owners[gap] for gap in contact.placed)
+    return tuple(zip(owners, contact.placed_inputs, strict=True))
 
 
 def _traces(mechanism: Mechanism, chosen: Sequence[str] | None) -> Mapping[str, Attachment]:

@@ -33,19 +33,21 @@ class Trace:
     def __init__(self, path: str, color: palette.Color, radius: float) -> None:
         self.path, self._color, self._radius = path, color, radius
         self._end, self._time = np.zeros(3), np.inf
+        self._touching = True
 
     def static(self) -> LoggedItems:
         """Its style."""
         yield self.path, rr.LineStrips3D.from_fields(colors=[self._color], radii=[self._radius])
 
-    def columns_through(self, rows: Rows, points: Array) -> LoggedItems:
-        """The pieces through points (n, 3)."""
+    def columns_through(self, rows: Rows, points: Array, touching: Array) -> LoggedItems:
+        """The pieces through points (n, 3); those that end where `touching` (n,) is False are not drawn."""
         times = np.concatenate([[self._time], rows.motion_times])
         before = np.vstack([self._end, points[:-1]])
-        restarted = np.diff(times) <= 0.0
+        restarted = (np.diff(times) <= 0.0) | ~np.concatenate([[self._touching], touching[:-1]])
         before[restarted] = points[restarted]
-        self._end, self._time = points[-1], float(times[-1])
-        yield self.path, rr.LineStrips3D.columns(strips=list(np.stack([before, points], axis=1)))
+        self._end, self._time, self._touching = points[-1], float(times[-1]), bool(touching[-1])
+        columns = rr.LineStrips3D.columns(strips=list(np.stack([before, points], axis=1)[touching]))
+        yield self.path, columns if touching.all() else columns.partition(touching.astype(int))
 
 
 class _PointTrace(Trace):
@@ -56,4 +58,4 @@ class _PointTrace(Trace):
         self._at = at
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
-        yield from self.columns_through(rows, poses.point(self._at))
+        yield from self.columns_through(rows, poses.point(self._at), np.ones(len(rows), dtype=bool))

@@ -102,3 +102,26 @@ def test_meshes_are_placed_scaled_and_named_by_a_uri_that_rviz_resolves(tmp_path
         assert (marker.scale.x, marker.scale.y, marker.scale.z) == (2.0, 3.0, 4.0)
         assert marker.pose.position.z == pytest.approx(2.0 + simulation.poses()["a"].position[2], abs=1e-12)
     assert simulation.poses()["a"].position[2] < -0.04
+
+
+def test_contacts_are_balls_and_arrows_along_their_forces_that_shrink_while_open():
+    simulation = Simulation.from_file("rocking")
+    markers = Markers(simulation.model)
+    seen = set()
+    for _ in range(12):
+        simulation.run(simulation.time + 0.1)
+        found = drawn(markers, simulation)
+        balls, arrows = ([m for m in found if m.ns == name] for name in ("contacts", "contact_forces"))
+        assert (len(balls), len(arrows)) == (2, 2)
+        for ball, arrow, (name, state) in zip(balls, arrows, simulation.contacts().items(), strict=True):
+            closed = state.state != "open"
+            seen.add((name, closed))
+            assert (ball.scale.x > 1e-3, arrow.scale.x > 1e-3) == (closed, closed)
+            assert min(ball.scale.x, arrow.scale.x, arrow.scale.y, arrow.scale.z) > 0.0
+            at, turn = ball.pose.position, arrow.pose.orientation
+            assert [at.x, at.y, at.z] == state.point.tolist()
+            if closed:
+                along = from_quaternion(np.array([turn.w, turn.x, turn.y, turn.z]))[:, 0]
+                assert along == pytest.approx(state.force / np.linalg.norm(state.force), abs=1e-12)
+                assert arrow.scale.x == pytest.approx(0.25 * 0.8 * np.linalg.norm(state.force) / 9.81, rel=0.3)
+    assert seen == {("left", True), ("left", False), ("right", True), ("right", False)}

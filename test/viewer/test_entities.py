@@ -6,9 +6,10 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.appearance import palette
 from mbd_sim.appearance.extent import extent_of
+from mbd_sim.appearance.force_scale import LONG
 from mbd_sim.appearance.residual_scale import residual_magnitude
 from mbd_sim.geometry import rotation as rot
-from mbd_sim.viewer.arrow_entities import LONG, arrow_entities, weight
+from mbd_sim.viewer.arrow_entities import arrow_entities, weight
 from mbd_sim.viewer.part_poses import PartPoses
 from mbd_sim.viewer.rerun_stream import RerunStream
 from mbd_sim.viewer.sample_rows import Rows, RowWriter
@@ -27,8 +28,8 @@ forces:
 """
 
 
-def show(sim, tmp_path, options=None, seconds=0.4, each=10):
-    """Run, show, and read back; also returns the poses and reactions of `sim` at each sample."""
+def show(sim, tmp_path, options=None, seconds=0.4, each=10, read=lambda: None):
+    """Run, show, and read back; also returns the poses and reactions of `sim` at each sample. `read` is called then."""
     path, options = tmp_path / "a.rrd", options or DisplayOptions()
     writer = RowWriter(sim.model, options.reactions)
     scene = describe_scene(sim.model, writer.layout, options)
@@ -37,6 +38,7 @@ def show(sim, tmp_path, options=None, seconds=0.4, each=10):
     while sim.time <= seconds:
         rows.append(writer.row(sim.time, sim.time, sim.state, sim.inputs.copy(), sim.energies))
         moments.append((sim.time, sim.poses(), sim.reactions() if options.reactions else None))
+        read()
         sim.step(each)
     half = len(rows) // 2
     for batch in (rows[:half], rows[half:]):  # in two batches
@@ -201,3 +203,44 @@ def test_drawn_efforts_have_the_power_of_the_equations(name):
         rows = Rows(writer.layout, row[None])
         force, couple = drawn.vectors(rows, PartPoses(scene, rows))
         assert force[0] @ velocity + couple[0] @ omega == pytest.approx(speed, rel=1e-3, abs=1e-4)
+
+
+def test_contacts_are_points_and_arrows_while_they_are_closed(tmp_path):
+    sim = Simulation.from_file("rocking")
+    states = []
+    recorded, _, scene = show(sim, tmp_path, seconds=0.8, each=20, read=lambda: states.append(sim.contacts()))
+    scale = LONG * scene.extent.size / weight(scene)
+    points, arrows = (
+        [row for _, row in recorded.rows[f"/world/contact_forces/{name}"]] for name in ("points", "force")
+    )
+    kept = {"left": 0, "right": 0}
+    for point, arrow, contacts in zip(points, arrows, states, strict=True):
+        closed = {name: state for name, state in contacts.items() if state.state != "open"}
+        for name in closed:
+            kept[name] += 1
+        np.testing.assert_allclose(
+            np.reshape(point["Points3D:positions"] or [], (-1, 3)),
+            np.reshape([state.point for state in closed.values()], (-1, 3)),
+            atol=1e-6,
+        )
+        np.testing.assert_allclose(
+            np.reshape(arrow["Arrows3D:vectors"] or [], (-1, 3)),
+            np.reshape([scale * state.force for state in closed.values()], (-1, 3)),
+            atol=1e-6,
+        )
+    assert min(kept.values()) > 5
+
+
+def test_a_slack_rope_is_faint(tmp_path):
+    sim = Simulation.from_file("rope")
+    recorded, moments, _ = show(sim, tmp_path, seconds=0.6)
+    colors = recorded.column("/world/constraints/rope", "LineStrips3D:colors").ravel()
+    tight = [time < 0.48133347573 for time, _, _ in moments]
+    assert len(set(colors.tolist())) == 2
+    assert (colors == colors[0]).tolist() == tight
+
+
+def test_a_wheel_leaves_a_track_only_where_it_touches(tmp_path):
+    sim = Simulation.from_file("spinning_ball")
+    recorded, _, _ = show(sim, tmp_path, seconds=0.3)
+    assert all(not row["LineStrips3D:strips"] for _, row in recorded.rows["/world/traces/floor"])
