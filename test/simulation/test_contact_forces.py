@@ -85,3 +85,19 @@ def test_without_contact_there_is_a_point_and_no_force_and_stops_have_neither():
     assert flying.force.tolist() == [0.0, 0.0, 0.0]
     stop = Simulation.from_file("stops").contacts()
     assert [(state.point, state.force) for state in stop.values()] == [(None, None)] * 2
+
+
+def test_the_forces_between_shapes_act_on_the_first_part():
+    sim = Simulation.from_text("""
+mechanism: column
+parts: {low: {shape: {type: sphere, mass: 3, radius: 0.1}}, high: {shape: {type: sphere, mass: 2, radius: 0.1}}}
+joints:
+  low: {type: prismatic, between: [ground, low], axis: [0, 0, 1], position: 0.1}
+  high: {type: prismatic, between: [ground, high], axis: [0, 0, 1], position: 0.3}
+contacts:
+  floor: {parts: [low], plane: ground, friction: 0.5}
+  pair: {between: [high, low]}
+""")
+    floor, pair = sim.contacts().values()
+    np.testing.assert_allclose([floor.force, pair.force], [-5.0 * G, -2.0 * G], rtol=0, atol=1e-12)
+    np.testing.assert_allclose([floor.point, pair.point], [[0, 0, 0], [0, 0, 0.2]], rtol=0, atol=1e-15)
