@@ -42,7 +42,7 @@ class Play:
 def require_two_sided(mechanism: Mechanism, what: str, remedy: str = "") -> None:
     """Refuse what is possible only without one-sided elements.
 
-    :param what: that it is not possible, such as "is not linearized".
+    :param what: that it is not possible, such as "cannot be linearized".
     :raises MechanismError: the elements are named.
     """
     if names := one_sided_names(mechanism):

@@ -70,7 +70,7 @@ class ModeFinder:
             if not overloaded:
                 return modes
             forced = Forced(forced.open, forced.yielding, {**forced.slides, **overloaded})
-        raise NoSolutionError("the contacts change their state without end")
+        raise NoSolutionError("the contacts keep changing their states")
 
     def _overloaded(self, found: ContactReadings, modes: Array) -> dict[int, tuple[float, ...]]:
         """Sticking elements that carry more than they can, with the direction in which each is loaded.

@@ -10,7 +10,7 @@ from mbd_sim.mechanism.source import Location
 from mbd_sim.simulation.compiled_model import Model
 
 DEPTH = 1e-9  # m or rad, of a mechanism of up to 1 m, up to which a start counts as touching
-REMEDY = "Change the start positions so that there is a distance, or none: bodies may touch."
+REMEDY = "Change the start positions so that the gap is zero or positive."
 
 
 @dataclass(frozen=True)

@@ -144,7 +144,7 @@ class Readings:
         """
         from mbd_sim.analysis.linearization import linearize
 
-        require_two_sided(self.mechanism, "is not linearized")
+        require_two_sided(self.mechanism, "cannot be linearized")
         model, (y, inputs) = self.model, (self._memory.y, self._memory.inputs)
         efforts = inputs[model.equations.inputs.efforts]
         return linearize(model.equations, y[model.q_range], y[model.u_range], efforts, self.time, inputs)

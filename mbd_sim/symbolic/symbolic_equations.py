@@ -95,7 +95,7 @@ def symbolic_equations(mechanism: Mechanism) -> SymbolicEquations:
         elements.
     """
     require_packages("sympy", purpose="Deriving equations as formulas")
-    require_two_sided(mechanism, "is not printed as formulas")
+    require_two_sided(mechanism, "cannot be printed as formulas")
     _require_small(mechanism, coordinate_layout(mechanism).nv)
     functions = [lagrange_equations(mechanism).terms]
     derived = derive(mechanism) if mechanism.closing or mechanism.constraints else None

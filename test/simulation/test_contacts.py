@@ -317,7 +317,7 @@ def test_methods_for_stiff_mechanisms_refuse_contacts():
 def test_what_needs_smooth_equations_refuses_contacts():
     sim = Simulation.from_file("bounce")
     with pytest.raises(
-        MechanismError, match=r"is not linearized, because it has one-sided elements: constraints\.floor"
+        MechanismError, match=r"cannot be linearized, because it has one-sided elements: constraints\.floor"
     ):
         sim.linearize()
     with pytest.raises(MechanismError, match="inverse dynamics"):

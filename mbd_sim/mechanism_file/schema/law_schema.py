@@ -108,7 +108,7 @@ class TorsionPowerSpec(Spec):
 class FrictionSpec(Spec):
     """What friction along lengths and about axes has in common."""
 
-    sticking: bool = Field(False, description="friction that holds exactly up to its static size, instead of creeping")
+    sticking: bool = Field(False, description="friction that sticks up to its static limit without creeping")
 
     @model_validator(mode="after")
     def _consistent(self) -> FrictionSpec:
