@@ -48,6 +48,7 @@ gallery: setup
 
 bench: setup $(BENCH)/ready
 	$(BIN)/python benchmarks/startup.py
+	$(BENCH)/bin/python -m benchmarks.contacts
 	$(BENCH)/bin/python -m benchmarks $(ARGS)
 
 $(BENCH)/ready: setup.py benchmarks/setup_venv

@@ -1,0 +1,173 @@
+"""Contacts: what steps and events cost, and errors beside MuJoCo's against closed forms.
+
+python -m benchmarks.contacts
+"""
+
+from __future__ import annotations
+
+import os
+import statistics
+import time
+from collections.abc import Mapping
+
+import yaml
+
+from benchmarks.contact_models import SYSTEMS, System, text
+from mbd_sim import Simulation
+from mbd_sim.load import load_mechanism
+
+ROUNDS, STEPS, MANY = 31, 3000, 100
+OPEN = {  # changes that keep everything open
+    "bounce": {"h": 1e6},
+    "stops": {"lim": 100.0},
+    "rocking": {"joints.block.position[1]": -1e6},
+    "elbow_stop": {"lim": 1e4, "joints.elbow.limits.lower": -1e4},
+    "spinning_ball": {"z0": 1e6},
+    "bowling": {"joints.ball.position[1]": -1e6},
+}
+CLOSED = {"bounce": 4.2, "incline": 0.1, "belt": 0.05, "rocking": 0.0, "bowling": 2.0}  # s
+TWENTY = """
+mechanism: twenty
+parts:
+  ball_{i}: {for: {i: 1..20}, shape: {type: sphere, mass: 1, radius: 0.1}}
+joints:
+  ball_{i}:
+    for: {i: 1..20}
+    type: planar
+    between: [ground, "ball_{i}"]
+    axis: [0, 1, 0]
+    x_axis: [1, 0, 0]
+    position: [0.3*i, -0.1, 0]
+    velocity: [1, 0, 10]
+constraints:
+  floor_{i}: {for: {i: 1..20}, type: rolling, wheel: "ball_{i}", radius: 0.1, friction: 0.3}
+"""
+
+
+def each(sim: Simulation, steps: int, n: int) -> float:
+    """Processor time in s for a step, in calls of n steps."""
+    step, began = sim.step, time.thread_time()
+    for _ in range(steps // n):
+        step(n)
+    return (time.thread_time() - began) / (steps // n * n)
+
+
+def without(name: str, changes: Mapping[str, float]) -> Simulation:
+    """The same mechanism without its one-sided elements."""
+    data = yaml.safe_load(load_mechanism(name).source.text)
+    data.pop("constraints", None)
+    for joint in data["joints"].values():
+        joint.pop("limits", None)
+    return Simulation.from_text(
+        yaml.safe_dump(data, sort_keys=False), set={k: v for k, v in changes.items() if "limits" not in k}
+    )
+
+
+def opened() -> None:
+    """Steps with everything open, beside the same mechanism without one-sided elements."""
+    print("\n| everything open | µs, `step(1)` | without | ratio | µs, many per call | without | ratio |")
+    print("| --- | --: | --: | --: | --: | --: | --: |")
+    for name, changes in OPEN.items():
+        pair = Simulation.from_file(name, set=changes), without(name, changes)
+        cells = []
+        for n in (1, MANY):
+            samples: tuple[list[float], list[float]] = ([], [])
+            for _ in range(ROUNDS):
+                for sim, into in zip(pair, samples, strict=True):
+                    sim.reset()
+                    into.append(1e6 * each(sim, STEPS, n))
+            ratio = statistics.median(a / b for a, b in zip(*samples, strict=True))
+            cells += [*(f"{statistics.median(values):.3g}" for values in samples), f"{ratio:.2f}"]
+        if pair[0].contact_events:
+            raise RuntimeError(f"{name}: a contact was not open")
+        print(f"| {name} | {' | '.join(cells)} |", flush=True)
+
+
+def closed() -> None:
+    """Steps with closed contacts."""
+    print("\n| closed | contacts | µs, `step(1)` | µs, many per call |\n| --- | --: | --: | --: |")
+    for name, at in {**CLOSED, "twenty balls that roll": 0.01}.items():
+        sim = Simulation.from_file(name) if name in CLOSED else Simulation.from_text(TWENTY)
+        sim.run(at)
+        snapshot, count = sim.snapshot(), len(sim.contact_events)
+        shut = sum(state.state != "open" for state in sim.contacts().values())
+        medians = []
+        for n in (1, MANY):
+            samples = []
+            for _ in range(ROUNDS):
+                sim.restore(snapshot)
+                samples.append(1e6 * each(sim, 100, n))
+            medians.append(statistics.median(samples))
+        if len(sim.contact_events) != count:
+            raise RuntimeError(f"{name}: there were events")
+        print(f"| {name} | {shut} | {medians[0]:.3g} | {medians[1]:.3g} |", flush=True)
+
+
+def timed_run(sim: Simulation, until: float) -> tuple[float, float, int]:
+    """Processor times in s of a run in single steps and of its steps with events, and how many instants these have."""
+    sim.reset()
+    total = within = 0.0
+    known = len(sim.contact_events)
+    first = known
+    for _ in range(round(until / sim.step_size)):
+        began = time.thread_time()
+        sim.step(1)
+        took = time.thread_time() - began
+        total += took
+        if len(sim.contact_events) != known:
+            known, within = len(sim.contact_events), within + took
+    return total, within, len({event.time for event in sim.contact_events[first:]})
+
+
+def error(found: tuple[list[float], list[float]], system: System) -> str:
+    """The largest errors of q and u."""
+    pairs = zip(found, (system.q, system.u), strict=True)
+    return " / ".join(f"{max(abs(a - b) for a, b in zip(*pair, strict=True)):.0e}" for pair in pairs)
+
+
+def events() -> None:
+    """The cost of an event, the cost of a run in steps of 1 ms, and its error; MuJoCo's where it is installed."""
+    print("\n| events | ms per event | µs per ms | error | MuJoCo, 1 ms | | MuJoCo, chosen settings | |")
+    print("| --- | --: | --: | --: | --: | --: | --: | --: |")
+    for name, system in SYSTEMS.items():
+        sim = Simulation.from_file(name)
+        runs = [timed_run(sim, system.until) for _ in range(5)]
+        instants = runs[0][2]
+        each_event = f"{1e3 * statistics.median(run[1] for run in runs) / instants:.2g}"
+        whole = f"{1e3 * statistics.median(run[0] for run in runs) / system.until:.3g}"
+        own = error((system.ours(sim.q.tolist()), system.ours(sim.u.tolist())), system)
+        others = [cell for chosen in (False, True) for cell in mujoco_run(system, chosen)]
+        print(f"| {name} | {each_event} | {whole} | {own} | {' | '.join(others)} |", flush=True)
+
+
+def mujoco_run(system: System, chosen: bool) -> tuple[str, str]:
+    """µs per simulated ms, and the errors."""
+    try:
+        import mujoco
+    except ModuleNotFoundError:
+        return "–", "–"
+    model = mujoco.MjModel.from_xml_string(text(system, chosen))
+    times = []
+    for _ in range(1 if chosen else 5):
+        data = mujoco.MjData(model)
+        data.qvel[:] = system.start
+        calls, inside = round(system.until / 1e-3), round(1e-3 / model.opt.timestep)
+        began = time.thread_time()
+        for _ in range(calls):
+            mujoco.mj_step(model, data, nstep=inside)
+        times.append(time.thread_time() - began)
+    kept, offset = list(system.kept), system.offset or (0.0,) * len(system.kept)
+    q = [value + shift for value, shift in zip(data.qpos[kept].tolist(), offset, strict=True)]
+    return f"{1e3 * statistics.median(times) / system.until:.3g}", error((q, data.qvel[kept].tolist()), system)
+
+
+def main() -> None:
+    """Print the tables."""
+    opened()
+    closed()
+    events()
+    print(f"\nLoad of the machine over the last minute: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores.")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,48 @@
+"""The benchmark of contacts: its references are those of the shipped mechanisms, and MuJoCo has the same systems."""
+
+import pytest
+
+from benchmarks.contact_models import SYSTEMS, text
+from benchmarks.contacts import CLOSED, OPEN, TWENTY, timed_run, without
+from mbd_sim import Simulation
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_our_errors_are_those_of_round_off(name):
+    system, sim = SYSTEMS[name], Simulation.from_file(name)
+    total, within, instants = timed_run(sim, system.until)
+    assert total > within > 0.0
+    assert instants > 0
+    assert system.ours(sim.q.tolist()) == pytest.approx(system.q, abs=1e-9)
+    assert system.ours(sim.u.tolist()) == pytest.approx(system.u, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", OPEN)
+def test_open_mechanisms_move_as_those_without_contacts(name):
+    with_contacts, plain = Simulation.from_file(name, set=OPEN[name]), without(name, OPEN[name])
+    for sim in (with_contacts, plain):
+        sim.step(1000)
+    assert with_contacts.contact_events == ()
+    assert with_contacts.contacts() != {} and plain.contacts() == {}
+    assert with_contacts.q == pytest.approx(plain.q, rel=1e-12, abs=1e-12)
+
+
+def test_closed_mechanisms_are_closed():
+    for name, at in CLOSED.items():
+        sim = Simulation.from_file(name)
+        sim.run(at)
+        assert any(state.state != "open" for state in sim.contacts().values())
+    sim = Simulation.from_text(TWENTY)
+    sim.run(0.01)
+    assert [state.state for state in sim.contacts().values()] == ["sticks"] * 20
+    assert abs(sim.energies.residual) < 1e-11
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_mujoco_has_the_same_system(name):
+    mujoco = pytest.importorskip("mujoco")
+    system = SYSTEMS[name]
+    model = mujoco.MjModel.from_xml_string(text(system, chosen=False))
+    assert model.nv == len(system.start)
+    assert max(system.kept) < model.nv
+    assert sum(model.body_mass) == pytest.approx(Simulation.from_file(name).mechanism.mass)
