@@ -15,7 +15,7 @@ import numpy as np
 from mbd_sim.contact.problem import NoSolutionError
 from mbd_sim.errors import DivergedError
 from mbd_sim.geometry.pose import Array
-from mbd_sim.simulation.contact_impact import Impact, impact
+from mbd_sim.simulation.contact_impact import Impact, impact, tangential_impact
 from mbd_sim.simulation.contact_modes import RESTING, Forced, ModeFinder
 from mbd_sim.simulation.contact_records import ContactChange, ContactEvent
 from mbd_sim.simulation.contact_search import EventSearch
@@ -159,8 +159,7 @@ class ContactStepper:
         try:
             modes = self._finder.find(time, y, inputs, forced)
         except NoSolutionError:
-            readings = model.readings(time, y, inputs)
-            self._impact(time, y, inputs, readings, touching, np.zeros_like(touching), False)
+            self._stop_slip(time, y, inputs, touching)
             try:
                 modes = self._finder.find(time, y, inputs)
             except NoSolutionError as error:
@@ -172,6 +171,12 @@ class ContactStepper:
         model.modes(inputs)[:] = modes
         if not first:
             self._record_changes(time, old, modes)
+
+    def _stop_slip(self, time: float, y: Array, inputs: Array, touching: Mask) -> None:
+        """The impulse without collision that ends a motion for which there are no forces (Painlevé)."""
+        found = tangential_impact(self._model, time, y, inputs, touching)
+        if found is not None:
+            self._apply(time, y, inputs, found)
 
     def _impact(
         self,
@@ -185,19 +190,25 @@ class ContactStepper:
     ) -> None:
         model = self._model
         touching = touching | model.clutches  # an impact elsewhere may engage them
-        before = self._energy(time, y, inputs) if self._driven else 0.0
         try:
-            found: Impact = impact(model, time, y, inputs, readings, touching, returning, self._rest_speed, elastic)
+            found = impact(model, time, y, inputs, readings, touching, returning, self._rest_speed, elastic)
         except NoSolutionError as error:
             raise EventError(f"at {time:.9g} s no impulses of an impact were found") from error
+        self._apply(time, y, inputs, found)
+
+    def _apply(self, time: float, y: Array, inputs: Array, found: Impact) -> None:
+        """Change the speeds and the audit by an impact, and record it."""
+        before = self._energy(time, y, inputs) if self._driven else 0.0
         y[self._speeds] += found.u_change
         y[self._losses.start] += found.loss
         y[-1] += found.loss
         if self._driven:
             y[-2] += self._energy(time, y, inputs) - before + found.loss
-        for gap in np.flatnonzero(found.impulses[: model.layout.gaps]).tolist():
+        for gap in np.flatnonzero(found.impulses[: self._model.layout.gaps]).tolist():
             impulse = float(found.impulses[gap])
-            self._record(ContactEvent(time, model.names[gap], ContactChange.IMPACT, impulse, found.loss, found.factor))
+            self._record(
+                ContactEvent(time, self._model.names[gap], ContactChange.IMPACT, impulse, found.loss, found.factor)
+            )
 
     def _record(self, event: ContactEvent) -> None:
         self._new.append(event)

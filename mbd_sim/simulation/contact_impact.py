@@ -95,6 +95,27 @@ def impact(
     return Impact(impulses, model.response(time, y, inputs, impulses), max(loss, 0.0), factor)
 
 
+def tangential_impact(model: ContactModel, time: float, y: Array, inputs: Array, touching: Mask) -> Impact | None:
+    """The impulses that stop the slip of touching contacts which do not approach; None if there are none.
+
+    A body may slide with so much friction that no finite force keeps it from penetrating. Its tip then sticks at once
+    (Génot & Brogliato 1999): friction presses it onto the surface until the slip has ended. These are the impulses
+    that bring all rates to zero, if they are within the limits of friction.
+    """
+    terms, readings = model.terms(time, y, inputs), model.readings(time, y, inputs)
+    gaps = [int(gap) for gap in np.flatnonzero(touching)]
+    frictions = [(rows, gap, terms.sizes[index, 0]) for index, (rows, gap) in enumerate(model.frictions) if gap in gaps]
+    rows = independent(terms.matrix, [*gaps, *(row for own, _, _ in frictions for row in own)])
+    impulses = np.zeros(model.layout.rows)
+    impulses[rows] = solve(terms.matrix[np.ix_(rows, rows)], -readings.rates[rows])
+    loads = {gap: impulses[gap] for _, gap, _ in frictions}
+    within = all(sum((impulses[list(own)] ** 2).tolist()) <= (size * loads[gap]) ** 2 for own, gap, size in frictions)
+    if min(impulses[gaps].tolist(), default=0.0) < 0.0 or not within or not impulses.any():
+        return None
+    loss = -0.5 * sum((impulses * readings.rates).tolist())
+    return Impact(impulses, model.response(time, y, inputs, impulses), max(loss, 0.0), 1.0)
+
+
 def _largest(loss: Callable[[float], float], last: float, enough: float) -> float:
     """The largest factor in 0…1 with a loss that is not negative, by a bracketing root finder.
 

@@ -106,3 +106,35 @@ def test_a_spinning_ball_that_does_not_rebound_slides_and_then_rolls(spin, stick
     sim.run(until=2.5)
     assert sim.u[0] == pytest.approx(0.1 * sim.u[2], abs=1e-14)
     assert sim.u[0] == pytest.approx(needed, abs=1e-12)  # the moment of momentum about the contact is conserved
+
+
+def test_a_rod_that_slides_upright_with_large_friction_stops_at_once():
+    """Painlevé's rod: for μ > 4/3 no finite force keeps it sliding; an impulse without collision stops the slip."""
+    text = """
+mechanism: painleve
+parameters: {mu: 2.5, tilt: 60 deg}
+parts:
+  rod:
+    shape: {type: rod, mass: 1, from: [-1, 0, 0], to: [1, 0, 0]}
+    points: {tip: [-1, 0, 0]}
+joints:
+  rod:
+    type: planar
+    between: [ground, rod]
+    axis: [0, -1, 0]
+    x_axis: [1, 0, 0]
+    position: [cos(tilt), sin(tilt), tilt]
+    velocity: [V, 0, 0]
+constraints:
+  floor: {type: on_plane, point: rod.tip, bound: at_least, friction: mu}
+"""
+    painful, harmless = (Simulation.from_text(text.replace("V", speed)) for speed in ("-1.5", "1.5"))
+    assert (painful.contacts()["floor"].state, harmless.contacts()["floor"].state) == ("sticks", "slides")
+    assert np.max(np.abs(painful.contacts()["floor"].slip)) < 1e-15
+    assert harmless.contacts()["floor"].slip[0] == pytest.approx(1.5, abs=1e-15)
+    assert painful.losses.impact > 0.1 > harmless.losses.impact == 0.0
+    for sim in (painful, harmless):
+        start = sim.start_energy
+        sim.run(until=2.0)
+        assert sim.energies.total < start
+        assert abs(sim.energies.residual) < 1e-11
