@@ -37,11 +37,15 @@ HALF_LENGTH = 0.6  # of a plane or a line, relative to the size of the mechanism
 
 @dataclass(frozen=True, eq=False)
 class _Guide:
-    """The plane (one normal) or line (two) through `base` on which `point` lies; `normals` are in the base's part."""
+    """The plane (one normal) or line (two) through `base` on which `point` lies; `normals` are in the base's part.
+
+    `hatched` is -1 for hatching below a plane, where a one-sided point cannot be, 1 for above it, and 0 for none.
+    """
 
     base: Attachment
     point: Attachment
     normals: Array
+    hatched: float
 
 
 def constraint_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], size: float) -> list[SheetPath]:
@@ -61,7 +65,7 @@ def constraint_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]
         if len(normals) == 1 and plane in planes:
             continue
         planes.add(plane)
-        paths += _plane_or_line(page, base, point_of(poses, guide.point), normals, size, guide.base.part == GROUND)
+        paths += _plane_or_line(page, base, point_of(poses, guide.point), normals, size, guide.hatched)
     return paths
 
 
@@ -85,12 +89,13 @@ def _own_symbol(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], con
 
 def _guide_of(constraint: Constraint) -> _Guide | None:
     match constraint:
-        case Flat(base=base, point=point, normals=normals):
-            return _Guide(base, point, np.atleast_2d(normals))
+        case Flat(base=base, point=point, normals=normals, bound=bound):
+            hatched = 1.0 if bound == "at_most" else -1.0 if bound == "at_least" else _below(base)
+            return _Guide(base, point, np.atleast_2d(normals), hatched)
         case Rolling(plane=plane, center=center, normal=normal):
-            return _Guide(plane, center, np.atleast_2d(normal))
+            return _Guide(plane, center, np.atleast_2d(normal), _below(plane))
         case KnifeEdge(plane=plane, point=point, normal=normal):
-            return _Guide(plane, point, np.atleast_2d(normal))
+            return _Guide(plane, point, np.atleast_2d(normal), _below(plane))
         case Distance() | Surface() | Coupling() | Cable() | Clutch():
             return None
         case _:
@@ -102,11 +107,15 @@ def _face_of(contact: Contact) -> _Guide | None:
     face = contact.second
     if not isinstance(face, Face) or face.at.part != GROUND:
         return None
-    return _Guide(face.at, contact.first.at, np.atleast_2d(face.normal))
+    return _Guide(face.at, contact.first.at, np.atleast_2d(face.normal), -1.0)
+
+
+def _below(base: Attachment) -> float:
+    return -1.0 if base.part == GROUND else 0.0
 
 
 def _plane_or_line(
-    page: Page, base: Array, point: Array, normals: Array, size: float, grounded: bool
+    page: Page, base: Array, point: Array, normals: Array, size: float, hatched: float
 ) -> list[SheetPath]:
     """A plane (one normal) or a line (two), near the `point` (3,) that it guides."""
     foot = point - sum(((point - base) @ normal) * normal for normal in normals)
@@ -118,8 +127,8 @@ def _plane_or_line(
     if abs(float(normal @ page.view.toward)) < 1e-6:
         along = np.cross(page.view.toward, normal)
         ends = page.project(np.array([foot - HALF_LENGTH * size * along, foot + HALF_LENGTH * size * along]))
-        if grounded:
-            return hatched_line(ends[0], ends[1], -page.direction(normal))
+        if hatched:
+            return hatched_line(ends[0], ends[1], hatched * page.direction(normal))
         return [SheetPath(ends, edge=INK, width=1.4, layer=BACK)]
     if page.view.planar:
         return []

@@ -22,10 +22,11 @@ def ball_row(point: Array, closed: bool, size: float) -> Array:
     return np.concatenate([point, [0.0, 0.0, 0.0, 1.0], np.full(3, diameter)])
 
 
-def arrow_row(point: Array, force: Array, full_force: float, size: float) -> Array:
+def arrow_row(point: Array, force: Array, full_force: float, size: float, pushes: bool) -> Array:
     """The pose and the scale (10,) of the arrow of a force (3,) in N; it points along x.
 
     :param full_force: in N, which an arrow of `LONG` stands for.
+    :param pushes: it ends at the point (3,); otherwise it starts there.
     """
     force_size = float(np.linalg.norm(force))
     length = min(LONG * force_size / full_force, LONGEST)
@@ -33,4 +34,5 @@ def arrow_row(point: Array, force: Array, full_force: float, size: float) -> Arr
         return np.concatenate([point, [0.0, 0.0, 0.0, 1.0], np.full(3, NOTHING * size)])
     rotation = aligning_z(force / force_size)[:, [2, 0, 1]]  # x along the force
     w, x, y, z = to_quaternion(rotation)
-    return np.concatenate([point, [x, y, z, w], np.array([length, SHAFT, HEAD]) * size])
+    start = point - length * size * rotation[:, 0] if pushes else point
+    return np.concatenate([start, [x, y, z, w], np.array([length, SHAFT, HEAD]) * size])

@@ -12,7 +12,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from mbd_sim.appearance import palette, polylines
 from mbd_sim.appearance.extent import extent_of
-from mbd_sim.appearance.force_scale import weight
+from mbd_sim.appearance.force_scale import pulls, weight
 from mbd_sim.appearance.solids import LINE_WIDTH
 from mbd_sim.appearance.trace_points import default_traces
 from mbd_sim.geometry.pose import Array, pack_poses, unpack_poses
@@ -144,9 +144,10 @@ class Markers:
             return
         places = model.contact_places(snapshot.time, snapshot.y, snapshot.inputs)
         closed = snapshot.inputs[list(model.contact.placed_inputs)] > 0.0
-        for (ball, arrow), (point, force), touches in zip(self._contacts, places, closed, strict=True):
+        rows = zip(self._contacts, places, closed, self._pushes, strict=True)
+        for (ball, arrow), (point, force), touches, pushes in rows:
             ball[:] = ball_row(point, bool(touches), self._size)
-            arrow[:] = arrow_row(point, force, self._full_force, self._size)
+            arrow[:] = arrow_row(point, force, self._full_force, self._size, pushes)
 
     def _add_part_markers(self) -> None:
         mechanism, size = self._model.mechanism, self._size
@@ -193,9 +194,12 @@ class Markers:
             self._add_line("trace", "traces", (attachment,), TRACE_POINTS, colors[name])
 
     def _add_contacts(self) -> None:
+        self._pushes: list[bool] = []
         self._contact_markers: list[tuple[int, int]] = []
         contact, unit = self._model.contact, (1.0, 1.0, 1.0)
-        for _ in () if contact is None else contact.placed:
+        for gap in () if contact is None else contact.placed:
+            assert contact is not None
+            self._pushes.append(not pulls(self._model.mechanism, contact.owners[gap]))
             number = len(self._messages)
             self._add_marker("contacts", Marker.SPHERE, unit, CONTACT_COLOR, ())
             self._add_marker("contact_forces", Marker.ARROW, unit, CONTACT_COLOR, ())

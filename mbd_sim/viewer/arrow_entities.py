@@ -70,15 +70,19 @@ class ArrowStyle:
         else:
             yield f"{self.path}/force", rr.Arrows3D.from_fields(radii=[radius], colors=[self.color])
 
-    def force(self, origins: Array, vectors: Array) -> LoggedItems:
-        """Arrows at origins (n, 3), or k for each sample (n, k, 3), for vectors of the same shape in N."""
+    def force(self, origins: Array, vectors: Array, pushes: Array | None = None) -> LoggedItems:
+        """Arrows at origins (n, 3), or k for each sample (n, k, 3), for vectors of the same shape in N.
+
+        :param pushes: (k,) which of them end there instead.
+        """
         samples, origins, vectors = len(vectors), origins.reshape(-1, 3), vectors.reshape(-1, 3)
         drawn, length = self._visible(vectors)
         scale = np.minimum(LONG * length / self.full_scale, LONGEST) * self.size / np.where(drawn, length, 1.0)
         counts = drawn.reshape(samples, -1).sum(axis=1)
-        columns = rr.Arrows3D.columns(
-            origins=origins[drawn].reshape(-1, 3), vectors=(scale[:, None] * vectors)[drawn].reshape(-1, 3)
-        )
+        arrows = scale[:, None] * vectors
+        if pushes is not None:
+            origins = origins - np.tile(pushes, samples)[:, None] * arrows
+        columns = rr.Arrows3D.columns(origins=origins[drawn].reshape(-1, 3), vectors=arrows[drawn].reshape(-1, 3))
         yield f"{self.path}/force", columns.partition(counts)
 
     def couple(self, centers: Array, vectors: Array) -> LoggedItems:

@@ -8,6 +8,7 @@ import numpy as np
 import rerun as rr
 
 from mbd_sim.appearance import palette
+from mbd_sim.appearance.force_scale import pulls
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.source import Location
 from mbd_sim.viewer import entity_paths
@@ -39,6 +40,7 @@ class _Contacts:
 
     def __init__(self, scene: SceneDescription) -> None:
         self._closed, self._size = [index for _, index in scene.contacts], scene.extent.size
+        self._pushes = np.array([not pulls(scene.mechanism, owner) for owner, _ in scene.contacts], dtype=bool)
         self._style = ArrowStyle(entity_paths.CONTACTS, palette.CONTACT, self._size, weight(scene))
 
     def static(self) -> LoggedItems:
@@ -52,4 +54,4 @@ class _Contacts:
         closed = rows.of("inputs")[:, self._closed] > 0.0
         columns = rr.Points3D.columns(positions=points[closed].reshape(-1, 3))
         yield f"{entity_paths.CONTACTS}/points", columns.partition(closed.sum(axis=1))
-        yield from self._style.force(points, forces)
+        yield from self._style.force(points, forces, self._pushes)

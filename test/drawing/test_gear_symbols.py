@@ -5,8 +5,10 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.drawing.composition import compose
+from mbd_sim.drawing.constraint_symbols import constraint_paths
 from mbd_sim.drawing.gear_symbols import coupling_paths
 from mbd_sim.drawing.projection import Page, view_of
+from mbd_sim.drawing.sheet import GRAY
 
 GEARS = """
 mechanism: gears
@@ -113,3 +115,23 @@ def test_a_blade_points_along_its_edge():
     without = Simulation.from_text(simulation.mechanism.source.text.split("constraints:")[0])
     pictures = [compose(s.mechanism, s.poses()).sheet.paths for s in (simulation, without)]
     assert len(pictures[0]) == len(pictures[1]) + 1
+
+
+@pytest.mark.parametrize(("bound", "side"), [("at_least", -1.0), ("at_most", 1.0)])
+@pytest.mark.parametrize("carrier", ["ground", "table"])
+def test_a_one_sided_plane_is_hatched_where_the_point_cannot_be(bound, side, carrier):
+    simulation = Simulation.from_text(f"""
+mechanism: hatched
+parts:
+  table: {{shape: {{type: block, mass: 1, size: [1, 0.1, 0.1]}}, points: {{top: [0, 0, 0]}}}}
+  ball: {{shape: {{type: particle, mass: 1, radius: 0.02}}}}
+joints:
+  table: {{type: prismatic, between: [ground, table], axis: [1, 0, 0]}}
+  ball: {{type: prismatic, between: [table, ball], axis: [0, 0, 1], position: {-0.2 * side}}}
+constraints: {{bound: {{type: on_plane, point: ball, plane: {carrier}, bound: {bound}}}}}
+""")
+    mechanism, poses = simulation.mechanism, simulation.poses()
+    page = Page(view_of(mechanism, poses), 1000.0)
+    strokes = [path.points for path in constraint_paths(page, mechanism, poses, 1.0) if path.edge == GRAY]
+    assert len(strokes) > 10
+    assert all(np.sign(stroke[1, 1] - stroke[0, 1]) == side for stroke in strokes)

@@ -123,5 +123,8 @@ def test_contacts_are_balls_and_arrows_along_their_forces_that_shrink_while_open
             if closed:
                 along = from_quaternion(np.array([turn.w, turn.x, turn.y, turn.z]))[:, 0]
                 assert along == pytest.approx(state.force / np.linalg.norm(state.force), abs=1e-12)
+                tip = np.array([arrow.pose.position.x, arrow.pose.position.y, arrow.pose.position.z])
+                tip += arrow.scale.x * along
+                assert tip == pytest.approx(state.point, abs=1e-12)
                 assert arrow.scale.x == pytest.approx(0.25 * 0.8 * np.linalg.norm(state.force) / 9.81, rel=0.3)
     assert seen == {("left", True), ("left", False), ("right", True), ("right", False)}

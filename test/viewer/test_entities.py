@@ -228,6 +228,11 @@ def test_contacts_are_points_and_arrows_while_they_are_closed(tmp_path):
             np.reshape([scale * state.force for state in closed.values()], (-1, 3)),
             atol=1e-6,
         )
+        np.testing.assert_allclose(
+            np.reshape(arrow["Arrows3D:origins"] or [], (-1, 3)),
+            np.reshape([state.point - scale * state.force for state in closed.values()], (-1, 3)),
+            atol=1e-6,
+        )
     assert min(kept.values()) > 5
 
 
