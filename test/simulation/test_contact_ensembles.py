@@ -9,7 +9,17 @@ from mbd_sim import CommandError, DivergedError, Ensemble, Simulation
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.simulation.contact_events import EventError
 
-NAMES = ["backlash", "belt", "bounce", "elbow_stop", "freewheel", "rocking", "rope", "spinning_ball"]
+NAMES = [
+    "backlash",
+    "belt",
+    "bounce",
+    "elbow_stop",
+    "freewheel",
+    "rocking",
+    "rope",
+    "slider_crank_friction",
+    "spinning_ball",
+]
 
 DRIVEN_INTO_THE_FLOOR = """
 mechanism: press
