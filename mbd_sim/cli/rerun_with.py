@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 HELP = "recompute a recorded run with changed values, and compare the two runs"
 DESCRIPTION = (
     "Recompute a recorded run under the same commands, but with other values, integration method or time step, and "
-    "report the deviations. If RUN is a mechanism, it is first run as its file describes it."
+    "report the deviations. If RUN is a mechanism, it is first run without these changes."
 )
 
 SHOWN = 8  # rows of each table

@@ -56,6 +56,23 @@ class ConstraintEquations:
         )
 
 
+def joined(one: ConstraintEquations, other: ConstraintEquations) -> ConstraintEquations:
+    """The rows of both."""
+    return ConstraintEquations(
+        rows=[*one.rows, *other.rows],
+        position=ca.vertcat(one.position, other.position),
+        gradient=ca.vertcat(one.gradient, other.gradient),
+        velocity=ca.vertcat(one.velocity, other.velocity),
+        bias=ca.vertcat(one.bias, other.bias),
+        wrenches=[ca.horzcat(a, b) for a, b in zip(one.wrenches, other.wrenches, strict=True)],
+        driven_factors={
+            name: ca.vertcat(factors, other.driven_factors[name]) for name, factors in one.driven_factors.items()
+        },
+        own_rate=ca.vertcat(one.own_rate, other.own_rate),
+        branch_checks=one.branch_checks,
+    )
+
+
 def constraint_equations(traced: TracedMechanism, own_axes: Collection[str] = ()) -> ConstraintEquations:
     """Write all rows, and express them in the generalized coordinates and speeds.
 

@@ -22,8 +22,9 @@ from mbd_sim.dynamics.accelerations import (
     drive_table,
 )
 from mbd_sim.dynamics.articulated_body import Accelerations, FactorizedMassMatrix
-from mbd_sim.dynamics.constraint_equations import ConstraintEquations
-from mbd_sim.dynamics.contact_equations import SLOW, ContactEquations, FrictionElement
+from mbd_sim.dynamics.constraint_equations import ConstraintEquations, joined
+from mbd_sim.dynamics.contact_equations import ContactEquations
+from mbd_sim.dynamics.contact_readings import contact_readings, gap_values
 from mbd_sim.dynamics.joint_loads import JointLoad, transmitted_force
 from mbd_sim.dynamics.kinematics import normalized_quaternions
 from mbd_sim.dynamics.multipliers import ConstraintSolver
@@ -31,7 +32,6 @@ from mbd_sim.dynamics.reactions import transmitted_wrenches
 from mbd_sim.dynamics.separation import separated
 from mbd_sim.dynamics.tracing import TracedMechanism
 
-TURNED = 0.5  # cosine of the angle by which a direction of sliding turns before it is stored again
 ROUND_OFF = 1e-15  # m, of gaps of a mechanism of up to 1 m
 
 
@@ -195,13 +195,14 @@ class ContactDynamics:
             for element in contacts.frictions
         ]
         gaps = contacts.layout.gaps
-        rates = self._gap_values(contacts.equations.velocity[:gaps, :])
+        rates = gap_values(contacts, contacts.equations.velocity[:gaps, :])
+        readings = contact_readings(contacts, self.loads, self._matrix, self._weight, solution)
         return ContactFunctions(
             contacts=contacts,
             rates=self._rates(solution),
             project=self._project(solution),
-            readings=_function("contact_readings", [*inputs, solution], self._readings(solution)),
-            open_guards=_function("open_guards", inputs, ca.vertcat(self._gap_values(None), rates)),
+            readings=_function("contact_readings", [*inputs, solution], readings),
+            open_guards=_function("open_guards", inputs, ca.vertcat(gap_values(contacts), rates)),
             terms=_function("contact_terms", inputs, self._matrix, self._free, ca.vertcat(ca.SX(0, 2), *sizes)),
             loads=[_function("joint_load", inputs, load.unloaded, load.by_force) for load in self.loads],
             response=_function("contact_response", [*inputs, solution], self._response(solution)),
@@ -266,87 +267,6 @@ class ContactDynamics:
             f"{name}_system", given, values, ca.vec(ca.densify(matrix)), ca.vec(ca.densify(right)), *further
         )
         return SolvedPair(system, _function(f"{name}_result", [memory, solution], reduced))
-
-    def _gap_values(self, positions: ca.SX | None) -> ca.SX:
-        """The gaps (gaps,), or other `positions`; for clutches their speeds."""
-        equations, found = self.contacts.equations, []
-        for index, gap in enumerate(self.contacts.gaps):
-            clutch = equations.velocity[index]
-            found.append(clutch if gap.clutch else (equations.position if positions is None else positions)[index])
-        return ca.vertcat(ca.SX(0, 1), *found)
-
-    def _readings(self, solution: ca.SX) -> ca.SX:
-        contacts = self.contacts
-        forces = contacts.forces(solution)
-        gaps, weight = self._gap_values(None), self._weight
-        guards = [
-            ca.if_else(
-                contacts.closed[index], ca.if_else(contacts.active[index], forces[index] / weight, 1.0), gaps[index]
-            )
-            for index in range(contacts.layout.gaps)
-        ]
-        sizes = iter([load.size(forces) for load in self.loads])
-        for element in contacts.frictions:
-            if element.gap is not None:
-                load = forces[element.gap]
-            else:
-                load = ca.SX(1) if element.joint is None else next(sizes)
-            guards.append(self._friction_guard(element, forces, load))
-        guards += [
-            ca.if_else(load.factor, load.sign * (load.unloaded + load.by_force @ forces) / weight, 1.0)
-            for load in self.loads
-            if load.components == 1
-        ]
-        turning = [self._turning(element, forces) for element in contacts.frictions if len(element.rows) == 2]
-        return ca.vertcat(gaps, contacts.equations.velocity, forces, *guards, *turning)
-
-    def _turning(self, element: FrictionElement, forces: ca.SX) -> ca.SX:
-        """The rate in 1/s at which friction along two directions can turn its slip velocity."""
-        assert element.gap is not None
-        slip = self.contacts.equations.velocity[list(element.rows), :]
-        speed = ca.sqrt(ca.dot(slip, slip))
-        mobility = sum((self._matrix[row, row] for row in element.rows), ca.SX(0))
-        stored = self.contacts.stored_direction(element)
-        slides = (ca.dot(stored, stored) > 0.0) * (speed > SLOW)
-        size = element.sliding(slip) * ca.fabs(forces[element.gap]) * mobility
-        return ca.if_else(slides, size / ca.fmax(speed, SLOW), 0.0)
-
-    def _friction_guard(self, element: FrictionElement, forces: ca.SX, load: ca.SX) -> ca.SX:
-        """Sliding: the speed along the stored direction. Sticking: what friction could bear more than it does.
-
-        Along two directions the stored direction is renewed where sliding has turned by some 60 degrees.
-        """
-        contacts, rows = self.contacts, list(element.rows)
-        stored = contacts.stored_direction(element)
-        own = forces[rows]
-        size = ca.fabs(own[0]) if len(rows) == 1 else ca.sqrt(ca.dot(own, own))
-        reserve = (element.static * load - size) / self._weight
-        sticks = ca.sum1(contacts.active[rows]) > 0.0
-        slides = ca.dot(stored, stored) > 0.0
-        slip = contacts.equations.velocity[rows, :]
-        speed = ca.dot(stored, slip)
-        if len(rows) == 2:
-            speed -= TURNED * ca.sqrt(ca.dot(slip, slip))
-        if element.joint is not None:
-            return ca.if_else(slides, speed, ca.if_else(sticks, reserve, 1.0))
-        return ca.if_else(sticks, reserve, ca.if_else(slides, speed, 1.0))
-
-
-def joined(one: ConstraintEquations, other: ConstraintEquations) -> ConstraintEquations:
-    """The rows of both."""
-    return ConstraintEquations(
-        rows=[*one.rows, *other.rows],
-        position=ca.vertcat(one.position, other.position),
-        gradient=ca.vertcat(one.gradient, other.gradient),
-        velocity=ca.vertcat(one.velocity, other.velocity),
-        bias=ca.vertcat(one.bias, other.bias),
-        wrenches=[ca.horzcat(a, b) for a, b in zip(one.wrenches, other.wrenches, strict=True)],
-        driven_factors={
-            name: ca.vertcat(factors, other.driven_factors[name]) for name, factors in one.driven_factors.items()
-        },
-        own_rate=ca.vertcat(one.own_rate, other.own_rate),
-        branch_checks=one.branch_checks,
-    )
 
 
 def _function(name: str, inputs: list[ca.SX], *outputs: ca.SX) -> ca.Function:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
-from mbd_sim.ros.stepping_output import SteppingOutput
 from mbd_sim.simulation.events import EventKind
 from mbd_sim.simulation.simulation import Simulation
 
@@ -14,8 +14,8 @@ MOST = 20  # reports in each second of real time; further changes are only count
 class ContactReports:
     """Reports what has happened at the contacts of a simulation since the last report."""
 
-    def __init__(self, simulation: Simulation, output: SteppingOutput) -> None:
-        self._simulation, self._output = simulation, output
+    def __init__(self, simulation: Simulation, report: Callable[[EventKind, str], object]) -> None:
+        self._simulation, self._report_event = simulation, report
         self._seen = simulation.contact_event_count
         self._second, self._reported, self._omitted = 0, 0, 0
 
@@ -38,5 +38,5 @@ class ContactReports:
             self._put(event.text)
 
     def _put(self, text: str) -> None:
-        self._output.report(EventKind.CONTACT, text)
+        self._report_event(EventKind.CONTACT, text)
         self._reported += 1

@@ -8,6 +8,7 @@ from queue import SimpleQueue
 
 from mbd_sim.messages.snapshot import Due, Snapshot
 from mbd_sim.recording.run_metadata import Moment
+from mbd_sim.ros.contact_reports import ContactReports
 from mbd_sim.ros.snapshots import Counters, Item
 from mbd_sim.simulation.events import Event, EventKind, NewState, Payload
 from mbd_sim.simulation.simulation import Simulation
@@ -49,6 +50,7 @@ class SteppingOutput:
         self._last_viewed = -1  # the tick of the last sample for the viewer
         self._emitted_at = 0.0  # s of the steady clock
         self._silent, self._held_moments = silent, 0
+        self._contacts = ContactReports(simulation, self.report)
 
     @property
     def silence(self) -> float:
@@ -86,6 +88,10 @@ class SteppingOutput:
         event = Event(kind, payload, self._clock.ticks, self._clock.ns)
         self.queue.put(event)
         return event
+
+    def report_contacts(self) -> None:
+        """Put what has happened at contacts since the last call into the queue, at a bounded rate."""
+        self._contacts.report()
 
     def report_new_state(self) -> None:
         """Put the state into the queue as one from which the run continues."""

@@ -11,7 +11,6 @@ from mbd_sim.messages.snapshot import Due
 from mbd_sim.recording.run_metadata import Moment
 from mbd_sim.ros.applied_commands import apply_commands
 from mbd_sim.ros.command_buffer import CommandBuffer
-from mbd_sim.ros.contact_reports import ContactReports
 from mbd_sim.ros.followed_clock import FollowedClock
 from mbd_sim.ros.pacing import Pacer
 from mbd_sim.ros.rates import Rates
@@ -50,11 +49,9 @@ class SteppingThread:
         self.clock = NodeClock(round(simulation.step_size * 1e9))
         self._output = SteppingOutput(simulation, self.clock, silent=followed is not None)
         self.output, self.counters = self._output.queue, self._output.counters
-        self._contact_reports = ContactReports(simulation, self._output)
         self.pacer = Pacer()
         self.paused = paused
-        self.problem = self.advice = ""
-        self.followed = followed
+        self.problem, self.advice, self.followed = "", "", followed
         self.start_values: StateValues | None = None  # to which a reset returns; None: the start of the file
         self.followers: list[SteppingThread] = []  # threads of this program that follow this clock
         self._error_threshold = TOLERATED
@@ -259,7 +256,7 @@ class SteppingThread:
             return str(error)
         self.clock.ticks += steps
         self._lead()
-        self._contact_reports.report()
+        self._output.report_contacts()
         self._check_error_estimate()
         self.counters.stepping += time.perf_counter() - began
         if due := self.rates.due(self.clock.whole_steps, self.simulation.step_size):

@@ -89,7 +89,7 @@ MISTAKES = {
     "a part that is a number": (("joints:", "  bob: 5\njoints:"), 10, "parts.bob", "must be a mapping", "Its keys: mass, center"),
     "an empty part": (("joints:", "  bob:\njoints:"), 10, "parts.bob", "has no value", "Its keys: mass, center"),
     "a part named by a number": (("joints:", "  1: {mass: 1}\njoints:"), 10, "parts.1", "not a valid name", "a letter first"),
-    "a part that nothing joins": (("joints:", "  bob: {mass: 1}\njoints:"), 10, "parts.bob", "is in no joint", "joint of type free"),
+    "a part that nothing joins": (("joints:", "  bob: {mass: 1}\njoints:"), 10, "parts.bob", "is not connected by any joint", "joint of type free"),
     "a parameter that is a function": (("  m: 2 kg\n", "  m: 2 kg\n  sin: 1\n"), 4, "parameters.sin", "'sin' is reserved", "another name"),
     "a parameter that is a keyword": (("  m: 2 kg\n", "  m: 2 kg\n  lambda: 1\n"), 4, "parameters.lambda", "'lambda' is reserved", "another name"),
     "a parameter without value": (("  m: 2 kg\n", "  m:\n"), 3, "parameters.m", "has no value", "Give it a value."),

@@ -34,6 +34,7 @@ RECORDED = {
         EventKind.LIVE_VALUES,
         ChangedValues({"joints.my pin.damping": 2.0}),
     ),
+    "contact: left: impact at 0.563676 s, impulse 0.194, loss 0.01968 J": (EventKind.CONTACT, str),
     "warning: a step of 0.2 s is too large for rod_pendulum: the error of a step is estimated at 0.1. Try step 0.01.": (
         EventKind.WARNING,
         str,

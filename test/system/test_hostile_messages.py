@@ -155,6 +155,7 @@ def attack_topics(listener: Listener, name: str, answers: Callable[[str], None])
 
 def attack_services(listener: Listener, name: str, answers: Callable[[str], None]) -> int:
     """Send to all services of a node; returns their number."""
+    listener.until(lambda: name in listener.node.get_node_names(), f"the discovery of {name}")
     found = listener.node.get_service_names_and_types_by_node(name, "/")
     for service, (type_name, *_) in found:
         service_type = interface(type_name)

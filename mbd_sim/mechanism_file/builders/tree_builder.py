@@ -77,9 +77,11 @@ def _unconnected(source: Source, names: Iterable[str], joints: Iterable[Joint]) 
     for joint in joints:
         for part in (joint.parent, joint.child):
             joints_of.setdefault(part, []).append(joint.name)
-    remedy = "Connect it with a joint; a part that flies freely has a joint of type free between ground and it."
+    remedy = (
+        "Connect it with a joint; for a part that moves freely, add a joint of type free between ground and the part."
+    )
     for name in names:
-        message = "is in no joint"
+        message = "is not connected by any joint"
         if name in joints_of:
             message = f"is connected only by {listed(joints_of[name])}, which does not lead to ground"
         yield source.problem(("parts", name), message, remedy)

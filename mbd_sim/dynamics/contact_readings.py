@@ -1,0 +1,84 @@
+"""What is read from a state with contacts: gaps, rates, forces, and the guards that are negative where a mode ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+
+from mbd_sim.dynamics.contact_equations import SLOW, ContactEquations, FrictionElement
+from mbd_sim.dynamics.joint_loads import JointLoad
+
+TURNED = 0.5  # cosine of the angle by which a direction of sliding turns before it is stored again
+
+
+def gap_values(contacts: ContactEquations, positions: ca.SX | None = None) -> ca.SX:
+    """The gaps (gaps,), or other `positions`; for clutches their speeds."""
+    equations, found = contacts.equations, []
+    for index, gap in enumerate(contacts.gaps):
+        clutch = equations.velocity[index]
+        found.append(clutch if gap.clutch else (equations.position if positions is None else positions)[index])
+    return ca.vertcat(ca.SX(0, 1), *found)
+
+
+def contact_readings(
+    contacts: ContactEquations, loads: Sequence[JointLoad], matrix: ca.SX, weight: float, solution: ca.SX
+) -> ca.SX:
+    """The gaps, the rates and forces of all rows, the guards, and the rates at which friction can turn slips.
+
+    :param matrix: A (rows, rows) without friction.
+    :param weight: in N, by which guards of forces are divided.
+    :param solution: (rows,) of the active rows.
+    """
+    forces, gaps = contacts.forces(solution), gap_values(contacts)
+    guards = [
+        ca.if_else(contacts.closed[index], ca.if_else(contacts.active[index], forces[index] / weight, 1.0), gaps[index])
+        for index in range(contacts.layout.gaps)
+    ]
+    sizes = iter([load.size(forces) for load in loads])
+    for element in contacts.frictions:
+        load = ca.SX(1) if element.gap is None else forces[element.gap]
+        load = load if element.joint is None else next(sizes)
+        guards.append(_friction_guard(contacts, element, forces, load, weight))
+    guards += [
+        ca.if_else(load.factor, load.sign * (load.unloaded + load.by_force @ forces) / weight, 1.0)
+        for load in loads
+        if load.components == 1
+    ]
+    turning = [_turning(contacts, element, forces, matrix) for element in contacts.frictions if len(element.rows) == 2]
+    return ca.vertcat(gaps, contacts.equations.velocity, forces, *guards, *turning)
+
+
+def _turning(contacts: ContactEquations, element: FrictionElement, forces: ca.SX, matrix: ca.SX) -> ca.SX:
+    """The rate in 1/s at which friction along two directions can turn its slip velocity."""
+    assert element.gap is not None
+    slip = contacts.equations.velocity[list(element.rows), :]
+    speed = ca.sqrt(ca.dot(slip, slip))
+    mobility = sum((matrix[row, row] for row in element.rows), ca.SX(0))
+    stored = contacts.stored_direction(element)
+    slides = (ca.dot(stored, stored) > 0.0) * (speed > SLOW)
+    size = element.sliding(slip) * ca.fabs(forces[element.gap]) * mobility
+    return ca.if_else(slides, size / ca.fmax(speed, SLOW), 0.0)
+
+
+def _friction_guard(
+    contacts: ContactEquations, element: FrictionElement, forces: ca.SX, load: ca.SX, weight: float
+) -> ca.SX:
+    """Sliding: the speed along the stored direction. Sticking: what friction could bear more than it does.
+
+    Along two directions the stored direction is renewed where sliding has turned by some 60 degrees.
+    """
+    rows = list(element.rows)
+    stored = contacts.stored_direction(element)
+    own = forces[rows]
+    size = ca.fabs(own[0]) if len(rows) == 1 else ca.sqrt(ca.dot(own, own))
+    reserve = (element.static * load - size) / weight
+    sticks = ca.sum1(contacts.active[rows]) > 0.0
+    slides = ca.dot(stored, stored) > 0.0
+    slip = contacts.equations.velocity[rows, :]
+    speed = ca.dot(stored, slip)
+    if len(rows) == 2:
+        speed -= TURNED * ca.sqrt(ca.dot(slip, slip))
+    if element.joint is not None:
+        return ca.if_else(slides, speed, ca.if_else(sticks, reserve, 1.0))
+    return ca.if_else(sticks, reserve, ca.if_else(slides, speed, 1.0))
