@@ -41,7 +41,7 @@ class ContactEvent:
             return f"contacts: {self.change} within the step at {self.time:.6f} s; it goes on without further ones"
         text = f"{self.name}: {self.change} at {self.time:.6f} s"
         if self.change is ContactChange.IMPACT:
-            text += f", impulse {self.impulse:.4g}, loss {self.loss:.4g} J"
+            text += f", impulse {self.impulse:.4g}, loss {self.loss + 0.0:.4g} J"
             if self.factor < 1.0:
                 text += f"; restitution reduced to {self.factor:.3g} of its value, so that energy does not grow"
         return text
