@@ -211,7 +211,7 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
         :param state: a `snapshot()`, which is restored as a whole and alone; or all of that run's `state`.
         :param steps: the `steps` of that run, required with a state alone: they are its time. `inputs`, `start_energy`
             and `live` are of that run too, and stay as they are if they are not given; `live` only names the values
-            in `inputs`.
+            in `inputs`. Without `inputs`, the state of contacts is found anew from the positions and speeds.
         :raises ValueError: a snapshot of a different run, no `steps` with a state, wrong length, or a value that is
             not finite; nothing is changed then.
         :raises TypeError: other arguments are given with a snapshot.

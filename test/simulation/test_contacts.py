@@ -139,21 +139,13 @@ def test_infinitely_many_rebounds_end():
 
 
 def test_the_closed_form_of_housners_rocking_block():
-    """Each impact multiplies the rotation by 1 - 3/2 sin² α."""
+    """Each impact multiplies the rotation by 1 - 3/2 sin² α; all three follow one another without other losses."""
     sim = Simulation.from_file("rocking", set={"th0": 0.1})
-    impacts = []
-    for _ in range(2000):
-        before = sim.u[2]
-        sim.step(1)
-        if any(event.change == "impact" and event.time > sim.time - 1e-3 for event in sim.contact_events):
-            impacts.append((before, sim.u[2]))
-    alpha = math.atan(0.1 / 0.4)
-    expected = 1.0 - 1.5 * math.sin(alpha) ** 2
-    assert len(impacts) >= 3
-    energies = [event for event in sim.contact_events if event.change == "impact"]
-    first = next(event.loss for event in energies if event.loss > 0.0)
+    sim.run(until=2.0)
+    kept = (1.0 - 1.5 * math.sin(math.atan(0.1 / 0.4)) ** 2) ** 2  # of the energy of rotation
+    losses = [event.loss for event in sim.contact_events if event.change == "impact"]
     fall = 9.81 * (0.1 * math.sin(0.1) + 0.4 * math.cos(0.1) - 0.4)  # from the tilt th0 to upright
-    assert first == pytest.approx(fall * (1.0 - expected**2), rel=1e-12)
+    assert losses[:3] == pytest.approx([fall * (1.0 - kept) * kept**count for count in range(3)], rel=1e-11)
 
 
 def test_losses_tell_impacts_and_friction_apart():
@@ -198,7 +190,7 @@ def test_an_impact_in_a_loop_goes_through_all_of_it():
         sim.step(1)
         assert sim.time < 5.0
     first = sim.contact_events[0]
-    assert (first.change, first.name) == ("impact", "rocker.upper_limit") or first.name == "rocker.lower_limit"
+    assert (first.change, first.name) == ("impact", "rocker.upper_limit")
     assert sim.u[rocker] == pytest.approx(-0.6 * before[rocker], rel=0.05)  # the step goes on before and after
     assert np.sign(sim.u[0]) == -np.sign(before[0])
     sim.run(until=5.0)
