@@ -42,6 +42,12 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--poses", metavar="PARTS", default="", help="also record the poses of these parts, separated by commas; *: all"
     )
+    group.add_argument(
+        "--accelerations",
+        metavar="NAMES",
+        default="",
+        help="also record the accelerations of coordinates, parts and points (part.point), separated by commas; *: all",
+    )
 
 
 class RunOutputs:
@@ -69,7 +75,9 @@ class RunOutputs:
             plot_files.require_suffix(options.animate, animation_file.SUFFIXES)
             animation_file.require_animation_packages(options.animate)
         if not self.records:
-            unused = [name for name in ("rate", "reactions", "violation", "poses") if getattr(options, name)]
+            unused = [
+                name for name in ("rate", "reactions", "violation", "poses", "accelerations") if getattr(options, name)
+            ]
             if unused:
                 names = ", ".join(f"--{name}" for name in unused)
                 raise InputError(f"{names}: nothing is recorded", "Give --out or --plot too.")
@@ -111,9 +119,17 @@ class RunOutputs:
         options = self._options
         if not self.records:
             return nullcontext()
-        poses = [name.strip() for name in options.poses.split(",") if name.strip()]
+        poses, accelerations = (
+            [name.strip() for name in names.split(",") if name.strip()]
+            for names in (options.poses, options.accelerations)
+        )
         return simulation.recording(
-            path, rate=options.rate, reactions=options.reactions, violation=options.violation, poses=poses
+            path,
+            rate=options.rate,
+            reactions=options.reactions,
+            violation=options.violation,
+            poses=poses,
+            accelerations=accelerations,
         )
 
     def _write(self, simulation: Simulation, path: Path) -> None:

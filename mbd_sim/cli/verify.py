@@ -26,6 +26,7 @@ NOUNS = {  # singular and plural
     "joint_states": ("joint state", "joint states"),
     "energies": ("set of energies", "energies"),
     "constraint_violation": ("constraint violation", "constraint violations"),
+    "accelerations": ("set of accelerations", "sets of accelerations"),
     "applied_efforts": ("effort", "efforts"),
     "applied_wrenches": ("wrench", "wrenches"),
     "live_values": ("live value", "live values"),

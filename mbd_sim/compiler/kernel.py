@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias, cast
+from typing import TypeAlias, cast
 
 import casadi as ca
 import llvmlite.ir as ir
@@ -14,10 +14,10 @@ from mbd_sim.compiler.fastcall import callable_of, emit_call
 from mbd_sim.compiler.gauss_step import gauss_step
 from mbd_sim.compiler.guarded_system import OneSidedSystem, emit_guarded
 from mbd_sim.compiler.instruction_list import Instructions
-from mbd_sim.compiler.ir_types import POINTER
 from mbd_sim.compiler.linearized_system import linearize_rates
 from mbd_sim.compiler.lowering import instruction_count, lower
 from mbd_sim.compiler.machine_code import MachineCode, compile_module, new_module
+from mbd_sim.compiler.readers import export, reader
 from mbd_sim.compiler.rosenbrock_step import rosenbrock_step
 from mbd_sim.compiler.rosenbrock_w_step import rosenbrock_w_step
 from mbd_sim.compiler.runge_kutta_step import explicit_step
@@ -105,12 +105,12 @@ def compile_kernel(
         advance = emit_guarded(module, system, program, prepare, one_sided)
     emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
     for name, function in readers.items():
-        _export(module, f"read_{name}", lower(module, function, inline=True))
+        export(module, f"read_{name}", lower(module, function, inline=True))
     code = compile_module(module)
     return Kernel(
         advance=ctypes.CFUNCTYPE(_INT, *_ADVANCE)(code.address("advance")),
         estimating_advance=ctypes.CFUNCTYPE(_INT, *_ADVANCE, _ADDRESS)(code.address("estimating_advance")),
-        readers={name: _reader(code.address(f"read_{name}"), function) for name, function in readers.items()},
+        readers={name: reader(code.address(f"read_{name}"), function) for name, function in readers.items()},
         reads_inputs={name: function.n_in() > 2 for name, function in readers.items()},
         instructions=instruction_count(program),
         code=code,
@@ -161,14 +161,3 @@ def _step_of(method: Method, rates: ca.Function, core: slice, partial_system: Pa
     if isinstance(method, Gauss):
         return gauss_step(method)
     return explicit_step(method)
-
-
-def _export(module: ir.Module, name: str, function: ir.Function) -> None:
-    exported = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER] * len(function.args)), name)
-    builder = ir.IRBuilder(exported.append_basic_block("entry"))
-    builder.call(function, exported.args)
-    builder.ret_void()
-
-
-def _reader(address: int, function: ca.Function) -> Any:
-    return ctypes.CFUNCTYPE(None, *[_ADDRESS] * (function.n_in() + function.n_out()))(address)

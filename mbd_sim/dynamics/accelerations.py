@@ -30,13 +30,15 @@ class ConstrainedMotion:
     """The accelerations of a mechanism and the forces that belong to them.
 
     `multipliers` (m,) are λ of the active constraints. `u_rates` (nv,) are u'. `transmitted` are the wrenches
-    F_L (6,) on each link through its joint. `drives` (n, 3) are described in `drive_table`.
+    F_L (6,) on each link through its joint. `drives` (n, 3) are described in `drive_table`. `links` are the spatial
+    accelerations (6,) of the links less that of gravity, see `Accelerations`.
     """
 
     multipliers: ca.SX
     u_rates: ca.SX
     transmitted: Sequence[ca.SX]
     drives: ca.SX
+    links: Sequence[ca.SX]
 
 
 def applied_forces(traced: TracedMechanism) -> AppliedForces:
@@ -72,7 +74,7 @@ def solve_accelerations(
         wrenches = [own + unit @ multipliers for own, unit in zip(wrenches, constraints.wrenches, strict=True)]
     transmitted = transmitted_wrenches(traced.links, traced.motions, motion.links, wrenches)
     drives = drive_table(traced, transmitted, coupling_forces(constraints, multipliers))
-    return ConstrainedMotion(multipliers, motion.u_rates, transmitted, drives)
+    return ConstrainedMotion(multipliers, motion.u_rates, transmitted, drives, motion.links)
 
 
 def coupling_forces(constraints: ConstraintEquations, multipliers: ca.SX) -> dict[str, ca.SX]:

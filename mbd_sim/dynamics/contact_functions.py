@@ -144,7 +144,7 @@ class ContactDynamics:
         ]
         transmitted = transmitted_wrenches(traced.links, traced.motions, accelerations.links, wrenches)
         drives = drive_table(traced, transmitted, coupling_forces(both, all_multipliers))
-        return ConstrainedMotion(all_multipliers, accelerations.u_rates, transmitted, drives)
+        return ConstrainedMotion(all_multipliers, accelerations.u_rates, transmitted, drives, accelerations.links)
 
     @cached_property
     def _all_rows(self) -> ConstraintEquations:

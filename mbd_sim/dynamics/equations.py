@@ -39,6 +39,7 @@ from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.dynamics.joint_linearization import JointLinearization, joint_linearization
 from mbd_sim.dynamics.links import CoordinateLayout, build_links
 from mbd_sim.dynamics.mass_matrix_check import require_definite, require_independent
+from mbd_sim.dynamics.measurements import Measurements
 from mbd_sim.dynamics.multipliers import ConstraintSolver, typical_diagonal
 from mbd_sim.dynamics.reactions import joint_reactions, wrenches_of_multipliers
 from mbd_sim.dynamics.state_projection import projected_state
@@ -65,6 +66,7 @@ class Equations:
     - `multipliers(t, y, inputs)`: λ (m,) of all `rows`, zero for those that are zero everywhere.
     - `violation(t, y)`: Φ and G u + b (m, 2).
     - `reactions(t, y, inputs)`: (6, joints), see `joint_reactions`.
+    - `measurements`: accelerations, and what else is evaluated only on request.
 
     With one-sided elements `rates` are those with everything open, and `contact` are their other functions; the forces
     in all other functions include the contact forces among the inputs.
@@ -89,6 +91,7 @@ class Equations:
     start: AssembledStart
     start_state: Array
     part_names: tuple[str, ...]
+    measurements: Measurements
     trace_reactions: Callable[[], ca.Function]
     trace_joint_linearization: Callable[[], JointLinearization]
     trace_load_paths: Callable[[], ca.Function]
@@ -217,6 +220,7 @@ def _packaged(
         start=assembly.start,
         start_state=_start_state(traced, assembly.start),
         part_names=tuple(link.joint.outboard for link in traced.links),
+        measurements=Measurements(traced, motion),
         trace_reactions=partial(_reactions, traced, assembly, motion, multipliers),
         trace_joint_linearization=linearized,
         trace_load_paths=partial(_load_paths, traced, assembly.equations),

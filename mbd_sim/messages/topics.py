@@ -8,6 +8,7 @@ from enum import Enum
 from functools import partial
 
 from mbd_sim.messages import event_messages, qos, state_messages
+from mbd_sim.messages.acceleration_messages import COORDINATES, accelerations
 from mbd_sim.messages.event_messages import EventWriter
 from mbd_sim.messages.qos import OfferedQos
 from mbd_sim.messages.state_messages import StateWriter
@@ -124,6 +125,19 @@ CONSTRAINT_VIOLATION = OutputTopic(
     on_state=lambda model, prefix: state_messages.constraint_violation(model),
     parameter=RequestParameter("constraint_violation", False, "publish the violations of loops and constraints"),
 )
+ACCELERATIONS = OutputTopic(
+    "accelerations",
+    "std_msgs/msg/Float64MultiArray",
+    When.STATE,
+    qos.STATE,
+    Recorded.YES,
+    on_state=lambda model, prefix: accelerations(model, [COORDINATES]),
+    parameter=RequestParameter(
+        "accelerations",
+        "",
+        "accelerations to publish, separated by commas: coordinates, parts, points (part.point); all; or empty: none",
+    ),
+)
 PART_POSES = OutputTopic(
     f"~/poses/{PART}",
     "geometry_msgs/msg/PoseStamped",
@@ -206,6 +220,7 @@ TOPICS = (
     JOINT_REACTIONS,
     CONTACT_STATES,
     CONSTRAINT_VIOLATION,
+    ACCELERATIONS,
     PART_POSES,
     TF,
     APPLIED_EFFORTS,
@@ -226,6 +241,11 @@ def for_each_part(topic: OutputTopic, part_names: Sequence[str], parts: Sequence
     for part in parts:
         writer = partial(state_messages.part_pose, part=part)
         yield replace(topic, name=topic.name.replace(PART, tokens[part]), on_state=writer)
+
+
+def for_accelerations(requested: Sequence[str]) -> OutputTopic:
+    """The topic of the requested accelerations."""
+    return replace(ACCELERATIONS, on_state=lambda model, prefix: accelerations(model, requested))
 
 
 def absolute_name(topic: OutputTopic) -> str:

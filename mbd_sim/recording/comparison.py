@@ -10,6 +10,7 @@ import numpy as np
 
 from mbd_sim.errors import MbdSimError
 from mbd_sim.geometry.pose import Array
+from mbd_sim.messages.acceleration_messages import Accelerations, requested_by
 from mbd_sim.recording import cdr
 from mbd_sim.recording.recomputation import LiveValueMismatch, Recomputation, RecomputeError
 from mbd_sim.recording.recorded_file import DamagedError, Message
@@ -119,6 +120,8 @@ class Comparison:
         if role is TopicRole.JOINT_STATES:
             return self._joint_states_agree(message)
         simulation = self.recomputation.simulation
+        if role is TopicRole.ACCELERATIONS:
+            return self._accelerations_agree(message)
         computed = simulation.energies if role is TopicRole.ENERGIES else simulation.violation
         return self._values_agree(message, computed)
 
@@ -152,6 +155,14 @@ class Comparison:
         elif isinstance(computed, Energies) and len(recorded.values) == len(computed):
             self._recorded_energies = Energies(*recorded.values)
         return self._arrays_agree(message, computed._fields, recorded.values, np.array(computed)) and agree
+
+    def _accelerations_agree(self, message: Message) -> bool:
+        simulation, recorded = self.recomputation.simulation, cdr.multi_array(message.payload)
+        source = Accelerations(simulation.model, requested_by(simulation.model, recorded.labels))
+        names = [name for name, size in zip(source.labels, source.sizes, strict=True) for _ in range(size)]
+        computed = np.empty(len(names))
+        source.write(computed, simulation.time, simulation.y, simulation.inputs)
+        return self._arrays_agree(message, names, recorded.values, computed)
 
     def _is_bitwise(self, message: Message) -> bool:
         """Whether the bytes of a message can be compared with those of computed arrays."""

@@ -143,7 +143,9 @@ class Recomputation:
                 self._continue_from(cdr.multi_array(message.payload))
             case TopicRole.EVENTS:
                 return self._apply_event(cdr.text(message.payload))
-            case TopicRole.JOINT_STATES | TopicRole.ENERGIES | TopicRole.CONSTRAINT_VIOLATION | None:
+            case TopicRole.JOINT_STATES | TopicRole.ENERGIES | TopicRole.CONSTRAINT_VIOLATION:
+                pass
+            case TopicRole.ACCELERATIONS | None:
                 pass
             case _:
                 assert_never(role)

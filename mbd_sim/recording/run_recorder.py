@@ -10,6 +10,7 @@ from typing import Self
 
 from mbd_sim.errors import InputError, nearest
 from mbd_sim.mechanism_file.yaml_writer import mechanism_text
+from mbd_sim.messages.acceleration_messages import Accelerations
 from mbd_sim.messages.event_messages import EventWriter
 from mbd_sim.messages.publication_schedule import publication_schedule
 from mbd_sim.messages.qos import offered_qos_profiles
@@ -17,6 +18,7 @@ from mbd_sim.messages.recorded_topic import Topic
 from mbd_sim.messages.snapshot import Snapshot
 from mbd_sim.messages.state_messages import StateWriter
 from mbd_sim.messages.topics import (
+    ACCELERATIONS,
     CONSTRAINT_VIOLATION,
     JOINT_REACTIONS,
     PART_POSES,
@@ -24,6 +26,7 @@ from mbd_sim.messages.topics import (
     OutputTopic,
     Recorded,
     absolute_name,
+    for_accelerations,
     for_each_part,
     is_vital,
 )
@@ -57,6 +60,7 @@ class RunRecorder:
         reactions: bool = False,
         violation: bool = False,
         poses: Sequence[str] = (),
+        accelerations: Sequence[str] = (),
     ) -> None:
         """Begin the file with the present state; an existing file is replaced.
 
@@ -64,15 +68,16 @@ class RunRecorder:
             step. The first and the last state are always recorded.
         :param reactions: also record the force and moment that each joint transmits,
         :param violation: the violation of loops and constraints,
-        :param poses: and the poses of these parts; `["*"]` are all.
+        :param poses: the poses of these parts; `["*"]` are all,
+        :param accelerations: and the accelerations of the `coordinates`, of parts and of points; `["*"]` are all.
         :raises InputError: the file does not end in .mcap, or its folder does not exist; the rate is not possible; a
-            part does not exist; or the simulation is being recorded already.
+            part or a point does not exist; or the simulation is being recorded already.
         :raises RecordingError: the file cannot be written.
         """
         self.path, self._simulation = Path(path), simulation
         self.states = self.events = 0  # that have been recorded
         self._schedule = publication_schedule(_possible_rate(rate, simulation.step_size), simulation.step_size)
-        requested = _requested(simulation, reactions, violation, poses)
+        requested = _requested(simulation, reactions, violation, poses, accelerations)
         _require_path(self.path)
         self._step_ns = round(simulation.step_size * 1e9)
         self._ticks = self._steps = simulation.steps  # ticks count on where the steps return to an earlier time
@@ -226,16 +231,21 @@ def _possible_rate(rate: float | None, step_size: float) -> float:
     return rate
 
 
-def _requested(simulation: Simulation, reactions: bool, violation: bool, poses: Sequence[str]) -> list[OutputTopic]:
+def _requested(
+    simulation: Simulation, reactions: bool, violation: bool, poses: Sequence[str], accelerations: Sequence[str]
+) -> list[OutputTopic]:
     """The topics to record: those that the node always records, and those on request."""
     parts = simulation.model.part_names
     for part in poses:
         if part not in (*parts, ALL):
             raise InputError(f"poses: there is no part '{part}'", nearest(part, parts))
+    Accelerations(simulation.model, accelerations)  # refuses unknown names
     wanted = {JOINT_REACTIONS.name: reactions, CONSTRAINT_VIOLATION.name: violation}
     found: list[OutputTopic] = []
     for topic in TOPICS:
-        if topic is PART_POSES:
+        if topic is ACCELERATIONS:
+            found += [for_accelerations(accelerations)] if accelerations else []
+        elif topic is PART_POSES:
             found += for_each_part(topic, parts, parts if ALL in poses else list(dict.fromkeys(poses)))
         elif topic.recorded is not Recorded.NO and wanted.get(topic.name, True):
             found.append(topic)

@@ -15,6 +15,7 @@ class TopicRole(StrEnum):
     JOINT_STATES = "joint_states"
     ENERGIES = "energies"
     CONSTRAINT_VIOLATION = "constraint_violation"
+    ACCELERATIONS = "accelerations"
     APPLIED_EFFORTS = "applied_efforts"
     APPLIED_WRENCHES = "applied_wrenches"
     LIVE_VALUES = "live_values"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from types import ModuleType
 from typing import Any
 
@@ -17,7 +18,8 @@ from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import from_quaternion, to_quaternion
 from mbd_sim.mechanism.records import GROUND
 from mbd_sim.ros.stepping_thread import SteppingThread
-from mbd_sim.simulation.part_motion import PartMotion, PartMotions, free_joint_of, free_joint_values
+from mbd_sim.simulation.motions import PartMotion
+from mbd_sim.simulation.part_motion import free_joint_of, free_joint_values
 from mbd_sim.simulation.state_values import StateValues
 
 UNIT = 1e-3  # by how much the norm of a given quaternion may differ from 1
@@ -35,17 +37,17 @@ class EntityServices:
         self._invalid_pose = getattr(
             services.SetEntityState.Response, "INVALID_POSE", messages.Result.RESULT_OPERATION_FAILED
         )
-        self._motions: PartMotions | None = None
         node.create_service(services.GetEntityState, "~/get_entity_state", self._on_get)
         node.create_service(services.SetEntityState, "~/set_entity_state", self._on_set)
 
     def _on_get(self, request: Any, response: Any) -> Any:
         if problem := self._unknown(request.entity):
             return self._fail(response, self._result.RESULT_NOT_FOUND, problem)
-        motions, found = self._part_motions(), list[tuple[int, dict[str, PartMotion]]]()
+        self._prepare()
+        found = list[tuple[int, Mapping[str, PartMotion]]]()
 
         def read() -> str:
-            found.append((self._stepping_thread.clock.ns, self._now(motions)))
+            found.append((self._stepping_thread.clock.ns, self._now()))
             return ""
 
         if problem := self._stepping_thread.between_steps(read):
@@ -83,32 +85,30 @@ class EntityServices:
             return self._fail(response, self._invalid_pose, text)
         if sets_twist and not np.all(np.isfinite([velocity, angular_velocity])):
             return self._fail(response, result.RESULT_OPERATION_FAILED, "the twist is not finite. Give finite numbers.")
-        motions = self._part_motions()
+        self._prepare()
 
         def values() -> StateValues:
-            now = self._now(motions)
+            now = self._now()
             motion = now[part]
             if sets_pose and pose is not None:
                 motion = motion._replace(pose=pose)
             if sets_twist:
                 motion = motion._replace(velocity=velocity, angular_velocity=angular_velocity)
-            return StateValues(*free_joint_values(self._model, joint, now | {part: motion}))
+            return StateValues(*free_joint_values(self._model, joint, {**now, part: motion}))
 
         if problem := self._stepping_thread.set_state(values):
             return self._fail(response, result.RESULT_OPERATION_FAILED, problem)
         response.result.result = result.RESULT_OK
         return response
 
-    def _part_motions(self) -> PartMotions:
-        """What computes the motions; it is made at the first request, outside the stepping thread."""
-        if self._motions is None:
-            self._motions = PartMotions(self._model)
-        return self._motions
+    def _prepare(self) -> None:
+        """Compile what computes the motions, at the first request and outside the stepping thread."""
+        self._model.part_motions(0.0, self._model.start, self._model.inputs)
 
-    def _now(self, motions: PartMotions) -> dict[str, PartMotion]:
+    def _now(self) -> Mapping[str, PartMotion]:
         """The motions of all parts, for the stepping thread."""
         simulation = self._stepping_thread.simulation
-        return motions.at(simulation.time, simulation.state, simulation.inputs)
+        return self._model.part_motions(simulation.time, simulation.y, simulation.inputs)
 
     def _unknown(self, part: str) -> str:
         if part in self._model.part_names:

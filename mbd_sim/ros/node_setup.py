@@ -9,11 +9,23 @@ from typing import TYPE_CHECKING, Any
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
-from mbd_sim.errors import nearest
+from mbd_sim.errors import InputError, nearest
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.messages.acceleration_messages import Accelerations
 from mbd_sim.messages.state_messages import floating_transforms
-from mbd_sim.messages.topics import CLOCK, DIAGNOSTICS, MARKERS, PART, TF, TOPICS, OutputTopic, for_each_part
+from mbd_sim.messages.topics import (
+    ACCELERATIONS,
+    CLOCK,
+    DIAGNOSTICS,
+    MARKERS,
+    PART,
+    TF,
+    TOPICS,
+    OutputTopic,
+    for_accelerations,
+    for_each_part,
+)
 from mbd_sim.recording.recorder import Recorder
 from mbd_sim.recording.recording_paths import FORMATS, new_recording_paths
 from mbd_sim.recording.run_metadata import run_metadata
@@ -63,6 +75,9 @@ def requested_topics(parameters: NodeParameters, model: Model, log: Any) -> list
     for topic in TOPICS:
         if topic in (CLOCK, MARKERS, DIAGNOSTICS) or (topic.parameter and not parameters[topic.parameter.name]):
             continue
+        if topic is ACCELERATIONS:
+            requested.append(_accelerations(parameters.names_in("accelerations"), model))
+            continue
         if PART not in topic.name or topic.parameter is None:
             requested.append(topic)
             continue
@@ -73,6 +88,18 @@ def requested_topics(parameters: NodeParameters, model: Model, log: Any) -> list
                 raise ValueError(f"{name}: there is no part '{part}'. {nearest(part, part_names)}")
         requested.extend(for_each_part(topic, part_names, part_names if ALL in parts else parts))
     return requested
+
+
+def _accelerations(names: list[str], model: Model) -> OutputTopic:
+    """The topic of the accelerations that a parameter names.
+
+    :raises ValueError: there is no such part or point.
+    """
+    try:
+        Accelerations(model, names)
+    except InputError as error:
+        raise ValueError(f"accelerations: {error}") from error
+    return for_accelerations(names)
 
 
 def _floating_transforms(mechanism: Mechanism, log: Any) -> list[OutputTopic]:

@@ -27,6 +27,7 @@ from mbd_sim.simulation.method_choice import (
     require_contact_method,
     require_method,
 )
+from mbd_sim.simulation.motions import MotionReaders, PartMotion
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.load_sharing import LoadSharing
@@ -183,6 +184,19 @@ class Model:
             name: Pose(position.copy(), rotation.copy())
             for name, position, rotation in zip(self.part_names, positions, rotations, strict=True)
         }
+
+    @cached_property
+    def _motion_readers(self) -> MotionReaders:
+        return MotionReaders(self.equations)
+
+    def accelerations(self, time: float, y: Array, inputs: Array) -> Array:
+        """u' (nv,), then the accelerations of `driven_names`, under all forces, those of contacts included."""
+        return self._motion_readers.accelerations(time, y, self.with_contact_forces(time, y, inputs))
+
+    def part_motions(self, time: float, y: Array, inputs: Array) -> Mapping[str, PartMotion]:
+        """The motion of each part in ground's frame and axes."""
+        given = self.with_contact_forces(time, y, inputs)
+        return self._motion_readers.parts(time, y, given, self.poses(time, y, inputs))
 
     def drives(self, time: float, y: Array, inputs: Array) -> Array:
         """(3, n): the coordinates of `driven_names`, their speeds, and the forces of the drives, in SI units."""

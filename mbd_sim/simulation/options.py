@@ -25,6 +25,7 @@ class RecordingOptions(TypedDict, total=False):
     reactions: bool
     violation: bool
     poses: Sequence[str]
+    accelerations: Sequence[str]
 
 
 class EnsembleOptions(TypedDict, total=False):

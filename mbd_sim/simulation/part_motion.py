@@ -1,61 +1,37 @@
-"""Velocities and accelerations of the parts in a state, and the coordinates that give a free part a motion."""
+"""The motions of named points, and the coordinates that give a free part a motion."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 
-from mbd_sim.geometry.pose import Array, Pose, identity_pose, unpack_poses
+from mbd_sim.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.geometry.rotation import to_quaternion
-from mbd_sim.mechanism.records import GROUND, Joint
+from mbd_sim.mechanism.attachments import resolve_reference
+from mbd_sim.mechanism.records import GROUND, Joint, Mechanism
 from mbd_sim.simulation.compiled_model import Model, rotation_vector
+from mbd_sim.simulation.motions import PartMotion
 
 
-class PartMotion(NamedTuple):
-    """The motion of a part's frame in ground's frame and axes: pose, velocity of the origin, angular velocity, rates.
+def named_frame(mechanism: Mechanism, frame: str) -> tuple[str, Pose]:
+    """The part, or ground, that `part` or `part.point` names, and the pose of the point in it.
 
-    Each is (3,), in m/s, rad/s, m/s² and rad/s².
+    :raises InputError: there is no such part or point.
     """
-
-    pose: Pose
-    velocity: Array
-    angular_velocity: Array
-    acceleration: Array
-    angular_acceleration: Array
+    points = {name: part.points for name, part in mechanism.parts.items()}
+    return resolve_reference(frame, {**points, GROUND: mechanism.ground_points})
 
 
-class PartMotions:
-    """The motions of all parts of a model, exact to round-off: the poses are differentiated symbolically."""
+def motion_of(model: Model, frame: str, time: float, y: Array, inputs: Array) -> PartMotion:
+    """The motion of the frame `part` or `part.point` in ground's frame and axes.
 
-    def __init__(self, model: Model) -> None:
-        """Differentiate the poses twice along the motion; takes a second for mechanisms of many parts."""
-        equations = model.equations
-        self._names, self._inputs = model.part_names, model.inputs
-        t, y, inputs = ca.SX.sym("t"), ca.SX.sym("y", len(model.start)), ca.SX.sym("inputs", len(model.inputs))
-        rates = equations.rates.call([t, y, inputs])[0]
-        (poses,) = equations.poses.call([t, y, inputs][: equations.poses.n_in()])
-
-        def rate(expression: ca.SX) -> ca.SX:
-            return ca.jtimes(expression, y, rates) + ca.jtimes(expression, t, ca.SX(1))
-
-        first = rate(poses)
-        outputs = [ca.densify(value) for value in (poses, first, rate(first))]
-        self._function = ca.Function("part_motions", [t, y, inputs], outputs, {"cse": True})
-
-    def at(self, time: float, y: Array, inputs: Array) -> dict[str, PartMotion]:
-        """The motion of each part in a state y under inputs of the equations, at a time in s."""
-        rows = [np.array(value).reshape(-1, 12) for value in self._function(time, y, inputs)]
-        (places, rotations), (velocities, rotation_rates), (accelerations, second) = map(unpack_poses, rows)
-        spin = _axial(rotation_rates @ np.swapaxes(rotations, 1, 2))
-        spin_rate = _axial(second @ np.swapaxes(rotations, 1, 2))  # its symmetric part is that of ω × (ω × …)
-        columns = (velocities, spin, accelerations, spin_rate)
-        return {
-            name: PartMotion(Pose(places[n], rotations[n]), *(values[n] for values in columns))
-            for n, name in enumerate(self._names)
-        }
+    :raises InputError: there is no such part or point.
+    """
+    part, pose = named_frame(model.mechanism, frame)
+    if part == GROUND:
+        return PartMotion(pose, *np.zeros((4, 3)))
+    return model.part_motions(time, y, inputs)[part].of(pose)
 
 
 def free_joint_of(model: Model, part: str) -> Joint | None:
@@ -89,9 +65,3 @@ def _frame(motions: Mapping[str, PartMotion], part: str, pose: Pose) -> tuple[Po
     motion = motions[part]
     velocity = motion.velocity + np.cross(motion.angular_velocity, motion.pose.rotation @ pose.position)
     return motion.pose @ pose, velocity, motion.angular_velocity
-
-
-def _axial(matrices: Array) -> Array:
-    """The vectors (n, 3) ω of matrices (n, 3, 3) whose antisymmetric part is that of ω ×."""
-    m = matrices
-    return 0.5 * np.stack([m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]], axis=1)

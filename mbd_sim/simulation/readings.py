@@ -13,6 +13,8 @@ from mbd_sim.simulation.argument_checks import finite_vector
 from mbd_sim.simulation.compiled_model import DriveState, Energies, Losses, Model, Reaction, Violation
 from mbd_sim.simulation.contact_records import ContactEvent, ContactState
 from mbd_sim.simulation.kernel_memory import KernelMemory
+from mbd_sim.simulation.motions import PartMotion
+from mbd_sim.simulation.part_motion import motion_of
 from mbd_sim.simulation.step_advice import step_advice
 
 if TYPE_CHECKING:
@@ -57,6 +59,27 @@ class Readings:
     def poses(self) -> Mapping[str, Pose]:
         """The pose of each part in ground's frame."""
         return self.model.poses(self.time, self._memory.y, self._memory.inputs)
+
+    @property
+    def u_rates(self) -> Array:
+        """The accelerations u' (nv,) of the coordinates, in m/s² and rad/s², under all present forces.
+
+        Those of contacts are included. At an impact they are those after it.
+        """
+        return self.model.accelerations(self.time, self._memory.y, self._memory.inputs)[: self.model.layout.nv]
+
+    def motion(self, frame: str) -> PartMotion:
+        """The motion of a part, or of one of its points: pose, velocities and accelerations in ground's axes.
+
+        >>> from mbd_sim import Simulation
+        >>> sim = Simulation.from_file("double_rod")
+        >>> sim.motion("lower").acceleration.shape
+        (3,)
+
+        :param frame: `part` or `part.point`; points are where they are in the file, also with other live values.
+        :raises InputError: there is no such part or point.
+        """
+        return motion_of(self.model, frame, self.time, self._memory.y, self._memory.inputs)
 
     @property
     def violation(self) -> Violation:

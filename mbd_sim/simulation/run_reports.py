@@ -49,7 +49,8 @@ class RunReports:
 
         `mbd_sim verify`, `view`, `plot`, `export` and `replay_node` accept the file. Recording needs no ROS.
 
-        :param options: the keyword arguments of `RunRecorder`: `rate` in Hz, `reactions`, `violation`, `poses`.
+        :param options: the keyword arguments of `RunRecorder`: `rate` in Hz, `reactions`, `violation`, `poses`,
+            `accelerations`.
         :raises InputError, RecordingError: see `RunRecorder`.
         """
         from mbd_sim import RunRecorder

@@ -51,6 +51,7 @@ def test_parameters_request_the_other_topics():
         "contact_states:=true",
         "constraint_violation:=true",
         "part_poses:='*'",
+        "accelerations:='coordinates, lower.tip'",
     )
     requested = [topic for topic in TOPICS if topic is not topics.TF]
     expected = {resolved(topic): [topic.message_type] for topic in requested if PART not in topic.name}

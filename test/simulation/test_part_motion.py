@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
+from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Pose
 from mbd_sim.geometry.rotation import from_quaternion, of_vector
-from mbd_sim.simulation.part_motion import PartMotions, free_joint_of, free_joint_values
+from mbd_sim.simulation.part_motion import free_joint_of, free_joint_values
 
 FREE = """
 mechanism: thrown
@@ -23,7 +24,7 @@ BOTH_WAYS = ["[ground.base, body.corner]", "[body.corner, ground.base]"]
 
 
 def motions_of(simulation):
-    return PartMotions(simulation.model).at(simulation.time, simulation.state, simulation.inputs)
+    return simulation.model.part_motions(simulation.time, simulation.state, simulation.inputs)
 
 
 def test_a_pendulum_has_the_velocities_and_accelerations_of_the_textbook():
@@ -100,3 +101,50 @@ def test_a_free_part_takes_any_motion(ends):
 def test_a_part_that_is_held_has_no_free_joint():
     model = Simulation.from_file("double_rod").model
     assert free_joint_of(model, "upper") is None
+
+
+def test_u_rates_are_the_rates_of_the_speeds_and_driven_coordinates_follow_them():
+    simulation = Simulation.from_file("moving_support_pendulum")
+    simulation.run(0.3)
+    rates = simulation.model.equations.rates.call([simulation.time, simulation.state, simulation.inputs])[0]
+    np.testing.assert_array_equal(simulation.u_rates, np.array(rates).ravel()[simulation.model.u_range])
+    accelerations = simulation.model.accelerations(simulation.time, simulation.y, simulation.inputs)
+    assert len(accelerations) == len(simulation.u) + len(simulation.model.driven_names)
+    speeds = [simulation.model.drives(simulation.time + dt, simulation.y, simulation.inputs)[1] for dt in (-1e-5, 1e-5)]
+    np.testing.assert_allclose(accelerations[len(simulation.u) :], (speeds[1] - speeds[0]) / 2e-5, rtol=1e-7, atol=1e-7)
+
+
+def test_a_point_has_the_acceleration_of_circular_motion():
+    simulation = Simulation.from_file("double_rod")
+    simulation.set_state({"shoulder": 0.3, "elbow": 0.4}, {"shoulder": 2.0, "elbow": -0.5})
+    tip, part = simulation.motion("lower.tip"), simulation.motion("lower")
+    arm = tip.pose.position - part.pose.position
+    w, rate = tip.angular_velocity, tip.angular_acceleration
+    np.testing.assert_allclose(tip.velocity, part.velocity + np.cross(w, arm), atol=1e-14)
+    np.testing.assert_allclose(
+        tip.acceleration, part.acceleration + np.cross(rate, arm) - np.dot(w, w) * arm, atol=1e-12
+    )
+    assert not np.any(simulation.motion("ground").acceleration)
+    with pytest.raises(InputError, match="'lower' has no point 'tp'"):
+        simulation.motion("lower.tp")
+
+
+BALL = """
+mechanism: resting_ball
+ground: {points: {floor: [0, 0, 0]}}
+parts:
+  ball: {shape: {type: sphere, radius: 0.1, mass: 2}}
+joints:
+  flight: {type: free, between: [ground, ball], position: [0, 0, 0.1]}
+contacts:
+  floor: {parts: [ball], plane: ground.floor}
+"""
+
+
+def test_contact_forces_are_part_of_the_accelerations():
+    simulation = Simulation.from_text(BALL)
+    simulation.step(10)
+    np.testing.assert_allclose(simulation.u_rates, 0.0, atol=1e-12)
+    np.testing.assert_allclose(simulation.motion("ball").acceleration, 0.0, atol=1e-12)
+    simulation.reset(q=[0.0, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(simulation.u_rates[:3], [0.0, 0.0, -9.81], atol=1e-12)

@@ -1,0 +1,34 @@
+"""Functions of the state that are traced when they are first read: accelerations, motions of parts, measurements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+
+from mbd_sim.dynamics.accelerations import ConstrainedMotion
+from mbd_sim.dynamics.frame_motion import coordinate_accelerations, part_motions
+from mbd_sim.dynamics.tracing import TracedMechanism
+
+
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """Functions of (t, y, inputs) in SI units; the inputs contain the contact forces, if there are contacts."""
+
+    traced: TracedMechanism
+    motion: ConstrainedMotion
+
+    @cached_property
+    def accelerations(self) -> ca.Function:
+        """u' (nv,), then the accelerations of the driven coordinates, in declared order."""
+        return self._function("accelerations", coordinate_accelerations(self.traced, self.motion.u_rates))
+
+    @cached_property
+    def part_motions(self) -> ca.Function:
+        """(12, parts) in ground's axes: the velocity of each origin, ω, the acceleration of the origin, and ω'."""
+        return self._function("part_motions", part_motions(self.traced, self.motion.links))
+
+    def _function(self, name: str, output: ca.SX) -> ca.Function:
+        inputs = [self.traced.state.t, self.traced.y, self.traced.inputs]
+        return ca.Function(name, inputs, [ca.densify(output)], {"cse": True})

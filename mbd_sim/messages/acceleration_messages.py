@@ -1,0 +1,94 @@
+"""The message of accelerations: of the coordinates, and of parts and their points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mbd_sim.errors import InputError
+from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.mechanism.records import GROUND, Mechanism
+from mbd_sim.messages.snapshot import Snapshot
+from mbd_sim.messages.state_messages import StateWriter, labeled_array
+from mbd_sim.simulation.compiled_model import Energies, Model
+from mbd_sim.simulation.joint_state_layout import joint_state_names
+from mbd_sim.simulation.part_motion import named_frame
+
+COORDINATES = "coordinates"  # stands for all coordinates
+ALL = "*"
+
+
+class Accelerations:
+    """The accelerations that are requested, as labels and numbers.
+
+    With `coordinates` in the request, those of the joint states come first, in their order, m/s² or rad/s². The
+    acceleration of each frame has three numbers, in m/s² and ground's axes.
+    """
+
+    def __init__(self, model: Model, requested: Sequence[str]) -> None:
+        """Find what the names stand for: `coordinates`, parts, points as `part.point`; `*` are all of them.
+
+        :raises InputError: there is no such part or point.
+        """
+        names = [COORDINATES, *_frames(model.mechanism)] if ALL in requested else list(dict.fromkeys(requested))
+        self._model = model
+        self.coordinates = joint_state_names(model) if COORDINATES in names else ()
+        self._frames: dict[str, tuple[str, Pose]] = {}
+        for name in names:
+            if name != COORDINATES:
+                self._frames[name] = _moving_frame(model.mechanism, name)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """A label for each coordinate and each frame."""
+        return (*self.coordinates, *self._frames)
+
+    @property
+    def sizes(self) -> list[int]:
+        """How many numbers each label stands for."""
+        return [1] * len(self.coordinates) + [3] * len(self._frames)
+
+    def write(self, values: Array, time: float, y: Array, inputs: Array) -> None:
+        """Write the accelerations (n,) in a state."""
+        first = len(self.coordinates)
+        if first:
+            values[:first] = self._model.accelerations(time, y, inputs)
+        if self._frames:
+            motions = self._model.part_motions(time, y, inputs)
+            for number, (part, pose) in enumerate(self._frames.values()):
+                start = first + 3 * number
+                values[start : start + 3] = motions[part].of(pose).acceleration
+
+
+def accelerations(model: Model, requested: Sequence[str]) -> StateWriter:
+    """The requested accelerations, labeled: see `Accelerations`.
+
+    :raises InputError: there is no such part or point.
+    """
+    source = Accelerations(model, requested)
+    message, values = labeled_array(source.labels, source.sizes)
+
+    def write(snapshot: Snapshot, energies: Energies) -> None:
+        source.write(values, snapshot.time, snapshot.y, snapshot.inputs)
+
+    return StateWriter(message, write)
+
+
+def requested_by(model: Model, labels: Sequence[str]) -> list[str]:
+    """The names that give a message these labels."""
+    coordinates = joint_state_names(model)
+    if labels and tuple(labels[: len(coordinates)]) == coordinates:
+        return [COORDINATES, *labels[len(coordinates) :]]
+    return list(labels)
+
+
+def _frames(mechanism: Mechanism) -> list[str]:
+    return [
+        name for part in mechanism.parts.values() for name in (part.name, *(f"{part.name}.{p}" for p in part.points))
+    ]
+
+
+def _moving_frame(mechanism: Mechanism, name: str) -> tuple[str, Pose]:
+    part, pose = named_frame(mechanism, name)
+    if part == GROUND:
+        raise InputError(f"'{name}' is on ground, which does not move", "Name a part, or a point of one.")
+    return part, pose
