@@ -73,11 +73,11 @@ class NodeParameters:
         self._set_live: Callable[[Mapping[str, float]], str] = lambda changes: ""
         for spec in specs:
             given = node._parameter_overrides.get(spec.name)
+            if given is not None and (problem := _problem(spec, given.value)):  # rclpy's own message names no range
+                raise ValueError(problem)
             if spec.takes_all and given is not None and given.value == WILDCARD:
                 node._parameter_overrides[spec.name] = Parameter(spec.name, value=ALL)
             value = node.declare_parameter(spec.name, spec.default, _descriptor(spec)).value
-            if problem := _problem(spec, value):
-                raise ValueError(problem)
             self._values[spec.name] = type(spec.default)(value)
 
     def __getitem__(self, name: str) -> Any:

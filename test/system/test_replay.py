@@ -216,6 +216,8 @@ def test_the_offered_qos_is_the_recorded_one(run: Path, tmp_path: Path) -> None:
         ({}, "no recording is given. Give one: --ros-args -p bag:=RUN.mcap"),
         ({"bag": __file__}, "is not an MCAP file"),
         ({"bag": "x.mcap", "rte": 1.0}, "Did you mean 'rate'?"),
+        ({"bag": "x.mcap", "rate": -1.0}, "parameter 'rate' must lie between "),
+        ({"bag": "x.mcap", "rate": "fast"}, "parameter 'rate' must be of type float, not 'fast'"),
     ],
 )
 def test_what_cannot_be_played_is_an_error_with_a_remedy(capsys: Any, parameters: Any, words: str) -> None:
