@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -95,16 +95,24 @@ class Comparison:
         return True
 
     def _apply(self, message: Message, role: TopicRole) -> None:
-        if role is not TopicRole.EVENTS:
-            self.result.commands[role] += 1
-            if role is TopicRole.NEW_STATES:
-                self._recorded_joints = self._recorded_energies = None
-        elif is_reset := parse_event(cdr.text(message.payload)).kind is EventKind.RESET:
-            self.result.commands["resets"] += 1
-            self._recorded_joints = self._recorded_energies = None
-        if role is not TopicRole.EVENTS or is_reset:
+        live = self.recomputation.simulation.live
+        mismatches = self.recomputation.apply(message)
+        if self._is_command(message, role, live):
+            is_reset = role is TopicRole.EVENTS
+            self.result.commands["resets" if is_reset else role] += 1
             self._commands_since_agreement.append(f"{message.topic} at step {self.recomputation.tick}")
-        self._add_mismatches(self.recomputation.apply(message), message.time_ns)
+            if is_reset or role is TopicRole.NEW_STATES:
+                self._recorded_joints = self._recorded_energies = None
+        self._add_mismatches(mismatches, message.time_ns)
+
+    def _is_command(self, message: Message, role: TopicRole, live: Mapping[str, float]) -> bool:
+        """Whether a message that has been applied is a command; `live` are the live values before it.
+
+        Every file begins with a message of the live values that are in effect already.
+        """
+        if role is TopicRole.EVENTS:
+            return parse_event(cdr.text(message.payload)).kind is EventKind.RESET
+        return role is not TopicRole.LIVE_VALUES or self.recomputation.simulation.live != live
 
     def _count(self, role: TopicRole, agrees: bool) -> None:
         if not agrees:

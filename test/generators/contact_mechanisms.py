@@ -6,7 +6,12 @@ import json
 
 import numpy as np
 
-KINDS = ("block", "box", "ball", "chain", "spatial_chain", "four_bar", "rotors", "sliders")
+from test.generators import contact_loops, contact_shapes
+
+KINDS = ("block", "box", "ball", "chain", "spatial_chain", "four_bar", "rotors", "sliders")  # where none is given
+LOOPS = ("four_bar", "slider_crank", "two_loops", "spatial_four_bar")
+SHAPES = ("flat_bodies", "spatial_bodies", "cam")
+ALL_KINDS = tuple(dict.fromkeys((*KINDS, *LOOPS, *SHAPES)))
 
 
 def contact_mechanism(seed, kind=None, restitution=None, friction=None):
@@ -14,7 +19,7 @@ def contact_mechanism(seed, kind=None, restitution=None, friction=None):
     rng = np.random.default_rng(seed)
     kind = KINDS[int(rng.integers(len(KINDS)))] if kind is None else kind
     draw = _Draw(rng, restitution, friction)
-    data = globals()[f"_{kind}"](draw)
+    data = _MAKERS[kind](draw)
     return json.dumps({"mechanism": f"{kind}_{seed}", **data})
 
 
@@ -236,3 +241,10 @@ def _sliders(draw):
         constraints[f"c{number}"] = {**made, "restitution": draw.restitution}
     joints["m0"]["limits"] = {"lower": -0.3, "upper": 1.5, "restitution": draw.restitution}
     return {"parts": parts, "joints": joints, "constraints": constraints}
+
+
+_MAKERS = {
+    **{kind: globals()[f"_{kind}"] for kind in KINDS},
+    **{kind: getattr(contact_loops, kind) for kind in LOOPS if kind not in KINDS},
+    **{kind: getattr(contact_shapes, kind) for kind in SHAPES},
+}

@@ -1,0 +1,286 @@
+"""Random mechanisms with contacts: whether each run ends in time, without an error, and never gains energy.
+
+Two series are run: mechanisms of all kinds, each for a while, and linkages with loops, whose speeds are thrown again
+and again until many impacts have been made. Half of these linkages are elastic and without friction. Results are
+appended to a file, one line per mechanism; seeds that are already there are left out, so that a series can be
+continued.
+
+    python -m benchmarks.contact_fuzz --runs 2000 --time 5 --impacts 100000
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import resource
+import signal
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mbd_sim import Simulation
+from mbd_sim.compiler import machine_code
+from mbd_sim.errors import MbdSimError
+from mbd_sim.simulation.contact_events import EventError
+from mbd_sim.simulation.contact_records import ContactChange
+from test.generators.contact_mechanisms import ALL_KINDS, LOOPS, contact_mechanism
+
+RESULTS = Path(__file__).parent / "results" / "contact_fuzz.jsonl"
+LIMIT = 120.0  # s of processor time for a mechanism, beyond which it counts as a hang
+RESIDUAL, GAIN, ELASTIC = 1e-9, 1e-12, 1e-10  # of the energies that occur, at least 1 J
+DEPTH = 1e-8  # m or rad
+EPISODE, EPISODES, ENOUGH = 0.4, 60, 200  # s between throws, throws, and impacts of a linkage
+NO_CONTACT_FORCES = "no contact forces"  # an honest end: Painlevé's paradox or jamming, told with its cause
+
+
+@dataclass
+class Found:
+    """The result of one mechanism. `gain` is the largest relative gain of energy in an impact."""
+
+    series: str
+    seed: int
+    kind: str
+    outcome: str = "ended"
+    message: str = ""
+    impacts: int = 0
+    events: int = 0
+    bounded: int = 0  # steps that had too many events
+    gain: float = 0.0
+    residual: float = 0.0
+    drift: float = 0.0  # change of the total energy of an elastic one, relative
+    seconds: float = 0.0  # of processor time
+
+    @property
+    def is_good(self) -> bool:
+        """Whether it ended, or said why it cannot go on, and the energies are right."""
+        return self.outcome in ("ended", NO_CONTACT_FORCES) and not self.faults
+
+    @property
+    def faults(self) -> list[str]:
+        """What is wrong with the energies."""
+        limits = {"residual": RESIDUAL, "gain": GAIN, "drift": ELASTIC}
+        return [name for name, limit in limits.items() if not getattr(self, name) <= limit]
+
+
+def main() -> None:
+    """Run what is not in the file of results yet, and print a summary of the file."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=int, default=2000, help="mechanisms of all kinds")
+    parser.add_argument("--time", type=float, default=5.0, help="s that each of them runs")
+    parser.add_argument("--impacts", type=int, default=100_000, help="of linkages with loops")
+    parser.add_argument("--first", type=int, default=0, help="the first seed of both series")
+    parser.add_argument("--results", type=Path, default=RESULTS, help="file to which results are appended")
+    options = parser.parse_args()
+    options.results.parent.mkdir(exist_ok=True)
+    known = read(options.results)
+    done = {(found.series, found.seed) for found in known}
+    with options.results.open("a", encoding="utf-8") as file:
+        for found in series(options, done, known):
+            file.write(json.dumps(asdict(found)) + "\n")
+            file.flush()
+            known.append(found)
+            if not found.is_good:
+                print(f"{found.series} {found.seed} {found.kind}: {found.outcome} {found.faults} {found.message}")
+    print(summary(known, options))
+
+
+def series(options: argparse.Namespace, done: set[tuple[str, int]], known: list[Found]) -> Iterator[Found]:
+    """The results of both series, without those `done`; `known` are all results until now."""
+    worker = Worker(options.time)
+    seed = options.first
+    while True:
+        runs_left = seed < options.first + options.runs
+        impacts = sum(found.impacts for found in known if found.series == "loop" and found.seed >= options.first)
+        wanted = ["run"] * runs_left + ["loop"] * (impacts < options.impacts)
+        if not wanted:
+            break
+        for name in wanted:
+            if (name, seed) not in done:
+                yield worker.result(name, seed)
+        seed += 1
+    worker.end()
+
+
+def read(path: Path) -> list[Found]:
+    """The results in a file."""
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    return [Found(**json.loads(line)) for line in lines]
+
+
+def summary(known: list[Found], options: argparse.Namespace) -> str:
+    """The counts of a file of results."""
+    lines = []
+    for name in ("run", "loop"):
+        chosen = [found for found in known if found.series == name and found.seed >= options.first]
+        if name == "run":
+            chosen = [found for found in chosen if found.seed < options.first + options.runs]
+        if not chosen:
+            continue
+        outcomes = {
+            text: sum(found.outcome == text for found in chosen) for text in sorted({f.outcome for f in chosen})
+        }
+        worst = {key: max(getattr(found, key) for found in chosen) for key in ("gain", "residual", "drift", "seconds")}
+        lines += [
+            f"{name}: {len(chosen)} mechanisms, {sum(found.impacts for found in chosen)} impacts, "
+            f"{sum(found.events for found in chosen)} events, {sum(found.seconds for found in chosen):.0f} s",
+            f"  outcomes  {', '.join(f'{text}: {count}' for text, count in outcomes.items())}",
+            f"  largest   {', '.join(f'{key} {value:.2g}' for key, value in worst.items())}",
+            f"  steps with too many events: {sum(found.bounded for found in chosen)}",
+            f"  faulty    {sum(not found.is_good for found in chosen)}: "
+            + ", ".join(f"{found.seed}" for found in chosen if not found.is_good),
+        ]
+    return "\n".join(lines)
+
+
+class Worker:
+    """A process of its own, which is replaced when it crashes or exceeds its processor time."""
+
+    def __init__(self, duration: float) -> None:
+        self._duration = duration
+        self._start()
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._connection, other = context.Pipe()
+        self._process = context.Process(target=serve, args=(other, self._duration), daemon=True)
+        self._process.start()
+        other.close()
+
+    def result(self, name: str, seed: int) -> Found:
+        """The result of one mechanism."""
+        self._connection.send((name, seed))
+        try:
+            found: Found = self._connection.recv()
+            return found
+        except EOFError:
+            self._process.join()
+            code = self._process.exitcode or 0
+            self._start()
+            outcome = f"no end within {LIMIT:g} s" if code == -signal.SIGXCPU else f"crash {code}"
+            return Found(name, seed, kind_of(name, seed), outcome)
+
+    def end(self) -> None:
+        """Let the process end."""
+        self._connection.close()
+        self._process.join()
+
+
+def serve(connection: Connection, duration: float) -> None:
+    """Answer series and seeds with results, until the connection is closed."""
+    machine_code.LEVEL, machine_code.LONG = 0, 10**9  # the same results in half the time of compilation
+    while True:
+        try:
+            name, seed = connection.recv()
+        except EOFError:
+            return
+        limit = int(time.process_time() + LIMIT) + 1
+        resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.RLIM_INFINITY))
+        connection.send(result(name, seed, duration))
+
+
+def kind_of(name: str, seed: int) -> str:
+    """All kinds in turn."""
+    kinds = ALL_KINDS if name == "run" else LOOPS
+    return kinds[seed % len(kinds)]
+
+
+def result(name: str, seed: int, duration: float) -> Found:
+    """Run one mechanism in this process."""
+    found, began = Found(name, seed, kind_of(name, seed)), time.process_time()
+    try:
+        if name == "run":
+            run(found, duration)
+        else:
+            throw(found)
+    except EventError as error:
+        found.outcome = NO_CONTACT_FORCES if "no contact forces are possible" in str(error) else "no impulses"
+        found.message = str(error)
+    except MbdSimError as error:
+        found.outcome, found.message = type(error).__name__, str(error)
+    except Exception as error:
+        found.outcome, found.message = f"traceback {type(error).__name__}", str(error)
+    found.seconds = round(time.process_time() - began, 3)
+    return found
+
+
+def run(found: Found, duration: float) -> None:
+    """One run of a mechanism with any coefficients."""
+    sim = Simulation.from_text(contact_mechanism(found.seed, found.kind))
+    measure = Measure(sim, found)
+    try:
+        sim.run(until=duration)
+    finally:
+        measure.end()
+
+
+def throw(found: Found) -> None:
+    """A linkage with loops whose speeds are thrown again and again."""
+    rng = np.random.default_rng([found.seed, 1])
+    elastic, same = found.seed // len(LOOPS) % 2 == 1, found.seed // len(LOOPS) % 4 == 2
+    e = 1.0 if elastic else round(float(rng.uniform()), 3) if same else None
+    mu = 0.0 if elastic else round(float(rng.uniform()), 3) if same else None
+    sim = Simulation.from_text(contact_mechanism(found.seed, found.kind, e, mu))
+    measure = Measure(sim, found)
+    sizes = np.maximum(np.abs(sim.u), 2.0)
+    for _ in range(EPISODES):
+        if found.impacts >= ENOUGH:
+            break
+        sim.reset(sim.q, rng.normal(size=sim.u.size) * sizes)
+        start = sim.start_energy  # the speeds are those before the impacts of the start
+        sim.run(until=EPISODE)
+        measure.end()
+        if elastic:
+            found.drift = max(found.drift, abs(sim.energies.total - start) / measure.scale)
+
+
+class Measure:
+    """Energies before and after each impact, apart from the loss that the impact states."""
+
+    def __init__(self, sim: Simulation, found: Found) -> None:
+        stepper = sim._memory.contacts
+        assert stepper is not None
+        self._sim, self._found, self._stepper = sim, found, stepper
+        self._apply: Any = stepper._apply
+        stepper._apply = self._measured  # type: ignore[method-assign]
+        self._record: Any = stepper._record
+        stepper._record = self._counted  # type: ignore[method-assign]
+
+    def _measured(self, time: float, y: Any, inputs: Any, *rest: Any) -> None:
+        before = self._stepper._energy(time, y, inputs)
+        self._apply(time, y, inputs, *rest)
+        gain = self._stepper._energy(time, y, inputs) - before
+        self._found.impacts += 1
+        if not self._stepper._driven:  # a drive works in an impact
+            self._found.gain = max(self._found.gain, gain / (1.0 + abs(before)))
+
+    def _counted(self, event: Any) -> None:
+        self._record(event)
+        self._found.events += 1
+        self._found.bounded += event.change is ContactChange.BOUND
+
+    @property
+    def scale(self) -> float:
+        """The energies that have occurred in J, and 1 J."""
+        energies = self._sim.energies
+        parts = energies.kinetic, energies.potential, energies.dissipated, energies.work_applied, energies.work_drives
+        return 1.0 + max(map(abs, (self._sim.start_energy, *parts)))
+
+    def end(self) -> None:
+        """Read what the run has led to."""
+        sim, found = self._sim, self._found
+        found.residual = max(found.residual, abs(sim.energies.residual) / self.scale)
+        depth = max((-state.gap for state in sim.contacts().values()), default=0.0)
+        if not np.all(np.isfinite(sim.state)) or not np.isfinite(found.residual):
+            raise FloatingPointError("the state is not finite")
+        if depth > DEPTH:
+            raise ArithmeticError(f"a gap is {-depth:g}")
+
+
+if __name__ == "__main__":
+    main()

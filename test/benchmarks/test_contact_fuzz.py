@@ -1,0 +1,62 @@
+"""The fuzz of contacts: what counts as faulty, and that a series continues where it ended."""
+
+import dataclasses
+import sys
+
+import pytest
+
+from benchmarks import contact_fuzz
+from benchmarks.contact_fuzz import Found, read, result
+from test.generators.contact_mechanisms import ALL_KINDS, contact_mechanism
+
+
+def test_a_series_continues_without_what_is_in_the_file(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "results.jsonl"
+    command = ["contact_fuzz", "--runs", "1", "--time", "0.2", "--impacts", "1", "--results", str(path)]
+    monkeypatch.setattr(sys, "argv", command)
+    contact_fuzz.main()
+    first = read(path)
+    assert [(found.series, found.seed, found.outcome) for found in first] == [("run", 0, "ended"), ("loop", 0, "ended")]
+    assert first[1].impacts > 10 and first[1].is_good
+    assert "faulty    0" in capsys.readouterr().out
+    contact_fuzz.main()
+    assert read(path) == first
+
+
+def test_energies_and_depths_that_are_wrong_are_faults():
+    good = Found("run", 1, "box", residual=1e-13, gain=1e-15)
+    assert good.is_good
+    for wrong in (
+        {"residual": 1e-8},
+        {"gain": 1e-11},
+        {"drift": 1e-9},
+        {"residual": float("nan")},
+        {"outcome": "crash"},
+    ):
+        assert not dataclasses.replace(good, **wrong).is_good
+
+
+def test_a_gain_of_energy_is_found(monkeypatch):
+    from mbd_sim.simulation import contact_events
+
+    impact = contact_events.impact
+
+    def wrong(*arguments):
+        found = impact(*arguments)
+        return dataclasses.replace(found, u_change=found.u_change * 2.5)
+
+    monkeypatch.setattr(contact_events, "impact", wrong)
+    found = result("loop", 0, 1.0)
+    assert found.gain > 1e-3 and not found.is_good
+
+
+def test_an_exception_is_a_result(monkeypatch):
+    monkeypatch.setattr(contact_fuzz, "run", lambda found, duration: 1 / 0)
+    found = result("run", 0, 1.0)
+    assert (found.outcome, found.message) == ("traceback ZeroDivisionError", "division by zero")
+
+
+@pytest.mark.parametrize("kind", ALL_KINDS)
+def test_the_same_seed_gives_the_same_text(kind):
+    assert contact_mechanism(7, kind) == contact_mechanism(7, kind)
+    assert contact_mechanism(7, kind) != contact_mechanism(8, kind)
