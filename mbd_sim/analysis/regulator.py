@@ -26,8 +26,8 @@ def lqr(a: Array, b: Array, state_cost: Array, effort_cost: Array) -> Array:
     n = len(a)
     if stable.shape[1] != n or np.linalg.matrix_rank(stable[:n]) < n:
         raise ValueError(
-            "there is no regulator: these efforts cannot control an unstable mode, or a mode that does not decay has "
-            "no cost. Actuate another joint, or give every coordinate a cost."
+            "no regulator stabilizes this system: these efforts cannot control an unstable mode, or a mode that does "
+            "not decay has no cost. Actuate another joint, or give every coordinate a cost."
         )
     solution = np.real(stable[n:] @ np.linalg.inv(stable[:n]))
     return np.asarray(weighted @ solution)

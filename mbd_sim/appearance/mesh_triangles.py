@@ -58,7 +58,7 @@ def undrawn_meshes(mechanism: Mechanism, native: Collection[str] = ()) -> list[s
 def reason_not_to_draw(path: Path) -> str:
     """Why a file cannot be drawn, with the remedy; empty if it can."""
     if path.suffix.lower() not in FORMATS:
-        return f"not of the kinds {', '.join(FORMATS)}"
+        return f"its format is none of {', '.join(FORMATS)}"
     try:
         triangles(path)
     except MbdSimError as error:

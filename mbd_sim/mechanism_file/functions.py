@@ -144,7 +144,7 @@ def resolve_functions(source: Source) -> Functions:
 def _checked_name(key: str, parameters: set[str], known: Mapping[str, str]) -> str:
     form = re.fullmatch(HEAD_PATTERN, key)
     if form is None:
-        raise InputError("not a function of arguments", _EXAMPLE)
+        raise InputError("not of the form name(argument, …)", _EXAMPLE)
     name, arguments = key.partition("(")[0].strip(), _arguments(key)
     for word in (name, *arguments):
         if word in CONSTANTS or word in FUNCTIONS or keyword.iskeyword(word):

@@ -92,7 +92,7 @@ class _Expansion:
         """A copy of the value at `old` in the template, for the place `new`."""
         self._count += 1
         if self._count > MAX_VALUES:
-            message = f"the repetitions give more than {MAX_VALUES} values"
+            message = f"the repetitions expand to more than {MAX_VALUES} values"
             raise file_error(self._source.file, self._source.line(old), message, "Use fewer repetitions.")
         if old in self._source.lines:
             self._result.lines[new] = self._source.lines[old]
@@ -163,7 +163,7 @@ class _Expansion:
 
     def _check_index(self, name: str, outer: Indices) -> None:
         if not re.match(NAME_PATTERN, name) or keyword.iskeyword(name):
-            raise InputError("not a valid name of an index", "Use letters, such as i.")
+            raise InputError("not a valid index name", "Use letters, such as i.")
         if name in CONSTANTS or name in FUNCTIONS or name in VARIABLES:
             raise InputError(f"'{name}' is reserved in expressions", "Choose another name, such as i.")
         if name in (self._source.data.get("parameters") or {}):

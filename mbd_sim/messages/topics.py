@@ -23,7 +23,7 @@ class When(Enum):
     """When a topic is published."""
 
     STATE = "with each state, at `publish_rate`"
-    EVENT = "on each event"
+    EVENT = "with each event that it reports"
     START = "once, at the start"
     CLOCK = "at `clock_rate`"
     MARKERS = "at `marker_rate`, while there is a subscriber"
@@ -93,7 +93,7 @@ ENERGY_VALUES = OutputTopic(
     qos.STATE,
     on_state=lambda model, prefix: state_messages.energy_values(model),
     parameter=RequestParameter(
-        "energy_values", False, "publish the energies with names and a time stamp, for tools that plot"
+        "energy_values", False, "publish the energies with names and a time stamp, for plotting tools"
     ),
 )
 JOINT_REACTIONS = OutputTopic(

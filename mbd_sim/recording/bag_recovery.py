@@ -53,7 +53,7 @@ def update_metadata(folder: Path) -> None:
     elif files:
         document = {"custom_data": {"recorded_by": "mbd_sim"} if any(file.is_run for file in files) else {}}
     else:
-        raise ValueError("contains no .mcap file that is not empty. Nothing can be recovered.")
+        raise ValueError("contains no .mcap file with any data. Nothing can be recovered.")
     topics = _topics(document, files)
     write_metadata(
         path, bag_text(topics, [_statistics(file, topics) for file in files], document.get("custom_data") or {})

@@ -78,7 +78,7 @@ def new_recording_paths(folder: Path, name: str, *, rosbag2: bool = False) -> Re
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise RecordingError(f"cannot record to '{folder}': {reason}. Choose another record_dir.") from error
     raise RecordingError(
-        f"'{folder}' already contains {MAX_RECORDINGS_PER_SECOND} recordings of this second. Try again later."
+        f"'{folder}' already contains {MAX_RECORDINGS_PER_SECOND} recordings started in this second. Try again later."
     )
 
 

@@ -32,7 +32,7 @@ PARAMETERS = (
     ParameterSpec("clock_rate", 200.0, "/clock messages per recorded second; 0: none", 0.0, 100_000.0),
     ParameterSpec("seek_to", 0.0, "target of ~/seek, in s after the first message", 0.0, 1e9, live=True),
     ParameterSpec("real_time_priority", 20, "SCHED_FIFO priority of the playing thread, if permitted; 0: none", 0, 90),
-    ParameterSpec("step_count", 1, "number of message times published by one call of ~/step", 1, 1_000_000, live=True),
+    ParameterSpec("step_count", 1, "how many time stamps one call of ~/step advances", 1, 1_000_000, live=True),
 )
 EXAMPLE = "bag:=RUN.mcap"
 PUBLISHED = (
@@ -41,7 +41,7 @@ PUBLISHED = (
 )
 SERVICES = (
     ("~/pause", "std_srvs/srv/SetBool: pause (true) or resume"),
-    ("~/step", "std_srvs/srv/Trigger: while paused, publish the messages of the next step_count message times"),
+    ("~/step", "std_srvs/srv/Trigger: while paused, publish all messages with the next step_count time stamps"),
     ("~/seek", "std_srvs/srv/Trigger: jump to the time seek_to"),
 )
 THREADS_BY_PRIORITY = ("player", "reader", "executor")

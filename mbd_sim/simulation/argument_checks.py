@@ -45,7 +45,8 @@ def step_at(time: float, size: float, steps: int = 0) -> int:
         raise ValueError(f"cannot run until t = {time} s: the time must be finite.")
     if (last := round(time / size)) < steps:
         raise ValueError(
-            f"cannot run until t = {time:g} s: it is t = {steps * size:g} s. Give a later time, or call reset() first."
+            f"cannot run until t = {time:g} s: the time is already {steps * size:g} s. "
+            "Give a later time, or call reset() first."
         )
     return last
 

@@ -163,14 +163,17 @@ class ContactStepper:
             try:
                 modes = self._finder.find(time, y, inputs)
             except NoSolutionError as error:
-                names = ", ".join(name for name, at in zip(model.names, touching, strict=True) if at)
                 raise EventError(
-                    f"at {time:.9g} s no contact forces are possible ({names}): the mechanism jams, or slides with "
-                    "too much friction (Painlevé's paradox). Reduce the friction, or make the contacts elastic."
+                    f"at {time:.9g} s no contact forces are possible ({self._names(touching)}): the mechanism jams, or "
+                    "slides with too much friction (Painlevé's paradox). Reduce the friction, or make the contacts "
+                    "compliant."
                 ) from error
         model.modes(inputs)[:] = modes
         if not first:
             self._record_changes(time, old, modes)
+
+    def _names(self, touching: Mask) -> str:
+        return ", ".join(name for name, at in zip(self._model.names, touching, strict=True) if at)
 
     def _stop_slip(self, time: float, y: Array, inputs: Array, touching: Mask) -> None:
         """The impulse without collision that ends a motion for which there are no forces (Painlevé)."""
@@ -193,7 +196,10 @@ class ContactStepper:
         try:
             found = impact(model, time, y, inputs, readings, touching, returning, self._rest_speed, elastic)
         except NoSolutionError as error:
-            raise EventError(f"at {time:.9g} s no impulses of an impact were found") from error
+            raise EventError(
+                f"at {time:.9g} s no impulses satisfy the laws of impact and friction ({self._names(touching)}). "
+                "Reduce the friction, or make the contacts compliant."
+            ) from error
         self._apply(time, y, inputs, found)
 
     def _apply(self, time: float, y: Array, inputs: Array, found: Impact) -> None:

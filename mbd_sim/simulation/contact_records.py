@@ -38,7 +38,8 @@ class ContactEvent:
     def text(self) -> str:
         """The event for people, on one line."""
         if self.change is ContactChange.BOUND:
-            return f"contacts: {self.change} within the step at {self.time:.6f} s; it goes on without further ones"
+            head = f"contacts: {self.change} within the step at {self.time:.6f} s"
+            return f"{head}; the rest of the step is taken without further events"
         text = f"{self.name}: {self.change} at {self.time:.6f} s"
         if self.change is ContactChange.IMPACT:
             text += f", impulse {self.impulse:.4g}, loss {self.loss + 0.0:.4g} J"

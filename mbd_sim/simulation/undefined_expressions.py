@@ -137,5 +137,5 @@ def _problem(mechanism: Mechanism, used: UsedExpression) -> Problem:
     units = {TIME: " s"}
     at = ", ".join(f"{name} = {value:.8g}{units.get(name, '')}" for name, value in used.variables.items())
     what = "value or derivative" if used.derivatives else "value"
-    remedy = "Change the expression so that it is finite over the whole motion, or end the run before."
+    remedy = "Change the expression so that it is finite over the whole motion, or end the run earlier."
     return mechanism.source.problem(used.location, f"the expression has no finite {what} near {at}", remedy)

@@ -169,7 +169,7 @@ class _Robot:
             self.reading.report(at, _key("link", circle[0]), message, "Remove one of its joints: URDF describes trees.")
         else:
             message = f"the robot is not connected: {len(roots)} links have no parent ({listed(roots)})"
-            remedy = "Connect them with joints, or keep one piece."
+            remedy = "Connect them with joints, or keep only one of these pieces."
             self.reading.report(self.links[roots[1]], _key("link", roots[1]), message, remedy)
         return None
 

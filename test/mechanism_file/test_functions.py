@@ -52,7 +52,7 @@ def test_parameters_in_functions_can_be_live_and_functions_can_be_replaced():
         ("l + s", "q + s", "5: functions.'stroke(t, phase)': unknown name 'q' (got 'q + s*sin(w*t + phase)'). "
          "Valid: a, l, phase, s, t, w. Or make it an argument: stroke(t, phase, q)."),
         ("1 - x/10", "later(x)\n  later(x): taper(x)", "4: functions.'taper(x)': functions call each other in a circle: taper, later"),
-        ("taper(x)", "taper", "4: functions.taper: not a function of arguments (got '1 - x/10'). Write for example 'stroke(t): "),
+        ("taper(x)", "taper", "4: functions.taper: not of the form name(argument, …) (got '1 - x/10'). Write for example 'stroke(t): "),
         ("tilt(t)", "tilt(l)", "7: functions.'tilt(l)': 'l' is also a parameter"),
         ("tilt(t)", "sin(t)", "7: functions.'sin(t)': 'sin' is reserved in expressions"),
         ("1 - x/10", "1 -", "4: functions.'taper(x)': not a number, a value with a unit, or an expression (got '1 -')."),

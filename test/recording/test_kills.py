@@ -102,7 +102,7 @@ def test_a_folder_killed_before_its_metadata_existed_is_recovered(tmp_path, caps
     run.unlink()
     (folder / "metadata.yaml").unlink()
     assert main(["recover", str(folder)]) == 1
-    assert "contains no .mcap file that is not empty" in capsys.readouterr().err
+    assert "contains no .mcap file with any data" in capsys.readouterr().err
 
 
 def test_recovery_keeps_the_complete_chunks_of_a_file_truncated_anywhere(tmp_path):

@@ -82,7 +82,7 @@ class TeleopNode(Node):  # type: ignore[misc]  # rclpy carries no types
     """
 
     PARAMETERS = (
-        ParameterSpec("effort_step", 0.5, "change of an effort by one key press, in N or N·m"),
+        ParameterSpec("effort_step", 0.5, "change in effort per key press, in N or N·m"),
         ParameterSpec("joy_effort", 5.0, "effort at the full deflection of a joystick's axis, in N or N·m"),
     )
 

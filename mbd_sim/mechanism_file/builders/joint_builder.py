@@ -37,7 +37,7 @@ def build_joint(name: str, spec: schema.AnyJointSpec, context: BuildContext) -> 
         return None
     if spec.type == "planar" and spec.x_axis and _are_parallel(spec.axis, spec.x_axis):
         message = "the two directions are parallel"
-        context.report((*location, "x_axis"), message, "Give a direction in the plane, at a right angle to the axis.")
+        context.report((*location, "x_axis"), message, "Give another direction, usually at a right angle to the axis.")
         return None
     return _joint(name, spec, parent, parent_pose, child, child_pose)
 

@@ -176,7 +176,10 @@ class CouplingSpec(Spec):
         if self.restitution is not None and self.bound is None and self.backlash is None:
             raise InputError("restitution has no effect without backlash", "Add 'backlash' or 'bound'.")
         if len(self.terms) < 2 and self.bound is None:
-            raise InputError("couples one coordinate with nothing", "Name two coordinates, or add a 'bound'.")
+            raise InputError(
+                "names only one coordinate, which has nothing to be coupled to",
+                "Name two coordinates, or add a 'bound'.",
+            )
         if (self.friction is None) != (self.slip is None):
             missing = "friction" if self.friction is None else "slip"
             raise InputError("friction and slip belong together", f"Add '{missing}'.")

@@ -51,9 +51,9 @@ class ContactSpec(Spec):
     def _partners(self) -> ContactSpec:
         names = [key for key in ("between", "among", "parts", "plane", "cam") if getattr(self, key) is not None]
         if names not in (["between"], ["among"], ["parts", "plane"], ["parts", "cam"], ["plane", "cam"]):
-            raise InputError(f"has {' and '.join(names) or 'no partners'}", f"Give {_PARTNERS}.")
+            raise InputError(f"has {' and '.join(names) or 'nothing to be in contact'}", f"Give {_PARTNERS}.")
         if (self.cam is None) != (self.profile is None):
-            raise InputError("cam and profile belong together", "Give both, or none.")
+            raise InputError("cam and profile belong together", "Give both or neither.")
         if "normal" in self.model_fields_set and self.plane is None:
             raise InputError("normal has no effect without a plane", "Add 'plane', or remove 'normal'.")
         if self.inside and self.between is None:
@@ -68,7 +68,9 @@ class ContactSpec(Spec):
         wrong = ("restitution", "static_friction") if compliant else ("exponent", "damping", "regularization")
         if found := [key for key in wrong if key in given and getattr(self, key) is not None]:
             if compliant:
-                remedy = "Restitution follows from 'damping', and sticking needs a rigid contact: remove it."
+                remedy = f"Restitution follows from 'damping', and sticking needs a rigid contact: remove '{found[0]}'."
                 raise InputError(f"has stiffness and {found[0]}", remedy)
-            raise InputError(f"{found[0]} has no effect in a rigid contact", "Add 'stiffness', or remove it.")
+            raise InputError(
+                f"{found[0]} has no effect in a rigid contact", f"Add 'stiffness', or remove '{found[0]}'."
+            )
         return self

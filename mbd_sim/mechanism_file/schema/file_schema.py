@@ -51,7 +51,7 @@ class ShapeSpec(Spec):
     mass: Mass | None = Field(None, description="mass of the shape; 0 if it is only drawn")
     hole: bool = Field(False, description="removes material")
     color: Color | None = None
-    name: Name | None = Field(None, description="by which contacts name this shape of the part, as part.name")
+    name: Name | None = Field(None, description="name by which contacts refer to this shape, as part.name")
 
     @model_validator(mode="after")
     def _one_mass(self) -> ShapeSpec:
@@ -218,7 +218,7 @@ class MechanismFile(Spec):
     )
     parameters: dict[Name, Value] = Field({}, description="named numbers for use in expressions")
     functions: dict[FunctionHead, Value] = Field(
-        {}, description="named expressions of arguments, such as 'stroke(t): 0.1*sin(5*t)'"
+        {}, description="named expressions with arguments, such as 'stroke(t): 0.1*sin(5*t)'"
     )
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, -9.81)
     integrator: IntegrationSpec = IntegrationSpec()

@@ -153,7 +153,9 @@ class LinearFrictionSpec(FrictionSpec):
 
     coulomb: FrictionForce | None = None
     static: FrictionForce | None = None
-    coefficient: Coefficient | None = Field(None, description="of the force across the guide; friction then sticks")
+    coefficient: Coefficient | None = Field(
+        None, description="friction per force across the guide; it sticks without creeping"
+    )
     static_coefficient: Coefficient | None = None
     stribeck_velocity: PositiveVelocity | None = None
     viscous: LinearDamping = 0.0
@@ -169,9 +171,11 @@ class TorsionFrictionSpec(FrictionSpec):
 
     coulomb: FrictionTorque | None = None
     static: FrictionTorque | None = None
-    coefficient: Coefficient | None = Field(None, description="of the force in the bearing; friction then sticks")
+    coefficient: Coefficient | None = Field(
+        None, description="friction per force in the bearing; it sticks without creeping"
+    )
     static_coefficient: Coefficient | None = None
-    radius: PositiveLength | None = Field(None, description="of the bearing, for friction with a coefficient")
+    radius: PositiveLength | None = Field(None, description="radius of the bearing, for friction with a coefficient")
     stribeck_velocity: PositiveAngularVelocity | None = None
     viscous: TorsionDamping = 0.0
     regularization: PositiveAngularVelocity = Field(1e-2, description="speed below which friction falls to zero")

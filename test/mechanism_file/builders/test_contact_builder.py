@@ -42,7 +42,7 @@ def contacts(contact):
 
 
 MISTAKES = {
-    "no partners": ("{friction: 1}", "contacts.k", "has no partners", "'between' two parts"),
+    "no partners": ("{friction: 1}", "contacts.k", "has nothing to be in contact", "'between' two parts"),
     "parts alone": ("{parts: [ball]}", "contacts.k", "has parts", "on a 'plane'"),
     "two ways": ("{between: [ball, box], among: [ball, box]}", "contacts.k", "has between and among", ""),
     "negative friction": ("{parts: [ball], plane: ground, friction: -0.1}", "contacts.k.friction", "must be at least 0", ""),
@@ -61,8 +61,8 @@ MISTAKES = {
     "a pipe in a ball": ("{between: [coin, ball], inside: true}", "contacts.k.between[1]", "a sphere cannot enclose a disc", ""),
     "a cam without profile": ("{parts: [ball], cam: coin}", "contacts.k", "cam and profile belong together", ""),
     "an unknown name in a profile": ("{parts: [ball], cam: coin, profile: 0.1 + phi}", "contacts.k.profile", "unknown name 'phi'", "angle"),
-    "restitution of a compliant contact": ("{parts: [ball], plane: ground, stiffness: 1e5, restitution: 0.5}", "contacts.k", "has stiffness and restitution", "'damping'"),
-    "damping of a rigid contact": ("{parts: [ball], plane: ground, damping: 0.5}", "contacts.k", "damping has no effect in a rigid contact", "'stiffness'"),
+    "restitution of a compliant contact": ("{parts: [ball], plane: ground, stiffness: 1e5, restitution: 0.5}", "contacts.k", "has stiffness and restitution", "remove 'restitution'"),
+    "damping of a rigid contact": ("{parts: [ball], plane: ground, damping: 0.5}", "contacts.k", "damping has no effect in a rigid contact", "remove 'damping'"),
     "a normal without a plane": ("{between: [ball, coin], normal: [1, 0, 0]}", "contacts.k", "normal has no effect without a plane", ""),
     "inside among": ("{among: [ball, coin], inside: true}", "contacts.k", "inside needs two parts", ""),
 }  # fmt: skip
