@@ -13,13 +13,14 @@ from mbd_sim.dynamics.time_functions import function_of
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import unit_or_zero
 from mbd_sim.mechanism.constraints import Surface
+from mbd_sim.mechanism.one_sided import is_one_sided
 
 EquationPair = Callable[[Array], tuple[Array, Array]]  # from a point (3,): two values (2,), gradients (2, 3)
 
 LineKind = Literal["curve", "net", "outline"]
 
 REACH = 1.3  # of the picture, relative to the distance of the constrained point from the frame of the equations
-STEP = 0.04  # from point to point, relative to the reach
+STEP, FINE_STEP = 0.04, 0.01  # from point to point, relative to the reach; of outlines that points touch from outside
 MAX_STEPS = 500  # in each direction
 LEVEL_LINES, MERIDIANS = 7, 8  # number of lines on a surface, besides its outline
 MAX_ITERATIONS = 8
@@ -49,9 +50,19 @@ def curve_lines(constraint: Surface, point: Array, base: Pose) -> list[CurveLine
 
 
 def section_lines(constraint: Surface, point: Array, base: Pose, normal: Array) -> list[CurveLine]:
-    """The curve in which the plane through a point (3,) with a normal (3,) cuts a surface."""
+    """The curve in which the plane through a point (3,) with a normal (3,) cuts a surface.
+
+    If the constraint is one-sided, the point may be far from the surface.
+    """
     x, values = _equations(constraint, base)
-    return _through_point(x, ca.vertcat(values, ca.dot(ca.DM(normal), x - ca.DM(point))), point, base)
+    both = ca.vertcat(values, ca.dot(ca.DM(normal), x - ca.DM(point)))
+    if not is_one_sided(constraint):
+        return _through_point(x, both, point, base)
+    reach, pair = _reach(point, base), _equation_pair(x, both)
+    start = _nearest_solution(pair, point, reach)
+    if start is None:
+        return []
+    return _curve_lines([follow_curve(pair, start, FINE_STEP * reach, _within_reach(base, reach))], "curve")
 
 
 def surface_lines(constraint: Surface, point: Array, base: Pose, toward: Array) -> list[CurveLine]:

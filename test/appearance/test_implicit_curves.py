@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.appearance.implicit_curves import follow_curve
+from mbd_sim.appearance.implicit_curves import follow_curve, section_lines
 from mbd_sim.drawing.composition import compose
 from mbd_sim.drawing.curve_paths import constraint_curves
 from mbd_sim.drawing.projection import view_of
+from mbd_sim.geometry.pose import Pose
+from mbd_sim.load import load_mechanism
+from mbd_sim.mechanism.constraints import Surface
 
 SURFACE = """
 mechanism: surface
@@ -99,3 +102,14 @@ def test_a_curve_ends_where_its_direction_or_value_is_undefined():
     assert len(line) > 20 and np.all(line[:, 0] > 0.0) and np.all(line[:, 0] < 2.0)
     flat = follow_curve(lambda point: (np.zeros(2), np.zeros((2, 3))), np.zeros(3), 0.1, lambda point: True)
     np.testing.assert_array_equal(flat, np.zeros((1, 3)))
+
+
+def test_the_outline_that_a_point_touches_from_outside_is_drawn_though_the_point_is_away_from_it():
+    mechanism = load_mechanism("ratchet_and_pawl")
+    ground, tip = Pose(np.zeros(3), np.eye(3)), np.array([-1e-3, 0.0, 0.059])
+    for constraint in mechanism.constraints:
+        assert isinstance(constraint, Surface)
+        (line,) = section_lines(constraint, tip, ground, np.array([0.0, -1.0, 0.0]))
+        radii, angles = np.hypot(line.points[:, 0], line.points[:, 2]), np.arctan2(line.points[:, 2], line.points[:, 0])
+        assert np.max(np.abs(radii - 0.05)) == pytest.approx(4e-3 * np.arcsin(0.9), rel=1e-2)
+        assert np.max(np.diff(np.sort(angles))) < 0.1
