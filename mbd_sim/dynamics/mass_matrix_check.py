@@ -102,7 +102,7 @@ def _no_inertia(mechanism: Mechanism, link: Link) -> Problem:
     message = "this joint moves no inertia of its own: its coordinate has no equation of motion"
     remedy = (
         "Give the part that it moves a mass away from the axis, or an inertia about it (a thin rod has none about "
-        "itself). Between two joints with the same motion there must be a mass as well. In a loop, 'cut: true' at "
+        "itself). Two joints with the same motion also need a mass between them. In a loop, 'cut: true' at "
         "another joint may help."
     )
     return mechanism.source.problem(("joints", link.joint.name), message, remedy)

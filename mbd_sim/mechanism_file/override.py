@@ -83,7 +83,10 @@ def _changes_shape(source: Source, location: Location) -> bool:
 
 def _require_known_shape(source: Source, location: Location) -> None:
     if source.template is None and source.shaping and _changes_shape(source, location):
-        raise InputError("determines the number of entries in a file that extends a URDF", "Change it in the file.")
+        raise InputError(
+            "cannot be changed here: it determines the number of entries of a file that extends a URDF",
+            "Change it in the file.",
+        )
 
 
 def _repeated_again(mechanism: Mechanism, changes: Mapping[str, Any]) -> Source:

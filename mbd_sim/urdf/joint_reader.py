@@ -128,7 +128,7 @@ def mimic_of(
     multiplier, offset = (reading.number(mimic, name, where) for name in ("multiplier", "offset"))
     multiplier = 1.0 if multiplier is None else multiplier
     if multiplier == 0.0:
-        message = "does not follow the other joint"
+        message = "is 0, so this joint does not follow the other one"
         reading.report(
             mimic, f"{where}.multiplier", message, "Give a nonzero multiplier, or make it a fixed joint.", "0"
         )

@@ -60,7 +60,8 @@ class Reading:
             self.report(element, where, f"{quoted(wrong[0])} is not a number", remedy, text)
         elif len(words) != count:
             form = "one number" if count == 1 else f"{count} numbers separated by spaces"
-            self.report(element, where, f"has {len(words)} of them", f"Write {form}.", text)
+            found = "one number" if len(words) == 1 else f"{len(words)} numbers"
+            self.report(element, where, f"has {found}", f"Write {form}.", text)
         else:
             return [float(word) + 0.0 for word in words]
         return None

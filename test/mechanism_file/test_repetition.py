@@ -162,7 +162,9 @@ def test_entries_beside_a_urdf_are_repeated(tmp_path):
     five = load_mechanism(path)
     assert five.joints["right_hip"].damping == five.joints["left_hip"].damping == [3.0] and "extra_2" in five.parts
     assert list(parse_mechanism(five.source.text).parts) == list(five.parts)
-    with pytest.raises(MechanismError, match="n: determines the number of entries in a file that extends a URDF"):
+    with pytest.raises(
+        MechanismError, match="n: cannot be changed here: it determines the number of entries of a file"
+    ):
         with_values(five, {"n": 3})
 
 

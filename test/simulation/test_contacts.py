@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from mbd_sim import MechanismError, Simulation
+from mbd_sim.contact.problem import NoSolutionError
+from mbd_sim.simulation import contact_events
 
 # End time, q, u and event times, from hand-written equations and closed forms at 1e-13.
 REFERENCE = {
@@ -299,6 +301,16 @@ joints:
     sim.run(until=10.0 * 0.02 / moment + 0.5)
     assert sim.u.tolist() == [0.0]
     assert sim.losses.friction == pytest.approx(1.0, rel=1e-12)
+
+
+def test_an_impact_without_a_solution_names_its_contacts(monkeypatch):
+    def no_impulses(*_):
+        raise NoSolutionError("none")
+
+    monkeypatch.setattr(contact_events, "impact", no_impulses)
+    expected = r"at 0\.45\d+ s no impulses satisfy the laws of impact and friction \(floor\)\. Reduce the friction"
+    with pytest.raises(contact_events.EventError, match=expected):
+        Simulation.from_file("bounce").run(until=1.0)
 
 
 def test_methods_for_stiff_mechanisms_refuse_contacts():

@@ -286,7 +286,7 @@ def test_all_problems_are_reported_with_line_element_value_and_remedy():
     assert found == [
         "r.urdf:4: link[a].inertial.mass.value: 'two' is not a number (got 'two'). Write plain numbers.",
         "r.urdf:5: link[a].inertial.inertia: 'izz' is missing. Add it.",
-        "r.urdf:7: link[a].visual.origin.xyz: has 2 of them (got '0 1'). Write 3 numbers separated by spaces.",
+        "r.urdf:7: link[a].visual.origin.xyz: has 2 numbers (got '0 1'). Write 3 numbers separated by spaces.",
         "r.urdf:7: link[a].visual.box.size: '${z}' is not a number (got '1 2 ${z}'). "
         "This is a xacro expression: expand the file with xacro first.",
         "r.urdf:10: link[b]: is given twice, first on line 9. Rename one of them.",
@@ -317,6 +317,10 @@ def test_all_problems_are_reported_with_line_element_value_and_remedy():
         (['<link name="a"><visual/></link>'], "link[a].visual: has no shape in its <geometry>."),
         ([link("a"), link("b"), joint("j", "hinge")], "joint[j].type: unknown type 'hinge'."),
         ([link("a"), link("b"), joint("j", "floating", '<mimic joint="j"/>')], "joint[j].mimic.joint: a joint cannot mimic"),
+        (
+            [link("a"), link("b"), link("c"), joint("i", "revolute"), joint("j", "revolute", '<mimic joint="i" multiplier="0"/>', child="c")],
+            "joint[j].mimic.multiplier: is 0, so this joint does not follow the other one",
+        ),
         (['<link name="a"><inertial><mass value="1e50"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>'],
          "link[a].inertial.mass: is 1e+50, too large to compute with"),
     ],

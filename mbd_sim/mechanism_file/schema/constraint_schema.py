@@ -172,7 +172,7 @@ class CouplingSpec(Spec):
     @model_validator(mode="after")
     def _one_kind(self) -> CouplingSpec:
         if self.bound is not None and self.backlash is not None:
-            raise InputError("has a bound and backlash", "Give one of them.")
+            raise InputError("has both bound and backlash", "Give one of them.")
         if self.restitution is not None and self.bound is None and self.backlash is None:
             raise InputError("restitution has no effect without backlash", "Add 'backlash' or 'bound'.")
         if len(self.terms) < 2 and self.bound is None:

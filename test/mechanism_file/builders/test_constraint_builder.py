@@ -150,7 +150,7 @@ def test_a_cable_may_pass_over_points_of_the_same_part():
     ("{type: on_curve, point: a.p, equations: [x, y], bound: at_least}", "k", "a curve has no sides"),
     ("{type: rolling, wheel: a.p, radius: r, static_friction: 1}", "k", "static_friction needs friction"),
     ("{type: coupling, terms: {slide: 1, spin: -1}, restitution: 0.5}", "k", "no effect without backlash"),
-    ("{type: coupling, terms: {slide: 1, spin: -1}, backlash: 1, bound: at_most}", "k", "has a bound and backlash"),
+    ("{type: coupling, terms: {slide: 1, spin: -1}, backlash: 1, bound: at_most}", "k", "has both bound and backlash"),
     ("{type: coupling, terms: {slide: 1}}", "k", "names only one coordinate"),
     ("{type: coupling, terms: {slide: 1}, bound: at_most, friction: 1}", "k", "friction and slip belong together"),
     ("{type: coupling, terms: {slide: 1, spin: 1}, slip: {spin: 1}, friction: 1}", "k", "no effect without a bound"),
