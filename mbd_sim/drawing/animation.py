@@ -79,10 +79,11 @@ def _random_configuration(model: Model, rng: np.random.Generator) -> Array:
     q = model.start[model.q_range].copy()
     for name, joint in model.mechanism.joints.items():
         indices = model.layout.q[name]
-        if joint.limits is not None:
-            q[indices] = rng.uniform(joint.limits.lower, joint.limits.upper)
-        elif joint.type == "prismatic":
+        if joint.type == "prismatic" and not joint.limits:
             q[indices] += rng.uniform(-STROKE, STROKE)
-        elif joint.type in ("revolute", "universal"):
+        elif joint.type in ("revolute", "universal") and not joint.limits:
             q[indices] = rng.uniform(-np.pi, np.pi, indices.stop - indices.start)
+        for index, limits in zip(range(indices.start, indices.stop), joint.limits, strict=False):
+            if limits is not None:
+                q[index] = rng.uniform(limits.lower, limits.upper)
     return q

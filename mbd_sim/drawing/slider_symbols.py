@@ -148,8 +148,9 @@ def guide_range(placed: PlacedJoint, size: float) -> tuple[float, float]:
     body = _body_span(placed)
     at, half = placed.displacement, GUIDE * size * (1.0 if placed.grounded else 0.6)
     half = max(half, max(-body[0], body[1]) + 0.4 * size) if body else half
-    if placed.joint.limits is not None:
-        return min(placed.joint.limits.lower, at) - 0.05 * size, max(placed.joint.limits.upper, at) + 0.05 * size
+    along = placed.joint.kind.coordinates[0]
+    if along.direction == "axis" and not along.rotation and (limits := placed.joint.limits_of(0)):
+        return min(limits.lower, at) - 0.05 * size, max(limits.upper, at) + 0.05 * size
     return at - half, at + half
 
 

@@ -95,15 +95,15 @@ def _shape_gap(contact: Contact, bodies: BodySymbols, still: int | None) -> Gap:
 
 
 def _stops(joint: Joint) -> Iterator[Gap]:
-    """The rigid stops of a joint: q ≥ lower, and q ≤ upper."""
-    limits = joint.limits
-    if limits is None or limits.restitution is None:
-        return
-    law, (name,) = ContactLaw(limits.restitution), joint.motion_names
-    unit = joint.kind.coordinates[0].unit
-    for quantity, sign, bound in (("lower limit", 1.0, limits.lower), ("upper limit", -1.0, limits.upper)):
-        position = ca.SX(-sign * bound)
-        yield Gap(ConstraintRow(("joints", joint.name), quantity, position, unit=unit, factors={name: sign}), law)
+    """The rigid stops of a joint: q ≥ lower, and q ≤ upper, for each coordinate that has them."""
+    for limits, name, coordinate in zip(joint.limits, joint.motion_names, joint.kind.coordinates, strict=False):
+        if limits is None or limits.restitution is None:
+            continue
+        law, which = ContactLaw(limits.restitution), f"{coordinate.label.removeprefix('.')} ".lstrip()
+        for end, sign, bound in (("lower limit", 1.0, limits.lower), ("upper limit", -1.0, limits.upper)):
+            factors, position = {name: sign}, ca.SX(-sign * bound)
+            owner, unit = ("joints", joint.name), coordinate.unit
+            yield Gap(ConstraintRow(owner, f"{which}{end}", position, unit=unit, factors=factors), law)
 
 
 def _joint_friction(joint: Joint) -> StickingFriction:

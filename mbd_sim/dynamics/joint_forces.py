@@ -38,8 +38,9 @@ def joint_forces(links: Sequence[Link], q: ca.SX, u: ca.SX, efforts: ca.SX) -> J
             coordinate = q[link.q.start + offset]
             elastic_force, energy = _spring(link.joint, offset, coordinate)
             dissipative_force = _resistance(link.joint, offset, u[row])
-            if link.joint.limits is not None and not is_absent(_stop_stiffness(link.joint.limits)):
-                push, stored, damping = stop_forces(link.joint.limits, coordinate, u[row])
+            limits = link.joint.limits_of(offset)
+            if limits is not None and not is_absent(_stop_stiffness(limits)):
+                push, stored, damping = stop_forces(limits, coordinate, u[row])
                 elastic_force, energy = elastic_force + push, energy + stored
                 dissipative_force = dissipative_force + damping
             generalized[row] -= elastic_force + dissipative_force

@@ -59,7 +59,7 @@ def one_sided_names(mechanism: Mechanism) -> tuple[str, ...]:
     """The one-sided elements as keys of the file, such as `joints.elbow.limits`: joints, constraints, contacts."""
     found = []
     for name, joint in mechanism.all_joints.items():
-        if joint.limits is not None and joint.limits.restitution is not None:
+        if any(limits is not None and limits.restitution is not None for limits in joint.limits):
             found.append(f"joints.{name}.limits")
         if joint.friction is not None and joint.friction.sticks:
             found.append(f"joints.{name}.friction")

@@ -88,9 +88,9 @@ class Joint:
     spherical or free joint has its unit quaternion (w, x, y, z) and its angular velocity (3,) in the child's axes
     there, a free one after its position and velocity (3,) in the parent-side frame. `stiffness`, `rest` and
     `damping` have a value for each degree of freedom. A joint with a `drive` has none: its coordinates are these
-    expressions of time. A `spring` law takes the elongation q - rest, the laws `damper` and `friction` the speed; only
-    revolute and prismatic joints have them. A `reversed` joint leads from child to parent in the spanning tree.
-    `velocity_limit` is not simulated, only passed on to URDF.
+    expressions of time. `limits` have an entry for each coordinate, or none at all. A `spring` law takes the elongation
+    q - rest, the laws `damper` and `friction` the speed; only revolute and prismatic joints have them. A `reversed`
+    joint leads from child to parent in the spanning tree. `velocity_limit` is not simulated, only passed on to URDF.
     `fixed_in_assembly` and `fixed_speeds` (nv,) mark start values that the assembly of loops must not change. A joint
     with `cut` closes a loop. Redundant joints share the load in inverse proportion to their relative `compliance`.
     """
@@ -110,7 +110,7 @@ class Joint:
     damping: Array
     lead: float = 0.0
     drive: tuple[TimeExpression, ...] = ()
-    limits: Limits | None = None
+    limits: tuple[Limits | None, ...] = ()
     effort_limit: float | None = None
     velocity_limit: float | None = None
     spring: ElasticLaw | None = None
@@ -141,6 +141,10 @@ class Joint:
     def coordinate_names(self) -> tuple[str, ...]:
         """A name for each degree of freedom, in the order of the generalized speeds u."""
         return () if self.drive else self.motion_names
+
+    def limits_of(self, coordinate: int) -> Limits | None:
+        """The range of a coordinate, by its index."""
+        return self.limits[coordinate] if self.limits else None
 
     @property
     def motion_names(self) -> tuple[str, ...]:

@@ -30,7 +30,9 @@ def limits_remark(mechanism: Mechanism) -> str:
     idle = [
         f"'{joint.name}'"
         for joint in mechanism.all_joints.values()
-        if joint.limits is not None and joint.limits.stiffness is None and joint.limits.restitution is None
+        if any(
+            limits is not None and limits.stiffness is None and limits.restitution is None for limits in joint.limits
+        )
     ]
     if not idle:
         return ""

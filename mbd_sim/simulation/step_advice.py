@@ -59,7 +59,7 @@ def _may_become_stiff(model: Model) -> bool:
     mechanism = model.mechanism
     return bool(mechanism.two_point_elements or len(model.equations.parameters.base)) or any(
         np.any(joint.stiffness) or np.any(joint.damping) or joint.spring or joint.damper or joint.friction
-        or (joint.limits is not None and joint.limits.stiffness)
+        or any(limits is not None and limits.stiffness for limits in joint.limits)
         for joint in mechanism.all_joints.values()
     )  # fmt: skip
 

@@ -133,17 +133,23 @@ def _single_motions(joint: Joint) -> list[Motion]:
     """A URDF joint for each coordinate."""
     friction = joint.friction.coulomb if joint.friction else 0.0
     viscous = joint.friction.viscous if joint.friction else 0.0
-    rotation = "revolute" if joint.type == "revolute" and joint.limits else "continuous"
     return [
         Motion(
             name,
-            rotation if coordinate.rotation else "prismatic",
+            _type(joint, index) if coordinate.rotation else "prismatic",
             joint.direction(coordinate),
             float(damping) + viscous,
             friction,
         )
-        for name, coordinate, damping in zip(joint.motion_names, joint.kind.coordinates, joint.damping, strict=True)
+        for index, (name, coordinate, damping) in enumerate(
+            zip(joint.motion_names, joint.kind.coordinates, joint.damping, strict=True)
+        )
     ]
+
+
+def _type(joint: Joint, rotation: int) -> str:
+    """The URDF type of a rotation, by the index of its coordinate. A screw's range is left out."""
+    return "revolute" if joint.limits_of(rotation) and joint.type != "screw" else "continuous"
 
 
 def _mimics(mechanism: Mechanism) -> dict[str, Mimic]:
@@ -191,7 +197,7 @@ def _left_out(mechanism: Mechanism, mimics: Mapping[str, Mimic]) -> dict[str, li
 
 
 def _has_law(joint: Joint) -> bool:
-    stops = joint.limits is not None and joint.limits.stiffness is not None
+    stops = any(limits is not None and limits.stiffness is not None for limits in joint.limits)
     three_ways = joint.kind.quaternion is not None and joint.damping.any()
     return bool(joint.stiffness.any() or joint.spring or joint.damper or stops or three_ways)
 
@@ -248,7 +254,8 @@ def _add_limit(element: Element, joint: Joint, motion: Motion) -> None:
     for key, value in (("velocity", joint.velocity_limit), ("effort", joint.effort_limit)):
         limit.set(key, _number(UNLIMITED if value is None else value))
     if motion.type != "continuous":
-        limits = joint.limits if motion.name == joint.name else None
+        names = joint.motion_names
+        limits = joint.limits_of(names.index(motion.name)) if motion.name in names else None
         limit.set("lower", _number(limits.lower if limits else -UNLIMITED))
         limit.set("upper", _number(limits.upper if limits else UNLIMITED))
 

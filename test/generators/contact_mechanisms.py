@@ -10,7 +10,7 @@ from test.generators import contact_loops, contact_shapes
 
 KINDS = ("block", "box", "ball", "chain", "spatial_chain", "four_bar", "rotors", "sliders")  # where none is given
 LOOPS = ("four_bar", "slider_crank", "two_loops", "spatial_four_bar")
-SHAPES = ("flat_bodies", "spatial_bodies", "cam")
+SHAPES = ("flat_bodies", "spatial_bodies", "cam", "limited_joints")
 ALL_KINDS = tuple(dict.fromkeys((*KINDS, *LOOPS, *SHAPES)))
 
 

@@ -1,4 +1,4 @@
-"""Random bodies whose shapes are in contact: with a plane and with each other, in the plane and in space; cams."""
+"""Random bodies in contact: shapes with a plane and with each other, in the plane and in space; cams; joint stops."""
 
 from __future__ import annotations
 
@@ -86,3 +86,26 @@ def cam(draw):
         "joints": {"cam": turning, "follower": follower},
         "contacts": {"lift": contact},
     }
+
+
+def limited_joints(draw):
+    """A body on a universal, cylindrical or planar joint with stops of some coordinates, and one that hangs on it."""
+    kind = ("universal", "cylindrical", "planar")[int(draw.rng.integers(3))]
+    keys = {
+        "universal": {"axes": [[1, 0, 0], [0.3, 1, 0]]},
+        "cylindrical": {"axis": [1, 0, draw.number(-2, 2)]},
+        "planar": {"axis": [0, 1, 0], "x_axis": [1, 0, 0]},
+    }[kind]
+    count = 3 if kind == "planar" else 2
+    limits = [draw.stops(1.0) if draw.maybe(0.8) else None for _ in range(count)]
+    limits[0] = limits[0] or draw.stops(1.0)
+    joint = {"type": kind, "between": ["ground", "body"], **keys, "limits": limits}
+    joint["velocity"] = [draw.number(-3, 3) for _ in range(count)]
+    body = {"type": "block", "mass": 1, "size": [0.1, 0.2, 0.4], "at": [0.02, 0.01, -0.3]}
+    parts = {"body": {"shape": body, "points": {"end": [0, 0, -0.5]}}}
+    joints = {"joint": joint}
+    if draw.maybe():
+        parts["bob"] = {"shape": {"type": "sphere", "mass": 0.5, "radius": 0.05, "at": [0, 0, -0.3]}}
+        swing = {"type": "revolute", "between": ["body.end", "bob"], "axis": [0, 1, 0], "velocity": draw.number(-4, 4)}
+        joints["swing"] = {**swing, "limits": draw.stops(1.5), **draw.joint_friction(0.2, True)}
+    return {"parts": parts, "joints": joints}

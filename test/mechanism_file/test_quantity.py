@@ -157,10 +157,12 @@ def test_every_field_takes_units_of_its_kind():
     assert mechanism.parts["arm"].mass == pytest.approx(2000 * 0.1 * FOOT * FOOT / 12)
     assert [*rail.position, *rail.velocity, rail.rest] == pytest.approx([0.0762, 10.0, 0.001])
     assert [rail.stiffness, rail.damping, rail.effort_limit] == pytest.approx([2000.0, 3.0, 1000.0])
-    assert (rail.limits.lower, rail.limits.upper) == pytest.approx((-FOOT, FOOT)) and rail.limits.stiffness is None
+    assert (rail.limits[0].lower, rail.limits[0].upper) == pytest.approx((-FOOT, FOOT)) and rail.limits[
+        0
+    ].stiffness is None
     assert [*hinge.position, *hinge.velocity, hinge.rest] == pytest.approx([math.pi / 6, 2 * math.pi, math.pi])
     assert [hinge.stiffness, hinge.damping, hinge.effort_limit] == pytest.approx([360 / math.pi, 4.0, 5.0])
-    assert hinge.limits.upper == pytest.approx(math.pi / 2) and hinge.limits.stiffness == 1.0
+    assert hinge.limits[0].upper == pytest.approx(math.pi / 2) and hinge.limits[0].stiffness == 1.0
 
 
 def test_a_parameter_holds_si_and_may_use_others_in_any_order():

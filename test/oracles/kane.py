@@ -180,12 +180,13 @@ def joint_forces(mechanism, q, u, efforts):
             forces[in_u.start] -= power_law(joint.damper, u[in_u.start])
         if joint.friction is not None:
             forces[in_u.start] -= dry_friction(joint.friction, u[in_u.start])
-        if joint.limits is not None and joint.limits.stiffness:
-            x = q[in_q.start]
-            excess = x - min(max(x, joint.limits.lower), joint.limits.upper)
-            deeper = np.sign(excess) * u[in_u.start]
-            forces[in_u.start] -= joint.limits.stiffness * excess * max(0.0, 1.0 + joint.limits.damping * deeper)
-            potential += 0.5 * joint.limits.stiffness * excess**2
+        for place, limits in enumerate(joint.limits):
+            if limits is None or not limits.stiffness:
+                continue
+            x, row = q[in_q.start + place], in_u.start + place
+            excess = x - min(max(x, limits.lower), limits.upper)
+            forces[row] -= limits.stiffness * excess * max(0.0, 1.0 + limits.damping * np.sign(excess) * u[row])
+            potential += 0.5 * limits.stiffness * excess**2
     return forces, potential
 
 

@@ -88,7 +88,7 @@ forces:
     mechanism = simulation.mechanism
     hip = mechanism.joints["left_hip"]
     assert list(mechanism.closing) == ["foot"] and simulation.model.degrees_of_freedom == 2
-    assert (hip.limits.lower, hip.limits.upper, hip.limits.stiffness) == (-2.0, 2.0, 1e3)
+    assert (hip.limits[0].lower, hip.limits[0].upper, hip.limits[0].stiffness) == (-2.0, 2.0, 1e3)
     assert (hip.damping[0], hip.friction.coulomb, hip.effort_limit, hip.stiffness[0]) == (0.1, 0.2, 5.0, 3.0)
     assert (mechanism.gravity[2], mechanism.method, mechanism.step) == (-1.62, "rk4", 2e-3)
     simulation.run(until=0.2)
@@ -171,13 +171,13 @@ joints:
   left_knee: {type: spherical, damping: 0.1}
 """)
     )
-    assert mechanism.driven_names == ("left_hip",) and mechanism.joints["left_hip"].limits is None
+    assert mechanism.driven_names == ("left_hip",) and mechanism.joints["left_hip"].limits == ()
     assert mechanism.joints["right_hip"].type == "fixed"
     assert mechanism.joints["left_knee"].parent_pose.position.tolist() == [0, 0, -0.4]
     free = load_mechanism(
         overlay("urdf: robots/five.urdf\njoints:\n  left_hip:\n    limits:\n    friction:\n    damping: 0\n")
     )
-    assert free.joints["left_hip"].limits is None and free.joints["left_hip"].friction is None
+    assert free.joints["left_hip"].limits == () and free.joints["left_hip"].friction is None
 
 
 def test_entries_without_a_value_change_nothing(overlay):
@@ -269,7 +269,8 @@ def test_the_example_of_the_page_runs(overlay):
     simulation = Simulation.from_file(overlay(text.replace("five_bar.urdf", "robots/five.urdf")), method="rk4")
     simulation.run(until=0.1)
     assert (
-        simulation.model.degrees_of_freedom == 2 and simulation.mechanism.joints["left_hip"].limits.stiffness == 1000.0
+        simulation.model.degrees_of_freedom == 2
+        and simulation.mechanism.joints["left_hip"].limits[0].stiffness == 1000.0
     )
 
 

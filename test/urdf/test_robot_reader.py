@@ -128,11 +128,11 @@ def test_links_without_inertia_are_parts_that_can_be_named():
 
 def test_limits_damping_and_friction():
     joint = parse_mechanism(arm()).joints["axis3"]
-    assert (joint.limits.lower, joint.limits.upper, joint.limits.stiffness) == (-2.2, 2.8, None)
+    assert (joint.limits[0].lower, joint.limits[0].upper, joint.limits[0].stiffness) == (-2.2, 2.8, None)
     assert (joint.effort_limit, joint.velocity_limit, joint.damping[0]) == (70.0, 2.5, 0.3)
     assert joint.friction.coulomb == 0.02
     continuous = parse_mechanism(quadruped()).joints["FL_hip_joint"]
-    assert continuous.limits is None and continuous.effort_limit == 23.7
+    assert continuous.limits == () and continuous.effort_limit == 23.7
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ def _joint(name: str, spec: schema.AnyJointSpec, parent: str, parent_pose: Pose,
     nv = JOINT_KINDS[spec.type].nv
     axis, second = _axes(spec)
     position, velocity = _start_values(spec)
-    limits, drive = getattr(spec, "limits", None), getattr(spec, "drive", None)
+    drive = getattr(spec, "drive", None)
     fixed = (False,) * nv if spec.guess else _is_given(spec, nv, "position", "orientation")
     spring, damper, friction = (getattr(spec, key, None) for key in ("spring", "damper", "friction"))
     return Joint(
@@ -65,7 +65,7 @@ def _joint(name: str, spec: schema.AnyJointSpec, parent: str, parent_pose: Pose,
         damping=_per_coordinate(spec, "damping", nv),
         lead=getattr(spec, "lead", 0.0),
         drive=_expressions(drive),
-        limits=_limits(limits) if limits else None,
+        limits=_limits(getattr(spec, "limits", None)),
         effort_limit=getattr(spec, "effort_limit", None),
         velocity_limit=getattr(spec, "velocity_limit", None),
         spring=build_elastic_law(spring) if spring else None,
@@ -78,8 +78,14 @@ def _joint(name: str, spec: schema.AnyJointSpec, parent: str, parent_pose: Pose,
     )
 
 
-def _limits(spec: schema.AngleLimitsSpec | schema.LengthLimitsSpec) -> Limits:
-    return Limits(spec.lower, spec.upper, spec.stiffness, spec.damping, spec.restitution)
+def _limits(given: Any) -> tuple[Limits | None, ...]:
+    """The limits of each coordinate; () without any."""
+    each = given if isinstance(given, tuple) else (given,)
+    limits = tuple(
+        None if spec is None else Limits(spec.lower, spec.upper, spec.stiffness, spec.damping, spec.restitution)
+        for spec in each
+    )
+    return limits if any(limits) else ()
 
 
 def _are_parallel(first: tuple[float, ...], second: tuple[float, ...]) -> bool:

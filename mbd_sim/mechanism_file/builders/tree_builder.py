@@ -46,7 +46,7 @@ def _needs_coordinate(joint: Joint, coupled: Collection[str]) -> str:
         "a spring": joint.spring is not None,
         "a damper": joint.damper is not None,
         "friction": joint.friction is not None,
-        "limits": joint.limits is not None,
+        "limits": bool(joint.limits),
         "an effort_limit": joint.effort_limit is not None,
         "a coupling": joint.name in coupled,
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -62,7 +62,7 @@ class LimitsSpec(Spec):
 
 
 class AngleLimitsSpec(LimitsSpec):
-    """The range of a revolute joint. With `stiffness` and `damping` its ends are elastic stops.
+    """The range of an angle. With `stiffness` and `damping` its ends are elastic stops.
 
     With a coefficient of `restitution` they are rigid stops.
     """
@@ -75,7 +75,7 @@ class AngleLimitsSpec(LimitsSpec):
 
 
 class LengthLimitsSpec(LimitsSpec):
-    """The range of a prismatic joint. With `stiffness` and `damping` its ends are elastic stops.
+    """The range of a displacement. With `stiffness` and `damping` its ends are elastic stops.
 
     With a coefficient of `restitution` they are rigid stops.
     """
@@ -195,6 +195,7 @@ class CylindricalJointSpec(DriveableJointSpec):
     stiffness: tuple[LinearStiffness, TorsionStiffness] = (0.0, 0.0)
     rest: tuple[Length, Angle] = (0.0, 0.0)
     damping: tuple[LinearDamping, TorsionDamping] = (0.0, 0.0)
+    limits: tuple[LengthLimitsSpec | None, AngleLimitsSpec | None] | None = None
     drive: tuple[LengthOfTime, AngleOfTime] | None = None
 
 
@@ -208,6 +209,7 @@ class UniversalJointSpec(DriveableJointSpec):
     stiffness: tuple[TorsionStiffness, TorsionStiffness] = (0.0, 0.0)
     rest: tuple[Angle, Angle] = (0.0, 0.0)
     damping: tuple[TorsionDamping, TorsionDamping] = (0.0, 0.0)
+    limits: tuple[AngleLimitsSpec | None, AngleLimitsSpec | None] | None = None
     drive: tuple[AngleOfTime, AngleOfTime] | None = None
 
 
@@ -225,6 +227,7 @@ class PlanarJointSpec(DriveableJointSpec):
     stiffness: tuple[LinearStiffness, LinearStiffness, TorsionStiffness] = (0.0, 0.0, 0.0)
     rest: tuple[Length, Length, Angle] = (0.0, 0.0, 0.0)
     damping: tuple[LinearDamping, LinearDamping, TorsionDamping] = (0.0, 0.0, 0.0)
+    limits: tuple[LengthLimitsSpec | None, LengthLimitsSpec | None, AngleLimitsSpec | None] | None = None
     drive: (
         tuple[
             LengthOfTime,
@@ -235,7 +238,22 @@ class PlanarJointSpec(DriveableJointSpec):
     ) = None
 
 
-class SphericalJointSpec(JointSpec):
+class TurningJointSpec(JointSpec):
+    """A joint whose orientation has no coordinates that could have limits."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _unlimited(cls, data: Any) -> Any:
+        if isinstance(data, dict) and "limits" in data:
+            raise InputError(
+                f"a {data.get('type')} joint has no limits: no coordinates describe its orientation",
+                "Remove 'limits'. Bound the motion of its points with 'distance', 'on_plane' or 'on_surface' and "
+                "'bound', or use a joint with coordinates, such as universal.",
+            )
+        return data
+
+
+class SphericalJointSpec(TurningJointSpec):
     """A ball joint, regular in every orientation."""
 
     type: Literal["spherical"]
@@ -252,7 +270,7 @@ class FixedJointSpec(JointSpec):
     type: Literal["fixed"]
 
 
-class FreeJointSpec(JointSpec):
+class FreeJointSpec(TurningJointSpec):
     """No connection: six degrees of freedom, with the pose of the second part relative to the first."""
 
     type: Literal["free"]

@@ -63,7 +63,7 @@ def test_a_joint_has_the_laws_that_it_is_given():
         "friction: {coulomb: 2, static: 3, stribeck_velocity: 0.1}, limits: {lower: 0, upper: 1, stiffness: 5, damping: 2}"
     )
     slide = parse(joint=keys).joints["slide"]
-    assert isinstance(slide.spring, Expressed) and slide.damper.exponent == 3.0 and slide.limits.damping == 2.0
+    assert isinstance(slide.spring, Expressed) and slide.damper.exponent == 3.0 and slide.limits[0].damping == 2.0
     assert (slide.friction.static, slide.friction.stribeck_velocity, slide.friction.regularization) == (3.0, 0.1, 1e-2)
     plain = parse(joint="friction: {coulomb: 2}").joints["slide"].friction
     assert plain.static == plain.coulomb == 2.0 and plain.stribeck_velocity == np.inf

@@ -102,7 +102,7 @@ def test_limits_and_efforts_are_as_given():
     limits = "    limits: {lower: -1, upper: 180 deg, stiffness: 50}\n    effort_limit: 7\n"
     springs = "    stiffness: 3\n    rest: 0.5\n    damping: 0.25\n    velocity: 2\n"
     pin = parse_mechanism(changed((end, end + limits + springs))).joints["pin"]
-    assert (pin.limits.lower, pin.limits.upper, pin.limits.stiffness) == (-1.0, math.pi, 50.0)
+    assert (pin.limits[0].lower, pin.limits[0].upper, pin.limits[0].stiffness) == (-1.0, math.pi, 50.0)
     assert (pin.stiffness, pin.rest, pin.damping, pin.effort_limit) == (3.0, 0.5, 0.25, 7.0)
     assert pin.velocity.tolist() == [2.0]
 
@@ -159,7 +159,7 @@ def test_empty_keys_count_as_not_given():
     text = changed(
         ("    mass: m\n", "    mass: m\n    center:\n    inertia: null\n"), ("90 deg\n", "90 deg\n    limits: ~\n")
     )
-    assert parse_mechanism(text).joints["pin"].limits is None
+    assert parse_mechanism(text).joints["pin"].limits == ()
 
 
 def test_the_source_is_kept_with_the_mechanism():
