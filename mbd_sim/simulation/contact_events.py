@@ -25,6 +25,7 @@ EVENTS_KEPT = 10_000
 MOST_EVENTS = 500  # in one step, beyond which nothing rebounds; beyond twice as many the step goes on without events
 MOST_STAGES = 5000  # of a step
 MOST_AT_ONCE = 20  # events at one instant, beyond which their guards wait until time has passed
+CREEPING = 20  # parts of a step that end with a slip which counts as zero, until it stops if it can
 LONGER = 4.0  # than the last part of a step that a next one may be
 
 
@@ -101,14 +102,16 @@ class ContactStepper:
         self._keep_new()
 
     def _step(self, y: Array, inputs: Array, start: float, end: float) -> None:
-        t, events, ignored, longest, decided = start, 0, frozenset[int](), np.inf, _Decided()
+        t, events, ignored, longest, decided, creeping = start, 0, frozenset[int](), np.inf, _Decided(), 0
         for _ in range(MOST_STAGES):
             stage = self._search.stage(y, inputs, t, end - t, longest, ignored)
             y[:] = stage.y
             longest = np.inf if stage.is_event else LONGER * stage.length
             is_last = stage.length >= end - t
             t = end if is_last else t + stage.length
-            if stage.is_event:
+            creeping += stage.creeps
+            if stage.is_event or creeping > CREEPING:
+                creeping = 0
                 events += 1
                 if events > 2 * MOST_EVENTS:
                     break

@@ -32,13 +32,15 @@ SHORTEST = 1e-15  # s, and of the time
 class Stage:
     """The state `y` after a `length` in s; where that `is_event`, it is an event.
 
-    `stopped` are the friction elements with two directions whose sliding ends there.
+    `stopped` are the friction elements with two directions whose sliding ends there. `creeps`: one of them slides so
+    slowly at the end that its slip counts as zero.
     """
 
     length: float
     y: Array
     is_event: bool
     stopped: frozenset[int] = frozenset()
+    creeps: bool = False
 
 
 class EventSearch:
@@ -91,7 +93,7 @@ class EventSearch:
         for index in self._may_graze(before, after, inputs):
             first = self._grazing(way, index, first, length)
         if first is None:
-            return Stage(length, way.state(length), False)
+            return Stage(length, way.state(length), False, creeps=self._creeps(after, sliding))
         return Stage(first, way.state(first), True, stopped if first == length else frozenset())
 
     def _earlier(
@@ -211,6 +213,9 @@ class EventSearch:
     def _slip(self, readings: ContactReadings, index: int) -> list[float]:
         rows = self._model.frictions[index][0]
         return [float(readings.rates[row]) for row in rows]
+
+    def _creeps(self, readings: ContactReadings, sliding: list[int]) -> bool:
+        return any(AT_REST < _speed(self._slip(readings, index)) <= STOPPED for index in sliding)
 
     def _turn(self, readings: ContactReadings, inputs: Array, sliding: list[int]) -> None:
         """Store the present directions of sliding."""

@@ -92,7 +92,7 @@ def test_what_is_not_given_has_the_documented_default():
     pin = mechanism.joints["pin"]
     assert mechanism.gravity.tolist() == [0.0, 0.0, -9.81]
     assert (mechanism.method, mechanism.step, mechanism.description) == ("auto", 0.001, "")
-    assert (pin.stiffness, pin.rest, pin.damping, pin.limits, pin.effort_limit) == (0.0, 0.0, 0.0, None, None)
+    assert (pin.stiffness, pin.rest, pin.damping, pin.limits, pin.effort_limit) == (0.0, 0.0, 0.0, (), None)
     assert (pin.position.tolist(), pin.velocity.tolist(), pin.reversed) == ([0.0], [0.0], False)
     assert mechanism.effort_limits().tolist() == [math.inf]
 
