@@ -14,6 +14,7 @@ from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.joint_forces import joint_forces
 from mbd_sim.dynamics.reactions import transmitted_wrenches
 from mbd_sim.dynamics.spatial_algebra import constant
+from mbd_sim.dynamics.state_variables import StateVariables
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
 from mbd_sim.errors import nearest
 from mbd_sim.geometry.pose import Array
@@ -110,9 +111,11 @@ def _tree_efforts(traced: TracedMechanism) -> ca.Function:
         carried = motion.transform @ inboard + bias_acceleration(motion)
         accelerations.append(ca.sparsify(carried + motion.joint.partial_velocities @ u_rates[link.u, :]))
     external = traced.input_layout.external_wrenches(traced.inputs)
-    elements = element_forces(traced.mechanism, chain, motions, traced.poses, state.t, external)
+    variables = StateVariables(chain, state.t, state.q, state.u)
+    elements = element_forces(traced.mechanism, chain, motions, traced.poses, variables, external)
     wrenches = transmitted_wrenches(chain, motions, accelerations, elements.wrenches)
-    efforts = -joint_forces(chain, state.q, state.u, ca.SX(layout.nv, 1)).generalized
+    no_efforts, applied = ca.SX(layout.nv, 1), traced.mechanism.efforts
+    efforts = -joint_forces(chain, state.q, state.u, no_efforts, variables, applied).generalized
     for link, motion, wrench in zip(chain, motions, wrenches, strict=True):
         efforts[link.u, :] += motion.joint.partial_velocities.T @ wrench
     symbols = [state.q, state.u, u_rates, state.t, traced.inputs]

@@ -42,6 +42,7 @@ _UNARY: dict[int, Build] = {
     ca.OP_SQRT: lambda low, x: low.intrinsic("llvm.sqrt", x),
     ca.OP_FABS: lambda low, x: low.intrinsic("llvm.fabs", x),
     ca.OP_SIGN: lambda low, x: low.sign(x),
+    ca.OP_FLOOR: lambda low, x: low.intrinsic("llvm.floor", x),
     ca.OP_SIN: lambda low, x: low.sine_cosine(x)[0],
     ca.OP_COS: lambda low, x: low.sine_cosine(x)[1],
     ca.OP_NOT: lambda low, x: low.truth(low.builder.fcmp_ordered("==", x, number(0.0))),

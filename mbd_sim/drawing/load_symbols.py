@@ -20,6 +20,7 @@ from mbd_sim.geometry.rotation import unit_or_zero
 from mbd_sim.mechanism.constraints import Distance
 from mbd_sim.mechanism.force_elements import AppliedForce, Damper, Spring
 from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
+from mbd_sim.mechanism.state_numbers import value_at
 
 LENGTH = 46.0  # pt, of the arrow of any force
 FORCE = outline_color(DISSIPATED)
@@ -70,7 +71,7 @@ def force_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> 
     for element in mechanism.applied:
         pose = poses[element.at.part]
         axes = poses[element.axes_of].rotation @ element.axes if element.following else element.axes
-        vector = axes @ _first_vector(element)
+        vector = axes @ _first_vector(mechanism, element)
         if not vector.any():
             continue
         center = pose.position + pose.rotation @ middle(mechanism.parts[element.at.part])
@@ -95,11 +96,13 @@ def point_of(poses: Mapping[str, Pose], at: Attachment) -> Array:
     return at.point if at.part == GROUND else poses[at.part].position + poses[at.part].rotation @ at.point
 
 
-def _first_vector(element: AppliedForce) -> Array:
-    """The value (3,) of a force at the first of `TIMES` at which it is not zero, or zero."""
+def _first_vector(mechanism: Mechanism, element: AppliedForce) -> Array:
+    """The value (3,) of a force in the start state, at the first of `TIMES` at which it is not zero, or zero."""
+    moving = [joint for joint in mechanism.joints.values() if not joint.drive]
+    start = np.concatenate([np.zeros(0), *(joint.position for joint in moving), *(joint.velocity for joint in moving)])
     for time in TIMES:
         try:
-            vector = np.array([expression.at(time) for expression in element.vector])
+            vector = np.array([value_at(mechanism, expression, time, start) for expression in element.vector])
         except InputError:
             continue
         if vector.any():

@@ -13,6 +13,7 @@ from mbd_sim.dynamics.element_forces import ElementForces, element_forces
 from mbd_sim.dynamics.joint_forces import JointForces, joint_forces
 from mbd_sim.dynamics.multipliers import ConstraintSolver
 from mbd_sim.dynamics.reactions import transmitted_wrenches
+from mbd_sim.dynamics.state_variables import StateVariables
 from mbd_sim.dynamics.time_functions import time_functions
 from mbd_sim.dynamics.tracing import TracedMechanism
 
@@ -44,9 +45,11 @@ class ConstrainedMotion:
 def applied_forces(traced: TracedMechanism) -> AppliedForces:
     """The forces of joints, force elements and external wrenches."""
     state, external = traced.state, traced.input_layout.external_wrenches(traced.inputs)
+    mechanism, links = traced.mechanism, traced.links
+    variables = StateVariables(links, state.t, state.q, state.u)
     return AppliedForces(
-        joints=joint_forces(traced.links, state.q, state.u, traced.efforts),
-        elements=element_forces(traced.mechanism, traced.links, traced.motions, traced.poses, state.t, external),
+        joints=joint_forces(links, state.q, state.u, traced.efforts, variables, mechanism.efforts),
+        elements=element_forces(mechanism, links, traced.motions, traced.poses, variables, external),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import assert_never, cast
@@ -16,29 +16,27 @@ from mbd_sim.dynamics.input_layout import ExternalWrench
 from mbd_sim.dynamics.kinematics import LinkMotion, SymbolicPose
 from mbd_sim.dynamics.law_expressions import elastic, power_law
 from mbd_sim.dynamics.links import Link
+from mbd_sim.dynamics.power import PowerSplit
 from mbd_sim.dynamics.spatial_algebra import constant, is_absent
-from mbd_sim.dynamics.time_functions import time_functions
-from mbd_sim.errors import InputError, MechanismError, Problem
+from mbd_sim.dynamics.state_variables import StateVariables
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.contacts import Cushion
-from mbd_sim.mechanism.expression import evaluate
 from mbd_sim.mechanism.force_elements import AppliedForce, Damper, Spring, TwoPointElement
-from mbd_sim.mechanism.laws import ELONGATION, Expressed, GreenStrain, Linear, Piecewise
+from mbd_sim.mechanism.laws import Expressed, GreenStrain, Linear, Piecewise, Varying
 from mbd_sim.mechanism.records import Attachment, Mechanism
-from mbd_sim.mechanism.source import Location
-
-COINCIDENT = 1e-12  # m
 
 
 @dataclass(frozen=True, eq=False)
 class ElementForces:
     """The wrenches F_L (6,) = [moment; force] on each link, the potential in J and the powers in W.
 
-    `lengths` (springs and dampers,) are the distances between the ends in m.
+    `lengths` (springs and dampers,) are the distances between the ends in m, and `rates` their rates in m/s; those of
+    springs without expressions that vary are left out as zeros.
     """
 
     wrenches: list[ca.SX]
     lengths: ca.SX
+    rates: ca.SX
     potential: ca.SX
     applied_power: ca.SX
     dissipated_power: ca.SX
@@ -49,16 +47,18 @@ def element_forces(
     links: Sequence[Link],
     motions: Sequence[LinkMotion],
     poses: Sequence[SymbolicPose],
-    t: ca.SX,
+    state: StateVariables,
     external: Mapping[str, ExternalWrench] = MappingProxyType({}),
 ) -> ElementForces:
     """All force elements of a mechanism, and the `external` wrenches on parts (Huston & Liu, sec. 11.5)."""
     applied = AppliedWrenches(links, motions, poses)
     potential = applied_power = dissipated = ca.SX(1, 1)
-    lengths: list[ca.SX] = []
+    power = PowerSplit()
+    lengths, rates = list[ca.SX](), list[ca.SX]()
     for element in mechanism.two_point_elements:
-        length, energy, loss = _apply_between_points(applied, element)
+        length, rate, energy, loss = _apply_between_points(applied, element, state, power)
         lengths.append(length)
+        rates.append(rate)
         potential += energy
         dissipated += loss
         if isinstance(element, Spring) and not is_absent(element.mass):
@@ -69,19 +69,35 @@ def element_forces(
             potential += energy
             dissipated += loss
     for force in mechanism.applied:
-        applied_power += _apply_force(applied, force, t)
+        power.add(force.vector, _apply_force(applied, force, state))
+    applied_power += power.applied
+    dissipated += power.dissipated
     applied_power += sum((_apply_external(applied, part, wrench) for part, wrench in external.items()), ca.SX(1, 1))
     wrenches = [ca.sparsify(wrench) for wrench in applied.wrenches]
-    return ElementForces(wrenches, ca.vertcat(ca.SX(0, 1), *lengths), potential, applied_power, dissipated)
+    return ElementForces(wrenches, _column(lengths), _column(rates), potential, applied_power, dissipated)
 
 
-def _apply_between_points(applied: AppliedWrenches, element: TwoPointElement) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Apply a spring or a damper; returns its length in m, its potential in J and its dissipated power in W."""
+def _column(values: Sequence[ca.SX]) -> ca.SX:
+    return ca.vertcat(ca.SX(0, 1), *values)
+
+
+def _apply_between_points(
+    applied: AppliedWrenches, element: TwoPointElement, state: StateVariables, power: PowerSplit
+) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Apply a spring or a damper; returns its length in m, its rate, its potential in J and its dissipated power in W.
+
+    The power of a force without a potential is added to `power`.
+    """
     first, second = applied.motion_of(element.first), applied.motion_of(element.second)
     line, rate = second.position - first.position, second.velocity - first.velocity
+    speed = ca.SX(1, 1)
     match element:
         case Spring():
             force, energy, loss = spring_force(element, line, rate)
+            if isinstance(element.law, Varying):
+                tension, speed = varying_tension(element, element.law, line, rate, state)
+                power.add([element.law.force], -tension * speed)
+                force += line * (tension / ca.norm_2(line))
         case Damper():
             energy = ca.SX(1, 1)
             force, loss = damper_force(element, line, rate)[:2]
@@ -89,7 +105,7 @@ def _apply_between_points(applied: AppliedWrenches, element: TwoPointElement) ->
             assert_never(element)
     applied.add_force(element.first, force)
     applied.add_force(element.second, -force)
-    return ca.norm_2(line), energy, loss
+    return ca.norm_2(line), speed, energy, loss
 
 
 def _apply_weight(applied: AppliedWrenches, spring: Spring, gravity: Array | ca.SX) -> ca.SX:
@@ -104,12 +120,12 @@ def _apply_weight(applied: AppliedWrenches, spring: Spring, gravity: Array | ca.
     return spring.mass * ca.dot(acceleration, 0.5 * ends)
 
 
-def _apply_force(applied: AppliedWrenches, element: AppliedForce, t: ca.SX) -> ca.SX:
+def _apply_force(applied: AppliedWrenches, element: AppliedForce, state: StateVariables) -> ca.SX:
     """Apply a force or a couple of the file, and return its power in W."""
     if element.axes_of == element.at.part:
-        return applied.add_in_own_axes(element.at, vector_in_axes(element, t), element.couple)
+        return applied.add_in_own_axes(element.at, vector_in_axes(element, state), element.couple)
     point = applied.motion_of(element.at)
-    vector = force_vector(element, applied.rotation(element.axes_of), t)
+    vector = force_vector(element, applied.rotation(element.axes_of), state)
     if element.couple:
         applied.add_couple(element.at, vector)
         return ca.dot(vector, point.omega)
@@ -128,49 +144,10 @@ def _apply_external(applied: AppliedWrenches, part: str, wrench: ExternalWrench)
     return power + own_power + applied.add_in_own_axes(at, wrench.own_couple, True)
 
 
-def require_defined_forces(mechanism: Mechanism, lengths: Array) -> None:
-    """Refuse springs and dampers whose force is undefined at the start: no direction, or no finite value.
-
-    :param lengths: (springs and dampers,) m.
-    :raises MechanismError: the elements are named.
-    """
-    problems = list(_undefined_laws(mechanism, lengths))
-    for element, length in zip(mechanism.two_point_elements, lengths, strict=True):
-        if not element.needs_line or length > COINCIDENT:
-            continue
-        kind, remedy = "spring", "a spring without length or damping needs no direction."
-        if isinstance(element, Damper):
-            kind, remedy = "damper", "a damper with 'along: velocity' needs no direction."
-        message = f"the ends coincide at the start, where the {kind} has no direction"
-        location = ("forces", element.name, "between")
-        problems.append(mechanism.source.problem(location, message, f"Move one of the points; {remedy}"))
-    if problems:
-        raise MechanismError(problems)
-
-
-def _undefined_laws(mechanism: Mechanism, lengths: Array) -> Iterator[Problem]:
-    """Springs whose expression has no finite value at the start.
-
-    With loops or constraints the start may differ from the joint positions of the file, so joints are left out then.
-    """
-    laws: list[tuple[Location, object, float]] = [
-        (("joints", name, "spring", "force"), joint.spring, float(joint.position[0] - joint.rest[0]))
-        for name, joint in mechanism.joints.items()
-        if joint.spring is not None and not (mechanism.closing or mechanism.constraints)
-    ]
-    for spring, length in zip(mechanism.springs, lengths, strict=False):
-        laws.append((("forces", spring.name, "force"), spring.law, float(length) - spring.length))
-    for location, law, elongation in laws:
-        if isinstance(law, Expressed):
-            try:
-                evaluate(law.force.text, {**law.force.names, ELONGATION: elongation})
-            except InputError:
-                message = f"has no finite value at the start, where {ELONGATION} = {elongation:g}"
-                yield mechanism.source.problem(location, message, "Write a force for every elongation that occurs.")
-
-
 def spring_force(spring: Spring, line: ca.SX, rate: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     """The force (3,) in N on the first point toward the second, the potential in J, and the dissipated power in W.
+
+    The force of a law that varies is that of `varying_tension`, and not included.
 
     :param line: (3,) from the first point to the second in m.
     :param rate: (3,) the time derivative of `line` in m/s.
@@ -183,6 +160,8 @@ def spring_force(spring: Spring, line: ca.SX, rate: ca.SX) -> tuple[ca.SX, ca.SX
         case GreenStrain(stiffness=k, length=natural):  # of the squares: smooth even where the ends meet
             strain = (square - natural**2) / (2.0 * natural**2)
             force, energy = k * strain * line, 0.5 * k * (strain * natural) ** 2
+        case Varying():
+            force, energy = ca.SX(3, 1), ca.SX(1, 1)
         case Linear() | Expressed() | Piecewise() as law:
             tension, energy = elastic(law, length - spring.length)
             force = line * (tension / length)
@@ -192,6 +171,15 @@ def spring_force(spring: Spring, line: ca.SX, rate: ca.SX) -> tuple[ca.SX, ca.SX
         return force, energy, ca.SX(1, 1)
     speed = ca.dot(line, rate) / length
     return force + line * (spring.damping * speed / length), energy, spring.damping * speed**2
+
+
+def varying_tension(
+    spring: Spring, law: Varying, line: ca.SX, rate: ca.SX, state: StateVariables
+) -> tuple[ca.SX, ca.SX]:
+    """The tension in N, and the rate of the length in m/s; for the parameters see `spring_force`."""
+    length = ca.norm_2(line)
+    speed = ca.dot(line, rate) / length
+    return state.stretched(law.force, length - spring.length, speed), speed
 
 
 def damper_force(damper: Damper, line: ca.SX, rate: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -212,16 +200,16 @@ def damper_force(damper: Damper, line: ca.SX, rate: ca.SX) -> tuple[ca.SX, ca.SX
     return line * (factor * speed / length), factor * speed**2, dissipation
 
 
-def force_vector(element: AppliedForce, rotation: ca.SX, t: ca.SX) -> ca.SX:
-    """The force in N or couple in N·m (3,) at time t, in ground's axes.
+def force_vector(element: AppliedForce, rotation: ca.SX, state: StateVariables) -> ca.SX:
+    """The force in N or couple in N·m (3,), in ground's axes.
 
     :param rotation: (3, 3) R_WB of the part `axes_of`.
     """
-    vector = vector_in_axes(element, t)
+    vector = vector_in_axes(element, state)
     return rotation @ vector if element.following else vector
 
 
-def vector_in_axes(element: AppliedForce, t: ca.SX) -> ca.SX:
-    """The force in N or couple in N·m (3,) at time t, in the axes of the part `axes_of`, or of ground."""
-    vector = ca.sparsify(time_functions(element.vector, t)[0])
+def vector_in_axes(element: AppliedForce, state: StateVariables) -> ca.SX:
+    """The force in N or couple in N·m (3,) in the axes of the part `axes_of`, or of ground."""
+    vector = ca.sparsify(state.vector(element.vector))
     return vector if np.array_equal(element.axes, np.eye(3)) else constant(element.axes) @ vector

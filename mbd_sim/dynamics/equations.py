@@ -32,7 +32,6 @@ from mbd_sim.dynamics.constraint_rows import ConstraintRow
 from mbd_sim.dynamics.contact_equations import contact_equations, with_contact_inputs
 from mbd_sim.dynamics.contact_functions import ContactDynamics, ContactFunctions
 from mbd_sim.dynamics.distant_springs import DistantSprings, distant_springs
-from mbd_sim.dynamics.element_forces import require_defined_forces
 from mbd_sim.dynamics.energy import AUDIT_STATES, gravitational_potential
 from mbd_sim.dynamics.initial_conditions import AssembledStart, Assembly, assemble
 from mbd_sim.dynamics.input_layout import InputLayout
@@ -46,6 +45,7 @@ from mbd_sim.dynamics.state_projection import projected_state
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.dynamics.time_functions import require_smooth
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
+from mbd_sim.dynamics.undefined_forces import StartOfForces, require_defined_forces
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.one_sided import has_one_sided
 from mbd_sim.mechanism.records import Mechanism
@@ -158,14 +158,16 @@ def _require_regular_start(
     traced: TracedMechanism, assembly: Assembly, forces: AppliedForces, mass_matrix: FactorizedMassMatrix
 ) -> None:
     """Refuse a start at which a constraint or a force is undefined, or the mass matrix singular."""
-    outputs = [ca.densify(assembly.equations.bias), forces.elements.lengths, mass_matrix.pivots, _flat_poses(traced)]
+    elements = [ca.densify(forces.elements.lengths), ca.densify(forces.elements.rates)]
+    outputs = [ca.densify(assembly.equations.bias), *elements, mass_matrix.pivots, _flat_poses(traced)]
     symbols = [traced.state.t, traced.y, traced.parameters.symbols]
     at_start = ca.Function("at_start", symbols, outputs)
     values = at_start(0.0, _start_state(traced, assembly.start), traced.parameters.base)
-    bias, lengths, pivots, poses = (np.array(value).ravel() for value in values)
+    bias, lengths, rates, pivots, poses = (np.array(value).ravel() for value in values)
     if not np.all(finite := np.isfinite(bias)):
         raise undefined_constraints(traced.numeric, assembly.equations.rows, ~finite)
-    require_defined_forces(traced.numeric, lengths)
+    start = StartOfForces(assembly.start.q, assembly.start.u, lengths, rates)
+    require_defined_forces(traced.numeric, start)
     links = build_links(traced.numeric)
     require_definite(traced.numeric, links, pivots, poses.reshape(-1, 12))
     if links:

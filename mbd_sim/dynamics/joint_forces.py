@@ -9,8 +9,11 @@ import casadi as ca
 
 from mbd_sim.dynamics.law_expressions import elastic, friction, power_law
 from mbd_sim.dynamics.links import Link
+from mbd_sim.dynamics.power import PowerSplit
 from mbd_sim.dynamics.spatial_algebra import is_absent
-from mbd_sim.mechanism.laws import Linear
+from mbd_sim.dynamics.state_variables import StateVariables
+from mbd_sim.mechanism.force_elements import AppliedEffort
+from mbd_sim.mechanism.laws import Linear, Varying
 from mbd_sim.mechanism.records import Joint, Limits
 
 
@@ -18,40 +21,70 @@ from mbd_sim.mechanism.records import Joint, Limits
 class JointForces:
     """The forces along the coordinates.
 
-    `generalized` (nv,) are in N or N·m, positive with the speeds. `potential` is in J. `applied_power` is that of the
-    efforts and `dissipated_power` that of dampers, friction and stops, in W.
+    They are in N or N·m, positive with the speeds: `own` (nv,), each of which depends on its own coordinate only, and
+    `varying` (nv,), which are given by expressions. `potential` is in J. `applied_power` is that of the efforts and
+    `dissipated_power` that of dampers, friction and stops, in W; both include that of the `varying` forces, see
+    `PowerSplit`.
     """
 
-    generalized: ca.SX
+    own: ca.SX
+    varying: ca.SX
     potential: ca.SX
     applied_power: ca.SX
     dissipated_power: ca.SX
 
+    @property
+    def generalized(self) -> ca.SX:
+        """The sum of the forces (nv,)."""
+        return self.own + self.varying
 
-def joint_forces(links: Sequence[Link], q: ca.SX, u: ca.SX, efforts: ca.SX) -> JointForces:
+
+def joint_forces(
+    links: Sequence[Link],
+    q: ca.SX,
+    u: ca.SX,
+    efforts: ca.SX,
+    state: StateVariables,
+    applied: Sequence[AppliedEffort] = (),
+) -> JointForces:
     """All joint forces: effort - spring - dampers - friction - stops (Géradin & Rixen, virtual power)."""
-    generalized = ca.SX(efforts)
+    own, varying, power = ca.SX(efforts), ca.SX(u.shape[0], 1), PowerSplit()
     potential = dissipated = ca.SX(1, 1)
     for link in links:
         for offset, row in enumerate(range(link.u.start, link.u.stop)):
             # For joints with quaternions q and u do not correspond entry by entry; such joints have no springs.
             coordinate = q[link.q.start + offset]
             elastic_force, energy = _spring(link.joint, offset, coordinate)
+            if isinstance(link.joint.spring, Varying):
+                x = coordinate - link.joint.rest[offset]
+                force = -state.stretched(link.joint.spring.force, x, u[row])
+                varying[row] += force
+                power.add([link.joint.spring.force], force * u[row])
             dissipative_force = _resistance(link.joint, offset, u[row])
             limits = link.joint.limits_of(offset)
             if limits is not None and not is_absent(_stop_stiffness(limits)):
                 push, stored, damping = stop_forces(limits, coordinate, u[row])
                 elastic_force, energy = elastic_force + push, energy + stored
                 dissipative_force = dissipative_force + damping
-            generalized[row] -= elastic_force + dissipative_force
+            own[row] -= elastic_force + dissipative_force
             potential += energy
             dissipated += dissipative_force * u[row]
-    return JointForces(generalized, potential, ca.dot(efforts, u), dissipated)
+    for effort in applied:
+        row, value = state.rows[effort.coordinate], state.value(effort.effort)
+        varying[row] += value
+        power.add([effort.effort], value * u[row])
+    return JointForces(
+        own=own,
+        varying=varying,
+        potential=potential,
+        applied_power=ca.dot(efforts, u) + power.applied,
+        dissipated_power=dissipated + power.dissipated,
+    )
 
 
 def _spring(joint: Joint, offset: int, coordinate: ca.SX) -> tuple[ca.SX, ca.SX]:
     """The force of a joint's spring against its coordinate, and the potential."""
-    if joint.spring is None and is_absent(joint.stiffness[offset]):
+    if isinstance(joint.spring, Varying) or (joint.spring is None and is_absent(joint.stiffness[offset])):
         return ca.SX(1, 1), ca.SX(1, 1)
     return elastic(joint.spring or Linear(joint.stiffness[offset]), coordinate - joint.rest[offset])
 

@@ -80,19 +80,32 @@ def joint_linearization(
 
 
 def _slopes(traced: TracedMechanism, forces: AppliedForces) -> tuple[ca.SX, ca.SX]:
-    """-∂Q/∂u and -∂Q/∂q (nv,) of the joint forces, each of which depends on its own coordinate only; never negative.
+    """-∂Q/∂u and -∂Q/∂q (nv,) of the joint forces in their own coordinates; never negative.
 
-    They are zero for free joints, which the recursion does not eliminate.
+    Of forces that vary with other coordinates as well, these derivatives are left out. The slopes are zero for free
+    joints, which the recursion does not eliminate.
     """
-    state, generalized = traced.state, forces.joints.generalized
+    state, varying = traced.state, forces.joints.varying
     found = []
     for symbol in (state.u, state.q):
-        slope = -ca.jtimes(generalized, symbol, ca.SX.ones(symbol.shape[0], 1))
+        slope = -ca.jtimes(forces.joints.own, symbol, ca.SX.ones(symbol.shape[0], 1))
+        slope -= _own_slopes(traced, varying, symbol)
         for link in traced.links:
             if link.joint.type == "free":
                 slope[link.u] = 0.0
         found.append(ca.fmax(ca.sparsify(slope), 0.0))
     return found[0], found[1]
+
+
+def _own_slopes(traced: TracedMechanism, varying: ca.SX, symbol: ca.SX) -> ca.SX:
+    """The derivative (nv,) of each of the forces in the entry of q or u that belongs to its coordinate."""
+    slopes = ca.SX(traced.layout.nv, 1)
+    for link in traced.links:
+        if link.joint.kind.quaternion is None:
+            entries = link.q if symbol is traced.state.q else link.u
+            for row, entry in zip(range(link.u.start, link.u.stop), range(entries.start, entries.stop), strict=True):
+                slopes[row] = ca.jacobian(varying[row], symbol[entry])
+    return ca.sparsify(slopes)
 
 
 def _own_coordinates(traced: TracedMechanism, q: ca.SX) -> ca.SX:

@@ -23,8 +23,10 @@ from mbd_sim.dynamics.kinematics import SymbolicPose, joint_motion, part_poses
 from mbd_sim.dynamics.links import Link, build_links, coordinate_layout
 from mbd_sim.dynamics.shape_contacts import touch
 from mbd_sim.dynamics.spatial_algebra import constant
+from mbd_sim.dynamics.state_variables import StateVariables
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.contacts import Contact, Cushion
+from mbd_sim.mechanism.laws import Varying
 from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
 
 RANK = 1e-11  # singular values below this fraction of the largest count as zero
@@ -105,8 +107,9 @@ def lagrange_equations(mechanism: Mechanism) -> LagrangeEquations:
     u, efforts = ca.SX.sym("u", layout.nv), ca.SX.sym("e", layout.nv)
     poses = dict(zip((link.joint.outboard for link in links), part_poses(links, t, q), strict=True))
     kinematics = _Kinematics(t, q, q_rates, poses)
-    energies = _energies(mechanism, kinematics)
-    joints = joint_forces(links, q, u, efforts)
+    state = StateVariables(links, t, q, u)
+    energies = _energies(mechanism, kinematics, state)
+    joints = joint_forces(links, q, u, efforts, state)
 
     rates = ca.SX(layout.nq, 1)
     for link in links:
@@ -117,6 +120,10 @@ def lagrange_equations(mechanism: Mechanism) -> LagrangeEquations:
     inertial = kinematics.rate(momentum) - ca.gradient(energies.kinetic, q) + mass @ ca.jtimes(rates, q, q_rates)
     along_q = energies.applied - ca.gradient(energies.dissipation, q_rates)
     forces = joints.generalized + to_rates.T @ (along_q - ca.gradient(energies.potential, q))
+    for effort in mechanism.efforts:
+        speed = ca.SX.zeros(layout.nv, 1)
+        speed[state.rows[effort.coordinate]] = 1.0
+        forces += speed * state.value(effort.effort)
 
     def in_speeds(expression: ca.SX) -> ca.SX:
         return ca.substitute(expression, q_rates, rates)
@@ -135,7 +142,7 @@ def lagrange_equations(mechanism: Mechanism) -> LagrangeEquations:
     )
 
 
-def _energies(mechanism: Mechanism, kinematics: _Kinematics) -> _Energies:
+def _energies(mechanism: Mechanism, kinematics: _Kinematics, state: StateVariables) -> _Energies:
     """The energies of the parts and of the force elements."""
     zero = ca.SX(1, 1)
     energies = _Energies(zero, zero, zero, ca.SX(kinematics.q.shape[0], 1))
@@ -152,6 +159,11 @@ def _energies(mechanism: Mechanism, kinematics: _Kinematics) -> _Energies:
         _, energy, loss = spring_force(spring, second - first, kinematics.rate(second - first))
         energies.potential += energy
         energies.dissipation += 0.5 * loss
+        if isinstance(spring.law, Varying):
+            length = ca.norm_2(second - first)
+            rate = kinematics.rate(length)
+            tension = state.stretched(spring.law.force, length - spring.length, rate)
+            energies.applied -= ca.jacobian(rate, kinematics.q_rates).T * tension
         if spring.mass:
             rates = kinematics.rate(first), kinematics.rate(second)
             energies.kinetic += _kinetic_energy_of_spring(spring.mass, *rates)
@@ -163,7 +175,7 @@ def _energies(mechanism: Mechanism, kinematics: _Kinematics) -> _Energies:
         rotation = kinematics.poses[applied.at.part].rotation
         moved = kinematics.omega(rotation) if applied.couple else kinematics.rate(kinematics.point(applied.at))
         axes = constant(np.eye(3)) if applied.axes_of == GROUND else kinematics.poses[applied.axes_of].rotation
-        vector = force_vector(applied, axes, kinematics.t)
+        vector = force_vector(applied, axes, state)
         vector = rotation.T @ vector if applied.couple else vector
         energies.applied += ca.jacobian(moved, kinematics.q_rates).T @ vector
     for contact in mechanism.contacts:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, assert_never
+from typing import TYPE_CHECKING, Any, assert_never
 
 import casadi as ca
 import numpy as np
@@ -22,6 +22,7 @@ from mbd_sim.mechanism.laws import (
     Linear,
     Piecewise,
     PowerLaw,
+    Varying,
 )
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def elastic(law: ElasticLaw, x: ca.SX) -> tuple[ca.SX, ca.SX]:
             assert_never(law)
 
 
-def distant_potential(law: ElasticLaw | GreenStrain) -> DistantPotential | None:
+def distant_potential(law: ElasticLaw | GreenStrain | Varying) -> DistantPotential | None:
     """What the potential of `elastic` lacks far from 0; None if it lacks nothing up to 1e5 times the law's range."""
     if not isinstance(law, Expressed):
         return None
@@ -70,14 +71,17 @@ def _force(expression: TimeExpression, elongation: ca.SX) -> ca.SX:
 
 
 def _table(law: Expressed) -> Table:
-    return _cached_table(law.force.text, tuple(law.force.names.items()), law.lower, law.upper)
+    force = law.force
+    return _cached_table(force.text, tuple(force.names.items()), tuple(force.tables.items()), law.lower, law.upper)
 
 
 @lru_cache(maxsize=64)
-def _cached_table(text: str, names: tuple[tuple[str, float], ...], lower: float, upper: float) -> Table:
+def _cached_table(
+    text: str, names: tuple[tuple[str, float], ...], tables: tuple[tuple[str, Any], ...], lower: float, upper: float
+) -> Table:
     from mbd_sim.dynamics.potentials import table_of
 
-    return table_of(partial(_force, TimeExpression(text, dict(names))), lower, upper)
+    return table_of(partial(_force, TimeExpression(text, dict(names), dict(tables))), lower, upper)
 
 
 def power_law(law: PowerLaw, speed_squared: ca.SX) -> tuple[ca.SX, ca.SX]:

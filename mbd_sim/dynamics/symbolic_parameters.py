@@ -32,6 +32,7 @@ from mbd_sim.mechanism.records import (
     Mechanism,
     Part,
 )
+from mbd_sim.mechanism.tables import Curve, Surface
 
 Path = tuple[str | int, ...]
 
@@ -190,7 +191,7 @@ def _require_same_structure(base: EquationData, other: EquationData) -> None:
 
 def _leaves(record: Any, path: Path, symbolic: bool, found: list[tuple[Path, Any, bool]]) -> None:
     """Append to `found` the path and value of each leaf of nested records, and whether it can be a symbol."""
-    if isinstance(record, Expressed):  # its potential is integrated numerically when the equations are derived
+    if isinstance(record, Expressed | Curve | Surface):  # whose potential or slopes are computed beforehand
         found.append((path, record, False))
     elif dataclasses.is_dataclass(record) and not isinstance(record, type):
         for name, can_be_symbolic in _read_fields(type(record)):

@@ -1,4 +1,4 @@
-"""Expressions of time as CasADi functions, with their derivatives."""
+"""Expressions of time and other variables as CasADi functions, with their derivatives."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from mbd_sim.dynamics.look_up import looked_up
 from mbd_sim.errors import MechanismError
-from mbd_sim.mechanism.expression import Arithmetic, TimeExpression, evaluate_with
+from mbd_sim.mechanism.arithmetic import Arithmetic, Branch
+from mbd_sim.mechanism.expression import TimeExpression, evaluate_with
 from mbd_sim.mechanism.records import Mechanism
 
 _FUNCTIONS: dict[str, tuple[int, Callable[..., Any]]] = {
@@ -17,8 +19,48 @@ _FUNCTIONS: dict[str, tuple[int, Callable[..., Any]]] = {
     "sin": (1, ca.sin), "cos": (1, ca.cos), "tan": (1, ca.tan),
     "asin": (1, ca.asin), "acos": (1, ca.acos), "atan": (1, ca.atan), "atan2": (2, ca.atan2),
     "min": (2, ca.fmin), "max": (2, ca.fmax), "hypot": (2, lambda a, b: ca.sqrt(a * a + b * b)),
+    "tanh": (1, ca.tanh), "sign": (1, ca.sign), "floor": (1, ca.floor),
+    "mod": (2, lambda a, b: a - b * ca.floor(a / b)), "clip": (3, lambda x, low, high: ca.fmax(ca.fmin(x, high), low)),
 }  # fmt: skip
-_ARITHMETIC = Arithmetic(_FUNCTIONS, power=lambda a, b: a**b)
+# Arguments at which functions and their derivatives are finite; functions that are finite everywhere are left out.
+_HARMLESS: dict[str, tuple[float, ...]] = {
+    "sqrt": (1.0,), "exp": (0.0,), "log": (1.0,), "tan": (0.0,), "asin": (0.0,), "acos": (0.0,), "atan2": (0.0, 1.0),
+    "hypot": (1.0, 1.0), "mod": (0.0, 1.0), "/": (1.0, 1.0), "**": (1.0, 1.0),
+}  # fmt: skip
+
+
+def _in_branch(condition: Any) -> Arithmetic:
+    """The arithmetic of a branch that matters where the condition holds, and is finite elsewhere.
+
+    The derivative of a branch is multiplied by its condition, and zero times infinity is undefined: so where the
+    condition does not hold, functions get arguments at which they and their derivatives are finite.
+    """
+
+    def guarded(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        if name not in _HARMLESS:
+            return function
+        return lambda *args: function(
+            *(ca.if_else(condition, *pair) for pair in zip(args, _HARMLESS[name], strict=True))
+        )
+
+    return Arithmetic(
+        {name: (count, guarded(name, function)) for name, (count, function) in _FUNCTIONS.items()},
+        power=guarded("**", lambda a, b: a**b),
+        divide=guarded("/", lambda a, b: a / b),
+        where=lambda inner, a, b: _where(inner, a, b, condition),
+        look_up=looked_up,
+    )
+
+
+def _where(condition: Any, a: Branch, b: Branch, outer: Any = 1.0) -> Any:
+    """One of two branches, within an `outer` branch."""
+    one, other = a(_in_branch(condition * outer)), b(_in_branch((1.0 - condition) * outer))
+    return ca.if_else(condition, one, other)
+
+
+_ARITHMETIC = Arithmetic(
+    _FUNCTIONS, power=lambda a, b: a**b, divide=lambda a, b: a / b, where=_where, look_up=looked_up
+)
 
 
 def require_smooth(mechanism: Mechanism) -> None:
@@ -49,4 +91,4 @@ def time_functions(expressions: Sequence[TimeExpression], t: ca.SX) -> tuple[ca.
 
 def function_of(expression: TimeExpression, names: Mapping[str, ca.SX]) -> ca.SX:
     """The value of an expression with symbols for these names."""
-    return ca.SX(evaluate_with(expression.text, {**expression.names, **names}, _ARITHMETIC))
+    return ca.SX(evaluate_with(expression.text, {**expression.names, **names}, _ARITHMETIC, expression.tables))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.expression import TimeExpression
-from mbd_sim.mechanism.laws import ElasticLaw, GreenStrain, Linear, PowerLaw
+from mbd_sim.mechanism.laws import ElasticLaw, GreenStrain, Linear, PowerLaw, Varying
 from mbd_sim.mechanism.records import GROUND, Attachment
 
 
@@ -21,7 +21,7 @@ class Spring:
     name: str
     first: Attachment
     second: Attachment
-    law: ElasticLaw | GreenStrain
+    law: ElasticLaw | GreenStrain | Varying
     length: float
     damping: float
     mass: float = 0.0
@@ -29,7 +29,7 @@ class Spring:
     @property
     def elastic(self) -> bool:
         """Whether it stores energy, and is more than a damper."""
-        return self.law != Linear(0.0)
+        return not isinstance(self.law, Varying) and self.law != Linear(0.0)
 
     @property
     def needs_line(self) -> bool:
@@ -64,7 +64,7 @@ class Damper:
 
 @dataclass(frozen=True, eq=False)
 class AppliedForce:
-    """A force in N at a point, or, with `couple`, a moment in N·m on a part, as expressions of time.
+    """A force in N at a point, or, with `couple`, a moment in N·m on a part, as expressions of time and the state.
 
     `vector` has components along the columns of `axes` (3, 3), which are fixed in the part `axes_of` or in ground.
     """
@@ -82,5 +82,14 @@ class AppliedForce:
         return self.axes_of != GROUND
 
 
+@dataclass(frozen=True, eq=False)
+class AppliedEffort:
+    """An effort in N or N·m along a joint coordinate, or an angular velocity, by name: an expression as of a force."""
+
+    name: str
+    coordinate: str
+    effort: TimeExpression
+
+
 TwoPointElement = Spring | Damper
-ForceElement = Spring | Damper | AppliedForce
+ForceElement = Spring | Damper | AppliedForce | AppliedEffort

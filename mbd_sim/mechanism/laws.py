@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mbd_sim.mechanism.expression import TimeExpression
 
-ELONGATION = "x"  # the variable in the expression of a force
+ELONGATION, ELONGATION_RATE = "x", "x.velocity"  # the variables in the expression of a spring's force
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,16 @@ class Piecewise:
     origins: NDArray[np.float64]
     coefficients: NDArray[np.float64]
     energies: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Varying:
+    """f as an expression that is not one of x alone, but also of x', the time, or joint coordinates and speeds.
+
+    It has no potential: its power is work of the applied forces, or dissipated, by its sign.
+    """
+
+    force: TimeExpression
 
 
 ElasticLaw = Linear | Expressed | Piecewise
@@ -99,7 +109,7 @@ def tabulated(elongations: Sequence[float], forces: Sequence[float]) -> Piecewis
     :param forces: (n,) N or N·m.
     """
     x, f = np.array(elongations, dtype=np.float64), np.array(forces, dtype=np.float64)
-    h, slopes = np.diff(x), _slopes(x, f)
+    h, slopes = np.diff(x), slopes_of(x, f)
     secants = np.diff(f) / h
     inner = np.column_stack(
         [
@@ -124,7 +134,7 @@ def _integral(coefficients: NDArray[np.float64], d: float) -> float:
     return d * (c0 + d * (c1 / 2.0 + d * (c2 / 3.0 + d * c3 / 4.0)))
 
 
-def _slopes(x: NDArray[np.float64], f: NDArray[np.float64]) -> NDArray[np.float64]:
+def slopes_of(x: NDArray[np.float64], f: NDArray[np.float64]) -> NDArray[np.float64]:
     """The derivatives (n,) at the points: weighted harmonic means of the secant slopes, 0 where these change sign."""
     h, secants = np.diff(x), np.diff(f) / np.diff(x)
     if len(x) == 2:

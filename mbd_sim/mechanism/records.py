@@ -15,13 +15,13 @@ import numpy as np
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.joint_types import JOINT_KINDS, JointCoordinate, JointKind, JointType
-from mbd_sim.mechanism.laws import ElasticLaw, Friction, PowerLaw
+from mbd_sim.mechanism.laws import ElasticLaw, Friction, PowerLaw, Varying
 from mbd_sim.mechanism.source import Source
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism.constraints import Constraint
     from mbd_sim.mechanism.contacts import Contact
-    from mbd_sim.mechanism.force_elements import AppliedForce, Damper, Spring, TwoPointElement
+    from mbd_sim.mechanism.force_elements import AppliedEffort, AppliedForce, Damper, Spring, TwoPointElement
 
 GROUND = "ground"
 
@@ -113,7 +113,7 @@ class Joint:
     limits: tuple[Limits | None, ...] = ()
     effort_limit: float | None = None
     velocity_limit: float | None = None
-    spring: ElasticLaw | None = None
+    spring: ElasticLaw | Varying | None = None
     damper: PowerLaw | None = None
     friction: Friction | None = None
     fixed_in_assembly: tuple[bool, ...] = ()
@@ -196,6 +196,7 @@ class Mechanism:
     springs: tuple[Spring, ...] = ()
     dampers: tuple[Damper, ...] = ()
     applied: tuple[AppliedForce, ...] = ()
+    efforts: tuple[AppliedEffort, ...] = ()
     closing: Mapping[str, Joint] = field(default_factory=dict)
     constraints: tuple[Constraint, ...] = ()
     contacts: tuple[Contact, ...] = ()

@@ -10,7 +10,7 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
 from pydantic_core import CoreSchema, core_schema
 
 from mbd_sim.errors import InputError, nearest, quoted
-from mbd_sim.mechanism.expression import TIME, TimeExpression, names_in
+from mbd_sim.mechanism.expression import TIME, StateName, TimeExpression, names_in, require_valid, tables_in
 from mbd_sim.mechanism_file.parameters import Parameters
 from mbd_sim.mechanism_file.value_parser import split_unit, unit_factor
 
@@ -20,11 +20,13 @@ class ExpressionField:
     """Marks a field as an expression in the SI unit `unit`; the field holds a `TimeExpression` in SI units.
 
     With `unit` None, a unit of any dimension is accepted. `variables` are the names that vary while the mechanism
-    moves: the time t in s if nothing else is given.
+    moves: the time t in s if nothing else is given. With `state`, the time, and joint coordinates and speeds by name
+    vary too; parameters hide the time then unless it is among the variables, and the short names of coordinates.
     """
 
     unit: str | None
     variables: tuple[str, ...] = (TIME,)
+    state: bool = False
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.with_info_plain_validator_function(self._validate)
@@ -34,7 +36,8 @@ class ExpressionField:
         return {"type": ["number", "string"], "description": f"{unit}an expression of {self._variables_in_words()}"}
 
     def _variables_in_words(self) -> str:
-        return "the time t in s" if self.variables == (TIME,) else ", ".join(self.variables)
+        own = "the time t in s" if self.variables == (TIME,) else ", ".join(self.variables)
+        return f"{own} and of joint coordinates such as crank and crank.velocity" if self.state else own
 
     def _validate(self, value: Any, info: ValidationInfo) -> TimeExpression:
         try:
@@ -56,11 +59,34 @@ class ExpressionField:
         if hidden := [name for name in self.variables if name in values and (name in used or name == TIME)]:
             what = "time" if hidden[0] == TIME else f"variable '{hidden[0]}'"
             raise InputError(f"the parameter '{hidden[0]}' hides the {what}", "Rename the parameter.")
-        if unknown := sorted(name for name in used if name not in values and name not in self.variables):
-            raise InputError(f"unknown name {quoted(unknown[0])}", nearest(unknown[0], chain(values, self.variables)))
+        tables = tables_in(expression)
+        if tables & parameters.unreadable_tables:
+            return TimeExpression("0", {})
+        state = self._state_names(sorted(used), parameters)
         if unit:
             expression = f"({expression})*{unit_factor(unit, self.unit)!r}"
-        result = TimeExpression(expression, parameters.among(used))
-        if self.variables == (TIME,):
+        found = {name: parameters.tables[name] for name in sorted(tables) if name in parameters.tables}
+        result = TimeExpression(expression, parameters.among(used), found, state)
+        require_valid(expression, (*result.names, *result.variables), parameters.tables)
+        if self.variables == (TIME,) and not state:
             result.at(0.0)  # raises where it has no finite value at the start
         return result
+
+    def _state_names(self, used: list[str], parameters: Parameters) -> tuple[StateName, ...]:
+        """Those of the used names that are neither parameters nor variables, as coordinates and speeds.
+
+        :raises InputError: they are not, or the expression cannot depend on them.
+        """
+        values, coordinates = parameters.values, parameters.coordinates
+        others = [name for name in used if name not in values and name not in self.variables]
+        if self.state:
+            others = [name for name in others if name != TIME]
+        found = [coordinates.resolve(name) for name in others]
+        for name, state in zip(others, found, strict=True):
+            if state is None:
+                known = chain(values, self.variables, coordinates.suggestions if self.state else ())
+                raise InputError(f"unknown name {quoted(name)}", nearest(name, known))
+            if not self.state:
+                message = f"{quoted(name)} is a joint coordinate, on which this expression cannot depend"
+                raise InputError(message, f"It can depend on {self._variables_in_words()}.")
+        return tuple(state for state in found if state is not None)

@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 from itertools import chain
 
 from mbd_sim.errors import InputError, Problem, listed, nearest, quoted
-from mbd_sim.mechanism.expression import CONSTANTS, FUNCTIONS, MAX_EXPANDED, names_in, parsed
+from mbd_sim.mechanism.arithmetic import CALLABLE, RESERVED
+from mbd_sim.mechanism.expression import MAX_EXPANDED, names_in, parsed
 from mbd_sim.mechanism.source import Source
 from mbd_sim.mechanism_file.dependencies import dependencies_first, users
 from mbd_sim.mechanism_file.value_parser import split_unit, unit_factor
@@ -53,8 +54,8 @@ class Functions:
         called = _called(expression)
         if not self.by_name or not called:
             return expression
-        if unknown := sorted(called - FUNCTIONS.keys() - self.by_name.keys() - self.unresolved - self.parameters):
-            remedy = nearest(unknown[0], chain(self.by_name, FUNCTIONS))
+        if unknown := sorted(called - {*CALLABLE} - self.by_name.keys() - self.unresolved - self.parameters):
+            remedy = nearest(unknown[0], chain(self.by_name, CALLABLE))
             raise InputError(f"unknown function {quoted(unknown[0])}", remedy)
         if not called & self.by_name.keys():
             return expression
@@ -147,7 +148,7 @@ def _checked_name(key: str, parameters: set[str], known: Mapping[str, str]) -> s
         raise InputError("not of the form name(argument, …)", _EXAMPLE)
     name, arguments = key.partition("(")[0].strip(), _arguments(key)
     for word in (name, *arguments):
-        if word in CONSTANTS or word in FUNCTIONS or keyword.iskeyword(word):
+        if word in RESERVED or keyword.iskeyword(word):
             raise InputError(f"'{word}' is reserved in expressions", "Choose another name.")
         if word in parameters:
             raise InputError(f"'{word}' is also a parameter", "Choose another name.")
@@ -163,7 +164,8 @@ def _arguments(key: str) -> tuple[str, ...]:
 
 
 def _called(body: object) -> set[str]:
-    return set(re.findall(r"[^\W\d]\w*(?=\s*\()", str(body)))
+    found = re.findall(r"[^\W\d]\w*(?=\s*\()", str(body))
+    return {name for name in found if not keyword.iskeyword(name)}
 
 
 def _function(key: str, body: object, parameters: set[str], functions: Functions) -> Function:
@@ -173,7 +175,7 @@ def _function(key: str, body: object, parameters: set[str], functions: Functions
     arguments = _arguments(key)
     used = names_in(expression)
     if unknown := sorted(name for name in used if name not in parameters and name not in arguments):
-        head = f"{key.partition('(')[0].strip()}({', '.join([*arguments, unknown[0]])})"
+        head = f"{key.partition('(')[0].strip()}({', '.join([*arguments, unknown[0].replace('.', '_')])})"
         remedy = f"{nearest(unknown[0], {*parameters, *arguments})} Or make it an argument: {head}.".strip()
         raise InputError(f"unknown name {quoted(unknown[0])}", remedy, body)
     if unit:

@@ -8,8 +8,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from mbd_sim.errors import InputError, Problem, listed, nearest, quoted
-from mbd_sim.mechanism.expression import CONSTANTS, FUNCTIONS, HIDEABLE, names_in
+from mbd_sim.mechanism.arithmetic import HIDEABLE, RESERVED
+from mbd_sim.mechanism.expression import names_in
 from mbd_sim.mechanism.source import Source
+from mbd_sim.mechanism.tables import Table
+from mbd_sim.mechanism_file.coordinate_names import CoordinateNames
 from mbd_sim.mechanism_file.dependencies import dependencies_first, users
 from mbd_sim.mechanism_file.functions import Functions, resolve_functions
 from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
@@ -19,13 +22,17 @@ from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
 class Parameters:
     """The values of a file's parameters in SI units, the names of those that have none, and why they have none.
 
-    `functions` are those of the same file.
+    `functions` are those of the same file, and so are `coordinates` and `tables`, of which `unreadable_tables` are
+    invalid.
     """
 
     values: dict[str, float] = field(default_factory=dict)
     unresolved: set[str] = field(default_factory=set)
     problems: list[Problem] = field(default_factory=list)
     functions: Functions = field(default_factory=Functions)
+    coordinates: CoordinateNames = field(default_factory=CoordinateNames)
+    tables: dict[str, Table] = field(default_factory=dict)
+    unreadable_tables: set[str] = field(default_factory=set)
 
     def unknown_in(self, value: str) -> bool:
         """Whether a value depends on a parameter or a function whose own problem is reported already."""
@@ -84,7 +91,7 @@ def resolve_parameters(source: Source) -> Parameters:
 
 
 def _used_names(name: str, value: object, written: Mapping[str, object], functions: Functions) -> set[str]:
-    if (name in CONSTANTS and name != HIDEABLE) or name in FUNCTIONS or keyword.iskeyword(name):
+    if (name in RESERVED and name != HIDEABLE) or keyword.iskeyword(name):
         raise InputError(f"'{name}' is reserved in expressions", "Choose another name.")
     used = names_in(functions.expanded(split_unit(value)[0]), written) if isinstance(value, str) else set()
     unknown = sorted(other for other in used if other not in written)

@@ -13,7 +13,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from mbd_sim.errors import InputError, MechanismError, quoted
-from mbd_sim.mechanism.expression import CONSTANTS, FUNCTIONS, evaluate, names_in
+from mbd_sim.mechanism.arithmetic import RESERVED
+from mbd_sim.mechanism.expression import evaluate, names_in
 from mbd_sim.mechanism.source import Location, Source
 from mbd_sim.mechanism_file.builders.mechanism_builder import in_order
 from mbd_sim.mechanism_file.file_limits import MAX_VALUES, file_error
@@ -164,7 +165,7 @@ class _Expansion:
     def _check_index(self, name: str, outer: Indices) -> None:
         if not re.match(NAME_PATTERN, name) or keyword.iskeyword(name):
             raise InputError("not a valid index name", "Use letters, such as i.")
-        if name in CONSTANTS or name in FUNCTIONS or name in VARIABLES:
+        if name in RESERVED or name in VARIABLES:
             raise InputError(f"'{name}' is reserved in expressions", "Choose another name, such as i.")
         if name in (self._source.data.get("parameters") or {}):
             raise InputError(f"the index '{name}' has the name of a parameter", "Rename one of them.")

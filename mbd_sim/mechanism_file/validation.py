@@ -10,6 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 from mbd_sim.errors import MechanismError, Problem
 from mbd_sim.mechanism.source import Source
 from mbd_sim.mechanism_file.builders.mechanism_builder import build_elements, in_order
+from mbd_sim.mechanism_file.coordinate_names import coordinate_names
 from mbd_sim.mechanism_file.library import SUFFIXES
 from mbd_sim.mechanism_file.parameters import Parameters, resolve_parameters
 from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
@@ -17,6 +18,7 @@ from mbd_sim.mechanism_file.schema.contact_schema import ContactSpec
 from mbd_sim.mechanism_file.schema.file_schema import GroundSpec, MechanismFile, PartSpec
 from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
 from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
+from mbd_sim.mechanism_file.schema.table_schema import TableSpec
 from mbd_sim.mechanism_file.validation_problems import problem_of
 
 MANY = 1000  # problems beyond which no further ones are searched for
@@ -35,7 +37,7 @@ def validate(source: Source) -> tuple[MechanismFile, dict[str, float]]:
         if isinstance(source.data, str) and source.data.endswith(SUFFIXES):
             remedy = "This is a path: load_mechanism reads files, parse_mechanism parses text."
         raise MechanismError([source.problem((), message, remedy, source.data)])
-    parameters = resolve_parameters(source)
+    parameters = _all_names(source)
     problems = source.problems + parameters.problems
     file = None
     try:
@@ -47,6 +49,17 @@ def validate(source: Source) -> tuple[MechanismFile, dict[str, float]]:
     if problems or file is None:
         raise MechanismError(in_order(problems + _reference_problems(source, parameters)))
     return file, parameters.values
+
+
+def _all_names(source: Source) -> Parameters:
+    """The parameters of a file, with the names of tables and coordinates that its expressions can use."""
+    parameters = resolve_parameters(source)
+    parameters.coordinates = coordinate_names(source.data.get("joints"))
+    written = source.data.get("tables")
+    valid = _accepted(written, _adapter(TableSpec), parameters)
+    parameters.tables = {name: spec.table for name, spec in valid.items()}
+    parameters.unreadable_tables = set(written or ()) - valid.keys() if isinstance(written, dict) else set()
+    return parameters
 
 
 def _reference_problems(source: Source, parameters: Parameters) -> list[Problem]:
@@ -83,6 +96,8 @@ def _ends_only(written: dict[str, Any]) -> dict[str, Any]:
     """A valid force element with only the ends of the one in the file."""
     if "between" in written:
         return {"type": "spring", "between": written["between"], "stiffness": 1}
+    if "coordinate" in written:
+        return {"type": "effort", "coordinate": written["coordinate"], "effort": 0}
     kind, key = ("couple", "on") if "on" in written else ("force", "at")
     return {"type": kind, key: written.get(key), "vector": [0, 0, 0]}
 

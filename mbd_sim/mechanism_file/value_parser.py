@@ -17,7 +17,18 @@ _BRACED = re.compile(r"\$\{([^{}]*)\}")
 _ARITHMETIC_WITH_UNIT = re.compile(rf"(.*[\w)])\s+{_UNIT}", re.ASCII)
 # Text copied from books and web pages has these characters in place of ASCII.
 _PLAIN = str.maketrans(
-    {"\u00a0": " ", "\u2009": " ", "\u202f": " ", "−": "-", "×": "*", "·": "*", "²": "**2", "³": "**3"}
+    {
+        "\u00a0": " ",
+        "\u2009": " ",
+        "\u202f": " ",
+        "−": "-",
+        "×": "*",
+        "·": "*",
+        "²": "**2",
+        "³": "**3",
+        "≤": "<=",
+        "≥": ">=",
+    }
 )
 
 

@@ -13,9 +13,12 @@ from mbd_sim.errors import Problem
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.constraints import Surface, expressions_of
 from mbd_sim.mechanism.expression import TIME, TimeExpression
-from mbd_sim.mechanism.laws import ELONGATION, Expressed
-from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
+from mbd_sim.mechanism.force_elements import Spring
+from mbd_sim.mechanism.force_expressions import ForceExpression, expressions_of_forces
+from mbd_sim.mechanism.laws import ELONGATION, ELONGATION_RATE
+from mbd_sim.mechanism.records import GROUND, Attachment, Joint, Mechanism
 from mbd_sim.mechanism.source import Location
+from mbd_sim.mechanism.state_numbers import DIFFERENCE, state_numbers
 from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.kernel_memory import KernelMemory
 
@@ -53,7 +56,7 @@ def undefined_expression(
     if not any(_expressions(model, mechanism, 0.0, model.start, memory.inputs)):
         return None
     last, estimate = _last_finite(model, memory, n)
-    time, step, moving = last.steps * last.step_size, last.step_size, model.q_range
+    time, step, moving = last.steps * last.step_size, last.step_size, slice(model.layout.nq + model.layout.nv)
     rates = np.array(model.equations.rates.call([time, last.y, last.inputs])[0]).ravel()[moving]
     with np.errstate(all="ignore"):  # the state may be close to infinity
         for steps in STEPS_AHEAD:
@@ -84,24 +87,39 @@ def _expressions(model: Model, mechanism: Mechanism, time: float, y: Array, inpu
         for index, expression in enumerate(joint.drive):
             location: Location = ("joints", name, "drive") + ((index,) if len(joint.drive) > 1 else ())
             yield UsedExpression(location, expression, now, 2)
-        if isinstance(joint.spring, Expressed):
-            elongation = float(y[model.layout.q[name].start] - joint.rest[0])
-            yield UsedExpression(("joints", name, "spring", "force"), joint.spring.force, {ELONGATION: elongation}, 0)
     poses = {GROUND: Pose(np.zeros(3), np.eye(3)), **model.poses(time, y, inputs)}
-    for spring in mechanism.springs:
-        if isinstance(spring.law, Expressed):
-            line = _position(poses, spring.second) - _position(poses, spring.first)
-            variables = {ELONGATION: float(np.linalg.norm(line)) - spring.length}
-            yield UsedExpression(("forces", spring.name, "force"), spring.law.force, variables, 0)
-    for element in mechanism.applied:
-        for index, expression in enumerate(element.vector):
-            yield UsedExpression(("forces", element.name, "vector", index), expression, now, 0)
+    for force in expressions_of_forces(mechanism):
+        variables = _elongation(model, force, time, y, inputs)
+        variables |= state_numbers(mechanism, force.expression, time, y)
+        yield UsedExpression(force.location, force.expression, variables or now, 0)
     for constraint in mechanism.constraints:
         variables = {**now, **_local(poses, constraint)} if isinstance(constraint, Surface) else now
         expressions = expressions_of(constraint)
         for index, expression in enumerate(expressions):
             location = ("constraints", constraint.name, *_key(mechanism, constraint.name, index))
             yield UsedExpression(location, expression, variables, 2)
+
+
+def _elongation(model: Model, force: ForceExpression, time: float, y: Array, inputs: Array) -> dict[str, float]:
+    """The elongation of the spring to which an expression belongs, and its rate; empty if it belongs to none."""
+    match force.stretched:
+        case None:
+            return {}
+        case Joint() as joint:
+            q, u = model.layout.q[joint.name].start, model.layout.u[joint.name].start
+            x, rate = float(y[q] - joint.rest[0]), float(y[model.layout.nq + u])
+        case Spring() as spring:
+            rates = np.array(model.equations.rates.call([time, y, inputs])[0]).ravel()
+            moved = y + np.where(np.arange(len(y)) < model.layout.nq, rates, 0.0) * DIFFERENCE
+            lengths = [_length(model, spring, time + dt, at, inputs) for dt, at in ((0.0, y), (DIFFERENCE, moved))]
+            x, rate = lengths[0] - spring.length, (lengths[1] - lengths[0]) / DIFFERENCE
+    own = {ELONGATION: x, ELONGATION_RATE: rate}
+    return {name: value for name, value in own.items() if name in force.expression.variables}
+
+
+def _length(model: Model, spring: Spring, time: float, y: Array, inputs: Array) -> float:
+    poses = {GROUND: Pose(np.zeros(3), np.eye(3)), **model.poses(time, y, inputs)}
+    return float(np.linalg.norm(_position(poses, spring.second) - _position(poses, spring.first)))
 
 
 def _key(mechanism: Mechanism, constraint: str, index: int) -> Location:

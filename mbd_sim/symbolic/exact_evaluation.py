@@ -28,6 +28,7 @@ _FUNCTIONS: dict[int, Callable[..., Any]] = {
     ca.OP_COSH: sp.cosh,
     ca.OP_TANH: sp.tanh,
     ca.OP_SIGN: sp.sign,
+    ca.OP_FLOOR: sp.floor,
     ca.OP_POW: sp.Pow,
     ca.OP_CONSTPOW: sp.Pow,
     ca.OP_FMIN: sp.Min,

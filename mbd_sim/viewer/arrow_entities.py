@@ -22,6 +22,7 @@ from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.force_elements import AppliedForce
 from mbd_sim.mechanism.records import Attachment, Joint
+from mbd_sim.mechanism.state_numbers import value_at
 from mbd_sim.viewer import entity_paths
 from mbd_sim.viewer.entity import Entity, LoggedItems
 from mbd_sim.viewer.part_poses import PartPoses
@@ -104,9 +105,11 @@ class _Applied:
     """A force or a couple of the file, evaluated at the times of the samples."""
 
     def __init__(self, scene: SceneDescription, force: AppliedForce) -> None:
-        self._force = force
-        vectors = [self._vector(time) for time in np.linspace(0.0, PREVIEW_TIME, 101)]
-        largest = float(np.linalg.norm(vectors, axis=1).max()) or 1.0
+        self._force, self._scene = force, scene
+        largest = weight(scene)
+        if not any(component.state for component in force.vector):
+            vectors = [self._vector(time, np.zeros(0)) for time in np.linspace(0.0, PREVIEW_TIME, 101)]
+            largest = float(np.linalg.norm(vectors, axis=1).max()) or 1.0
         path = f"{entity_paths.WORLD}/forces/{force.name}"
         self._style = ArrowStyle(path, palette.APPLIED, scene.extent.size, largest)
 
@@ -114,14 +117,15 @@ class _Applied:
         yield from self._style.static(self._force.couple)
 
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
-        values = np.array([self._vector(time) for time in rows.motion_times.tolist()])
+        values = np.array([self._vector(*row) for row in zip(rows.motion_times.tolist(), rows.of("y"), strict=True)])
         vectors = poses.direction(self._force.axes_of, values)
         at = poses.point(self._force.at)
         yield from self._style.couple(at, vectors) if self._force.couple else self._style.force(at, vectors)
 
-    def _vector(self, time: float) -> Array:
+    def _vector(self, time: float, y: Array) -> Array:
+        mechanism, vector = self._scene.mechanism, self._force.vector
         try:
-            return np.asarray(self._force.axes @ [component.at(time) for component in self._force.vector])
+            return np.asarray(self._force.axes @ [value_at(mechanism, one, time, y) for one in vector])
         except InputError:
             return np.zeros(3)
 

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from mbd_sim.errors import InputError
-from mbd_sim.mechanism.expression import evaluate, names_in
+from mbd_sim.mechanism.expression import evaluate, names_in, tables_in
 
 
 @pytest.mark.parametrize(
@@ -150,3 +150,49 @@ def test_deep_nesting_gives_a_value_or_an_error(text):
         assert math.isfinite(evaluate(text, {}))
     except InputError as error:
         assert str(error)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("where(l > 1, l, 0)", 1.5),
+        ("where(l <= 1, l, 7)", 7.0),
+        ("where(1 < l <= 1.5, 1, 0)", 1.0),
+        ("where(l > 2 or m >= 2, 1, 0)", 1.0),
+        ("where(l > 2 and sqrt(1 - l) > 0, 1, 0)", 0.0),
+        ("where(not l > 2, 1, 0)", 1.0),
+        ("where(l > 0, sqrt(l - 1.25), sqrt(-l))", 0.5),
+        ("where(l > 2, 1, where(l > 1, 2, 3))", 2.0),
+        ("sign(-l) + sign(0)", -1.0),
+        ("clip(l, 2, 3) + clip(l, 0, 1) + clip(l, 1, 2)", 4.5),
+        ("floor(-l) + mod(-0.5, 2)", -0.5),
+        ("tanh(1)", math.tanh(1)),
+    ],
+)
+def test_branches_and_bounded_functions(text, value):
+    assert evaluate(text, {"l": 1.5, "m": 2.0}) == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("l > 1", "a comparison stands where a number is expected. Use it as a condition: where(x > 0, a, b)."),
+        ("where(l, 1, 2)", "a condition must be a comparison"),
+        ("where(l > 1, 2)", "where() takes 3 values, not 2. Write where(condition, a, b)."),
+        ("where(l == 1, 1, 2)", "not a number, a value with a unit, or an expression"),
+        ("table(map, l)", "there is no table 'map'"),
+        ("table()", "table() needs the name of a table"),
+        ("clip(l, 1)", "clip() takes 3 values, not 2. Write clip(a, b, c)."),
+        ("1 if l else 2", "only numbers, names"),
+    ],
+)
+def test_wrong_conditions_are_explained(text, message):
+    with pytest.raises(InputError) as caught:
+        evaluate(text, {"l": 1.5})
+    assert message in str(caught.value)
+
+
+def test_names_with_points_are_one_name_and_tables_are_none():
+    text = "crank.velocity*table(gas, crank) + where(not a < b.x, 1, 2)"
+    assert names_in(text) == {"crank.velocity", "crank", "a", "b.x"}
+    assert tables_in(text) == {"gas"}

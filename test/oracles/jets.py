@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from mbd_sim.mechanism.expression import FUNCTIONS, Arithmetic, evaluate_with
+from mbd_sim.mechanism.arithmetic import FUNCTIONS, Arithmetic
+from mbd_sim.mechanism.expression import evaluate_with
 
 
 class Jet:
@@ -128,7 +129,13 @@ def _atan2(y, x):
 
 
 _SMOOTH["atan2"] = _atan2
-JETS = Arithmetic({name: (FUNCTIONS[name][0], function) for name, function in _SMOOTH.items()}, power=_power)
+JETS = Arithmetic(
+    {name: (FUNCTIONS[name][0], function) for name, function in _SMOOTH.items()},
+    power=_power,
+    divide=lambda a, b: a / b,
+    where=lambda condition, a, b: a(JETS) if condition else b(JETS),
+    look_up=lambda table, x: table.at(x),
+)
 
 
 def expression_jet(expression, **names):

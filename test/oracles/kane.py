@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbd_sim.mechanism.laws import GreenStrain
+from mbd_sim.mechanism.laws import GreenStrain, Varying
 from test.oracles.jets import Jet, expression_jet
 from test.oracles.kane_laws import dry_friction, elastic, power_law
 from test.oracles.kane_rows import constrained_velocities
@@ -160,10 +160,13 @@ def motions(mechanism, q, u, u_rate=None, t=0.0):
     }
 
 
-def joint_forces(mechanism, q, u, efforts):
+def joint_forces(mechanism, q, u, efforts, t=0.0):
     """Generalized forces (nv,) of efforts, springs, dampers and stops, and the potential energy of the springs."""
     where, _, _ = coordinate_slices(mechanism)
     forces, potential = np.array(efforts, dtype=float), 0.0
+    named = NamedValues(mechanism, q, u, t)
+    for effort in mechanism.efforts:
+        forces[mechanism.coordinate_names.index(effort.coordinate)] += named.value(effort.effort)
     for name, joint in mechanism.joints.items():
         in_q, in_u = where[name]
         for place, row in enumerate(range(in_u.start, in_u.stop)):
@@ -172,7 +175,9 @@ def joint_forces(mechanism, q, u, efforts):
                 stretch = q[in_q.start + place] - joint.rest[place]
                 forces[row] -= joint.stiffness[place] * stretch
                 potential += 0.5 * joint.stiffness[place] * stretch**2
-                if joint.spring is not None:
+                if isinstance(joint.spring, Varying):
+                    forces[row] -= named.value(joint.spring.force, stretch, u[row])
+                elif joint.spring is not None:
                     force, energy = elastic(joint.spring, stretch)
                     forces[row] -= force
                     potential += energy
@@ -190,6 +195,24 @@ def joint_forces(mechanism, q, u, efforts):
     return forces, potential
 
 
+class NamedValues:
+    """The coordinates and speeds of all joints by name."""
+
+    def __init__(self, mechanism, q, u, t):
+        self._jets, self._t = coordinate_jets(mechanism, q, u, t), t
+        self._speeds = dict(zip(mechanism.coordinate_names, u, strict=True))
+
+    def value(self, expression, stretch=0.0, rate=0.0):
+        """The value of an expression of these names, of time, and of an elongation and its rate."""
+        names = {"t": self._t, "x": stretch, "x.velocity": rate}
+        for name in expression.state:
+            speeds = self._speeds if name.coordinate in self._speeds else {}
+            speed = speeds.get(name.coordinate)
+            jet = self._jets.get(name.coordinate)
+            names[name.written] = (jet.d[1] if speed is None else speed) if name.speed else jet.d[0]
+        return expression.value({name: names[name] for name in expression.variables})
+
+
 def _velocity_of(moving, at):
     """The position and velocity of a point of a part in ground's frame."""
     if at.part == GROUND:
@@ -198,8 +221,11 @@ def _velocity_of(moving, at):
     return tuple(frame.origin.d[i] + frame.rotation.d[i] @ at.point for i in (0, 1))
 
 
-def element_forces(mechanism, moving, t):
-    """(attachment, whether it is a couple, force or couple (3,) in ground's axes) of every element; springs' energy."""
+def element_forces(mechanism, moving, t, named=None):
+    """(attachment, whether it is a couple, force or couple (3,) in ground's axes) of every element; springs' energy.
+
+    `named` are the values of the names in expressions; not needed if these are of time alone.
+    """
     found, energy = [], 0.0
     for spring in mechanism.springs:
         (a, a1), (b, b1) = (_velocity_of(moving, at) for at in (spring.first, spring.second))
@@ -210,6 +236,8 @@ def element_forces(mechanism, moving, t):
             k, natural = spring.law.stiffness, spring.law.length
             force = k * stretch * (1.0 + stretch / natural) * (1.0 + stretch / (2.0 * natural))
             stored = 0.5 * k * stretch**2 * (1.0 + stretch / (2.0 * natural)) ** 2
+        elif isinstance(spring.law, Varying):
+            force, stored = named.value(spring.law.force, stretch, along @ (b1 - a1)), 0.0
         else:
             force, stored = elastic(spring.law, stretch)
         tension = force + spring.damping * along @ (b1 - a1)
@@ -224,7 +252,7 @@ def element_forces(mechanism, moving, t):
             force = along * power_law(damper.law, along @ (b1 - a1))
         found += [(damper.first, False, force), (damper.second, False, -force)]
     for applied in mechanism.applied:
-        vector = np.array([expression.at(t) for expression in applied.vector])
+        vector = np.array([named.value(one) if one.state else one.at(t) for one in applied.vector])
         vector = applied.axes @ vector
         if applied.axes_of != GROUND:
             vector = moving[applied.axes_of].rotation.d[0] @ vector
@@ -299,9 +327,9 @@ def equations(mechanism, q, u, efforts, t=0.0):
     unit = [motions(mechanism, q, direction, t=t) for direction in np.eye(nv)]
     mass, forces = np.zeros((nv, nv)), np.zeros(nv)
     kinetic = 0.0
-    spring_forces, potential = joint_forces(mechanism, q, u, efforts)
+    spring_forces, potential = joint_forces(mechanism, q, u, efforts, t)
     forces += spring_forces
-    applied, energy = element_forces(mechanism, moving, t)
+    applied, energy = element_forces(mechanism, moving, t, NamedValues(mechanism, q, u, t))
     potential += energy
     for at, couple, vector in applied:
         for row, direction in enumerate(unit):

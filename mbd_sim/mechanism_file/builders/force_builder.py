@@ -8,10 +8,11 @@ from typing import assert_never
 
 import numpy as np
 
+from mbd_sim.errors import nearest, quoted
 from mbd_sim.mechanism.expression import TimeExpression
-from mbd_sim.mechanism.force_elements import AppliedForce, Damper, ForceElement, Spring
-from mbd_sim.mechanism.laws import ElasticLaw, GreenStrain, Linear
-from mbd_sim.mechanism.records import GROUND, Attachment
+from mbd_sim.mechanism.force_elements import AppliedEffort, AppliedForce, Damper, ForceElement, Spring
+from mbd_sim.mechanism.laws import ElasticLaw, GreenStrain, Linear, Varying
+from mbd_sim.mechanism.records import GROUND, Attachment, Joint
 from mbd_sim.mechanism.source import Location
 from mbd_sim.mechanism_file.builders.build_context import BuildContext, attachment
 from mbd_sim.mechanism_file.builders.law_builder import LARGEST_ELONGATION, build_curve, build_power_law
@@ -25,29 +26,40 @@ class ForceElements:
     springs: tuple[Spring, ...]
     dampers: tuple[Damper, ...]
     applied: tuple[AppliedForce, ...]
+    efforts: tuple[AppliedEffort, ...]
 
 
-def build_force_elements(specs: Mapping[str, schema.AnyForceSpec], context: BuildContext) -> ForceElements:
-    """The force elements of a file; invalid ones are left out and reported to `context`."""
+def build_force_elements(
+    specs: Mapping[str, schema.AnyForceSpec], joints: Mapping[str, Joint | None], context: BuildContext
+) -> ForceElements:
+    """The force elements of a file; invalid ones are left out and reported to `context`.
+
+    :param joints: by name; None for those that are invalid.
+    """
     springs: list[Spring] = []
     dampers: list[Damper] = []
     applied: list[AppliedForce] = []
+    efforts: list[AppliedEffort] = []
     for name, spec in specs.items():
-        match _build(name, spec, context):
+        match _build(name, spec, joints, context):
             case Spring() as spring:
                 springs.append(spring)
             case Damper() as damper:
                 dampers.append(damper)
             case AppliedForce() as force:
                 applied.append(force)
+            case AppliedEffort() as effort:
+                efforts.append(effort)
             case None:
                 pass
             case other:
                 assert_never(other)
-    return ForceElements(tuple(springs), tuple(dampers), tuple(applied))
+    return ForceElements(tuple(springs), tuple(dampers), tuple(applied), tuple(efforts))
 
 
-def _build(name: str, spec: schema.AnyForceSpec, context: BuildContext) -> ForceElement | None:
+def _build(
+    name: str, spec: schema.AnyForceSpec, joints: Mapping[str, Joint | None], context: BuildContext
+) -> ForceElement | None:
     match spec:
         case schema.SpringSpec():
             ends = _ends(name, spec.between, context)
@@ -63,6 +75,8 @@ def _build(name: str, spec: schema.AnyForceSpec, context: BuildContext) -> Force
             return _applied(name, ("at", at), vector, axes, context)
         case schema.CoupleSpec(on=on, vector=vector, axes=axes):
             return _applied(name, ("on", on), vector, axes, context)
+        case schema.EffortSpec():
+            return _effort(name, spec, joints, context)
         case _:
             assert_never(spec)
 
@@ -73,7 +87,7 @@ def _ends(name: str, between: tuple[str, str], context: BuildContext) -> tuple[A
 
 
 def _spring(name: str, spec: schema.SpringSpec, ends: tuple[Attachment, Attachment], context: BuildContext) -> Spring:
-    law: ElasticLaw = Linear(spec.stiffness)
+    law: ElasticLaw | Varying = Linear(spec.stiffness)
     if spec.force is not None or spec.table is not None:
         law = build_curve(spec.force, spec.table, -spec.length, LARGEST_ELONGATION * max(1.0, spec.length))
     location: Location = ("forces", name)
@@ -108,3 +122,22 @@ def _applied(
     axes_part, pose = frame
     rotation = np.eye(3) if in_part_axes else pose.rotation
     return AppliedForce(name, attachment(at), vector, key == "on", axes_part, rotation)
+
+
+def _effort(
+    name: str, spec: schema.EffortSpec, joints: Mapping[str, Joint | None], context: BuildContext
+) -> AppliedEffort | None:
+    location: Location = ("forces", name, "coordinate")
+    known = {label: joint for joint in joints.values() if joint for label in joint.motion_names}
+    joint = known.get(spec.coordinate)
+    if joint is None and None in joints.values():
+        return None  # the coordinates are not all known
+    if joint is None:
+        message = f"there is no joint coordinate {quoted(spec.coordinate)}"
+        context.report(location, message, nearest(spec.coordinate, known))
+        return None
+    if joint.drive:
+        message = f"the motion of {quoted(joint.name)} is prescribed by its drive: no effort can change it"
+        context.report(location, message, "Remove the drive, or name another coordinate.")
+        return None
+    return AppliedEffort(name, spec.coordinate, spec.effort)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from mbd_sim.mechanism.expression import TimeExpression
-from mbd_sim.mechanism.laws import ElasticLaw, Expressed, Friction, PowerLaw, tabulated
+from mbd_sim.mechanism.laws import ELONGATION, ElasticLaw, Expressed, Friction, PowerLaw, Varying, tabulated
 from mbd_sim.mechanism_file.schema import law_schema as schema
 
 LARGEST_ELONGATION = 20.0  # m or rad, up to which the potential of an expression is exact
@@ -13,15 +13,17 @@ REGULARIZATION_BELOW_ONE = 1e-2  # m/s or rad/s, of powers below 1, whose slope 
 REGULARIZATION = 1e-9  # m/s or rad/s, of all other powers
 
 
-def build_elastic_law(spec: schema.ForceCurveSpec | schema.TorqueCurveSpec) -> ElasticLaw:
+def build_elastic_law(spec: schema.ForceCurveSpec | schema.TorqueCurveSpec) -> ElasticLaw | Varying:
     """The law of a spring in a joint."""
     return build_curve(spec.force, spec.table, -LARGEST_ELONGATION, LARGEST_ELONGATION)
 
 
 def build_curve(
     force: TimeExpression | None, table: list[tuple[float, float]] | None, lower: float, upper: float
-) -> ElasticLaw:
+) -> ElasticLaw | Varying:
     """The law of an expression, or else of a table; the expression's potential is exact from `lower` to `upper`."""
+    if force is not None and force.variables - {ELONGATION}:
+        return Varying(force)
     if force is not None:
         return Expressed(force, lower, upper)
     elongations, forces = zip(*(table or ()), strict=True)

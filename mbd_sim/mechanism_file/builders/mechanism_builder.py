@@ -12,6 +12,7 @@ from mbd_sim.geometry.pose import Pose
 from mbd_sim.mechanism.attachments import PointsByPart
 from mbd_sim.mechanism.constraints import Constraint
 from mbd_sim.mechanism.contacts import Contact
+from mbd_sim.mechanism.force_expressions import force_expressions
 from mbd_sim.mechanism.records import GROUND, Joint, Mechanism, Part
 from mbd_sim.mechanism.source import Source
 from mbd_sim.mechanism_file.builders.build_context import BuildContext
@@ -40,7 +41,7 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         raise MechanismError(in_order(elements.problems))
     joints = elements.joints
     coupled = set(coupled_joints(elements.constraints, joints))
-    tree, problems = build_tree(elements.parts, joints, coupled, source)
+    tree, problems = build_tree(elements.parts, joints, coupled, _named_joints(elements), source)
     if problems:
         raise MechanismError(in_order(problems))
     in_tree = {
@@ -65,9 +66,19 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         springs=elements.forces.springs,
         dampers=elements.forces.dampers,
         applied=elements.forces.applied,
+        efforts=elements.forces.efforts,
         constraints=elements.constraints,
         contacts=elements.contacts,
     )
+
+
+def _named_joints(elements: MechanismElements) -> set[str]:
+    """The joints on whose motion a force depends, or along whose coordinates one acts."""
+    forces = elements.forces
+    found = force_expressions(elements.joints.values(), forces.springs, forces.applied, forces.efforts)
+    names = {state.coordinate for one in found for state in one.expression.state}
+    names |= {effort.coordinate for effort in forces.efforts}
+    return {joint.name for joint in elements.joints.values() if names & set(joint.motion_names)}
 
 
 def in_order(problems: Iterable[Problem]) -> list[Problem]:
@@ -127,8 +138,8 @@ def build_elements(
     }
     context = BuildContext(points, source, problems)
     built_joints = {name: build_joint(name, spec, context) for name, spec in joints.items()}
-    built_forces = build_force_elements(forces, context)
     known_joints = built_joints if all_joints else {**built_joints, "": None}
+    built_forces = build_force_elements(forces, known_joints, context)
     built_constraints = build_constraints(constraints, known_joints, context)
     built_contacts = build_contacts(contacts, parts, context)
     valid_joints = {name: joint for name, joint in built_joints.items() if joint}

@@ -11,23 +11,29 @@ from mbd_sim.mechanism.spanning_tree import SpanningTree, spanning_tree
 
 
 def build_tree(
-    parts: Mapping[str, Part], joints: Mapping[str, Joint], coupled: Collection[str], source: Source
+    parts: Mapping[str, Part],
+    joints: Mapping[str, Joint],
+    coupled: Collection[str],
+    named: Collection[str],
+    source: Source,
 ) -> tuple[SpanningTree, list[Problem]]:
     """The spanning tree of a mechanism, and the problems found.
 
     :param coupled: the joints whose coordinates a coupling refers to; they need their coordinates.
+    :param named: those that the expression of a force names, which need them too.
     """
-    tree = spanning_tree(parts, joints.values(), _by_priority(joints.values(), coupled), _to_cut(joints.values()))
-    problems = [problem for name in tree.closing for problem in _cannot_close(source, joints[name], coupled)]
+    needed = {joint.name: _needs_coordinate(joint, coupled, named) for joint in joints.values()}
+    tree = spanning_tree(parts, joints.values(), _by_priority(joints.values(), needed), _to_cut(joints.values()))
+    problems = [problem for name in tree.closing for problem in _cannot_close(source, joints[name], needed[name])]
     problems += [_cannot_be_cut(source, joint) for joint in joints.values() if joint.cut and joint.name in tree.joints]
     problems += _unconnected(source, tree.unreached, joints.values())
     return tree, problems
 
 
-def _by_priority(joints: Collection[Joint], coupled: Collection[str]) -> list[str]:
+def _by_priority(joints: Collection[Joint], needed: Mapping[str, str]) -> list[str]:
     """The joints that should have coordinates; those that require them come first."""
     candidates = [joint for joint in joints if not joint.cut]
-    preferred = [joint.name for joint in candidates if _needs_coordinate(joint, coupled)]
+    preferred = [joint.name for joint in candidates if needed[joint.name]]
     preferred += [joint.name for joint in candidates if any(joint.fixed_in_assembly + joint.fixed_speeds)]
     preferred += [joint.name for joint in candidates if joint.position.any()]
     return preferred
@@ -37,7 +43,7 @@ def _to_cut(joints: Iterable[Joint]) -> set[str]:
     return {joint.name for joint in joints if joint.cut}
 
 
-def _needs_coordinate(joint: Joint, coupled: Collection[str]) -> str:
+def _needs_coordinate(joint: Joint, coupled: Collection[str], named: Collection[str]) -> str:
     """The keys of a joint that refer to its coordinate, as a list in words; empty if there are none."""
     has = {
         "a drive": bool(joint.drive),
@@ -49,14 +55,15 @@ def _needs_coordinate(joint: Joint, coupled: Collection[str]) -> str:
         "limits": bool(joint.limits),
         "an effort_limit": joint.effort_limit is not None,
         "a coupling": joint.name in coupled,
+        "a force that depends on it": joint.name in named,
     }
     return listed([what for what, true in has.items() if true])
 
 
-def _cannot_close(source: Source, joint: Joint, coupled: Collection[str]) -> Iterator[Problem]:
-    """Why a joint cannot close a loop, if it cannot."""
+def _cannot_close(source: Source, joint: Joint, keys: str) -> Iterator[Problem]:
+    """Why a joint cannot close a loop, if it cannot; `keys` are those that refer to its coordinate."""
     where: Location = ("joints", joint.name)
-    if keys := _needs_coordinate(joint, coupled):
+    if keys:
         remedy = "Cut another joint of its loop, one that needs no coordinate, with 'cut: true'."
         yield source.problem(where, f"closes a loop, and so has no coordinate, but has {keys}", remedy)
     elif any(joint.fixed_in_assembly + joint.fixed_speeds):

@@ -34,6 +34,7 @@ from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
 from mbd_sim.mechanism_file.schema.contact_schema import ContactSpec
 from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
 from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
+from mbd_sim.mechanism_file.schema.table_schema import TableSpec
 
 FunctionHead = Annotated[str, StringConstraints(max_length=200)]  # its form is checked when functions are read
 Color = Annotated[str, StringConstraints(pattern=r"^#[0-9a-fA-F]{6}$")]
@@ -220,6 +221,7 @@ class MechanismFile(Spec):
     functions: dict[FunctionHead, Value] = Field(
         {}, description="named expressions with arguments, such as 'stroke(t): 0.1*sin(5*t)'"
     )
+    tables: dict[Name, TableSpec] = Field({}, description="functions through given points, read by table(name, x)")
     gravity: tuple[Acceleration, Acceleration, Acceleration] = (0.0, 0.0, -9.81)
     integrator: IntegrationSpec = IntegrationSpec()
     ground: GroundSpec = GroundSpec()
@@ -229,4 +231,4 @@ class MechanismFile(Spec):
         default={}, description="restrictions of the motion in addition to joints"
     )
     contacts: dict[Name, ContactSpec] = Field(default={}, description="shapes that cannot penetrate each other")
-    forces: dict[Name, AnyForceSpec] = Field(default={}, description="springs, dampers, forces and couples")
+    forces: dict[Name, AnyForceSpec] = Field(default={}, description="springs, dampers, forces, couples and efforts")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, StringConstraints, model_validator
 
 from mbd_sim.errors import InputError
 from mbd_sim.mechanism.expression import TimeExpression
@@ -20,9 +20,11 @@ from mbd_sim.mechanism_file.quantity import (
 from mbd_sim.mechanism_file.schema.base_schema import Spec
 from mbd_sim.mechanism_file.schema.law_schema import ForceOfElongation, ForceTable, LinearPowerSpec
 
+CoordinateName = Annotated[str, StringConstraints(min_length=1)]
 NaturalLength = Annotated[Length, Quantity("m", at_least=0)]
-Force = Annotated[TimeExpression, ExpressionField("N")]
-Torque = Annotated[TimeExpression, ExpressionField("N*m")]
+Force = Annotated[TimeExpression, ExpressionField("N", state=True)]
+Torque = Annotated[TimeExpression, ExpressionField("N*m", state=True)]
+Effort = Annotated[TimeExpression, ExpressionField(None, state=True)]
 Axes = Annotated[str, Field(description="ground, part (the part that the element acts on), or any part or part.point")]
 PositiveStiffness = Annotated[float, Quantity("N/m", above=0)]
 
@@ -30,7 +32,8 @@ PositiveStiffness = Annotated[float, Quantity("N/m", above=0)]
 class SpringSpec(Spec):
     """A spring with a damper in parallel, straight between two points; it pushes where it is shorter than `length`.
 
-    `force`, an expression of the elongation x in m, or `table` replaces `stiffness`.
+    `force`, an expression of the elongation x in m, its rate x.velocity and joint coordinates, or `table` replaces
+    `stiffness`.
     """
 
     type: Literal["spring"]
@@ -73,7 +76,7 @@ class DamperSpec(LinearPowerSpec):
 
 
 class PointForceSpec(Spec):
-    """A force at a point, as expressions of time, in the axes of ground, its part (a follower force) or another."""
+    """A force at a point, as expressions, in the axes of ground, its part (a follower force) or another."""
 
     type: Literal["force"]
     at: str
@@ -82,7 +85,7 @@ class PointForceSpec(Spec):
 
 
 class CoupleSpec(Spec):
-    """A couple on a part, as expressions of time, in the axes of ground, its part or another."""
+    """A couple on a part, as expressions, in the axes of ground, its part or another."""
 
     type: Literal["couple"]
     on: str
@@ -90,6 +93,14 @@ class CoupleSpec(Spec):
     axes: Axes = "ground"
 
 
+class EffortSpec(Spec):
+    """An effort along a joint coordinate, in N or N·m, as an expression."""
+
+    type: Literal["effort"]
+    coordinate: CoordinateName
+    effort: Effort
+
+
 AnyForceSpec = Annotated[
-    SpringSpec | ElasticBarSpec | DamperSpec | PointForceSpec | CoupleSpec, Field(discriminator="type")
+    SpringSpec | ElasticBarSpec | DamperSpec | PointForceSpec | CoupleSpec | EffortSpec, Field(discriminator="type")
 ]

@@ -8,8 +8,8 @@ from typing import Annotated
 from pydantic import AfterValidator, Field, model_validator
 
 from mbd_sim.errors import InputError
-from mbd_sim.mechanism.expression import TimeExpression, evaluate
-from mbd_sim.mechanism.laws import ELONGATION
+from mbd_sim.mechanism.expression import TimeExpression
+from mbd_sim.mechanism.laws import ELONGATION, ELONGATION_RATE
 from mbd_sim.mechanism_file.expression_field import ExpressionField
 from mbd_sim.mechanism_file.quantity import (
     Angle,
@@ -33,8 +33,10 @@ Coefficient = Annotated[float, Quantity("", at_least=0)]
 
 
 def _finite_at_rest(expression: TimeExpression) -> TimeExpression:
+    if expression.variables - {ELONGATION}:
+        return expression  # without a potential; it is evaluated at the start of the motion
     try:
-        evaluate(expression.text, {**expression.names, ELONGATION: 0.0})
+        expression.value({ELONGATION: 0.0})
     except InputError as error:
         message = f"has no finite value at {ELONGATION} = 0, where its potential is zero"
         raise InputError(message, "Write a force that is finite there.") from error
@@ -51,8 +53,9 @@ def _growing(rows: list[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 _Checks = AfterValidator(_finite_at_rest)
-ForceOfElongation = Annotated[TimeExpression, ExpressionField("N", (ELONGATION,)), _Checks]
-TorqueOfAngle = Annotated[TimeExpression, ExpressionField("N*m", (ELONGATION,)), _Checks]
+_ELONGATION = (ELONGATION, ELONGATION_RATE)
+ForceOfElongation = Annotated[TimeExpression, ExpressionField("N", _ELONGATION, state=True), _Checks]
+TorqueOfAngle = Annotated[TimeExpression, ExpressionField("N*m", _ELONGATION, state=True), _Checks]
 ForceTable = Annotated[list[tuple[Length, ForceValue]], AfterValidator(_growing)]
 TorqueTable = Annotated[list[tuple[Angle, TorqueValue]], AfterValidator(_growing)]
 

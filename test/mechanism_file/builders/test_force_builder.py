@@ -91,7 +91,7 @@ FORCES = {
     tie("force: 3*x, table: [[0, 1], [1, 2]]"): "has force and table. Give one of them.",
     tie("length: 1"): "has neither stiffness nor damping. Add 'stiffness', 'force', 'table' or 'damping'.",
     tie("force: 1/x"): "force: has no finite value at x = 0",
-    tie("force: 3*t"): "unknown name 't' (got '3*t'). Valid: k, x.",
+    tie("force: 3*s"): "unknown name 's' (got '3*s'). Valid: flight.rx.velocity, ",
     tie("force: [1]"): "must be an expression of x",
     tie("force: 3 m"): "the unit 'm' does not fit: a value in N is expected here",
     tie("force: sqrt(x), length: 4"): "has no finite value at the start, where x = -1",
