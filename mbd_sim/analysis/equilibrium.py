@@ -72,7 +72,7 @@ def _balanced(equations: Equations, q: Array) -> Array | None:
     all_free, inputs = np.ones(nv, dtype=bool), equations.inputs_without_commands
 
     def accelerations(q: Array) -> Array:
-        y = np.concatenate([q, at_rest, np.zeros(3)])
+        y = np.concatenate([q, at_rest, np.zeros(equations.start_state.size - nq - nv)])
         return np.array(equations.rates.call([0.0, y, inputs])[0]).ravel()[nq : nq + nv]
 
     best, least, scale = None, math.inf, 1.0

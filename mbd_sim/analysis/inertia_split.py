@@ -83,7 +83,7 @@ def inertia_split(equations: Equations) -> InertiaSplit:
     t, q, u, u_rates = ca.SX.sym("t"), ca.SX.sym("q", nq), ca.SX.sym("u", nv), ca.SX.sym("u'", nv)
     y = ca.vertcat(q, u, ca.SX.zeros(equations.start_state.size - nq - nv))
     kinetic = equations.energies(t, y)[0]
-    q_rates = equations.rates.call([t, y, ca.SX.zeros(nv)])[0][:nq]
+    q_rates = equations.rates.call([t, y, ca.SX.zeros(equations.inputs.size)])[0][:nq]
     to_rates = ca.jacobian(q_rates, u)
 
     at_rest = ca.SX.zeros(nv, 1)

@@ -27,7 +27,7 @@ def integrable_rows(equations: Equations) -> dict[int, bool]:
     t, q, u = ca.SX.sym("t"), ca.SX.sym("q", nq), ca.SX.sym("u", nv)
     y = ca.vertcat(q, u, ca.SX.zeros(equations.start_state.size - nq - nv))
     velocity = equations.violation(t, y)[:, 1]
-    q_rates = equations.rates.call([t, y, ca.SX.zeros(nv)])[0][:nq]
+    q_rates = equations.rates.call([t, y, ca.SX.zeros(equations.inputs.size)])[0][:nq]
     to_rates = ca.jacobian(q_rates, u)
     gradient = ca.jacobian(velocity, u)
     drift = ca.substitute([velocity], [u], [ca.SX.zeros(nv)])[0]

@@ -18,6 +18,7 @@ from mbd_sim.dynamics.state_variables import StateVariables
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
 from mbd_sim.errors import nearest
 from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.actuators import require_no_actuators
 from mbd_sim.mechanism.records import Mechanism
 
 FEASIBLE = 1e-9  # the error of the accelerations that is allowed, relative to the largest one
@@ -54,9 +55,13 @@ class InverseDynamics:
         self.actuated = names if actuated is None else tuple(actuated)
         self._indices = [names.index(name) for name in self.actuated]
         loaded, parameters = (equations.inputs.loaded, equations.parameters) if equations else ((), None)
-        self._tree = _tree_efforts(trace(mechanism, loaded, parameters))
-        self._equations = equations
         self._direct = len(self._indices) == len(names) and not (mechanism.closing or mechanism.constraints)
+        if not self._direct:
+            require_no_actuators(mechanism, "has no inverse dynamics of loops or of some coordinates")
+        step = None if equations is None else equations.step
+        traced = trace(mechanism, loaded, parameters, step)
+        self._tree, self._input_size = _tree_efforts(traced), traced.input_layout.size
+        self._equations = equations
 
     def __call__(self, q: Array, u: Array, u_rates: Array, t: float = 0.0, inputs: Array | None = None) -> Array:
         """The efforts (nv,) in N and N·m for the accelerations `u_rates` (nv,); zero at coordinates without actuation.
@@ -69,7 +74,7 @@ class InverseDynamics:
         :raises ValueError: the constraints, or joints without actuation, do not allow these accelerations.
         """
         if inputs is None:
-            inputs = self._equations.inputs_without_commands if self._equations else np.zeros(len(u_rates))
+            inputs = self._equations.inputs_without_commands if self._equations else np.zeros(self._input_size)
         efforts = np.array(self._tree(q, u, u_rates, t, inputs), dtype=float).ravel()
         if self._direct:
             return efforts
@@ -115,7 +120,9 @@ def _tree_efforts(traced: TracedMechanism) -> ca.Function:
     elements = element_forces(traced.mechanism, chain, motions, traced.poses, variables, external)
     wrenches = transmitted_wrenches(chain, motions, accelerations, elements.wrenches)
     no_efforts, applied = ca.SX(layout.nv, 1), traced.mechanism.efforts
-    efforts = -joint_forces(chain, state.q, state.u, no_efforts, variables, applied).generalized
+    rotors = ca.SX(layout.nv, 1) if traced.rotor_inertia is None else traced.rotor_inertia
+    joints = joint_forces(chain, state.q, state.u, no_efforts, variables, applied)
+    efforts = rotors * u_rates - joints.generalized
     for link, motion, wrench in zip(chain, motions, wrenches, strict=True):
         efforts[link.u, :] += motion.joint.partial_velocities.T @ wrench
     symbols = [state.q, state.u, u_rates, state.t, traced.inputs]

@@ -28,6 +28,7 @@ NOUNS = {  # singular and plural
     "constraint_violation": ("constraint violation", "constraint violations"),
     "accelerations": ("set of accelerations", "sets of accelerations"),
     "applied_efforts": ("effort", "efforts"),
+    "applied_commands": ("command", "commands"),
     "applied_wrenches": ("wrench", "wrenches"),
     "live_values": ("live value", "live values"),
     "new_states": ("new state", "new states"),

@@ -16,6 +16,7 @@ from mbd_sim.compiler.machine_code import MachineCode, compile_module, new_modul
 from mbd_sim.compiler.runge_kutta_step import explicit_step
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.compiler.stepping import emit_advance_members
+from mbd_sim.integrators.between_steps import BetweenSteps
 from mbd_sim.integrators.tableau import Tableau
 
 Array = NDArray[np.float64]
@@ -39,11 +40,16 @@ class MemberKernel:
 
 
 def compile_members(
-    rates: ca.Function, projection: ca.Function | None, method: Tableau, error_size: int, lanes: int = LANES
+    rates: ca.Function,
+    projection: ca.Function | None,
+    method: Tableau,
+    error_size: int,
+    between_steps: BetweenSteps | None = None,
+    lanes: int = LANES,
 ) -> MemberKernel:
     """Compile y' = rates(t, y, inputs) for groups of members: see `compile_kernel` and `System`."""
     module = new_module()
-    system = emit_system(module, rates, arranged(rates), projection, method, error_size, lanes)
+    system = emit_system(module, rates, arranged(rates), projection, method, error_size, lanes, between_steps)
     emit_advance_members(module, system, explicit_step(method), lanes, rates.nnz_in(2))
     code = compile_module(module)
     signature = ctypes.CFUNCTYPE(None, *[_ADDRESS] * 4, _INT, _DOUBLE, *[_INT] * 3)

@@ -136,6 +136,8 @@ def _emit_loop(
     following = time_of(b.add(step, integer(1)))
     is_eighth = b.icmp_unsigned("==", b.and_(step, integer(ESTIMATED_EVERY - 1)), integer(0))
     emitter.is_estimated = b.and_(guarded, is_eighth)
+    if system.samples is not None:  # once in each step, also where an event is left to the caller
+        emitter.sample(step, time_of(step), guarded)
     copy(b, size, y, before)
     emit_step(time_of(step))
     emitter.project(following, y)

@@ -116,10 +116,11 @@ def combine_at_once(
     terms: Terms,
     *,
     still: frozenset[int] = NONE,
+    unread: frozenset[int] = NONE,
 ) -> None:
     """The same, where the last vector has just been computed: the other terms are added while that is under way.
 
-    The result is rounded twice, so this is for stages and not for states.
+    The result is rounded twice, so this is for stages and not for states. Components in `unread` are left out.
     """
     *early, (weight, last) = terms
     factor = b.fmul(h, number(weight))
@@ -130,7 +131,12 @@ def combine_at_once(
             start = b.fma(h, total(b, early, i), start)
         store(b, b.fma(factor, load(b, last, i), start), target, i)
 
-    for_each(b, size, component, still)
+    if unread:
+        for index in range(size):
+            if index not in unread | still:
+                component(index)
+    else:
+        for_each(b, size, component, still)
 
 
 def add_square(b: ir.IRBuilder, into: ir.Value, value: ir.Value) -> None:

@@ -21,9 +21,11 @@ from mbd_sim.compiler.readers import export, reader
 from mbd_sim.compiler.rosenbrock_step import rosenbrock_step
 from mbd_sim.compiler.rosenbrock_w_step import rosenbrock_w_step
 from mbd_sim.compiler.runge_kutta_step import explicit_step
+from mbd_sim.compiler.samples import emit_samples
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.compiler.step_emitter import Prepare, System
 from mbd_sim.compiler.stepping import emit_advance
+from mbd_sim.integrators.between_steps import BetweenSteps
 from mbd_sim.integrators.gauss import Gauss
 from mbd_sim.integrators.methods import Method
 from mbd_sim.integrators.rosenbrock import Rosenbrock
@@ -85,6 +87,7 @@ def compile_kernel(
     core: slice | None = None,
     partial_system: PartialSystem | None = None,
     one_sided: OneSidedSystem | None = None,
+    between_steps: BetweenSteps | None = None,
 ) -> Kernel:
     """Compile y' = rates(t, y, inputs) with a method of integration: see `System`.
 
@@ -93,11 +96,12 @@ def compile_kernel(
         components after them, which do not count in error estimates either.
     :param partial_system: for methods with `joints_only`: see `rosenbrock_w_step`.
     :param one_sided: the one-sided rows of the system; without them all of its rows are two-sided.
+    :param between_steps: what changes in the state at the start of a step.
     """
     core = slice(0, rates.nnz_out(0)) if core is None else core
     module = new_module()
     program = arranged(rates)
-    system = emit_system(module, rates, program, projection, method, core.stop)
+    system = emit_system(module, rates, program, projection, method, core.stop, between_steps=between_steps)
     prepare = _step_of(method, rates, core, partial_system)
     if one_sided is None:
         advance = emit_advance(module, system, prepare)
@@ -134,6 +138,7 @@ def emit_system(
     method: Method,
     error_size: int,
     lanes: int = 1,
+    between_steps: BetweenSteps | None = None,
 ) -> System:
     """Emit the functions of a system for `lanes` members at once; `program` are the arranged rates."""
     reports_conditioning = rates.n_out() > 1
@@ -148,6 +153,9 @@ def emit_system(
         projection=emitted,
         reports_conditioning=reports_conditioning,
         projection_takes_inputs=projection is not None and projection.n_in() > 2,
+        samples=emit_samples(module, between_steps, lanes),
+        held=frozenset() if between_steps is None else between_steps.held,
+        unread=frozenset() if between_steps is None else between_steps.unread,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 import llvmlite.ir as ir
@@ -19,6 +20,7 @@ from mbd_sim.compiler.ir_vectors import (
     total,
     weighted,
 )
+from mbd_sim.compiler.samples import Samples
 from mbd_sim.compiler.simd_builder import LaneBuilder
 from mbd_sim.integrators.estimate import ErrorEstimate
 
@@ -32,7 +34,8 @@ class System:
     `projection(t, y)` or, if `projection_takes_inputs`, `projection(t, y, inputs)`, moves the state back to the
     constraints after each step. If `rates` also `reports_conditioning`, it has a second output: where that is negative
     at the start of a step, the constraints are ill-conditioned and each further stage is projected too. The components
-    in `still`, after the first `error_size` ones, have the rate zero, and no rate depends on them.
+    in `still`, after the first `error_size` ones, have the rate zero, and no rate depends on them. Those in `held` have
+    the rate zero, and on those in `unread` no rate depends. The `samples` change the state at the start of each step.
     """
 
     size: int
@@ -42,6 +45,9 @@ class System:
     reports_conditioning: bool = False
     projection_takes_inputs: bool = False
     still: frozenset[int] = frozenset()
+    samples: Samples | None = None
+    held: frozenset[int] = frozenset()
+    unread: frozenset[int] = frozenset()
 
 
 # Emits the error estimate of a step, given the factor h of the slopes (None: 1) and a further error to add to it.
@@ -61,6 +67,7 @@ class StepEmitter:
         self.is_estimated: ir.Value = ir.Constant(ir.IntType(1), 0)  # whether the error of this step is estimated
         self._projected = self.vector() if system.projection is not None else None
         self._conditioning, self._ignored = self.scalar(), self.scalar()
+        self._sampled = None if system.samples is None else system.samples.results(b)
 
     def vector(self) -> ir.Value:
         """A new array of the size of the state; only in the entry block."""
@@ -75,6 +82,14 @@ class StepEmitter:
         self.b.store(time, self.time)
         reported = [self._conditioning if first else self._ignored] if self.system.reports_conditioning else []
         self.b.call(self.system.rates, [self.time, state, self.inputs, slopes, *reported])
+
+    def sample(self, step: ir.Value, time: ir.Value, condition: ir.Value | None = None) -> None:
+        """Make the changes of y that precede the step of this number; with a `condition`, only where that holds."""
+        if self.system.samples is None:
+            return
+        with nullcontext() if condition is None else self.b.if_then(condition):
+            self.b.store(time, self.time)
+            self.system.samples.emit(self.b, step, [self.time, self.y, self.inputs], self._sampled)
 
     def project(self, time: ir.Value, state: ir.Value) -> None:
         """Move a state back to the constraints, in place."""

@@ -71,7 +71,9 @@ def _emit_steps(
     def one_step(index: ir.Value) -> None:
         count = b.add(first, index)
         emitter.is_estimated = b.icmp_unsigned("==", b.and_(count, integer(ESTIMATED_EVERY - 1)), integer(0))
-        emit_step(b.fmul(b.sitofp(count, DOUBLE), h))
+        time = b.fmul(b.sitofp(count, DOUBLE), h)
+        emitter.sample(count, time)
+        emit_step(time)
         emitter.project(b.fmul(b.sitofp(b.add(count, integer(1)), DOUBLE), h), emitter.y)
 
     loop(b, 0, steps, one_step)

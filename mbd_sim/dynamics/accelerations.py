@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from mbd_sim.dynamics.actuator_forces import ActuatorForces, actuator_forces, with_actuators
 from mbd_sim.dynamics.articulated_body import Accelerations, FactorizedMassMatrix
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
 from mbd_sim.dynamics.element_forces import ElementForces, element_forces
@@ -20,10 +21,11 @@ from mbd_sim.dynamics.tracing import TracedMechanism
 
 @dataclass(frozen=True, eq=False)
 class AppliedForces:
-    """All forces except gravity and the constraint forces."""
+    """All forces except gravity and the constraint forces; those of joints and elements include the actuators'."""
 
     joints: JointForces
     elements: ElementForces
+    actuators: ActuatorForces
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,14 +45,14 @@ class ConstrainedMotion:
 
 
 def applied_forces(traced: TracedMechanism) -> AppliedForces:
-    """The forces of joints, force elements and external wrenches."""
+    """The forces of joints, force elements, actuators and external wrenches."""
     state, external = traced.state, traced.input_layout.external_wrenches(traced.inputs)
     mechanism, links = traced.mechanism, traced.links
     variables = StateVariables(links, state.t, state.q, state.u)
-    return AppliedForces(
-        joints=joint_forces(links, state.q, state.u, traced.efforts, variables, mechanism.efforts),
-        elements=element_forces(mechanism, links, traced.motions, traced.poses, variables, external),
-    )
+    joints = joint_forces(links, state.q, state.u, traced.efforts, variables, mechanism.efforts)
+    elements = element_forces(mechanism, links, traced.motions, traced.poses, variables, external)
+    actuators = actuator_forces(traced)
+    return AppliedForces(*with_actuators(traced, joints, elements, actuators), actuators)
 
 
 def solve_accelerations(

@@ -222,7 +222,8 @@ class ContactDynamics:
         audit = audit_rates(self._all_rows, self._forces, motion)
         friction = contacts.friction_power(forces)
         audit[2] += friction
-        y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, ca.SX(1, 1), friction, audit)
+        rates = self._forces.actuators.rates
+        y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, rates, ca.SX(1, 1), friction, audit)
         margin = [] if self._solver is None or self._solver.margin is None else [ca.densify(self._solver.margin)]
         loads = [
             ca.vertcat(
@@ -255,7 +256,7 @@ class ContactDynamics:
         speeds = ca.SX.sym("speeds", n)
         q = state.q + ca.jacobian(state.q_rates, state.u) @ self._response(solution)
         q = normalized_quaternions(traced.links, q)
-        projected = ca.vertcat(q, state.u + self._response(speeds), traced.audit)
+        projected = ca.vertcat(q, state.u + self._response(speeds), traced.actuator_states, traced.audit)
         return self._pair("contact_project", projected, ca.vertcat(solution, speeds), matrix, right, [])
 
     def _pair(

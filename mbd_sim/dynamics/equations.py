@@ -2,7 +2,7 @@
 
 The integrated state y is q (nq,), u (nv,), and three energies of the audit in J: the work of the applied forces, the
 work of the drives, and the dissipated energy (`AUDIT_STATES`). With one-sided elements two of their losses come before
-these, see `audit_states`.
+these, see `audit_states`; the states of actuators come right after u, see `ActuatorLayout`.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from mbd_sim.dynamics.accelerations import (
     drive_table,
     solve_accelerations,
 )
+from mbd_sim.dynamics.actuator_functions import ActuatorFunctions, actuator_functions
 from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
 from mbd_sim.dynamics.assembly_errors import undefined_constraints
 from mbd_sim.dynamics.body_symbols import flat_pose
@@ -69,12 +70,14 @@ class Equations:
     - `measurements`: accelerations, and what else is evaluated only on request.
 
     With one-sided elements `rates` are those with everything open, and `contact` are their other functions; the forces
-    in all other functions include the contact forces among the inputs.
+    in all other functions include the contact forces among the inputs. With actuators, `actuators` are their functions.
+    `core` are the components of y that rates depend on, after the coordinates. `step` is in s.
 
     `constraints` are the constraints and the mass matrix as functions of numbers. `start` and `start_state` satisfy
     them.
     """
 
+    mechanism: Mechanism
     layout: CoordinateLayout
     inputs: InputLayout
     parameters: SymbolicParameters
@@ -95,12 +98,25 @@ class Equations:
     trace_reactions: Callable[[], ca.Function]
     trace_joint_linearization: Callable[[], JointLinearization]
     trace_load_paths: Callable[[], ca.Function]
+    core: slice
+    step: float
     contact: ContactFunctions | None = None
+    actuators: ActuatorFunctions | None = None
 
     @property
     def inputs_without_commands(self) -> Array:
-        """The inputs (size,) with zero efforts and wrenches, and the mechanism's own values of the parameters."""
-        return self.inputs.without_commands([np.zeros(3)] * len(self.inputs.loaded), self.parameters.base)
+        """The inputs (size,) at the start, without wrenches: see `inputs_at_start`."""
+        return self.inputs_at_start([np.zeros(3)] * len(self.inputs.loaded))
+
+    def inputs_at_start(self, centers: Sequence[Array]) -> Array:
+        """The inputs (size,) with zero efforts and wrenches, and the mechanism's own commands and parameters.
+
+        :param centers: (3,) center of mass of each loaded part in m, the point at which its wrench acts.
+        """
+        inputs = self.inputs.without_commands(centers, self.parameters.base)
+        if self.actuators is not None:
+            self.actuators.hold(self.mechanism.actuators, self.start_state.copy(), inputs)
+        return inputs
 
     @cached_property
     def reactions(self) -> ca.Function:
@@ -117,22 +133,29 @@ class Equations:
         return self.trace_load_paths()
 
 
-def derive(mechanism: Mechanism, loaded: Sequence[str] = (), parameters: SymbolicParameters | None = None) -> Equations:
+def derive(
+    mechanism: Mechanism,
+    loaded: Sequence[str] = (),
+    parameters: SymbolicParameters | None = None,
+    step: float | None = None,
+) -> Equations:
     """Trace the equations of a mechanism.
 
     :param loaded: parts on which external wrenches act.
     :param parameters: the numbers of the mechanism that are inputs; none by default.
+    :param step: in s, for sampled servos and delayed commands; by default that of the mechanism.
     :raises MechanismError: the mass matrix is singular at the start, a spring has no direction there, a drive has no
-        velocity or acceleration, or the constraints cannot be satisfied; joints, springs and constraints are named.
+        velocity or acceleration, the constraints cannot be satisfied, or the step does not divide the period of a
+        servo or a delay; joints, springs, constraints and actuators are named.
     """
     require_smooth(mechanism)
-    traced = trace(mechanism, loaded, parameters)
+    traced = trace(mechanism, loaded, parameters, step)
     contacts = contact_equations(traced) if has_one_sided(mechanism) else None
     if contacts is not None:
         traced = with_contact_inputs(traced, contacts)
     assembly = assemble(traced)
     forces = applied_forces(traced)
-    mass_matrix = FactorizedMassMatrix(traced.links, traced.motions, traced.layout.nv)
+    mass_matrix = FactorizedMassMatrix(traced.links, traced.motions, traced.layout.nv, traced.rotor_inertia)
     _require_regular_start(traced, assembly, forces, mass_matrix)
     constraints = assembly.active
     solver, scales = None, np.zeros(0)
@@ -141,7 +164,8 @@ def derive(mechanism: Mechanism, loaded: Sequence[str] = (), parameters: Symboli
         solver = ConstraintSolver(mass_matrix, constraints, scales, assembly.dependent)
     motion = solve_accelerations(traced, mass_matrix, constraints, solver, forces)
     open_losses = ca.SX(traced.audit.shape[0] - len(AUDIT_STATES), 1)
-    y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, open_losses, audit_rates(constraints, forces, motion))
+    audit = ca.vertcat(open_losses, audit_rates(constraints, forces, motion))
+    y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, forces.actuators.rates, audit)
     contact = None
     if contacts is not None:
         dynamics = ContactDynamics(traced, mass_matrix, constraints, solver, forces, contacts, assembly.functions.size)
@@ -151,7 +175,7 @@ def derive(mechanism: Mechanism, loaded: Sequence[str] = (), parameters: Symboli
 
 
 def _start_state(traced: TracedMechanism, start: AssembledStart) -> Array:
-    return np.concatenate([start.q, start.u, np.zeros(traced.audit.shape[0])])
+    return np.concatenate([start.q, start.u, np.zeros(traced.y.shape[0] - len(start.q) - len(start.u))])
 
 
 def _require_regular_start(
@@ -201,10 +225,15 @@ def _packaged(
     projected = projected_state(traced, solver)
     violation = ca.horzcat(constraints.position, constraints.velocity)
 
+    start, actuators = _start_state(traced, assembly.start), actuator_functions(traced, forces.actuators)
+    if actuators is not None:
+        actuators.hold(traced.numeric.actuators, start)
+
     def function(name: str, inputs: list[ca.SX], *outputs: ca.SX) -> ca.Function:
         return ca.Function(name, inputs, [ca.densify(output) for output in outputs], {"cse": True})
 
     return Equations(
+        mechanism=traced.numeric,
         layout=traced.layout,
         inputs=traced.input_layout,
         parameters=traced.parameters,
@@ -220,13 +249,16 @@ def _packaged(
         rows=tuple(constraints.rows),
         constraints=assembly.functions,
         start=assembly.start,
-        start_state=_start_state(traced, assembly.start),
+        start_state=start,
         part_names=tuple(link.joint.outboard for link in traced.links),
         measurements=Measurements(traced, motion),
         trace_reactions=partial(_reactions, traced, assembly, motion, multipliers),
         trace_joint_linearization=linearized,
         trace_load_paths=partial(_load_paths, traced, assembly.equations),
+        core=traced.core,
+        step=traced.step,
         contact=contact,
+        actuators=actuators,
     )
 
 

@@ -1,4 +1,4 @@
-"""The inputs of the equations of motion: efforts, wrenches on parts, values of parameters, and contact modes."""
+"""The inputs of the equations of motion: efforts, wrenches on parts, commands, parameters, and contact modes."""
 
 from __future__ import annotations
 
@@ -33,13 +33,15 @@ class ExternalWrench:
 class InputLayout:
     """The slices of the inputs: the efforts (nv,), `WRENCH_SIZE` numbers for each loaded part, then the values.
 
-    Mechanisms with one-sided elements also have the `contact` numbers, see `ContactLayout`.
+    Mechanisms with actuators have their commands before the values. Those with one-sided elements also have the
+    `contact` numbers, see `ContactLayout`.
     """
 
     nv: int
     loaded: tuple[str, ...] = ()
     value_count: int = 0
     contact_count: int = 0
+    command_count: int = 0
 
     @property
     def efforts(self) -> slice:
@@ -53,30 +55,35 @@ class InputLayout:
         return {part: slice(start, start + WRENCH_SIZE) for part, start in zip(self.loaded, starts, strict=True)}
 
     @property
+    def commands(self) -> slice:
+        """The commands of the actuators, see `ActuatorLayout`."""
+        return slice(self._first_value - self.command_count, self._first_value)
+
+    @property
     def values(self) -> slice:
         """The values of the symbolic parameters."""
-        return slice(self._commands, self._commands + self.value_count)
+        return slice(self._first_value, self._first_value + self.value_count)
 
     @property
     def contact(self) -> slice:
         """The modes of the one-sided elements, and their multipliers."""
-        return slice(self._commands + self.value_count, self.size)
+        return slice(self._first_value + self.value_count, self.size)
 
     @property
     def size(self) -> int:
         """The number of inputs."""
-        return self._commands + self.value_count + self.contact_count
+        return self._first_value + self.value_count + self.contact_count
 
     @property
-    def _commands(self) -> int:
-        return self.nv + WRENCH_SIZE * len(self.loaded)
+    def _first_value(self) -> int:
+        return self.nv + WRENCH_SIZE * len(self.loaded) + self.command_count
 
     def external_wrenches(self, inputs: ca.SX) -> Mapping[str, ExternalWrench]:
         """The symbols of the wrench on each loaded part."""
         return {part: ExternalWrench(*ca.vertsplit(inputs[span], 3)) for part, span in self.wrenches.items()}
 
     def without_commands(self, centers: Sequence[Array], values: Array) -> Array:
-        """The inputs (size,) with zero efforts and wrenches.
+        """The inputs (size,) with zero efforts, wrenches and commands.
 
         :param centers: (3,) center of mass of each loaded part in m, the point at which its wrench acts.
         :param values: (value_count,) values of the symbolic parameters.

@@ -54,6 +54,8 @@ def joint_linearization(
     right_q, right_u, right_w = ca.vertsplit(right, [0, nq, nq + nv, right.shape[0]])
     slopes, stiffness = _slopes(traced, forces)
     added = g * (slopes + g * stiffness)
+    if traced.rotor_inertia is not None:
+        added += traced.rotor_inertia
     displaced = stiffness * _own_coordinates(traced, right_q)
     mass_matrix = FactorizedMassMatrix(traced.links, traced.motions, nv, added)
     if constraints.rows:

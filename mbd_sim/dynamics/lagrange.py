@@ -25,6 +25,7 @@ from mbd_sim.dynamics.shape_contacts import touch
 from mbd_sim.dynamics.spatial_algebra import constant
 from mbd_sim.dynamics.state_variables import StateVariables
 from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.actuators import CoordinatePort
 from mbd_sim.mechanism.contacts import Contact, Cushion
 from mbd_sim.mechanism.laws import Varying
 from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
@@ -109,6 +110,7 @@ def lagrange_equations(mechanism: Mechanism) -> LagrangeEquations:
     kinematics = _Kinematics(t, q, q_rates, poses)
     state = StateVariables(links, t, q, u)
     energies = _energies(mechanism, kinematics, state)
+    _add_rotors(energies, mechanism, links, kinematics)
     joints = joint_forces(links, q, u, efforts, state)
 
     rates = ca.SX(layout.nq, 1)
@@ -182,6 +184,15 @@ def _energies(mechanism: Mechanism, kinematics: _Kinematics, state: StateVariabl
         if isinstance(contact.law, Cushion):
             _add_cushion(energies, kinematics, contact, contact.law)
     return energies
+
+
+def _add_rotors(energies: _Energies, mechanism: Mechanism, links: Sequence[Link], kinematics: _Kinematics) -> None:
+    """Add the kinetic energy of rotors, ½ J (N q')². The efforts of actuators are among the efforts."""
+    coordinates = coordinates_by_name(links, kinematics.t, kinematics.q)
+    for actuator in mechanism.actuators:
+        if isinstance(actuator.port, CoordinatePort):
+            speed = actuator.motor.gear * kinematics.rate(coordinates[actuator.port.coordinate])
+            energies.kinetic += 0.5 * actuator.motor.rotor_inertia * speed**2
 
 
 def _add_cushion(energies: _Energies, kinematics: _Kinematics, contact: Contact, law: Cushion) -> None:

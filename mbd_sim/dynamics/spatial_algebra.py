@@ -28,6 +28,11 @@ def is_absent(value: float | ca.SX) -> bool:
     return not is_symbolic(value) and bool(value == 0.0)
 
 
+def is_finite(value: float | ca.SX) -> bool:
+    """Whether a limit can act: a finite number, or a symbol."""
+    return is_symbolic(value) or bool(np.isfinite(value))
+
+
 def zeros(rows: int, columns: int = 1) -> ca.SX:
     """A matrix of structural zeros."""
     return ca.SX(rows, columns)

@@ -19,5 +19,5 @@ def projected_state(traced: TracedMechanism, solver: ConstraintSolver | None) ->
     if solver is not None:
         displacement, u_change = solver.corrections(state)
         q, u = q + ca.jacobian(state.q_rates, state.u) @ displacement, u + u_change
-    projected = ca.vertcat(normalized_quaternions(traced.links, q), u, traced.audit)
+    projected = ca.vertcat(normalized_quaternions(traced.links, q), u, traced.actuator_states, traced.audit)
     return None if ca.is_equal(projected, traced.y) else projected

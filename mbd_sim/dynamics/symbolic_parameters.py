@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from mbd_sim.dynamics.links import Link, build_links
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism import constraints as c
+from mbd_sim.mechanism.actuators import Actuator, DcMotor, EffortMotor, Servo
 from mbd_sim.mechanism.contacts import Ball, Barrel, Cushion, Rim
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.force_elements import Spring
@@ -59,6 +60,22 @@ _SYMBOLIC: Mapping[type, tuple[str, ...]] = {
         "static_coefficient",
     ),
     Spring: ("length", "damping", "mass"),
+    EffortMotor: ("effort_limit", "gear", "rotor_inertia"),
+    DcMotor: (
+        "torque_constant",
+        "resistance",
+        "inductance",
+        "voltage_limit",
+        "current_limit",
+        "gear",
+        "efficiency",
+        "rotor_inertia",
+        "coulomb",
+        "viscous",
+        "regularization",
+        "bandwidth",
+    ),
+    Servo: ("kp", "ki", "kd", "feedforward", "limit", "tracking_time", "rate_limit"),
     Attachment: ("point",),
     TimeExpression: ("names",),
     c.Rolling: ("radius",),
@@ -74,6 +91,7 @@ _UNREAD: Mapping[type, tuple[str, ...]] = {
     Part: ("inertia", "points", "shapes"),  # the inertia is read from the link
     Joint: ("position", "velocity", "fixed_in_assembly", "fixed_speeds", "effort_limit", "compliance"),
     Link: ("q", "u"),
+    Actuator: ("start",),
 }
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
+from mbd_sim.dynamics.actuator_layout import ActuatorLayout, actuator_layout
 from mbd_sim.dynamics.energy import audit_states, kinetic_energy
 from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.dynamics.kinematics import (
@@ -17,6 +18,7 @@ from mbd_sim.dynamics.kinematics import (
     part_poses,
 )
 from mbd_sim.dynamics.links import CoordinateLayout, Link, coordinate_layout
+from mbd_sim.dynamics.rotors import rotor_inertias
 from mbd_sim.dynamics.symbolic_parameters import (
     SymbolicParameters,
     equation_data,
@@ -45,8 +47,10 @@ class TracedMechanism:
     """A mechanism whose motion is traced as a function of symbols.
 
     `numeric` is the mechanism in numbers; `mechanism` and `links` hold symbols in place of its `parameters`. The
-    integrated state `y` is q (nq,), u (nv,) and the energies `audit` in J, see `audit_states`. `inputs` are described
-    in `input_layout`; the `efforts` (nv,) are their first part. `motions` and `poses` are those of the links.
+    integrated state `y` is q (nq,), u (nv,), the `actuator_states` in the order of the layout `actuators`, and the
+    energies `audit` in J, see `audit_states`. `inputs` are described in `input_layout`; the `efforts` (nv,) are their
+    first part. `motions` and `poses` are those of the links. `rotor_inertia` (nv,) adds to the diagonal of the mass
+    matrix, in kg·m² or kg; None without any. `step` is in s.
     """
 
     numeric: Mechanism
@@ -63,26 +67,47 @@ class TracedMechanism:
     motions: Sequence[LinkMotion]
     poses: Sequence[SymbolicPose]
     kinetic_energy: ca.SX
+    actuators: ActuatorLayout
+    actuator_states: ca.SX
+    rotor_inertia: ca.SX | None
+    step: float
+
+    @property
+    def core(self) -> slice:
+        """The components of y that rates depend on, after the coordinates: the speeds, and states of actuators."""
+        first = self.layout.nq
+        return slice(first, first + self.layout.nv + len(self.actuators.core))
 
 
 def trace(
-    mechanism: Mechanism, loaded: Sequence[str] = (), parameters: SymbolicParameters | None = None
+    mechanism: Mechanism,
+    loaded: Sequence[str] = (),
+    parameters: SymbolicParameters | None = None,
+    step: float | None = None,
 ) -> TracedMechanism:
     """Introduce the symbols and trace poses, velocities and the kinetic energy.
 
     :param loaded: parts on which external wrenches act.
     :param parameters: the numbers of the mechanism that are inputs; none by default.
+    :param step: in s; by default that of the mechanism.
+    :raises MechanismError: the step does not divide the period of a servo, or a delay.
     """
     parameters = parameters or varying_parameters(equation_data(mechanism), ())
     symbolic, links = with_symbols(mechanism, parameters)
     layout = coordinate_layout(mechanism)
     nq, nv = layout.nq, layout.nv
     input_layout = InputLayout(nv, tuple(loaded), len(parameters.base))
+    step = step or mechanism.step
+    actuators = actuator_layout(symbolic, nq + nv, input_layout.values.start, step)
+    input_layout = replace(input_layout, command_count=actuators.command_count)
     t, efforts = ca.SX.sym("t"), ca.SX.sym("e", nv)
-    wrenches = ca.SX.sym("w", input_layout.values.start - nv)
-    y = ca.SX.sym("y", nq + nv + len(audit_states(mechanism)))
-    q, u, audit = ca.vertsplit(y, [0, nq, nq + nv, y.shape[0]])
+    commands = ca.SX.sym("w", input_layout.values.start - nv)
+    y = ca.SX.sym("y", nq + nv + actuators.size + len(audit_states(mechanism)))
+    q, u, states, audit = ca.vertsplit(y, [0, nq, nq + nv, nq + nv + actuators.size, y.shape[0]])
     motions = link_motions(links, t, q, u)
+    kinetic, rotors = kinetic_energy(links, motions), rotor_inertias(symbolic.actuators, links, nv)
+    if rotors is not None:
+        kinetic += 0.5 * ca.dot(rotors, u**2)
     return TracedMechanism(
         numeric=mechanism,
         mechanism=symbolic,
@@ -93,9 +118,13 @@ def trace(
         state=StateSymbols(t, q, u, coordinate_rates(links, motions, nq)),
         y=y,
         audit=audit,
-        inputs=ca.vertcat(efforts, wrenches, parameters.symbols),
+        inputs=ca.vertcat(efforts, commands, parameters.symbols),
         efforts=efforts,
         motions=motions,
         poses=part_poses(links, t, q),
-        kinetic_energy=kinetic_energy(links, motions),
+        kinetic_energy=kinetic,
+        actuators=actuators,
+        actuator_states=states,
+        rotor_inertia=rotors,
+        step=step,
     )

@@ -19,6 +19,7 @@ from mbd_sim.mechanism.laws import ElasticLaw, Friction, PowerLaw, Varying
 from mbd_sim.mechanism.source import Source
 
 if TYPE_CHECKING:
+    from mbd_sim.mechanism.actuators import Actuator
     from mbd_sim.mechanism.constraints import Constraint
     from mbd_sim.mechanism.contacts import Contact
     from mbd_sim.mechanism.force_elements import AppliedEffort, AppliedForce, Damper, Spring, TwoPointElement
@@ -200,6 +201,7 @@ class Mechanism:
     closing: Mapping[str, Joint] = field(default_factory=dict)
     constraints: tuple[Constraint, ...] = ()
     contacts: tuple[Contact, ...] = ()
+    actuators: tuple[Actuator, ...] = ()
     rest_speed: float = 1e-5
 
     @property

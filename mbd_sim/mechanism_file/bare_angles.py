@@ -9,7 +9,7 @@ from typing import Any
 from mbd_sim.mechanism.source import Location, Source, dotted
 from mbd_sim.mechanism_file.json_schema import unit_at
 
-SECTIONS = ("ground", "parts", "joints", "constraints", "contacts", "forces")
+SECTIONS = ("ground", "parts", "joints", "constraints", "contacts", "forces", "actuators")
 
 
 def large_bare_angles(source: Source) -> list[tuple[str, float]]:

@@ -27,6 +27,7 @@ _SECTIONS = (
     "parts",
     "joints",
     "forces",
+    "actuators",
     "constraints",
     "contacts",
     "ground",

@@ -37,6 +37,10 @@ rpm = turn / minute
 newton = kilogram * meter / second ** 2 = N
 joule = newton * meter = J
 watt = joule / second = W
+ampere = [current] = A
+volt = watt / ampere = V
+ohm = volt / ampere
+henry = volt * second / ampere = H
 pascal = newton / meter ** 2 = Pa
 liter = 1e-3 * meter ** 3 = L = litre
 tonne = 1000 * kilogram = t
@@ -63,7 +67,7 @@ USUAL = {
     "deg": ("rad", math.pi / 180.0),
     "deg/s": ("rad/s", math.pi / 180.0),
 }
-UNIT_WORDS = "m, mm, in, ft, kg, g, lb, slug, s, ms, rad, deg, rpm, N, lbf, J, W and products such as N*m/rad"
+UNIT_WORDS = "m, mm, in, ft, kg, g, lb, s, ms, rad, deg, rpm, N, lbf, J, W, A, V, ohm, H and products such as N*m/rad"
 MAX_LENGTH = 60
 MAX_EXPONENT = 9
 

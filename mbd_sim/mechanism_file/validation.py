@@ -13,6 +13,7 @@ from mbd_sim.mechanism_file.builders.mechanism_builder import build_elements, in
 from mbd_sim.mechanism_file.coordinate_names import coordinate_names
 from mbd_sim.mechanism_file.library import SUFFIXES
 from mbd_sim.mechanism_file.parameters import Parameters, resolve_parameters
+from mbd_sim.mechanism_file.schema.actuator_schema import AnyActuatorSpec
 from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
 from mbd_sim.mechanism_file.schema.contact_schema import ContactSpec
 from mbd_sim.mechanism_file.schema.file_schema import GroundSpec, MechanismFile, PartSpec
@@ -27,9 +28,9 @@ MANY = 1000  # problems beyond which no further ones are searched for
 def validate(source: Source) -> tuple[MechanismFile, dict[str, float]]:
     """The file's records and the values of its parameters in SI units.
 
-    :raises MechanismError: with everything that the schema refuses. The parts, joints, forces, constraints and
-        contacts that it accepts are then checked too, so that one run reports all problems (of a file with fewer than
-        a thousand).
+    :raises MechanismError: with everything that the schema refuses. The parts, joints, forces, constraints,
+        contacts and actuators that it accepts are then checked too, so that one run reports all problems (of a file
+        with fewer than a thousand).
     """
     if not isinstance(source.data, dict):
         message = "a mechanism file is a mapping with 'mechanism', 'parts' and 'joints'"
@@ -87,8 +88,11 @@ def _reference_problems(source: Source, parameters: Parameters) -> list[Problem]
             forces |= _accepted(records, _adapter(AnyForceSpec), parameters)
     constraints = _accepted(source.data.get("constraints"), _adapter(AnyConstraintSpec), parameters)
     contacts = _accepted(source.data.get("contacts"), _adapter(ContactSpec), parameters)
+    actuators = _accepted(source.data.get("actuators"), _adapter(AnyActuatorSpec), parameters)
     frame = grounds.get("ground") or GroundSpec()
-    built = build_elements(parts, joints, forces, constraints, contacts, frame, source, unreadable, all_joints)
+    built = build_elements(
+        parts, joints, forces, constraints, contacts, actuators, frame, source, unreadable, all_joints
+    )
     return built.problems
 
 

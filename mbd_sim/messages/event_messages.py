@@ -4,11 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from mbd_sim.mechanism.actuators import channel_names
 from mbd_sim.messages.new_state import new_state_message
 from mbd_sim.messages.serialized_message import string_message
 from mbd_sim.messages.state_messages import labeled_array
 from mbd_sim.simulation.compiled_model import Model
-from mbd_sim.simulation.events import AppliedEfforts, AppliedWrench, ChangedValues, Event, EventKind, NewState
+from mbd_sim.simulation.events import (
+    AppliedCommands,
+    AppliedEfforts,
+    AppliedWrench,
+    ChangedValues,
+    Event,
+    EventKind,
+    NewState,
+)
 from mbd_sim.simulation.wrench_layout import wrench_labels
 from mbd_sim.urdf.urdf_writer import to_urdf
 
@@ -31,6 +40,26 @@ def applied_efforts(model: Model) -> EventWriter:
 def no_efforts(model: Model) -> bytes:
     """The efforts that act after a reset: zero."""
     return labeled_array(model.coordinate_names)[0].payload()
+
+
+def applied_commands(model: Model) -> EventWriter:
+    """The commands of actuators that act from the event's step on, labeled with `actuator.channel`."""
+    message, values = labeled_array(channel_names(model.mechanism.actuators))
+
+    def write(event: Event) -> bytes | None:
+        if not isinstance(event.payload, AppliedCommands):
+            return None
+        values[:] = event.payload.values
+        return message.payload()
+
+    return write
+
+
+def start_commands(model: Model) -> bytes:
+    """The commands of actuators that act after a reset."""
+    message, values = labeled_array(channel_names(model.mechanism.actuators))
+    values[:] = model.inputs[model.equations.inputs.commands]
+    return message.payload()
 
 
 def applied_wrenches(model: Model) -> EventWriter:

@@ -167,6 +167,15 @@ APPLIED_EFFORTS = OutputTopic(
     on_event=event_messages.applied_efforts,
     at_reset=event_messages.no_efforts,
 )
+APPLIED_COMMANDS = OutputTopic(
+    "~/applied_commands",
+    "std_msgs/msg/Float64MultiArray",
+    When.EVENT,
+    qos.LATCHED_COMMAND,
+    Recorded.VITAL,
+    on_event=event_messages.applied_commands,
+    at_reset=event_messages.start_commands,
+)
 APPLIED_WRENCHES = OutputTopic(
     "~/applied_wrenches",
     "std_msgs/msg/Float64MultiArray",
@@ -224,6 +233,7 @@ TOPICS = (
     PART_POSES,
     TF,
     APPLIED_EFFORTS,
+    APPLIED_COMMANDS,
     APPLIED_WRENCHES,
     LIVE_VALUES,
     EVENTS,

@@ -134,6 +134,10 @@ class Recomputation:
         match role:
             case TopicRole.APPLIED_EFFORTS:
                 self.simulation.set_efforts(cdr.multi_array(message.payload).values)
+            case TopicRole.APPLIED_COMMANDS:
+                self.simulation.apply_command_values(
+                    self.simulation.command_map.checked(*cdr.multi_array(message.payload))
+                )
             case TopicRole.APPLIED_WRENCHES:
                 wrench = parse_wrench(*cdr.multi_array(message.payload))
                 self.simulation.set_wrench(wrench.part, wrench.force, wrench.couple, at=wrench.point, axes=wrench.axes)
@@ -202,7 +206,7 @@ class Recomputation:
             self._restore_changed(start.y, round(start.steps * start.step / simulation.step_size), start.inputs)
 
     def _restore_changed(self, y: Array, steps: int, recorded: Array | None) -> None:
-        """Continue a changed run from a recorded state, under the recorded efforts and wrenches.
+        """Continue a changed run from a recorded state, under the recorded efforts, wrenches and commands.
 
         :raises ValueError: the loops cannot be closed there.
         """

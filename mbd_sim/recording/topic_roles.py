@@ -17,6 +17,7 @@ class TopicRole(StrEnum):
     CONSTRAINT_VIOLATION = "constraint_violation"
     ACCELERATIONS = "accelerations"
     APPLIED_EFFORTS = "applied_efforts"
+    APPLIED_COMMANDS = "applied_commands"
     APPLIED_WRENCHES = "applied_wrenches"
     LIVE_VALUES = "live_values"
     EVENTS = "events"
@@ -26,6 +27,7 @@ class TopicRole(StrEnum):
 COMMANDS = frozenset(
     {
         TopicRole.APPLIED_EFFORTS,
+        TopicRole.APPLIED_COMMANDS,
         TopicRole.APPLIED_WRENCHES,
         TopicRole.LIVE_VALUES,
         TopicRole.EVENTS,

@@ -19,6 +19,7 @@ from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.initial_conditions import rheonomic
 from mbd_sim.errors import Problem
 from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.actuators import has_actuator_states
 from mbd_sim.mechanism.records import Joint, Mechanism, Part
 from mbd_sim.simulation.compiled_model import rotation_vector
 from mbd_sim.simulation.simulation import Simulation
@@ -185,7 +186,7 @@ def _inertia_forces(simulation: Simulation) -> dict[str, Any] | None:
     model = simulation.model
     if not model.driven_names or not len(simulation.u):
         return None
-    rates = np.array(model.equations.rates.call([0.0, simulation.state, simulation.efforts])[0]).ravel()
+    rates = np.array(model.equations.rates.call([0.0, simulation.state, simulation.inputs])[0]).ravel()
     split = inertia_split(model.equations)
     terms = split.at(0.0, simulation.q, simulation.u, rates[model.u_range])
     return {
@@ -199,6 +200,8 @@ def _small_motions(equations: Equations, instructions: int) -> dict[str, Any]:
     nv = equations.layout.nv
     if equations.contact is not None:
         return {"equilibrium": None, "reason": "there are one-sided elements", "modes": []}
+    if has_actuator_states(equations.mechanism):
+        return {"equilibrium": None, "reason": "there are actuators with states of their own", "modes": []}
     if nv == equations.start.rank or instructions > LINEARIZED:
         no_freedom = nv == equations.start.rank
         reason = "there is no degree of freedom" if no_freedom else "the equations are too large to linearize"

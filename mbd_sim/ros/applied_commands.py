@@ -1,11 +1,11 @@
-"""Efforts and wrenches that take effect between two steps, and the events that say so."""
+"""Efforts, commands of actuators and wrenches that take effect between two steps, and the events that say so."""
 
 from __future__ import annotations
 
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.stepping_output import SteppingOutput
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
-from mbd_sim.simulation.events import AppliedEfforts, AppliedWrench, EventKind
+from mbd_sim.simulation.events import AppliedCommands, AppliedEfforts, AppliedWrench, EventKind
 from mbd_sim.simulation.simulation import Simulation
 
 
@@ -23,6 +23,11 @@ def apply_commands(
         simulation.set_efforts(due.efforts)
         if due.kind is EventKind.EXPIRED or simulation.efforts.tobytes() != before:
             output.report(due.kind, AppliedEfforts(due.efforts, due.expired))
+    current = simulation.inputs[simulation.command_map.range]
+    values = commands.due_for_actuators(current)
+    if values is not None and values.tobytes() != current.tobytes():
+        simulation.apply_command_values(values)
+        output.report(EventKind.COMMAND, AppliedCommands(values))
     for due_wrench in wrenches.due(time):
         part = due_wrench.wrench.part
         inputs = simulation.inputs[wrenches.input_range(part)]

@@ -1,16 +1,22 @@
-"""Buffers commanded efforts from the topics until the next step, with a watchdog. Independent of ROS."""
+"""Buffers commands from the topics until the next step, with a watchdog for efforts. Independent of ROS."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.errors import CommandError
 from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.actuators import Channel
+from mbd_sim.ros.actuator_buffer import ActuatorBuffer
+from mbd_sim.ros.joint_commands import JointCommandRouter
+from mbd_sim.simulation.actuator_commands import CommandMap
 from mbd_sim.simulation.efforts import EffortMap
 from mbd_sim.simulation.events import EventKind
 
@@ -33,8 +39,10 @@ class CommandBuffer:
     simulated time (0: no limit) gets the effort zero until the next command for it, whatever others are sent.
     """
 
-    def __init__(self, effort_map: EffortMap, timeout: float) -> None:
+    def __init__(self, effort_map: EffortMap, timeout: float, actuators: CommandMap | None = None) -> None:
         self.map, self.timeout = effort_map, timeout
+        self._actuators = ActuatorBuffer(actuators or CommandMap((), InputLayout(len(effort_map.names))))
+        self._router = JointCommandRouter(effort_map, list(self._actuators.map.actuators.values()))
         self.accepted = self.rejected = self.expired = 0
         size = len(effort_map.names)
         self._requested, self._new = np.zeros(size), False
@@ -54,31 +62,62 @@ class CommandBuffer:
         """
         self._take(efforts)
 
-    def by_name(self, names: Sequence[str], efforts: Sequence[float]) -> None:
-        """Take efforts for some coordinates; the others keep theirs.
+    def by_name(
+        self,
+        names: Sequence[str],
+        efforts: Sequence[float],
+        positions: Sequence[float] = (),
+        velocities: Sequence[float] = (),
+    ) -> None:
+        """Take commands for some coordinates, those of actuators included; the others keep theirs.
 
         :raises CommandError: rejected; nothing changes.
         """
-        if len(names) != len(efforts):
+        arrays: dict[Channel, Sequence[float]] = {"position": positions, "velocity": velocities, "effort": efforts}
+        try:
+            routed = self._router.route(names, arrays)
+        except CommandError:
             self.rejected += 1
-            raise CommandError(
-                f"'name' and 'effort' differ in length: {len(names)} and {len(efforts)}. Send one effort for each name."
-            )
-        if len(set(names)) != len(names):
-            self.rejected += 1
-            raise CommandError("a joint is named twice. Send one effort for each joint.")
-        self._take(dict(zip(names, efforts, strict=True)))
+            raise
+        self._take(routed.efforts, routed.actuators)
 
-    def _take(self, efforts: Mapping[str, float] | Sequence[float]) -> None:
+    def actuators_by_order(self, values: Sequence[float]) -> None:
+        """Take commands for all channels of all actuators, in their order.
+
+        :raises CommandError: rejected; nothing changes.
+        """
         with self._lock:
             try:
+                self._actuators.take(self._actuators.in_order(values))
+            except CommandError:
+                self.rejected += 1
+                raise
+            self.accepted += 1
+
+    def _take(
+        self,
+        efforts: Mapping[str, float] | Sequence[float],
+        actuators: Mapping[str, Mapping[Channel, float]] = MappingProxyType({}),
+    ) -> None:
+        with self._lock:
+            try:
+                commands = self._actuators.merged(actuators) if actuators else None
                 self._requested = self.map.merged(self._requested, efforts)
             except CommandError:
                 self.rejected += 1
                 raise
             self.accepted += 1
-            self._new = True
-            self._commanded |= [name in efforts for name in self.map.names] if isinstance(efforts, Mapping) else True
+            if commands is not None:
+                self._actuators.take(commands)
+            if commands is None or efforts:
+                self._new = True
+                by_name = isinstance(efforts, Mapping)
+                self._commanded |= [name in efforts for name in self.map.names] if by_name else True
+
+    def due_for_actuators(self, current: Array) -> Array | None:
+        """The commands (n,) of all actuators to apply from the next step on, if there are new ones."""
+        with self._lock:
+            return self._actuators.due(current)
 
     def due(self, time: float) -> list[DueEfforts]:
         """The efforts to apply from simulated `time` (s, monotonic) on, in this order; none where they stay."""
@@ -108,6 +147,7 @@ class CommandBuffer:
     def clear(self) -> None:
         """Discard all commands, as after a reset."""
         with self._lock:
+            self._actuators.clear()
             self._requested = np.zeros_like(self._requested)
             self._commanded[:] = self._lapsed[:] = self._new = False
             self._last_times[:] = self._oldest = np.inf

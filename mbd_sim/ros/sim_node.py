@@ -71,7 +71,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self._apply_initial(initial)
         self._unknown_parameters = parameters.finish()
         timeout = parameters["command_timeout"]
-        self.commands = CommandBuffer(simulation.effort_map, timeout)
+        self.commands = CommandBuffer(simulation.effort_map, timeout, simulation.command_map)
         self.wrenches = WrenchBuffer(simulation.wrench_map, simulation.model.part_names, timeout, frame_prefix)
         self.followed = followed_clock(self, parameters, leader.stepping_thread if leader else None)
         self.rates = initial_rates(parameters, leads=self.followed is None)

@@ -1,4 +1,4 @@
-"""The node's subscriptions: efforts and wrenches, each message accepted or rejected as a whole."""
+"""The node's subscriptions: efforts, commands and wrenches, each message accepted or rejected as a whole."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.wrench_buffer import WrenchBuffer, WrenchTargets
 from mbd_sim.simulation.state_values import StateValues
 
-SET_STATE = "~/set_state"
+SET_STATE, ACTUATORS = "~/set_state", "~/actuator_commands"
 SUBSCRIBED = (
     ("~/commands", "std_msgs/msg/Float64MultiArray: an effort for each coordinate, in the order of joint_states"),
-    ("joint_commands", "sensor_msgs/msg/JointState: efforts by joint name"),
+    ("joint_commands", "sensor_msgs/msg/JointState: efforts, positions and velocities by joint name"),
+    (ACTUATORS, "std_msgs/msg/Float64MultiArray: a command for each channel of the actuators, in their order"),
     (SET_STATE, "sensor_msgs/msg/JointState: positions and velocities by joint name"),
     ("~/wrench/<part>[/<point>]", "geometry_msgs/msg/WrenchStamped: force and torque on a part"),
 )
@@ -61,6 +62,7 @@ class Subscriptions:
         self._node, self._subscriptions = node, dict[str, Subscription]()
         self._subscribe(Float64MultiArray, "~/commands", self._take_by_order)
         self._subscribe(JointState, "joint_commands", self._take_by_name)
+        self._subscribe(Float64MultiArray, ACTUATORS, self._take_actuators)
         self._subscribe(JointState, SET_STATE, self._take_state)
         tokens = topic_names(mechanism.parts)
         for part, point in wrench_targets:
@@ -115,9 +117,17 @@ class Subscriptions:
 
     def _take_by_name(self, message: JointState) -> None:
         try:
-            self.commands.by_name(message.name, message.effort)
+            self.commands.by_name(message.name, message.effort, message.position, message.velocity)
         except CommandError as error:
             self._reject("joint_commands", error)
+        else:
+            self._on_efforts()
+
+    def _take_actuators(self, message: Float64MultiArray) -> None:
+        try:
+            self.commands.actuators_by_order(message.data)
+        except CommandError as error:
+            self._reject(ACTUATORS, error)
         else:
             self._on_efforts()
 

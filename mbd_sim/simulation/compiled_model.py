@@ -10,14 +10,17 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mbd_sim.compiler.kernel import compile_kernel
+from mbd_sim.dynamics.actuator_functions import READINGS
 from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
 from mbd_sim.dynamics.energy import AUDIT_STATES, LOSS_STATES
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.geometry.rotation import unit
+from mbd_sim.integrators.between_steps import BetweenSteps
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.simulation.actuator_states import ActuatorState, actuator_states
 from mbd_sim.simulation.contact_records import ContactState
 from mbd_sim.simulation.contact_system import one_sided_system
 from mbd_sim.simulation.contact_terms import ContactModel
@@ -96,8 +99,8 @@ class Reaction(NamedTuple):
 class Model:
     """The compiled equations of a mechanism, for one method of integration. Safe to use from several threads.
 
-    The integrated state y consists of q (nq,), u (nv,) and the three energies of the audit. `inputs` are the external
-    inputs without any command, see `InputLayout`; they are used where a method is called without inputs.
+    The integrated state y consists of q (nq,), u (nv,), the states of actuators and the energies of the audit. `inputs`
+    are the external inputs at the start, see `InputLayout`; they are used where a method is called without inputs.
     `method_remark` says why the method was chosen, or that it is unstable; it is empty in ordinary cases.
     """
 
@@ -119,6 +122,12 @@ class Model:
         self.q_range = slice(0, self.layout.nq)
         self.inputs = inputs
         self.u_range = slice(self.layout.nq, self.layout.nq + self.layout.nv)
+        first_loss = len(self.start) - len(AUDIT_STATES) - len(LOSS_STATES)
+        self.loss_range = slice(first_loss, first_loss + len(LOSS_STATES))  # with contacts
+        self.between_steps: BetweenSteps | None = None
+        if (actuators := equations.actuators) is not None:
+            self.between_steps = actuators.between_steps
+            readers["actuators"] = actuators.readings
         joints_only = isinstance(self.method, Rosenbrock) and self.method.joints_only
         partial_system = equations.joint_linearization()[:2] if joints_only else None
         self.kernel = compile_kernel(
@@ -126,9 +135,10 @@ class Model:
             equations.project,
             readers,
             self.method,
-            self.u_range,
+            equations.core,
             partial_system,
             one_sided_system(equations),
+            self.between_steps,
         )
         self.contact: ContactModel | None = None
         if equations.contact is not None:
@@ -170,8 +180,7 @@ class Model:
         """The energies that one-sided elements have dissipated."""
         if self.contact is None:
             return Losses(0.0, 0.0)
-        first = self.u_range.stop
-        return Losses(*y[first : first + len(LOSS_STATES)].tolist())
+        return Losses(*y[self.loss_range].tolist())
 
     def pose_array(self, time: float, y: Array, inputs: Array | None = None) -> Array:
         """The pose rows (parts, 12) of `part_names` in ground's frame: see `mbd_sim.geometry.pose.unpack_poses`."""
@@ -214,6 +223,22 @@ class Model:
         if self.contact is None:
             return {}
         return self.contact.states(time, y, inputs, self.contact_places(time, y, inputs))
+
+    def hold_start(self, y: Array, inputs: Array, mechanism: Mechanism | None = None) -> None:
+        """Set states and commands of actuators in place to those before the first command at the positions in y.
+
+        :param mechanism: a variant of that of the model with other start commands.
+        """
+        if (actuators := self.equations.actuators) is not None:
+            actuators.hold((mechanism or self.mechanism).actuators, y, inputs)
+
+    def actuators(self, time: float, y: Array, inputs: Array) -> dict[str, ActuatorState]:
+        """Each actuator by name; see `ActuatorState`."""
+        if (functions := self.equations.actuators) is None:
+            return {}
+        actuators = self.mechanism.actuators
+        columns = self._read("actuators", time, y, np.empty((len(actuators), len(READINGS))), inputs)
+        return actuator_states(actuators, functions.layout, columns, y, inputs)
 
     def violation(self, time: float, y: Array, inputs: Array | None = None) -> Violation:
         """The largest violation of the constraints."""
@@ -316,8 +341,8 @@ def build_model(
     if len(mechanism.all_joints) >= MANY_JOINTS:
         _log.info("deriving the equations of '%s': %d joints", mechanism.name, len(mechanism.all_joints))
     require_contact_method(mechanism, name)
-    equations = derive(mechanism, loaded, values)
+    equations = derive(mechanism, loaded, values, step)
     centers = [mechanism.parts[part].center for part in loaded]
-    inputs = equations.inputs.without_commands(centers, equations.parameters.base)
+    inputs = equations.inputs_at_start(centers)
     choice = choose_method(mechanism, equations, inputs, name, step or mechanism.step)
     return Model(mechanism, equations, inputs, choice)

@@ -61,6 +61,13 @@ class EffortMap:
         """The efforts within the effort limits of the joints."""
         return np.clip(efforts, -self.limits, self.limits)
 
+    def require(self, name: str) -> None:
+        """Check that a joint exists and is not driven.
+
+        :raises CommandError: it does not exist, or is driven.
+        """
+        self._index_of(name)
+
     def _index_of(self, name: str) -> int:
         if name in self._driven:
             raise CommandError(

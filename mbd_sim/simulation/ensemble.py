@@ -23,6 +23,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.tableau import Tableau
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.simulation.actuator_commands import Command, CommandMap
 from mbd_sim.simulation.argument_checks import require_finite, step_at, step_count, step_size
 from mbd_sim.simulation.compiled_model import Model, build_model
 from mbd_sim.simulation.contact_events import ContactStepper
@@ -102,6 +103,7 @@ class Ensemble(ReadOnlyAttributes):
         self._contacts = member_contacts(self.model, variants, len(changes))
         self._groups: MemberGroups = _member_groups(self.model, len(changes), self._contacts)
         layout = self.model.equations.inputs
+        self._command_map = CommandMap(mechanism.actuators, layout)
         self._effort_inputs, self._value_inputs = layout.efforts, layout.values
         inputs = np.tile(self.model.inputs, (len(changes), 1))
         inputs[:, self._value_inputs] = values
@@ -188,6 +190,8 @@ class Ensemble(ReadOnlyAttributes):
             for y, values in zip(states, inputs[:, self._value_inputs], strict=True):
                 self.model.normalize(y)
                 self.model.project(y, values)
+        for member, (y, row) in enumerate(zip(states, inputs, strict=True)):
+            self.model.hold_start(y, row, self._variants.mechanism_of(member))
         energies = [self.model.energies(0.0, y, 0.0, row).total for y, row in zip(states, inputs, strict=True)]
         settle_members(self.model, self._contacts, states, inputs)
         self._groups.put("y", states)
@@ -249,6 +253,20 @@ class Ensemble(ReadOnlyAttributes):
         inputs[:, self._effort_inputs] = np.clip(new, -self._limits, self._limits)
         self._groups.put("inputs", inputs)
 
+    def set_commands(self, commands: Sequence[Mapping[str, Command]]) -> None:
+        """Command the actuators of each member, one mapping for each: see `Simulation.set_commands`.
+
+        :raises CommandError: wrong number of mappings, an unknown actuator or channel, or a value that is not finite;
+            nothing is changed then.
+        """
+        if len(commands) != len(self):
+            raise CommandError(f"{len(commands)} commands for {len(self)} members. Give one mapping for each.")
+        inputs, where = self._groups.get("inputs"), self._command_map.range
+        inputs[:, where] = [
+            self._command_map.merged(row, given) for row, given in zip(inputs[:, where], commands, strict=True)
+        ]
+        self._groups.put("inputs", inputs)
+
     def step(self, n: int = 1) -> None:
         """Advance all members by n steps.
 
@@ -305,5 +323,5 @@ def _member_groups(model: Model, count: int, contacts: Sequence[ContactStepper])
     if not isinstance(model.method, Tableau):  # each member needs its own number of iterations
         return MemberGroups(count, 1, sizes, advance_one_by_one(model.kernel))
     equations = model.equations
-    kernel = compile_members(equations.rates, equations.project, model.method, model.u_range.stop)
+    kernel = compile_members(equations.rates, equations.project, model.method, equations.core.stop, model.between_steps)
     return MemberGroups(count, kernel.lanes, sizes, advance_lanes(kernel))

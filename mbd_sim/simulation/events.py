@@ -60,6 +60,13 @@ class AppliedEfforts:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class AppliedCommands:
+    """The commands (n,) of all actuators that act from the event's step on, in the order of `CommandMap.names`."""
+
+    values: Array
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class AppliedWrench:
     """The wrench on a part from the event's step on, as its part of the inputs of the equations, see `InputLayout`.
 
@@ -93,7 +100,9 @@ class NewState:
     live: Mapping[str, float]
 
 
-Payload = AppliedEfforts | AppliedWrench | ChangedValues | NewState | str | None  # a string is a message for people
+Payload = (
+    AppliedEfforts | AppliedCommands | AppliedWrench | ChangedValues | NewState | str | None
+)  # a string is a message for people
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -85,12 +85,11 @@ def contact_stepper(model: Model, mechanism: Mechanism) -> ContactStepper:
     def energy(time: float, y: Array, inputs: Array) -> float:
         return model.energies(time, y, 0.0, inputs).total
 
-    first = model.u_range.stop
     return ContactStepper(
         model.contact,
         energy,
         model.u_range,
-        slice(first, first + 2),
+        model.loss_range,
         mechanism.rest_speed,
         guard_tolerance(model.equations),
         rheonomic(mechanism),

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.mechanism.actuators import require_no_actuators
 from mbd_sim.mechanism.one_sided import require_two_sided
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.argument_checks import finite_vector
@@ -168,6 +169,7 @@ class Readings:
         from mbd_sim.analysis.linearization import linearize
 
         require_two_sided(self.mechanism, "cannot be linearized")
+        require_no_actuators(self.mechanism, "cannot be linearized", with_states=True)
         model, (y, inputs) = self.model, (self._memory.y, self._memory.inputs)
         efforts = inputs[model.equations.inputs.efforts]
         return linearize(model.equations, y[model.q_range], y[model.u_range], efforts, self.time, inputs)

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Protocol, Unpack, cast
 
 from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array
-from mbd_sim.simulation.events import AppliedEfforts, AppliedWrench, ChangedValues, EventKind, NewState, Payload
+from mbd_sim.simulation.events import (
+    AppliedCommands,
+    AppliedEfforts,
+    AppliedWrench,
+    ChangedValues,
+    EventKind,
+    NewState,
+    Payload,
+)
 from mbd_sim.simulation.kernel_memory import KernelMemory
 from mbd_sim.simulation.live_values import LiveValues
 from mbd_sim.simulation.options import RecordingOptions
@@ -96,6 +104,9 @@ class RunReports:
 
     def _report_efforts(self, efforts: Array) -> None:
         self._report(EventKind.COMMAND, AppliedEfforts(efforts.copy()))
+
+    def _report_commands(self, values: Array) -> None:
+        self._report(EventKind.COMMAND, AppliedCommands(values.copy()))
 
     def _report_wrench(self, part: str, inputs: Array) -> None:
         self._report(EventKind.COMMAND, AppliedWrench(part, inputs))

@@ -14,6 +14,8 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.override import with_values
+from mbd_sim.simulation.actuation import Actuation
+from mbd_sim.simulation.actuator_commands import CommandMap
 from mbd_sim.simulation.argument_checks import finite_vector, step_at, step_count, step_size
 from mbd_sim.simulation.compiled_model import Model, build_model
 from mbd_sim.simulation.contact_start import require_free_start, require_outside
@@ -36,7 +38,7 @@ _RESTORE = "Call reset() to return to time zero, or restore(…) to continue fro
 _BUILD = "Build a new Simulation with it."
 
 
-class Simulation(Readings, RunReports, ReadOnlyAttributes):
+class Simulation(Readings, RunReports, Actuation, ReadOnlyAttributes):
     """A mechanism and its state, advanced by a fixed step.
 
     `q` (nq,) are the generalized coordinates and `u` (nv,) the generalized speeds in the order of the file's joints,
@@ -56,7 +58,7 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
         **dict.fromkeys(("y", "state", "steps", "time", "t"), _RESTORE),
         **dict.fromkeys(("step_size", "mechanism", "model"), _BUILD),
         "efforts": "Call set_efforts(…).",
-        "inputs": "Call set_efforts(…), set_wrench(…) or set_live(…).",
+        "inputs": "Call set_efforts(…), set_commands(…), set_wrench(…) or set_live(…).",
         "live": "Call set_live(…).",
     }
 
@@ -93,6 +95,7 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
         layout = self.model.equations.inputs
         self._efforts, self._live_inputs = memory.inputs[layout.efforts], memory.inputs[layout.values]
         self.wrench_map = WrenchMap(mechanism, layout)
+        self.command_map = CommandMap(mechanism.actuators, layout)
         self.effort_map = EffortMap(self.model.coordinate_names, mechanism.effort_limits(), self.model.driven_names)
         self.y, self.inputs, self.efforts = (read_only(array) for array in (memory.y, memory.inputs, self._efforts))
         self.q, self.u = read_only(memory.y[self.model.q_range]), read_only(memory.y[self.model.u_range])
@@ -162,7 +165,8 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
     def reset(self, q: Sequence[float] | Array | None = None, u: Sequence[float] | Array | None = None) -> None:
         """Return to time zero and to the start state or the given one; zero the efforts, the wrenches and the audit.
 
-        Live values stay as they are. A given state is projected to the nearest one that satisfies the constraints.
+        Commands of actuators become those before the first one. Live values stay as they are. A given state is
+        projected to the nearest one that satisfies the constraints.
 
         :raises ValueError: wrong length, a value that is not finite, loops that cannot be closed near this state, or
             parts inside each other or beyond a stop; nothing is changed then.
@@ -176,6 +180,7 @@ class Simulation(Readings, RunReports, ReadOnlyAttributes):
         model.normalize(y)
         if q is not None or u is not None or not np.array_equal(inputs, model.inputs):
             model.project(y, self._live_inputs)
+            model.hold_start(y, inputs)
             require_outside(model, 0.0, y, inputs)
         self._memory.load(y, inputs, 0)
         self.start_energy = model.energies(0.0, y, 0.0, inputs).total

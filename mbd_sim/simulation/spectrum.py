@@ -11,7 +11,7 @@ from mbd_sim.geometry.pose import Array
 
 
 class FastestMode(NamedTuple):
-    """The largest |λ| of ∂f/∂(q, u) in 1/s, and the index of the speed u that takes the largest part in it."""
+    """The largest |λ| of ∂f/∂y in 1/s, and the index of the speed u that takes the largest part in it."""
 
     rate: float
     speed: int
@@ -19,10 +19,9 @@ class FastestMode(NamedTuple):
 
 def fastest_mode(equations: Equations, time: float, y: Array, inputs: Array) -> FastestMode:
     """The fastest mode at a state, from finite differences; the rate is 0 if it cannot be found."""
-    nq = equations.layout.nq
     if equations.layout.nv == 0:
         return FastestMode(0.0, 0)
-    return _largest(_jacobian(equations, time, y, inputs), nq)
+    return _largest(_jacobian(equations, time, y, inputs), _speeds(equations))
 
 
 def fastest_without_joints(equations: Equations, time: float, y: Array, inputs: Array) -> FastestMode:
@@ -37,13 +36,17 @@ def fastest_without_joints(equations: Equations, time: float, y: Array, inputs: 
     damping, stiffness = (np.array(value) for value in equations.joint_linearization().slopes(time, y, inputs))
     jacobian = _jacobian(equations, time, y, inputs)
     with np.errstate(all="ignore"):
-        jacobian[nq:, nq:] += inverse_mass * damping.ravel()
-        jacobian[nq:, :nq] += inverse_mass @ stiffness
-    return _largest(jacobian, nq)
+        jacobian[nq : nq + nv, nq : nq + nv] += inverse_mass * damping.ravel()
+        jacobian[nq : nq + nv, :nq] += inverse_mass @ stiffness
+    return _largest(jacobian, _speeds(equations))
+
+
+def _speeds(equations: Equations) -> slice:
+    return slice(equations.layout.nq, equations.layout.nq + equations.layout.nv)
 
 
 def _jacobian(equations: Equations, time: float, y: Array, inputs: Array) -> Array:
-    size = equations.layout.nq + equations.layout.nv
+    size = equations.core.stop
 
     def rates(state: Array) -> Array:
         return np.array(equations.rates.call([time, state, inputs])[0]).ravel()[:size]
@@ -57,9 +60,9 @@ def _jacobian(equations: Equations, time: float, y: Array, inputs: Array) -> Arr
     return jacobian
 
 
-def _largest(jacobian: Array, nq: int) -> FastestMode:
+def _largest(jacobian: Array, speeds: slice) -> FastestMode:
     if not np.all(np.isfinite(jacobian)):
         return FastestMode(0.0, 0)
     values, vectors = np.linalg.eig(jacobian)
     fastest = int(np.argmax(np.abs(values)))
-    return FastestMode(float(np.abs(values[fastest])), int(np.argmax(np.abs(vectors[nq:, fastest]))))
+    return FastestMode(float(np.abs(values[fastest])), int(np.argmax(np.abs(vectors[speeds, fastest]))))

@@ -27,13 +27,20 @@ TOPICS = {
     "/joint_states": "sensor_msgs/msg/JointState",
     "/energies": "std_msgs/msg/Float64MultiArray",
     "/sim_node/applied_efforts": "std_msgs/msg/Float64MultiArray",
+    "/sim_node/applied_commands": "std_msgs/msg/Float64MultiArray",
     "/sim_node/applied_wrenches": "std_msgs/msg/Float64MultiArray",
     "/sim_node/live_values": "std_msgs/msg/Float64MultiArray",
     "/sim_node/new_states": "std_msgs/msg/Float64MultiArray",
     "/sim_node/events": "std_msgs/msg/String",
     "/robot_description": "std_msgs/msg/String",
 }
-LATCHED = ("/robot_description", "/sim_node/applied_efforts", "/sim_node/events", "/sim_node/live_values")
+LATCHED = (
+    "/robot_description",
+    "/sim_node/applied_commands",
+    "/sim_node/applied_efforts",
+    "/sim_node/events",
+    "/sim_node/live_values",
+)
 
 
 @pytest.fixture(scope="module")

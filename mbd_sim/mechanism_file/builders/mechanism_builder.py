@@ -9,12 +9,14 @@ import numpy as np
 
 from mbd_sim.errors import MechanismError, Problem
 from mbd_sim.geometry.pose import Pose
+from mbd_sim.mechanism.actuators import Actuator
 from mbd_sim.mechanism.attachments import PointsByPart
 from mbd_sim.mechanism.constraints import Constraint
 from mbd_sim.mechanism.contacts import Contact
 from mbd_sim.mechanism.force_expressions import force_expressions
 from mbd_sim.mechanism.records import GROUND, Joint, Mechanism, Part
 from mbd_sim.mechanism.source import Source
+from mbd_sim.mechanism_file.builders.actuator_builder import actuated_joints, build_actuators
 from mbd_sim.mechanism_file.builders.build_context import BuildContext
 from mbd_sim.mechanism_file.builders.constraint_builder import build_constraints, coupled_joints
 from mbd_sim.mechanism_file.builders.contact_builder import build_contacts
@@ -22,6 +24,7 @@ from mbd_sim.mechanism_file.builders.force_builder import ForceElements, build_f
 from mbd_sim.mechanism_file.builders.joint_builder import build_joint
 from mbd_sim.mechanism_file.builders.part_builder import build_part, point_poses
 from mbd_sim.mechanism_file.builders.tree_builder import build_tree
+from mbd_sim.mechanism_file.schema.actuator_schema import AnyActuatorSpec
 from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
 from mbd_sim.mechanism_file.schema.contact_schema import ContactSpec
 from mbd_sim.mechanism_file.schema.file_schema import GroundSpec, MechanismFile, PartSpec
@@ -35,12 +38,12 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
     :raises MechanismError: with every invalid reference, mass and connection.
     """
     elements = build_elements(
-        file.parts, file.joints, file.forces, file.constraints, file.contacts, file.ground, source
+        file.parts, file.joints, file.forces, file.constraints, file.contacts, file.actuators, file.ground, source
     )
     if elements.problems:
         raise MechanismError(in_order(elements.problems))
     joints = elements.joints
-    coupled = set(coupled_joints(elements.constraints, joints))
+    coupled = {*coupled_joints(elements.constraints, joints), *actuated_joints(elements.actuators, joints)}
     tree, problems = build_tree(elements.parts, joints, coupled, _named_joints(elements), source)
     if problems:
         raise MechanismError(in_order(problems))
@@ -69,6 +72,7 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         efforts=elements.forces.efforts,
         constraints=elements.constraints,
         contacts=elements.contacts,
+        actuators=elements.actuators,
     )
 
 
@@ -99,13 +103,14 @@ def _merged(group: Sequence[Problem]) -> Problem:
 
 @dataclasses.dataclass(frozen=True)
 class MechanismElements:
-    """The parts, joints, forces, constraints and contacts of a file, before the tree is found, and their problems."""
+    """Everything in a file, before the tree is found, and the problems of all of it."""
 
     parts: dict[str, Part]
     joints: dict[str, Joint]
     forces: ForceElements
     constraints: tuple[Constraint, ...]
     contacts: tuple[Contact, ...]
+    actuators: tuple[Actuator, ...]
     ground_points: dict[str, Pose]
     problems: list[Problem]
 
@@ -116,6 +121,7 @@ def build_elements(
     forces: Mapping[str, AnyForceSpec],
     constraints: Mapping[str, AnyConstraintSpec],
     contacts: Mapping[str, ContactSpec],
+    actuators: Mapping[str, AnyActuatorSpec],
     ground: GroundSpec,
     source: Source,
     unreadable: Collection[str] = (),
@@ -142,7 +148,15 @@ def build_elements(
     built_forces = build_force_elements(forces, known_joints, context)
     built_constraints = build_constraints(constraints, known_joints, context)
     built_contacts = build_contacts(contacts, parts, context)
+    built_actuators = build_actuators(actuators, known_joints, context)
     valid_joints = {name: joint for name, joint in built_joints.items() if joint}
     return MechanismElements(
-        built_parts, valid_joints, built_forces, built_constraints, built_contacts, ground_points, context.problems
+        built_parts,
+        valid_joints,
+        built_forces,
+        built_constraints,
+        built_contacts,
+        built_actuators,
+        ground_points,
+        context.problems,
     )

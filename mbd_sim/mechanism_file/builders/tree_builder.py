@@ -19,7 +19,7 @@ def build_tree(
 ) -> tuple[SpanningTree, list[Problem]]:
     """The spanning tree of a mechanism, and the problems found.
 
-    :param coupled: the joints whose coordinates a coupling refers to; they need their coordinates.
+    :param coupled: the joints whose coordinates a coupling or an actuator refers to; they need their coordinates.
     :param named: those that the expression of a force names, which need them too.
     """
     needed = {joint.name: _needs_coordinate(joint, coupled, named) for joint in joints.values()}
@@ -54,7 +54,7 @@ def _needs_coordinate(joint: Joint, coupled: Collection[str], named: Collection[
         "friction": joint.friction is not None,
         "limits": bool(joint.limits),
         "an effort_limit": joint.effort_limit is not None,
-        "a coupling": joint.name in coupled,
+        "a coupling or an actuator": joint.name in coupled,
         "a force that depends on it": joint.name in named,
     }
     return listed([what for what, true in has.items() if true])

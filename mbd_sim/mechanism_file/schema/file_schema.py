@@ -20,6 +20,7 @@ from mbd_sim.mechanism_file.quantity import (
     PositiveTime,
     Quantity,
 )
+from mbd_sim.mechanism_file.schema.actuator_schema import AnyActuatorSpec
 from mbd_sim.mechanism_file.schema.base_schema import (
     Direction,
     Name,
@@ -232,3 +233,4 @@ class MechanismFile(Spec):
     )
     contacts: dict[Name, ContactSpec] = Field(default={}, description="shapes that cannot penetrate each other")
     forces: dict[Name, AnyForceSpec] = Field(default={}, description="springs, dampers, forces, couples and efforts")
+    actuators: dict[Name, AnyActuatorSpec] = Field(default={}, description="motors and servos, which take commands")

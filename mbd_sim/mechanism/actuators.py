@@ -1,0 +1,187 @@
+"""Actuators as plain records: motors on a coordinate or between two points, their servos, and their commands.
+
+An actuator acts along its port, with a position x and a speed v: those of a coordinate, or the distance of two points
+and its rate. Its effort in N or N·m is positive where it increases x. SI units throughout.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from mbd_sim.errors import MechanismError, Problem, listed
+from mbd_sim.mechanism.records import Attachment
+
+if TYPE_CHECKING:
+    from mbd_sim.mechanism.records import Mechanism
+
+Channel = Literal["position", "velocity", "effort", "voltage", "current"]
+Control = Literal["effort", "voltage", "current"]
+
+
+@dataclass(frozen=True)
+class CoordinatePort:
+    """A coordinate of a joint, by its name."""
+
+    coordinate: str
+    rotation: bool
+
+
+@dataclass(frozen=True, eq=False)
+class LinePort:
+    """The line between two points; a positive effort pushes them apart."""
+
+    first: Attachment
+    second: Attachment
+    rotation: bool = False
+
+
+Port = CoordinatePort | LinePort
+
+
+@dataclass(frozen=True)
+class EffortMotor:
+    """A motor that exerts the commanded effort, up to `effort_limit`, and up to its curve where it drives.
+
+    `curve` are pairs of a speed |v| and the largest effort at it, linear between them and constant beyond. Where the
+    motor brakes, the curve's value at rest is the limit. `gear` is the speed of the rotor in rad/s for v = 1, and
+    `rotor_inertia` in kg·m² is that of the rotor about its own axis.
+    """
+
+    effort_limit: float = math.inf
+    curve: tuple[tuple[float, float], ...] = ()
+    gear: float = 1.0
+    rotor_inertia: float = 0.0
+
+
+@dataclass(frozen=True)
+class DcMotor:
+    """A motor with L i' = u - R i - k ω at the speed ω = `gear` v of its rotor, and the torque k i.
+
+    `control` is what is commanded: the voltage u in V, the current i in A, or the effort that i has without losses.
+    The drive keeps |i| within `current_limit` as long as |u| stays within `voltage_limit`. With an inductance, its
+    current follows that commanded at the rate `bandwidth` in rad/s. `coulomb` in N·m and `viscous` in N·m·s are the
+    friction of the rotor; coulomb friction is smooth below the speed `regularization` in rad/s, as the loss of a gear
+    with an `efficiency` below 1 is: see `mbd_sim.dynamics.motors`.
+    """
+
+    torque_constant: float
+    resistance: float
+    inductance: float = 0.0
+    voltage_limit: float = math.inf
+    current_limit: float = math.inf
+    gear: float = 1.0
+    efficiency: float = 1.0
+    rotor_inertia: float = 0.0
+    coulomb: float = 0.0
+    viscous: float = 0.0
+    regularization: float = 0.1
+    control: Control = "voltage"
+    bandwidth: float = 0.0
+
+
+Motor = EffortMotor | DcMotor
+
+
+@dataclass(frozen=True)
+class Servo:
+    """A controller of the position or velocity of the port, whose output commands the motor: `mbd_sim.dynamics.servos`.
+
+    Gains are in units of the output for 1 rad or m, or 1 rad/s or m/s, and per second (`ki`) or times a second (`kd`).
+    `feedforward` multiplies the commanded velocity. The output stays within `limit`; beyond it, the integral follows
+    with `tracking_time` in s. The reference follows the command by at most `rate_limit` per second. With a `period` in
+    s the servo is sampled, otherwise it is continuous.
+    """
+
+    controls: Literal["position", "velocity"]
+    kp: float
+    ki: float = 0.0
+    kd: float = 0.0
+    feedforward: float = 0.0
+    limit: float = math.inf
+    tracking_time: float = math.inf
+    rate_limit: float = math.inf
+    period: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Actuator:
+    """A motor at a port, perhaps with a servo. Commands act after `delay` in s, in whole steps.
+
+    `start` are the commands before the first one, by channel, where they are not those of `default_command`.
+    """
+
+    name: str
+    port: Port
+    motor: Motor
+    servo: Servo | None
+    start: Mapping[str, float]
+    delay: float = 0.0
+
+    @property
+    def control(self) -> Control:
+        """What commands the motor."""
+        return self.motor.control if isinstance(self.motor, DcMotor) else "effort"
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """The commands that it takes, in their order among the inputs.
+
+        A velocity with commands of the position, and an effort with either, are feedforward.
+        """
+        if self.servo is None:
+            return (self.control,)
+        wanted: tuple[Channel, ...] = ("position", "velocity") if self.servo.controls == "position" else ("velocity",)
+        return (*wanted, "effort") if self.control == "effort" else wanted
+
+    @property
+    def has_states(self) -> bool:
+        """Whether its effort depends on more than the motion and the commands."""
+        inductive = isinstance(self.motor, DcMotor) and self.motor.inductance > 0.0
+        servo = self.servo
+        own = servo is not None and (servo.period is not None or servo.ki > 0.0 or servo.rate_limit < math.inf)
+        return inductive or own or self.delay > 0.0
+
+    @property
+    def output_limit(self) -> float:
+        """The largest size of what commands the motor."""
+        if isinstance(self.motor, EffortMotor):
+            return min(self.motor.effort_limit, max((effort for _, effort in self.motor.curve), default=math.inf))
+        match self.motor.control:
+            case "voltage":
+                return self.motor.voltage_limit
+            case "current":
+                return self.motor.current_limit
+            case "effort":
+                return self.motor.current_limit * self.motor.torque_constant * self.motor.gear
+
+
+def channel_names(actuators: Sequence[Actuator]) -> tuple[str, ...]:
+    """The commands of all actuators in their order, as `actuator.channel`."""
+    return tuple(f"{actuator.name}.{channel}" for actuator in actuators for channel in actuator.channels)
+
+
+def has_actuator_states(mechanism: Mechanism) -> bool:
+    """Whether the motion depends on states of actuators: currents, integrals, or what a servo or a delay holds."""
+    return any(actuator.has_states for actuator in mechanism.actuators)
+
+
+def require_no_actuators(mechanism: Mechanism, what: str, *, with_states: bool = False) -> None:
+    """Refuse what is possible only without actuators.
+
+    :param what: that it is not possible, such as "cannot be linearized".
+    :param with_states: refuse only actuators with states.
+    :raises MechanismError: the actuators are named.
+    """
+    names = [actuator.name for actuator in mechanism.actuators if actuator.has_states or not with_states]
+    if names:
+        kind = "actuators with states" if with_states else "actuators"
+        message = f"{mechanism.name} {what}, because it has {kind}: {listed(names)}"
+        raise MechanismError([Problem(message, "Remove them, and command efforts of the joints.")])
+
+
+def default_command(channel: Channel, position: float) -> float:
+    """The command before the first one: the position at the start is held, everything else is zero."""
+    return position if channel == "position" else 0.0

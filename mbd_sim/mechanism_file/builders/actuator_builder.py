@@ -1,0 +1,206 @@
+"""Builds the actuators of a mechanism from their records in the file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import assert_never
+
+from mbd_sim.errors import InputError, listed, nearest
+from mbd_sim.mechanism.actuators import Actuator, CoordinatePort, DcMotor, EffortMotor, LinePort, Port, Servo
+from mbd_sim.mechanism.records import Joint
+from mbd_sim.mechanism.source import Location
+from mbd_sim.mechanism_file.builders.build_context import BuildContext
+from mbd_sim.mechanism_file.measured import Measured
+from mbd_sim.mechanism_file.schema import actuator_schema as schema
+
+BANDWIDTH = 10.0  # times resistance/inductance, of a current loop
+_COMMAND_UNITS = {"voltage": "V", "current": "A"}
+
+
+def build_actuators(
+    specs: Mapping[str, schema.AnyActuatorSpec], joints: Mapping[str, Joint | None], context: BuildContext
+) -> tuple[Actuator, ...]:
+    """The actuators of a file; invalid ones are left out and reported to `context`.
+
+    :param joints: by name, None for those that are invalid; with the name "" if there are further ones.
+    """
+    found = []
+    for name, spec in specs.items():
+        port = _port(name, spec, joints, context)
+        if port is not None:
+            found.append(_actuator(name, spec, port, context))
+    return tuple(found)
+
+
+def actuated_joints(actuators: tuple[Actuator, ...], joints: Mapping[str, Joint]) -> list[str]:
+    """The joints on whose coordinates actuators act."""
+    owners = {label: joint.name for joint in joints.values() for label in joint.motion_names}
+    return [owners[actuator.port.coordinate] for actuator in actuators if isinstance(actuator.port, CoordinatePort)]
+
+
+def _port(
+    name: str, spec: schema.AnyActuatorSpec, joints: Mapping[str, Joint | None], context: BuildContext
+) -> Port | None:
+    location: Location = ("actuators", name)
+    if spec.between is not None:
+        ends = context.attachments((*location, "between"), spec.between)
+        return LinePort(ends[0], ends[1]) if ends else None
+    wanted = spec.joint or ""
+    valid = [joint for joint in joints.values() if joint is not None]
+    for joint in valid:
+        for coordinate, label in zip(joint.kind.coordinates, joint.motion_names, strict=True):
+            if label == wanted:
+                return _coordinate(location, joint, CoordinatePort(label, coordinate.rotation), context)
+    if wanted in joints:
+        named = joints[wanted]
+        if named is None:
+            return None  # the joint itself is reported
+        names = named.motion_names
+        remedy = f"Name one of them: {listed(list(names))}." if names else "Name a joint that moves."
+        context.report((*location, "joint"), f"'{wanted}' has {len(names) or 'no'} coordinates", remedy)
+    elif "" not in joints:
+        every = [label for joint in valid for label in joint.motion_names]
+        context.report((*location, "joint"), f"there is no joint '{wanted}'", nearest(wanted, every))
+    return None
+
+
+def _coordinate(location: Location, joint: Joint, port: CoordinatePort, context: BuildContext) -> CoordinatePort | None:
+    where = (*location, "joint")
+    if joint.drive:
+        message = f"'{joint.name}' is driven: its drive alone prescribes the motion"
+        context.report(where, message, "Remove 'drive' from the joint, or the actuator.")
+    elif joint.kind.quaternion is not None:
+        message = f"'{joint.name}' is {joint.type}: an actuator needs a coordinate that is an angle or a length"
+        context.report(where, message, "Use three revolute joints, or command efforts.")
+    else:
+        return port
+    return None
+
+
+def _actuator(name: str, spec: schema.AnyActuatorSpec, port: Port, context: BuildContext) -> Actuator:
+    location: Location = ("actuators", name)
+    angle, effort = ("rad", "N*m") if port.rotation else ("m", "N")
+    motor: EffortMotor | DcMotor
+    match spec:
+        case schema.EffortActuatorSpec():
+            motor, control = _effort_motor(location, spec, port, context), "effort"
+        case schema.DcMotorSpec():
+            motor, control = _dc_motor(location, spec, port, context), spec.control
+        case _:
+            assert_never(spec)
+    output = {"effort": effort, **_COMMAND_UNITS}[control]
+    without_servo = Actuator(name, port, motor, None, {})
+    servo = None if spec.servo is None else _servo(location, spec.servo, without_servo, angle, output, context)
+    actuator = Actuator(name, port, motor, servo, {}, spec.delay)
+    units = {"position": angle, "velocity": f"{angle}/s", "effort": effort, **_COMMAND_UNITS}
+    start: dict[str, float] = {}
+    for channel, value in spec.command.items():
+        if channel not in actuator.channels:
+            message = f"it takes no {channel}"
+            context.report((*location, "command", channel), message, f"Give {listed(list(actuator.channels))}.")
+        _require(context, (*location, "command", channel), value, units[channel])
+        start[channel] = float(value)
+    return Actuator(name, port, motor, servo, start, spec.delay)
+
+
+def _gear(location: Location, spec: schema.AnyActuatorSpec, port: Port, context: BuildContext) -> float:
+    """The speed of the rotor in rad/s for a speed of 1 of the port."""
+    if port.rotation and spec.lead is not None:
+        context.report((*location, "lead"), "has no effect on an angle", "Remove it, or give 'gear_ratio'.")
+    if port.rotation:
+        return spec.gear_ratio
+    if spec.lead is not None:
+        return spec.gear_ratio * 2.0 * math.pi / spec.lead
+    if isinstance(spec, schema.DcMotorSpec) or spec.rotor_inertia:
+        remedy = "Add the travel for one revolution, such as 'lead: 5 mm'; that of a pinion is ${2*pi*r} m."
+        context.report(location, "turns to move along a line, but has no lead", remedy)
+    return spec.gear_ratio
+
+
+def _effort_motor(
+    location: Location, spec: schema.EffortActuatorSpec, port: Port, context: BuildContext
+) -> EffortMotor:
+    effort, speed = ("N*m", "rad/s") if port.rotation else ("N", "m/s")
+    if spec.effort_limit is not None:
+        _require(context, (*location, "effort_limit"), spec.effort_limit, effort)
+    for row, (at, value) in enumerate(spec.torque_speed or ()):
+        _require(context, (*location, "torque_speed", row, 0), at, speed)
+        _require(context, (*location, "torque_speed", row, 1), value, effort)
+    return EffortMotor(
+        effort_limit=_or_infinite(spec.effort_limit),
+        curve=tuple((float(at), float(value)) for at, value in spec.torque_speed or ()),
+        gear=_gear(location, spec, port, context),
+        rotor_inertia=spec.rotor_inertia,
+    )
+
+
+def _dc_motor(location: Location, spec: schema.DcMotorSpec, port: Port, context: BuildContext) -> DcMotor:
+    bandwidth = spec.current_bandwidth
+    if bandwidth is None and spec.inductance:
+        bandwidth = BANDWIDTH * spec.resistance / spec.inductance
+    return DcMotor(
+        torque_constant=spec.torque_constant,
+        resistance=spec.resistance,
+        inductance=spec.inductance,
+        voltage_limit=_or_infinite(spec.voltage_limit),
+        current_limit=_or_infinite(spec.current_limit),
+        gear=_gear(location, spec, port, context),
+        efficiency=spec.efficiency,
+        rotor_inertia=spec.rotor_inertia,
+        coulomb=spec.friction,
+        viscous=spec.damping,
+        regularization=spec.regularization,
+        control=spec.control,
+        bandwidth=bandwidth or 0.0,
+    )
+
+
+def _servo(
+    location: Location, spec: schema.ServoSpec, actuator: Actuator, angle: str, output: str, context: BuildContext
+) -> Servo:
+    where = (*location, "servo")
+    error = angle if spec.controls == "position" else f"{angle}/s"
+    for key, unit in _servo_units(error, angle, output):
+        if (value := getattr(spec, key)) is not None:
+            _require(context, (*where, key), value, unit)
+    period = None if spec.sample_rate is None else 1.0 / spec.sample_rate
+    tracking_time = spec.tracking_time
+    limit = min(_or_infinite(spec.limit), actuator.output_limit)
+    if tracking_time is None and spec.ki and spec.kp:
+        tracking_time = max(spec.kp / spec.ki, period or 0.0)
+    elif tracking_time is None and spec.ki and math.isfinite(limit):
+        remedy = "Add 'tracking_time', the time in which the integral follows a limited output."
+        context.report(where, "has ki and a limit, but neither kp nor tracking_time", remedy)
+    return Servo(
+        controls=spec.controls,
+        kp=float(spec.kp),
+        ki=float(spec.ki),
+        kd=float(spec.kd),
+        feedforward=float(spec.velocity_feedforward),
+        limit=float(limit),
+        tracking_time=_or_infinite(tracking_time),
+        rate_limit=_or_infinite(spec.rate_limit),
+        period=period,
+    )
+
+
+def _servo_units(error: str, angle: str, output: str) -> Iterator[tuple[str, str]]:
+    yield "kp", f"{output}/({error})"
+    yield "ki", f"{output}/({error}*s)"
+    yield "kd", f"{output}*s/({error})"
+    yield "velocity_feedforward", f"{output}*s/{angle}"
+    yield "limit", output
+    yield "rate_limit", f"{error}/s"
+
+
+def _or_infinite(value: float | None) -> float:
+    return math.inf if value is None else float(value)
+
+
+def _require(context: BuildContext, location: Location, value: float, unit: str) -> None:
+    if isinstance(value, Measured):
+        try:
+            value.require(unit)
+        except InputError as error:
+            context.problems.append(context.source.problem_of(location, error))

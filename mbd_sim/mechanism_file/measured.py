@@ -1,0 +1,41 @@
+"""Values whose dimension depends on other keys: they keep their unit, and are checked once that is known.
+
+The `effort_limit` of an actuator is in N on a slider and in N·m on a hinge.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from mbd_sim.mechanism_file.parameters import Parameters
+from mbd_sim.mechanism_file.quantity import Quantity
+from mbd_sim.mechanism_file.value_parser import split_unit, unit_factor
+
+
+class Measured(float):
+    """A number in SI units that was written in `unit`; empty without one."""
+
+    unit: str = ""
+
+    def require(self, si_unit: str) -> None:
+        """Check the dimension of the unit.
+
+        :raises InputError: it is another one than that of `si_unit`.
+        """
+        if self.unit:
+            unit_factor(self.unit, si_unit)
+
+
+class MeasuredQuantity(Quantity):
+    """Marks a field as a quantity whose unit is checked later; its value is `Measured`."""
+
+    def _parsed(self, value: Any, parameters: Parameters) -> float:
+        number = Measured(super()._parsed(value, parameters))
+        if isinstance(value, str) and not parameters.unknown_in(value):
+            number.unit = split_unit(value)[1]
+        return number
+
+
+AnyAmount = Annotated[float, MeasuredQuantity(None)]
+PositiveAmount = Annotated[float, MeasuredQuantity(None, above=0)]
+AmountFromZero = Annotated[float, MeasuredQuantity(None, at_least=0)]

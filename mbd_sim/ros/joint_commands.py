@@ -1,0 +1,84 @@
+"""Commands by the names of joints, as messages have them: which of them are efforts of joints, and which of actuators.
+
+A sender such as ros2_control's JointStateTopicSystem names all of its joints, and has an array for each interface, with
+an entry only for each joint that has this interface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, cast
+
+from mbd_sim.errors import CommandError, listed
+from mbd_sim.mechanism.actuators import Actuator, Channel, CoordinatePort
+from mbd_sim.simulation.efforts import EffortMap
+
+EFFORT: Channel = "effort"
+
+
+class RoutedCommands(NamedTuple):
+    """Efforts by joint, and commands of actuators by name and channel."""
+
+    efforts: Mapping[str, float]
+    actuators: Mapping[str, Mapping[Channel, float]]
+
+
+class JointCommandRouter:
+    """Knows which actuator takes a command of a joint. An actuator without a joint is commanded by its own name."""
+
+    def __init__(self, effort_map: EffortMap, actuators: Sequence[Actuator]) -> None:
+        self._effort_map = effort_map
+        self._takers: dict[str, dict[Channel, str]] = {}  # by joint and channel: the actuator
+        for actuator in actuators:
+            port = actuator.port
+            name = port.coordinate if isinstance(port, CoordinatePort) else actuator.name
+            taken = self._takers.setdefault(name, {})
+            for channel in actuator.channels:
+                taken.setdefault(channel, actuator.name)
+
+    def route(self, names: Sequence[str], arrays: Mapping[Channel, Sequence[float]]) -> RoutedCommands:
+        """The commands of a message.
+
+        :param arrays: by channel, each with an entry for each of the `names`, or only for those that take it, or empty.
+        :raises CommandError: a name is unknown or given twice, a length does not fit, or a joint takes no such command.
+        """
+        if len(set(names)) != len(names):
+            raise CommandError("a joint is named twice. Send one effort for each joint.")
+        given = {channel: values for channel, values in arrays.items() if len(values)}
+        efforts, commands = dict[str, float](), dict[str, dict[Channel, float]]()
+        for channel, values in (given or {EFFORT: ()}).items():
+            for name, value in zip(self._addressed(names, channel, len(values)), values, strict=True):
+                actuator = self._actuator(name, channel)
+                if actuator is None:
+                    efforts[name] = value
+                else:
+                    commands.setdefault(actuator, {})[channel] = value
+        return RoutedCommands(efforts, commands)
+
+    def _addressed(self, names: Sequence[str], channel: Channel, count: int) -> Sequence[str]:
+        """Those of the names that the entries of an array belong to."""
+        if count == len(names):
+            return names
+        takers = [name for name in names if self._takes(name, channel)]
+        if self._takers and count == len(takers):
+            return takers
+        lengths = f"'name' and '{channel}' differ in length: {len(names)} and {count}."
+        also = f", or only for {listed(takers)}" if self._takers and takers else ""
+        raise CommandError(f"{lengths} Send one {channel} for each name{also}.")
+
+    def _takes(self, name: str, channel: Channel) -> bool:
+        if name in self._takers:
+            return channel in self._takers[name]
+        return channel == EFFORT and name in self._effort_map.names
+
+    def _actuator(self, name: str, channel: Channel) -> str | None:
+        """The actuator that takes a command; None where it is the effort of a joint without an actuator."""
+        if name in self._takers:
+            if (actuator := self._takers[name].get(channel)) is not None:
+                return actuator
+            taken = listed([cast(str, other) for other in self._takers[name]])
+            raise CommandError(f"the actuator of '{name}' takes no {channel}. Command its {taken}.")
+        if channel != EFFORT:
+            self._effort_map.require(name)
+            raise CommandError(f"joint '{name}' takes no {channel}, as it has no servo. Command its effort.")
+        return None

@@ -1,0 +1,66 @@
+"""Commands of actuators: checked as a whole, by the names of actuators or of their channels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mbd_sim.dynamics.input_layout import InputLayout
+from mbd_sim.errors import CommandError, listed, nearest
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.actuators import Actuator, Channel, channel_names
+
+Command = float | Mapping[Channel, float]
+
+
+class CommandMap:
+    """The commands of all actuators, one number for each channel; `names` are `actuator.channel`, in their order.
+
+    A command in N, N·m, rad, m, rad/s, m/s, V or A acts on the first channel of an actuator, or on those that it names.
+    """
+
+    def __init__(self, actuators: Sequence[Actuator], layout: InputLayout) -> None:
+        self.actuators, self.range = {actuator.name: actuator for actuator in actuators}, layout.commands
+        channels = [(actuator.name, channel) for actuator in actuators for channel in actuator.channels]
+        self.names = channel_names(actuators)
+        self._index = {key: index for index, key in enumerate(channels)}
+
+    def merged(self, current: Array, commands: Mapping[str, Command]) -> Array:
+        """All commands (n,) after new ones; those that they do not name stay as in `current`.
+
+        :raises CommandError: an unknown actuator or channel, or a value that is not a finite number.
+        """
+        merged = current.copy()
+        for name, given in commands.items():
+            if name not in self.actuators:
+                remedy = nearest(name, self.actuators) if self.actuators else "This mechanism has no actuators."
+                raise CommandError(f"there is no actuator '{name}'. {remedy}")
+            channels = self.actuators[name].channels
+            by_channel = given if isinstance(given, Mapping) else {channels[0]: given}
+            for channel, value in by_channel.items():
+                if (name, channel) not in self._index:
+                    message = f"actuator '{name}' takes no {channel}. Command its {listed(list(channels))}."
+                    raise CommandError(message)
+                merged[self._index[name, channel]] = _finite(f"{name}.{channel}", value)
+        return merged
+
+    def checked(self, labels: Sequence[str], values: Array) -> Array:
+        """All commands (n,), as a recording has them.
+
+        :raises CommandError: the labels are those of other actuators, or a value is not finite.
+        """
+        if tuple(labels) != self.names or len(values) != len(self.names) or not np.all(np.isfinite(values)):
+            raise CommandError(f"the commands do not fit: one finite number is needed for {listed(list(self.names))}.")
+        return values
+
+
+def _finite(name: str, value: object) -> float:
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError) as error:
+        raise CommandError(f"the command of {name} is not a number ({error}). Give a number.") from error
+    if not math.isfinite(number):
+        raise CommandError(f"the command of {name} is not finite. Give a finite number.")
+    return number
