@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
+from mbd_sim.analysis.contact_motion import ContactMotion, has_contact
 from mbd_sim.dynamics.articulated_body import bias_acceleration
 from mbd_sim.dynamics.assembly import null_space
 from mbd_sim.dynamics.element_forces import element_forces
@@ -19,6 +20,7 @@ from mbd_sim.dynamics.tracing import TracedMechanism, trace
 from mbd_sim.errors import nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import require_no_actuators
+from mbd_sim.mechanism.one_sided import two_sided
 from mbd_sim.mechanism.records import Mechanism
 
 FEASIBLE = 1e-9  # the error of the accelerations that is allowed, relative to the largest one
@@ -32,6 +34,9 @@ class InverseDynamics:
     generalized forces r are distributed among the `actuated` coordinates so that Nᵀ e = Nᵀ r along the free directions
     N, in which constraint forces do no work. If more coordinates are actuated than are free, the norm of the efforts e
     is the least possible. Springs, dampers, friction, applied forces and drives are accounted for.
+
+    Closed and sticking contacts are constraints as well, and sliding ones exert their friction. The efforts then follow
+    from the accelerations by Newton's method, because contact forces depend on them.
 
     >>> arm = InverseDynamics(load_mechanism("six_axis_arm"))
     >>> gravity_compensation = arm(q, np.zeros(6), np.zeros(6))
@@ -55,13 +60,14 @@ class InverseDynamics:
         self.actuated = names if actuated is None else tuple(actuated)
         self._indices = [names.index(name) for name in self.actuated]
         loaded, parameters = (equations.inputs.loaded, equations.parameters) if equations else ((), None)
-        self._direct = len(self._indices) == len(names) and not (mechanism.closing or mechanism.constraints)
+        self._direct = len(self._indices) == len(names) and not (mechanism.closing or two_sided(mechanism.constraints))
         if not self._direct:
             require_no_actuators(mechanism, "has no inverse dynamics of loops or of some coordinates")
         step = None if equations is None else equations.step
         traced = trace(mechanism, loaded, parameters, step)
         self._tree, self._input_size = _tree_efforts(traced), traced.input_layout.size
         self._equations = equations
+        self._contact: ContactMotion | None = None
 
     def __call__(self, q: Array, u: Array, u_rates: Array, t: float = 0.0, inputs: Array | None = None) -> Array:
         """The efforts (nv,) in N and N·m for the accelerations `u_rates` (nv,); zero at coordinates without actuation.
@@ -69,13 +75,16 @@ class InverseDynamics:
         :param q: (nq,) coordinates that satisfy the constraints.
         :param u: (nv,) speeds that satisfy the constraints.
         :param t: time in s, for forces, drives and constraints that depend on it.
-        :param inputs: all inputs of the equations, for their wrenches and live values; the efforts in it do not matter.
-            By default there are no wrenches, and the live values are those of the mechanism.
-        :raises ValueError: the constraints, or joints without actuation, do not allow these accelerations.
+        :param inputs: all inputs of the equations, for their wrenches, live values and contacts; the efforts in it do
+            not matter. By default there are no wrenches, live values are those of the mechanism, and contacts are open.
+        :raises ValueError: the constraints, or joints without actuation, do not allow these accelerations, or a contact
+            would have to pull or to hold more than its friction.
         """
         if inputs is None:
             inputs = self._equations.inputs_without_commands if self._equations else np.zeros(self._input_size)
-        efforts = np.array(self._tree(q, u, u_rates, t, inputs), dtype=float).ravel()
+        if self._equations is not None and has_contact(self._equations, inputs):
+            return self._in_contact(q, u, np.asarray(u_rates, dtype=float), t, inputs)
+        efforts = np.array(self._tree(q, u, u_rates, t, inputs[: self._input_size]), dtype=float).ravel()
         if self._direct:
             return efforts
         if self._equations is None:
@@ -88,10 +97,24 @@ class InverseDynamics:
         self._require_feasible(q, u, np.asarray(u_rates, dtype=float), t, actual)
         return shared
 
+    def _in_contact(self, q: Array, u: Array, u_rates: Array, t: float, inputs: Array) -> Array:
+        assert self._equations is not None
+        require_no_actuators(self.mechanism, "has no inverse dynamics in contact", with_states=True)
+        if self._contact is None:
+            self._contact = ContactMotion(self._equations)
+        efforts, accelerations = self._contact.efforts(t, q, u, u_rates, inputs, self._indices)
+        self._require_equal(accelerations, u_rates)
+        return efforts
+
     def _require_feasible(self, q: Array, u: Array, u_rates: Array, t: float, inputs: Array) -> None:
         assert self._equations is not None
-        (nq, nv), y = (len(q), len(u)), np.concatenate([q, u, np.zeros(3)])
+        nq, nv = len(q), len(u)
+        y = np.concatenate([q, u, np.zeros(self._equations.start_state.size - nq - nv)])
         found = np.array(self._equations.rates.call([t, y, inputs])[0]).ravel()[nq : nq + nv]
+        self._require_equal(found, u_rates)
+
+    def _require_equal(self, found: Array, u_rates: Array) -> None:
+        """Refuse accelerations that differ from those `found` with the efforts."""
         miss, scale = np.abs(found - u_rates), max(float(np.max(np.abs(u_rates), initial=0.0)), 1.0)
         if not np.max(miss, initial=0.0) <= FEASIBLE * scale:
             worst = int(np.argmax(miss))

@@ -1,4 +1,7 @@
-"""Small motions about a state: the linearized equations, found exactly, and their natural modes."""
+"""Small motions about a state: the linearized equations, found exactly, and their natural modes.
+
+Contacts stay in the modes that are among the inputs: closed gaps and sticking friction are constraints then.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from mbd_sim.analysis.contact_motion import ContactMotion, has_contact
 from mbd_sim.dynamics.assembly import null_space
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.dynamics.equations import Equations
@@ -26,7 +30,7 @@ class Linearization:
     `a` is (n, n) and `b` (n, nv), found by exact differentiation. A displacement p changes the coordinates by
     N `displacements` p, with q' = N u and `displacements` (nv, k); w changes the speeds by `speeds` w, with `speeds`
     (nv, l). Without constraints both matrices are the identity, so that x is the change of q (along the speeds) and
-    of u.
+    of u. Where friction sticks, l < k: what sticks can be displaced, but does not move.
     """
 
     a: Array
@@ -56,22 +60,30 @@ def linearize(
     :param u: (nv,) speeds.
     :param efforts: (nv,) in N and N·m.
     :param t: time in s.
-    :param inputs: all inputs of the equations, for wrenches and live values; `efforts` replace those in it. By default
-        there are no wrenches, and the live values are those of the mechanism.
+    :param inputs: all inputs of the equations, for wrenches, live values and the modes of contacts; `efforts` replace
+        those in it. By default there are no wrenches, live values are those of the mechanism, and contacts are open.
+    :raises MbdSimError: a contact is about to change, so that there is no linearization.
     """
     given = (equations.inputs_without_commands if inputs is None else inputs).copy()
     given[equations.inputs.efforts] = efforts
     nq, nv = equations.layout.nq, equations.layout.nv
     constraints = equations.constraints.with_values(given[equations.inputs.values])
-    by_state, by_efforts, n = (np.array(value) for value in acceleration_derivatives(equations)(t, q, u, given))
-    gradient = constraints.gradient(t, q)
-    displacements = null_space(gradient[constraints.holonomic])
+    gradient, holonomic = constraints.gradient(t, q), constraints.holonomic
+    if has_contact(equations, given):
+        motion = ContactMotion(equations).at(t, q, u, given)
+        by_state, by_efforts, n = motion.by_state, motion.by_efforts, motion.n
+        gradient = np.vstack([gradient, motion.gradient])
+        holonomic, slopes = np.concatenate([holonomic, motion.holonomic]).astype(bool), motion.slopes @ n
+    else:
+        by_state, by_efforts, n = (np.array(value) for value in acceleration_derivatives(equations)(t, q, u, given))
+        slopes = np.zeros((0, nv))
+    displacements = null_space(gradient[holonomic])
     speeds = null_space(gradient)
     if not len(gradient):
         displacements = speeds = np.eye(nv)
     by_displacements, by_speeds = by_state[:, :nq] @ n @ displacements, by_state[:, nq:]
     # The speeds that satisfy the displaced constraints are not only combinations of the free directions.
-    required = _speed_changes(constraints, t, q, u, displacements)
+    required = _speed_changes(constraints, t, q, u, displacements, gradient, slopes)
     to_p, to_w = np.linalg.pinv(displacements), np.linalg.pinv(speeds)
     a = np.block(
         [
@@ -98,16 +110,28 @@ def acceleration_derivatives(equations: Equations) -> ca.Function:
     return ca.Function("derivatives", [t, q, u, inputs], [ca.densify(output) for output in outputs])
 
 
-def _speed_changes(constraints: ConstraintFunctions, t: float, q: Array, u: Array, displacements: Array) -> Array:
-    """The changes of the speeds (nv, k) for each displacement with which the constraints still hold."""
-    gradient = constraints.gradient(t, q)
-    if not len(gradient) or not u.any():
+def _speed_changes(
+    constraints: ConstraintFunctions,
+    t: float,
+    q: Array,
+    u: Array,
+    displacements: Array,
+    gradient: Array,
+    contact_slopes: Array,
+) -> Array:
+    """The changes of the speeds (nv, k) for each displacement with which the constraints still hold.
+
+    :param gradient: (m, nv) of the constraints, and of contacts after them.
+    :param contact_slopes: the derivatives (contacts, nv) of the contacts' rates by displacements.
+    """
+    if not len(gradient) or not (u.any() or contact_slopes.any()):
         return np.zeros((len(u), displacements.shape[1]))
     columns = []
     for direction in displacements.T:
         ahead, behind = (constraints.displaced(q, sign * DIFFERENCE * direction) for sign in (1.0, -1.0))
         errors = [constraints.gradient(t, moved) @ u + constraints.drift(t, moved) for moved in (ahead, behind)]
         slope = (errors[0] - errors[1]) / (2.0 * DIFFERENCE)
+        slope = np.concatenate([slope, contact_slopes @ direction])
         columns.append(-np.linalg.lstsq(gradient, slope, rcond=None)[0])
     return np.array(columns).T
 

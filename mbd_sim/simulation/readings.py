@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.actuators import require_no_actuators
-from mbd_sim.mechanism.one_sided import require_two_sided
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.argument_checks import finite_vector
 from mbd_sim.simulation.compiled_model import DriveState, Energies, Losses, Model, Reaction, Violation
@@ -146,11 +145,12 @@ class Readings:
     def inverse_dynamics(self, u_rates: Sequence[float] | Array) -> Array:
         """The efforts (nv,) in N and N·m that produce the accelerations `u_rates` (nv,) in this state.
 
-        The present wrenches and live values are accounted for.
+        The present wrenches, live values and contacts are accounted for: closed contacts stay closed, and what sticks
+        sticks.
 
-        :raises ValueError: the constraints do not allow them; see `mbd_sim.analysis.inverse_dynamics.InverseDynamics`.
+        :raises ValueError: the constraints or contacts do not allow them; see
+            `mbd_sim.analysis.inverse_dynamics.InverseDynamics`.
         """
-        require_two_sided(self.mechanism, "has no unique inverse dynamics")
         model, (y, inputs) = self.model, (self._memory.y, self._memory.inputs)
         wanted = finite_vector(u_rates, model.layout.nv, "u_rates")
         return self._inverse(y[model.q_range], y[model.u_range], wanted, self.time, inputs)
@@ -164,11 +164,13 @@ class Readings:
     def linearize(self) -> Linearization:
         """x' = A x + B e for small motions about this state, by exact differentiation.
 
-        The present efforts, wrenches and live values stay as they are.
+        The present efforts, wrenches and live values stay as they are. Closed contacts stay closed, what sticks sticks,
+        and what slides slides on.
+
+        :raises MbdSimError: a contact is about to change, so that the motion has no derivatives.
         """
         from mbd_sim.analysis.linearization import linearize
 
-        require_two_sided(self.mechanism, "cannot be linearized")
         require_no_actuators(self.mechanism, "cannot be linearized", with_states=True)
         model, (y, inputs) = self.model, (self._memory.y, self._memory.inputs)
         efforts = inputs[model.equations.inputs.efforts]

@@ -318,11 +318,7 @@ def test_methods_for_stiff_mechanisms_refuse_contacts():
         Simulation.from_file("bounce", method="rosenbrock")
 
 
-def test_what_needs_smooth_equations_refuses_contacts():
+def test_what_is_open_is_linearized_as_if_it_were_not_there():
     sim = Simulation.from_file("bounce")
-    with pytest.raises(
-        MechanismError, match=r"cannot be linearized, because it has one-sided elements: constraints\.floor"
-    ):
-        sim.linearize()
-    with pytest.raises(MechanismError, match="inverse dynamics"):
-        sim.inverse_dynamics([0.0])
+    assert np.array_equal(sim.linearize().a, [[0.0, 1.0], [0.0, 0.0]])
+    assert sim.inverse_dynamics([0.0]) == pytest.approx([9.81], abs=1e-14)

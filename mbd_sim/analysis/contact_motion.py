@@ -1,0 +1,245 @@
+"""The smooth motion between two events of contacts: which rows act, the accelerations, and their derivatives.
+
+While closed contacts stay closed, sticking ones stick and sliding ones slide in their directions, the contact forces λ
+solve F(λ; t, q, u, inputs) = 0, so that dλ = -F_λ⁻¹ dF: accelerations are differentiated exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from mbd_sim.dynamics.contact_equations import FrictionElement
+from mbd_sim.dynamics.contact_functions import ContactFunctions
+from mbd_sim.dynamics.equations import Equations
+from mbd_sim.errors import MbdSimError
+from mbd_sim.geometry.pose import Array
+
+BARELY = 1e-9  # gaps in m, speeds in m/s, and forces relative to the weight, that count as zero
+SLIDES = 1.0 - 1e-9  # square of the length of a direction of sliding
+ITERATIONS, CONVERGED, SETTLED = 60, 1e-14, 1e-13
+BLOCKED = 1e-11  # of the mobility, below which an acceleration by efforts is round-off
+
+
+@dataclass(frozen=True, eq=False)
+class ContactDerivatives:
+    """The motion in a state, in the modes among its inputs.
+
+    `u_rates` (nv,) with their derivatives `by_state` ∂u'/∂(q, u) and `by_efforts` ∂u'/∂e, of which the largest one
+    with given contact forces is `mobility`; `n` (nq, nv) with q' = N u.
+    `gradient` (m, nv) are the rows of closed and of sticking contacts, of which `holonomic` (m,) are closed gaps;
+    `slopes` (m, nq) are the derivatives of their rates by q.
+    """
+
+    u_rates: Array
+    by_state: Array
+    by_efforts: Array
+    mobility: float
+    n: Array
+    gradient: Array
+    holonomic: Array
+    slopes: Array
+
+
+def has_contact(equations: Equations, inputs: Array) -> bool:
+    """Whether something is closed, sticks or slides."""
+    if equations.contact is None:
+        return False
+    modes = inputs[equations.inputs.contact][equations.contact.contacts.layout.modes]
+    return bool(np.any(modes[: equations.contact.contacts.layout.signs.start] != 0.0))
+
+
+class ContactMotion:
+    """The motion of a mechanism with one-sided elements in given modes."""
+
+    def __init__(self, equations: Equations) -> None:
+        assert equations.contact is not None
+        self._equations, self._contact = equations, equations.contact
+        self._system, self._derivatives = _functions(equations, self._contact)
+
+    def at(self, t: float, q: Array, u: Array, inputs: Array) -> ContactDerivatives:
+        """The derivatives at a state.
+
+        :param inputs: (size,) with the modes of the contacts.
+        :raises MbdSimError: the motion is not smooth there; the element and the reason are named.
+        """
+        found, readings = self._evaluated(t, q, u, inputs)
+        self._require_smooth(t, inputs, readings)
+        return found
+
+    def efforts(
+        self, t: float, q: Array, u: Array, u_rates: Array, inputs: Array, actuated: list[int]
+    ) -> tuple[Array, Array]:
+        """The efforts (nv,) of least norm with accelerations as near to `u_rates` (nv,) as possible, and those (nv,).
+
+        They are found by Newton's method.
+
+        :param actuated: the indices of the coordinates that can have efforts.
+        :raises ValueError: a contact would have to pull, or to hold more than its friction.
+        """
+        given = inputs.copy()
+        efforts = given[self._equations.inputs.efforts]
+        efforts[:] = 0.0
+        found, readings = self._evaluated(t, q, u, given)
+        for _ in range(ITERATIONS):
+            slopes = found.by_efforts[:, actuated]
+            needed = u_rates - found.u_rates + slopes @ efforts[actuated]
+            new = _least_squares(slopes, needed, BLOCKED * found.mobility)
+            change = new - efforts[actuated]
+            efforts[actuated] = new
+            found, readings = self._evaluated(t, q, u, given)
+            if np.max(np.abs(change), initial=0.0) <= SETTLED * np.max(np.abs(new), initial=1e-300):
+                break
+        self._require_admissible(inputs, readings)
+        return efforts.copy(), found.u_rates
+
+    def _evaluated(self, t: float, q: Array, u: Array, inputs: Array) -> tuple[ContactDerivatives, Array]:
+        """The derivatives, and the readings of `ContactFunctions`."""
+        nq, nv = len(q), len(u)
+        forces = self._forces(t, q, u, inputs)
+        found = [np.array(value, dtype=float) for value in self._derivatives(t, q, u, inputs, forces)]
+        u_rates, n, by_all, residual_by_all, by_forces, residual_by_forces, velocity_by_all, readings = found
+        mobility = float(np.max(np.abs(by_all[:, nq + nv :]), initial=0.0))
+        by_all = by_all - by_forces @ np.linalg.solve(residual_by_forces, residual_by_all)
+        rows, holonomic = self._rows(inputs)
+        derivatives = ContactDerivatives(
+            u_rates=u_rates.ravel(),
+            by_state=by_all[:, : nq + nv],
+            by_efforts=by_all[:, nq + nv :],
+            mobility=mobility,
+            n=n,
+            gradient=velocity_by_all[rows, nq : nq + nv],
+            holonomic=np.array(holonomic, dtype=bool),
+            slopes=velocity_by_all[rows, :nq],
+        )
+        return derivatives, readings.ravel()
+
+    def _forces(self, t: float, q: Array, u: Array, inputs: Array) -> Array:
+        """The forces λ (rows,) that are solved for, by Newton's method: the loads of joints are not linear in them."""
+        forces = np.zeros(self._contact.contacts.layout.rows)
+        for _ in range(ITERATIONS):
+            residual, slope = (np.array(value, dtype=float) for value in self._system(t, q, u, inputs, forces))
+            try:
+                change = np.linalg.solve(slope, residual.ravel())
+            except np.linalg.LinAlgError:
+                raise self._error(t, "no forces of its contacts are determined") from None
+            forces = forces - change
+            if np.max(np.abs(change), initial=0.0) <= CONVERGED * (1.0 + np.max(np.abs(forces), initial=0.0)):
+                return forces
+        raise self._error(t, "friction and the loads on which it depends do not balance")
+
+    def _rows(self, inputs: Array) -> tuple[list[int], list[bool]]:
+        """The rows of closed gaps and of sticking friction, and which of them are holonomic."""
+        contacts, modes = self._contact.contacts, inputs[self._equations.inputs.contact]
+        layout = contacts.layout
+        closed, active = modes[layout.closed], modes[layout.active]
+        rows = [index for index in range(layout.gaps) if closed[index]]
+        holonomic = [not contacts.gaps[index].clutch for index in rows]
+        for element, slides in zip(contacts.frictions, self._slides(inputs), strict=True):
+            if not slides and any(active[row] for row in element.rows):
+                rows += element.rows
+                holonomic += [False] * len(element.rows)
+        return rows, holonomic
+
+    def _slides(self, inputs: Array) -> list[bool]:
+        """Which friction elements slide."""
+        contacts, modes = self._contact.contacts, inputs[self._equations.inputs.contact]
+        layout, found = contacts.layout, []
+        active, directions = modes[layout.active], modes[layout.direction]
+        for element in contacts.frictions:
+            size = sum(float(directions[row - layout.gaps]) ** 2 for row in element.rows)
+            solved_for = element.joint is None and any(active[row] for row in element.rows)
+            found.append(size > SLIDES and not solved_for)
+        return found
+
+    def _require_smooth(self, t: float, inputs: Array, readings: Array) -> None:
+        """Refuse a state at which a contact is about to change; `readings` are those of `ContactFunctions`."""
+        contacts = self._contact.contacts
+        layout, rows = contacts.layout, contacts.equations.rows
+        closed = inputs[self._equations.inputs.contact][layout.closed]
+        rates = readings[layout.gaps : layout.gaps + layout.rows]
+        guards = readings[layout.gaps + 2 * layout.rows :]
+        for gap in range(layout.gaps):
+            if guards[gap] > BARELY or not (closed[gap] or rates[gap] <= BARELY):
+                continue
+            raise self._error(t, f"'{rows[gap].name}' touches without a force")
+        elements = zip(contacts.frictions, guards[layout.gaps :], self._slides(inputs), strict=False)
+        for element, guard, slides in elements:
+            if guard <= BARELY:
+                what = "slides at zero speed" if slides else "carries as much friction as it can at rest"
+                raise self._error(t, f"'{rows[element.rows[0]].name}' {what}")
+        if np.any(guards[layout.gaps + len(contacts.frictions) :] <= BARELY):
+            raise self._error(t, "a joint whose friction depends on its load carries none")
+
+    def _require_admissible(self, inputs: Array, readings: Array) -> None:
+        contacts = self._contact.contacts
+        layout, rows = contacts.layout, contacts.equations.rows
+        guards = readings[layout.gaps + 2 * layout.rows :]
+        closed = inputs[self._equations.inputs.contact][layout.closed]
+        for gap in range(layout.gaps):
+            if closed[gap] and not guards[gap] >= -BARELY:
+                raise ValueError(
+                    f"these accelerations require '{rows[gap].name}' to pull, which it cannot. Request others."
+                )
+        for element, guard, slides in zip(
+            contacts.frictions, guards[layout.gaps :], self._slides(inputs), strict=False
+        ):
+            if not slides and not guard >= -BARELY:
+                raise ValueError(
+                    f"these accelerations require '{rows[element.rows[0]].name}' to hold more than its friction can. "
+                    "Request others."
+                )
+
+    def _error(self, t: float, why: str) -> MbdSimError:
+        return MbdSimError(
+            f"the motion has no derivatives at {t:.6g} s, because {why}: it changes in one way to one side of this "
+            "state and in another way to the other. Choose a state in which contacts carry a force or are open, and "
+            "friction is below its limit."
+        )
+
+
+def _functions(equations: Equations, contact: ContactFunctions) -> tuple[ca.Function, ca.Function]:
+    """(t, q, u, inputs, λ) -> F and ∂F/∂λ; and u', N, and the derivatives of u', F and of the rows' rates."""
+    nq, nv = equations.layout.nq, equations.layout.nv
+    t, q, u, inputs = ca.SX.sym("t"), ca.SX.sym("q", nq), ca.SX.sym("u", nv), ca.SX.sym("i", equations.inputs.size)
+    forces = ca.SX.sym("forces", contact.contacts.layout.rows)
+    y = ca.vertcat(q, u, ca.SX.zeros(equations.start_state.size - nq - nv))
+    memory, matrix, right, *further = contact.rates.system.call([t, y, inputs])
+    n = forces.shape[0]
+    active = inputs[equations.inputs.contact][contact.contacts.layout.active]
+    residual = ca.reshape(matrix, n, n) @ forces - right
+    position = 0
+    for load, element in zip(contact.loads, _loaded(contact), strict=True):
+        factor, size = further[0][position], load.nnz_out(0)
+        unloaded = further[0][position + 1 + size : position + 1 + 2 * size]
+        slopes = ca.reshape(further[0][position + 1 + 2 * size : position + 1 + (2 + n) * size], size, n)
+        across = unloaded + slopes @ forces
+        row, length = element.rows[0], ca.sqrt(ca.dot(across, across))
+        residual[row] = ca.if_else(factor, forces[row] + factor * length, residual[row])
+        position += 1 + (2 + n) * size
+    residual = active * residual + (1 - active) * forces
+    rates = contact.rates.result.call([memory, forces])[0]
+    readings = contact.readings.call([t, y, inputs, forces])[0]
+    velocity = readings[contact.contacts.layout.gaps : contact.contacts.layout.gaps + n]
+    given = [t, q, u, inputs, forces]
+    outputs = [rates[nq : nq + nv], ca.jacobian(rates[:nq], u)]
+    for values in (rates[nq : nq + nv], residual):
+        by_inputs = ca.jacobian(values, inputs)[:, equations.inputs.efforts]
+        outputs.append(ca.horzcat(ca.jacobian(values, ca.vertcat(q, u)), by_inputs))
+    outputs += [ca.jacobian(rates[nq : nq + nv], forces), ca.jacobian(residual, forces)]
+    outputs += [ca.jacobian(velocity, ca.vertcat(q, u)), readings]
+    system = ca.Function("contact_forces", given, [ca.densify(residual), ca.densify(ca.jacobian(residual, forces))])
+    return system, ca.Function("contact_derivatives", given, [ca.densify(output) for output in outputs])
+
+
+def _loaded(contact: ContactFunctions) -> list[FrictionElement]:
+    return [element for element in contact.contacts.frictions if element.joint is not None]
+
+
+def _least_squares(matrix: Array, right: Array, least: float) -> Array:
+    """The smallest solution (n,), where singular values of up to `least` count as zero."""
+    left, values, axes = np.linalg.svd(matrix, full_matrices=False)
+    kept = values > least
+    return np.asarray(axes[kept].T @ (left[:, kept].T @ right / values[kept]))
