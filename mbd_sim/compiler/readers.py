@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import casadi as ca
@@ -30,11 +30,37 @@ class CompiledReaders:
         }
         self._sizes = {name: function.nnz_out(0) for name, function in functions.items()}
 
+    def bound(self, name: str, y_size: int, input_size: int) -> BoundReader:
+        """A function with memory of its own, for one thread and many calls."""
+        return BoundReader(self, self._functions[name], np.empty(y_size), np.empty(input_size), self._sizes[name])
+
     def read(self, name: str, time: float, y: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
         """The output (n,) of a function, column by column."""
         moment, out = np.array([time]), np.empty(self._sizes[name])
         self._functions[name](moment.ctypes.data, y.ctypes.data, inputs.ctypes.data, out.ctypes.data)
         return out
+
+
+class BoundReader:
+    """A compiled function of (t, y, inputs) with its own memory, which saves most of the time of a call."""
+
+    def __init__(
+        self,
+        owner: CompiledReaders,
+        function: Callable[..., None],
+        y: NDArray[np.float64],
+        inputs: NDArray[np.float64],
+        size: int,
+    ) -> None:
+        self._owner, self._function = owner, function  # the owner keeps the code alive
+        self._time, self._y, self._inputs, self._out = np.empty(1), y, inputs, np.empty(size)
+        self._addresses = [array.ctypes.data for array in (self._time, y, inputs, self._out)]
+
+    def read(self, time: float, y: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The output (n,), which the next call overwrites."""
+        self._time[0], self._y[:], self._inputs[:] = time, y, inputs
+        self._function(*self._addresses)
+        return self._out
 
 
 def export(module: ir.Module, name: str, function: ir.Function) -> None:

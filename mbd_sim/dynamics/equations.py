@@ -251,8 +251,8 @@ def _packaged(
         start=assembly.start,
         start_state=start,
         part_names=tuple(link.joint.outboard for link in traced.links),
-        measurements=Measurements(traced, motion),
-        trace_reactions=partial(_reactions, traced, assembly, motion, multipliers),
+        measurements=Measurements(traced, motion, partial(_reactions, traced, assembly, motion, multipliers)),
+        trace_reactions=partial(_reaction_function, traced, assembly, motion, multipliers),
         trace_joint_linearization=linearized,
         trace_load_paths=partial(_load_paths, traced, assembly.equations),
         core=traced.core,
@@ -262,10 +262,14 @@ def _packaged(
     )
 
 
-def _reactions(
+def _reactions(traced: TracedMechanism, assembly: Assembly, motion: ConstrainedMotion, multipliers: ca.SX) -> ca.SX:
+    return joint_reactions(traced, motion.transmitted, assembly.equations, multipliers)
+
+
+def _reaction_function(
     traced: TracedMechanism, assembly: Assembly, motion: ConstrainedMotion, multipliers: ca.SX
 ) -> ca.Function:
-    wrenches = joint_reactions(traced, motion.transmitted, assembly.equations, multipliers)
+    wrenches = _reactions(traced, assembly, motion, multipliers)
     inputs = [traced.state.t, traced.y, traced.inputs]
     return ca.Function("reactions", inputs, [ca.densify(wrenches)], {"cse": True})
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,7 +10,9 @@ import casadi as ca
 
 from mbd_sim.dynamics.accelerations import ConstrainedMotion
 from mbd_sim.dynamics.frame_motion import coordinate_accelerations, part_motions
+from mbd_sim.dynamics.sensor_expressions import exact_values
 from mbd_sim.dynamics.tracing import TracedMechanism
+from mbd_sim.mechanism.sensors import ForceTorque
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,6 +21,7 @@ class Measurements:
 
     traced: TracedMechanism
     motion: ConstrainedMotion
+    trace_reactions: Callable[[], ca.SX]
 
     @cached_property
     def accelerations(self) -> ca.Function:
@@ -28,6 +32,17 @@ class Measurements:
     def part_motions(self) -> ca.Function:
         """(12, parts) in ground's axes: the velocity of each origin, ω, the acceleration of the origin, and ω'."""
         return self._function("part_motions", part_motions(self.traced, self.motion.links))
+
+    def sensors(self) -> dict[str, ca.Function]:
+        """The exact values of each sensor by name, see `exact_values`."""
+        sensors = self.traced.mechanism.sensors
+        with_load = any(isinstance(sensor, ForceTorque) for sensor in sensors)
+        reactions = self.trace_reactions() if with_load else ca.SX(6, 0)
+        links = self.motion.links
+        return {
+            sensor.name: self._function(f"sensor_{sensor.name}", exact_values(self.traced, links, reactions, sensor))
+            for sensor in sensors
+        }
 
     def _function(self, name: str, output: ca.SX) -> ca.Function:
         inputs = [self.traced.state.t, self.traced.y, self.traced.inputs]

@@ -11,7 +11,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any
+from typing import Any, get_args
 
 import casadi as ca
 import numpy as np
@@ -33,6 +33,7 @@ from mbd_sim.mechanism.records import (
     Mechanism,
     Part,
 )
+from mbd_sim.mechanism.sensors import AnySensor, RangeFinder
 from mbd_sim.mechanism.tables import Curve, Surface
 
 Path = tuple[str | int, ...]
@@ -83,16 +84,21 @@ _SYMBOLIC: Mapping[type, tuple[str, ...]] = {
     Ball: ("radius",),
     Rim: ("radius",),
     Barrel: ("radius",),
+    RangeFinder: ("normal",),
     Cushion: ("stiffness", "damping", "friction", "regularization"),
 }
 # The fields of each record on which the equations do not depend.
 _UNREAD: Mapping[type, tuple[str, ...]] = {
-    Mechanism: ("name", "description", "parameters", "source", "method", "step", "rest_speed", "ground_points", "tree"),
+    Mechanism: (
+        "name", "description", "parameters", "source", "method", "step", "rest_speed", "ground_points", "tree",
+        "sensor_seed",
+    ),
     Part: ("inertia", "points", "shapes"),  # the inertia is read from the link
     Joint: ("position", "velocity", "fixed_in_assembly", "fixed_speeds", "effort_limit", "compliance"),
     Link: ("q", "u"),
     Actuator: ("start",),
-}
+    **dict.fromkeys(get_args(AnySensor), ("name", "sampling", "errors")),
+}  # fmt: skip
 
 
 class StructureError(ValueError):

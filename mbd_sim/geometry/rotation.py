@@ -59,6 +59,13 @@ def to_quaternion(rotation: Array) -> Array:
     return q if q[0] >= 0.0 else -q
 
 
+def product(first: Array, second: Array) -> Array:
+    """The quaternion (w, x, y, z) of the rotation `second` followed by `first`."""
+    v, w = first[1:], second[1:]
+    scalar = first[0] * second[0] - v @ w
+    return np.array([scalar, *(first[0] * w + second[0] * v + np.cross(v, w))])
+
+
 def of_vector(vector: Array) -> Array:
     """The unit quaternion (w, x, y, z) of a rotation vector (3,): axis times angle in rad."""
     angle = float(np.linalg.norm(vector))

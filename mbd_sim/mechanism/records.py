@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from mbd_sim.mechanism.constraints import Constraint
     from mbd_sim.mechanism.contacts import Contact
     from mbd_sim.mechanism.force_elements import AppliedEffort, AppliedForce, Damper, Spring, TwoPointElement
+    from mbd_sim.mechanism.sensors import AnySensor
 
 GROUND = "ground"
 
@@ -180,7 +181,7 @@ class Mechanism:
     """A mechanism. `joints`, which form a tree, are in declared order, which is that of q, u and the efforts.
 
     `tree` has their names from ground outwards. `closing` joints close loops; they have no coordinates. Contacts that
-    approach more slowly than `rest_speed` in m/s or rad/s do not rebound.
+    approach more slowly than `rest_speed` in m/s or rad/s do not rebound. `sensor_seed` selects the noise of `sensors`.
     """
 
     name: str
@@ -202,6 +203,8 @@ class Mechanism:
     constraints: tuple[Constraint, ...] = ()
     contacts: tuple[Contact, ...] = ()
     actuators: tuple[Actuator, ...] = ()
+    sensors: tuple[AnySensor, ...] = ()
+    sensor_seed: int = 0
     rest_speed: float = 1e-5
 
     @property

@@ -16,7 +16,7 @@ PydanticLocation = tuple[int | str, ...]  # keys, indices, and tags of unions
 SchemaNode = dict[str, Any]
 
 UNIT_KEY = "x-unit"  # of the number of a quantity, see `Quantity`
-REPEATED_SECTIONS = ("parts", "joints", "constraints", "contacts", "forces", "actuators")
+REPEATED_SECTIONS = ("parts", "joints", "constraints", "contacts", "forces", "actuators", "sensors")
 REPEATED_NAME = r"^[A-Za-z0-9_]*\{.*$"  # with an index in braces
 REPETITION: SchemaNode = {
     "type": "object",

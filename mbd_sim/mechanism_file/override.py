@@ -30,6 +30,8 @@ _SECTIONS = (
     "actuators",
     "constraints",
     "contacts",
+    "sensors",
+    "sensor_seed",
     "ground",
     "integrator",
 )

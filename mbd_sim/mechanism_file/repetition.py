@@ -43,7 +43,9 @@ def expanded(source: Source) -> Source:
 def _holds_entries(location: Location) -> bool:
     """Whether the entries of the mapping or list at a location may have `for`."""
     match location:
-        case ("parts" | "joints" | "constraints" | "contacts" | "forces" | "actuators",) | ("ground", "points"):
+        case ("parts" | "joints" | "constraints" | "contacts" | "forces" | "actuators" | "sensors",):
+            return True
+        case ("ground", "points"):
             return True
         case ("parts", _, "points" | "shapes" | "meshes"):
             return True

@@ -19,6 +19,7 @@ from mbd_sim.mechanism_file.schema.contact_schema import ContactSpec
 from mbd_sim.mechanism_file.schema.file_schema import GroundSpec, MechanismFile, PartSpec
 from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
 from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
+from mbd_sim.mechanism_file.schema.sensor_schema import AnySensorSpec
 from mbd_sim.mechanism_file.schema.table_schema import TableSpec
 from mbd_sim.mechanism_file.validation_problems import problem_of
 
@@ -89,9 +90,10 @@ def _reference_problems(source: Source, parameters: Parameters) -> list[Problem]
     constraints = _accepted(source.data.get("constraints"), _adapter(AnyConstraintSpec), parameters)
     contacts = _accepted(source.data.get("contacts"), _adapter(ContactSpec), parameters)
     actuators = _accepted(source.data.get("actuators"), _adapter(AnyActuatorSpec), parameters)
+    sensors = _accepted(source.data.get("sensors"), _adapter(AnySensorSpec), parameters)
     frame = grounds.get("ground") or GroundSpec()
     built = build_elements(
-        parts, joints, forces, constraints, contacts, actuators, frame, source, unreadable, all_joints
+        parts, joints, forces, constraints, contacts, actuators, frame, source, unreadable, all_joints, sensors=sensors
     )
     return built.problems
 

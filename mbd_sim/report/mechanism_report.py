@@ -21,6 +21,7 @@ from mbd_sim.errors import Problem
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import has_actuator_states
 from mbd_sim.mechanism.records import Joint, Mechanism, Part
+from mbd_sim.report.sensor_report import sensor_report
 from mbd_sim.simulation.compiled_model import rotation_vector
 from mbd_sim.simulation.simulation import Simulation
 
@@ -115,6 +116,7 @@ def _structure(mechanism: Mechanism, counted: Mobility, at: Mapping[str, float])
         "scleronomic": not rheonomic(mechanism),
         "driven": list(mechanism.driven_names),
         "coordinates": list(mechanism.coordinate_names),
+        "sensors": [sensor_report(sensor, mechanism.step) for sensor in mechanism.sensors],
         "mass": mechanism.mass,
         "gravity": mechanism.gravity.tolist(),
     }

@@ -48,7 +48,19 @@ def _structure(found: dict[str, Any]) -> list[str]:
             for joint in found["joints"]
             for name, text in zip(joint["coordinates"], joint["drive"], strict=False)
         ),
+        *(f"Sensor              {_sensor(sensor)}" for sensor in found["sensors"]),
     ]
+
+
+def _sensor(sensor: dict[str, Any]) -> str:
+    timing = f"{sensor['rate']:.6g} Hz"
+    timing += f", {sensor['delay']:g} s later" if sensor["delay"] else ""
+    timing += f", {100.0 * sensor['drop_out']:g} % lost" if sensor["drop_out"] else ""
+    errors = "; ".join(
+        f"{quantity} {', '.join(f'{key} {value:g}' for key, value in errors.items())} {sensor['units'][quantity]}"
+        for quantity, errors in sensor["errors"].items()
+    )
+    return f"{sensor['name']}: {sensor['type']} at {sensor['at']}, {timing}; {errors or 'no errors'}"
 
 
 def _mass_and_gravity(found: dict[str, Any]) -> list[str]:

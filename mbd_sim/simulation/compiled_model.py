@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mbd_sim.compiler.kernel import compile_kernel
+from mbd_sim.compiler.readers import CompiledReaders
 from mbd_sim.dynamics.actuator_functions import READINGS
 from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
 from mbd_sim.dynamics.energy import AUDIT_STATES, LOSS_STATES
@@ -193,6 +194,11 @@ class Model:
             name: Pose(position.copy(), rotation.copy())
             for name, position, rotation in zip(self.part_names, positions, rotations, strict=True)
         }
+
+    @cached_property
+    def sensor_readers(self) -> CompiledReaders:
+        """The compiled exact values of each sensor by name, under inputs that contain the contact forces."""
+        return CompiledReaders(self.equations.measurements.sensors())
 
     @cached_property
     def _motion_readers(self) -> MotionReaders:

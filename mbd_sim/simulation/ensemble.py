@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from operator import index
 from pathlib import Path
-from typing import ClassVar, NamedTuple, Self, Unpack
+from typing import ClassVar, NamedTuple, NoReturn, Self, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -223,6 +223,15 @@ class Ensemble(ReadOnlyAttributes):
         self._groups.put("alive", snapshot.alive[:, None].astype(float))
         self._steps, self._start_energies = snapshot.steps, snapshot.start_energies.copy()
         self._failures = dict(snapshot.failures)
+
+    def sensors(self) -> NoReturn:
+        """Refused: members have no sensors, which do not influence the motion either.
+
+        :raises NotImplementedError: always; it says what to do instead.
+        """
+        raise NotImplementedError(
+            "the members of an ensemble have no sensors. Use a Simulation for each, or read q, u and the state."
+        )
 
     def set_efforts(self, efforts: Array | Mapping[str, float | Array]) -> None:
         """Set the efforts (k, nv) in N and N·m, or (nv,) for all members; or some by name, one number or (k,) each.

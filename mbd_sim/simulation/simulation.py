@@ -26,6 +26,7 @@ from mbd_sim.simulation.options import SimulationOptions, Value
 from mbd_sim.simulation.read_only import ReadOnlyAttributes, read_only
 from mbd_sim.simulation.readings import Readings
 from mbd_sim.simulation.run_reports import RunReports
+from mbd_sim.simulation.sensor_readings import SensorReadings
 from mbd_sim.simulation.snapshot import RunLayout, SimulationSnapshot, require_same_layout
 from mbd_sim.simulation.state_values import checked_values, state_with
 from mbd_sim.simulation.step_advice import divergence
@@ -38,7 +39,7 @@ _RESTORE = "Call reset() to return to time zero, or restore(…) to continue fro
 _BUILD = "Build a new Simulation with it."
 
 
-class Simulation(Readings, RunReports, Actuation, ReadOnlyAttributes):
+class Simulation(Readings, SensorReadings, RunReports, Actuation, ReadOnlyAttributes):
     """A mechanism and its state, advanced by a fixed step.
 
     `q` (nq,) are the generalized coordinates and `u` (nv,) the generalized speeds in the order of the file's joints,
@@ -99,6 +100,7 @@ class Simulation(Readings, RunReports, Actuation, ReadOnlyAttributes):
         self.effort_map = EffortMap(self.model.coordinate_names, mechanism.effort_limits(), self.model.driven_names)
         self.y, self.inputs, self.efforts = (read_only(array) for array in (memory.y, memory.inputs, self._efforts))
         self.q, self.u = read_only(memory.y[self.model.q_range]), read_only(memory.y[self.model.u_range])
+        self._prepare_sensors()
         self._use_compiled_step()
         self.reset()
         self._seal()
@@ -122,13 +124,15 @@ class Simulation(Readings, RunReports, Actuation, ReadOnlyAttributes):
     def step(self, n: int = 1) -> None:
         """Advance by n steps.
 
-        This is compiled code, at 0.05 µs a call. A subclass may override it; then `super().step(n)` costs 1 µs.
+        This is compiled code, at 0.05 µs a call. A subclass may override it; then `super().step(n)` costs 1 µs. So it
+        does with sensors, and some µs more whenever one measures.
 
-        :raises DivergedError: the state would become infinite; it stays as it was before this call.
+        :raises DivergedError: the state would become infinite; it stays as it was before this call, or at the last
+            measurement of a sensor.
         :raises TypeError, ValueError: n is not an integer, or negative.
         """
         n = step_count(n)
-        for part in (n,) if self._listener is None else self._listener.parts_of(n):
+        for part in self._sampled((n,) if self._listener is None else self._listener.parts_of(n)):
             if not self._memory.advance(part):
                 from mbd_sim.simulation.undefined_expressions import undefined_expression
 
@@ -187,6 +191,7 @@ class Simulation(Readings, RunReports, Actuation, ReadOnlyAttributes):
         if self._memory.contacts is not None:
             self._memory.contacts.events.clear()
         self._memory.settle()
+        self._restart_samples()
         self._report_reset(to_start=q is None and u is None)
 
     def snapshot(self) -> SimulationSnapshot:
@@ -194,7 +199,7 @@ class Simulation(Readings, RunReports, Actuation, ReadOnlyAttributes):
         memory = self._memory
         y, inputs, live = memory.y.copy(), memory.inputs.copy(), dict(self._live.current)
         return SimulationSnapshot(
-            self._run_layout, y, memory.steps, inputs, live, self.start_energy, memory.error_estimate
+            self._run_layout, y, memory.steps, inputs, live, self.start_energy, memory.error_estimate, self.samples
         )
 
     @property
@@ -210,13 +215,15 @@ class Simulation(Readings, RunReports, Actuation, ReadOnlyAttributes):
         inputs: Sequence[float] | Array | None = None,
         start_energy: float | None = None,
         live: Mapping[str, float] | None = None,
+        samples: Array | None = None,
     ) -> None:
         """Continue from a snapshot or a state of a run of the same equations, bit for bit: nothing is projected.
 
         :param state: a `snapshot()`, which is restored as a whole and alone; or all of that run's `state`.
         :param steps: the `steps` of that run, required with a state alone: they are its time. `inputs`, `start_energy`
             and `live` are of that run too, and stay as they are if they are not given; `live` only names the values
-            in `inputs`. Without `inputs`, the state of contacts is found anew from the positions and speeds.
+            in `inputs`. Without `inputs`, the state of contacts is found anew from the positions and speeds. `samples`
+            are that run's, too; without them, measurements under way are lost unless the time goes on.
         :raises ValueError: a snapshot of a different run, no `steps` with a state, wrong length, or a value that is
             not finite; nothing is changed then.
         :raises TypeError: other arguments are given with a snapshot.
@@ -227,6 +234,7 @@ class Simulation(Readings, RunReports, Actuation, ReadOnlyAttributes):
             require_same_layout(state.layout, self._run_layout)
             self._memory.load(state.state, state.inputs, state.steps, state.error_estimate)
             self.start_energy, self._live.current = state.start_energy, dict(state.live)
+            self._restart_samples(state.samples)
             self._report_new_state()
             return
         if steps is None:
@@ -238,12 +246,14 @@ class Simulation(Readings, RunReports, Actuation, ReadOnlyAttributes):
         new_inputs = self._memory.inputs if inputs is None else finite_vector(inputs, self.inputs.size, "inputs")
         if index(steps) < 0:
             raise ValueError(f"the number of steps must be 0 or more, not {steps}.")
+        goes_on = index(steps) == self.steps
         self._memory.load(y, new_inputs, index(steps))
         if inputs is None:
             self._memory.settle()
         if start_energy is not None:
             self.start_energy = float(start_energy)
         self._live.current = {**self._live.current, **(live or {})}
+        self._restart_samples(samples, keep=goes_on)
         self._report_new_state()
 
     def set_state(
@@ -335,6 +345,6 @@ class Simulation(Readings, RunReports, Actuation, ReadOnlyAttributes):
         self._report_live_values(prepared.changes)
 
     def _use_compiled_step(self) -> None:
-        if type(self).step is Simulation.step:  # a subclass with its own `step` keeps it
+        if type(self).step is Simulation.step and self._samples is None:  # a subclass with its own `step` keeps it
             vars(self).pop("step", None)
             vars(self)["step"] = self._memory.compiled_step(self.step)  # calls the method of this name if a step fails

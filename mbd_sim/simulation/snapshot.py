@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -43,7 +43,7 @@ class SimulationSnapshot:
 
     `state` (n,) is q, u and the energies of the audit; `steps` are those since time zero. `inputs` (m,) hold the
     efforts, the wrenches and the live values; `live` are the live values by key. `start_energy` is T + V at the start
-    in J.
+    in J. `samples` are the states that sensors have measured, see `SensorSamples.table`.
     """
 
     layout: RunLayout
@@ -53,6 +53,7 @@ class SimulationSnapshot:
     live: Mapping[str, float]
     start_energy: float
     error_estimate: float
+    samples: Array = field(default_factory=lambda: np.empty((0, 0)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -87,6 +87,21 @@ forces:
   d: {type: damper, between: [one, four], coefficient: 1, exponent: 2, along: velocity, regularization: 1}
   f: {type: force, at: three.p, vector: [t, 0, 0], axes: ground.b}
   c: {type: couple, on: four, vector: [0, "sin(t)", 0], axes: three}
+sensor_seed: 3
+sensors:
+  a: {type: imu, at: one, rate: 200 Hz, delay: 5 ms, drop_out: 0.1, orientation: {bias: 1 deg, bias_walk: 1, noise_density: 1},
+      angular_velocity: {bias: 1 deg/s, bias_walk: 1, noise_density: n*1, resolution: 1, limit: 1}, specific_force: {limit: 2 g0}}
+  b_{i}: {for: {i: 1..2}, type: accelerometer, at: three.p, noise_density: i*0.1, resolution: 1 mm/s^2}
+  c: {type: force_torque, joint: x, force: {limit: 3 N}, torque: {bias: 1 N*m}}
+  d: {type: encoder, joint: r, counts: n*1024, index: 10 deg, bias: 1 deg, noise_density: 1}
+  e: {type: encoder, joint: f.x, resolution: 1 um}
+  g: {type: tachometer, joint: p, bias: 1, bias_walk: 1, noise_density: 1 mm/s, resolution: 1, limit: 1}
+  h: {type: range, at: one, plane: ground.a, normal: [0, 0, 1], least: 0.1, most: 2, field_of_view: 5 deg, radiation: ultrasound,
+      bias: 1 mm, bias_walk: 1, noise_density: 1, resolution: 1 mm}
+  i: {type: range, at: one, point: four, most: 2}
+  j: {type: pose, at: one, position: {bias: 1 mm}, orientation: {bias: 1 deg}}
+  k: {type: twist, at: one, axes: frame, velocity: {bias: 1}, angular_velocity: {bias: 1}}
+  l: {type: odometry, at: one, position: {bias: 1}, orientation: {bias: 1}, velocity: {bias: 1}, angular_velocity: {bias: 1}}
 """
 
 
@@ -120,6 +135,13 @@ def test_a_file_with_every_key_satisfies_it_and_loads():
         ("joints:", "contacts: {k: {parts: [rod], plane: ground, friction: -1}}\njoints:"),
         ("joints:", "contacts: {k: {parts: [rod], plane: ground, stiffness: 1, exponent: 0.5}}\njoints:"),
         ("position: 90 deg", "spring: {table: [[0, 1, 2], [1, 2, 3]]}"),
+        ("joints:", "sensors: {k: {type: gyro, at: rod}}\njoints:"),
+        ("joints:", "sensors: {k: {type: imu}}\njoints:"),
+        ("joints:", "sensors: {k: {type: imu, at: rod, rate: 0}}\njoints:"),
+        ("joints:", "sensors: {k: {type: imu, at: rod, drop_out: 2}}\njoints:"),
+        ("joints:", "sensors: {k: {type: imu, at: rod, specific_force: {noise: 1}}}\njoints:"),
+        ("joints:", "sensors: {k: {type: tachometer, joint: pivot, resolution: 0}}\njoints:"),
+        ("joints:", "sensor_seed: -1\njoints:"),
     ],
 )
 def test_what_it_refuses_the_program_refuses(old, new):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from mbd_sim.mechanism.constraints import Constraint
 from mbd_sim.mechanism.contacts import Contact
 from mbd_sim.mechanism.force_expressions import force_expressions
 from mbd_sim.mechanism.records import GROUND, Joint, Mechanism, Part
+from mbd_sim.mechanism.sensors import AnySensor
 from mbd_sim.mechanism.source import Source
 from mbd_sim.mechanism_file.builders.actuator_builder import actuated_joints, build_actuators
 from mbd_sim.mechanism_file.builders.build_context import BuildContext
@@ -23,6 +25,7 @@ from mbd_sim.mechanism_file.builders.contact_builder import build_contacts
 from mbd_sim.mechanism_file.builders.force_builder import ForceElements, build_force_elements
 from mbd_sim.mechanism_file.builders.joint_builder import build_joint
 from mbd_sim.mechanism_file.builders.part_builder import build_part, point_poses
+from mbd_sim.mechanism_file.builders.sensor_builder import build_sensors, cut_coordinates
 from mbd_sim.mechanism_file.builders.tree_builder import build_tree
 from mbd_sim.mechanism_file.schema.actuator_schema import AnyActuatorSpec
 from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
@@ -30,6 +33,7 @@ from mbd_sim.mechanism_file.schema.contact_schema import ContactSpec
 from mbd_sim.mechanism_file.schema.file_schema import GroundSpec, MechanismFile, PartSpec
 from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
 from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
+from mbd_sim.mechanism_file.schema.sensor_schema import AnySensorSpec
 
 
 def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) -> Mechanism:
@@ -38,7 +42,16 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
     :raises MechanismError: with every invalid reference, mass and connection.
     """
     elements = build_elements(
-        file.parts, file.joints, file.forces, file.constraints, file.contacts, file.actuators, file.ground, source
+        file.parts,
+        file.joints,
+        file.forces,
+        file.constraints,
+        file.contacts,
+        file.actuators,
+        file.ground,
+        source,
+        sensors=file.sensors,
+        step=file.integrator.step,
     )
     if elements.problems:
         raise MechanismError(in_order(elements.problems))
@@ -46,6 +59,8 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
     coupled = {*coupled_joints(elements.constraints, joints), *actuated_joints(elements.actuators, joints)}
     tree, problems = build_tree(elements.parts, joints, coupled, _named_joints(elements), source)
     if problems:
+        raise MechanismError(in_order(problems))
+    if problems := cut_coordinates(elements.sensors, [joints[name] for name in tree.closing], source):
         raise MechanismError(in_order(problems))
     in_tree = {
         name: dataclasses.replace(joint, reversed=name in tree.reversed_joints)
@@ -73,6 +88,8 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         constraints=elements.constraints,
         contacts=elements.contacts,
         actuators=elements.actuators,
+        sensors=elements.sensors,
+        sensor_seed=file.sensor_seed,
     )
 
 
@@ -111,6 +128,7 @@ class MechanismElements:
     constraints: tuple[Constraint, ...]
     contacts: tuple[Contact, ...]
     actuators: tuple[Actuator, ...]
+    sensors: tuple[AnySensor, ...]
     ground_points: dict[str, Pose]
     problems: list[Problem]
 
@@ -126,11 +144,14 @@ def build_elements(
     source: Source,
     unreadable: Collection[str] = (),
     all_joints: bool = True,
+    sensors: Mapping[str, AnySensorSpec] = MappingProxyType({}),
+    step: float | None = None,
 ) -> MechanismElements:
     """Build everything that the records of a file describe; invalid elements are left out and reported.
 
     :param unreadable: parts, or ground, that the schema refused; references to any point of them are accepted.
     :param all_joints: whether `joints` are all joints of the file.
+    :param step: in s, of which the periods of sensors are multiples; None: it is unknown.
     """
     problems: list[Problem] = []
     if GROUND in parts:
@@ -149,6 +170,7 @@ def build_elements(
     built_constraints = build_constraints(constraints, known_joints, context)
     built_contacts = build_contacts(contacts, parts, context)
     built_actuators = build_actuators(actuators, known_joints, context)
+    built_sensors = build_sensors(sensors, known_joints, step, context)
     valid_joints = {name: joint for name, joint in built_joints.items() if joint}
     return MechanismElements(
         built_parts,
@@ -157,6 +179,7 @@ def build_elements(
         built_constraints,
         built_contacts,
         built_actuators,
+        built_sensors,
         ground_points,
         context.problems,
     )

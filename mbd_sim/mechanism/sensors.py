@@ -1,0 +1,232 @@
+"""Sensors as plain records: what they measure, where, when, and with which errors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from mbd_sim.geometry.pose import Array, Pose
+
+
+class Quantity(NamedTuple):
+    """A quantity that a sensor measures: its key, its SI unit, and the names of its components."""
+
+    name: str
+    unit: str
+    components: tuple[str, ...] = ("x", "y", "z")
+
+
+ANGULAR_VELOCITY = Quantity("angular_velocity", "rad/s")
+SPECIFIC_FORCE = Quantity("specific_force", "m/s²")
+ORIENTATION = Quantity("orientation", "rad")  # its errors are small rotations about the axes of the sensor
+POSITION = Quantity("position", "m")
+VELOCITY = Quantity("velocity", "m/s")
+FORCE = Quantity("force", "N")
+TORQUE = Quantity("torque", "N·m")
+DISTANCE = Quantity("distance", "m", ("",))
+
+
+@dataclass(frozen=True)
+class ErrorModel:
+    """The errors of a quantity in its SI unit; they add up in this order, the same for each component.
+
+    `bias` is constant. `bias_walk` K in unit/√s lets the bias walk: after a time T its standard deviation is K √T.
+    `noise_density` N in unit/√Hz is white noise of the standard deviation N √rate, so that the Allan deviation at an
+    averaging time τ is N/√τ. Then the value is rounded to a multiple of the `resolution` (0: not), and limited to
+    ±`limit`.
+    """
+
+    bias: float = 0.0
+    bias_walk: float = 0.0
+    noise_density: float = 0.0
+    resolution: float = 0.0
+    limit: float = math.inf
+
+
+EXACT = ErrorModel()
+
+
+@dataclass(frozen=True, eq=False)
+class SensorFrame:
+    """A frame of a part or of ground."""
+
+    part: str
+    pose: Pose
+
+    @property
+    def is_of_part(self) -> bool:
+        """Whether it is the part's own frame."""
+        return not np.any(self.pose.position) and bool(np.all(self.pose.rotation == np.eye(3)))
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """When a sensor measures: at `rate` in Hz, None for each step, from time zero.
+
+    A measurement arrives `delay` s later, unless it is lost, with the probability `drop_out`.
+    """
+
+    rate: float | None = None
+    delay: float = 0.0
+    drop_out: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Sensor:
+    """What all sensors have in common; `errors` has an entry for each of the `quantities`."""
+
+    name: str
+    sampling: Sampling
+    errors: tuple[ErrorModel, ...]
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What it measures, in order."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, eq=False)
+class Imu(Sensor):
+    """Angular velocity and specific force of a frame, in its axes, and on request its orientation in ground's frame.
+
+    The specific force is the acceleration less that of gravity: at rest it is 9.81 m/s² upward.
+    """
+
+    at: SensorFrame
+    orientation: bool
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What it measures."""
+        return (ANGULAR_VELOCITY, SPECIFIC_FORCE, *((ORIENTATION,) if self.orientation else ()))
+
+
+@dataclass(frozen=True, eq=False)
+class Accelerometer(Sensor):
+    """The specific force at a point, in the axes of its frame."""
+
+    at: SensorFrame
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What it measures."""
+        return (SPECIFIC_FORCE,)
+
+
+@dataclass(frozen=True, eq=False)
+class ForceTorque(Sensor):
+    """The load that a joint transmits to its second part, about and in the axes of the joint's frame `at` there."""
+
+    joint: str
+    at: SensorFrame
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What it measures."""
+        return (FORCE, TORQUE)
+
+
+@dataclass(frozen=True, eq=False)
+class Encoder(Sensor):
+    """The position of a coordinate in whole steps of the resolution, rounded down.
+
+    With an `index` (m or rad), a second number is 1 within the step that contains this position, and 0 elsewhere; with
+    `counts` per turn, in each turn.
+    """
+
+    coordinate: str
+    unit: str
+    resolution: float
+    counts: int | None
+    index: float | None
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What it measures; the errors are those of the position."""
+        return (Quantity("position", self.unit, ("",)),)
+
+
+@dataclass(frozen=True, eq=False)
+class Tachometer(Sensor):
+    """The speed of a coordinate."""
+
+    coordinate: str
+    unit: str
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What it measures."""
+        return (Quantity("velocity", f"{self.unit}/s", ("",)),)
+
+
+@dataclass(frozen=True, eq=False)
+class RangeFinder(Sensor):
+    """The distance from the origin of `at` to a plane along x of this frame, or to a point in any direction.
+
+    The plane goes through the `target` with this `normal` (3,) in the axes of its part; without a normal the target is
+    a point. Below `least` the distance is -∞, above `most`, and where the beam does not meet the plane, it is +∞.
+    `field_of_view` in rad is only passed on.
+    """
+
+    at: SensorFrame
+    target: SensorFrame
+    normal: Array | None
+    least: float
+    most: float
+    field_of_view: float
+    radiation: Literal["ultrasound", "infrared"]
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What it measures."""
+        return (DISTANCE,)
+
+
+@dataclass(frozen=True, eq=False)
+class PoseSensor(Sensor):
+    """The pose of a frame in ground's frame."""
+
+    at: SensorFrame
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What it measures."""
+        return (POSITION, ORIENTATION)
+
+
+@dataclass(frozen=True, eq=False)
+class TwistSensor(Sensor):
+    """The velocity of a point and the angular velocity of its part, in ground's axes or in those `in_frame`."""
+
+    at: SensorFrame
+    in_frame: bool
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What it measures."""
+        return (VELOCITY, ANGULAR_VELOCITY)
+
+
+@dataclass(frozen=True, eq=False)
+class Odometry(Sensor):
+    """The pose of a frame in ground's frame, and its velocities in its own axes."""
+
+    at: SensorFrame
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What it measures."""
+        return (POSITION, ORIENTATION, VELOCITY, ANGULAR_VELOCITY)
+
+
+FrameSensor = Imu | Accelerometer | ForceTorque | RangeFinder | PoseSensor | TwistSensor | Odometry
+CoordinateSensor = Encoder | Tachometer
+AnySensor = FrameSensor | CoordinateSensor
+
+
+def frame_id(sensor: FrameSensor) -> str:
+    """The name of the sensor's frame: that of its part where it is the part's own, or else `<sensor>_frame`."""
+    return sensor.at.part if sensor.at.is_of_part else f"{sensor.name}_frame"

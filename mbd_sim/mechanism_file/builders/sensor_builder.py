@@ -1,0 +1,207 @@
+"""Builds the sensors of a mechanism from their records in the file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import assert_never
+
+from pydantic import BaseModel
+
+from mbd_sim.errors import InputError, Problem, listed, nearest, quoted
+from mbd_sim.geometry import rotation as rot
+from mbd_sim.mechanism import sensors as records
+from mbd_sim.mechanism.joint_types import JointCoordinate
+from mbd_sim.mechanism.records import Joint
+from mbd_sim.mechanism.sampling import SamplingError, steps_of
+from mbd_sim.mechanism.sensors import AnySensor, ErrorModel, Sampling, SensorFrame
+from mbd_sim.mechanism.source import Location, Source
+from mbd_sim.mechanism_file.builders.build_context import BuildContext
+from mbd_sim.mechanism_file.schema import sensor_schema as schema
+from mbd_sim.mechanism_file.value_parser import split_unit, unit_factor
+
+POINT = "."
+Joints = Mapping[str, Joint | None]  # None: refused already; with the name "" if the file has others
+
+
+def build_sensors(
+    specs: Mapping[str, schema.AnySensorSpec], joints: Joints, step: float | None, context: BuildContext
+) -> tuple[AnySensor, ...]:
+    """The sensors of a file; invalid ones are left out and reported to `context`.
+
+    :param step: in s, of which periods and delays are multiples; None: it is unknown.
+    """
+    builder = _SensorBuilder(joints, context)
+    built = []
+    for name, spec in specs.items():
+        sampling = Sampling(spec.rate, spec.delay, spec.drop_out)
+        if step is not None:
+            _check_sampling(("sensors", name), sampling, step, context)
+        if (sensor := builder.build(name, spec, sampling)) is not None:
+            _check_frame_name(sensor, context)
+            built.append(sensor)
+    return tuple(built)
+
+
+def cut_coordinates(sensors: Sequence[AnySensor], closing: Sequence[Joint], source: Source) -> list[Problem]:
+    """Sensors of coordinates that do not exist, because their joints close loops."""
+    cut = {name for joint in closing for name in joint.motion_names}
+    return [
+        source.problem(
+            ("sensors", sensor.name, "joint"),
+            f"the joint of {quoted(sensor.coordinate)} closes a loop, and so has no coordinate",
+            "Cut another joint of its loop with 'cut: true', or measure another joint.",
+        )
+        for sensor in sensors
+        if isinstance(sensor, records.CoordinateSensor) and sensor.coordinate in cut
+    ]
+
+
+def _check_sampling(where: Location, sampling: Sampling, step: float, context: BuildContext) -> None:
+    try:
+        steps_of(sampling, step)
+    except SamplingError as error:
+        context.report((*where, error.key), error.message, error.remedy)
+
+
+def _check_frame_name(sensor: AnySensor, context: BuildContext) -> None:
+    if not isinstance(sensor, records.CoordinateSensor) and not sensor.at.is_of_part:
+        name = records.frame_id(sensor)
+        if name in context.points_by_part:
+            context.report(("sensors", sensor.name), f"its frame would be named like the part '{name}'", "Rename it.")
+
+
+class _SensorBuilder:
+    """Builds sensors one by one; problems are reported to the context."""
+
+    def __init__(self, joints: Joints, context: BuildContext) -> None:
+        self._joints, self._context = joints, context
+
+    def build(self, name: str, spec: schema.AnySensorSpec, sampling: Sampling) -> AnySensor | None:
+        where: Location = ("sensors", name)
+        match spec:
+            case schema.EncoderSpec() | schema.TachometerSpec():
+                return self._on_coordinate(name, spec, sampling)
+            case schema.ForceTorqueSpec():
+                return self._force_torque(name, spec, sampling)
+            case schema.RangeSpec():
+                return self._range(name, spec, sampling)
+        at = self._frame((*where, "at"), spec.at)
+        if at is None:
+            return None
+        match spec:
+            case schema.ImuSpec():
+                errors = _errors(spec.angular_velocity, spec.specific_force, spec.orientation)
+                return records.Imu(name, sampling, errors, at, spec.orientation is not None)
+            case schema.AccelerometerSpec():
+                return records.Accelerometer(name, sampling, _errors(spec), at)
+            case schema.PoseSpec():
+                return records.PoseSensor(name, sampling, _errors(spec.position, spec.orientation), at)
+            case schema.TwistSpec():
+                errors = _errors(spec.velocity, spec.angular_velocity)
+                return records.TwistSensor(name, sampling, errors, at, spec.axes == "frame")
+            case schema.OdometrySpec():
+                errors = _errors(spec.position, spec.orientation, spec.velocity, spec.angular_velocity)
+                return records.Odometry(name, sampling, errors, at)
+            case _:
+                assert_never(spec)
+
+    def _frame(self, where: Location, reference: str) -> SensorFrame | None:
+        frame = self._context.frame(where, reference)
+        return None if frame is None else SensorFrame(*frame)
+
+    def _joint(self, where: Location, name: str) -> Joint | None:
+        """A joint of the file; None, with a problem unless the file has joints that could not be read."""
+        if name not in self._joints and "" not in self._joints:
+            known = [joint for joint in self._joints if joint]
+            self._context.report(where, f"there is no joint {quoted(name)}", nearest(name, known))
+        return self._joints.get(name)
+
+    def _force_torque(self, name: str, spec: schema.ForceTorqueSpec, sampling: Sampling) -> AnySensor | None:
+        joint = self._joint(("sensors", name, "joint"), spec.joint)
+        if joint is None:
+            return None
+        at = SensorFrame(joint.child, joint.child_pose)
+        return records.ForceTorque(name, sampling, _errors(spec.force, spec.torque), joint.name, at)
+
+    def _range(self, name: str, spec: schema.RangeSpec, sampling: Sampling) -> AnySensor | None:
+        where: Location = ("sensors", name)
+        key, reference = ("plane", spec.plane) if spec.plane is not None else ("point", spec.point)
+        at, target = self._frame((*where, "at"), spec.at), self._frame((*where, key), reference or "")
+        if at is None or target is None:
+            return None
+        if at.part == target.part:
+            self._context.report((*where, key), f"is on '{at.part}' like the sensor", "Name another part.")
+            return None
+        normal = None if spec.plane is None else target.pose.rotation @ rot.unit(spec.normal)
+        limits = spec.least, spec.most, spec.field_of_view
+        return records.RangeFinder(name, sampling, _errors(spec), at, target, normal, *limits, spec.radiation)
+
+    def _on_coordinate(
+        self, name: str, spec: schema.EncoderSpec | schema.TachometerSpec, sampling: Sampling
+    ) -> AnySensor | None:
+        where: Location = ("sensors", name)
+        found = self._coordinate((*where, "joint"), spec.joint)
+        if found is None:
+            return None
+        coordinate, kind = found
+        unit = kind.unit if isinstance(spec, schema.EncoderSpec) else f"{kind.unit}/s"
+        keys = ("bias", "bias_walk", "noise_density", "resolution", "limit", "index")
+        wrong_units = [key for key in keys if not self._has_unit((*where, key), unit)]
+        if wrong_units:
+            return None
+        if isinstance(spec, schema.TachometerSpec):
+            return records.Tachometer(name, sampling, _errors(spec), coordinate, kind.unit)
+        if spec.counts is not None and not kind.rotation:
+            self._context.report((*where, "counts"), f"'{spec.joint}' does not turn", "Give 'resolution' in m.")
+            return None
+        counts = None if spec.counts is None else round(spec.counts)
+        resolution = spec.resolution or 2.0 * math.pi / (counts or 1)
+        errors = (ErrorModel(spec.bias, 0.0, spec.noise_density),)
+        return records.Encoder(name, sampling, errors, coordinate, kind.unit, resolution, counts, spec.index)
+
+    def _coordinate(self, where: Location, reference: str) -> tuple[str, JointCoordinate] | None:
+        """The name and the kind of the coordinate that `joint` or `joint.label` names."""
+        joint = self._joint(where, reference.partition(POINT)[0])
+        if joint is None:
+            return None
+        scalar = {
+            name: coordinate
+            for name, coordinate in zip(joint.motion_names, joint.kind.coordinates, strict=True)
+            if not (joint.kind.quaternion is not None and coordinate.rotation)
+        }
+        if reference in scalar:
+            return reference, scalar[reference]
+        problem = f"{quoted(reference)} is not a coordinate that can be measured"
+        remedy = f"Name one of {listed(list(scalar))}." if scalar else f"A {joint.type} joint has none; use a 'pose'."
+        self._context.report(where, problem, remedy)
+        return None
+
+    def _has_unit(self, where: Location, unit: str) -> bool:
+        """Whether a value that is written with a unit has one that fits; the schema does not know the joint."""
+        data = self._context.source.data
+        for key in where:
+            data = data.get(key) if isinstance(data, dict) else None
+        try:
+            if isinstance(data, str) and (written := split_unit(data)[1]):
+                unit_factor(written, unit)
+        except InputError as error:
+            problem = InputError(error.message, error.remedy, data)
+            self._context.problems.append(self._context.source.problem_of(where, problem))
+            return False
+        return True
+
+
+def _errors(*specs: BaseModel | None) -> tuple[ErrorModel, ...]:
+    """The errors of each quantity; a key that it does not have or that is not given has no effect."""
+    return tuple(
+        ErrorModel(
+            bias=getattr(spec, "bias", 0.0),
+            bias_walk=getattr(spec, "bias_walk", 0.0),
+            noise_density=getattr(spec, "noise_density", 0.0),
+            resolution=getattr(spec, "resolution", None) or 0.0,
+            limit=getattr(spec, "limit", None) or math.inf,
+        )
+        for spec in specs
+        if spec is not None
+    )
