@@ -27,6 +27,7 @@ NOUNS = {  # singular and plural
     "energies": ("set of energies", "energies"),
     "constraint_violation": ("constraint violation", "constraint violations"),
     "accelerations": ("set of accelerations", "sets of accelerations"),
+    "sensors": ("measurement", "measurements"),
     "applied_efforts": ("effort", "efforts"),
     "applied_commands": ("command", "commands"),
     "applied_wrenches": ("wrench", "wrenches"),

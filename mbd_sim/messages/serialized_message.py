@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.geometry.pose import Array
 
@@ -21,6 +22,13 @@ _HEADER = len(_LITTLE_ENDIAN)  # alignment counts from its end
 
 class Doubles(NamedTuple):
     """The place of consecutive doubles in a message: the offset of the first byte, and how many there are."""
+
+    offset: int
+    size: int
+
+
+class Singles(NamedTuple):
+    """The place of consecutive `float32` numbers in a message: the offset of the first byte, and how many there are."""
 
     offset: int
     size: int
@@ -45,6 +53,14 @@ class SerializedMessage:
         view[:] = 0.0
         return view
 
+    def single_view(self, place: Singles) -> NDArray[np.float32]:
+        """A writable view (size,) of `float32` numbers."""
+        return np.frombuffer(self._data, dtype=np.float32, count=place.size, offset=place.offset)
+
+    def offset_of(self, view: NDArray[np.float64] | NDArray[np.float32]) -> int:
+        """The offset of the first byte of a view of this message."""
+        return int(view.ctypes.data - self._words.ctypes.data)
+
     def stamp(self, time_ns: int) -> None:
         """Write a time in ns to all stamps."""
         self._words[self._seconds], self._words[self._nanoseconds] = divmod(time_ns, 1_000_000_000)
@@ -63,6 +79,17 @@ class MessageBuilder:
     def __init__(self) -> None:
         self._data = bytearray(_LITTLE_ENDIAN)
         self._stamps: list[int] = []
+
+    def byte(self, value: int) -> None:
+        """Append a `uint8`."""
+        self._data += struct.pack("<B", value)
+
+    def singles(self, count: int) -> Singles:
+        """Append `float32` fields, whose values can be written later."""
+        self._align(4)
+        offset = len(self._data)
+        self._data += bytes(4 * count)
+        return Singles(offset, count)
 
     def integer(self, value: int) -> None:
         """Append a `uint32`, or the length of a sequence."""

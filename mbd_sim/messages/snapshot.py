@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Flag, auto
 
 from mbd_sim.geometry.pose import Array
+from mbd_sim.simulation.sensor_samples import Arrival
 
 
 class Due(Flag):
@@ -16,7 +18,9 @@ class Due(Flag):
     CLOCK = auto()
     MARKERS = auto()
     VIEW = auto()  # the Rerun scene
+    SENSORS = auto()
     ALL = STATE | CLOCK | MARKERS | VIEW
+    NEW = ALL | SENSORS  # of a state that has not been measured before
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +29,8 @@ class Snapshot:
 
     `ticks` counts the steps since the node or the recording started, across resets. `clock_ns` is the simulated clock,
     `time` the mechanism's time in s. `y` is the integrated state; `inputs` are the inputs of the equations, efforts
-    first. `repeated` says that nothing has changed since the last snapshot.
+    first. `repeated` says that nothing has changed since the last snapshot. `arrivals` are
+    measurements of sensors that arrive at this tick.
     """
 
     ticks: int
@@ -36,3 +41,4 @@ class Snapshot:
     start_energy: float
     due: Due = Due.STATE
     repeated: bool = False
+    arrivals: Sequence[Arrival] = ()

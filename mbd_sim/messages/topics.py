@@ -7,15 +7,18 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
 
+from mbd_sim.mechanism.sensors import AnySensor
 from mbd_sim.messages import event_messages, qos, state_messages
 from mbd_sim.messages.acceleration_messages import COORDINATES, accelerations
 from mbd_sim.messages.event_messages import EventWriter
 from mbd_sim.messages.qos import OfferedQos
+from mbd_sim.messages.sensor_messages import MESSAGE_TYPES
 from mbd_sim.messages.state_messages import StateWriter
 from mbd_sim.messages.topic_names import topic_names
 from mbd_sim.simulation.compiled_model import Model
 
 NODE = "sim_node"  # the name of the node, which replaces ~ in the names of topics
+SENSOR = "<sensor>"  # stands for the name of a sensor in the name of an entry
 PART = "<part>"  # in the name of an entry that stands for one topic for each requested part
 
 
@@ -24,6 +27,7 @@ class When(Enum):
 
     STATE = "with each state, at `publish_rate`"
     EVENT = "with each event that it reports"
+    SAMPLE = "with each measurement, at the `rate` of the sensor"
     START = "once, at the start"
     CLOCK = "at `clock_rate`"
     MARKERS = "at `marker_rate`, while there is a subscriber"
@@ -158,6 +162,13 @@ TF = OutputTopic(
         "tf", False, "publish the poses of all parts on /tf, for use without robot_state_publisher; needs tf2_msgs"
     ),
 )
+SENSORS = OutputTopic(
+    f"~/sensors/{SENSOR}",
+    "sensor_msgs/msg/Imu",  # or another, see MESSAGE_TYPES
+    When.SAMPLE,
+    qos.STATE,
+    Recorded.YES,
+)
 APPLIED_EFFORTS = OutputTopic(
     "~/applied_efforts",
     "std_msgs/msg/Float64MultiArray",
@@ -232,6 +243,7 @@ TOPICS = (
     ACCELERATIONS,
     PART_POSES,
     TF,
+    SENSORS,
     APPLIED_EFFORTS,
     APPLIED_COMMANDS,
     APPLIED_WRENCHES,
@@ -251,6 +263,15 @@ def for_each_part(topic: OutputTopic, part_names: Sequence[str], parts: Sequence
     for part in parts:
         writer = partial(state_messages.part_pose, part=part)
         yield replace(topic, name=topic.name.replace(PART, tokens[part]), on_state=writer)
+
+
+def for_each_sensor(sensors: Sequence[AnySensor]) -> list[OutputTopic]:
+    """The topic of each sensor, in order."""
+    tokens = topic_names(sensor.name for sensor in sensors)
+    return [
+        replace(SENSORS, name=SENSORS.name.replace(SENSOR, tokens[one.name]), message_type=MESSAGE_TYPES[type(one)])
+        for one in sensors
+    ]
 
 
 def for_accelerations(requested: Sequence[str]) -> OutputTopic:

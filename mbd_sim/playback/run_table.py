@@ -174,7 +174,8 @@ def read_table(recording: Recording, progress: Progress = lambda fraction: None)
 def _state_topic(recording: Recording) -> str:
     """Return the topic with the role of joint states, or else the first one of their type."""
     candidates = [name for name, role in topic_roles(recording.topics).items() if role is TopicRole.JOINT_STATES]
-    candidates += [name for name, topic in recording.topics.items() if topic.type == cdr.JOINT_STATE]
+    roles = topic_roles(recording.topics)
+    candidates += [n for n, topic in recording.topics.items() if topic.type == cdr.JOINT_STATE and n not in roles]
     if not candidates:
         topics = listed(list(recording.topics)) if recording.topics else "none at all"
         raise PlaybackError(

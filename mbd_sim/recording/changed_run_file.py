@@ -13,6 +13,7 @@ from mbd_sim.recording.mcap_writer import McapWriter
 from mbd_sim.recording.recomputation import SEQUENCE_MODULUS, Recomputation
 from mbd_sim.recording.recorded_file import Message
 from mbd_sim.recording.run_metadata import run_metadata
+from mbd_sim.recording.topic_roles import COMMANDS, TopicRole
 
 
 class ChangedRunFile:
@@ -33,7 +34,9 @@ class ChangedRunFile:
         self._path, self._recomputation = path, recomputation
         self._step_ns = round(recomputation.simulation.step_size * 1e9)
         self._steps_at_reset = 0
-        self._numbers = {name: number for number, name in enumerate(recomputation.roles)}
+        kept = COMMANDS | {TopicRole.JOINT_STATES, TopicRole.ENERGIES}
+        topics = [name for name, role in recomputation.roles.items() if role in kept]
+        self._numbers = {name: number for number, name in enumerate(topics)}
         simulation = recomputation.simulation
         try:
             self._writer = McapWriter(path, [recorded.topics[name] for name in self._numbers])
@@ -48,7 +51,7 @@ class ChangedRunFile:
         """
         recomputation = self._recomputation
         topic = recomputation.file.topics[message.topic]
-        if message.topic not in self._numbers or (topic.type == cdr.JOINT_STATE and not arrays):
+        if message.topic not in self._numbers or not (arrays or recomputation.roles[message.topic] in COMMANDS):
             return
         if recomputation.sets_clock(message):
             self._steps_at_reset = recomputation.steps_taken

@@ -14,6 +14,7 @@ from mbd_sim.messages.acceleration_messages import Accelerations, requested_by
 from mbd_sim.recording import cdr
 from mbd_sim.recording.recomputation import LiveValueMismatch, Recomputation, RecomputeError
 from mbd_sim.recording.recorded_file import DamagedError, Message
+from mbd_sim.recording.sensor_comparison import SensorComparison
 from mbd_sim.recording.topic_roles import COMMANDS, TopicRole
 from mbd_sim.recording.verification_result import Difference, Verification
 from mbd_sim.simulation.compiled_model import Energies, Violation
@@ -35,6 +36,7 @@ class Comparison:
     def __init__(self, recomputation: Recomputation, result: Verification) -> None:
         self.recomputation, self.result = recomputation, result
         self._names = joint_state_names(recomputation.simulation.model)
+        self._sensors = SensorComparison(recomputation)
         self._commands_since_agreement: list[str] = []  # commands after the last state that agrees
         # With a tolerance, the recorded values from which the next interval starts:
         self._recorded_joints: cdr.JointStates | None = None
@@ -128,6 +130,8 @@ class Comparison:
         if role is TopicRole.JOINT_STATES:
             return self._joint_states_agree(message)
         simulation = self.recomputation.simulation
+        if role is TopicRole.SENSORS:
+            return self._measurement_agrees(message)
         if role is TopicRole.ACCELERATIONS:
             return self._accelerations_agree(message)
         computed = simulation.energies if role is TopicRole.ENERGIES else simulation.violation
@@ -171,6 +175,12 @@ class Comparison:
         computed = np.empty(len(names))
         source.write(computed, simulation.time, simulation.y, simulation.inputs)
         return self._arrays_agree(message, names, recorded.values, computed)
+
+    def _measurement_agrees(self, message: Message) -> bool:
+        differences = self._sensors.differences(message, self.result.tolerance)
+        for name, recorded, computed in differences:
+            self._add_difference(message, name, recorded, computed)
+        return not differences
 
     def _is_bitwise(self, message: Message) -> bool:
         """Whether the bytes of a message can be compared with those of computed arrays."""

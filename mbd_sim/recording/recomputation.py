@@ -149,7 +149,7 @@ class Recomputation:
                 return self._apply_event(cdr.text(message.payload))
             case TopicRole.JOINT_STATES | TopicRole.ENERGIES | TopicRole.CONSTRAINT_VIOLATION:
                 pass
-            case TopicRole.ACCELERATIONS | None:
+            case TopicRole.ACCELERATIONS | TopicRole.SENSORS | None:
                 pass
             case _:
                 assert_never(role)
@@ -200,7 +200,7 @@ class Recomputation:
                 simulation.set_live(changes)
                 simulation.reset()
         if self.as_recorded:
-            simulation.restore(start.y, start.steps, start.inputs, start.start_energy, live)
+            simulation.restore(start.y, start.steps, start.inputs, start.start_energy, live, start.samples)
             self._reference_steps = start.steps
         elif start.tick or start.steps:
             self._restore_changed(start.y, round(start.steps * start.step / simulation.step_size), start.inputs)
@@ -229,7 +229,7 @@ class Recomputation:
         try:
             new = parse_new_state(*recorded, simulation.y.size, simulation.inputs.size)
             if self.as_recorded:
-                simulation.restore(new.state, new.steps, new.inputs, new.start_energy, new.live)
+                simulation.restore(new.state, new.steps, new.inputs, new.start_energy, new.live, new.samples)
                 self._reference_steps = new.steps
             else:
                 steps = round(new.steps * self.recorded_step / simulation.step_size)

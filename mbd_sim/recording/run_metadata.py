@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
+
+import numpy as np
 
 import mbd_sim
 from mbd_sim.geometry.pose import Array
@@ -22,7 +24,7 @@ class Moment:
 
     `ticks` counts the steps since the node started, `steps` those since time zero of the mechanism; `clock_ns` is the
     node's simulated clock. `y` is the integrated state, `inputs` are those of the equations: efforts, wrenches and live
-    values.
+    values. `samples` are the states that sensors have measured, see `SensorSamples.table`.
     """
 
     ticks: int
@@ -32,6 +34,7 @@ class Moment:
     inputs: Array
     start_energy: float
     live: Mapping[str, float]
+    samples: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     @classmethod
     def of(cls, simulation: Simulation, ticks: int = 0, clock_ns: int = 0) -> Moment:
@@ -44,6 +47,7 @@ class Moment:
             simulation.inputs.copy(),
             simulation.start_energy,
             simulation.live,
+            simulation.samples,
         )
 
 
@@ -70,6 +74,7 @@ def run_metadata(
         "first_clock": str(moment.clock_ns),
         "wrenches": json.dumps(simulation.model.equations.inputs.loaded),
         "live": json.dumps({name: value.hex() for name, value in moment.live.items()}),
+        **({"samples": _exact_rows(moment.samples)} if len(moment.samples) else {}),
         "coordinates": json.dumps(simulation.coordinate_names),
         "parameters": json.dumps(dict(parameters or {})),
         "mbd_sim": mbd_sim.__version__,
@@ -80,6 +85,10 @@ def run_metadata(
 
 def _exact(values: Array) -> str:
     return json.dumps([value.hex() for value in values.tolist()])
+
+
+def _exact_rows(rows: Array) -> str:
+    return json.dumps([[value.hex() for value in row] for row in rows.tolist()])
 
 
 @cache

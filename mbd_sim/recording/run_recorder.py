@@ -15,6 +15,7 @@ from mbd_sim.messages.event_messages import EventWriter
 from mbd_sim.messages.publication_schedule import publication_schedule
 from mbd_sim.messages.qos import offered_qos_profiles
 from mbd_sim.messages.recorded_topic import Topic
+from mbd_sim.messages.sensor_topics import SensorMessages
 from mbd_sim.messages.snapshot import Snapshot
 from mbd_sim.messages.state_messages import StateWriter
 from mbd_sim.messages.topics import (
@@ -22,12 +23,14 @@ from mbd_sim.messages.topics import (
     CONSTRAINT_VIOLATION,
     JOINT_REACTIONS,
     PART_POSES,
+    SENSORS,
     TOPICS,
     OutputTopic,
     Recorded,
     absolute_name,
     for_accelerations,
     for_each_part,
+    for_each_sensor,
     is_vital,
 )
 from mbd_sim.recording.mcap_writer import DiskNearlyFullError, McapWriter
@@ -87,6 +90,7 @@ class RunRecorder:
         self._numbers = {topic.name: number for number, topic in enumerate(requested)}
         self._state_writers: dict[str, StateWriter] = {t.name: t.on_state(model, "") for t in requested if t.on_state}
         self._event_writers: dict[str, EventWriter] = {t.name: t.on_event(model) for t in requested if t.on_event}
+        self._sensors = SensorMessages(model, simulation.step_size)
         simulation.listen(self)
         try:
             self._writer = McapWriter(self.path, [_described(topic) for topic in requested])
@@ -99,6 +103,7 @@ class RunRecorder:
             simulation.listen(None)
             raise RecordingError(f"cannot record to '{self.path}': {error.strerror or error}.") from error
         self._add_state()
+        self._add_measurements()
 
     def __enter__(self) -> Self:
         return self
@@ -136,13 +141,17 @@ class RunRecorder:
         self._count_steps()
         while steps > 0:
             part = steps
-            if not self._closed and self._schedule is not None:
-                part = min(steps, self._schedule.next_tick(self._ticks) - self._ticks)
+            if not self._closed:
+                part = self._simulation.steps_to_arrival(at_most=steps)
+                if self._schedule is not None:
+                    part = min(part, self._schedule.next_tick(self._ticks) - self._ticks)
             yield part
             steps -= part
             self._count_steps()
-            if not self._closed and self._schedule is not None and self._schedule.is_due(self._ticks):
-                self._add_state()
+            if not self._closed:
+                if self._schedule is not None and self._schedule.is_due(self._ticks):
+                    self._add_state()
+                self._add_measurements()
 
     def report(self, kind: EventKind, payload: Payload = None) -> None:
         """Record a command, a changed value, a reset or a new state; see `RunListener`.
@@ -162,6 +171,7 @@ class RunRecorder:
                 self._put(name, message)
         if kind in RESTARTS:
             self._add_state()
+            self._add_measurements()
 
     def _count_steps(self) -> None:
         """Follow steps that were taken, also by a function `step` that was obtained before the recording began."""
@@ -187,6 +197,10 @@ class RunRecorder:
             self._put(name, writer.payload(snapshot, energies))
         self._last_state = self._ticks
         self.states += 1
+
+    def _add_measurements(self) -> None:
+        for name, payload in self._sensors.payloads(self._simulation.arrivals, self._clock_ns):
+            self._put(name, payload)
 
     def _put(self, name: str, payload: bytes) -> None:
         if self._closed:
@@ -243,7 +257,9 @@ def _requested(
     wanted = {JOINT_REACTIONS.name: reactions, CONSTRAINT_VIOLATION.name: violation}
     found: list[OutputTopic] = []
     for topic in TOPICS:
-        if topic is ACCELERATIONS:
+        if topic is SENSORS:
+            found += for_each_sensor(simulation.mechanism.sensors)
+        elif topic is ACCELERATIONS:
             found += [for_accelerations(accelerations)] if accelerations else []
         elif topic is PART_POSES:
             found += for_each_part(topic, parts, parts if ALL in poses else list(dict.fromkeys(poses)))

@@ -24,8 +24,9 @@ class RunStart:
     """Everything that the motion depends on besides the mechanism and later commands.
 
     `step` is in s. `y` is the integrated state and `inputs` are all inputs of the equations. `tick` counts the steps
-    since the node started, `steps` those since time zero of the mechanism; `clock_ns` is the simulated clock. Values
-    that older recordings lack are None: these begin when the node starts.
+    since the node started, `steps` those since time zero of the mechanism; `clock_ns` is the simulated clock.
+    `samples` are the states that sensors have measured. Values that older recordings lack are None: these begin when
+    the node starts.
     """
 
     file: str
@@ -39,6 +40,7 @@ class RunStart:
     tick: int
     steps: int
     clock_ns: int | None
+    samples: Array | None = None
 
 
 def read_run_start(file: RecordedFile) -> RunStart:
@@ -66,6 +68,7 @@ def read_run_start(file: RecordedFile) -> RunStart:
             tick=tick,
             steps=int(about.get("first_step", tick)),
             clock_ns=int(about["first_clock"]) if "first_clock" in about else None,
+            samples=_exact_rows(about["samples"]) if "samples" in about else None,
         )
     except (ValueError, TypeError, AttributeError, OverflowError) as error:
         raise RecomputeError(f"{file.path}: its metadata '{RUN_METADATA}' cannot be read ({error}).") from error
@@ -73,3 +76,8 @@ def read_run_start(file: RecordedFile) -> RunStart:
 
 def _exact(text: str) -> Array:
     return np.array([float.fromhex(value) for value in json.loads(text)])
+
+
+def _exact_rows(text: str) -> Array:
+    rows = [[float.fromhex(value) for value in row] for row in json.loads(text)]
+    return np.array(rows).reshape(len(rows), -1)

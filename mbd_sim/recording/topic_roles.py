@@ -10,12 +10,13 @@ from mbd_sim.recording.recorded_file import RecordedTopic
 
 
 class TopicRole(StrEnum):
-    """The kinds of data that topics of a run carry; each is the last word of the topic's name."""
+    """The kinds of data that topics carry: the last word of the topic's name, or `sensors` before that of a sensor."""
 
     JOINT_STATES = "joint_states"
     ENERGIES = "energies"
     CONSTRAINT_VIOLATION = "constraint_violation"
     ACCELERATIONS = "accelerations"
+    SENSORS = "sensors"  # the word before the last, which names the sensor
     APPLIED_EFFORTS = "applied_efforts"
     APPLIED_COMMANDS = "applied_commands"
     APPLIED_WRENCHES = "applied_wrenches"
@@ -43,14 +44,20 @@ def topic_roles(topics: Mapping[str, RecordedTopic]) -> dict[str, TopicRole]:
 
     If no topic has the name of joint states, the only one of their type is taken: it may have been remapped.
     """
-    found = {
+    found = {name: TopicRole.SENSORS for name, topic in topics.items() if _is_sensor(name) and topic.encoding == "cdr"}
+    found |= {
         name: role
         for name, topic in topics.items()
-        if (role := _ROLES.get(name.rsplit("/", 1)[-1])) is not None
+        if not _is_sensor(name)
+        and (role := _ROLES.get(name.rsplit("/", 1)[-1])) is not None
         and topic.type == _TYPES.get(role, MULTI_ARRAY)
         and topic.encoding == "cdr"
     }
-    candidates = [name for name, topic in topics.items() if topic.type == JOINT_STATE]
+    candidates = [name for name, topic in topics.items() if topic.type == JOINT_STATE and not _is_sensor(name)]
     if TopicRole.JOINT_STATES not in found.values() and len(candidates) == 1:
         found[candidates[0]] = TopicRole.JOINT_STATES
     return found
+
+
+def _is_sensor(name: str) -> bool:
+    return name.split("/")[-2:-1] == [TopicRole.SENSORS.value]

@@ -20,11 +20,13 @@ from mbd_sim.messages.topics import (
     DIAGNOSTICS,
     MARKERS,
     PART,
+    SENSORS,
     TF,
     TOPICS,
     OutputTopic,
     for_accelerations,
     for_each_part,
+    for_each_sensor,
 )
 from mbd_sim.recording.recorder import Recorder
 from mbd_sim.recording.recording_paths import FORMATS, new_recording_paths
@@ -74,6 +76,9 @@ def requested_topics(parameters: NodeParameters, model: Model, log: Any) -> list
         requested += _floating_transforms(model.mechanism, log)
     for topic in TOPICS:
         if topic in (CLOCK, MARKERS, DIAGNOSTICS) or (topic.parameter and not parameters[topic.parameter.name]):
+            continue
+        if topic is SENSORS:
+            requested += for_each_sensor(model.mechanism.sensors)
             continue
         if topic is ACCELERATIONS:
             requested.append(_accelerations(parameters.names_in("accelerations"), model))

@@ -16,6 +16,7 @@ from rosgraph_msgs.msg import Clock
 
 from mbd_sim.messages import topics
 from mbd_sim.messages.recorded_topic import Topic
+from mbd_sim.messages.sensor_topics import SensorMessages
 from mbd_sim.messages.snapshot import Due, Snapshot
 from mbd_sim.messages.topics import OutputTopic, Recorded
 from mbd_sim.recording.recorder import Recorder
@@ -43,8 +44,11 @@ class PublishingThread:
         *,
         frame_prefix: str = "",
         clock: bool = True,
+        step_size: float | None = None,
     ) -> None:
         """Create the publishers of the requested topics, of the markers, and with `clock` that of `/clock`.
+
+        :param step_size: in s, of the simulation whose sensors are published; by default that of the file.
 
         :raises ImportError: the package of a message type is not installed.
         """
@@ -58,6 +62,7 @@ class PublishingThread:
         self._topics = {topic.name: TopicPublisher(node, topic) for topic in requested}
         self._state_writers = {t.name: t.on_state(model, frame_prefix) for t in requested if t.on_state is not None}
         self._event_writers = {t.name: t.on_event(model) for t in requested if t.on_event is not None}
+        self._sensors = SensorMessages(model, step_size or model.mechanism.step, frame_prefix)
         self._node, self._clock_lock = node, threading.Lock()
         self._clock: TopicPublisher | None = None
         self.publish_clock(clock)
@@ -139,6 +144,8 @@ class PublishingThread:
         self.latest = snapshot
         if Due.STATE in snapshot.due or Due.VIEW in snapshot.due:
             self._publish_state(snapshot)
+        for name, payload in self._sensors.payloads(snapshot.arrivals, snapshot.clock_ns):
+            self._send(name, payload, snapshot.clock_ns, snapshot.ticks)
         if Due.MARKERS in snapshot.due:
             self._publish_markers(snapshot)
         if self.recordings is not None:

@@ -12,7 +12,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from mbd_sim.errors import CommandError, listed
 from mbd_sim.messages.publication_schedule import rate_remark
-from mbd_sim.messages.topics import TOPICS
+from mbd_sim.messages.topics import SENSORS, TOPICS
 from mbd_sim.ros import realtime
 from mbd_sim.ros.build_progress import BuildProgress
 from mbd_sim.ros.command_buffer import CommandBuffer
@@ -92,6 +92,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             requested_topics(parameters, simulation.model, log),
             frame_prefix=frame_prefix,
             clock=self.rates.clock > 0.0,
+            step_size=simulation.step_size,
         )
         self.recordings = node_recordings(parameters, self.stepping_thread, self.publishing_thread, log)
         self.publishing_thread.recordings = self.recordings
@@ -297,7 +298,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def help_text() -> str:
     """What `--help` prints."""
-    published = [(topic.name, f"{topic.message_type}, {topic.when.value}") for topic in TOPICS]
+    types = {topic.name: topic.message_type for topic in TOPICS} | {SENSORS.name: "by the type of the sensor"}
+    published = [(topic.name, f"{types[topic.name]}, {topic.when.value}") for topic in TOPICS]
     sections = {"published topics": published, "subscribed topics": SUBSCRIBED, "services": SERVICES}
     return program_help("sim_node", "Runs a mechanism in real time.", EXAMPLE, PARAMETERS, sections)
 

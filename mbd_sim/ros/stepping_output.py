@@ -9,6 +9,7 @@ from queue import SimpleQueue
 from mbd_sim.messages.snapshot import Due, Snapshot
 from mbd_sim.recording.run_metadata import Moment
 from mbd_sim.ros.contact_reports import ContactReports
+from mbd_sim.ros.rates import Rates
 from mbd_sim.ros.snapshots import Counters, Item
 from mbd_sim.simulation.events import Event, EventKind, NewState, Payload
 from mbd_sim.simulation.simulation import Simulation
@@ -57,6 +58,12 @@ class SteppingOutput:
         """The time since the last state in s."""
         return time.perf_counter() - self._emitted_at
 
+    def due(self, rates: Rates) -> Due:
+        """What is due at the present tick."""
+        simulation = self._simulation
+        due = rates.due(self._clock.whole_steps, simulation.step_size)
+        return due | Due.SENSORS if simulation.arrivals else due
+
     def emit(self, due: Due, repeated: bool = False) -> None:
         """Put the present state into the queue, or count it as dropped if the queue is too long."""
         if self._silent:
@@ -80,6 +87,7 @@ class SteppingOutput:
                 start_energy=self._simulation.start_energy,
                 due=due,
                 repeated=repeated,
+                arrivals=self._simulation.arrivals if Due.SENSORS in due else (),
             )
         )
 
@@ -96,8 +104,8 @@ class SteppingOutput:
     def report_new_state(self) -> None:
         """Put the state into the queue as one from which the run continues."""
         simulation = self._simulation
-        inputs, live = simulation.inputs.copy(), simulation.live
-        new = NewState(simulation.steps, simulation.state, inputs, simulation.start_energy, live)
+        inputs, live, samples = simulation.inputs.copy(), simulation.live, simulation.samples
+        new = NewState(simulation.steps, simulation.state, inputs, simulation.start_energy, live, samples)
         self.report(EventKind.NEW_STATE, new)
 
     def moment(self) -> Moment:

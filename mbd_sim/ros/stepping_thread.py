@@ -152,7 +152,7 @@ class SteppingThread:
     def _loop(self) -> None:
         self._lead()
         if self.followed is None:
-            self._output.emit(Due.ALL)
+            self._output.emit(Due.NEW)
         for remark in self.simulation.remarks:
             self._output.report(EventKind.NOTE, remark)
         self.pacer.anchor()
@@ -218,7 +218,7 @@ class SteppingThread:
         self._output.begin()
         if not restarted:
             self._output.report(EventKind.NOTE, f"following /clock from {1e-9 * time_ns:.9g} s")
-            self._output.emit(Due.ALL)
+            self._output.emit(Due.NEW)
             return
         self._output.report(EventKind.CLOCK_SET, f"to {1e-9 * time_ns:.9g} s: /clock has restarted")
         if problem := self._reset(rewind_clock=False, state=True):
@@ -242,6 +242,7 @@ class SteppingThread:
         """Steps to take at once: those of one wake-up period, and none beyond the next publication."""
         factor = self.rates.real_time_factor if self.followed is None else 0.0
         steps = max(1, round(WAKE_UP_PERIOD * factor / self.simulation.step_size)) if factor > 0.0 else FAST_BATCH
+        steps = self.simulation.steps_to_arrival(at_most=steps)
         return self.rates.steps_until_due(self.clock.whole_steps, self.simulation.step_size, at_most=steps)
 
     def _advance(self, steps: int) -> str:
@@ -259,7 +260,7 @@ class SteppingThread:
         self._output.report_contacts()
         self._check_error_estimate()
         self.counters.stepping += time.perf_counter() - began
-        if due := self.rates.due(self.clock.whole_steps, self.simulation.step_size):
+        if due := self._output.due(self.rates):
             self._output.emit(due)
         return ""
 
@@ -307,7 +308,7 @@ class SteppingThread:
         self._output.report(EventKind.RESET if state else EventKind.CLOCK_RESET)
         if state and self.start_values is not None:
             self._output.report_new_state()
-        self._output.emit(Due.ALL)
+        self._output.emit(Due.NEW if state else Due.ALL)
         self.pacer.delay(time.perf_counter() - began)  # no step has to make up for it
         return ""
 
@@ -321,7 +322,7 @@ class SteppingThread:
         self._error_threshold, self.problem, self.advice = TOLERATED, "", ""
         self._output.report_new_state()
         self._output.report(EventKind.NOTE, f"state set: {given}")
-        self._output.emit(Due.ALL)
+        self._output.emit(Due.NEW)
         self.pacer.delay(time.perf_counter() - began)
         return ""
 

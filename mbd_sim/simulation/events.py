@@ -90,7 +90,8 @@ class NewState:
     """The state from which the run continues: the arguments of `Simulation.restore`.
 
     `steps` are those since time zero, `state` (n,) is the integrated state, `inputs` (m,) are the inputs of the
-    equations, `start_energy` is in J, and `live` are the live values in `inputs`, by key.
+    equations, `start_energy` is in J, and `live` are the live values in `inputs`, by key. `samples` are the
+    states that sensors have measured, see `SensorSamples.table`.
     """
 
     steps: int
@@ -98,6 +99,7 @@ class NewState:
     inputs: Array
     start_energy: float
     live: Mapping[str, float]
+    samples: Array | None = None
 
 
 Payload = (

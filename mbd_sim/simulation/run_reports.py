@@ -47,6 +47,11 @@ class RunReports:
     _listener: RunListener | None = None
     _contacts_seen: int = 0
 
+    @property
+    def samples(self) -> Array:
+        """The sampled states of sensors."""
+        raise NotImplementedError
+
     def recording(self, path: str | Path, **options: Unpack[RecordingOptions]) -> RunRecorder:
         """Record everything from here on to an MCAP file, until the `with` block ends or `close` is called.
 
@@ -123,5 +128,6 @@ class RunReports:
     def _report_new_state(self) -> None:
         if self._listener is not None:
             memory, live = self._memory, dict(self._live.current)
-            new = NewState(memory.steps, memory.y.copy(), memory.inputs.copy(), self.start_energy, live)
+            samples = self.samples
+            new = NewState(memory.steps, memory.y.copy(), memory.inputs.copy(), self.start_energy, live, samples)
             self._report(EventKind.NEW_STATE, new)

@@ -25,6 +25,7 @@ from mbd_sim.sensing.noise import Noise
 from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.sensor_samples import StateSample
 
+INDEX = "index"  # the value of an encoder beside its position
 _AXES = 9  # numbers of a rotation matrix
 
 
@@ -172,7 +173,7 @@ def _as_signal(sensor: AnySensor, values: dict[str, Array]) -> dict[str, Array]:
             if sensor.index is not None:
                 at_index = count - math.floor(sensor.index / sensor.resolution)
                 in_turn = at_index if sensor.counts is None else at_index % sensor.counts
-                found["index"] = np.array([float(in_turn == 0)])
+                found[INDEX] = np.array([float(in_turn == 0)])
             return found
         case RangeFinder():
             distance = float(values["distance"][0])

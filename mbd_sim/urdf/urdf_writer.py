@@ -28,6 +28,7 @@ from mbd_sim.mechanism.records import (
     Part,
     Shape,
 )
+from mbd_sim.mechanism.sensors import CoordinateSensor, FrameSensor, frame_id
 from mbd_sim.urdf.value_reader import unique_name
 
 Element = ElementTree.Element
@@ -75,12 +76,23 @@ def _robot(mechanism: Mechanism) -> Element:
     if missing := [f"{kind}: {listed(names, max_count=1000)}" for kind, names in _left_out(mechanism, mimics).items()]:
         robot.append(ElementTree.Comment(f" not in this file: {'; '.join(missing)} "))
     ElementTree.SubElement(robot, "link", name=GROUND)
-    names = {GROUND, *mechanism.parts}
+    sensors = [one for one in mechanism.sensors if not isinstance(one, CoordinateSensor) and not one.at.is_of_part]
+    names = {GROUND, *mechanism.parts, *map(frame_id, sensors)}
     for joint in mechanism.tree_joints():
         motions = [replace(motion, mimic=mimics.get(motion.name, motion.mimic)) for motion in _motions(joint)]
         _add_joint(robot, joint, motions, names)
         _add_link(robot, mechanism.parts[joint.outboard])
+    for sensor in sensors:
+        _add_sensor_frame(robot, sensor)
     return robot
+
+
+def _add_sensor_frame(robot: Element, sensor: FrameSensor) -> None:
+    """Add a link for the frame of a sensor, with the name that its messages have."""
+    name = frame_id(sensor)
+    ElementTree.SubElement(robot, "link", name=name)
+    weld = ElementTree.SubElement(robot, "joint", name=f"{sensor.at.part}_to_{name}", type="fixed")
+    _add_ends(weld, sensor.at.pose, sensor.at.part, name)
 
 
 @dataclass(frozen=True, eq=False)

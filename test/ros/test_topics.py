@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import rclpy
 
+from mbd_sim import load_mechanism
 from mbd_sim.messages import topics
 from mbd_sim.messages.topics import PART, TOPICS, Recorded, When
 from mbd_sim.ros.sim_node import SimNode
@@ -13,6 +14,14 @@ from mbd_sim.ros.sim_parameters import PARAMETERS
 
 PAGE = Path(__file__).resolve().parent.parent.parent / "docs" / "node.md"
 RCLPY_TOPICS = {"/rosout", "/parameter_events"}
+
+
+SENSORS = """
+sensors:
+  imu: {type: imu, at: lower.tip}
+  joint_states: {type: tachometer, joint: elbow}
+  odometry: {type: odometry, at: lower, rate: 10 Hz}
+"""
 
 
 def published(*parameters):
@@ -37,10 +46,11 @@ def resolved(topic):
 
 def test_the_node_publishes_the_topics_without_a_parameter():
     found, recorded = published()
-    expected = {resolved(topic): [topic.message_type] for topic in TOPICS if topic.parameter is None}
+    always = [topic for topic in TOPICS if topic.parameter is None and topic is not topics.SENSORS]
+    expected = {resolved(topic): [topic.message_type] for topic in always}
     assert found == expected
     assert {topic.name for topic in recorded.values()} == {
-        resolved(topic) for topic in TOPICS if topic.parameter is None and topic.recorded is not Recorded.NO
+        resolved(topic) for topic in always if topic.recorded is not Recorded.NO
     }
 
 
@@ -53,7 +63,7 @@ def test_parameters_request_the_other_topics():
         "part_poses:='*'",
         "accelerations:='coordinates, lower.tip'",
     )
-    requested = [topic for topic in TOPICS if topic is not topics.TF]
+    requested = [topic for topic in TOPICS if topic not in (topics.TF, topics.SENSORS)]
     expected = {resolved(topic): [topic.message_type] for topic in requested if PART not in topic.name}
     poses = {f"/sim_node/poses/{part}": [topics.PART_POSES.message_type] for part in ("upper", "lower")}
     assert found == expected | poses
@@ -61,6 +71,19 @@ def test_parameters_request_the_other_topics():
     assert "/energy_values" not in {topic.name for topic in recorded.values()}
     assert all(topic.vital == ("applied" in topic.name or topic.name.endswith(("live_values", "new_states", "events",
                "robot_description"))) for topic in recorded.values())  # fmt: skip
+
+
+def test_each_sensor_of_the_mechanism_has_a_topic(tmp_path):
+    path = tmp_path / "sensed.yaml"
+    path.write_text(load_mechanism("double_rod").source.text + SENSORS)
+    found, recorded = published(f"mechanism:={path}")
+    expected = {
+        "/sim_node/sensors/imu": ["sensor_msgs/msg/Imu"],
+        "/sim_node/sensors/joint_states": ["sensor_msgs/msg/JointState"],
+        "/sim_node/sensors/odometry": ["nav_msgs/msg/Odometry"],
+    }
+    assert {name: types for name, types in found.items() if "/sensors/" in name} == expected
+    assert set(expected) < {topic.name for topic in recorded.values()}
 
 
 def test_each_entry_is_complete():
