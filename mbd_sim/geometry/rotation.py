@@ -73,6 +73,13 @@ def of_vector(vector: Array) -> Array:
     return np.array([math.cos(0.5 * angle), *(half * vector)])
 
 
+def rotation_vector(quaternion: Array) -> Array:
+    """Axis times angle (3,) in rad, at most π long, of a unit quaternion (w, x, y, z)."""
+    w, v = (quaternion[0], quaternion[1:]) if quaternion[0] >= 0.0 else (-quaternion[0], -quaternion[1:])
+    sine = float(np.linalg.norm(v))
+    return v * (2.0 * np.arctan2(sine, w) / sine if sine > 1e-9 else 2.0)
+
+
 def quaternions(matrices: Array) -> Array:
     """The unit quaternions (n, 4) in the order (x, y, z, w) of ROS and Rerun, of rotation matrices (n, 3, 3).
 

@@ -19,10 +19,10 @@ from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.initial_conditions import rheonomic
 from mbd_sim.errors import Problem
 from mbd_sim.geometry.pose import Array
+from mbd_sim.geometry.rotation import rotation_vector
 from mbd_sim.mechanism.actuators import has_actuator_states
 from mbd_sim.mechanism.records import Joint, Mechanism, Part
 from mbd_sim.report.sensor_report import sensor_report
-from mbd_sim.simulation.compiled_model import rotation_vector
 from mbd_sim.simulation.simulation import Simulation
 
 LINEARIZED = 4000  # instructions for the accelerations up to which the report linearizes them

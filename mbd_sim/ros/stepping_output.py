@@ -64,6 +64,12 @@ class SteppingOutput:
         due = rates.due(self._clock.whole_steps, simulation.step_size)
         return due | Due.SENSORS if simulation.arrivals else due
 
+    def steps_until_due(self, rates: Rates, *, at_most: int) -> int:
+        """The steps to the next tick at which something is due, or fewer."""
+        simulation = self._simulation
+        steps = simulation.steps_to_arrival(at_most)
+        return rates.steps_until_due(self._clock.whole_steps, simulation.step_size, at_most=steps)
+
     def emit(self, due: Due, repeated: bool = False) -> None:
         """Put the present state into the queue, or count it as dropped if the queue is too long."""
         if self._silent:

@@ -242,8 +242,7 @@ class SteppingThread:
         """Steps to take at once: those of one wake-up period, and none beyond the next publication."""
         factor = self.rates.real_time_factor if self.followed is None else 0.0
         steps = max(1, round(WAKE_UP_PERIOD * factor / self.simulation.step_size)) if factor > 0.0 else FAST_BATCH
-        steps = self.simulation.steps_to_arrival(at_most=steps)
-        return self.rates.steps_until_due(self.clock.whole_steps, self.simulation.step_size, at_most=steps)
+        return self._output.steps_until_due(self.rates, at_most=steps)
 
     def _advance(self, steps: int) -> str:
         """Apply commands, take the steps, hand out a snapshot if due; returns the problem, or ""."""

@@ -17,7 +17,7 @@ from mbd_sim.dynamics.energy import AUDIT_STATES, LOSS_STATES
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
-from mbd_sim.geometry.rotation import unit
+from mbd_sim.geometry.rotation import rotation_vector, unit
 from mbd_sim.integrators.between_steps import BetweenSteps
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.mechanism.records import Mechanism
@@ -320,13 +320,6 @@ class Model:
                 source = np.concatenate([source[:offset], rotation_vector(source[offset:])])
             values[into] = source
         return values
-
-
-def rotation_vector(quaternion: Array) -> Array:
-    """Axis times angle (3,) in rad, at most π long, of a unit quaternion (w, x, y, z)."""
-    w, v = (quaternion[0], quaternion[1:]) if quaternion[0] >= 0.0 else (-quaternion[0], -quaternion[1:])
-    sine = float(np.linalg.norm(v))
-    return v * (2.0 * np.arctan2(sine, w) / sine if sine > 1e-9 else 2.0)
 
 
 def build_model(

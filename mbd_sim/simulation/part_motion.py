@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from mbd_sim.geometry.pose import Array, Pose, identity_pose
-from mbd_sim.geometry.rotation import to_quaternion
+from mbd_sim.geometry.rotation import rotation_vector, to_quaternion
 from mbd_sim.mechanism.attachments import resolve_reference
 from mbd_sim.mechanism.records import GROUND, Joint, Mechanism
-from mbd_sim.simulation.compiled_model import Model, rotation_vector
+from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.motions import PartMotion
 
 
