@@ -224,7 +224,7 @@ class _DataSectionReader:
         return channel, time_ns
 
     def _read_chunk(self, start: int, content: bytes) -> None:
-        found, chunk = self._found, Chunk.read(data_stream(content))
+        found, chunk = self._found, strictly_read(Chunk, content)
         entries = self._message_entries(chunk_records(chunk))
         index = chunk_index(chunk, start, len(content) + RECORD_HEADER.size)
         times = [time_ns for channel in entries.values() for time_ns, _ in channel] or [0]

@@ -139,6 +139,17 @@ def test_a_damaged_length_does_not_cost_the_original(run, tmp_path, capsys):
     assert verify(path)[0].is_intact
 
 
+def test_a_damaged_length_within_a_chunk_ends_the_undamaged_records_there(run, tmp_path):
+    """Python reads at most what there is, so that a length that is too large goes unnoticed unless it is checked."""
+    path = tmp_path / "damaged.mcap"
+    data = rewrite(run, path, chunk_size=500).read_bytes()
+    _, start, _ = [record for record in records(data) if record[0] == Opcode.CHUNK][2]
+    damaged = bytearray(data)
+    damaged[start + 9 + 8 + 8 + 8 + 4 + 4 + len("zstd") + 5] ^= 0x80  # of the length of the compressed records
+    path.write_bytes(damaged)
+    assert problems_with(path) == ([], False)
+
+
 def test_randomly_damaged_records_are_never_a_surprise(run, tmp_path):
     chance = random.Random(4)
     small_chunks = rewrite(run, tmp_path / "small.mcap", chunk_size=500)
