@@ -12,7 +12,7 @@ import llvmlite.ir as ir
 from mbd_sim.compiler import kernel_cache
 from mbd_sim.compiler.object_code import PASSES, object_code, target_machine
 
-LEVEL = 1  # of LLVM's code generator; level 0 compiles in half the time to slower code with the same results
+LEVEL = 1  # of LLVM's code generator; level 0 compiles in a third of the time to slower code with the same results
 LONG = 300_000  # characters of IR from which on a process of its own pays: it starts in 0.15 s, LLVM needs 1 s
 
 
@@ -38,7 +38,7 @@ def compile_module(module: ir.Module) -> MachineCode:
     """Optimize and compile, or load the object code if the same code was compiled before."""
     cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
     text = str(module)
-    compiler = ".".join(map(str, llvm.llvm_version_info)), llvmlite.__version__, f"{PASSES}, O{LEVEL}"
+    compiler = ".".join(map(str, llvm.llvm_version_info)), llvmlite.__version__, f"{' '.join(PASSES[LEVEL])}, O{LEVEL}"
     name = kernel_cache.key(text, cpu, features, *compiler)
     code = kernel_cache.load(name)
     if code is None:

@@ -6,7 +6,11 @@ import functools
 
 import llvmlite.binding as llvm
 
-PASSES = "always-inline sroa new-gvn simplify-cfg dse"  # what `object_code` does, as part of the cache key
+# What LLVM does before it generates code, by the level of its code generator; part of the cache key.
+PASSES = {
+    0: ("always_inliner", "sroa", "simplify_cfg"),
+    1: ("always_inliner", "sroa", "new_gvn", "simplify_cfg", "dead_store_elimination"),
+}
 
 
 @functools.cache
@@ -32,10 +36,7 @@ def object_code(text: str, cpu: str, features: str, level: int) -> bytes:
     parsed = llvm.parse_assembly(text)
     parsed.verify()
     passes = llvm.create_new_module_pass_manager()
-    passes.add_always_inliner_pass()
-    passes.add_sroa_pass()
-    passes.add_new_gvn_pass()
-    passes.add_simplify_cfg_pass()
-    passes.add_dead_store_elimination_pass()
+    for name in PASSES[level]:
+        getattr(passes, f"add_{name}_pass")()
     passes.run(parsed, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options()))
     return bytes(machine.emit_object(parsed))
