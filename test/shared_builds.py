@@ -19,7 +19,7 @@ from mbd_sim.compiler import machine_code
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.mechanism_file.library import shipped
 
-MOST = 380  # models and equations that are kept; those not used for longest go
+MOST = 380  # mechanisms, models and equations that are kept; those not used for longest go
 BUILDERS = (
     mbd_sim.load.load_mechanism,
     mbd_sim.dynamics.equations.derive,

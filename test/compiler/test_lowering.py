@@ -18,7 +18,7 @@ from mbd_sim.compiler.instruction_list import (
     Node,
     Output,
 )
-from mbd_sim.compiler.kernel import _export, compile_kernel
+from mbd_sim.compiler.kernel import compile_kernel, export
 from mbd_sim.compiler.kernel import _reader as _compiled_reader
 from mbd_sim.compiler.machine_code import compile_module, new_module
 from mbd_sim.compiler.schedule import arranged
@@ -119,7 +119,7 @@ def test_fused_operations():
     for number, operation in enumerate(TERNARY):
         function = ca.Function(f"fused{number}", [x], [x[0]])
         graph = Graph([*inputs, Node(operation, (0, 1, 2))], [Output(3, 0, 0)])
-        _export(
+        export(
             module, f"read_{number}", lowering.lower(module, InstructionList(function, graph, range(4)), inline=True)
         )
     code = compile_module(module)
