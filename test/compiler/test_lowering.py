@@ -19,7 +19,7 @@ from mbd_sim.compiler.instruction_list import (
     Output,
 )
 from mbd_sim.compiler.kernel import compile_kernel, export
-from mbd_sim.compiler.kernel import _reader as _compiled_reader
+from mbd_sim.compiler.kernel import reader as compiled_reader
 from mbd_sim.compiler.machine_code import compile_module, new_module
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.dynamics.equations import derive
@@ -127,7 +127,7 @@ def test_fused_operations():
     usual = rng.normal(size=(50, 3)) * 10.0 ** rng.integers(-3, 4, (50, 3))
     cases = np.array([*usual, *product([0.0, -0.0, 1.0, -2.5], repeat=3)])
     for number, expected in enumerate(TERNARY.values()):
-        call = _compiled_reader(code.address(f"read_{number}"), function)
+        call = compiled_reader(code.address(f"read_{number}"), function)
         for case in cases:
             out = np.empty(1)
             call(case.ctypes.data, out.ctypes.data)
