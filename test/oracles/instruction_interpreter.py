@@ -27,6 +27,7 @@ UNARY = {
     ca.OP_INV: lambda x: np.float64(1.0) / x,
     ca.OP_SQRT: np.sqrt,
     ca.OP_FABS: np.fabs,
+    ca.OP_FLOOR: np.floor,
     ca.OP_SIGN: np.sign,
     ca.OP_NOT: lambda x: np.float64(x == 0.0),
 }
