@@ -7,15 +7,17 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
+from mbd_sim.errors import InputError
 from mbd_sim.mechanism_file.parameters import Parameters
 from mbd_sim.mechanism_file.quantity import Quantity
 from mbd_sim.mechanism_file.value_parser import split_unit, unit_factor
 
 
 class Measured(float):
-    """A number in SI units that was written in `unit`; empty without one."""
+    """A number in SI units that was `written` in `unit`; both are empty without one."""
 
     unit: str = ""
+    written: str = ""
 
     def require(self, si_unit: str) -> None:
         """Check the dimension of the unit.
@@ -23,7 +25,10 @@ class Measured(float):
         :raises InputError: it is another one than that of `si_unit`.
         """
         if self.unit:
-            unit_factor(self.unit, si_unit)
+            try:
+                unit_factor(self.unit, si_unit)
+            except InputError as error:
+                raise InputError(error.message, error.remedy, self.written) from error
 
 
 class MeasuredQuantity(Quantity):
@@ -32,7 +37,7 @@ class MeasuredQuantity(Quantity):
     def _parsed(self, value: Any, parameters: Parameters) -> float:
         number = Measured(super()._parsed(value, parameters))
         if isinstance(value, str) and not parameters.unknown_in(value):
-            number.unit = split_unit(value)[1]
+            number.unit, number.written = split_unit(value)[1], value
         return number
 
 

@@ -20,7 +20,7 @@ from mbd_sim.dynamics.initial_conditions import rheonomic
 from mbd_sim.errors import Problem
 from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.rotation import rotation_vector
-from mbd_sim.mechanism.actuators import has_actuator_states
+from mbd_sim.mechanism.actuators import Actuator, CoordinatePort, EffortMotor, has_actuator_states
 from mbd_sim.mechanism.records import Joint, Mechanism, Part
 from mbd_sim.report.sensor_report import sensor_report
 from mbd_sim.simulation.simulation import Simulation
@@ -108,6 +108,7 @@ def _structure(mechanism: Mechanism, counted: Mobility, at: Mapping[str, float])
         "file": mechanism.source.file,
         "parts": [_part(part) for part in mechanism.parts.values()],
         "joints": [_joint(joint, at) for joint in mechanism.all_joints.values()],
+        "actuators": [_actuator(actuator) for actuator in mechanism.actuators],
         "spanning_tree": [f"{joint.inboard} -{joint.name}-> {joint.outboard}" for joint in mechanism.tree_joints()],
         "closing_joints": list(mechanism.closing),
         "mobility": dataclasses.asdict(counted),
@@ -230,6 +231,18 @@ def _part(part: Part) -> dict[str, Any]:
         "center": part.center.tolist(),
         "inertia": part.inertia.tolist(),
         "shapes": [shape.kind for shape in part.shapes],
+    }
+
+
+def _actuator(actuator: Actuator) -> dict[str, Any]:
+    port = actuator.port
+    at = port.coordinate if isinstance(port, CoordinatePort) else f"{port.first.part} – {port.second.part}"
+    return {
+        "name": actuator.name,
+        "type": "effort" if isinstance(actuator.motor, EffortMotor) else "dc_motor",
+        "at": at,
+        "servo": None if actuator.servo is None else actuator.servo.controls,
+        "commands": list(actuator.channels),
     }
 
 

@@ -41,6 +41,7 @@ def _structure(found: dict[str, Any]) -> list[str]:
             f"{_axes(joint):22s} {_start(joint, found)}".rstrip()
             for joint in found["joints"]
         ),
+        *_actuators(found["actuators"]),
         "",
         *_mobility(found),
         *(
@@ -61,6 +62,18 @@ def _sensor(sensor: dict[str, Any]) -> str:
         for quantity, errors in sensor["errors"].items()
     )
     return f"{sensor['name']}: {sensor['type']} at {sensor['at']}, {timing}; {errors or 'no errors'}"
+
+
+def _actuators(actuators: list[dict[str, Any]]) -> list[str]:
+    """A table of the actuators, with the commands that each takes."""
+    if not actuators:
+        return []
+    rows = [
+        f"{actuator['name']:16s} {actuator['type']:12s} {actuator['at']:28s} {actuator['servo'] or 'none':22s} "
+        f"{', '.join(actuator['commands'])}"
+        for actuator in actuators
+    ]
+    return ["", f"{'actuator':16s} {'type':12s} {'at':28s} {'servo':22s} commands", *rows]
 
 
 def _mass_and_gravity(found: dict[str, Any]) -> list[str]:

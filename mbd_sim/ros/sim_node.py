@@ -183,7 +183,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         :raises CommandError: the loops cannot be closed there.
         """
         if self.stepping_thread.start_values is not None:
-            self.simulation.set_state(*self.stepping_thread.start_values)
+            self.simulation.begin_at(*self.stepping_thread.start_values)
 
     def _use_start(self, values: Mapping[str, Any]) -> None:
         """Let resets return to the start that the parameters give.

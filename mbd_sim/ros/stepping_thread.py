@@ -294,7 +294,7 @@ class SteppingThread:
             try:
                 self.simulation.reset()
                 if self.start_values is not None:
-                    self.simulation.set_state(*self.start_values)
+                    self.simulation.begin_at(*self.start_values)
             except ValueError as error:
                 self.simulation.restore(before)
                 return f"the start state cannot be reached with the current live values: {error}"

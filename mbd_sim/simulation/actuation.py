@@ -40,6 +40,18 @@ class Actuation:
         if not repeated:
             self._report_commands(values)
 
+    def begin_at(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> None:
+        """Set positions and velocities by name as `set_state` does, and let actuators begin anew, as after a reset.
+
+        :raises CommandError: see `set_state`.
+        """
+        self.set_state(positions, velocities)
+        if self.command_map.names:
+            y, inputs = self._memory.y.copy(), self._memory.inputs.copy()
+            self.model.hold_start(y, inputs)
+            self._memory.load(y, inputs, self._memory.steps, self._memory.error_estimate)
+            self._report_new_state()
+
     def actuators(self) -> Mapping[str, ActuatorState]:
         """Each actuator by name: commands, effort, voltage, current, powers, losses and energies."""
         memory = self._memory
@@ -49,6 +61,13 @@ class Actuation:
     @property
     def time(self) -> float:
         """Simulated time in s."""
+        raise NotImplementedError
+
+    def set_state(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> None:
+        """Set positions and velocities by name."""
+        raise NotImplementedError
+
+    def _report_new_state(self) -> None:
         raise NotImplementedError
 
     def _is_repeated(self, inputs: Array, command: Array) -> bool:

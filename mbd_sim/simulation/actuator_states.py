@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from mbd_sim.dynamics.actuator_functions import READINGS
 from mbd_sim.dynamics.actuator_layout import ActuatorLayout
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.actuators import Actuator, Channel, DcMotor
+from mbd_sim.mechanism.actuators import Actuator, Channel, CoordinatePort, DcMotor
 
 
 class ActuatorEnergies(NamedTuple):
@@ -77,6 +79,18 @@ def actuator_states(
             energies=_account(actuator, energies, read["current"]),
         )
     return found
+
+
+def efforts_on(actuators: Sequence[Actuator], columns: Array, coordinates: Sequence[str]) -> Array:
+    """The efforts of actuators on each of the coordinates, in N and N·m.
+
+    :param columns: (n, 9) the readings of each actuator, see `READINGS`.
+    """
+    efforts = np.zeros(len(coordinates))
+    for actuator, row in zip(actuators, columns, strict=True):
+        if isinstance(actuator.port, CoordinatePort):
+            efforts[coordinates.index(actuator.port.coordinate)] += row[READINGS.index("effort")]
+    return efforts
 
 
 def _account(actuator: Actuator, energies: Mapping[str, float], current: float) -> ActuatorEnergies:

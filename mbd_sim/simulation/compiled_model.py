@@ -11,7 +11,6 @@ import numpy as np
 
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.compiler.readers import CompiledReaders
-from mbd_sim.dynamics.actuator_functions import READINGS
 from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
 from mbd_sim.dynamics.energy import AUDIT_STATES, LOSS_STATES
 from mbd_sim.dynamics.equations import Equations, derive
@@ -21,7 +20,7 @@ from mbd_sim.geometry.rotation import rotation_vector, unit
 from mbd_sim.integrators.between_steps import BetweenSteps
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.simulation.actuator_states import ActuatorState, actuator_states
+from mbd_sim.simulation.actuated_model import ActuatedModel
 from mbd_sim.simulation.contact_records import ContactState
 from mbd_sim.simulation.contact_system import one_sided_system
 from mbd_sim.simulation.contact_terms import ContactModel
@@ -97,7 +96,7 @@ class Reaction(NamedTuple):
     moment: Array
 
 
-class Model:
+class Model(ActuatedModel):
     """The compiled equations of a mechanism, for one method of integration. Safe to use from several threads.
 
     The integrated state y consists of q (nq,), u (nv,), the states of actuators and the energies of the audit. `inputs`
@@ -229,22 +228,6 @@ class Model:
         if self.contact is None:
             return {}
         return self.contact.states(time, y, inputs, self.contact_places(time, y, inputs))
-
-    def hold_start(self, y: Array, inputs: Array, mechanism: Mechanism | None = None) -> None:
-        """Set states and commands of actuators in place to those before the first command at the positions in y.
-
-        :param mechanism: a variant of that of the model with other start commands.
-        """
-        if (actuators := self.equations.actuators) is not None:
-            actuators.hold((mechanism or self.mechanism).actuators, y, inputs)
-
-    def actuators(self, time: float, y: Array, inputs: Array) -> dict[str, ActuatorState]:
-        """Each actuator by name; see `ActuatorState`."""
-        if (functions := self.equations.actuators) is None:
-            return {}
-        actuators = self.mechanism.actuators
-        columns = self._read("actuators", time, y, np.empty((len(actuators), len(READINGS))), inputs)
-        return actuator_states(actuators, functions.layout, columns, y, inputs)
 
     def violation(self, time: float, y: Array, inputs: Array | None = None) -> Violation:
         """The largest violation of the constraints."""

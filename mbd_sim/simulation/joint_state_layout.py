@@ -19,8 +19,13 @@ def joint_state_names(model: Model) -> tuple[str, ...]:
 
 
 def joint_state_arrays(model: Model, time: float, y: Array, inputs: Array) -> tuple[Array, Array, Array]:
-    """Return positions, velocities and efforts (n,) of a state, SI units; efforts of driven joints are the drives'."""
+    """Return positions, velocities and efforts (n,) of a state, SI units.
+
+    Efforts are those commanded and those of actuators; of driven joints they are the drives'.
+    """
     position, velocity, effort = model.coordinates(y), y[model.u_range], inputs[: model.layout.nv]
+    if model.mechanism.actuators:
+        effort = effort + model.actuator_efforts(time, y, inputs)
     if not model.driven_names:
         return position, velocity, effort
     drives = model.drives(time, y, inputs)

@@ -160,8 +160,7 @@ def _servo(
     location: Location, spec: schema.ServoSpec, actuator: Actuator, angle: str, output: str, context: BuildContext
 ) -> Servo:
     where = (*location, "servo")
-    error = angle if spec.controls == "position" else f"{angle}/s"
-    for key, unit in _servo_units(error, angle, output):
+    for key, unit in _servo_units(spec.controls == "position", angle, output):
         if (value := getattr(spec, key)) is not None:
             _require(context, (*where, key), value, unit)
     period = None if spec.sample_rate is None else 1.0 / spec.sample_rate
@@ -185,13 +184,14 @@ def _servo(
     )
 
 
-def _servo_units(error: str, angle: str, output: str) -> Iterator[tuple[str, str]]:
-    yield "kp", f"{output}/({error})"
-    yield "ki", f"{output}/({error}*s)"
-    yield "kd", f"{output}*s/({error})"
+def _servo_units(of_position: bool, angle: str, output: str) -> Iterator[tuple[str, str]]:
+    """The units of the keys of a servo whose error is an `angle` or length, or its rate."""
+    yield "kp", f"{output}/{angle}" if of_position else f"{output}*s/{angle}"
+    yield "ki", f"{output}/({angle}*s)" if of_position else f"{output}/{angle}"
+    yield "kd", f"{output}*s/{angle}" if of_position else f"{output}*s**2/{angle}"
     yield "velocity_feedforward", f"{output}*s/{angle}"
     yield "limit", output
-    yield "rate_limit", f"{error}/s"
+    yield "rate_limit", f"{angle}/s" if of_position else f"{angle}/s**2"
 
 
 def _or_infinite(value: float | None) -> float:

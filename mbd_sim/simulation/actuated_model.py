@@ -1,0 +1,44 @@
+"""What a compiled mechanism says of its actuators."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mbd_sim.dynamics.actuator_functions import READINGS
+from mbd_sim.dynamics.equations import Equations
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.simulation.actuator_states import ActuatorState, actuator_states, efforts_on
+
+
+class ActuatedModel:
+    """The part of a `Model` that concerns actuators."""
+
+    mechanism: Mechanism
+    equations: Equations
+    coordinate_names: tuple[str, ...]
+
+    def hold_start(self, y: Array, inputs: Array, mechanism: Mechanism | None = None) -> None:
+        """Set states and commands of actuators in place to those before the first command at the positions in y.
+
+        :param mechanism: a variant of that of the model with other start commands.
+        """
+        if (actuators := self.equations.actuators) is not None:
+            actuators.hold((mechanism or self.mechanism).actuators, y, inputs)
+
+    def actuators(self, time: float, y: Array, inputs: Array) -> dict[str, ActuatorState]:
+        """Each actuator by name; see `ActuatorState`."""
+        if (functions := self.equations.actuators) is None:
+            return {}
+        columns = self._actuator_readings(time, y, inputs)
+        return actuator_states(self.mechanism.actuators, functions.layout, columns, y, inputs)
+
+    def actuator_efforts(self, time: float, y: Array, inputs: Array) -> Array:
+        """The efforts (nv,) of actuators on the coordinates, in N and N·m."""
+        return efforts_on(self.mechanism.actuators, self._actuator_readings(time, y, inputs), self.coordinate_names)
+
+    def _actuator_readings(self, time: float, y: Array, inputs: Array) -> Array:
+        return self._read("actuators", time, y, np.empty((len(self.mechanism.actuators), len(READINGS))), inputs)
+
+    def _read(self, name: str, time: float, y: Array, out: Array, inputs: Array | None) -> Array:
+        raise NotImplementedError

@@ -1,0 +1,108 @@
+"""Which actuators the commands of a message reach, and what is refused whole."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mbd_sim import Simulation
+from mbd_sim.errors import CommandError
+from mbd_sim.ros.command_buffer import CommandBuffer
+
+MIXED = """
+mechanism: mixed
+parts:
+  one: {mass: 1, center: [0, 0, -0.3], inertia: [0.02, 0.03, 0.01], points: {end: [0, 0, -0.6]}}
+  two: {mass: 1, center: [0, 0, -0.3], inertia: [0.02, 0.03, 0.01], points: {end: [0, 0, -0.6]}}
+  three: {mass: 1, center: [0, 0, -0.3], inertia: [0.02, 0.03, 0.01], points: {end: [0, 0, -0.6]}}
+  wheel: {mass: 1, inertia: [0.02, 0.03, 0.01]}
+joints:
+  hip: {type: revolute, between: [ground, one], axis: [0, -1, 0]}
+  knee: {type: revolute, between: [one.end, two], axis: [0, -1, 0]}
+  toe: {type: revolute, between: [two.end, three], axis: [0, -1, 0]}
+  hub: {type: revolute, between: [three.end, wheel], axis: [0, -1, 0]}
+integrator: {method: rk4}
+actuators:
+  a: {type: effort, joint: hip, servo: {controls: position, kp: 10}}
+  b: {type: dc_motor, joint: knee, torque_constant: 0.1, resistance: 1, servo: {controls: velocity, kp: 5}}
+  c: {type: dc_motor, joint: hub, torque_constant: 0.1, resistance: 1}
+  cylinder: {type: effort, between: [ground, two.end]}
+"""
+JOINTS = ["hip", "knee", "toe", "hub"]
+
+
+@pytest.fixture
+def simulation():
+    return Simulation.from_text(MIXED)
+
+
+@pytest.fixture
+def buffer(simulation):
+    return CommandBuffer(simulation.effort_map, 0.5, simulation.command_map)
+
+
+def due(simulation, buffer):
+    return dict(
+        zip(
+            simulation.command_map.names,
+            buffer.due_for_actuators(simulation.inputs[simulation.command_map.range]),
+            strict=True,
+        )
+    )
+
+
+def test_arrays_with_an_entry_for_each_joint_that_has_the_interface_are_those_of_ros2_control(simulation, buffer):
+    buffer.by_name(JOINTS, [0.25, -2.0], positions=[0.5], velocities=[0.1, 3.0])  # hip and knee take a velocity
+    assert due(simulation, buffer) == {
+        "a.position": 0.5, "a.velocity": 0.1, "a.effort": 0.25, "b.velocity": 3.0, "c.voltage": 0.0,
+        "cylinder.effort": 0.0,
+    }  # fmt: skip
+    assert buffer.due(0.0)[0].efforts.tolist() == [0.0, 0.0, -2.0, 0.0]  # that of toe acts directly
+    assert buffer.accepted == 1
+
+
+def test_names_with_full_arrays_reach_their_actuators_and_the_others_keep_their_commands(simulation, buffer):
+    buffer.by_name(["hip"], [], positions=[0.5])
+    buffer.by_name(["knee"], [], velocities=[-1.0])
+    buffer.by_name(["cylinder"], [7.0])
+    found = due(simulation, buffer)
+    assert (found["a.position"], found["b.velocity"], found["cylinder.effort"]) == (0.5, -1.0, 7.0)
+    assert buffer.due_for_actuators(np.zeros(6)) is None and buffer.due(0.0) == []
+
+
+def test_all_channels_can_be_commanded_in_order(simulation, buffer):
+    buffer.actuators_by_order([0.1, 0.2, 0.3, 0.4, 12.0, 5.0])
+    assert list(due(simulation, buffer).values()) == [0.1, 0.2, 0.3, 0.4, 12.0, 5.0]
+    buffer.clear()
+    buffer.actuators_by_order([0.0] * 6)
+    assert list(due(simulation, buffer).values()) == [0.0] * 6
+
+
+@pytest.mark.parametrize(
+    ("names", "arrays", "words"),
+    [
+        (["toe"], {"positions": [1.0]}, "joint 'toe' takes no position, as it has no servo. Command its effort."),
+        (["hub"], {"efforts": [1.0]}, "the actuator of 'hub' takes no effort. Command its voltage."),
+        (["nee"], {"positions": [1.0]}, "there is no joint 'nee'. Did you mean 'knee'?"),
+        (JOINTS, {"positions": [1.0, 2.0]}, "'name' and 'position' differ in length: 4 and 2. Send one position for each name, or only for hip."),
+        (["hip", "hip"], {"positions": [1.0, 2.0]}, "a joint is named twice"),
+        (["hip", "knee"], {"velocities": [1.0, math.nan]}, "b.velocity is not finite"),
+        (["hip"], {"efforts": [1.0], "positions": [math.inf]}, "a.position is not finite"),
+        (["hip"], {}, "'name' and 'effort' differ in length: 1 and 0."),
+    ],
+)  # fmt: skip
+def test_a_bad_command_is_refused_whole(buffer, names, arrays, words):
+    with pytest.raises(CommandError) as caught:
+        buffer.by_name(names, arrays.pop("efforts", []), **arrays)
+    assert words in str(caught.value)
+    assert (buffer.accepted, buffer.rejected) == (0, 1)
+    assert buffer.due_for_actuators(np.zeros(6)) is None and buffer.due(0.0) == []
+
+
+@pytest.mark.parametrize(
+    ("values", "words"), [([1.0], "1 commands given. Give one for each of: a.position"), ([math.nan] * 6, "one finite")]
+)
+def test_commands_in_order_that_do_not_fit_are_refused(buffer, values, words):
+    with pytest.raises(CommandError) as caught:
+        buffer.actuators_by_order(values)
+    assert words in str(caught.value) and buffer.rejected == 1
