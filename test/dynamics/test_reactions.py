@@ -89,7 +89,7 @@ def without_massive_springs(text):
 def test_every_part_of_random_mechanisms_obeys_newton_and_euler():
     done = []
 
-    @settings(max_examples=20)
+    @settings(max_examples=14)
     @given(random_mechanisms([*FREEDOMS, "distance"]))
     def compare(drawn):
         text, rng = drawn
@@ -99,7 +99,7 @@ def test_every_part_of_random_mechanisms_obeys_newton_and_euler():
             done.append(False)
 
     compare()
-    assert sum(done) >= 16
+    assert sum(done) >= 11
 
 
 def all_forces_are_known(mechanism):
@@ -147,7 +147,7 @@ def test_the_power_theorem_on_shipped_mechanisms(name):
 def test_the_power_theorem_on_random_mechanisms():
     done = []
 
-    @settings(max_examples=20)
+    @settings(max_examples=14)
     @given(random_mechanisms())
     def compare(drawn):
         text, rng = drawn
@@ -157,4 +157,4 @@ def test_the_power_theorem_on_random_mechanisms():
             done.append(False)
 
     compare()
-    assert sum(done) >= 16
+    assert sum(done) >= 11
