@@ -75,14 +75,15 @@ def _reference_problems(source: Source, parameters: Parameters) -> list[Problem]
     parts = _accepted(written_parts, _adapter(PartSpec), parameters)
     joints: dict[str, Any] = {}
     forces: dict[str, Any] = {}
-    unreadable, all_joints = [] if grounds else ["ground"], False
+    unreadable, refused = [] if grounds else ["ground"], [""]
     if isinstance(written_parts, dict) and isinstance(written_joints, dict):
         unreadable += [name for name in written_parts if name not in parts]
         ends = {name: joint.get("between") for name, joint in written_joints.items() if isinstance(joint, dict)}
         welds = {name: {"type": "fixed", "between": between} for name, between in ends.items()}
         as_written = _accepted(written_joints, _adapter(AnyJointSpec), parameters)
         joints = _accepted(welds, _adapter(AnyJointSpec), parameters) | as_written
-        all_joints = as_written.keys() == written_joints.keys()
+        refused = [name for name in written_joints if name not in as_written]
+        refused += [""] if refused else []
     if isinstance(written_forces, dict):
         ends_only = {name: _ends_only(force) for name, force in written_forces.items() if isinstance(force, dict)}
         for records in (ends_only, written_forces):
@@ -93,7 +94,7 @@ def _reference_problems(source: Source, parameters: Parameters) -> list[Problem]
     sensors = _accepted(source.data.get("sensors"), _adapter(AnySensorSpec), parameters)
     frame = grounds.get("ground") or GroundSpec()
     built = build_elements(
-        parts, joints, forces, constraints, contacts, actuators, frame, source, unreadable, all_joints, sensors=sensors
+        parts, joints, forces, constraints, contacts, actuators, frame, source, unreadable, refused, sensors=sensors
     )
     return built.problems
 

@@ -220,6 +220,20 @@ def test_what_uses_a_faulty_parameter_is_not_reported_as_well():
     assert [problem.key for problem in problems_of(text)] == ["parameters.l"]
 
 
+def test_what_uses_a_faulty_joint_is_not_reported_as_well():
+    text = """
+mechanism: m
+parts: {arm: {mass: 1, inertia: [1, 1, 1]}}
+joints: {pin: {type: revolute, between: [ground, arm], axis: [0, 1, 0], efort: 3}}
+forces: {push: {type: effort, coordinate: pin, effort: "-pin.velocity"}}
+actuators: {motor: {type: effort, joint: pin}}
+sensors: {tacho: {type: tachometer, joint: pin, rate: 100}}
+"""
+    with pytest.raises(MechanismError) as found:
+        parse_mechanism(text)
+    assert [problem.key for problem in found.value.problems] == ["joints.pin.efort"]
+
+
 def test_an_error_prints_as_file_line_key_message_value_and_remedy():
     problem = problem_of(changed(("shape:", "sape:"), ("    mass: m\n", "")))
     valid = "center, inertia, inertia_check, mass, meshes, points, shapes"

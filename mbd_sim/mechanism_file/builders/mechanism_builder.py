@@ -143,14 +143,15 @@ def build_elements(
     ground: GroundSpec,
     source: Source,
     unreadable: Collection[str] = (),
-    all_joints: bool = True,
+    refused_joints: Collection[str] = (),
     sensors: Mapping[str, AnySensorSpec] = MappingProxyType({}),
     step: float | None = None,
 ) -> MechanismElements:
     """Build everything that the records of a file describe; invalid elements are left out and reported.
 
     :param unreadable: parts, or ground, that the schema refused; references to any point of them are accepted.
-    :param all_joints: whether `joints` are all joints of the file.
+    :param refused_joints: joints that the schema refused, and "" for those without a name; references to their
+        coordinates are accepted.
     :param step: in s, of which the periods of sensors are multiples; None: it is unknown.
     """
     problems: list[Problem] = []
@@ -165,7 +166,7 @@ def build_elements(
     }
     context = BuildContext(points, source, problems)
     built_joints = {name: build_joint(name, spec, context) for name, spec in joints.items()}
-    known_joints = built_joints if all_joints else {**built_joints, "": None}
+    known_joints = {**built_joints, **dict.fromkeys(refused_joints)}
     built_forces = build_force_elements(forces, known_joints, context)
     built_constraints = build_constraints(constraints, known_joints, context)
     built_contacts = build_contacts(contacts, parts, context)
