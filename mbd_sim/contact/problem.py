@@ -71,6 +71,8 @@ def contact_forces(problem: ContactProblem) -> Array:
         polished = _newton(scaled, forces)
         if _residual(scaled, polished) <= ACCURATE:
             return polished * scale
+    if start is None and all(len(friction.rows) == 1 for friction in problem.frictions):
+        raise NoSolutionError("no forces satisfy the conditions of all contacts")  # Lemke's method decides that
     swept = np.zeros(n) if start is None else start
     for _ in range(20):
         swept = _sweep(scaled, swept)

@@ -3,7 +3,8 @@
 v_N⁺ + e v_N⁻ ≥ 0, Λ_N ≥ 0, one of them zero; impulses of friction up to μ Λ_N against the slip after the impact. Joints
 and other two-sided constraints take up impulses as well. Newton's law with friction, or with different coefficients of
 restitution, can demand a gain of energy; the coefficients of that impact are then reduced by a common factor, the
-largest that gains none.
+largest that gains none. A mechanism that wedges can have no impulses at all with which it would rebound; nothing then
+rebounds. Without restitution there always are some (Anitescu & Potra 1997).
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbd_sim.contact.elimination import independent, solve
-from mbd_sim.contact.problem import ContactProblem, FrictionLimit, contact_forces
+from mbd_sim.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, Mask
 
@@ -85,9 +86,12 @@ def impact(
             after += matrix[:, column] * impulse
         return impulses, -0.5 * sum((impulses * (before + after)).tolist())
 
-    found, loss, factor = *with_factor(1.0), 1.0
+    try:
+        found, loss, factor = *with_factor(1.0), 1.0
+    except NoSolutionError:
+        found, loss, factor = *with_factor(0.0), 0.0
     exchanged = 0.5 * sum(abs(found * before).tolist())
-    if loss < -GAIN * exchanged:
+    if factor and loss < -GAIN * exchanged:
         factor = _largest(lambda trial: with_factor(trial)[1], loss, GAIN * exchanged)
         found, loss = with_factor(factor)
     impulses = np.zeros(model.layout.rows)

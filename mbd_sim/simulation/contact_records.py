@@ -24,7 +24,8 @@ class ContactEvent:
     """A change at the element `name` at `time` in s.
 
     Of an impact, `impulse` is that along the normal in N·s or N·m·s, and `loss` the energy in J that the whole impact
-    dissipated. `factor` below 1 says that restitution was reduced by it, because otherwise energy would have grown.
+    dissipated. `factor` below 1 says that restitution was reduced by it, because otherwise energy would have grown; 0
+    also that there are no impulses with which the mechanism could rebound.
     """
 
     time: float
@@ -43,7 +44,9 @@ class ContactEvent:
         text = f"{self.name}: {self.change} at {self.time:.6f} s"
         if self.change is ContactChange.IMPACT:
             text += f", impulse {self.impulse:.4g}, loss {self.loss + 0.0:.4g} J"
-            if self.factor < 1.0:
+            if self.factor == 0.0:
+                text += "; without restitution: with it no impulses are possible, or energy would grow"
+            elif self.factor < 1.0:
                 text += f"; restitution reduced to {self.factor:.3g} of its value, so that energy does not grow"
         return text
 

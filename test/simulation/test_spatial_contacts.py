@@ -140,3 +140,15 @@ def test_elastic_impacts_without_friction_keep_the_energy(kind):
     simulation.run(until=2.0)
     assert simulation._memory.contacts.events
     assert abs(simulation.energies.total - simulation.start_energy) < 1e-10
+
+
+def test_a_mechanism_that_friction_wedges_does_not_rebound():
+    """One degree of freedom: its point would have to leave against friction that exceeds what presses it away."""
+    simulation = Simulation.from_text(contact_mechanism(178, "spatial_four_bar"))
+    simulation.run(until=0.2)
+    (impact, *others) = simulation.contact_events
+    assert impact.factor == 0.0 and "without restitution" in impact.text
+    assert [event.change for event in others] == [ContactChange.CLOSED, ContactChange.STICKS]
+    energies = simulation.energies
+    assert impact.loss == energies.dissipated > 0.9 and energies.kinetic < 1e-25
+    assert abs(energies.residual) < 1e-13
