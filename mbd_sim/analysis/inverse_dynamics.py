@@ -10,6 +10,7 @@ import numpy as np
 from mbd_sim.analysis.contact_motion import ContactMotion, has_contact
 from mbd_sim.dynamics.articulated_body import bias_acceleration
 from mbd_sim.dynamics.assembly import null_space
+from mbd_sim.dynamics.coordinate_forces import coordinate_forces
 from mbd_sim.dynamics.element_forces import element_forces
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.joint_forces import joint_forces
@@ -142,9 +143,9 @@ def _tree_efforts(traced: TracedMechanism) -> ca.Function:
     variables = StateVariables(chain, state.t, state.q, state.u)
     elements = element_forces(traced.mechanism, chain, motions, traced.poses, variables, external)
     wrenches = transmitted_wrenches(chain, motions, accelerations, elements.wrenches)
-    no_efforts, applied = ca.SX(layout.nv, 1), traced.mechanism.efforts
+    along = coordinate_forces(traced.mechanism, variables, state.q, state.q_rates, state.u)
     rotors = ca.SX(layout.nv, 1) if traced.rotor_inertia is None else traced.rotor_inertia
-    joints = joint_forces(chain, state.q, state.u, no_efforts, variables, applied)
+    joints = joint_forces(chain, state.q, state.u, ca.SX(layout.nv, 1), variables, along)
     efforts = rotors * u_rates - joints.generalized
     for link, motion, wrench in zip(chain, motions, wrenches, strict=True):
         efforts[link.u, :] += motion.joint.partial_velocities.T @ wrench

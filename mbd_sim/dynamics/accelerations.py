@@ -10,6 +10,7 @@ import casadi as ca
 from mbd_sim.dynamics.actuator_forces import ActuatorForces, actuator_forces, with_actuators
 from mbd_sim.dynamics.articulated_body import Accelerations, FactorizedMassMatrix
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
+from mbd_sim.dynamics.coordinate_forces import coordinate_forces
 from mbd_sim.dynamics.element_forces import ElementForces, element_forces
 from mbd_sim.dynamics.joint_forces import JointForces, joint_forces
 from mbd_sim.dynamics.multipliers import ConstraintSolver
@@ -49,7 +50,8 @@ def applied_forces(traced: TracedMechanism) -> AppliedForces:
     state, external = traced.state, traced.input_layout.external_wrenches(traced.inputs)
     mechanism, links = traced.mechanism, traced.links
     variables = StateVariables(links, state.t, state.q, state.u)
-    joints = joint_forces(links, state.q, state.u, traced.efforts, variables, mechanism.efforts)
+    along = coordinate_forces(mechanism, variables, state.q, state.q_rates, state.u)
+    joints = joint_forces(links, state.q, state.u, traced.efforts, variables, along)
     elements = element_forces(mechanism, links, traced.motions, traced.poses, variables, external)
     actuators = actuator_forces(traced)
     return AppliedForces(*with_actuators(traced, joints, elements, actuators), actuators)
@@ -78,13 +80,18 @@ def solve_accelerations(
         motion = solver.accelerations(applied, multipliers) + at_rest
         wrenches = [own + unit @ multipliers for own, unit in zip(wrenches, constraints.wrenches, strict=True)]
     transmitted = transmitted_wrenches(traced.links, traced.motions, motion.links, wrenches)
-    drives = drive_table(traced, transmitted, coupling_forces(constraints, multipliers))
+    drives = drive_table(traced, transmitted, coupling_forces(constraints, multipliers, forces))
     return ConstrainedMotion(multipliers, motion.u_rates, transmitted, drives, motion.links)
 
 
-def coupling_forces(constraints: ConstraintEquations, multipliers: ca.SX) -> dict[str, ca.SX]:
-    """The forces that constraints of coordinates exert on driven coordinates, by name."""
-    return {name: ca.dot(factors, multipliers) for name, factors in constraints.driven_factors.items()}
+def coupling_forces(
+    constraints: ConstraintEquations, multipliers: ca.SX, forces: AppliedForces | None = None
+) -> dict[str, ca.SX]:
+    """The forces that constraints of coordinates, and forces of the file, exert on driven coordinates, by name."""
+    found = {name: ca.dot(factors, multipliers) for name, factors in constraints.driven_factors.items()}
+    for name, force in forces.joints.on_driven.items() if forces is not None else ():
+        found[name] = found.get(name, ca.SX(1, 1)) + force
+    return found
 
 
 def drive_table(traced: TracedMechanism, transmitted: Sequence[ca.SX], coupling: Mapping[str, ca.SX]) -> ca.SX:

@@ -16,6 +16,7 @@ from mbd_sim.dynamics.body_symbols import (
 from mbd_sim.dynamics.constraint_rows import ConstraintRow, constraint_rows
 from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.loop_equations import branch_checks, joint_frames
+from mbd_sim.dynamics.state_variables import function_of_coordinates
 from mbd_sim.dynamics.time_functions import time_functions
 from mbd_sim.dynamics.tracing import StateSymbols, TracedMechanism
 
@@ -99,8 +100,9 @@ def equations_of_rows(
     """
     mechanism, links, state, poses = traced.mechanism, traced.links, traced.state, traced.poses
     in_state, twists = expressed_in_state(traced, bodies, time), ca.vertcat(*bodies.twists)
+    curves = coordinate_curves(links, state, rows)
     body_position, body_slip = _stacked([row.position for row in rows]), _stacked([row.velocity for row in rows])
-    position = in_state(body_position) + _coupled_coordinates(links, state, rows)
+    position = in_state(body_position) + _coupled_coordinates(links, state, rows) - curves.values
     slip = in_state(body_slip)
     to_rates = ca.jacobian(state.q_rates, state.u)
     gradient = ca.sparsify(ca.jacobian(position, state.q) @ to_rates + ca.jacobian(slip, state.u))
@@ -119,10 +121,10 @@ def equations_of_rows(
             for index, (link, X_WB) in enumerate(zip(links, poses, strict=True))
         ],
         driven_factors={
-            name: ca.sparsify(ca.SX(ca.DM([row.factors.get(name, 0.0) for row in rows])))
+            name: ca.sparsify(ca.SX(ca.DM([row.factors.get(name, 0.0) for row in rows]))) - curves.slopes(name)
             for name in mechanism.driven_names
         },
-        own_rate=in_state(own_rate),
+        own_rate=in_state(own_rate) - curves.time_rates,
         branch_checks=in_state(ca.vertcat(ca.SX(0, 1), *checks)),
     )
 
@@ -149,6 +151,32 @@ def _coupled_coordinates(links: Sequence[Link], state: StateSymbols, rows: Seque
     coordinates = coordinates_by_name(links, state.t, state.q)
     sums = (sum((k * coordinates[name] for name, k in row.factors.items()), ca.SX(1, 1)) for row in rows)
     return ca.vertcat(ca.SX(0, 1), *sums)
+
+
+@dataclass(frozen=True, eq=False)
+class CoordinateCurves:
+    """The `values` (m,) of the expressions of coordinates that rows subtract, and their partial derivatives in time."""
+
+    values: ca.SX
+    time_rates: ca.SX
+    slopes_by_name: Mapping[str, ca.SX]
+
+    def slopes(self, coordinate: str) -> ca.SX:
+        """The partial derivatives (m,) of the values in a coordinate."""
+        return self.slopes_by_name.get(coordinate, ca.SX(*self.values.shape))
+
+
+def coordinate_curves(links: Sequence[Link], state: StateSymbols, rows: Sequence[ConstraintRow]) -> CoordinateCurves:
+    """The expressions of coordinates in the rows; zeros for rows without one."""
+    coordinates = coordinates_by_name(links, state.t, state.q)
+    values, time_rates, slopes = ca.SX(len(rows), 1), ca.SX(len(rows), 1), dict[str, ca.SX]()
+    for index, row in enumerate(rows):
+        if row.less is None:
+            continue
+        values[index], time_rates[index], partial = function_of_coordinates(row.less, coordinates, state.t)
+        for name, slope in partial.items():
+            slopes.setdefault(name, ca.SX(len(rows), 1))[index] = slope
+    return CoordinateCurves(ca.sparsify(values), ca.sparsify(time_rates), slopes)
 
 
 def coordinates_by_name(links: Sequence[Link], t: ca.SX, q: ca.SX) -> dict[str, ca.SX]:

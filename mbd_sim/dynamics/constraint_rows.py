@@ -20,6 +20,7 @@ from mbd_sim.dynamics.spatial_algebra import constant
 from mbd_sim.dynamics.time_functions import function_of
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.mechanism import constraints as c
+from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.one_sided import two_sided
 from mbd_sim.mechanism.records import Attachment, Joint, Mechanism
 from mbd_sim.mechanism.source import Location
@@ -32,7 +33,8 @@ class ConstraintRow:
     """One scalar constraint of the joint or constraint at `owner`, whose constrained quantity is `quantity`.
 
     A holonomic row has a `position` that stays zero, in `unit`; a nonholonomic row has a `velocity`, linear in the
-    velocities of the parts. `factors` are those of joint coordinates, which the position does not include.
+    velocities of the parts. `factors` are those of joint coordinates, which the position does not include, and neither
+    the expression `less` of coordinates and time, which is subtracted.
     """
 
     owner: Location
@@ -41,6 +43,7 @@ class ConstraintRow:
     velocity: ca.SX | None = None
     unit: str = "m"
     factors: Mapping[str, float] = field(default_factory=dict)
+    less: TimeExpression | None = None
 
     @property
     def name(self) -> str:
@@ -158,8 +161,10 @@ class RowWriter:
         return SurfaceGap(distance, point.position, base.rotation @ normal, slip, sides)
 
     def _coupling(self, record: c.Coupling) -> ConstraintRow:
-        value = function_of(record.value, {"t": self._time})
         unit = "m" if record.kind in ("gear", "rack") else ""
+        if record.value.state:
+            return ConstraintRow(_owner(record), "coordinates", ca.SX(1, 1), None, unit, record.factors, record.value)
+        value = function_of(record.value, {"t": self._time})
         return ConstraintRow(_owner(record), "coordinates", -value, unit=unit, factors=record.factors)
 
     def _rolling(self, record: c.Rolling) -> Iterator[ConstraintRow]:

@@ -143,7 +143,7 @@ class ContactDynamics:
             for own, unit in zip(self._forces.elements.wrenches, both.wrenches, strict=True)
         ]
         transmitted = transmitted_wrenches(traced.links, traced.motions, accelerations.links, wrenches)
-        drives = drive_table(traced, transmitted, coupling_forces(both, all_multipliers))
+        drives = drive_table(traced, transmitted, coupling_forces(both, all_multipliers, self._forces))
         return ConstrainedMotion(all_multipliers, accelerations.u_rates, transmitted, drives, accelerations.links)
 
     @cached_property

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.dynamics.applied_wrenches import AppliedWrenches
+from mbd_sim.dynamics.bushing_forces import apply_bushing
 from mbd_sim.dynamics.compliant_contacts import apply_cushion
 from mbd_sim.dynamics.input_layout import ExternalWrench
 from mbd_sim.dynamics.kinematics import LinkMotion, SymbolicPose
@@ -63,6 +64,10 @@ def element_forces(
         dissipated += loss
         if isinstance(element, Spring) and not is_absent(element.mass):
             potential -= _apply_weight(applied, element, mechanism.gravity)
+    for bushing in mechanism.bushings:
+        energy, loss = apply_bushing(applied, bushing)
+        potential += energy
+        dissipated += loss
     for contact in mechanism.contacts:
         if isinstance(contact.law, Cushion):
             energy, loss = apply_cushion(applied, contact, contact.law)

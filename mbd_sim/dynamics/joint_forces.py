@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 
+from mbd_sim.dynamics.coordinate_forces import CoordinateForces
 from mbd_sim.dynamics.law_expressions import elastic, friction, power_law
 from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.power import PowerSplit
 from mbd_sim.dynamics.spatial_algebra import is_absent
 from mbd_sim.dynamics.state_variables import StateVariables
-from mbd_sim.mechanism.force_elements import AppliedEffort
 from mbd_sim.mechanism.laws import Linear, Varying
 from mbd_sim.mechanism.records import Joint, Limits
 
@@ -22,13 +22,14 @@ class JointForces:
     """The forces along the coordinates.
 
     They are in N or N·m, positive with the speeds: `own` (nv,), each of which depends on its own coordinate only, and
-    `varying` (nv,), which are given by expressions. `potential` is in J. `applied_power` is that of the efforts and
-    `dissipated_power` that of dampers, friction and stops, in W; both include that of the `varying` forces, see
-    `PowerSplit`.
+    `varying` (nv,), which are given by expressions, as are those `on_driven` coordinates by name. `potential` is in J.
+    `applied_power` is that of the efforts and `dissipated_power` that of dampers, friction and stops, in W; both
+    include that of the `varying` forces, see `PowerSplit`.
     """
 
     own: ca.SX
     varying: ca.SX
+    on_driven: Mapping[str, ca.SX]
     potential: ca.SX
     applied_power: ca.SX
     dissipated_power: ca.SX
@@ -45,10 +46,14 @@ def joint_forces(
     u: ca.SX,
     efforts: ca.SX,
     state: StateVariables,
-    applied: Sequence[AppliedEffort] = (),
+    along: CoordinateForces | None = None,
 ) -> JointForces:
-    """All joint forces: effort - spring - dampers - friction - stops (Géradin & Rixen, virtual power)."""
-    own, varying, power = ca.SX(efforts), ca.SX(u.shape[0], 1), PowerSplit()
+    """All joint forces: effort - spring - dampers - friction - stops (Géradin & Rixen, virtual power).
+
+    :param along: efforts and potentials of the file.
+    """
+    along = along or CoordinateForces(ca.SX(u.shape[0], 1), {}, ca.SX(1, 1), PowerSplit())
+    own, varying, power = ca.SX(efforts), ca.SX(along.generalized), along.power
     potential = dissipated = ca.SX(1, 1)
     for link in links:
         for offset, row in enumerate(range(link.u.start, link.u.stop)):
@@ -69,14 +74,11 @@ def joint_forces(
             own[row] -= elastic_force + dissipative_force
             potential += energy
             dissipated += dissipative_force * u[row]
-    for effort in applied:
-        row, value = state.rows[effort.coordinate], state.value(effort.effort)
-        varying[row] += value
-        power.add([effort.effort], value * u[row])
     return JointForces(
         own=own,
         varying=varying,
-        potential=potential,
+        on_driven=along.on_driven,
+        potential=potential + along.potential,
         applied_power=ca.dot(efforts, u) + power.applied,
         dissipated_power=dissipated + power.dissipated,
     )

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.dynamics.body_symbols import BodySymbols, flat_pose
+from mbd_sim.dynamics.bushing_forces import bushing_potential
 from mbd_sim.dynamics.compliant_contacts import PlacedFrame, cushion_force
 from mbd_sim.dynamics.constraint_equations import coordinates_by_name
 from mbd_sim.dynamics.constraint_rows import constraint_rows
@@ -24,9 +25,11 @@ from mbd_sim.dynamics.links import Link, build_links, coordinate_layout
 from mbd_sim.dynamics.shape_contacts import touch
 from mbd_sim.dynamics.spatial_algebra import constant
 from mbd_sim.dynamics.state_variables import StateVariables
+from mbd_sim.dynamics.time_functions import function_of
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import CoordinatePort
 from mbd_sim.mechanism.contacts import Contact, Cushion
+from mbd_sim.mechanism.force_elements import Bushing
 from mbd_sim.mechanism.laws import Varying
 from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
 
@@ -122,7 +125,7 @@ def lagrange_equations(mechanism: Mechanism) -> LagrangeEquations:
     inertial = kinematics.rate(momentum) - ca.gradient(energies.kinetic, q) + mass @ ca.jtimes(rates, q, q_rates)
     along_q = energies.applied - ca.gradient(energies.dissipation, q_rates)
     forces = joints.generalized + to_rates.T @ (along_q - ca.gradient(energies.potential, q))
-    for effort in mechanism.efforts:
+    for effort in (one for one in mechanism.efforts if one.coordinate in state.rows):
         speed = ca.SX.zeros(layout.nv, 1)
         speed[state.rows[effort.coordinate]] = 1.0
         forces += speed * state.value(effort.effort)
@@ -180,6 +183,10 @@ def _energies(mechanism: Mechanism, kinematics: _Kinematics, state: StateVariabl
         vector = force_vector(applied, axes, state)
         vector = rotation.T @ vector if applied.couple else vector
         energies.applied += ca.jacobian(moved, kinematics.q_rates).T @ vector
+    for potential in mechanism.potentials:
+        energies.potential += state.value(potential.energy)
+    for bushing in mechanism.bushings:
+        _add_bushing(energies, kinematics, bushing)
     for contact in mechanism.contacts:
         if isinstance(contact.law, Cushion):
             _add_cushion(energies, kinematics, contact, contact.law)
@@ -193,6 +200,16 @@ def _add_rotors(energies: _Energies, mechanism: Mechanism, links: Sequence[Link]
         if isinstance(actuator.port, CoordinatePort):
             speed = actuator.motor.gear * kinematics.rate(coordinates[actuator.port.coordinate])
             energies.kinetic += 0.5 * actuator.motor.rotor_inertia * speed**2
+
+
+def _add_bushing(energies: _Energies, kinematics: _Kinematics, bushing: Bushing) -> None:
+    """Add the potential of a bushing and its dissipation function."""
+    axes = kinematics.rotation(bushing.first.part) @ constant(bushing.first_axes)
+    displacement = axes.T @ (kinematics.point(bushing.second) - kinematics.point(bushing.first))
+    rotation = axes.T @ kinematics.rotation(bushing.second.part) @ constant(bushing.second_axes)
+    rates = ca.vertcat(kinematics.rate(displacement), rotation @ kinematics.omega(rotation))
+    energies.potential += bushing_potential(bushing, displacement, rotation)
+    energies.dissipation += 0.5 * ca.dot(rates, constant(bushing.damping) @ rates)
 
 
 def _add_cushion(energies: _Energies, kinematics: _Kinematics, contact: Contact, law: Cushion) -> None:
@@ -228,6 +245,9 @@ def _constraint_rates(mechanism: Mechanism, links: Sequence[Link], kinematics: _
         if row.position is not None:
             value = ca.SX(ca.substitute([row.position], [*bodies.poses, time], [*poses, kinematics.t])[0])
             value += sum((factor * coordinates[name] for name, factor in row.factors.items()), ca.SX(1, 1))
+            if row.less is not None:
+                names = {name.written: coordinates[name.coordinate] for name in row.less.state}
+                value -= function_of(row.less, {"t": kinematics.t, **names})
             rates.append(kinematics.rate(value))
     rate = ca.vertcat(*rates)
     return ca.jacobian(rate, kinematics.q_rates), rate

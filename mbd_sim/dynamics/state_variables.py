@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -12,14 +13,36 @@ from mbd_sim.mechanism.expression import TIME, TimeExpression
 from mbd_sim.mechanism.laws import ELONGATION, ELONGATION_RATE
 
 
-class StateVariables:
-    """The time t, and the coordinates and speeds of all joints of the tree, also of driven ones.
+class FunctionOfCoordinates(NamedTuple):
+    """The `value` of an expression, and its partial derivatives in time and in each of its coordinates by name."""
 
-    `rows` are the indices in u of the coordinates that are not driven, by name.
+    value: ca.SX
+    time_slope: ca.SX
+    slopes: Mapping[str, ca.SX]
+
+
+def function_of_coordinates(
+    expression: TimeExpression, coordinates: Mapping[str, ca.SX], t: ca.SX
+) -> FunctionOfCoordinates:
+    """An expression of time and coordinates, with these values."""
+    names = sorted({name.coordinate for name in expression.state})
+    symbols, time = ca.SX.sym("s", len(names)), ca.SX.sym("time")
+    given = {name.written: symbols[names.index(name.coordinate)] for name in expression.state}
+    value = function_of(expression, {**given, TIME: time})
+    found = [value, ca.jacobian(value, time), *(ca.jacobian(value, symbols[i]) for i in range(len(names)))]
+    actual = [ca.vertcat(ca.SX(0, 1), *(coordinates[name] for name in names)), t]
+    value, time_slope, *slopes = ca.substitute(found, [symbols, time], actual)
+    return FunctionOfCoordinates(value, ca.sparsify(time_slope), dict(zip(names, slopes, strict=True)))
+
+
+class StateVariables:
+    """The time `t`, and the `positions` and `speeds` of all joints of the tree by name, also of driven ones.
+
+    `rows` are the indices in u of the coordinates that are not driven. Angular velocities have no positions.
     """
 
     def __init__(self, links: Sequence[Link], t: ca.SX, q: ca.SX, u: ca.SX) -> None:
-        self._t, self._positions, self._speeds = t, dict[str, ca.SX](), dict[str, ca.SX]()
+        self.t, self.positions, self.speeds = t, dict[str, ca.SX](), dict[str, ca.SX]()
         self.rows: dict[str, int] = {}
         for link in links:
             joint, positions, speeds = link.joint, q[link.q], u[link.u]
@@ -28,16 +51,16 @@ class StateVariables:
             elif joint.kind.quaternion is not None:  # which has no coordinates of its rotation
                 positions = positions[: joint.kind.quaternion]
             for index, name in enumerate(joint.motion_names):
-                self._speeds[name] = speeds[index]
+                self.speeds[name] = speeds[index]
                 if index < positions.shape[0]:
-                    self._positions[name] = positions[index]
+                    self.positions[name] = positions[index]
             self.rows |= dict(zip(joint.coordinate_names, range(link.u.start, link.u.stop), strict=True))
 
     def names(self, expression: TimeExpression) -> dict[str, ca.SX]:
         """The values of the names of an expression: those of the state, and the time unless a parameter hides it."""
-        found = {} if TIME in expression.names else {TIME: self._t}
+        found = {} if TIME in expression.names else {TIME: self.t}
         for name in expression.state:
-            found[name.written] = (self._speeds if name.speed else self._positions)[name.coordinate]
+            found[name.written] = (self.speeds if name.speed else self.positions)[name.coordinate]
         return found
 
     def value(self, expression: TimeExpression, variables: Mapping[str, ca.SX] | None = None) -> ca.SX:

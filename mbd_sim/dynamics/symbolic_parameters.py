@@ -23,7 +23,7 @@ from mbd_sim.mechanism import constraints as c
 from mbd_sim.mechanism.actuators import Actuator, DcMotor, EffortMotor, Servo
 from mbd_sim.mechanism.contacts import Ball, Barrel, Cushion, Rim
 from mbd_sim.mechanism.expression import TimeExpression
-from mbd_sim.mechanism.force_elements import Spring
+from mbd_sim.mechanism.force_elements import Bushing, Spring
 from mbd_sim.mechanism.laws import Expressed, Friction, GreenStrain, Linear, PowerLaw
 from mbd_sim.mechanism.one_sided import ContactLaw, Play
 from mbd_sim.mechanism.records import (
@@ -77,6 +77,7 @@ _SYMBOLIC: Mapping[type, tuple[str, ...]] = {
         "bandwidth",
     ),
     Servo: ("kp", "ki", "kd", "feedforward", "limit", "tracking_time", "rate_limit"),
+    Bushing: ("stiffness", "damping"),
     Attachment: ("point",),
     TimeExpression: ("names",),
     c.Rolling: ("radius",),

@@ -64,7 +64,9 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """The linear relation Σ factor · coordinate = `value` between joint coordinates by name, or up to a `play`.
+    """The relation Σ factor · coordinate = `value` between joint coordinates by name, or up to a `play`.
+
+    The value is an expression of time, and of coordinates if there is neither a play nor a law.
 
     With a contact `law` the sum is at least or at most the value, by `bound`, and friction acts along the rate of
     Σ `slip` factor · coordinate.

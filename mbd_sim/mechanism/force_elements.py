@@ -91,5 +91,32 @@ class AppliedEffort:
     effort: TimeExpression
 
 
+@dataclass(frozen=True, eq=False)
+class AppliedPotential:
+    """A potential in J as an expression of joint coordinates, and of time; its forces act along the coordinates."""
+
+    name: str
+    energy: TimeExpression
+
+
+@dataclass(frozen=True, eq=False)
+class Bushing:
+    """An elastic connection of two frames, with the potential ½ zᵀ K z, and dampers with the forces C w.
+
+    z (6,) is the displacement of the second frame's origin along the axes of the first in m, and the rotation vector of
+    the second frame relative to the first in rad; w (6,) are the rate of this displacement and the relative angular
+    velocity. K = `stiffness` and C = `damping` (6, 6) are symmetric. `first_axes` and `second_axes` (3, 3) are those of
+    the frames in their parts.
+    """
+
+    name: str
+    first: Attachment
+    second: Attachment
+    first_axes: Array
+    second_axes: Array
+    stiffness: Array
+    damping: Array
+
+
 TwoPointElement = Spring | Damper
-ForceElement = Spring | Damper | AppliedForce | AppliedEffort
+ForceElement = Spring | Damper | AppliedForce | AppliedEffort | AppliedPotential | Bushing

@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
+from typing import NamedTuple, assert_never
 
 from mbd_sim.mechanism.expression import TimeExpression
-from mbd_sim.mechanism.force_elements import AppliedEffort, AppliedForce, Spring
+from mbd_sim.mechanism.force_elements import (
+    AppliedEffort,
+    AppliedForce,
+    AppliedPotential,
+    Bushing,
+    Damper,
+    ForceElement,
+    Spring,
+)
 from mbd_sim.mechanism.laws import Expressed, Varying
 from mbd_sim.mechanism.records import Joint, Mechanism
 from mbd_sim.mechanism.source import Location
@@ -22,24 +30,32 @@ class ForceExpression(NamedTuple):
 
 def expressions_of_forces(mechanism: Mechanism) -> Iterator[ForceExpression]:
     """The expressions of the forces of a mechanism."""
-    return force_expressions(mechanism.joints.values(), mechanism.springs, mechanism.applied, mechanism.efforts)
+    elements: tuple[ForceElement, ...] = (
+        *mechanism.springs,
+        *mechanism.applied,
+        *mechanism.efforts,
+        *mechanism.potentials,
+    )
+    return force_expressions(mechanism.joints.values(), elements)
 
 
-def force_expressions(
-    joints: Iterable[Joint],
-    springs: Iterable[Spring],
-    applied: Iterable[AppliedForce],
-    efforts: Iterable[AppliedEffort],
-) -> Iterator[ForceExpression]:
-    """The expressions of springs in joints, springs between points, forces and couples, and efforts."""
+def force_expressions(joints: Iterable[Joint], elements: Iterable[ForceElement]) -> Iterator[ForceExpression]:
+    """The expressions of springs in joints, and of force elements."""
     for joint in joints:
         if isinstance(joint.spring, Expressed | Varying):
             yield ForceExpression(("joints", joint.name, "spring", "force"), joint.spring.force, joint)
-    for spring in springs:
-        if isinstance(spring.law, Expressed | Varying):
-            yield ForceExpression(("forces", spring.name, "force"), spring.law.force, spring)
-    for element in applied:
-        for index, expression in enumerate(element.vector):
-            yield ForceExpression(("forces", element.name, "vector", index), expression)
-    for effort in efforts:
-        yield ForceExpression(("forces", effort.name, "effort"), effort.effort)
+    for element in elements:
+        match element:
+            case Spring(name=name, law=Expressed(force=force) | Varying(force=force)):
+                yield ForceExpression(("forces", name, "force"), force, element)
+            case AppliedForce(name=name, vector=vector):
+                for index, expression in enumerate(vector):
+                    yield ForceExpression(("forces", name, "vector", index), expression)
+            case AppliedEffort(name=name, effort=effort):
+                yield ForceExpression(("forces", name, "effort"), effort)
+            case AppliedPotential(name=name, energy=energy):
+                yield ForceExpression(("forces", name, "energy"), energy)
+            case Spring() | Damper() | Bushing():
+                pass
+            case _:
+                assert_never(element)

@@ -22,7 +22,15 @@ if TYPE_CHECKING:
     from mbd_sim.mechanism.actuators import Actuator
     from mbd_sim.mechanism.constraints import Constraint
     from mbd_sim.mechanism.contacts import Contact
-    from mbd_sim.mechanism.force_elements import AppliedEffort, AppliedForce, Damper, Spring, TwoPointElement
+    from mbd_sim.mechanism.force_elements import (
+        AppliedEffort,
+        AppliedForce,
+        AppliedPotential,
+        Bushing,
+        Damper,
+        Spring,
+        TwoPointElement,
+    )
     from mbd_sim.mechanism.sensors import AnySensor
 
 GROUND = "ground"
@@ -199,6 +207,8 @@ class Mechanism:
     dampers: tuple[Damper, ...] = ()
     applied: tuple[AppliedForce, ...] = ()
     efforts: tuple[AppliedEffort, ...] = ()
+    potentials: tuple[AppliedPotential, ...] = ()
+    bushings: tuple[Bushing, ...] = ()
     closing: Mapping[str, Joint] = field(default_factory=dict)
     constraints: tuple[Constraint, ...] = ()
     contacts: tuple[Contact, ...] = ()

@@ -22,11 +22,13 @@ class ExpressionField:
     With `unit` None, a unit of any dimension is accepted. `variables` are the names that vary while the mechanism
     moves: the time t in s if nothing else is given. With `state`, the time, and joint coordinates and speeds by name
     vary too; parameters hide the time then unless it is among the variables, and the short names of coordinates.
+    Without `speeds`, only coordinates do.
     """
 
     unit: str | None
     variables: tuple[str, ...] = (TIME,)
     state: bool = False
+    speeds: bool = True
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.with_info_plain_validator_function(self._validate)
@@ -37,7 +39,8 @@ class ExpressionField:
 
     def _variables_in_words(self) -> str:
         own = "the time t in s" if self.variables == (TIME,) else ", ".join(self.variables)
-        return f"{own} and of joint coordinates such as crank and crank.velocity" if self.state else own
+        joints = " and of joint coordinates such as crank" + (" and crank.velocity" if self.speeds else "")
+        return own + joints if self.state else own
 
     def _validate(self, value: Any, info: ValidationInfo) -> TimeExpression:
         try:
@@ -89,4 +92,7 @@ class ExpressionField:
             if not self.state:
                 message = f"{quoted(name)} is a joint coordinate, on which this expression cannot depend"
                 raise InputError(message, f"It can depend on {self._variables_in_words()}.")
+            if state.speed and not self.speeds:
+                message = f"{quoted(name)} is a speed, and this expression can depend on coordinates only"
+                raise InputError(message, f"Write {state.coordinate}, or use a force.")
         return tuple(state for state in found if state is not None)

@@ -72,6 +72,7 @@ class Quantity:
 
 
 Number = Annotated[float, Quantity("")]
+AnyNumber = Annotated[float, Quantity(None)]  # with a unit of any dimension
 Restitution = Annotated[float, Quantity("", at_least=0, at_most=1)]
 Angle = Annotated[float, Quantity("rad")]
 AngularVelocity = Annotated[float, Quantity("rad/s")]

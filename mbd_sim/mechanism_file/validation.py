@@ -103,6 +103,8 @@ def _ends_only(written: dict[str, Any]) -> dict[str, Any]:
     """A valid force element with only the ends of the one in the file."""
     if "between" in written:
         return {"type": "spring", "between": written["between"], "stiffness": 1}
+    if "energy" in written:
+        return {"type": "potential", "energy": 0}
     if "coordinate" in written:
         return {"type": "effort", "coordinate": written["coordinate"], "effort": 0}
     kind, key = ("couple", "on") if "on" in written else ("force", "at")

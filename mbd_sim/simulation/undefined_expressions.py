@@ -96,6 +96,8 @@ def _expressions(model: Model, mechanism: Mechanism, time: float, y: Array, inpu
         variables = {**now, **_local(poses, constraint)} if isinstance(constraint, Surface) else now
         expressions = expressions_of(constraint)
         for index, expression in enumerate(expressions):
+            if expression.state:
+                variables = state_numbers(mechanism, expression, time, y)
             location = ("constraints", constraint.name, *_key(mechanism, constraint.name, index))
             yield UsedExpression(location, expression, variables, 2)
 

@@ -19,7 +19,6 @@ from mbd_sim.errors import listed
 from mbd_sim.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.geometry.rotation import to_rpy
 from mbd_sim.mechanism.constraints import Coupling
-from mbd_sim.mechanism.expression import TIME, names_in
 from mbd_sim.mechanism.records import (
     GROUND,
     Joint,
@@ -184,7 +183,7 @@ def _mimics(mechanism: Mechanism) -> dict[str, Mimic]:
 
 
 def _is_constant(coupling: Coupling) -> bool:
-    return TIME not in names_in(coupling.value.text)
+    return not coupling.value.variables
 
 
 def _left_out(mechanism: Mechanism, mimics: Mapping[str, Mimic]) -> dict[str, list[str]]:

@@ -39,6 +39,8 @@ forces:
   push: {type: force, at: cart.hook, vector: ["table(map, rail, swing.velocity)", wheel.position*t, -rail.velocity], axes: arm}
   drag: {type: force, at: drone, vector: ["-0.3*fly.x.velocity*hypot(fly.x.velocity + 1, 1)", sin(t), wheel.velocity], axes: part}
   twist: {type: couple, on: top, vector: [0, 0.1*wrist.ry.velocity, -0.3*sign(swing)]}
+  belt: {type: potential, energy: 10*(rail - 0.3*swing)**2 + 0.1*fly.x**3*wheel.position + 0.2*exp(-swing)*cos(t)}
+  slip: {type: effort, coordinate: wheel, effort: -0.4*wheel.velocity - 0.3*swing.velocity}
   cylinder: {type: spring, between: [ground.wall, drone], force: "clip(30*x, -5, 20) + 3*x.velocity*(1 + rail**2)", length: 1}
 """
 
@@ -54,7 +56,9 @@ def rates_at(equations, y, inputs=None):
 
 def test_what_the_energy_gains_is_applied_and_what_it_loses_is_dissipated():
     """T + V changes by the difference of the two powers, neither of which is negative here."""
-    mechanism = parse_mechanism(FORCES_OF_THE_STATE.replace("sin(t)", "0").replace("*t, -rail", "*swing, -rail"))
+    mechanism = parse_mechanism(
+        FORCES_OF_THE_STATE.replace("sin(t)", "0").replace("cos(t)", "1").replace("*t, -rail", "*swing, -rail")
+    )
     equations, rng = derive(mechanism), np.random.default_rng(6)
     for _ in range(5):
         y = equations.start_state.copy()
@@ -112,3 +116,39 @@ def test_the_method_for_stiff_joints_uses_only_the_slopes_of_own_coordinates():
     )
     assert damping.ravel() == pytest.approx([0.5 * 0.7, 0.0])
     assert stiffness == pytest.approx(np.diag([3.0, 0.5 * np.sqrt(0.4) * 2.0]))
+
+
+BELT = """
+mechanism: belt
+gravity: [0, 0, 0]
+parameters: {k: 400, r: 0.2, s: 0.1, c: 0.3}
+parts: {motor: {mass: 1, inertia: [1, 1, 0.02]}, load: {mass: 1, inertia: [1, 1, 0.05]}}
+joints:
+  motor: {type: revolute, between: [ground, motor], axis: [0, 0, 1], DRIVE}
+  load: {type: revolute, between: [ground, load], axis: [0, 0, 1], velocity: 3}
+forces:
+  belt: {type: potential, energy: 0.5*k*(r*motor - s*load.position)**2}
+  bearing: {type: effort, coordinate: motor, effort: -c*motor.velocity}
+"""
+
+
+def test_a_belt_has_a_potential_and_turns_both_pulleys():
+    """With I₁, I₂ the relative motion has ω² = k (r²/I₁ + s²/I₂), and s p₁ + r p₂ is conserved."""
+    sim = Simulation.from_text(BELT.replace("DRIVE", "velocity: 0").replace("c: 0.3", "c: 0"))
+    for t in (0.3, 1.7):
+        sim.run(until=t)
+        frequency = np.sqrt(400.0 * (0.2**2 / 0.02 + 0.1**2 / 0.05))
+        stretch = -0.1 * 3.0 / frequency * np.sin(frequency * t)
+        assert 0.2 * sim.q[0] - 0.1 * sim.q[1] == pytest.approx(stretch, abs=1e-12)
+        assert 0.1 * 0.02 * sim.u[0] + 0.2 * 0.05 * sim.u[1] == pytest.approx(0.2 * 0.05 * 3.0, abs=1e-13)
+        assert abs(sim.energies.residual) < 1e-12 and sim.energies.work_applied == 0.0 == sim.energies.dissipated
+
+
+def test_forces_on_a_driven_coordinate_are_taken_up_by_its_drive():
+    sim = Simulation.from_text(BELT.replace("DRIVE", "drive: 2*t + 0.1*t**2"))
+    sim.run(until=1.3)
+    motor, load, speed = 2.0 * 1.3 + 0.1 * 1.3**2, sim.q[0], 2.0 + 0.2 * 1.3
+    force = 0.02 * 0.2 + 0.3 * speed + 400.0 * 0.2 * (0.2 * motor - 0.1 * load)
+    assert sim.drives()["motor"].force == pytest.approx(force, rel=1e-12)
+    assert sim.energies.dissipated == pytest.approx(0.3 * (4 * 1.3 + 0.4 * 1.3**2 + 0.04 * 1.3**3 / 3), rel=1e-12)
+    assert abs(sim.energies.residual) < 1e-11

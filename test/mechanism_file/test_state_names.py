@@ -113,13 +113,6 @@ def test_a_mistake_in_a_joint_is_answered_too(joint, words):
     assert words in str(caught.value)
 
 
-def test_a_driven_joint_takes_no_effort():
-    with pytest.raises(
-        MechanismError, match="the motion of 'slide' is prescribed by its drive: no effort can change it"
-    ):
-        parse_mechanism(filled(effort("1")).replace("position: 2, velocity: 0.5, damping: 0", "drive: t"))
-
-
 def test_a_spring_of_its_elongation_alone_keeps_its_potential():
     laws = [
         parse(effort("1"), f"spring: {{force: {force}}}").joints["slide"].spring

@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mbd_sim.mechanism.laws import GreenStrain, Varying
 from test.oracles.jets import Jet, expression_jet
@@ -166,7 +167,12 @@ def joint_forces(mechanism, q, u, efforts, t=0.0):
     forces, potential = np.array(efforts, dtype=float), 0.0
     named = NamedValues(mechanism, q, u, t)
     for effort in mechanism.efforts:
-        forces[mechanism.coordinate_names.index(effort.coordinate)] += named.value(effort.effort)
+        if effort.coordinate in mechanism.coordinate_names:
+            forces[mechanism.coordinate_names.index(effort.coordinate)] += named.value(effort.effort)
+    for element in mechanism.potentials:
+        potential += named.value(element.energy)
+        for name in {state.coordinate for state in element.energy.state} & set(mechanism.coordinate_names):
+            forces[mechanism.coordinate_names.index(name)] -= named.slope(element.energy, name)
     for name, joint in mechanism.joints.items():
         in_q, in_u = where[name]
         for place, row in enumerate(range(in_u.start, in_u.stop)):
@@ -212,6 +218,14 @@ class NamedValues:
             names[name.written] = (jet.d[1] if speed is None else speed) if name.speed else jet.d[0]
         return expression.value({name: names[name] for name in expression.variables})
 
+    def slope(self, expression, coordinate):
+        """The partial derivative of an expression of coordinates and of time in one of them."""
+        values = {name.written: self._jets[name.coordinate].d[0] for name in expression.state}
+        jets = {
+            name.written: Jet(values[name.written], float(name.coordinate == coordinate)) for name in expression.state
+        }
+        return expression_jet(expression, t=Jet(self._t), **jets).d[1]
+
 
 def _velocity_of(moving, at):
     """The position and velocity of a point of a part in ground's frame."""
@@ -251,6 +265,10 @@ def element_forces(mechanism, moving, t, named=None):
             along = (b - a) / np.linalg.norm(b - a)
             force = along * power_law(damper.law, along @ (b1 - a1))
         found += [(damper.first, False, force), (damper.second, False, -force)]
+    for bushing in mechanism.bushings:
+        wrenches, stored = bushing_wrenches(bushing, moving)
+        found += wrenches
+        energy += stored
     for applied in mechanism.applied:
         vector = np.array([named.value(one) if one.state else one.at(t) for one in applied.vector])
         vector = applied.axes @ vector
@@ -258,6 +276,38 @@ def element_forces(mechanism, moving, t, named=None):
             vector = moving[applied.axes_of].rotation.d[0] @ vector
         found.append((applied.at, applied.couple, vector))
     return found, energy
+
+
+def bushing_wrenches(bushing, moving):
+    """The forces and couples of a bushing at its ends, as in `element_forces`, and its energy.
+
+    The rate of a rotation vector φ with the angle θ, of rotated axes with the angular velocity ω in fixed axes, is
+    ω - φ×ω/2 + (1 - (θ/2) cot(θ/2)) φ×(φ×ω)/θ² (Bullo & Murray 1995).
+    """
+    (a, a1), (b, b1) = (_velocity_of(moving, at) for at in (bushing.first, bushing.second))
+    turned, spin = [], []
+    for at in (bushing.first, bushing.second):
+        ground = at.part == GROUND
+        turned.append(np.eye(3) if ground else moving[at.part].rotation.d[0])
+        spin.append(np.zeros(3) if ground else turned[-1] @ moving[at.part].omega)
+    axes = turned[0] @ bushing.first_axes
+    phi = Rotation.from_matrix(axes.T @ turned[1] @ bushing.second_axes).as_rotvec()
+    angle = np.linalg.norm(phi)
+    part = 1.0 / 12.0 if angle < 1e-4 else (1.0 - 0.5 * angle / np.tan(0.5 * angle)) / angle**2
+    rates_by_omega = np.eye(3) - 0.5 * skew(phi) + part * skew(phi) @ skew(phi)
+    z = np.concatenate([axes.T @ (b - a), phi])
+    w = np.concatenate([axes.T @ (b1 - a1 - np.cross(spin[0], b - a)), axes.T @ (spin[1] - spin[0])])
+    elastic_forces, damping = bushing.stiffness @ z, bushing.damping @ w
+    force = -axes @ (elastic_forces[:3] + damping[:3])
+    couple = -axes @ (rates_by_omega.T @ elastic_forces[3:] + damping[3:])
+    found = [(bushing.first, False, -force), (bushing.second, False, force)]
+    found += [(bushing.first, True, -couple - np.cross(b - a, force)), (bushing.second, True, couple)]
+    return found, 0.5 * z @ bushing.stiffness @ z
+
+
+def skew(v):
+    """The matrix of the cross product with v (3,)."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
 RANK = 1e-9  # singular values below this fraction of the largest count as zero

@@ -102,7 +102,8 @@ def constrained_velocities(mechanism, moving, coordinates, t):
                 names = dict(zip("xyz", (place[0], place[1], place[2]), strict=True))
                 found += [expression_jet(equation, t=time, **names).rate for equation in record.equations]
             case c.Coupling():
-                total = -expression_jet(record.value, t=time)
+                named = {name.written: coordinates[name.coordinate] for name in record.value.state}
+                total = -expression_jet(record.value, t=time, **named)
                 for name, factor in record.factors.items():
                     total = total + coordinates[name] * factor
                 found.append(total.rate)

@@ -35,12 +35,13 @@ def build_constraints(
 def coupled_joints(constraints: Iterable[c.Constraint], joints: Mapping[str, Joint]) -> list[str]:
     """The joints whose coordinates a coupling refers to."""
     owners = {label: joint.name for joint in joints.values() for label in joint.motion_names}
-    return [
-        owners[name]
-        for constraint in constraints
-        if isinstance(constraint, c.Coupling | c.Clutch)
-        for name in constraint.factors
-    ]
+    found: list[str] = []
+    for constraint in constraints:
+        if isinstance(constraint, c.Coupling | c.Clutch):
+            found += constraint.factors
+        if isinstance(constraint, c.Coupling):
+            found += [name.coordinate for name in constraint.value.state]
+    return [owners[name] for name in found]
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,19 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import assert_never
+from typing import TypeVar, assert_never
 
 import numpy as np
 
 from mbd_sim.errors import nearest, quoted
+from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.expression import TimeExpression
-from mbd_sim.mechanism.force_elements import AppliedEffort, AppliedForce, Damper, ForceElement, Spring
+from mbd_sim.mechanism.force_elements import (
+    AppliedEffort,
+    AppliedForce,
+    AppliedPotential,
+    Bushing,
+    Damper,
+    ForceElement,
+    Spring,
+)
 from mbd_sim.mechanism.laws import ElasticLaw, GreenStrain, Linear, Varying
 from mbd_sim.mechanism.records import GROUND, Attachment, Joint
 from mbd_sim.mechanism.source import Location
 from mbd_sim.mechanism_file.builders.build_context import BuildContext, attachment
 from mbd_sim.mechanism_file.builders.law_builder import LARGEST_ELONGATION, build_curve, build_power_law
 from mbd_sim.mechanism_file.schema import force_schema as schema
+
+Element = TypeVar("Element")
 
 
 @dataclass(frozen=True)
@@ -27,6 +38,8 @@ class ForceElements:
     dampers: tuple[Damper, ...]
     applied: tuple[AppliedForce, ...]
     efforts: tuple[AppliedEffort, ...]
+    potentials: tuple[AppliedPotential, ...]
+    bushings: tuple[Bushing, ...]
 
 
 def build_force_elements(
@@ -36,25 +49,19 @@ def build_force_elements(
 
     :param joints: by name; None for those that are invalid.
     """
-    springs: list[Spring] = []
-    dampers: list[Damper] = []
-    applied: list[AppliedForce] = []
-    efforts: list[AppliedEffort] = []
-    for name, spec in specs.items():
-        match _build(name, spec, joints, context):
-            case Spring() as spring:
-                springs.append(spring)
-            case Damper() as damper:
-                dampers.append(damper)
-            case AppliedForce() as force:
-                applied.append(force)
-            case AppliedEffort() as effort:
-                efforts.append(effort)
-            case None:
-                pass
-            case other:
-                assert_never(other)
-    return ForceElements(tuple(springs), tuple(dampers), tuple(applied), tuple(efforts))
+    built = [element for name, spec in specs.items() if (element := _build(name, spec, joints, context))]
+
+    def of(kind: type[Element]) -> tuple[Element, ...]:
+        return tuple(element for element in built if isinstance(element, kind))
+
+    return ForceElements(
+        springs=of(Spring),
+        dampers=of(Damper),
+        applied=of(AppliedForce),
+        efforts=of(AppliedEffort),
+        potentials=of(AppliedPotential),
+        bushings=of(Bushing),
+    )
 
 
 def _build(
@@ -75,8 +82,16 @@ def _build(
             return _applied(name, ("at", at), vector, axes, context)
         case schema.CoupleSpec(on=on, vector=vector, axes=axes):
             return _applied(name, ("on", on), vector, axes, context)
+        case schema.PotentialSpec(energy=energy):
+            return AppliedPotential(name, energy)
         case schema.EffortSpec():
             return _effort(name, spec, joints, context)
+        case schema.LineForceSpec():
+            ends = _ends(name, spec.between, context)
+            curve = build_curve(spec.force, None, -spec.length, LARGEST_ELONGATION * max(1.0, spec.length))
+            return Spring(name, *ends, curve, spec.length, 0.0) if ends else None
+        case schema.BushingSpec():
+            return _bushing(name, spec, context)
         case _:
             assert_never(spec)
 
@@ -99,6 +114,27 @@ def _spring(name: str, spec: schema.SpringSpec, ends: tuple[Attachment, Attachme
         remedy = "Remove its mass, and weld a particle of half the mass to the part at each end."
         context.report((*location, "mass"), message, remedy)
     return Spring(name, *ends, law, spec.length, spec.damping, spec.mass)
+
+
+def _bushing(name: str, spec: schema.BushingSpec, context: BuildContext) -> Bushing | None:
+    location: Location = ("forces", name, "between")
+    frames = [context.frame((*location, index), reference) for index, reference in enumerate(spec.between)]
+    ends = context.on_different_parts(location, frames)
+    if not ends or frames[0] is None or frames[1] is None:
+        return None
+    axes = frames[0][1].rotation, frames[1][1].rotation
+    stiffness = _matrix(spec.stiffness_matrix, spec.stiffness, spec.rotational_stiffness)
+    damping = _matrix(spec.damping_matrix, spec.damping, spec.rotational_damping)
+    return Bushing(name, ends[0], ends[1], *axes, stiffness, damping)
+
+
+def _matrix(given: object, linear: object, rotational: object) -> Array:
+    """A matrix (6, 6) from its rows, or from three numbers, or one, for the displacements and for the rotations."""
+    if given is not None:
+        return np.array(given, dtype=float)
+    return np.diag(
+        np.concatenate([np.broadcast_to(np.array(part, dtype=float), (3,)) for part in (linear, rotational)])
+    )
 
 
 def _applied(
@@ -135,9 +171,5 @@ def _effort(
     if joint is None:
         message = f"there is no joint coordinate {quoted(spec.coordinate)}"
         context.report(location, message, nearest(spec.coordinate, known))
-        return None
-    if joint.drive:
-        message = f"the motion of {quoted(joint.name)} is prescribed by its drive: no effort can change it"
-        context.report(location, message, "Remove the drive, or name another coordinate.")
         return None
     return AppliedEffort(name, spec.coordinate, spec.effort)

@@ -9,10 +9,11 @@ import numpy as np
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.expression import TimeExpression
+from mbd_sim.mechanism.force_elements import Bushing
 from mbd_sim.mechanism.joint_types import JOINT_KINDS
 from mbd_sim.mechanism.records import Joint, Limits
 from mbd_sim.mechanism.source import Location
-from mbd_sim.mechanism_file.builders.build_context import BuildContext
+from mbd_sim.mechanism_file.builders.build_context import BuildContext, attachment
 from mbd_sim.mechanism_file.builders.law_builder import build_elastic_law, build_friction, build_power_law
 from mbd_sim.mechanism_file.builders.rotation_builder import rotation_matrix
 from mbd_sim.mechanism_file.schema import joint_schema as schema
@@ -43,7 +44,7 @@ def build_joint(name: str, spec: schema.AnyJointSpec, context: BuildContext) -> 
 
 
 def _joint(name: str, spec: schema.AnyJointSpec, parent: str, parent_pose: Pose, child: str, child_pose: Pose) -> Joint:
-    nv = JOINT_KINDS[spec.type].nv
+    nv, orients = JOINT_KINDS[spec.type].nv, JOINT_KINDS[spec.type].quaternion is not None
     axis, second = _axes(spec)
     position, velocity = _start_values(spec)
     drive = getattr(spec, "drive", None)
@@ -60,8 +61,8 @@ def _joint(name: str, spec: schema.AnyJointSpec, parent: str, parent_pose: Pose,
         second=second,
         position=np.zeros(0) if drive else position,
         velocity=np.zeros(0) if drive else velocity,
-        stiffness=_per_coordinate(spec, "stiffness", nv),
-        rest=_per_coordinate(spec, "rest", nv),
+        stiffness=np.zeros(nv) if orients else _per_coordinate(spec, "stiffness", nv),
+        rest=np.zeros(nv) if orients else _per_coordinate(spec, "rest", nv),
         damping=_per_coordinate(spec, "damping", nv),
         lead=getattr(spec, "lead", 0.0),
         drive=_expressions(drive),
@@ -76,6 +77,27 @@ def _joint(name: str, spec: schema.AnyJointSpec, parent: str, parent_pose: Pose,
         cut=spec.cut,
         compliance=spec.compliance,
     )
+
+
+def joint_bushing(joint: Joint, spec: schema.AnyJointSpec) -> Bushing | None:
+    """The springs of a joint with orientations instead of angles, between its frames; None if it has none."""
+    match spec:
+        case schema.SphericalJointSpec(rest=rotation):
+            rest = Pose(np.zeros(3), rotation_matrix(rotation))
+            stiffness = np.concatenate([np.zeros(3), _per_coordinate(spec, "stiffness", 3)])
+        case schema.FreeJointSpec(rest=pose):
+            rest = (
+                Pose(np.zeros(3), np.eye(3)) if pose is None else Pose(np.array(pose.at), rotation_matrix(pose.rotate))
+            )
+            stiffness = _per_coordinate(spec, "stiffness", 6)
+        case _:
+            return None
+    if not stiffness.any():
+        return None
+    frames = joint.parent_pose @ rest, joint.child_pose
+    ends = [attachment((part, frame)) for part, frame in zip((joint.parent, joint.child), frames, strict=True)]
+    axes = frames[0].rotation, frames[1].rotation
+    return Bushing(joint.name, ends[0], ends[1], *axes, np.diag(stiffness), np.zeros((6, 6)))
 
 
 def _limits(given: Any) -> tuple[Limits | None, ...]:

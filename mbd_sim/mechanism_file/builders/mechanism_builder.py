@@ -14,6 +14,7 @@ from mbd_sim.mechanism.actuators import Actuator
 from mbd_sim.mechanism.attachments import PointsByPart
 from mbd_sim.mechanism.constraints import Constraint
 from mbd_sim.mechanism.contacts import Contact
+from mbd_sim.mechanism.force_elements import Bushing, ForceElement
 from mbd_sim.mechanism.force_expressions import force_expressions
 from mbd_sim.mechanism.records import GROUND, Joint, Mechanism, Part
 from mbd_sim.mechanism.sensors import AnySensor
@@ -23,7 +24,7 @@ from mbd_sim.mechanism_file.builders.build_context import BuildContext
 from mbd_sim.mechanism_file.builders.constraint_builder import build_constraints, coupled_joints
 from mbd_sim.mechanism_file.builders.contact_builder import build_contacts
 from mbd_sim.mechanism_file.builders.force_builder import ForceElements, build_force_elements
-from mbd_sim.mechanism_file.builders.joint_builder import build_joint
+from mbd_sim.mechanism_file.builders.joint_builder import build_joint, joint_bushing
 from mbd_sim.mechanism_file.builders.part_builder import build_part, point_poses
 from mbd_sim.mechanism_file.builders.sensor_builder import build_sensors, cut_coordinates
 from mbd_sim.mechanism_file.builders.tree_builder import build_tree
@@ -85,6 +86,8 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         dampers=elements.forces.dampers,
         applied=elements.forces.applied,
         efforts=elements.forces.efforts,
+        potentials=elements.forces.potentials,
+        bushings=elements.forces.bushings + elements.joint_bushings,
         constraints=elements.constraints,
         contacts=elements.contacts,
         actuators=elements.actuators,
@@ -96,7 +99,8 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
 def _named_joints(elements: MechanismElements) -> set[str]:
     """The joints on whose motion a force depends, or along whose coordinates one acts."""
     forces = elements.forces
-    found = force_expressions(elements.joints.values(), forces.springs, forces.applied, forces.efforts)
+    with_expressions: tuple[ForceElement, ...] = (*forces.springs, *forces.applied, *forces.efforts, *forces.potentials)
+    found = force_expressions(elements.joints.values(), with_expressions)
     names = {state.coordinate for one in found for state in one.expression.state}
     names |= {effort.coordinate for effort in forces.efforts}
     return {joint.name for joint in elements.joints.values() if names & set(joint.motion_names)}
@@ -129,6 +133,7 @@ class MechanismElements:
     contacts: tuple[Contact, ...]
     actuators: tuple[Actuator, ...]
     sensors: tuple[AnySensor, ...]
+    joint_bushings: tuple[Bushing, ...]
     ground_points: dict[str, Pose]
     problems: list[Problem]
 
@@ -173,14 +178,17 @@ def build_elements(
     built_actuators = build_actuators(actuators, known_joints, context)
     built_sensors = build_sensors(sensors, known_joints, step, context)
     valid_joints = {name: joint for name, joint in built_joints.items() if joint}
+    found = (joint_bushing(joint, joints[name]) for name, joint in valid_joints.items())
+    bushings = tuple(bushing for bushing in found if bushing)
     return MechanismElements(
-        built_parts,
-        valid_joints,
-        built_forces,
-        built_constraints,
-        built_contacts,
-        built_actuators,
-        built_sensors,
-        ground_points,
-        context.problems,
+        parts=built_parts,
+        joints=valid_joints,
+        forces=built_forces,
+        constraints=built_constraints,
+        contacts=built_contacts,
+        actuators=built_actuators,
+        sensors=built_sensors,
+        joint_bushings=bushings,
+        ground_points=ground_points,
+        problems=context.problems,
     )

@@ -17,7 +17,15 @@ from pydantic import (
 )
 
 from mbd_sim.errors import InputError
-from mbd_sim.mechanism_file.quantity import Angle, Length, Number
+from mbd_sim.mechanism_file.quantity import (
+    Angle,
+    Length,
+    LinearDamping,
+    LinearStiffness,
+    Number,
+    TorsionDamping,
+    TorsionStiffness,
+)
 
 SUFFIX = "Spec"  # of the class names; the JSON Schema omits it
 FORMER_KEYS = {"regularisation": "regularization"}  # former spellings of keys, still read in their place
@@ -101,7 +109,34 @@ def written_as(value: Any) -> str:
     return "list" if isinstance(value, list | tuple) else "mapping"
 
 
+def list_or_number(value: Any) -> str:
+    """Whether a value is written as a `list` or as a `number`."""
+    return "list" if isinstance(value, list | tuple) else "number"
+
+
 PointOrVector = Annotated[
     Annotated[Vector, Tag("list")] | Annotated[PointSpec, Tag("mapping")],
     Discriminator(written_as),
+]
+
+# Three numbers, or one for all of them.
+LinearStiffness3 = Annotated[
+    Annotated[LinearStiffness, Tag("number")]
+    | Annotated[tuple[LinearStiffness, LinearStiffness, LinearStiffness], Tag("list")],
+    Discriminator(list_or_number),
+]
+TorsionStiffness3 = Annotated[
+    Annotated[TorsionStiffness, Tag("number")]
+    | Annotated[tuple[TorsionStiffness, TorsionStiffness, TorsionStiffness], Tag("list")],
+    Discriminator(list_or_number),
+]
+LinearDamping3 = Annotated[
+    Annotated[LinearDamping, Tag("number")]
+    | Annotated[tuple[LinearDamping, LinearDamping, LinearDamping], Tag("list")],
+    Discriminator(list_or_number),
+]
+TorsionDamping3 = Annotated[
+    Annotated[TorsionDamping, Tag("number")]
+    | Annotated[tuple[TorsionDamping, TorsionDamping, TorsionDamping], Tag("list")],
+    Discriminator(list_or_number),
 ]

@@ -154,14 +154,15 @@ class RackSpec(PlaySpec):
 
 
 class CouplingSpec(Spec):
-    """A linear relation between joint coordinates: the sum of `terms` (factors by coordinate) equals `value`.
+    """A relation between joint coordinates: the sum of `terms` (factors by coordinate) equals `value`.
 
-    With a `bound` the sum is at least or at most the value. Friction then acts along the rate of the sum of `slip`.
+    The value may be an expression of coordinates, for cams and curves. With a `bound` the sum is at least or at most
+    the value. Friction then acts along the rate of the sum of `slip`.
     """
 
     type: Literal["coupling"]
     terms: dict[Coordinate, Number] = Field(min_length=1)
-    value: Annotated[TimeExpression, ExpressionField(None)] = TimeExpression("0", {})
+    value: Annotated[TimeExpression, ExpressionField(None, state=True, speeds=False)] = TimeExpression("0", {})
     backlash: Annotated[float, Quantity(None, above=0)] | None = None
     bound: Literal["at_least", "at_most"] | None = None
     restitution: Restitution | None = None
@@ -175,7 +176,10 @@ class CouplingSpec(Spec):
             raise InputError("has both bound and backlash", "Give one of them.")
         if self.restitution is not None and self.bound is None and self.backlash is None:
             raise InputError("restitution has no effect without backlash", "Add 'backlash' or 'bound'.")
-        if len(self.terms) < 2 and self.bound is None:
+        if self.value.state and (self.bound is not None or self.backlash is not None):
+            what = "a bound" if self.bound is not None else "backlash"
+            raise InputError(f"has {what} and a value that depends on coordinates", "Give one of them.")
+        if len(self.terms) < 2 and self.bound is None and not self.value.state:
             raise InputError(
                 "names only one coordinate, which has nothing to be coupled to",
                 "Name two coordinates, or add a 'bound'.",

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, StringConstraints, model_validator
+import numpy as np
+from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
 from mbd_sim.errors import InputError
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism_file.expression_field import ExpressionField
 from mbd_sim.mechanism_file.quantity import (
+    AnyNumber,
     Length,
     LinearDamping,
     LinearStiffness,
@@ -17,15 +19,39 @@ from mbd_sim.mechanism_file.quantity import (
     PositiveLength,
     Quantity,
 )
-from mbd_sim.mechanism_file.schema.base_schema import Spec
+from mbd_sim.mechanism_file.schema.base_schema import (
+    LinearDamping3,
+    LinearStiffness3,
+    Spec,
+    TorsionDamping3,
+    TorsionStiffness3,
+)
 from mbd_sim.mechanism_file.schema.law_schema import ForceOfElongation, ForceTable, LinearPowerSpec
 
+SYMMETRIC = 1e-12  # relative difference of two numbers that count as equal
 CoordinateName = Annotated[str, StringConstraints(min_length=1)]
 NaturalLength = Annotated[Length, Quantity("m", at_least=0)]
 Force = Annotated[TimeExpression, ExpressionField("N", state=True)]
 Torque = Annotated[TimeExpression, ExpressionField("N*m", state=True)]
 Effort = Annotated[TimeExpression, ExpressionField(None, state=True)]
 Axes = Annotated[str, Field(description="ground, part (the part that the element acts on), or any part or part.point")]
+
+
+def _without_gain(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+    """Refuse a matrix of stiffness or damping that is not symmetric, or has a negative eigenvalue."""
+    matrix = np.array(rows)
+    size = float(np.max(np.abs(matrix)))
+    if np.any(np.abs(matrix - matrix.T) > SYMMETRIC * size):
+        raise InputError("is not symmetric", "Write the same number at both sides of the diagonal.")
+    if np.linalg.eigvalsh(matrix)[0] < -SYMMETRIC * size:
+        raise InputError("has a negative eigenvalue: it would give energy away", "Check its numbers.")
+    return rows
+
+
+Row6 = tuple[AnyNumber, AnyNumber, AnyNumber, AnyNumber, AnyNumber, AnyNumber]
+Matrix6 = Annotated[tuple[Row6, Row6, Row6, Row6, Row6, Row6], AfterValidator(_without_gain)]
+_STIFFNESS = ("stiffness", "rotational_stiffness", "stiffness_matrix")
+_DAMPING = ("damping", "rotational_damping", "damping_matrix")
 PositiveStiffness = Annotated[float, Quantity("N/m", above=0)]
 
 
@@ -93,6 +119,45 @@ class CoupleSpec(Spec):
     axes: Axes = "ground"
 
 
+class LineForceSpec(Spec):
+    """A force along the line between two points, which pulls them together where it is positive.
+
+    It is an expression of their distance less `length`, x in m, of its rate x.velocity, and of joint coordinates.
+    """
+
+    type: Literal["line_force"]
+    between: tuple[str, str]
+    force: ForceOfElongation
+    length: NaturalLength = Field(0.0, description="distance at which x is zero")
+
+
+class BushingSpec(Spec):
+    """An elastic connection of two points with their axes in all six directions, with dampers.
+
+    Stiffness and damping are along and about the axes of the first point: three numbers, or one for all.
+    Matrices (6, 6) in SI units replace them.
+    """
+
+    type: Literal["bushing"]
+    between: tuple[str, str]
+    stiffness: LinearStiffness3 = 0.0
+    rotational_stiffness: TorsionStiffness3 = 0.0
+    damping: LinearDamping3 = 0.0
+    rotational_damping: TorsionDamping3 = 0.0
+    stiffness_matrix: Matrix6 | None = None
+    damping_matrix: Matrix6 | None = None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> BushingSpec:
+        for kind in ("stiffness", "damping"):
+            both = {kind, f"rotational_{kind}"} & self.model_fields_set
+            if getattr(self, f"{kind}_matrix") is not None and both:
+                raise InputError(f"has {kind}_matrix and {sorted(both)[0]}", "Give one of them.")
+        if not {*_STIFFNESS, *_DAMPING} & self.model_fields_set:
+            raise InputError("has neither stiffness nor damping", f"Give one of {', '.join((*_STIFFNESS, *_DAMPING))}.")
+        return self
+
+
 class EffortSpec(Spec):
     """An effort along a joint coordinate, in N or N·m, as an expression."""
 
@@ -101,6 +166,22 @@ class EffortSpec(Spec):
     effort: Effort
 
 
+class PotentialSpec(Spec):
+    """A potential in J, as an expression of joint coordinates and the time; its forces act along the coordinates."""
+
+    type: Literal["potential"]
+    energy: Annotated[TimeExpression, ExpressionField("J", state=True, speeds=False)]
+
+
 AnyForceSpec = Annotated[
-    SpringSpec | ElasticBarSpec | DamperSpec | PointForceSpec | CoupleSpec | EffortSpec, Field(discriminator="type")
+    SpringSpec
+    | ElasticBarSpec
+    | DamperSpec
+    | LineForceSpec
+    | BushingSpec
+    | PointForceSpec
+    | CoupleSpec
+    | EffortSpec
+    | PotentialSpec,
+    Field(discriminator="type"),
 ]

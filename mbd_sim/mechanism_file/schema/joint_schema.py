@@ -25,8 +25,11 @@ from mbd_sim.mechanism_file.quantity import (
 )
 from mbd_sim.mechanism_file.schema.base_schema import (
     Direction,
+    PointSpec,
     RotationSpec,
     Spec,
+    TorsionDamping3,
+    TorsionStiffness3,
     Vector,
 )
 from mbd_sim.mechanism_file.schema.law_schema import (
@@ -42,6 +45,12 @@ from mbd_sim.mechanism_file.schema.law_schema import (
 
 AngleOfTime = Annotated[TimeExpression, ExpressionField("rad")]
 LengthOfTime = Annotated[TimeExpression, ExpressionField("m")]
+
+
+Stiffness6 = tuple[
+    LinearStiffness, LinearStiffness, LinearStiffness, TorsionStiffness, TorsionStiffness, TorsionStiffness
+]
+Damping6 = tuple[LinearDamping, LinearDamping, LinearDamping, TorsionDamping, TorsionDamping, TorsionDamping]
 
 
 class LimitsSpec(Spec):
@@ -261,7 +270,9 @@ class SphericalJointSpec(TurningJointSpec):
     angular_velocity: tuple[AngularVelocity, AngularVelocity, AngularVelocity] = Field(
         (0.0, 0.0, 0.0), description="in the second part's axes"
     )
-    damping: TorsionDamping = 0.0
+    stiffness: TorsionStiffness3 = 0.0
+    rest: RotationSpec | None = Field(None, description="orientation at which the springs are relaxed")
+    damping: TorsionDamping3 = 0.0
 
 
 class FixedJointSpec(JointSpec):
@@ -280,6 +291,9 @@ class FreeJointSpec(TurningJointSpec):
     angular_velocity: tuple[AngularVelocity, AngularVelocity, AngularVelocity] = Field(
         (0.0, 0.0, 0.0), description="in the second part's axes"
     )
+    stiffness: Stiffness6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    rest: PointSpec | None = Field(None, description="pose at which the springs are relaxed")
+    damping: Damping6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 AnyJointSpec = Annotated[

@@ -9,12 +9,11 @@ from pydantic import Field, model_validator
 
 from mbd_sim.errors import InputError
 from mbd_sim.mechanism.tables import Curve, Surface, Table
-from mbd_sim.mechanism_file.quantity import Quantity
+from mbd_sim.mechanism_file.quantity import AnyNumber, Quantity
 from mbd_sim.mechanism_file.schema.base_schema import Spec
 
 MAX_POINTS, MAX_NODES = 1000, 2500  # of one and of two variables: the kernel compares with each of them
 CLOSED = 1e-9  # relative difference of lengths and values that count as equal
-AnyNumber = Annotated[float, Quantity(None)]
 
 
 class TableSpec(Spec):
