@@ -14,8 +14,10 @@ from std_msgs.msg import Float64MultiArray
 
 from mbd_sim import Simulation
 from mbd_sim.examples.computed_torque.computed_torque import ComputedTorque, sway
+from mbd_sim.examples.imu_balance.imu_balance import Balance
 from mbd_sim.examples.pd_hold.pd_hold import PdHold, PdHoldNode
 from mbd_sim.examples.swing_up.swing_up import SwingUp
+from mbd_sim.recording.verification import verify
 from test.examples.programs import beside, lockstep
 from test.system.nodes import nanoseconds, new_domain
 from test.waiting import PATIENCE
@@ -43,6 +45,49 @@ def test_the_pendulum_swings_up_and_stays_up(tmp_path):
         assert max(leans) < 0.1
         assert max(abs(state.position[0]) for state in listener.states) < 1.9
     assert "balancing" in experiment.log.read_text()
+
+
+def test_the_pendulum_is_balanced_on_noisy_measurements(tmp_path):
+    """Each measurement of the inertial sensor, in another process, triggers the steps to the next one."""
+    parameters = {**lockstep("balancing_pendulum", 200), "publish_rate": 100.0, "record": True, "record_dir": tmp_path}
+    with beside(tmp_path, parameters, "imu_balance.imu_balance", "resume:=false") as experiment:
+        listener = experiment.listener
+        listener.until(lambda: seconds(listener) > 8.0, "8 s")
+        late = [state for state in listener.states if 1e-9 * nanoseconds(state.header.stamp) > 6.0]
+        assert len(late) > 150
+        assert max(abs(math.degrees(state.position[1])) for state in late) < 0.5
+        assert max(abs(state.position[0]) for state in listener.states) < 0.3
+    assert "fallen" not in experiment.log.read_text()
+    experiment.node.end()
+    (recorded,) = tmp_path.glob("*.mcap")
+    (found,) = verify(recorded)
+    assert found.agrees, found
+    assert found.compared["sensors"] > 3000
+
+
+def test_a_controller_resumes_the_simulator_that_waits_for_it(tmp_path):
+    parameters = {"mechanism": "balancing_pendulum", "start_paused": True, "record": False}
+    with beside(tmp_path, parameters, "imu_balance.imu_balance") as experiment:
+        listener = experiment.listener
+        listener.until(lambda: seconds(listener) > 1.5, "1.5 s in real time")
+    assert "balancing 'balancing_pendulum'" in experiment.log.read_text()
+
+
+def test_the_tilt_is_that_of_the_accelerometer_without_the_drift_of_the_rate_gyro():
+    sim = Simulation.from_file("balancing_pendulum")
+    law, names = Balance(sim.mechanism), [sensor.name for sensor in sim.mechanism.sensors]
+    for _ in range(10_000):
+        sim.step()
+        for number, _ in sim.arrivals:
+            found = sim.sensors()[names[number]]
+            if names[number] == "wheel":
+                law.measure_cart(found.time, found["position"][0])
+            else:
+                forward, _, upward = found["specific_force"]
+                sim.set_efforts([law.force(found.time, found["angular_velocity"][1], forward, upward), 0.0])
+    assert abs(math.degrees(sim.q[1])) < 0.2
+    assert math.degrees(law.filter.tilt - sim.q[1]) == pytest.approx(-math.degrees(0.05 / 9.81), abs=0.1)
+    assert math.degrees(law.filter.bias) == pytest.approx(2.0, abs=0.3)
 
 
 @pytest.mark.parametrize("start", [[0.0, 0.0], [0.5, -0.4], [-0.8, 1.0], [0.0, 2.5]])

@@ -1,0 +1,21 @@
+"""Balance a pendulum on an inertial sensor: `ros2 launch mbd_sim imu_balance.launch.py`."""
+
+from launch.actions import IncludeLaunchDescription
+from launch.substitutions import PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+from launch import LaunchDescription
+
+SIM = {"mechanism": "balancing_pendulum", "start_paused": "true"}  # until the controller resumes it
+
+
+def generate_launch_description():
+    """The simulator, with all arguments of sim.launch.py, and the controller."""
+    sim = PathJoinSubstitution([FindPackageShare("mbd_sim"), "launch", "sim.launch.py"])
+    return LaunchDescription(
+        [
+            IncludeLaunchDescription(sim, launch_arguments=SIM.items()),
+            Node(package="mbd_sim", executable="example_imu_balance", output="screen"),
+        ]
+    )
