@@ -43,6 +43,9 @@ MISTAKES = {
     "counts of a slider": (
         "{type: encoder, joint: slide, counts: 9}", "one.counts", "'slide' does not turn", "Give 'resolution' in m",
     ),
+    "a resolution in counts": (
+        "{type: encoder, joint: pivot, resolution: 4096}", "one.resolution", "4096 rad is more than half a turn", "'counts'",
+    ),
     "two resolutions": (
         "{type: encoder, joint: pivot, counts: 9, resolution: 1}", "one", "has resolution and counts", "Give one",
     ),

@@ -155,6 +155,11 @@ class _SensorBuilder:
         if spec.counts is not None and not kind.rotation:
             self._context.report((*where, "counts"), f"'{spec.joint}' does not turn", "Give 'resolution' in m.")
             return None
+        if kind.rotation and spec.resolution is not None and spec.resolution > math.pi:
+            problem = f"{spec.resolution:g} rad is more than half a turn"
+            remedy = "Give the steps of a turn as 'counts', or a smaller resolution."
+            self._context.report((*where, "resolution"), problem, remedy)
+            return None
         counts = None if spec.counts is None else round(spec.counts)
         resolution = spec.resolution or 2.0 * math.pi / (counts or 1)
         errors = (ErrorModel(spec.bias, 0.0, spec.noise_density),)
