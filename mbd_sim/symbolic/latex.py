@@ -7,6 +7,7 @@ from itertools import groupby
 from typing import Any
 
 from mbd_sim.mechanism.joint_types import JOINT_KINDS
+from mbd_sim.symbolic.contact_latex import contact_lines, contact_meanings
 from mbd_sim.symbolic.latex_printer import escaped, write
 from mbd_sim.symbolic.symbolic_constraints import SymbolicConstraint
 from mbd_sim.symbolic.symbolic_equations import Coordinate, SymbolicEquations
@@ -22,6 +23,13 @@ def to_latex(equations: SymbolicEquations) -> str:
         *_aligned(motion_rows(equations)),
         r"\end{align*}",
         *_constraint_lines(equations),
+        *contact_lines(
+            equations.contacts,
+            equations.names,
+            rate=lambda row: _rate_terms(equations, row),
+            gap=lambda row: _constraint_terms(equations, row),
+            constrained=bool(equations.constraints),
+        ),
         rf"that is, ${_matrix_form(equations)}$ with",
         r"\begin{align*}",
         *_aligned([([name], [value]) for name, value in entry_rows(equations)]),
@@ -42,7 +50,7 @@ def motion_rows(equations: SymbolicEquations) -> list[tuple[list[str], list[str]
         left = _sum(equations, equations.mass[row], equations.u_rates)
         if equations.inertial[row] != 0:
             left.append(write(equations.inertial[row], equations.names))
-        slopes = [constraint.gradient[row] for constraint in equations.constraints]
+        slopes = [constraint.gradient[row] for constraint in equations.rows]
         right = _sum(equations, slopes, equations.multipliers)
         if force != 0 or not right:
             right.insert(0, write(force, equations.names))
@@ -61,6 +69,11 @@ def _constraint_terms(equations: SymbolicEquations, constraint: SymbolicConstrai
         if len(whole) <= LONGEST_LINE or not constraint.position.is_Add:
             return [whole]
         return [write(term, equations.names) for term in constraint.position.as_ordered_terms()]
+    return _rate_terms(equations, constraint)
+
+
+def _rate_terms(equations: SymbolicEquations, constraint: SymbolicConstraint) -> list[str]:
+    """The terms of G u + b."""
     drift = [write(constraint.drift, equations.names)] if constraint.drift != 0 else []
     return _sum(equations, constraint.gradient, equations.u) + drift
 
@@ -78,7 +91,9 @@ def _constraint_lines(equations: SymbolicEquations) -> list[str]:
 
 def _matrix_form(equations: SymbolicEquations) -> str:
     if not equations.constraints:
-        return r"M \dot{u} + h = Q"
+        return r"M \dot{u} + h = Q" + (r" + G^{T} \lambda" if equations.contacts else "")
+    if equations.contacts:
+        return r"M \dot{u} + h = Q + G^{T} \lambda"
     moving = any(constraint.drift != 0 for constraint in equations.constraints)
     return rf"M \dot{{u}} + h = Q + G^{{T}} \lambda$ and $G u {'+ b ' if moving else ''}= 0"
 
@@ -94,7 +109,7 @@ def entry_rows(equations: SymbolicEquations) -> list[tuple[str, str]]:
                 rows.append((name if i == j else f"{name} = M_{{{j + 1}{i + 1}}}", entry))
     for letter, vector in (("h", equations.inertial), ("Q", equations.forces)):
         rows += [(f"{letter}_{{{i + 1}}}", write(entry, equations.names)) for i, entry in enumerate(vector)]
-    for i, constraint in enumerate(equations.constraints):
+    for i, constraint in enumerate(equations.rows):
         slopes = ((f"G_{{{i + 1}{j + 1}}}", entry) for j, entry in enumerate(constraint.gradient))
         named = [*slopes, (f"b_{{{i + 1}}}", constraint.drift)]
         rows += [(name, write(entry, equations.names)) for name, entry in named if entry != 0]
@@ -141,7 +156,7 @@ def _meanings(equations: SymbolicEquations) -> Iterator[str]:
     yield rf"$u = ({order})$ are the generalized speeds, in the order of the rows;"
     for coordinate in equations.coordinates:
         yield from _coordinate_meaning(coordinate, names)
-    rows = [(c.position or 0) + c.drift + sum(c.gradient) for c in equations.constraints]
+    rows = [(c.position or 0) + c.drift + sum(c.gradient) for c in equations.rows]
     if equations.time in {s for e in (*equations.inertial, *equations.forces, *rows) for s in e.free_symbols}:
         yield r"$t$ is the time, s;"
     if equations.constraints:
@@ -149,6 +164,7 @@ def _meanings(equations: SymbolicEquations) -> Iterator[str]:
             r"$G^{T} \lambda$ are the constraint forces; a row of $G u + b$ is the rate of a holonomic constraint, "
             "or a nonholonomic constraint itself;"
         )
+    yield from contact_meanings(equations.contacts, names)
     for _, group in groupby(equations.constraints, lambda constraint: constraint.owner):
         yield _multiplier_meaning(list(group), names)
     if equations.left_out:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
 from mbd_sim.dynamics.links import coordinate_layout
-from mbd_sim.errors import MbdSimError
+from mbd_sim.errors import MbdSimError, listed
+from mbd_sim.mechanism.contacts import Cam
 from mbd_sim.mechanism.joint_types import JOINT_KINDS, JointType
-from mbd_sim.mechanism.one_sided import require_two_sided
+from mbd_sim.mechanism.one_sided import has_one_sided
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.packages import require_packages
 from mbd_sim.symbolic.latex_printer import escaped
@@ -20,6 +21,7 @@ from mbd_sim.symbolic.symbolic_constraints import (
     load_unit,
     multipliers_of,
 )
+from mbd_sim.symbolic.symbolic_contacts import SymbolicContact, contact_function, symbolic_contacts
 
 if TYPE_CHECKING:
     from mbd_sim.symbolic.polynomial import Algebra
@@ -48,7 +50,8 @@ class SymbolicEquations:
     """The equations `mass` (nv, nv) · u' + `inertial` (nv,) = `forces` (nv,) + Gᵀλ of a mechanism, in SymPy.
 
     `names` has the LaTeX of each symbol. `constraints` are the independent rows of G, each with its λ; `left_out` names
-    the redundant rows. All numbers are in SI units.
+    the redundant rows. One-sided elements are the `contacts`, which also have rows of G and multipliers. All numbers
+    are in SI units.
     """
 
     mechanism: str
@@ -60,6 +63,7 @@ class SymbolicEquations:
     names: dict[Any, str]
     constraints: tuple[SymbolicConstraint, ...] = ()
     left_out: tuple[str, ...] = ()
+    contacts: tuple[SymbolicContact, ...] = ()
 
     @property
     def q(self) -> tuple[Any, ...]:
@@ -77,9 +81,14 @@ class SymbolicEquations:
         return tuple(symbol for coordinate in self.coordinates for symbol in coordinate.u_rates)
 
     @property
+    def rows(self) -> tuple[SymbolicConstraint, ...]:
+        """The rows of G (m,): those of the constraints, then those of the contacts."""
+        return (*self.constraints, *(row for contact in self.contacts for row in contact.rows))
+
+    @property
     def multipliers(self) -> tuple[Any, ...]:
-        """The multiplier λ of each constraint (m,)."""
-        return tuple(constraint.multiplier for constraint in self.constraints)
+        """The multiplier λ of each row (m,)."""
+        return tuple(row.multiplier for row in self.rows)
 
     @property
     def efforts(self) -> tuple[Any, ...]:
@@ -91,16 +100,19 @@ def symbolic_equations(mechanism: Mechanism) -> SymbolicEquations:
     """Derive the equations of a small mechanism, with the numbers of its file.
 
     :raises MissingPackageError: SymPy is not installed.
-    :raises MbdSimError: the equations are too long to be read, or the mechanism has no degree of freedom or one-sided
-        elements.
+    :raises MbdSimError: the equations are too long to be read, or the mechanism has no degree of freedom, or
+        contacts with cams.
     """
     require_packages("sympy", purpose="Deriving equations as formulas")
-    require_two_sided(mechanism, "cannot be printed as formulas")
     _require_small(mechanism, coordinate_layout(mechanism).nv)
+    _require_formulas(mechanism)
     functions = [lagrange_equations(mechanism).terms]
-    derived = derive(mechanism) if mechanism.closing or mechanism.constraints else None
+    one_sided = has_one_sided(mechanism)
+    derived = derive(mechanism) if mechanism.closing or mechanism.constraints or one_sided else None
     if derived is not None:
         functions.append(constraint_function(derived))
+    if derived is not None and derived.contact is not None:
+        functions.append(contact_function(derived))
     operations = sum(function.n_instructions() for function in functions)
     if operations > MAX_INSTRUCTIONS:
         raise _too_large(mechanism, f"their derivation takes {operations} operations")
@@ -126,10 +138,13 @@ def symbolic_equations(mechanism: Mechanism) -> SymbolicEquations:
         forces=tuple(row[0] for row in forces),
         names=names,
         constraints=_constraints(derived, rows[0], names, time) if derived else (),
-        left_out=tuple(row.name for k, row in enumerate(derived.rows) if k not in derived.start.independent)
-        if derived
-        else (),
+        left_out=_left_out(derived) if derived else (),
+        contacts=symbolic_contacts(derived.contact.contacts, rows[1], names) if derived and derived.contact else (),
     )
+
+
+def _left_out(derived: Equations) -> tuple[str, ...]:
+    return tuple(row.name for k, row in enumerate(derived.rows) if k not in derived.start.independent)
 
 
 def _simplified(mechanism: Mechanism, algebra: Algebra, function: Any, inputs: list[Any]) -> list[list[list[Any]]]:
@@ -194,6 +209,16 @@ def _require_small(mechanism: Mechanism, speeds: int) -> None:
         raise MbdSimError(f"{mechanism.name} has no degree of freedom, so there are no equations of motion.")
     if speeds > MAX_SPEEDS:
         raise _too_large(mechanism, f"it has {speeds} generalized speeds, more than {MAX_SPEEDS}")
+
+
+def _require_formulas(mechanism: Mechanism) -> None:
+    pairs = ((contact.name, (contact.first, contact.second)) for contact in mechanism.contacts)
+    cams = list(dict.fromkeys(name for name, bodies in pairs if any(isinstance(body, Cam) for body in bodies)))
+    if cams:
+        raise MbdSimError(
+            f"{mechanism.name}: the gap of {listed(cams)} has no formula, because the nearest point of a cam is found "
+            "by iteration. Use shapes other than cams, or `on_surface` with a bound."
+        )
 
 
 def _too_large(mechanism: Mechanism, why: str) -> MbdSimError:

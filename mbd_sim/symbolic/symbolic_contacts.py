@@ -1,0 +1,114 @@
+"""The one-sided elements of a mechanism as simplified SymPy expressions: gaps, friction and restitution."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+
+from mbd_sim.symbolic.latex_printer import escaped
+from mbd_sim.symbolic.symbolic_constraints import SymbolicConstraint, load_unit
+
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.constraint_rows import ConstraintRow
+    from mbd_sim.dynamics.contact_equations import ContactEquations
+    from mbd_sim.dynamics.equations import Equations
+
+Matrix = list[list[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class SymbolicContact:
+    """A gap with its friction, or dry friction alone.
+
+    `gap` is the row of the gap, or None; of a `clutch` its rate is what cannot become negative. `restitution` is e.
+    `slip` are the rows of friction, whose rates are the slip velocities. With a gap `sliding` and `static` are μ and
+    μ_s, and without one the forces. Those of a `loaded` joint are times the force that it transmits across its axis.
+
+    `name` is the LaTeX of the subscript that all symbols of the element have.
+    """
+
+    name: str
+    gap: SymbolicConstraint | None
+    clutch: bool = False
+    restitution: Any = 0
+    slip: tuple[SymbolicConstraint, ...] = ()
+    sliding: Any = 0
+    static: Any = 0
+    loaded: str | None = None
+
+    @property
+    def rows(self) -> tuple[SymbolicConstraint, ...]:
+        """All of its rows."""
+        return (*(() if self.gap is None else (self.gap,)), *self.slip)
+
+
+def contact_function(derived: Equations) -> ca.Function:
+    """(t, q, u, efforts) -> gaps (gaps,), G (rows, nv), b (rows,), e (gaps,), and friction's sizes (frictions, 2)."""
+    assert derived.contact is not None
+    contact, layout = derived.contact, derived.layout
+    gaps, rows = contact.contacts.layout.gaps, contact.contacts.layout.rows
+    t, q = ca.SX.sym("t"), ca.SX.sym("q", layout.nq)
+    u, efforts = ca.SX.sym("u", layout.nv), ca.SX.sym("e", layout.nv)
+    y = ca.vertcat(q, u, ca.SX.zeros(derived.start_state.size - layout.nq - layout.nv))
+    inputs = ca.SX(ca.DM(derived.inputs_without_commands))
+    readings = contact.readings.call([t, y, inputs, ca.SX.zeros(rows, 1)])[0]
+    velocity = readings[gaps : gaps + rows]
+    at_rest = ca.substitute(velocity, u, ca.SX.zeros(layout.nv, 1))
+    sizes = contact.terms.call([t, y, inputs])[2]
+    restitution = contact.restitution.call([inputs])[0]
+    outputs = [readings[:gaps], ca.jacobian(velocity, u), at_rest, restitution, sizes]
+    return ca.Function("contacts", [t, q, u, efforts], [ca.sparsify(output) for output in outputs])
+
+
+def symbolic_contacts(
+    contacts: ContactEquations, matrices: Sequence[Matrix], names: dict[Any, str]
+) -> tuple[SymbolicContact, ...]:
+    """The elements, from the outputs of `contact_function` as expressions; `names` gets those of the multipliers."""
+    positions, gradient, drift, restitution, sizes = matrices
+    rows, found = contacts.equations.rows, []
+
+    def row(index: int, subscript: str, position: Any) -> SymbolicConstraint:
+        given: ConstraintRow = rows[index]
+        return SymbolicConstraint(
+            owner=str(given.owner[1]),
+            quantity=given.quantity,
+            closes=False,
+            position=position,
+            gradient=tuple(gradient[index]),
+            drift=drift[index][0],
+            multiplier=_multiplier(subscript, names),
+            load=load_unit(given),
+        )
+
+    def friction(index: int, name: str) -> dict[str, Any]:
+        element = contacts.frictions[index]
+        several = len(element.rows) > 1
+        subscripts = [f"{name},T{number if several else ''}" for number in range(1, len(element.rows) + 1)]
+        slip = tuple(row(own, subscript, None) for own, subscript in zip(element.rows, subscripts, strict=True))
+        loaded = None if element.joint is None else element.joint.name
+        return {"slip": slip, "sliding": sizes[index][0], "static": sizes[index][1], "loaded": loaded}
+
+    by_gap = {element.gap: index for index, element in enumerate(contacts.frictions) if element.gap is not None}
+    owners = [str(gap.row.owner[1]) for gap in contacts.gaps]
+    for index, gap in enumerate(contacts.gaps):
+        number = f",{owners[: index + 1].count(owners[index])}" if owners.count(owners[index]) > 1 else ""
+        name = rf"\mathrm{{{escaped(owners[index])}}}{number}"
+        position = None if gap.clutch else positions[index][0]
+        further = friction(by_gap[index], name) if index in by_gap else {}
+        found.append(SymbolicContact(name, row(index, name, position), gap.clutch, restitution[index][0], **further))
+    for index, element in enumerate(contacts.frictions):
+        if element.gap is None:
+            name = rf"\mathrm{{{escaped(str(rows[element.rows[0]].owner[1]))}}}"
+            found.append(SymbolicContact(name, None, **friction(index, name)))
+    return tuple(found)
+
+
+def _multiplier(subscript: str, names: dict[Any, str]) -> Any:
+    import sympy as sp
+
+    symbol = sp.Symbol(f"lambda_{subscript}", real=True)
+    names[symbol] = rf"\lambda_{{{subscript}}}"
+    return symbol
