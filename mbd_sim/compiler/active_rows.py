@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import casadi as ca
-import llvmlite.ir as ir
 
 from mbd_sim.compiler.dense_solver import DenseSolver
-from mbd_sim.compiler.ir_types import DOUBLE, INT, POINTER, element, integer, local_array, number
+from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType, Module, Value
+from mbd_sim.compiler.ir_builder import IRBuilder
+from mbd_sim.compiler.ir_types import INT, element, integer, local_array, number
 from mbd_sim.compiler.ir_vectors import load, loop, store
 from mbd_sim.compiler.lowering import lower
 from mbd_sim.compiler.schedule import arranged
@@ -42,7 +43,7 @@ class ActiveRows:
 
 
 def emit_solved(
-    module: ir.Module,
+    module: Module,
     name: str,
     system: ca.Function,
     result: ca.Function,
@@ -50,7 +51,7 @@ def emit_solved(
     *,
     fused: bool = True,
     reports_margin: bool = False,
-) -> ir.Function:
+) -> Function:
     """Emit `system`, if it is not there yet, `result`, and `void name(t, y, inputs, out[, margin])` of double pointers.
 
     `system(t, y, inputs)` gives a memory, a matrix (n, n), right sides (n, k) one after the other, and perhaps a
@@ -60,14 +61,14 @@ def emit_solved(
     has_loads = bool(active.loads) and system.n_out() > 3
     has_margin, takes_memory = system.n_out() > 3 + has_loads, result.n_in() == 2
     columns = system.nnz_out(2) // max(active.rows, 1)
-    emitted_system = module.globals.get(system.name())
+    emitted_system = module.functions.get(system.name())
     if emitted_system is None:
         emitted_system = lower(module, arranged(system, fused=fused), inline=False)
     emitted_result = lower(module, arranged(result, fused=fused), inline=False)
     solve = _emit_solve(module, f"{name}.solve", active, columns)
-    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER] * (4 + reports_margin)), name)
+    function = Function(module, FunctionType(VOID, [POINTER] * (4 + reports_margin)), name)
     function.linkage = "internal"
-    b = ir.IRBuilder(function.append_basic_block("entry"))
+    b = IRBuilder(function.append_basic_block("entry"))
     t, y, inputs, out, *margin = function.args
     memory = local_array(b, system.nnz_out(0))
     matrix, right = local_array(b, active.rows**2), local_array(b, active.rows * columns)
@@ -87,9 +88,7 @@ def emit_solved(
     return function
 
 
-def _emit_loaded(
-    b: ir.IRBuilder, active: ActiveRows, solve: ir.Function, arguments: list[ir.Value], loads: ir.Value
-) -> None:
+def _emit_loaded(b: IRBuilder, active: ActiveRows, solve: Function, arguments: list[Value], loads: Value) -> None:
     """Solve with the rows of loads along the directions of their forces, until these do not turn any more.
 
     Newton's method for λ_row + c |N| = 0 is the linear equation λ_row + c n N = 0 with the direction n of the last N.
@@ -123,12 +122,12 @@ def _emit_loaded(
                 value = b.fma(load(b, loads, start + 1 + 2 * k + j * k + a), load(b, solution, j), value)
             values.append(value)
             square = b.fma(value, value, square)
-        size = b.call(b.module.declare_intrinsic("llvm.sqrt", [DOUBLE]), [square])
+        size = b.intrinsic("llvm.sqrt", square)
         with b.if_then(b.fcmp_ordered(">", size, number(0.0))):
             for a, value in enumerate(values):
                 store(b, b.fdiv(value, size), loads, start + 1 + a)
 
-    def once(_: ir.Value) -> None:
+    def once(_: Value) -> None:
         for load_, start in zip(active.loads, starts, strict=True):
             write_row(load_, start)
         b.call(solve, arguments)
@@ -139,37 +138,37 @@ def _emit_loaded(
     loop(b, 0, ITERATIONS if any(load_.components > 1 for load_ in active.loads) else 1, once)
 
 
-def _emit_solve(module: ir.Module, name: str, active: ActiveRows, columns: int) -> ir.Function:
+def _emit_solve(module: Module, name: str, active: ActiveRows, columns: int) -> Function:
     """Emit `void name(double* mask, double* matrix, double* right, double* solution)`."""
     n = active.rows
-    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER] * 4), name)
+    function = Function(module, FunctionType(VOID, [POINTER] * 4), name)
     function.linkage = "internal"
     mask, matrix, right, solution = function.args
-    b = ir.IRBuilder(function.append_basic_block("entry"))
+    b = IRBuilder(function.append_basic_block("entry"))
     small, order, small_right, x = (local_array(b, size) for size in (n * n, n, n, n))
-    chosen, count = b.alloca(INT, size=integer(max(n, 1))), b.alloca(INT)
+    chosen, count = b.alloca(INT, integer(max(n, 1))), b.alloca(INT)
     b.store(integer(0), count)
 
-    def chosen_row(index: ir.Value) -> ir.Value:
-        return b.load(b.gep(chosen, [index], inbounds=True, source_etype=INT), typ=INT)
+    def chosen_row(index: Value) -> Value:
+        return b.load(b.gep(chosen, index, INT), typ=INT)
 
-    def choose(i: ir.Value) -> None:
+    def choose(i: Value) -> None:
         with b.if_then(b.fcmp_unordered("!=", load(b, mask, i), number(0.0))):
             found = b.load(count, typ=INT)
-            b.store(i, b.gep(chosen, [found], inbounds=True, source_etype=INT))
+            b.store(i, b.gep(chosen, found, INT))
             b.store(b.add(found, integer(1)), count)
 
     loop(b, 0, n, choose)
     size = b.load(count, typ=INT)
 
-    def gather_column(j: ir.Value) -> None:
+    def gather_column(j: Value) -> None:
         source, target = b.mul(chosen_row(j), integer(n)), b.mul(j, integer(n))
         loop(b, 0, size, lambda i: store(b, load(b, matrix, b.add(chosen_row(i), source)), small, b.add(i, target)))
 
     loop(b, 0, size, gather_column)
     b.call(active.solver.factorize, [small, order, size])
 
-    def solve_column(offset: ir.Value) -> None:
+    def solve_column(offset: Value) -> None:
         loop(b, 0, n, lambda i: store(b, number(0.0), solution, b.add(i, offset)))
         loop(b, 0, size, lambda i: store(b, load(b, right, b.add(chosen_row(i), offset)), small_right, i))
         b.call(active.solver.solve, [small, order, small_right, x, size])

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import llvmlite.ir as ir
-
+from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType, Module, Value
+from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import (
     DOUBLE,
     INT,
-    POINTER,
     integer,
     number,
 )
@@ -29,45 +28,43 @@ class DenseSolver:
     have a last argument i64, the order of a smaller system at the start of the same arrays.
     """
 
-    factorize: ir.Function
-    solve: ir.Function
+    factorize: Function
+    solve: Function
 
 
-def emit_dense_solver(module: ir.Module, size: int, *, counted: bool = False) -> DenseSolver:
+def emit_dense_solver(module: Module, size: int, *, counted: bool = False) -> DenseSolver:
     """Emit both functions for n = `size`, or for any order up to that."""
     return DenseSolver(_factorize(module, size, counted), _solve(module, size, counted))
 
 
-def _function(module: ir.Module, name: str, arguments: int, counted: bool) -> tuple[ir.Function, ir.IRBuilder]:
+def _function(module: Module, name: str, arguments: int, counted: bool) -> tuple[Function, IRBuilder]:
     types = [POINTER] * arguments + ([INT] if counted else [])
-    function = ir.Function(module, ir.FunctionType(ir.VoidType(), types), name)
+    function = Function(module, FunctionType(VOID, types), name)
     function.linkage = "internal"
-    for argument in function.args[:arguments]:
-        argument.add_attribute("noalias")
-    return function, ir.IRBuilder(function.append_basic_block("entry"))
+    function.noalias = True
+    return function, IRBuilder(function.append_basic_block("entry"))
 
 
-def _offset(b: ir.IRBuilder, size: int, row: Index, column: Index) -> ir.Value:
+def _offset(b: IRBuilder, size: int, row: Index, column: Index) -> Value:
     """The index of an entry of a matrix that is stored column by column."""
     row, column = (integer(index) if isinstance(index, int) else index for index in (row, column))
     return b.add(row, b.mul(column, integer(size)))
 
 
-def _factorize(module: ir.Module, size: int, counted: bool) -> ir.Function:
+def _factorize(module: Module, size: int, counted: bool) -> Function:
     function, b = _function(module, "factorize", 2, counted)
     matrix, rows, *counts = function.args
     order: Index = counts[0] if counted else size
-    fabs = module.declare_intrinsic("llvm.fabs", [DOUBLE])
     largest, pivot_row = b.alloca(DOUBLE), b.alloca(INT)
     loop(b, 0, order, lambda i: store(b, b.sitofp(i, DOUBLE), rows, i))
 
-    def eliminate(k: ir.Value) -> None:
+    def eliminate(k: Value) -> None:
         following = b.add(k, integer(1))
         b.store(number(-1.0), largest)
         b.store(k, pivot_row)
 
-        def compare(i: ir.Value) -> None:
-            value = b.call(fabs, [load(b, matrix, _offset(b, size, i, k))])
+        def compare(i: Value) -> None:
+            value = b.intrinsic("llvm.fabs", load(b, matrix, _offset(b, size, i, k)))
             larger = b.fcmp_ordered(">", value, b.load(largest, typ=DOUBLE))
             b.store(b.select(larger, value, b.load(largest, typ=DOUBLE)), largest)
             b.store(b.select(larger, i, b.load(pivot_row, typ=INT)), pivot_row)
@@ -79,16 +76,16 @@ def _factorize(module: ir.Module, size: int, counted: bool) -> ir.Function:
             _swap(b, rows, k, found)
         inverse = b.fdiv(number(1.0), load(b, matrix, _offset(b, size, k, k)))
 
-        def scale(i: ir.Value) -> None:
+        def scale(i: Value) -> None:
             offset = _offset(b, size, i, k)
             store(b, b.fmul(load(b, matrix, offset), inverse), matrix, offset)
 
         loop(b, following, order, scale)
 
-        def update_column(j: ir.Value) -> None:
+        def update_column(j: Value) -> None:
             factor = load(b, matrix, _offset(b, size, k, j))
 
-            def update(i: ir.Value) -> None:
+            def update(i: Value) -> None:
                 subtracted = b.fmul(factor, load(b, matrix, _offset(b, size, i, k)))
                 offset = _offset(b, size, i, j)
                 store(b, b.fsub(load(b, matrix, offset), subtracted), matrix, offset)
@@ -103,22 +100,22 @@ def _factorize(module: ir.Module, size: int, counted: bool) -> ir.Function:
     return function
 
 
-def _solve(module: ir.Module, size: int, counted: bool) -> ir.Function:
+def _solve(module: Module, size: int, counted: bool) -> Function:
     function, b = _function(module, "solve", 4, counted)
     matrix, rows, right, x, *counts = function.args
     order: Index = counts[0] if counted else size
     last = b.sub(counts[0], integer(1)) if counted else integer(size - 1)
     loop(b, 0, order, lambda i: store(b, load(b, right, b.fptosi(load(b, rows, i), INT)), x, i))
 
-    def subtract_column(k: ir.Value, first: Index, beyond: Index) -> None:
+    def subtract_column(k: Value, first: Index, beyond: Index) -> None:
         factor = load(b, x, k)
 
-        def subtract(i: ir.Value) -> None:
+        def subtract(i: Value) -> None:
             store(b, b.fsub(load(b, x, i), b.fmul(factor, load(b, matrix, _offset(b, size, i, k)))), x, i)
 
         loop(b, first, beyond, subtract)
 
-    def substitute_back(step: ir.Value) -> None:
+    def substitute_back(step: Value) -> None:
         k = b.sub(last, step)
         store(b, b.fmul(load(b, x, k), load(b, matrix, _offset(b, size, k, k))), x, k)
         subtract_column(k, 0, k)
@@ -129,7 +126,7 @@ def _solve(module: ir.Module, size: int, counted: bool) -> ir.Function:
     return function
 
 
-def _swap(b: ir.IRBuilder, array: ir.Value, one: ir.Value, other: ir.Value) -> None:
+def _swap(b: IRBuilder, array: Value, one: Value, other: Value) -> None:
     first, second = load(b, array, one), load(b, array, other)
     store(b, second, array, one)
     store(b, first, array, other)

@@ -11,12 +11,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import llvmlite.binding as llvm
-import llvmlite.ir as ir
 
+from mbd_sim.compiler.ir import POINTER, VOID, Block, Function, FunctionType, Module, Value
+from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import (
     DOUBLE,
     INT,
-    POINTER,
     element,
     integer,
 )
@@ -27,15 +27,15 @@ RELEASING = 16  # steps from which the interpreter's lock is released; that cost
 _FASTCALL_WITH_KEYWORDS = 0x0080 | 0x0002
 _NONE = "_Py_NoneStruct"
 _USED = {
-    "PyTuple_GetItem": ir.FunctionType(POINTER, [POINTER, INT]),
-    "PyBytes_AsString": ir.FunctionType(POINTER, [POINTER]),
-    "PyLong_AsLongLong": ir.FunctionType(INT, [POINTER]),
-    "PyErr_Occurred": ir.FunctionType(POINTER, []),
-    "PyErr_Clear": ir.FunctionType(ir.VoidType(), []),
-    "PyObject_Vectorcall": ir.FunctionType(POINTER, [POINTER, POINTER, INT, POINTER]),
-    "PyEval_SaveThread": ir.FunctionType(POINTER, []),
-    "PyEval_RestoreThread": ir.FunctionType(ir.VoidType(), [POINTER]),
-    "Py_IncRef": ir.FunctionType(ir.VoidType(), [POINTER]),
+    "PyTuple_GetItem": FunctionType(POINTER, [POINTER, INT]),
+    "PyBytes_AsString": FunctionType(POINTER, [POINTER]),
+    "PyLong_AsLongLong": FunctionType(INT, [POINTER]),
+    "PyErr_Occurred": FunctionType(POINTER, []),
+    "PyErr_Clear": FunctionType(VOID, []),
+    "PyObject_Vectorcall": FunctionType(POINTER, [POINTER, POINTER, INT, POINTER]),
+    "PyEval_SaveThread": FunctionType(POINTER, []),
+    "PyEval_RestoreThread": FunctionType(VOID, [POINTER]),
+    "Py_IncRef": FunctionType(VOID, [POINTER]),
 }
 
 
@@ -58,7 +58,7 @@ def _link() -> None:
     llvm.add_symbol(_NONE, id(None))
 
 
-def emit_call(module: ir.Module, advance: ir.Function, roles: Sequence[str]) -> ir.Function:
+def emit_call(module: Module, advance: Function, roles: Sequence[str]) -> Function:
     """Emit `PyObject* call(PyObject* self, PyObject** arguments, Py_ssize_t count, PyObject* names)`.
 
     It is `step(n=1)` for the usual case: it advances and adds n to the step counter. In any other case it calls the
@@ -68,19 +68,19 @@ def emit_call(module: ir.Module, advance: ir.Function, roles: Sequence[str]) -> 
         of `self` is a bytes object with the addresses of the counter, of h, and of these pointers in order.
     """
     _link()
-    python = {name: ir.Function(module, signature, name) for name, signature in _USED.items()}
-    none = ir.GlobalVariable(module, ir.IntType(8), _NONE)
-    call = ir.Function(module, ir.FunctionType(POINTER, [POINTER, POINTER, INT, POINTER]), "call")
+    python = {name: Function(module, signature, name) for name, signature in _USED.items()}
+    none = module.external(_NONE, "i8")
+    call = Function(module, FunctionType(POINTER, [POINTER, POINTER, INT, POINTER]), "call")
     own, arguments, count, names = call.args
     blocks = {name: call.append_basic_block(name) for name in ("entry", "given", "known", "doubtful", "run", "other")}
-    b = ir.IRBuilder(blocks["entry"])
+    b = IRBuilder(blocks["entry"])
     steps = _emit_step_count(b, python, call, blocks)
     b.branch(blocks["run"])
 
     b.position_at_end(blocks["run"])
     table = b.call(python["PyBytes_AsString"], [b.call(python["PyTuple_GetItem"], [own, integer(0)])])
 
-    def address(index: int) -> ir.Value:
+    def address(index: int) -> Value:
         return b.load(element(b, table, index), typ=POINTER)
 
     counter = address(0)
@@ -102,11 +102,11 @@ def emit_call(module: ir.Module, advance: ir.Function, roles: Sequence[str]) -> 
 
 
 def _emit_step_count(
-    b: ir.IRBuilder, python: Mapping[str, ir.Function], call: ir.Function, blocks: Mapping[str, ir.Block]
-) -> ir.Value:
+    b: IRBuilder, python: Mapping[str, Function], call: Function, blocks: Mapping[str, Block]
+) -> Value:
     """Emit the reading of n, which is 1 without an argument; anything that is not a count goes to block `other`."""
     _, arguments, count, names = call.args
-    null = ir.Constant(POINTER, None)
+    null = Value(POINTER, "null")
     positional = b.and_(b.icmp_unsigned("==", names, null), b.icmp_unsigned("<=", count, integer(1)))
     with b.if_then(b.not_(positional), likely=False):
         b.branch(blocks["other"])
@@ -131,12 +131,12 @@ def _emit_step_count(
 
 
 def _emit_advance(
-    b: ir.IRBuilder,
-    python: Mapping[str, ir.Function],
-    advance: ir.Function,
-    passed: Sequence[ir.Value],
-    steps: ir.Value,
-) -> ir.Value:
+    b: IRBuilder,
+    python: Mapping[str, Function],
+    advance: Function,
+    passed: Sequence[Value],
+    steps: Value,
+) -> Value:
     """Emit the call of `advance`, without the interpreter's lock if there are many steps; returns its result."""
     with b.if_else(b.icmp_unsigned(">=", steps, integer(RELEASING))) as (many, few):
         with many:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import llvmlite.ir as ir
-
+from mbd_sim.compiler.ir import Value
 from mbd_sim.compiler.ir_types import (
     DOUBLE,
     INT,
@@ -37,7 +36,7 @@ def gauss_step(method: Gauss) -> Prepare:
         change, before = emitter.scalar(), emitter.scalar()
         emit_estimate = emitter.estimator(method.estimate, [start, *k])
 
-        def sweep(t: ir.Value) -> None:
+        def sweep(t: Value) -> None:
             """Compute each stage from the newest slopes of the others; `change` is the squared norm of the change."""
             b.store(number(0.0), change)
             for stage, (weights, c) in enumerate(zip(method.a, method.c, strict=True)):
@@ -46,14 +45,14 @@ def gauss_step(method: Gauss) -> Prepare:
                 emitter.project_stage(stage_time, trial)
                 emitter.rates(stage_time, trial, fresh)
 
-                def component(i: Index, slopes: ir.Value = slopes) -> None:
+                def component(i: Index, slopes: Value = slopes) -> None:
                     moved = b.fmul(emitter.h, b.fsub(load(b, fresh, i), load(b, slopes, i)))
                     add_square(b, change, b.fmul(moved, emitter.scale(i)))
                     store(b, load(b, fresh, i), slopes, i)
 
                 for_each(b, size, component)
 
-        def step(t: ir.Value) -> None:
+        def step(t: Value) -> None:
             emitter.rates(t, emitter.y, start, first=True)
             for slopes in k:
                 copy(b, size, start, slopes)

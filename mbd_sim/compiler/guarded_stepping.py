@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import llvmlite.ir as ir
-
-from mbd_sim.compiler.ir_types import DOUBLE, INT, POINTER, integer, local_array, number
+from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType, Module, Value
+from mbd_sim.compiler.ir_builder import IRBuilder
+from mbd_sim.compiler.ir_types import DOUBLE, FALSE, INT, integer, local_array, number
 from mbd_sim.compiler.ir_vectors import copy, for_each, load
 from mbd_sim.compiler.step_emitter import Prepare, StepEmitter, System
 from mbd_sim.compiler.stepping import ESTIMATED_EVERY, emit_plain_advance
@@ -38,8 +38,8 @@ class Guards:
     gaps: int
     rows: int
     count: int
-    readings: ir.Function
-    open_guards: ir.Function
+    readings: Function
+    open_guards: Function
     first_mode: int
     modes: int
     tolerance: float
@@ -47,8 +47,8 @@ class Guards:
 
 
 def emit_guarded_advance(
-    module: ir.Module, open_system: System, closed_system: System, prepare: Prepare, guards: Guards
-) -> ir.Function:
+    module: Module, open_system: System, closed_system: System, prepare: Prepare, guards: Guards
+) -> Function:
     """Emit the functions below and return `estimating_advance`, see `mbd_sim.compiler.stepping.emit_advance`.
 
     `i64 advance_to_event(y, inputs, i64 first, double h, i64 steps, estimate)` takes steps until a guard becomes
@@ -61,9 +61,9 @@ def emit_guarded_advance(
     )
     arguments = [POINTER, POINTER, INT, DOUBLE, INT, POINTER]
     for name, mode in (("advance_to_event", TO_EVENT), ("estimating_advance", WHOLE)):
-        function = ir.Function(module, ir.FunctionType(INT, arguments), name)
+        function = Function(module, FunctionType(INT, arguments), name)
         state, inputs, first, h, count, estimate = function.args
-        b = ir.IRBuilder(function.append_basic_block("entry"))
+        b = IRBuilder(function.append_basic_block("entry"))
         given = [state, inputs, number(0.0), first, h, count, integer(mode), estimate]
         taken = _call_loop(b, loops, guards, given)
         b.ret(taken if mode == TO_EVENT else b.zext(b.icmp_signed("==", taken, count), INT))
@@ -72,19 +72,17 @@ def emit_guarded_advance(
     return function
 
 
-def _emit_part_step(module: ir.Module, loops: Sequence[ir.Function], guards: Guards) -> None:
-    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER, POINTER, DOUBLE, DOUBLE]), "part_step")
+def _emit_part_step(module: Module, loops: Sequence[Function], guards: Guards) -> None:
+    function = Function(module, FunctionType(VOID, [POINTER, POINTER, DOUBLE, DOUBLE]), "part_step")
     state, inputs, t, h = function.args
-    b = ir.IRBuilder(function.append_basic_block("entry"))
+    b = IRBuilder(function.append_basic_block("entry"))
     unread = local_array(b, 1)
     b.store(number(0.0), unread)
     _call_loop(b, loops, guards, [state, inputs, t, integer(0), h, integer(1), integer(PART), unread])
     b.ret_void()
 
 
-def _call_loop(
-    b: ir.IRBuilder, loops: Sequence[ir.Function], guards: Guards, arguments: Sequence[ir.Value]
-) -> ir.Value:
+def _call_loop(b: IRBuilder, loops: Sequence[Function], guards: Guards, arguments: Sequence[Value]) -> Value:
     """Call the first of two loops if any mode is not open, the second one otherwise."""
     taken, squares = [], number(0.0)
     for index in range(guards.first_mode, guards.first_mode + guards.modes):
@@ -101,8 +99,8 @@ def _call_loop(
 
 
 def _emit_loop(
-    module: ir.Module, name: str, system: System, prepare: Prepare, guards: Guards, *, closed: bool
-) -> ir.Function:
+    module: Module, name: str, system: System, prepare: Prepare, guards: Guards, *, closed: bool
+) -> Function:
     """Emit `i64 name(y, inputs, double start, i64 first, double h, i64 steps, i64 mode, estimate)`.
 
     Step k starts at the time `start` + k h, counted from `first`. It returns the number of steps before the first one
@@ -110,13 +108,13 @@ def _emit_loop(
     """
     function = _new_loop(module, name)
     state, inputs, start, first, h, count, mode, estimate = function.args
-    b = ir.IRBuilder(function.append_basic_block("entry"))
+    b = IRBuilder(function.append_basic_block("entry"))
     emitter, size = StepEmitter(b, system, inputs, h), system.size
     emit_step, y, before = prepare(emitter), emitter.y, emitter.vector()
     check, sum_of_zeros = _Check(b, guards, closed), emitter.scalar()
     guarded = b.icmp_signed("!=", mode, integer(PART))
 
-    def time_of(step: ir.Value) -> ir.Value:
+    def time_of(step: Value) -> Value:
         return b.fadd(start, b.fmul(b.sitofp(step, DOUBLE), h))
 
     copy(b, size, state, y)
@@ -162,21 +160,19 @@ def _emit_loop(
     return function
 
 
-def _new_loop(module: ir.Module, name: str) -> ir.Function:
+def _new_loop(module: Module, name: str) -> Function:
     types = [POINTER, POINTER, DOUBLE, INT, DOUBLE, INT, INT, POINTER]
-    function = ir.Function(module, ir.FunctionType(INT, types), name)
+    function = Function(module, FunctionType(INT, types), name)
     function.linkage = "internal"
-    function.attributes.add("noinline")
-    for argument in function.args:
-        if argument.type == POINTER:
-            argument.add_attribute("noalias")
+    function.attributes = ["noinline"]
+    function.noalias = True
     return function
 
 
 class _Check:
     """The guards before and after a step, and whether one of them ends the step; with or without active rows."""
 
-    def __init__(self, b: ir.IRBuilder, guards: Guards, closed: bool) -> None:
+    def __init__(self, b: IRBuilder, guards: Guards, closed: bool) -> None:
         """Allocate the arrays; the builder `b` must be in the entry block of a function."""
         self._b, self._guards, self._slips = b, guards, guards.slips if closed else ()
         rates = guards.rows if closed else guards.gaps
@@ -186,7 +182,7 @@ class _Check:
         self._after = local_array(b, guards.gaps + 2 * guards.rows + guards.count + len(guards.slips))
         self._before = local_array(b, self._kept)
 
-    def read(self, t: ir.Value, y: ir.Value, inputs: ir.Value, time: ir.Value) -> None:
+    def read(self, t: Value, y: Value, inputs: Value, time: Value) -> None:
         """Evaluate the guards of a state; `time` is the address of a number."""
         self._b.store(t, time)
         self._b.call(self._function, [time, y, inputs, self._after])
@@ -195,13 +191,13 @@ class _Check:
         """Keep those that have been read as those before the step."""
         copy(self._b, self._kept, self._after, self._before)
 
-    def ended(self, inputs: ir.Value, h: ir.Value) -> ir.Value:
+    def ended(self, inputs: Value, h: Value) -> Value:
         """Whether a guard is negative after the step or not a number, or a gap may have been negative within it.
 
         The same where a slip along two directions has changed too much.
         """
         b, limit, gaps = self._b, number(-self._guards.tolerance), self._guards.gaps
-        found = ir.Constant(ir.IntType(1), 0)
+        found = FALSE
         for index in self._negative:
             found = b.or_(found, b.fcmp_unordered("<", load(b, self._after, index), limit))
         for index, slip in enumerate(self._slips, self._negative.stop):
@@ -219,14 +215,14 @@ class _Check:
             found = b.or_(found, b.and_(b.and_(turns, open_before), deep))
         return found
 
-    def _turns(self, slip: tuple[int, int], inputs: ir.Value) -> ir.Value:
+    def _turns(self, slip: tuple[int, int], inputs: Value) -> Value:
         """Whether a slip that slides has changed by more than `TURNING`."""
         b, guards = self._b, self._guards
         direction = [load(b, inputs, guards.first_mode + guards.rows + row) for row in slip]
         was = [load(b, self._before, guards.gaps + row) for row in slip]
         now = [load(b, self._after, guards.gaps + row) for row in slip]
 
-        def square(parts: list[ir.Value]) -> ir.Value:
+        def square(parts: list[Value]) -> Value:
             return b.fma(parts[1], parts[1], b.fmul(parts[0], parts[0]))
 
         change = square([b.fsub(new, old) for new, old in zip(now, was, strict=True)])
@@ -236,7 +232,7 @@ class _Check:
         return b.and_(b.and_(slides, moves), too_far)
 
 
-def _is_finite(b: ir.IRBuilder, size: int, y: ir.Value, total: ir.Value) -> ir.Value:
+def _is_finite(b: IRBuilder, size: int, y: Value, total: Value) -> Value:
     zero = number(0.0)
     b.store(zero, total)
     for_each(b, size, lambda i: b.store(b.fadd(b.load(total, typ=DOUBLE), b.fmul(load(b, y, i), zero)), total))

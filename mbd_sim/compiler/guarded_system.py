@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import casadi as ca
-import llvmlite.ir as ir
 
 from mbd_sim.compiler.active_rows import ActiveRows, Load, emit_solved
 from mbd_sim.compiler.dense_solver import emit_dense_solver
 from mbd_sim.compiler.guarded_stepping import Guards, emit_guarded_advance
 from mbd_sim.compiler.instruction_list import Instructions, zero_components
-from mbd_sim.compiler.ir_types import POINTER, local_array
+from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType, Module
+from mbd_sim.compiler.ir_builder import IRBuilder
+from mbd_sim.compiler.ir_types import local_array
 from mbd_sim.compiler.lowering import instruction_count, lower
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.compiler.step_emitter import Prepare, System
@@ -44,8 +45,8 @@ class OneSidedSystem:
 
 
 def emit_guarded(
-    module: ir.Module, system: System, program: Instructions, prepare: Prepare, one_sided: OneSidedSystem
-) -> ir.Function:
+    module: Module, system: System, program: Instructions, prepare: Prepare, one_sided: OneSidedSystem
+) -> Function:
     """Emit all functions and return `estimating_advance`.
 
     `system` is the one with everything open, and `program` are its rates. Energies of which it changes none are left
@@ -72,22 +73,22 @@ def emit_guarded(
         tolerance=one_sided.tolerance,
         slips=one_sided.slips,
     )
-    exported = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER] * 4), "read_contacts")
-    builder = ir.IRBuilder(exported.append_basic_block("entry"))
+    exported = Function(module, FunctionType(VOID, [POINTER] * 4), "read_contacts")
+    builder = IRBuilder(exported.append_basic_block("entry"))
     builder.call(readings, exported.args)
     builder.ret_void()
     still = frozenset(component for component in zero_components(program) if component >= system.error_size)
     return emit_guarded_advance(module, replace(system, still=still), closed, prepare, guards)
 
 
-def _both(module: ir.Module, system: System, contact_project: ir.Function) -> ir.Function:
+def _both(module: Module, system: System, contact_project: Function) -> Function:
     """The projection onto the two-sided constraints, then that onto the active rows."""
     if system.projection is None:
         return contact_project
-    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER] * 4), "project_all")
+    function = Function(module, FunctionType(VOID, [POINTER] * 4), "project_all")
     function.linkage = "internal"
     t, y, inputs, out = function.args
-    b = ir.IRBuilder(function.append_basic_block("entry"))
+    b = IRBuilder(function.append_basic_block("entry"))
     between = local_array(b, system.size)
     b.call(system.projection, [t, y, *([inputs] if system.projection_takes_inputs else []), between])
     b.call(contact_project, [t, between, inputs, out])

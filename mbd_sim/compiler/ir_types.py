@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-import llvmlite.ir as ir
+import struct
 
-DOUBLE = ir.DoubleType()
-INT = ir.IntType(64)
-POINTER = ir.PointerType()
+from mbd_sim.compiler.ir import BOOL, Value
+from mbd_sim.compiler.ir_builder import IRBuilder
+
+DOUBLE, INT = "double", "i64"
+FALSE = Value(BOOL, "false")
 
 
-def number(value: float) -> ir.Constant:
+def number(value: float) -> Value:
     """A double."""
-    return ir.Constant(DOUBLE, float(value))
+    return Value(DOUBLE, f"0x{struct.pack('>d', value).hex()}")
 
 
-def integer(value: int) -> ir.Constant:
+def integer(value: int) -> Value:
     """A 64-bit integer."""
-    return ir.Constant(INT, value)
+    return Value(INT, str(value))
 
 
-def element(builder: ir.IRBuilder, array: ir.Value, index: int | ir.Value) -> ir.Value:
+def element(builder: IRBuilder, array: Value, index: int | Value) -> Value:
     """The address of one double of an array."""
-    offset = integer(index) if isinstance(index, int) else index
-    return builder.gep(array, [offset], inbounds=True, source_etype=DOUBLE)
+    return builder.gep(array, integer(index) if isinstance(index, int) else index, DOUBLE)
 
 
-def local_array(builder: ir.IRBuilder, size: int) -> ir.Value:
+def local_array(builder: IRBuilder, size: int) -> Value:
     """An array of doubles on the stack; only in the entry block of a function."""
-    return builder.alloca(DOUBLE, size=integer(max(size, 1)))
+    return builder.alloca(DOUBLE, integer(max(size, 1)))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
-import llvmlite.ir as ir
-
+from mbd_sim.compiler.ir import Value
+from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import (
     DOUBLE,
     INT,
@@ -19,21 +19,21 @@ UNROLLED = 40  # components up to which operations on state vectors are unrolled
 
 NONE: frozenset[int] = frozenset()
 
-Index: TypeAlias = int | ir.Value
-Terms: TypeAlias = Sequence[tuple[float, ir.Value]]
+Index: TypeAlias = int | Value
+Terms: TypeAlias = Sequence[tuple[float, Value]]
 
 
-def load(b: ir.IRBuilder, array: ir.Value, index: Index) -> ir.Value:
+def load(b: IRBuilder, array: Value, index: Index) -> Value:
     """The value of a component."""
     return b.load(element(b, array, index), typ=DOUBLE)
 
 
-def store(b: ir.IRBuilder, value: ir.Value, array: ir.Value, index: Index) -> None:
+def store(b: IRBuilder, value: Value, array: Value, index: Index) -> None:
     """Set one component."""
     b.store(value, element(b, array, index))
 
 
-def loop(b: ir.IRBuilder, first: Index, beyond: Index, body: Callable[[ir.Value], object]) -> None:
+def loop(b: IRBuilder, first: Index, beyond: Index, body: Callable[[Value], object]) -> None:
     """Emit `body` for every index from `first` to before `beyond`."""
     before = b.block
     head = b.append_basic_block("head")
@@ -53,7 +53,7 @@ def loop(b: ir.IRBuilder, first: Index, beyond: Index, body: Callable[[ir.Value]
     b.position_at_end(after)
 
 
-def for_each(b: ir.IRBuilder, size: int, body: Callable[[Index], object], still: frozenset[int] = NONE) -> None:
+def for_each(b: IRBuilder, size: int, body: Callable[[Index], object], still: frozenset[int] = NONE) -> None:
     """Emit `body` for every component: unrolled if there are few, as a loop if there are many.
 
     Components in `still` need it not; where there are few, they are left out.
@@ -66,34 +66,32 @@ def for_each(b: ir.IRBuilder, size: int, body: Callable[[Index], object], still:
         loop(b, 0, size, body)
 
 
-def copy(b: ir.IRBuilder, size: int, source: ir.Value, target: ir.Value) -> None:
+def copy(b: IRBuilder, size: int, source: Value, target: Value) -> None:
     """Target = source."""
     for_each(b, size, lambda i: store(b, load(b, source, i), target, i))
 
 
-def weighted(weights: Sequence[float], vectors: Sequence[ir.Value]) -> Terms:
+def weighted(weights: Sequence[float], vectors: Sequence[Value]) -> Terms:
     """The terms of Σ weight vector, without those whose weight is zero."""
     return [(weight, vector) for weight, vector in zip(weights, vectors, strict=False) if weight]
 
 
-def total(b: ir.IRBuilder, terms: Terms, index: Index) -> ir.Value:
+def total(b: IRBuilder, terms: Terms, index: Index) -> Value:
     """A component of Σ weight vector with at least one term, summed in order with fused multiply-adds."""
-    partial = None
-    for weight, vector in terms:
-        value = load(b, vector, index)
-        if partial is not None:
-            partial = b.fma(number(weight), value, partial)
-        else:
-            partial = value if weight == 1.0 else b.fmul(number(weight), value)
+    (weight, vector), *others = terms
+    first = load(b, vector, index)
+    partial = first if weight == 1.0 else b.fmul(number(weight), first)
+    for weight, vector in others:
+        partial = b.fma(number(weight), load(b, vector, index), partial)
     return partial
 
 
 def combine(
-    b: ir.IRBuilder,
+    b: IRBuilder,
     size: int,
-    target: ir.Value,
-    base: ir.Value,
-    h: ir.Value | None,
+    target: Value,
+    base: Value,
+    h: Value | None,
     terms: Terms,
     *,
     still: frozenset[int] = NONE,
@@ -108,11 +106,11 @@ def combine(
 
 
 def combine_at_once(
-    b: ir.IRBuilder,
+    b: IRBuilder,
     size: int,
-    target: ir.Value,
-    base: ir.Value,
-    h: ir.Value,
+    target: Value,
+    base: Value,
+    h: Value,
     terms: Terms,
     *,
     still: frozenset[int] = NONE,
@@ -139,6 +137,6 @@ def combine_at_once(
         for_each(b, size, component, still)
 
 
-def add_square(b: ir.IRBuilder, into: ir.Value, value: ir.Value) -> None:
+def add_square(b: IRBuilder, into: Value, value: Value) -> None:
     """Add value² to the number at the address `into`."""
     b.store(b.fma(value, value, b.load(into, typ=DOUBLE)), into)

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from typing import TypeAlias, cast
 
 import casadi as ca
-import llvmlite.ir as ir
 
 from mbd_sim.compiler.fastcall import callable_of, emit_call
 from mbd_sim.compiler.gauss_step import gauss_step
 from mbd_sim.compiler.guarded_system import OneSidedSystem, emit_guarded
 from mbd_sim.compiler.instruction_list import Instructions
+from mbd_sim.compiler.ir import Module
 from mbd_sim.compiler.linearized_system import linearize_rates
 from mbd_sim.compiler.lowering import instruction_count, lower
 from mbd_sim.compiler.machine_code import MachineCode, compile_module, new_module
@@ -131,7 +131,7 @@ def _guarded(code: MachineCode) -> GuardedKernel:
 
 
 def emit_system(
-    module: ir.Module,
+    module: Module,
     rates: ca.Function,
     program: Instructions,
     projection: ca.Function | None,

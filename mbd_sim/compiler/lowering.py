@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import casadi as ca
-import llvmlite.ir as ir
 
 from mbd_sim.compiler.instruction_list import (
     MULTIPLY_ADD,
@@ -18,9 +17,10 @@ from mbd_sim.compiler.instruction_list import (
     SUBTRACT_PRODUCT,
     Instructions,
 )
+from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType, Module, Value
+from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import (
     DOUBLE,
-    POINTER,
     element,
     local_array,
     number,
@@ -29,9 +29,9 @@ from mbd_sim.compiler.simd_builder import LaneBuilder, new_builder
 from mbd_sim.compiler.split_functions import PieceWork, live_out, pieces
 from mbd_sim.compiler.trigonometry import sine_cosine
 
-Build = Callable[["_Lowering", ir.Value], ir.Value]
-Build2 = Callable[["_Lowering", ir.Value, ir.Value], ir.Value]
-Build3 = Callable[["_Lowering", ir.Value, ir.Value, ir.Value], ir.Value]
+Build = Callable[["_Lowering", Value], Value]
+Build2 = Callable[["_Lowering", Value, Value], Value]
+Build3 = Callable[["_Lowering", Value, Value, Value], Value]
 
 _UNARY: dict[int, Build] = {
     ca.OP_ASSIGN: lambda low, x: x,
@@ -39,10 +39,10 @@ _UNARY: dict[int, Build] = {
     ca.OP_SQ: lambda low, x: low.builder.fmul(x, x),
     ca.OP_TWICE: lambda low, x: low.builder.fadd(x, x),
     ca.OP_INV: lambda low, x: low.builder.fdiv(number(1.0), x),
-    ca.OP_SQRT: lambda low, x: low.intrinsic("llvm.sqrt", x),
-    ca.OP_FABS: lambda low, x: low.intrinsic("llvm.fabs", x),
+    ca.OP_SQRT: lambda low, x: low.builder.intrinsic("llvm.sqrt", x),
+    ca.OP_FABS: lambda low, x: low.builder.intrinsic("llvm.fabs", x),
     ca.OP_SIGN: lambda low, x: low.sign(x),
-    ca.OP_FLOOR: lambda low, x: low.intrinsic("llvm.floor", x),
+    ca.OP_FLOOR: lambda low, x: low.builder.intrinsic("llvm.floor", x),
     ca.OP_SIN: lambda low, x: low.sine_cosine(x)[0],
     ca.OP_COS: lambda low, x: low.sine_cosine(x)[1],
     ca.OP_NOT: lambda low, x: low.truth(low.builder.fcmp_ordered("==", x, number(0.0))),
@@ -80,7 +80,7 @@ _LIBRARY: dict[int, str] = {
 }
 
 
-def lower(module: ir.Module, function: Instructions, inline: bool, lanes: int = 1) -> ir.Function:
+def lower(module: Module, function: Instructions, inline: bool, lanes: int = 1) -> Function:
     """Emit `function` as `void name(double* in0, …, double* out0, …)`, whose arguments must not overlap.
 
     With several `lanes` each double is a vector, see `LaneBuilder`.
@@ -91,8 +91,8 @@ def lower(module: ir.Module, function: Instructions, inline: bool, lanes: int = 
     emitted, builder = _define(module, function.name(), inputs + outputs, inline, lanes)
     split, by_reciprocal = pieces(function), shared_divisions(function)
     if len(split) == 1:
-        lowering, work = _Lowering(module, builder), [None] * function.sz_w()
-        lowering.run(function, by_reciprocal, split[0], emitted.args[:inputs], emitted.args[inputs:], work)
+        arguments = emitted.args[:inputs], emitted.args[inputs:]
+        _Lowering(module, builder).run(function, by_reciprocal, split[0], *arguments, {})
     else:
         memory = local_array(builder, function.sz_w())
         for piece_number, (piece, saved) in enumerate(zip(split, live_out(function, split), strict=True)):
@@ -107,34 +107,31 @@ def lower(module: ir.Module, function: Instructions, inline: bool, lanes: int = 
     return emitted
 
 
-def _define(module: ir.Module, name: str, arguments: int, inline: bool, lanes: int) -> tuple[ir.Function, ir.IRBuilder]:
-    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER] * arguments), name)
+def _define(module: Module, name: str, arguments: int, inline: bool, lanes: int) -> tuple[Function, IRBuilder]:
+    function = Function(module, FunctionType(VOID, [POINTER] * arguments), name)
     function.linkage = "internal"
-    function.attributes.add("alwaysinline" if inline else "noinline")
-    function.attributes.add("nounwind")
-    for argument in function.args:
-        argument.add_attribute("noalias")
+    function.attributes = ["alwaysinline" if inline else "noinline", "nounwind"]
+    function.noalias = True
     return function, new_builder(function.append_basic_block("entry"), lanes)
 
 
 class _Lowering:
     """The emission of a list of instructions, with the values that are computed once and used again."""
 
-    def __init__(self, module: ir.Module, builder: ir.IRBuilder) -> None:
-        self.module: ir.Module = module
-        self.builder: ir.IRBuilder = builder
-        self._sines_cosines: dict[int, tuple[ir.Value, ir.Value]] = {}  # by the id of the angle
-        self._reciprocals: dict[int, ir.Value] = {}  # by the id of the divisor
-        self._referenced: list[ir.Value] = []  # keeps these objects, so that their ids stay unique
+    def __init__(self, module: Module, builder: IRBuilder) -> None:
+        self.module: Module = module
+        self.builder: IRBuilder = builder
+        self._sines_cosines: dict[Value, tuple[Value, Value]] = {}  # by angle
+        self._reciprocals: dict[Value, Value] = {}  # by divisor
 
     def run(
         self,
         function: Instructions,
         by_reciprocal: frozenset[int],
         instructions: range,
-        inputs: Sequence[ir.Value],
-        outputs: Sequence[ir.Value],
-        work: list[ir.Value | None] | PieceWork,
+        inputs: Sequence[Value],
+        outputs: Sequence[Value],
+        work: dict[int, Value],
     ) -> None:
         """Emit a range of the instructions; `work` is the work vector."""
         for index in instructions:
@@ -161,47 +158,40 @@ class _Lowering:
             else:
                 raise NotImplementedError(f"no kernel instruction for CasADi operation {operation}")
 
-    def intrinsic(self, name: str, *arguments: ir.Value) -> ir.Value:
-        return self.builder.call(self.module.declare_intrinsic(name, [DOUBLE]), arguments)
-
-    def library(self, name: str, *arguments: ir.Value) -> ir.Value:
-        function = self.module.globals.get(name)
-        if function is None:
-            function = ir.Function(self.module, ir.FunctionType(DOUBLE, [DOUBLE] * len(arguments)), name)
+    def library(self, name: str, *arguments: Value) -> Value:
+        function = self.module.declared(name, DOUBLE, [DOUBLE] * len(arguments))
         b = self.builder
         if isinstance(b, LaneBuilder) and any(argument.type != DOUBLE for argument in arguments):
             wide = [b.widened(argument) for argument in arguments]
             return b.gathered([b.call(function, [b.lane(a, index) for a in wide]) for index in range(b.lanes)])
         return b.call(function, arguments)
 
-    def sign(self, x: ir.Value) -> ir.Value:
+    def sign(self, x: Value) -> Value:
         """-1, 0 or 1 as CasADi defines it, and nan for nan."""
         above = self.truth(self.builder.fcmp_ordered(">", x, number(0.0)))
         below = self.truth(self.builder.fcmp_ordered("<", x, number(0.0)))
         value = self.builder.fsub(above, below)
         return self.builder.select(self.builder.fcmp_unordered("uno", x, x), x, value)
 
-    def sine_cosine(self, angle: ir.Value) -> tuple[ir.Value, ir.Value]:
+    def sine_cosine(self, angle: Value) -> tuple[Value, Value]:
         """Sine and cosine of an angle, computed once."""
-        if id(angle) not in self._sines_cosines:
-            self._sines_cosines[id(angle)] = sine_cosine(self.module, self.builder, angle)
-            self._referenced.append(angle)
-        return self._sines_cosines[id(angle)]
+        if angle not in self._sines_cosines:
+            self._sines_cosines[angle] = sine_cosine(self.module, self.builder, angle)
+        return self._sines_cosines[angle]
 
-    def reciprocal(self, divisor: ir.Value) -> ir.Value:
+    def reciprocal(self, divisor: Value) -> Value:
         """1 / divisor, computed once."""
-        if id(divisor) not in self._reciprocals:
-            self._reciprocals[id(divisor)] = self.builder.fdiv(number(1.0), divisor)
-            self._referenced.append(divisor)
-        return self._reciprocals[id(divisor)]
+        if divisor not in self._reciprocals:
+            self._reciprocals[divisor] = self.builder.fdiv(number(1.0), divisor)
+        return self._reciprocals[divisor]
 
-    def select(self, order: str, x: ir.Value, y: ir.Value) -> ir.Value:
+    def select(self, order: str, x: Value, y: Value) -> Value:
         return self.builder.select(self.builder.fcmp_ordered(order, x, y), x, y)
 
-    def truth(self, condition: ir.Value) -> ir.Value:
+    def truth(self, condition: Value) -> Value:
         return self.builder.select(condition, number(1.0), number(0.0))
 
-    def if_else_zero(self, condition: ir.Value, value: ir.Value) -> ir.Value:
+    def if_else_zero(self, condition: Value, value: Value) -> Value:
         return self.builder.select(self.builder.fcmp_unordered("!=", condition, number(0.0)), value, number(0.0))
 
 

@@ -7,11 +7,11 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import casadi as ca
-import llvmlite.ir as ir
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.compiler.ir_types import POINTER
+from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType, Module
+from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.lowering import lower
 from mbd_sim.compiler.machine_code import compile_module, new_module
 
@@ -63,10 +63,10 @@ class BoundReader:
         return self._out
 
 
-def export(module: ir.Module, name: str, function: ir.Function) -> None:
+def export(module: Module, name: str, function: Function) -> None:
     """Export a function of the module under a name."""
-    exported = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER] * len(function.args)), name)
-    builder = ir.IRBuilder(exported.append_basic_block("entry"))
+    exported = Function(module, FunctionType(VOID, [POINTER] * len(function.args)), name)
+    builder = IRBuilder(exported.append_basic_block("entry"))
     builder.call(function, exported.args)
     builder.ret_void()
 

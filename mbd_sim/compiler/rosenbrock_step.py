@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import llvmlite.ir as ir
-
 from mbd_sim.compiler.dense_solver import emit_dense_solver
+from mbd_sim.compiler.ir import Value
 from mbd_sim.compiler.ir_types import local_array, number
 from mbd_sim.compiler.ir_vectors import (
     Index,
@@ -53,7 +52,7 @@ class _RosenbrockStep:
         self._emit_estimate = emitter.estimator(method.estimate, self._increments)
         self._explicit = explicit_step(EXPLICIT["rk4"])(emitter) if emitter.system.reports_conditioning else None
 
-    def step(self, t: ir.Value) -> None:
+    def step(self, t: Value) -> None:
         """Emit the step from time t on."""
         emitter = self._emitter
         emitter.rates(t, emitter.y, self._slopes, first=True)
@@ -66,7 +65,7 @@ class _RosenbrockStep:
             with otherwise:
                 self._implicit(t)
 
-    def _implicit(self, t: ir.Value) -> None:
+    def _implicit(self, t: Value) -> None:
         """Linearize, factorize, and solve for the increment of each stage."""
         emitter, method, b = self._emitter, self._method, self._emitter.b
         b.store(t, emitter.time)
@@ -89,11 +88,11 @@ class _RosenbrockStep:
 def stage_slopes(
     emitter: StepEmitter,
     method: Rosenbrock,
-    t: ir.Value,
+    t: Value,
     stage: int,
-    increments: Sequence[ir.Value],
-    trial: ir.Value,
-    slopes: ir.Value,
+    increments: Sequence[Value],
+    trial: Value,
+    slopes: Value,
 ) -> None:
     """Emit `slopes` = f(t + c h, y + Σ a U) of a stage; `trial` receives the state."""
     weights = method.a[stage]
@@ -108,10 +107,10 @@ def right_side(
     emitter: StepEmitter,
     method: Rosenbrock,
     stage: int,
-    increments: Sequence[ir.Value],
-    slopes: ir.Value,
-    time_rates: ir.Value | None,
-    right: ir.Value,
+    increments: Sequence[Value],
+    slopes: Value,
+    time_rates: Value | None,
+    right: Value,
 ) -> None:
     """Emit `right` = γ (h f + Σ g U + d h² f_t) of a stage; f_t is zero if `time_rates` is None."""
     b = emitter.b
@@ -123,7 +122,7 @@ def right_side(
         value = b.fmul(emitter.h, load(b, slopes, i))
         if sums:
             value = b.fadd(value, total(b, sums, i))
-        if d_h_squared is not None:
+        if time_rates is not None and d_h_squared is not None:
             value = b.fadd(value, b.fmul(d_h_squared, load(b, time_rates, i)))
         store(b, b.fmul(number(method.gamma), value), right, i)
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import casadi as ca
-import llvmlite.ir as ir
 
+from mbd_sim.compiler.ir import Value
 from mbd_sim.compiler.ir_types import local_array, number
 from mbd_sim.compiler.ir_vectors import combine, weighted
 from mbd_sim.compiler.lowering import lower
@@ -35,7 +35,7 @@ class _RosenbrockWStep:
         self._g = emitter.scalar()
         self._emit_estimate = emitter.estimator(method.estimate, self._increments)
 
-    def step(self, t: ir.Value) -> None:
+    def step(self, t: Value) -> None:
         """Emit the step from time t on."""
         emitter, method, b = self._emitter, self._method, self._emitter.b
         emitter.rates(t, emitter.y, self._slopes, first=True)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import llvmlite.ir as ir
-
+from mbd_sim.compiler.ir import Value
 from mbd_sim.compiler.ir_vectors import combine, combine_at_once, load, store, weighted
 from mbd_sim.compiler.step_emitter import EmitStep, Prepare, StepEmitter
 from mbd_sim.integrators.tableau import Tableau
@@ -18,7 +17,7 @@ def explicit_step(method: Tableau) -> Prepare:
         system, size, y = emitter.system, emitter.system.size, emitter.y
         still, unread = system.still | system.held, system.unread | system.held
 
-        def step(t: ir.Value) -> None:
+        def step(t: Value) -> None:
             for index in sorted(system.held - system.unread):
                 store(emitter.b, load(emitter.b, y, index), trial, index)
             for stage, (weights, c) in enumerate(zip(method.a, method.c, strict=True)):

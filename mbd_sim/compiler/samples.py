@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import llvmlite.ir as ir
-
+from mbd_sim.compiler.ir import Function, Module, Value
+from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import integer, local_array
 from mbd_sim.compiler.ir_vectors import load, store
 from mbd_sim.compiler.lowering import lower
@@ -18,13 +18,13 @@ class Samples:
     """The delays of a system, and its samplers, each with its lowered function."""
 
     delays: Sequence[DelayLine]
-    sampled: Sequence[tuple[Sampler, ir.Function]]
+    sampled: Sequence[tuple[Sampler, Function]]
 
-    def results(self, b: ir.IRBuilder) -> ir.Value:
+    def results(self, b: IRBuilder) -> Value:
         """A new array for `emit`; only in the entry block of a function."""
         return local_array(b, max([1, *(len(sampler.components) for sampler, _ in self.sampled)]))
 
-    def emit(self, b: ir.IRBuilder, step: ir.Value, arguments: Sequence[ir.Value], results: ir.Value) -> None:
+    def emit(self, b: IRBuilder, step: Value, arguments: Sequence[Value], results: Value) -> None:
         """Emit the changes of y before a step.
 
         :param step: its number.
@@ -45,14 +45,14 @@ class Samples:
 
 
 def _emit_sample(
-    b: ir.IRBuilder, sampler: Sampler, function: ir.Function, arguments: Sequence[ir.Value], results: ir.Value
+    b: IRBuilder, sampler: Sampler, function: Function, arguments: Sequence[Value], results: Value
 ) -> None:
     b.call(function, [*arguments, results])
     for index, component in enumerate(sampler.components):
         store(b, load(b, results, index), arguments[1], component)
 
 
-def emit_samples(module: ir.Module, between_steps: BetweenSteps | None, lanes: int = 1) -> Samples | None:
+def emit_samples(module: Module, between_steps: BetweenSteps | None, lanes: int = 1) -> Samples | None:
     """Emit the sampled functions; None if nothing changes between steps."""
     if between_steps is None or not (between_steps.delays or between_steps.samplers):
         return None

@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import casadi as ca
-import llvmlite.ir as ir
 
 from mbd_sim.compiler.instruction_list import Instructions
+from mbd_sim.compiler.ir import Value
+from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import DOUBLE, element
 
 PIECE = 4000  # instructions of one function
@@ -43,14 +44,14 @@ def live_out(function: Instructions, split: Sequence[range]) -> list[set[int]]:
     return found[::-1]
 
 
-class PieceWork(dict[int, ir.Value]):
+class PieceWork(dict[int, Value]):
     """The work vector within a piece: values that the piece has not set are loaded from memory."""
 
-    def __init__(self, builder: ir.IRBuilder, memory: ir.Value) -> None:
+    def __init__(self, builder: IRBuilder, memory: Value) -> None:
         super().__init__()
         self._builder, self._memory = builder, memory
 
-    def __missing__(self, index: int) -> ir.Value:
+    def __missing__(self, index: int) -> Value:
         self[index] = self._builder.load(element(self._builder, self._memory, index), typ=DOUBLE)
         return self[index]
 

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
 
-import llvmlite.ir as ir
-
-from mbd_sim.compiler.ir_types import DOUBLE, local_array, number
+from mbd_sim.compiler.ir import Function, Value
+from mbd_sim.compiler.ir_builder import IRBuilder
+from mbd_sim.compiler.ir_types import DOUBLE, FALSE, local_array, number
 from mbd_sim.compiler.ir_vectors import (
     Index,
     add_square,
@@ -40,8 +40,8 @@ class System:
 
     size: int
     error_size: int
-    rates: ir.Function
-    projection: ir.Function | None
+    rates: Function
+    projection: Function | None
     reports_conditioning: bool = False
     projection_takes_inputs: bool = False
     still: frozenset[int] = frozenset()
@@ -60,46 +60,46 @@ class StepEmitter:
     `time` is the address of the time argument, and `largest_error` that of the largest error estimate so far.
     """
 
-    def __init__(self, b: ir.IRBuilder, system: System, inputs: ir.Value, h: ir.Value) -> None:
+    def __init__(self, b: IRBuilder, system: System, inputs: Value, h: Value) -> None:
         """Allocate the arrays; the builder `b` must be in the entry block of a function."""
         self.b, self.system, self.inputs, self.h = b, system, inputs, h
         self.y, self.time, self.largest_error = self.vector(), self.scalar(), self.scalar()
-        self.is_estimated: ir.Value = ir.Constant(ir.IntType(1), 0)  # whether the error of this step is estimated
+        self.is_estimated: Value = FALSE  # whether the error of this step is estimated
         self._projected = self.vector() if system.projection is not None else None
         self._conditioning, self._ignored = self.scalar(), self.scalar()
         self._sampled = None if system.samples is None else system.samples.results(b)
 
-    def vector(self) -> ir.Value:
+    def vector(self) -> Value:
         """A new array of the size of the state; only in the entry block."""
         return local_array(self.b, self.system.size)
 
-    def scalar(self) -> ir.Value:
+    def scalar(self) -> Value:
         """A new number in memory; only in the entry block."""
         return local_array(self.b, 1)
 
-    def rates(self, time: ir.Value, state: ir.Value, slopes: ir.Value, *, first: bool = False) -> None:
+    def rates(self, time: Value, state: Value, slopes: Value, *, first: bool = False) -> None:
         """Evaluate the rates into `slopes`; the `first` evaluation of a step reports its conditioning."""
         self.b.store(time, self.time)
         reported = [self._conditioning if first else self._ignored] if self.system.reports_conditioning else []
         self.b.call(self.system.rates, [self.time, state, self.inputs, slopes, *reported])
 
-    def sample(self, step: ir.Value, time: ir.Value, condition: ir.Value | None = None) -> None:
+    def sample(self, step: Value, time: Value, condition: Value | None = None) -> None:
         """Make the changes of y that precede the step of this number; with a `condition`, only where that holds."""
-        if self.system.samples is None:
+        if self.system.samples is None or self._sampled is None:
             return
         with nullcontext() if condition is None else self.b.if_then(condition):
             self.b.store(time, self.time)
             self.system.samples.emit(self.b, step, [self.time, self.y, self.inputs], self._sampled)
 
-    def project(self, time: ir.Value, state: ir.Value) -> None:
+    def project(self, time: Value, state: Value) -> None:
         """Move a state back to the constraints, in place."""
-        if self.system.projection is not None:
+        if self.system.projection is not None and self._projected is not None:
             self.b.store(time, self.time)
             inputs = [self.inputs] if self.system.projection_takes_inputs else []
             self.b.call(self.system.projection, [self.time, state, *inputs, self._projected])
             copy(self.b, self.system.size, self._projected, state)
 
-    def project_stage(self, time: ir.Value, state: ir.Value) -> None:
+    def project_stage(self, time: Value, state: Value) -> None:
         """The same for a stage, in steps that start ill-conditioned."""
         if not self.system.reports_conditioning:
             return
@@ -111,34 +111,34 @@ class StepEmitter:
             with self.b.if_then(condition, likely=False):
                 self.project(time, state)
 
-    def _project_members(self, time: ir.Value, state: ir.Value, condition: ir.Value) -> None:
+    def _project_members(self, time: Value, state: Value, condition: Value) -> None:
         """Project those members of a group for which a condition holds."""
         b, before = self.b, [load(self.b, state, index) for index in range(self.system.size)]
         self.project(time, state)
         for index, old in enumerate(before):
             store(b, b.select(condition, load(b, state, index), old), state, index)
 
-    def is_ill_conditioned(self) -> ir.Value:
+    def is_ill_conditioned(self) -> Value:
         """Whether the first evaluation of the step reported ill-conditioned constraints."""
         return self.b.fcmp_ordered("<", self.b.load(self._conditioning, typ=DOUBLE), number(0.0))
 
-    def stage_time(self, t: ir.Value, c: float) -> ir.Value:
+    def stage_time(self, t: Value, c: float) -> Value:
         """t + c h."""
         return t if c == 0.0 else self.b.fadd(t, self.b.fmul(number(c), self.h))
 
-    def scale(self, index: Index) -> ir.Value:
+    def scale(self, index: Index) -> Value:
         """1 / (1 + |y|) for a component."""
-        size = self.b.call(self.b.module.declare_intrinsic("llvm.fabs", [DOUBLE]), [load(self.b, self.y, index)])
+        size = self.b.intrinsic("llvm.fabs", load(self.b, self.y, index))
         return self.b.fdiv(number(1.0), self.b.fadd(number(1.0), size))
 
-    def estimator(self, estimate: ErrorEstimate, slopes: list[ir.Value]) -> EmitEstimate:
+    def estimator(self, estimate: ErrorEstimate, slopes: list[Value]) -> EmitEstimate:
         """A function that emits the update of `largest_error` in a step whose error is estimated.
 
         It must be called while `y` is the state at the start of the step. A NaN counts as infinity.
         """
         fine, coarse = self.scalar(), self.scalar()
 
-        def emit(h: ir.Value | None, further: ir.Value | None = None) -> None:
+        def emit(h: Value | None, further: Value | None = None) -> None:
             b = self.b
             with b.if_then(self.is_estimated):
                 value = self._estimated(estimate, slopes, fine, coarse, h)
@@ -150,8 +150,8 @@ class StepEmitter:
         return emit
 
     def _estimated(
-        self, estimate: ErrorEstimate, slopes: list[ir.Value], fine: ir.Value, coarse: ir.Value, h: ir.Value | None
-    ) -> ir.Value:
+        self, estimate: ErrorEstimate, slopes: list[Value], fine: Value, coarse: Value, h: Value | None
+    ) -> Value:
         """The estimated error: the norm of the fine estimate, or Hairer's combination with the coarse one."""
         b = self.b
 
@@ -170,12 +170,12 @@ class StepEmitter:
         large = b.fmul(number(estimate.weight), b.load(coarse, typ=DOUBLE))
         return b.fdiv(small, self.square_root(b.fadd(b.fadd(small, large), number(TINIEST))))
 
-    def square_root(self, value: ir.Value) -> ir.Value:
+    def square_root(self, value: Value) -> Value:
         """The square root of a double."""
-        return self.b.call(self.b.module.declare_intrinsic("llvm.sqrt", [DOUBLE]), [value])
+        return self.b.intrinsic("llvm.sqrt", value)
 
 
-EmitStep = Callable[[ir.Value], None]  # emits a step from the time (the argument) on: it moves the emitter's y by h
+EmitStep = Callable[[Value], None]  # emits a step from the time (the argument) on: it moves the emitter's y by h
 Prepare = Callable[
     [StepEmitter], EmitStep
 ]  # allocates the arrays of a method and returns the function that emits its step

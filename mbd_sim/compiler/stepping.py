@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import llvmlite.ir as ir
-
+from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType, Module, Value
+from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import (
     DOUBLE,
     INT,
-    POINTER,
     element,
     integer,
     local_array,
@@ -20,7 +19,7 @@ from mbd_sim.compiler.step_emitter import Prepare, StepEmitter, System
 ESTIMATED_EVERY = 8  # steps, a power of two; an estimate in each step would cost a tenth of a step of RK4
 
 
-def emit_advance(module: ir.Module, system: System, prepare: Prepare) -> ir.Function:
+def emit_advance(module: Module, system: System, prepare: Prepare) -> Function:
     """Emit `i64 advance(double* y, double* inputs, i64 first, double h, i64 steps)` and return `estimating_advance`.
 
     Step k starts at time k h, counted from `first`. Both return 1 if the new state is finite; otherwise they return 0
@@ -30,11 +29,10 @@ def emit_advance(module: ir.Module, system: System, prepare: Prepare) -> ir.Func
     `prepare` allocates the arrays of a method and returns the function that emits a step.
     """
     arguments = [POINTER, POINTER, INT, DOUBLE, INT]
-    function = ir.Function(module, ir.FunctionType(INT, [*arguments, POINTER]), "estimating_advance")
+    function = Function(module, FunctionType(INT, [*arguments, POINTER]), "estimating_advance")
     state, inputs, first, h, steps, estimate = function.args
-    for argument in (state, inputs, estimate):
-        argument.add_attribute("noalias")
-    b = ir.IRBuilder(function.append_basic_block("entry"))
+    function.noalias = True
+    b = IRBuilder(function.append_basic_block("entry"))
     emitter = StepEmitter(b, system, inputs, h)
     finite = _emit_steps(emitter, prepare, state, estimate, first, h, steps)
     with b.if_then(finite):
@@ -44,10 +42,10 @@ def emit_advance(module: ir.Module, system: System, prepare: Prepare) -> ir.Func
     return function
 
 
-def emit_plain_advance(module: ir.Module, estimating: ir.Function) -> None:
+def emit_plain_advance(module: Module, estimating: Function) -> None:
     """Emit `advance`, which calls `estimating_advance` and drops the estimate."""
-    plain = ir.Function(module, ir.FunctionType(INT, [POINTER, POINTER, INT, DOUBLE, INT]), "advance")
-    b = ir.IRBuilder(plain.append_basic_block("entry"))
+    plain = Function(module, FunctionType(INT, [POINTER, POINTER, INT, DOUBLE, INT]), "advance")
+    b = IRBuilder(plain.append_basic_block("entry"))
     unread = local_array(b, 1)
     b.store(number(0.0), unread)
     b.ret(b.call(estimating, [*plain.args, unread]))
@@ -56,19 +54,19 @@ def emit_plain_advance(module: ir.Module, estimating: ir.Function) -> None:
 def _emit_steps(
     emitter: StepEmitter,
     prepare: Prepare,
-    state: ir.Value,
-    estimate: ir.Value,
-    first: ir.Value,
-    h: ir.Value,
-    steps: ir.Value,
-) -> ir.Value:
+    state: Value,
+    estimate: Value,
+    first: Value,
+    h: Value,
+    steps: Value,
+) -> Value:
     """Emit the loop over the steps, from `state` to the emitter's y; returns whether that is finite."""
     b, size = emitter.b, emitter.system.size
     emit_step, sum_of_zeros = prepare(emitter), emitter.scalar()
     copy(b, size, state, emitter.y)
     b.store(b.load(estimate, typ=DOUBLE), emitter.largest_error)
 
-    def one_step(index: ir.Value) -> None:
+    def one_step(index: Value) -> None:
         count = b.add(first, index)
         emitter.is_estimated = b.icmp_unsigned("==", b.and_(count, integer(ESTIMATED_EVERY - 1)), integer(0))
         time = b.fmul(b.sitofp(count, DOUBLE), h)
@@ -81,7 +79,7 @@ def _emit_steps(
     zero = number(0.0)
     b.store(zero, sum_of_zeros)
 
-    def add_zero(i: int | ir.Value) -> None:
+    def add_zero(i: int | Value) -> None:
         """Add 0 y, which is NaN if y is not finite."""
         b.store(b.fadd(b.load(sum_of_zeros, typ=DOUBLE), b.fmul(load(b, emitter.y, i), zero)), sum_of_zeros)
 
@@ -89,9 +87,7 @@ def _emit_steps(
     return b.fcmp_ordered("==", b.load(sum_of_zeros, typ=DOUBLE), zero)
 
 
-def emit_advance_members(
-    module: ir.Module, system: System, prepare: Prepare, lanes: int, inputs_size: int
-) -> ir.Function:
+def emit_advance_members(module: Module, system: System, prepare: Prepare, lanes: int, inputs_size: int) -> Function:
     """Emit `advance_members(y, inputs, estimates, alive, i64 first, double h, i64 steps, i64 from, i64 to)`.
 
     It advances the groups of `lanes` members from `from` to before `to`. The numbers of a group are contiguous, with
@@ -99,12 +95,11 @@ def emit_advance_members(
     until then, becomes 0. See `emit_advance` for the rest.
     """
     arguments = [POINTER] * 4 + [INT, DOUBLE, INT]
-    group = ir.Function(module, ir.FunctionType(ir.VoidType(), arguments), "advance_group")
+    group = Function(module, FunctionType(VOID, arguments), "advance_group")
     group.linkage = "internal"
-    group.attributes.add("noinline")
+    group.attributes = ["noinline"]
     y, inputs, estimates, alive, first, h, steps = group.args
-    for argument in group.args[:4]:
-        argument.add_attribute("noalias")
+    group.noalias = True
     b = new_builder(group.append_basic_block("entry"), lanes)
     emitter = StepEmitter(b, system, inputs, h)
     finite = _emit_steps(emitter, prepare, y, estimates, first, h, steps)
@@ -116,15 +111,13 @@ def emit_advance_members(
     return _emit_groups(module, group, lanes, (system.size, inputs_size, 1, 1))
 
 
-def _emit_groups(module: ir.Module, group: ir.Function, lanes: int, sizes: tuple[int, ...]) -> ir.Function:
+def _emit_groups(module: Module, group: Function, lanes: int, sizes: tuple[int, ...]) -> Function:
     """Emit the loop over groups; `sizes` are the numbers of components of the arrays of a member."""
-    function = ir.Function(
-        module, ir.FunctionType(ir.VoidType(), [*group.function_type.args, INT, INT]), "advance_members"
-    )
+    function = Function(module, FunctionType(VOID, [*group.function_type.args, INT, INT]), "advance_members")
     b = new_builder(function.append_basic_block("entry"), lanes)
     *arrays, first, h, steps, start, beyond = function.args
 
-    def one_group(index: ir.Value) -> None:
+    def one_group(index: Value) -> None:
         addresses = [element(b, a, b.mul(index, integer(size))) for a, size in zip(arrays, sizes, strict=True)]
         b.call(group, [*addresses, first, h, steps])
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import llvmlite.ir as ir
-
+from mbd_sim.compiler.ir import BOOL, Function, FunctionType, Module, Value, undefined, vector_of
+from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import (
     DOUBLE,
     INT,
@@ -45,38 +45,36 @@ _COSINE = (
 )
 
 
-def sine_cosine(module: ir.Module, builder: ir.IRBuilder, angle: ir.Value) -> tuple[ir.Value, ir.Value]:
+def sine_cosine(module: Module, builder: IRBuilder, angle: Value) -> tuple[Value, Value]:
     """The sine and the cosine of `angle` in rad."""
     if isinstance(builder, LaneBuilder):
         angle = builder.widened(angle)
     pair = builder.call(_function(module, lanes_of(builder)), [angle])
-    return builder.extract_value(pair, 0), builder.extract_value(pair, 1)
+    return builder.extract_value(pair, 0, angle.type), builder.extract_value(pair, 1, angle.type)
 
 
-def _function(module: ir.Module, lanes: int) -> ir.Function:
+def _function(module: Module, lanes: int) -> Function:
     name = "sine_cosine" if lanes == 1 else f"sine_cosine.{lanes}"
-    if name in module.globals:
-        return module.get_global(name)
-    real = DOUBLE if lanes == 1 else ir.VectorType(DOUBLE, lanes)
-    pair = ir.LiteralStructType([real, real])
-    function = ir.Function(module, ir.FunctionType(pair, [real]), name)
+    if name in module.functions:
+        return module.functions[name]
+    real = DOUBLE if lanes == 1 else vector_of(DOUBLE, lanes)
+    pair = f"{{{real}, {real}}}"
+    function = Function(module, FunctionType(pair, [real]), name)
     function.linkage = "internal"
-    function.attributes.add("alwaysinline")
-    function.attributes.add("nounwind")
+    function.attributes = ["alwaysinline", "nounwind"]
     b = new_builder(function.append_basic_block("entry"), lanes)
     x = function.args[0]
     common, rare = function.append_basic_block("common"), function.append_basic_block("rare")
-    size = b.call(module.declare_intrinsic("llvm.fabs", [DOUBLE]), [x])
+    size = b.intrinsic("llvm.fabs", x)
     if isinstance(b, LaneBuilder):
-        branch = b.cbranch(b.any_lane(b.fcmp_unordered(">=", size, number(_LARGEST))), rare, common)
-        branch.set_weights([1, 1_000_000])
+        is_rare = b.any_lane(b.fcmp_unordered(">=", size, number(_LARGEST)))
+        b.cbranch(is_rare, rare, common, weights=(1, 1_000_000))
     else:
-        branch = b.cbranch(b.fcmp_ordered("<", size, number(_LARGEST)), common, rare)
-        branch.set_weights([1_000_000, 1])
+        b.cbranch(b.fcmp_ordered("<", size, number(_LARGEST)), common, rare, weights=(1_000_000, 1))
 
     b.position_at_end(rare)
     values = _one_by_one(module, b, x) if isinstance(b, LaneBuilder) else _by_library(module, b, x)
-    b.ret(b.insert_value(b.insert_value(ir.Constant(pair, ir.Undefined), values[0], 0), values[1], 1))
+    b.ret(b.insert_value(b.insert_value(undefined(pair), values[0], 0), values[1], 1))
 
     b.position_at_end(common)
     shifted = b.fma(x, number(_TWO_OVER_PI), number(_ROUNDER))
@@ -90,33 +88,32 @@ def _function(module: ir.Module, lanes: int) -> ir.Function:
     low = b.fma(quarters, number(_HALF_PI_LAST), lost)
     rest = b.fsub(low, b.fsub(b.fsub(head, r), tail))
     sine, cosine = _kernel_sine(b, r, rest), _kernel_cosine(b, r, rest)
-    swap = b.trunc(quadrant, ir.IntType(1))
+    swap = b.trunc(quadrant, BOOL)
     sine, cosine = b.select(swap, cosine, sine), b.select(swap, sine, cosine)
     sine = _flip(b, sine, quadrant)
     cosine = _flip(b, cosine, b.add(quadrant, integer(1)))
-    b.ret(b.insert_value(b.insert_value(ir.Constant(pair, ir.Undefined), sine, 0), cosine, 1))
+    b.ret(b.insert_value(b.insert_value(undefined(pair), sine, 0), cosine, 1))
     return function
 
 
-def _by_library(module: ir.Module, b: ir.IRBuilder, x: ir.Value) -> list[ir.Value]:
-    signature = ir.FunctionType(DOUBLE, [DOUBLE])
-    return [b.call(ir.Function(module, signature, name), [x]) for name in ("sin", "cos")]
+def _by_library(module: Module, b: IRBuilder, x: Value) -> list[Value]:
+    return [b.call(module.declared(name, DOUBLE, [DOUBLE]), [x]) for name in ("sin", "cos")]
 
 
-def _one_by_one(module: ir.Module, b: LaneBuilder, x: ir.Value) -> list[ir.Value]:
+def _one_by_one(module: Module, b: LaneBuilder, x: Value) -> list[Value]:
     scalar = _function(module, 1)
-    scalar.attributes.discard("alwaysinline")
+    scalar.attributes.remove("alwaysinline")
     pairs = [b.call(scalar, [b.lane(x, index)]) for index in range(b.lanes)]
-    return [b.gathered([b.extract_value(pair, index) for pair in pairs]) for index in (0, 1)]
+    return [b.gathered([b.extract_value(pair, index, DOUBLE) for pair in pairs]) for index in (0, 1)]
 
 
-def _flip(b: ir.IRBuilder, value: ir.Value, quadrant: ir.Value) -> ir.Value:
+def _flip(b: IRBuilder, value: Value, quadrant: Value) -> Value:
     """The value with its sign changed if bit 1 of `quadrant` is set."""
     sign = b.shl(b.and_(quadrant, integer(2)), integer(62))
     return b.bitcast(b.xor(b.bitcast(value, INT), sign), DOUBLE)
 
 
-def _polynomial(b: ir.IRBuilder, z: ir.Value, w: ir.Value, coefficients: Sequence[float]) -> ir.Value:
+def _polynomial(b: IRBuilder, z: Value, w: Value, coefficients: Sequence[float]) -> Value:
     """The polynomial of six coefficients at z, with w = z², in pairs: a third of the time of Horner's scheme."""
     low, middle, high = (
         b.fma(z, number(odd), number(even)) for even, odd in zip(coefficients[::2], coefficients[1::2], strict=True)
@@ -124,7 +121,7 @@ def _polynomial(b: ir.IRBuilder, z: ir.Value, w: ir.Value, coefficients: Sequenc
     return b.fma(w, b.fma(w, high, middle), low)
 
 
-def _kernel_sine(b: ir.IRBuilder, x: ir.Value, y: ir.Value) -> ir.Value:
+def _kernel_sine(b: IRBuilder, x: Value, y: Value) -> Value:
     """sin(x − y) = x − (x³ P(x²) + y (1 − x²/2))."""
     z = b.fmul(x, x)
     w = b.fmul(z, z)
@@ -132,7 +129,7 @@ def _kernel_sine(b: ir.IRBuilder, x: ir.Value, y: ir.Value) -> ir.Value:
     return b.fsub(x, b.fma(b.fmul(z, x), _polynomial(b, z, w, _SINE), rest))
 
 
-def _kernel_cosine(b: ir.IRBuilder, x: ir.Value, y: ir.Value) -> ir.Value:
+def _kernel_cosine(b: IRBuilder, x: Value, y: Value) -> Value:
     """cos(x − y) = (1 − x²/2) + (x⁴ P(x²) + x y), plus the rounding error of the first bracket."""
     z = b.fmul(x, x)
     w = b.fmul(z, z)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import ctypes
 
-import llvmlite.ir as ir
 import numpy as np
 import pytest
 
 from mbd_sim.compiler.dense_solver import emit_dense_solver
-from mbd_sim.compiler.ir_types import POINTER
+from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType
+from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.machine_code import compile_module, new_module
 
 
@@ -17,9 +17,9 @@ def solver(size):
     """x = solve(matrix, right), compiled."""
     module = new_module()
     emitted = emit_dense_solver(module, size)
-    both = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER] * 4), "both")
+    both = Function(module, FunctionType(VOID, [POINTER] * 4), "both")
     matrix, rows, right, x = both.args
-    builder = ir.IRBuilder(both.append_basic_block("entry"))
+    builder = IRBuilder(both.append_basic_block("entry"))
     builder.call(emitted.factorize, [matrix, rows])
     builder.call(emitted.solve, [matrix, rows, right, x])
     builder.ret_void()

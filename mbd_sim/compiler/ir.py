@@ -1,0 +1,148 @@
+"""LLVM's intermediate language (IR), written as text: the part of `llvmlite.ir` that the emitters use, and its names.
+
+`llvmlite.ir` keeps an object for each instruction and prints it in the end, which takes longer than LLVM's compilation
+of the same code. Here an instruction is a line of text from the start. LLVM checks types when it reads the text. The
+LLVM Language Reference Manual, https://llvm.org/docs/LangRef.html, describes the instructions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import count
+from typing import NamedTuple, TypeAlias
+
+Type: TypeAlias = str  # as LLVM writes it: double, i64, ptr, <8 x double>
+
+VOID, BOOL, POINTER = "void", "i1", "ptr"
+
+
+class Value(NamedTuple):
+    """A constant, an argument or the result of an instruction; `text` is how instructions refer to it."""
+
+    type: Type
+    text: str
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether it is known when the code is compiled."""
+        return not self.text.startswith("%")
+
+
+class Phi(Value):
+    """A value that depends on the block from which its own block is reached."""
+
+    def __init__(self, *_: str) -> None:
+        self._incoming: list[str] = []
+
+    def add_incoming(self, value: Value, block: Block) -> None:
+        """The value if its block is reached from `block`."""
+        self._incoming.append(f"[ {value.text}, %{block.name} ]")
+
+    def __str__(self) -> str:
+        return f"  {self.text} = phi {self.type} {', '.join(self._incoming)}"
+
+
+class FunctionType(NamedTuple):
+    """The types of a function's result and arguments."""
+
+    result: Type
+    args: Sequence[Type]
+
+
+class Block:
+    """A sequence of instructions, of which the last one, the terminator, says what follows."""
+
+    def __init__(self, function: Function, name: str) -> None:
+        self.function, self.name = function, name
+        self.lines: list[str | Phi] = []
+        self.is_terminated = False
+
+    def __str__(self) -> str:
+        return "\n".join([f"{self.name}:", *map(str, self.lines)])
+
+
+class Function:
+    """A function of a module, which without blocks is only declared; `attributes` and `linkage` are LLVM's.
+
+    With `noalias`, what one of its pointers leads to is reached through no other one.
+    """
+
+    def __init__(self, module: Module, function_type: FunctionType, name: str) -> None:
+        self.module, self.function_type, self.name = module, function_type, name
+        self.args = tuple(Value(type_, f"%a{index}") for index, type_ in enumerate(function_type.args))
+        self.linkage = ""
+        self.attributes: list[str] = []
+        self.noalias = False
+        self.blocks: list[Block] = []
+        self.numbers = count()  # of values and blocks
+        module.add(name, self)
+
+    def append_basic_block(self, name: str) -> Block:
+        """A new block after all others."""
+        self.blocks.append(Block(self, f"{name}.{next(self.numbers)}"))
+        return self.blocks[-1]
+
+    def __str__(self) -> str:
+        pointer = f"{POINTER} noalias" if self.noalias else POINTER
+        types = (pointer if argument.type == POINTER else argument.type for argument in self.args)
+        arguments = ", ".join(f"{type_} {argument.text}" for type_, argument in zip(types, self.args, strict=True))
+        signature = f'{self.function_type.result} @"{self.name}"({arguments}) {" ".join(self.attributes)}'
+        if not self.blocks:
+            return f"declare {signature}"
+        return "\n".join([f"define {self.linkage} {signature} {{", *map(str, self.blocks), "}"])
+
+
+class Module:
+    """The functions and variables that are compiled together, by name."""
+
+    def __init__(self, triple: str) -> None:
+        self.triple = triple
+        self.functions: dict[str, Function] = {}
+        self._variables: dict[str, Type] = {}
+
+    def add(self, name: str, function: Function) -> None:
+        """Add a function.
+
+        :raises ValueError: there is one of that name.
+        """
+        if name in self.functions:
+            raise ValueError(f"the function '{name}' is defined twice")
+        self.functions[name] = function
+
+    def declared(self, name: str, result: Type, arguments: Sequence[Type]) -> Function:
+        """A function that is defined elsewhere."""
+        return self.functions.get(name) or Function(self, FunctionType(result, arguments), name)
+
+    def external(self, name: str, type_: Type) -> Value:
+        """The address of a variable that is defined elsewhere."""
+        self._variables[name] = type_
+        return Value(POINTER, f'@"{name}"')
+
+    def __str__(self) -> str:
+        variables = [f'@"{name}" = external global {type_}' for name, type_ in self._variables.items()]
+        return "\n".join([f'target triple = "{self.triple}"', *variables, *map(str, self.functions.values()), ""])
+
+
+def vector_of(scalar: Type, lanes: int) -> Type:
+    """The type of a vector."""
+    return f"<{lanes} x {scalar}>"
+
+
+def is_vector(type_: Type) -> bool:
+    """Whether a type is that of vectors."""
+    return type_.startswith("<")
+
+
+def scalar_of(type_: Type) -> Type:
+    """The type of the entries of vectors."""
+    return type_.partition(" x ")[2].removesuffix(">")
+
+
+def with_lanes_of(type_: Type, scalar: Type) -> Type:
+    """A scalar type, or the type of vectors of such scalars with as many lanes as `type_` has."""
+    return f"{type_.partition(' ')[0]} x {scalar}>" if is_vector(type_) else scalar
+
+
+def undefined(type_: Type) -> Value:
+    """Any value of a type."""
+    return Value(type_, "undef")
