@@ -9,6 +9,7 @@ from functools import cached_property
 import casadi as ca
 
 from mbd_sim.dynamics.accelerations import ConstrainedMotion
+from mbd_sim.dynamics.actuator_functions import READINGS, ActuatorFunctions
 from mbd_sim.dynamics.frame_motion import coordinate_accelerations, part_motions
 from mbd_sim.dynamics.sensor_expressions import exact_values
 from mbd_sim.dynamics.tracing import TracedMechanism
@@ -33,14 +34,19 @@ class Measurements:
         """(12, parts) in ground's axes: the velocity of each origin, ω, the acceleration of the origin, and ω'."""
         return self._function("part_motions", part_motions(self.traced, self.motion.links))
 
-    def sensors(self) -> dict[str, ca.Function]:
-        """The exact values of each sensor by name, see `exact_values`."""
+    def sensors(self, actuators: ActuatorFunctions | None) -> dict[str, ca.Function]:
+        """The exact values of each sensor by name, see `exact_values`, with the functions of the actuators."""
         sensors = self.traced.mechanism.sensors
         with_load = any(isinstance(sensor, ForceTorque) for sensor in sensors)
         reactions = self.trace_reactions() if with_load else ca.SX(6, 0)
-        links = self.motion.links
+        links, currents = self.motion.links, ca.SX(0, 1)
+        if actuators is not None:
+            (readings,) = actuators.readings.call([self.traced.state.t, self.traced.y, self.traced.inputs])
+            currents = readings[READINGS.index("current"), :].T
         return {
-            sensor.name: self._function(f"sensor_{sensor.name}", exact_values(self.traced, links, reactions, sensor))
+            sensor.name: self._function(
+                f"sensor_{sensor.name}", exact_values(self.traced, links, reactions, currents, sensor)
+            )
             for sensor in sensors
         }
 

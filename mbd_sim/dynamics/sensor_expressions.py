@@ -17,6 +17,7 @@ from mbd_sim.mechanism.sensors import (
     Encoder,
     ForceTorque,
     Imu,
+    MotorCurrent,
     Odometry,
     PoseSensor,
     RangeFinder,
@@ -26,7 +27,9 @@ from mbd_sim.mechanism.sensors import (
 )
 
 
-def exact_values(traced: TracedMechanism, accelerations: Sequence[ca.SX], reactions: ca.SX, sensor: AnySensor) -> ca.SX:
+def exact_values(
+    traced: TracedMechanism, accelerations: Sequence[ca.SX], reactions: ca.SX, currents: ca.SX, sensor: AnySensor
+) -> ca.SX:
     """The values of a sensor's quantities in order.
 
     An orientation is a rotation matrix (9,), column by column. A force–torque sensor gives the reaction in ground's
@@ -35,6 +38,7 @@ def exact_values(traced: TracedMechanism, accelerations: Sequence[ca.SX], reacti
 
     :param accelerations: spatial acceleration (6,) of each link in L, less that of gravity.
     :param reactions: (6, joints), see `joint_reactions`.
+    :param currents: (n,) of the actuators.
     """
 
     def motion_at(at: SensorFrame) -> FrameMotion:
@@ -45,6 +49,9 @@ def exact_values(traced: TracedMechanism, accelerations: Sequence[ca.SX], reacti
             return coordinate_values(traced, sensor.coordinate)[0]
         case Tachometer():
             return coordinate_values(traced, sensor.coordinate)[1]
+        case MotorCurrent():
+            names = [actuator.name for actuator in traced.mechanism.actuators]
+            return currents[names.index(sensor.actuator)]
         case RangeFinder():
             return _range_values(motion_at(sensor.at), motion_at(sensor.target), sensor)
     frame = motion_at(sensor.at)

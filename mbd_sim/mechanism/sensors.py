@@ -27,6 +27,7 @@ VELOCITY = Quantity("velocity", "m/s")
 FORCE = Quantity("force", "N")
 TORQUE = Quantity("torque", "N·m")
 DISTANCE = Quantity("distance", "m", ("",))
+CURRENT = Quantity("current", "A", ("",))
 
 
 @dataclass(frozen=True)
@@ -163,6 +164,18 @@ class Tachometer(Sensor):
 
 
 @dataclass(frozen=True, eq=False)
+class MotorCurrent(Sensor):
+    """The current of an actuator with a DC motor."""
+
+    actuator: str
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What it measures."""
+        return (CURRENT,)
+
+
+@dataclass(frozen=True, eq=False)
 class RangeFinder(Sensor):
     """The distance from the origin of `at` to a plane along x of this frame, or to a point in any direction.
 
@@ -224,7 +237,8 @@ class Odometry(Sensor):
 
 FrameSensor = Imu | Accelerometer | ForceTorque | RangeFinder | PoseSensor | TwistSensor | Odometry
 CoordinateSensor = Encoder | Tachometer
-AnySensor = FrameSensor | CoordinateSensor
+FramelessSensor = CoordinateSensor | MotorCurrent
+AnySensor = FrameSensor | FramelessSensor
 
 
 def frame_id(sensor: FrameSensor) -> str:

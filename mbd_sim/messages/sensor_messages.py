@@ -17,6 +17,7 @@ from mbd_sim.mechanism.sensors import (
     Encoder,
     ForceTorque,
     Imu,
+    MotorCurrent,
     Odometry,
     PoseSensor,
     RangeFinder,
@@ -33,6 +34,7 @@ MESSAGE_TYPES: Mapping[type[AnySensor], str] = {
     ForceTorque: "geometry_msgs/msg/WrenchStamped",
     Encoder: "sensor_msgs/msg/JointState",
     Tachometer: "sensor_msgs/msg/JointState",
+    MotorCurrent: "sensor_msgs/msg/JointState",
     RangeFinder: "sensor_msgs/msg/Range",
     PoseSensor: "geometry_msgs/msg/PoseStamped",
     TwistSensor: "geometry_msgs/msg/TwistStamped",
@@ -94,6 +96,8 @@ class _Builder:
                 self._quantity("torque")
             case Encoder() | Tachometer():
                 self._joint_state(sensor)
+            case MotorCurrent():
+                self._current(sensor)
             case RangeFinder():
                 self._range(sensor)
             case PoseSensor():
@@ -138,6 +142,14 @@ class _Builder:
         if not isinstance(sensor, Tachometer):
             self._builder.integer(0)  # no velocities,
         self._builder.integer(0)  # no efforts
+
+    def _current(self, sensor: MotorCurrent) -> None:
+        self._builder.header()
+        self._builder.texts([sensor.actuator])
+        self._builder.integer(0)  # no positions,
+        self._builder.integer(0)  # no velocities
+        self._builder.integer(1)
+        self._quantity("current", 1)
 
     def _range(self, sensor: RangeFinder) -> None:
         self._builder.header(self._prefix + frame_id(sensor))

@@ -14,6 +14,7 @@ from mbd_sim.mechanism.sensors import (
     ErrorModel,
     ForceTorque,
     Imu,
+    MotorCurrent,
     Odometry,
     PoseSensor,
     RangeFinder,
@@ -27,6 +28,7 @@ TYPES = {
     ForceTorque: "force_torque",
     Encoder: "encoder",
     Tachometer: "tachometer",
+    MotorCurrent: "current",
     RangeFinder: "range",
     PoseSensor: "pose",
     TwistSensor: "twist",
@@ -62,6 +64,8 @@ def _place(sensor: AnySensor) -> str:
         return sensor.coordinate
     if isinstance(sensor, ForceTorque):
         return sensor.joint
+    if isinstance(sensor, MotorCurrent):
+        return sensor.actuator
     position = ", ".join(f"{value:.6g}" for value in sensor.at.pose.position + 0.0)
     return sensor.at.part if sensor.at.is_of_part else f"{sensor.at.part} [{position}]"
 

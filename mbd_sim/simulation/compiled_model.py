@@ -197,7 +197,7 @@ class Model(ActuatedModel):
     @cached_property
     def sensor_readers(self) -> CompiledReaders:
         """The compiled exact values of each sensor by name, under inputs that contain the contact forces."""
-        return CompiledReaders(self.equations.measurements.sensors())
+        return CompiledReaders(self.equations.measurements.sensors(self.equations.actuators))
 
     @cached_property
     def _motion_readers(self) -> MotionReaders:

@@ -34,7 +34,7 @@ class SensorReading:
     """A measurement: the time in s and the number of its sample, and the values of its quantities by name.
 
     Values are (3,) in SI units, (4,) for an `orientation` as a unit quaternion (w, x, y, z), and (1,) for a `position`
-    or `velocity` of a coordinate and for a `distance`. An encoder with an index also has `index` (1,): 1 or 0.
+    or `velocity` of a coordinate, a `current` and a `distance`. An encoder with an index also has `index` (1,): 1 or 0.
     """
 
     time: float

@@ -27,7 +27,7 @@ from mbd_sim.mechanism.records import (
     Part,
     Shape,
 )
-from mbd_sim.mechanism.sensors import CoordinateSensor, FrameSensor, frame_id
+from mbd_sim.mechanism.sensors import FramelessSensor, FrameSensor, frame_id
 from mbd_sim.urdf.value_reader import unique_name
 
 Element = ElementTree.Element
@@ -75,7 +75,7 @@ def _robot(mechanism: Mechanism) -> Element:
     if missing := [f"{kind}: {listed(names, max_count=1000)}" for kind, names in _left_out(mechanism, mimics).items()]:
         robot.append(ElementTree.Comment(f" not in this file: {'; '.join(missing)} "))
     ElementTree.SubElement(robot, "link", name=GROUND)
-    sensors = [one for one in mechanism.sensors if not isinstance(one, CoordinateSensor) and not one.at.is_of_part]
+    sensors = [one for one in mechanism.sensors if not isinstance(one, FramelessSensor) and not one.at.is_of_part]
     names = {GROUND, *mechanism.parts, *map(frame_id, sensors)}
     for joint in mechanism.tree_joints():
         motions = [replace(motion, mimic=mimics.get(motion.name, motion.mimic)) for motion in _motions(joint)]

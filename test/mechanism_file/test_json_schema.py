@@ -87,6 +87,8 @@ forces:
   d: {type: damper, between: [one, four], coefficient: 1, exponent: 2, along: velocity, regularization: 1}
   f: {type: force, at: three.p, vector: [t, 0, 0], axes: ground.b}
   c: {type: couple, on: four, vector: [0, "sin(t)", 0], axes: three}
+actuators:
+  d: {type: dc_motor, joint: r, torque_constant: 1, resistance: 1}
 sensor_seed: 3
 sensors:
   a: {type: imu, at: one, rate: 200 Hz, delay: 5 ms, drop_out: 0.1, orientation: {bias: 1 deg, bias_walk: 1, noise_density: 1},
@@ -98,6 +100,7 @@ sensors:
   g: {type: tachometer, joint: p, bias: 1, bias_walk: 1, noise_density: 1 mm/s, resolution: 1, limit: 1}
   h: {type: range, at: one, plane: ground.a, normal: [0, 0, 1], least: 0.1, most: 2, field_of_view: 5 deg, radiation: ultrasound,
       bias: 1 mm, bias_walk: 1, noise_density: 1, resolution: 1 mm}
+  m: {type: current, actuator: d, bias: 1 mA, noise_density: 1, bias_walk: 1, resolution: 1 mA, limit: 1 A}
   i: {type: range, at: one, point: four, most: 2}
   j: {type: pose, at: one, position: {bias: 1 mm}, orientation: {bias: 1 deg}}
   k: {type: twist, at: one, axes: frame, velocity: {bias: 1}, angular_velocity: {bias: 1}}

@@ -22,7 +22,9 @@ parts:
   rod: {mass: 2, inertia: [0.1, 0.2, 0.3], points: {tip: {at: [0.5, 0, 0], rotate: {rpy: [0.1, 0.2, 0.3]}}}}
 joints:
   hinge: {type: revolute, between: [ground, rod], axis: [0, 1, 0], velocity: 2}
+actuators: {motor: {type: dc_motor, joint: hinge, torque_constant: 1, resistance: 2, command: {voltage: 3}}}
 sensors:
+  current: {type: current, actuator: motor}
   imu: {type: imu, at: rod.tip, delay: 3 ms, orientation: {noise_density: 1 deg}, angular_velocity: {noise_density: 0.1}}
   plain_imu: {type: imu, at: rod}
   acc: {type: accelerometer, at: rod.tip, noise_density: 0.2}
@@ -115,6 +117,14 @@ def test_encoder_and_tachometer(simulation, read):
     for message in read("tacho"):
         assert list(message.velocity) == simulation.u.tolist()
         assert (len(message.position), len(message.effort)) == (0, 0)
+
+
+def test_current(simulation, read):
+    for message in read("current"):
+        assert list(message.name) == ["motor"]
+        assert list(message.effort) == simulation.sensors()["current"]["current"].tolist()
+        assert message.effort[0] == pytest.approx(simulation.actuators()["motor"].current)
+        assert (len(message.position), len(message.velocity)) == (0, 0)
 
 
 def test_range(simulation, read):

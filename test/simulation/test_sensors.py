@@ -281,3 +281,52 @@ def test_ensembles_have_no_sensors_and_say_so():
     members.step(3)
     with pytest.raises(NotImplementedError, match="Use a Simulation for each"):
         members.sensors()
+
+
+DRIVEN = """
+actuators:
+  motor:
+    type: dc_motor
+    joint: spin
+    torque_constant: 0.05
+    resistance: 1.2
+    inductance: 2 mH
+    gear_ratio: 5
+    rotor_inertia: 2e-5
+    servo: {controls: velocity, kp: 2, ki: 20, sample_rate: 100 Hz}
+sensors:
+  current: {type: current, actuator: motor}
+  coarse: {type: current, actuator: motor, resolution: 10 mA, limit: 2 A, rate: 100 Hz}
+  imu: {type: imu, at: rotor.edge}
+"""
+
+
+def test_the_current_of_a_motor_and_accelerations_under_actuators():
+    sim = spinning(DRIVEN)
+    sim.set_commands({"motor": 8.0})
+    for _ in range(30):
+        sim.step()
+        state, found = sim.actuators()["motor"], sim.sensors()
+        assert found["current"]["current"][0] == pytest.approx(state.current, rel=1e-13)
+        rates = sim.model.equations.rates.call([sim.time, sim.state, sim.inputs])[0]
+        assert sim.u_rates[0] == pytest.approx(float(rates[1]), rel=1e-12)
+        np.testing.assert_allclose(found["imu"]["specific_force"][1], sim.u_rates[0] * R, atol=1e-12)
+    coarse = sim.sensors()["coarse"]["current"][0]
+    assert coarse in (2.0, -2.0) or coarse == pytest.approx(round(coarse / 0.01) * 0.01, abs=1e-12)
+    assert abs(sim.u_rates[0]) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("actuator", "words"),
+    [
+        ("moter", "there is no actuator 'moter'. Did you mean 'motor'?"),
+        ("push", "'push' has no current. Name an actuator"),
+    ],
+)
+def test_a_current_needs_a_motor(actuator, words):
+    text = DRIVEN.replace("sensors:", "  push: {type: effort, joint: spin}\nsensors:").replace(
+        "actuator: motor}", f"actuator: {actuator}}}"
+    )
+    with pytest.raises(MechanismError) as caught:
+        spinning(text)
+    assert words in str(caught.value)

@@ -176,7 +176,7 @@ def build_elements(
     built_constraints = build_constraints(constraints, known_joints, context)
     built_contacts = build_contacts(contacts, parts, context)
     built_actuators = build_actuators(actuators, known_joints, context)
-    built_sensors = build_sensors(sensors, known_joints, step, context)
+    built_sensors = build_sensors(sensors, known_joints, built_actuators, step, context)
     valid_joints = {name: joint for name, joint in built_joints.items() if joint}
     found = (joint_bushing(joint, joints[name]) for name, joint in valid_joints.items())
     bushings = tuple(bushing for bushing in found if bushing)

@@ -11,6 +11,7 @@ from pydantic import BaseModel
 from mbd_sim.errors import InputError, Problem, listed, nearest, quoted
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.mechanism import sensors as records
+from mbd_sim.mechanism.actuators import Actuator, DcMotor
 from mbd_sim.mechanism.joint_types import JointCoordinate
 from mbd_sim.mechanism.records import Joint
 from mbd_sim.mechanism.sampling import SamplingError, steps_of
@@ -25,13 +26,18 @@ Joints = Mapping[str, Joint | None]  # None: refused already; with the name "" i
 
 
 def build_sensors(
-    specs: Mapping[str, schema.AnySensorSpec], joints: Joints, step: float | None, context: BuildContext
+    specs: Mapping[str, schema.AnySensorSpec],
+    joints: Joints,
+    actuators: Sequence[Actuator],
+    step: float | None,
+    context: BuildContext,
 ) -> tuple[AnySensor, ...]:
     """The sensors of a file; invalid ones are left out and reported to `context`.
 
+    :param actuators: those that are valid.
     :param step: in s, of which periods and delays are multiples; None: it is unknown.
     """
-    builder = _SensorBuilder(joints, context)
+    builder = _SensorBuilder(joints, actuators, context)
     built = []
     for name, spec in specs.items():
         sampling = Sampling(spec.rate, spec.delay, spec.drop_out)
@@ -65,7 +71,7 @@ def _check_sampling(where: Location, sampling: Sampling, step: float, context: B
 
 
 def _check_frame_name(sensor: AnySensor, context: BuildContext) -> None:
-    if not isinstance(sensor, records.CoordinateSensor) and not sensor.at.is_of_part:
+    if not isinstance(sensor, records.FramelessSensor) and not sensor.at.is_of_part:
         name = records.frame_id(sensor)
         if name in context.points_by_part:
             context.report(("sensors", sensor.name), f"its frame would be named like the part '{name}'", "Rename it.")
@@ -74,8 +80,9 @@ def _check_frame_name(sensor: AnySensor, context: BuildContext) -> None:
 class _SensorBuilder:
     """Builds sensors one by one; problems are reported to the context."""
 
-    def __init__(self, joints: Joints, context: BuildContext) -> None:
+    def __init__(self, joints: Joints, actuators: Sequence[Actuator], context: BuildContext) -> None:
         self._joints, self._context = joints, context
+        self._actuators = {actuator.name: actuator for actuator in actuators}
 
     def build(self, name: str, spec: schema.AnySensorSpec, sampling: Sampling) -> AnySensor | None:
         where: Location = ("sensors", name)
@@ -84,6 +91,8 @@ class _SensorBuilder:
                 return self._on_coordinate(name, spec, sampling)
             case schema.ForceTorqueSpec():
                 return self._force_torque(name, spec, sampling)
+            case schema.CurrentSpec():
+                return self._current(name, spec, sampling)
             case schema.RangeSpec():
                 return self._range(name, spec, sampling)
         at = self._frame((*where, "at"), spec.at)
@@ -123,6 +132,20 @@ class _SensorBuilder:
             return None
         at = SensorFrame(joint.child, joint.child_pose)
         return records.ForceTorque(name, sampling, _errors(spec.force, spec.torque), joint.name, at)
+
+    def _current(self, name: str, spec: schema.CurrentSpec, sampling: Sampling) -> AnySensor | None:
+        where: Location = ("sensors", name, "actuator")
+        written = self._context.source.data.get("actuators")
+        known = list(written) if isinstance(written, dict) else []
+        if spec.actuator not in known:
+            remedy = nearest(spec.actuator, known) or "Add it under 'actuators'."
+            self._context.report(where, f"there is no actuator {quoted(spec.actuator)}", remedy)
+        if (actuator := self._actuators.get(spec.actuator)) is None:
+            return None
+        if not isinstance(actuator.motor, DcMotor):
+            self._context.report(where, f"'{spec.actuator}' has no current", "Name an actuator of the type 'dc_motor'.")
+            return None
+        return records.MotorCurrent(name, sampling, _errors(spec), spec.actuator)
 
     def _range(self, name: str, spec: schema.RangeSpec, sampling: Sampling) -> AnySensor | None:
         where: Location = ("sensors", name)

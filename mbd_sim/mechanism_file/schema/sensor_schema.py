@@ -159,6 +159,18 @@ class TachometerSpec(SensorSpec):
     limit: AnyResolution | None = Field(None, description=_LIMIT)
 
 
+class CurrentSpec(SensorSpec):
+    """The current of an actuator with a DC motor."""
+
+    type: Literal["current"]
+    actuator: str
+    bias: Annotated[float, Quantity("A")] = 0.0
+    bias_walk: Annotated[float, Quantity("A", at_least=0)] = Field(0.0, description=_WALK)
+    noise_density: Annotated[float, Quantity("A", at_least=0)] = Field(0.0, description=_DENSITY)
+    resolution: Annotated[float, Quantity("A", above=0)] | None = None
+    limit: Annotated[float, Quantity("A", above=0)] | None = Field(None, description=_LIMIT)
+
+
 class RangeSpec(SensorSpec):
     """The distance along x of a frame to a plane, or to a point in any direction."""
 
@@ -228,6 +240,7 @@ AnySensorSpec = Annotated[
     | ForceTorqueSpec
     | EncoderSpec
     | TachometerSpec
+    | CurrentSpec
     | RangeSpec
     | PoseSpec
     | TwistSpec

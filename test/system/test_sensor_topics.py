@@ -1,0 +1,83 @@
+"""Sensors over DDS: what another process receives is what a simulation of the same file measures, to the last bit."""
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import WrenchStamped
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import Imu, JointState, Range
+
+from mbd_sim import load_mechanism, parse_mechanism
+from test.system.nodes import Listener, SimNodeProcess, as_in_the_node, nanoseconds, new_domain
+
+SENSORS = """
+sensors:
+  imu: {type: imu, at: lower.tip, rate: 250 Hz, delay: 4 ms, angular_velocity: {noise_density: 0.01, bias_walk: 0.1}}
+  load: {type: force_torque, joint: elbow, rate: 100 Hz, force: {noise_density: 0.1, resolution: 0.01}}
+  encoder: {type: encoder, joint: shoulder, counts: 4096, drop_out: 0.2}
+  floor: {type: range, at: lower, plane: ground, most: 20, rate: 50 Hz, noise_density: 1 mm}
+"""
+TYPES = {"imu": Imu, "load": WrenchStamped, "encoder": JointState, "floor": Range}
+STEPS, END_NS = 200, 150_000_000
+
+
+def numbers(message):
+    """The numbers of a message that a sensor measures."""
+    match message:
+        case Imu():
+            vectors = message.angular_velocity, message.linear_acceleration
+        case WrenchStamped():
+            vectors = message.wrench.force, message.wrench.torque
+        case JointState():
+            return list(message.position)
+        case Range():
+            return [message.range]
+    return [number for vector in vectors for number in (vector.x, vector.y, vector.z)]
+
+
+@pytest.fixture(scope="module")
+def expected():
+    """The measurements of a run, by sensor and time stamp in ns."""
+    sim = as_in_the_node(parse_mechanism(load_mechanism("double_rod").source.text + SENSORS))
+    found = {name: {} for name in TYPES}
+    for _ in range(STEPS):
+        for number, sample in sim.arrivals:
+            name = sim.sensor_model.sensors[number].name
+            reading = sim.sensor_model.reading(number, sample)
+            values = [value for quantity in reading.values.values() for value in quantity.tolist()]
+            found[name][round(reading.time * 1e9)] = values
+        sim.step()
+    return found
+
+
+def test_another_process_receives_the_measurements_of_a_simulation(tmp_path, expected):
+    path = tmp_path / "sensed.yaml"
+    path.write_text(load_mechanism("double_rod").source.text + SENSORS)
+    domain = new_domain()
+    parameters = {"mechanism": path, "start_paused": True, "real_time_factor": 0.2}
+    node, listener = SimNodeProcess(domain, tmp_path, parameters), Listener(domain)
+    profiles = {"reliable": 1000, "sensor data": qos_profile_sensor_data}
+    received = {(name, profile): {} for name in TYPES for profile in profiles}
+    try:
+        for (name, profile), messages in received.items():
+
+            def take(message, messages=messages):
+                messages[nanoseconds(message.header.stamp)] = numbers(message)
+
+            topic = f"sim_node/sensors/{name}"
+            listener.node.create_subscription(TYPES[name], topic, take, profiles[profile])
+            listener.until(lambda topic=topic: listener.node.count_publishers(f"/{topic}"), f"the publisher of {name}")
+        listener.until(lambda: listener.states, "states")
+        listener.spin(0.5)  # until the publishers know the subscriptions, too
+        listener.pause(False)
+        listener.until(lambda: max(received["encoder", "reliable"], default=0) > END_NS, "measurements")
+    finally:
+        listener.close()
+        node.kill()
+    for (name, profile), messages in received.items():
+        times = [time for time in messages if time <= END_NS]
+        assert set(times) <= set(expected[name])
+        if profile == "reliable":
+            assert len(times) > 0.9 * len([time for time in expected[name] if time <= END_NS])
+        for time in times:
+            exact = np.float32(expected[name][time]).tolist() if name == "floor" else expected[name][time]
+            assert messages[time] == exact, (name, time)
