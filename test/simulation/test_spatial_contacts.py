@@ -96,14 +96,50 @@ def test_an_impact_engages_a_one_way_clutch():
     assert _residual(simulation) < 1e-11
 
 
-def test_beyond_the_bound_of_events_the_step_goes_on(monkeypatch):
-    monkeypatch.setattr(contact_events, "MOST_EVENTS", 2)
-    simulation = Simulation.from_text(contact_mechanism(1, "box", 0.8, 0.3))
+@pytest.mark.parametrize(
+    ("constant", "bound", "seed", "error"),
+    [("MOST_EVENTS", 2, 1, 1e-6), ("MOST_EVENTS", 1, 1, 1e-12), ("MOST_STAGES", 6, 3, 1e-5)],
+)
+def test_beyond_the_bound_of_events_the_step_goes_on(monkeypatch, constant, bound, seed, error):
+    """The rest of that step may end inside an obstacle or with a wrong direction of friction; the next one corrects it."""
+    text = contact_mechanism(seed, "box", 0.8, 0.3)
+    whole = Simulation.from_text(text)
+    whole.run(until=2.0)
+    monkeypatch.setattr(contact_events, constant, bound)
+    simulation = Simulation.from_text(text)
     simulation.run(until=2.0)
-    events = simulation._memory.contacts.events
-    told = [event.text for event in events if event.change is ContactChange.BOUND]
-    assert told and "too many events within the step" in told[0]
-    assert np.all(np.isfinite(simulation.q))
+    told = [event.text for event in simulation.contact_events if event.change is ContactChange.BOUND]
+    assert told and "too many events" in told[0]
+    assert _residual(simulation) < error
+    assert min(state.gap for state in simulation.contacts().values()) > -1e-12
+    assert simulation.energies.dissipated == pytest.approx(whole.energies.dissipated, rel=1e-3)
+
+
+ORDERS = {"rk4": 4, "gauss4": 4, "dop853": 8, "gauss6": 6}
+
+
+@pytest.mark.parametrize("method", ORDERS)
+def test_friction_along_two_directions_keeps_the_order_of_the_methods(method):
+    """A ball that slides, and then rolls: errors against the closed form, for two step sizes."""
+    errors = []
+    for step in (1e-3, 5e-4):
+        simulation = Simulation.from_text(BALL, method=method, step=step)
+        simulation.run(until=2.0)
+        assert [event.change for event in simulation.contact_events] == [ContactChange.STICKS]
+        errors.append(float(np.max(np.abs(simulation.u[:2] - np.array([3.6, 4.8]) * 5 / 7))))
+        assert _residual(simulation) < 36.0 * errors[-1] + 2e-11  # m v times that
+    assert errors[1] < max(errors[0] * 1.2 / 2.0 ** ORDERS[method], 1e-11)
+
+
+@pytest.mark.parametrize("method", ORDERS)
+def test_a_puck_stops_with_every_method(method):
+    text = PUCK.format(v="[0.8, 0.3, 0]", w="[0, 0, 6]")
+    simulation, other = (Simulation.from_text(text, method=name) for name in (method, "tsitouras8"))
+    for each in (simulation, other):
+        each.run(until=1.0)
+    assert np.max(np.abs(simulation.u)) < 1e-14
+    assert simulation.q == pytest.approx(other.q, abs=1e-11)
+    assert _residual(simulation) < 1e-10
 
 
 def test_a_jump_through_zero_is_located_after_it():
