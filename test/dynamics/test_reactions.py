@@ -41,7 +41,7 @@ def loads_on_parts(mechanism, derived, q, u, efforts, t=T):
     for joint, wrench in zip(mechanism.all_joints.values(), reactions.T, strict=True):
         point = place(joint.child, joint.child_pose.position)
         found += [(joint.child, point, wrench[:3], wrench[3:]), (joint.parent, point, -wrench[:3], -wrench[3:])]
-    for at, couple, vector in kane.element_forces(mechanism, moving, t)[0]:
+    for at, couple, vector in kane.element_forces(mechanism, moving, t, kane.NamedValues(mechanism, q, u, t))[0]:
         none = np.zeros(3)
         found.append((at.part, place(at.part, at.point), none if couple else vector, vector if couple else none))
     multipliers = np.array(derived.multipliers(t, padded(q, u), efforts)).ravel()
