@@ -1,4 +1,4 @@
-"""The common part of the controllers: joint states in, efforts by joint name out."""
+"""The common part of the controllers: joint states in, efforts or other commands by joint name out."""
 
 from __future__ import annotations
 
@@ -63,8 +63,12 @@ class ControlNode(Node):  # type: ignore[misc]  # rclpy carries no types
             return
         order = [indices[name] for name in self.names]
         time = state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec
-        efforts = self.control(time, np.array(state.position)[order], np.array(state.velocity)[order])
-        self._commands.publish(JointState(name=self.names, effort=np.asarray(efforts, dtype=float).tolist()))
+        self._commands.publish(self.command(time, np.array(state.position)[order], np.array(state.velocity)[order]))
+
+    def command(self, time: float, q: Array, u: Array) -> JointState:
+        """The message that answers a state: by default the efforts of `control`."""
+        efforts = self.control(time, q, u)
+        return JointState(name=self.names, effort=np.asarray(efforts, dtype=float).tolist())
 
 
 def declare(node: Node, parameters: Sequence[ParameterSpec]) -> None:

@@ -9,6 +9,7 @@ from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
 from mbd_sim.dynamics.links import coordinate_layout
 from mbd_sim.errors import MbdSimError, listed
+from mbd_sim.mechanism.actuators import require_no_actuators
 from mbd_sim.mechanism.contacts import Cam
 from mbd_sim.mechanism.joint_types import JOINT_KINDS, JointType
 from mbd_sim.mechanism.one_sided import has_one_sided
@@ -104,6 +105,7 @@ def symbolic_equations(mechanism: Mechanism) -> SymbolicEquations:
         contacts with cams.
     """
     require_packages("sympy", purpose="Deriving equations as formulas")
+    require_no_actuators(mechanism, "cannot be printed as formulas")
     _require_small(mechanism, coordinate_layout(mechanism).nv)
     _require_formulas(mechanism)
     functions = [lagrange_equations(mechanism).terms]

@@ -2,6 +2,7 @@
 
 import math
 import os
+import signal
 import subprocess
 import sys
 
@@ -13,6 +14,7 @@ from sensor_msgs.msg import Joy
 from std_msgs.msg import Float64MultiArray
 
 from mbd_sim import Simulation
+from mbd_sim.examples.cascade.cascade import PositionLoop
 from mbd_sim.examples.computed_torque.computed_torque import ComputedTorque, sway
 from mbd_sim.examples.imu_balance.imu_balance import Balance
 from mbd_sim.examples.pd_hold.pd_hold import PdHold, PdHoldNode
@@ -115,6 +117,35 @@ def test_the_weight_is_carried():
     law = PdHold(sim.mechanism)
     looped(sim, lambda _, q, u: law.efforts(q, u, np.array([-1.0, 1.5])), 5, 1000)
     assert sim.q == pytest.approx([-1.0, 1.5], abs=1e-5)
+
+
+def test_the_arm_on_a_motor_reaches_one_target_after_the_other(tmp_path):
+    options = {**lockstep("motor_drive", 100), "step_count": 40, "record": True, "record_dir": "logs"}
+    with beside(tmp_path, options, "cascade.cascade", "targets:=[2.5, -1.0]", "period:=1.2") as experiment:
+        listener = experiment.listener
+        listener.until(lambda: seconds(listener) > 2.4, "both targets")
+        states = {round(100 * 1e-9 * nanoseconds(state.header.stamp)): state for state in listener.states}
+        assert states[119].position[0] == pytest.approx(2.5, abs=5e-3)
+        assert states[239].position[0] == pytest.approx(-1.0, abs=5e-3)
+        assert max(abs(state.effort[0]) for state in states.values()) > 10.0  # that of the motor
+        assert experiment.node.end(signal.SIGINT) == 0
+    (path,) = (tmp_path / "logs").glob("motor_drive_*.mcap")
+    (verification,) = verify(path)
+    assert verification.is_intact and verification.agrees and verification.commands["applied_commands"] > 100
+
+
+def test_the_drive_keeps_current_and_energies_while_a_cascade_turns_the_arm():
+    sim, loop, currents = Simulation.from_file("motor_drive"), PositionLoop(), []
+    for target in (2.5, -1.0, 1.2):
+        for _ in range(150):
+            sim.set_commands({"drive": loop.velocity(sim.q[0], target)})
+            sim.step(40)
+            currents.append(abs(sim.actuators()["drive"].current))
+        assert sim.q[0] == pytest.approx(target, abs=2e-3)
+    assert 7.9 < max(currents) <= 8.0 * (1.0 + 1e-12)
+    account = sim.actuators()["drive"].energies
+    assert abs(account.residual) < 1e-9 * account.electrical_work
+    assert abs(sim.energies.residual) < 1e-9 * sim.energies.work_applied
 
 
 def test_the_arm_follows_its_reference(tmp_path):

@@ -13,7 +13,8 @@ from mbd_sim.dynamics.equations import derive
 from mbd_sim.load import parse_mechanism
 from mbd_sim.mechanism_file.library import shipped
 
-SHIPPED = tuple(name for name, path in shipped().items() if path.parent.name != "contacts")  # all smooth ones
+# All smooth ones whose state is q, u and the energies: the oracles know neither contacts nor actuators.
+SHIPPED = tuple(name for name, path in shipped().items() if path.parent.name not in ("contacts", "actuators"))
 
 CART_PENDULUM = """
 mechanism: cart_pendulum

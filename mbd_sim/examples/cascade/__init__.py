@@ -1,0 +1,1 @@
+"""Example: cascade control turns an arm on a DC motor from target to target."""

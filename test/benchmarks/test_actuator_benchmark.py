@@ -1,0 +1,15 @@
+"""The benchmark of actuators: what it compares is the same mechanism, and its actuators work."""
+
+import pytest
+
+from benchmarks.actuators import ACTUATORS, with_actuators
+from mbd_sim import Simulation
+
+
+@pytest.mark.parametrize("kind", ACTUATORS)
+def test_its_actuators_exert_efforts(kind):
+    simulation = Simulation.from_text(with_actuators("double_rod", ACTUATORS[kind]), method="rk4")
+    simulation.set_commands({"m0": 1.0, "m1": 1.0})
+    simulation.run(0.05)
+    assert all(state.effort != 0.0 for state in simulation.actuators().values())
+    assert simulation.coordinate_names == Simulation.from_text(with_actuators("double_rod", "")).coordinate_names
