@@ -51,15 +51,26 @@ def cushion_force(law: Cushion, touching: Touch, relative: ca.SX) -> CushionForc
     return CushionForce(spring * touching.normal, resisting, spring * depth / (law.exponent + 1.0), loss)
 
 
-def apply_cushion(applied: AppliedWrenches, contact: Contact, law: Cushion) -> tuple[ca.SX, ca.SX]:
-    """Apply the forces of a compliant contact; returns its potential in J and its dissipated power in W."""
+class AppliedCushion(NamedTuple):
+    """A compliant contact: its `potential` in J, its dissipated power `loss` in W, and its `place`.
+
+    The place (6,) is the point in m where it touches, and the force in N on the first body, in ground's axes.
+    """
+
+    potential: ca.SX
+    loss: ca.SX
+    place: ca.SX
+
+
+def apply_cushion(applied: AppliedWrenches, contact: Contact, law: Cushion) -> AppliedCushion:
+    """Apply the forces of a compliant contact."""
     bodies = contact.first, contact.second
     touching = touch(contact, _frame(applied, contact.first), _frame(applied, contact.second))
     first, second = (_velocity(applied, body, touching.point) for body in bodies)
     force = cushion_force(law, touching, first - second)
     for body, sign in zip(bodies, (1.0, -1.0), strict=True):
         _apply_at(applied, body, touching.point, sign * (force.elastic + force.resisting))
-    return force.potential, force.loss
+    return AppliedCushion(force.potential, force.loss, ca.vertcat(touching.point, force.elastic + force.resisting))
 
 
 def _frame(applied: AppliedWrenches, body: ContactBody) -> PlacedFrame:

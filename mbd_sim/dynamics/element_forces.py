@@ -32,7 +32,8 @@ class ElementForces:
     """The wrenches F_L (6,) = [moment; force] on each link, the potential in J and the powers in W.
 
     `lengths` (springs and dampers,) are the distances between the ends in m, and `rates` their rates in m/s; those of
-    springs without expressions that vary are left out as zeros.
+    springs without expressions that vary are left out as zeros. `cushions` (6, compliant contacts) are the points in m
+    where compliant contacts touch, and their forces in N on their first bodies, in ground's axes.
     """
 
     wrenches: list[ca.SX]
@@ -41,6 +42,7 @@ class ElementForces:
     potential: ca.SX
     applied_power: ca.SX
     dissipated_power: ca.SX
+    cushions: ca.SX
 
 
 def element_forces(
@@ -55,7 +57,7 @@ def element_forces(
     applied = AppliedWrenches(links, motions, poses)
     potential = applied_power = dissipated = ca.SX(1, 1)
     power = PowerSplit()
-    lengths, rates = list[ca.SX](), list[ca.SX]()
+    lengths, rates, places = list[ca.SX](), list[ca.SX](), list[ca.SX]()
     for element in mechanism.two_point_elements:
         length, rate, energy, loss = _apply_between_points(applied, element, state, power)
         lengths.append(length)
@@ -70,16 +72,18 @@ def element_forces(
         dissipated += loss
     for contact in mechanism.contacts:
         if isinstance(contact.law, Cushion):
-            energy, loss = apply_cushion(applied, contact, contact.law)
-            potential += energy
-            dissipated += loss
+            cushion = apply_cushion(applied, contact, contact.law)
+            potential += cushion.potential
+            dissipated += cushion.loss
+            places.append(cushion.place)
     for force in mechanism.applied:
         power.add(force.vector, _apply_force(applied, force, state))
     applied_power += power.applied
     dissipated += power.dissipated
     applied_power += sum((_apply_external(applied, part, wrench) for part, wrench in external.items()), ca.SX(1, 1))
     wrenches = [ca.sparsify(wrench) for wrench in applied.wrenches]
-    return ElementForces(wrenches, _column(lengths), _column(rates), potential, applied_power, dissipated)
+    cushions = ca.horzcat(ca.SX(6, 0), *places)
+    return ElementForces(wrenches, _column(lengths), _column(rates), potential, applied_power, dissipated, cushions)
 
 
 def _column(values: Sequence[ca.SX]) -> ca.SX:

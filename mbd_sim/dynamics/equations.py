@@ -73,6 +73,9 @@ class Equations:
     in all other functions include the contact forces among the inputs. With actuators, `actuators` are their functions.
     `core` are the components of y that rates depend on, after the coordinates. `step` is in s.
 
+    `cushions(t, y, inputs)` are the points in m and the forces in N of compliant contacts (6, contacts), in ground's
+    frame; None without these.
+
     `constraints` are the constraints and the mass matrix as functions of numbers. `start` and `start_state` satisfy
     them.
     """
@@ -101,6 +104,7 @@ class Equations:
     core: slice
     step: float
     contact: ContactFunctions | None = None
+    cushions: ca.Function | None = None
     actuators: ActuatorFunctions | None = None
 
     @property
@@ -224,7 +228,6 @@ def _packaged(
     margin = [] if solver is None or solver.margin is None else [ca.densify(solver.margin)]
     projected = projected_state(traced, solver)
     violation = ca.horzcat(constraints.position, constraints.velocity)
-
     start, actuators = _start_state(traced, assembly.start), actuator_functions(traced, forces.actuators)
     if actuators is not None:
         actuators.hold(traced.numeric.actuators, start)
@@ -258,6 +261,9 @@ def _packaged(
         core=traced.core,
         step=traced.step,
         contact=contact,
+        cushions=function("cushions", with_inputs, forces.elements.cushions)
+        if forces.elements.cushions.nnz()
+        else None,
         actuators=actuators,
     )
 

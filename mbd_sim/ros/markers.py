@@ -140,12 +140,13 @@ class Markers:
     def _update_contacts(self, snapshot: Snapshot) -> None:
         """Overwrite the pose and the scale of the ball and the arrow of each contact."""
         model = self._model
-        if model.contact is None or not self._contacts:
+        if not self._contacts:
             return
         places = model.contact_places(snapshot.time, snapshot.y, snapshot.inputs)
-        closed = snapshot.inputs[list(model.contact.placed_inputs)] > 0.0
+        closed = [None if index is None else snapshot.inputs[index] > 0.0 for _, index in model.placed_contacts]
         rows = zip(self._contacts, places, closed, self._pushes, strict=True)
-        for (ball, arrow), (point, force), touches, pushes in rows:
+        for (ball, arrow), (point, force), is_closed, pushes in rows:
+            touches = force.any() if is_closed is None else is_closed
             ball[:] = ball_row(point, bool(touches), self._size)
             arrow[:] = arrow_row(point, force, self._full_force, self._size, pushes)
 
@@ -196,10 +197,9 @@ class Markers:
     def _add_contacts(self) -> None:
         self._pushes: list[bool] = []
         self._contact_markers: list[tuple[int, int]] = []
-        contact, unit = self._model.contact, (1.0, 1.0, 1.0)
-        for gap in () if contact is None else contact.placed:
-            assert contact is not None
-            self._pushes.append(not pulls(self._model.mechanism, contact.owners[gap]))
+        unit = (1.0, 1.0, 1.0)
+        for owner, _ in self._model.placed_contacts:
+            self._pushes.append(not pulls(self._model.mechanism, owner))
             number = len(self._messages)
             self._add_marker("contacts", Marker.SPHERE, unit, CONTACT_COLOR, ())
             self._add_marker("contact_forces", Marker.ARROW, unit, CONTACT_COLOR, ())

@@ -12,6 +12,7 @@ import numpy as np
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.compiler.readers import CompiledReaders
 from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
+from mbd_sim.dynamics.constraint_functions import evaluated
 from mbd_sim.dynamics.energy import AUDIT_STATES, LOSS_STATES
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
@@ -20,6 +21,7 @@ from mbd_sim.geometry.rotation import rotation_vector, unit
 from mbd_sim.integrators.between_steps import BetweenSteps
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism.source import Location
 from mbd_sim.simulation.actuated_model import ActuatedModel
 from mbd_sim.simulation.contact_records import ContactState
 from mbd_sim.simulation.contact_system import one_sided_system
@@ -217,17 +219,35 @@ class Model(ActuatedModel):
         given = self.with_contact_forces(time, y, inputs)
         return self._read("drives", time, y, np.empty((3, len(self.driven_names))), given)
 
+    @property
+    def placed_contacts(self) -> tuple[tuple[Location, int | None], ...]:
+        """The elements of the contacts that have a place: those of `contact.placed`, then the compliant ones.
+
+        With each is the index of the input that is 1 while it is closed; None for compliant contacts.
+        """
+        found = list[tuple[Location, int | None]]()
+        if self.contact is not None:
+            owners = [self.contact.owners[gap] for gap in self.contact.placed]
+            found += zip(owners, self.contact.placed_inputs, strict=True)
+        found += [(("contacts", contact.name), None) for contact in self.mechanism.contacts if not contact.rigid]
+        return tuple(found)
+
     def contact_places(self, time: float, y: Array, inputs: Array) -> Array:
-        """(n, 2, 3): the points in m of the contacts `contact.placed`, and their forces in N, in ground's frame."""
-        placed = 0 if self.contact is None else len(self.contact.placed)
+        """(n, 2, 3): the points in m of the `placed_contacts`, and their forces in N, in ground's frame."""
+        placed, cushions = 0 if self.contact is None else len(self.contact.placed), self.equations.cushions
         out = np.empty((placed, 2, 3))
-        return self._read("contact_places", time, y, out, self.with_contact_forces(time, y, inputs)) if placed else out
+        if placed:
+            self._read("contact_places", time, y, out, self.with_contact_forces(time, y, inputs))
+        if cushions is None:
+            return out
+        return np.concatenate([out, evaluated(cushions, time, y, inputs).T.reshape(-1, 2, 3)])
 
     def contacts(self, time: float, y: Array, inputs: Array) -> dict[str, ContactState]:
         """Each one-sided element by name; see `ContactState`."""
         if self.contact is None:
             return {}
-        return self.contact.states(time, y, inputs, self.contact_places(time, y, inputs))
+        places = self.contact_places(time, y, inputs)[: len(self.contact.placed)]
+        return self.contact.states(time, y, inputs, places)
 
     def violation(self, time: float, y: Array, inputs: Array | None = None) -> Violation:
         """The largest violation of the constraints."""

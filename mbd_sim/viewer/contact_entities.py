@@ -29,7 +29,7 @@ def contact_entities(scene: SceneDescription) -> Iterator[Entity]:
 
 def is_closed(scene: SceneDescription, owner: Location, rows: Rows) -> Array:
     """In which of the n samples (n,) the contact of an element is closed; always if it is not one-sided."""
-    own = [index for other, index in scene.contacts if other == owner]
+    own = [index for other, index in scene.contacts if other == owner and index is not None]
     if not own:
         return np.ones(len(rows), dtype=bool)
     return np.asarray((rows.of("inputs")[:, own] > 0.0).any(axis=1))
@@ -39,7 +39,9 @@ class _Contacts:
     """The closed contacts, as points and arrows. All share two entities, so that many contacts cost little."""
 
     def __init__(self, scene: SceneDescription) -> None:
-        self._closed, self._size = [index for _, index in scene.contacts], scene.extent.size
+        self._size = scene.extent.size
+        self._inputs = [-1 if index is None else index for _, index in scene.contacts]
+        self._compliant = np.array([index is None for _, index in scene.contacts], dtype=bool)
         self._pushes = np.array([not pulls(scene.mechanism, owner) for owner, _ in scene.contacts], dtype=bool)
         self._style = ArrowStyle(entity_paths.CONTACTS, palette.CONTACT, self._size, weight(scene))
 
@@ -51,7 +53,7 @@ class _Contacts:
     def columns(self, rows: Rows, poses: PartPoses) -> LoggedItems:
         places = rows.of("contacts").reshape(len(rows), -1, 2, 3)
         points, forces = places[:, :, 0], places[:, :, 1]
-        closed = rows.of("inputs")[:, self._closed] > 0.0
+        closed = np.where(self._compliant, forces.any(axis=2), rows.of("inputs")[:, self._inputs] > 0.0)
         columns = rr.Points3D.columns(positions=points[closed].reshape(-1, 3))
         yield f"{entity_paths.CONTACTS}/points", columns.partition(closed.sum(axis=1))
         yield from self._style.force(points, forces, self._pushes)

@@ -56,7 +56,7 @@ class RowWriter:
 
     def __init__(self, model: Model, reactions: bool = False) -> None:
         joints = len(model.mechanism.all_joints) if reactions else 0
-        contacts = 0 if model.contact is None else len(model.contact.placed)
+        contacts = len(model.placed_contacts)
         self.layout = RowLayout(
             len(model.start), len(model.inputs), len(model.part_names), len(model.driven_names), contacts, joints
         )

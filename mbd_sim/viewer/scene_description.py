@@ -55,7 +55,7 @@ class SceneDescription:
     `q` and `u` are the slices of each joint's coordinates and speeds in the state, `wrenches` the slice of the
     commanded wrench on each part in the inputs, and `quaternions` the index in the state at which that of a joint
     begins. `contacts` are the elements of the contacts that have a place, each with the index in the inputs that is 1
-    while it is closed.
+    while it is closed, or None for compliant ones.
     """
 
     mechanism: Mechanism
@@ -67,7 +67,7 @@ class SceneDescription:
     q: Mapping[str, slice]
     u: Mapping[str, slice]
     quaternions: Mapping[str, int]
-    contacts: tuple[tuple[Location, int], ...]
+    contacts: tuple[tuple[Location, int | None], ...]
     part_names: tuple[str, ...]
     start: Array
     traces: Mapping[str, Attachment]
@@ -103,7 +103,7 @@ def describe_scene(model: Model, rows: RowLayout, options: DisplayOptions) -> Sc
         q=model.layout.q,
         u=model.layout.u,
         quaternions=dict(model.quaternions),
-        contacts=_contacts(model),
+        contacts=model.placed_contacts,
         part_names=tuple(model.part_names),
         start=model.pose_array(0.0, model.start),
         traces=_traces(mechanism, options.traces),
@@ -111,14 +111,6 @@ def describe_scene(model: Model, rows: RowLayout, options: DisplayOptions) -> Sc
         method=model.method.name,
         options=options,
     )
-
-
-def _contacts(model: Model) -> tuple[tuple[Location, int], ...]:
-    contact = model.contact
-    if contact is None:
-        return ()
-    owners = (contact.owners[gap] for gap in contact.placed)
-    return tuple(zip(owners, contact.placed_inputs, strict=True))
 
 
 def _traces(mechanism: Mechanism, chosen: Sequence[str] | None) -> Mapping[str, Attachment]:

@@ -11,6 +11,7 @@ from mbd_sim.mechanism_file.library import shipped
 from mbd_sim.messages.snapshot import Due, Snapshot
 from mbd_sim.ros.markers import Markers
 from test.generators import mesh_files
+from test.simulation.test_contact_forces import SOFT_BALL
 
 
 def snapshot(simulation: Simulation) -> Snapshot:
@@ -128,3 +129,19 @@ def test_contacts_are_balls_and_arrows_along_their_forces_that_shrink_while_open
                 assert tip == pytest.approx(state.point, abs=1e-12)
                 assert arrow.scale.x == pytest.approx(0.25 * 0.8 * np.linalg.norm(state.force) / 9.81, rel=0.3)
     assert seen == {("left", True), ("left", False), ("right", True), ("right", False)}
+
+
+def test_compliant_contacts_have_balls_and_arrows_while_they_touch():
+    simulation = Simulation.from_text(SOFT_BALL)
+    markers, seen = Markers(simulation.model), set()
+    for _ in range(20):
+        simulation.step(10)
+        (ball,), (arrow,) = (
+            [m for m in drawn(markers, simulation) if m.ns == name] for name in ("contacts", "contact_forces")
+        )
+        ((point, force),) = simulation.model.contact_places(simulation.time, simulation.y, simulation.inputs)
+        touches = bool(force.any())
+        seen.add(touches)
+        assert ((ball.scale.x > 1e-3), (arrow.scale.x > 1e-3)) == (touches, touches)
+        assert [ball.pose.position.x, ball.pose.position.y, ball.pose.position.z] == point.tolist()
+    assert seen == {True, False}

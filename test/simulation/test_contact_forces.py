@@ -101,3 +101,26 @@ contacts:
     floor, pair = sim.contacts().values()
     np.testing.assert_allclose([floor.force, pair.force], [-5.0 * G, -2.0 * G], rtol=0, atol=1e-12)
     np.testing.assert_allclose([floor.point, pair.point], [[0, 0, 0], [0, 0, 0.2]], rtol=0, atol=1e-15)
+
+
+SOFT_BALL = """
+mechanism: soft_ball
+parts: {ball: {shape: {type: sphere, mass: 2, radius: 0.1}}}
+joints:
+  ball: {type: planar, between: [ground, ball], axis: [0, -1, 0], x_axis: [1, 0, 0], position: [0, 0.12, 0], velocity: [1, 0, 0]}
+contacts: {floor: {parts: [ball], plane: ground, friction: 0.3, stiffness: 1e5, damping: 0.5}}
+"""
+
+
+def test_the_force_of_a_compliant_contact_is_the_rate_of_momentum_at_the_place_where_it_touches():
+    sim = Simulation.from_text(SOFT_BALL)
+    model, touched = sim.model, 0
+    assert model.placed_contacts == ((("contacts", "floor"), None),)
+    for _ in range(40):
+        sim.step(5)
+        ((point, force),) = model.contact_places(sim.time, sim.y, sim.inputs)
+        x, z, _ = sim.u_rates
+        assert force == pytest.approx([2.0 * x, 0.0, 2.0 * (z + 9.81)], abs=1e-11)
+        assert point == pytest.approx([sim.q[0], 0.0, sim.q[1] - 0.1], abs=1e-15)
+        touched += force[2] > 0.0
+    assert 3 < touched < 40

@@ -14,6 +14,7 @@ from mbd_sim.viewer.part_poses import PartPoses
 from mbd_sim.viewer.rerun_stream import RerunStream
 from mbd_sim.viewer.sample_rows import Rows, RowWriter
 from mbd_sim.viewer.scene_description import DisplayOptions, describe_scene
+from test.simulation.test_contact_forces import SOFT_BALL
 from test.viewer.test_viewer import Recorded
 
 TIED = """
@@ -234,6 +235,23 @@ def test_contacts_are_points_and_arrows_while_they_are_closed(tmp_path):
             atol=1e-6,
         )
     assert min(kept.values()) > 5
+
+
+def test_compliant_contacts_are_points_and_arrows_while_they_touch(tmp_path):
+    sim, places = Simulation.from_text(SOFT_BALL), []
+    read = lambda: places.append(sim.model.contact_places(sim.time, sim.y, sim.inputs)[0])  # noqa: E731
+    recorded, _, scene = show(sim, tmp_path, seconds=0.3, each=20, read=read)
+    scale = LONG * scene.extent.size / weight(scene)
+    points, arrows = (
+        [row for _, row in recorded.rows[f"/world/contact_forces/{name}"]] for name in ("points", "force")
+    )
+    touching = [force.any() for _, force in places]
+    assert True in touching and False in touching
+    for drawn, arrow, (point, force) in zip(points, arrows, places, strict=True):
+        expected = np.reshape([point] if force.any() else [], (-1, 3))
+        np.testing.assert_allclose(np.reshape(drawn["Points3D:positions"] or [], (-1, 3)), expected, atol=1e-6)
+        if force.any() and scale * np.linalg.norm(force) < 0.6 * scene.extent.size:
+            np.testing.assert_allclose(arrow["Arrows3D:vectors"], [scale * force], atol=1e-6)
 
 
 def test_a_slack_rope_is_faint(tmp_path):
