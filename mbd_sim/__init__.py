@@ -11,7 +11,7 @@ This page has the whole Python interface, apart from the learning environments i
 
 - mechanisms: `load_mechanism`, `parse_mechanism`, `Mechanism`
 - motion: `Simulation` and `Ensemble`, and what they return: `Energies`, `EnsembleEnergies`, `Violation`, `DriveState`,
-  `Reaction`, `PartMotion`, `Pose`; the compiled equations without a state: `Model`
+  `Reaction`, `PartMotion`, `SensorReading`, `Pose`; the compiled equations without a state: `Model`
 - recordings of a simulation's run: `Simulation.recording`, `RunRecorder`
 - analyses: `linearize`, `Linearization`, `modes`, `Mode`, `equilibrium`, `lqr`, `InverseDynamics`, `inertia_split`,
   `InertiaSplit`
@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.compiled_model import DriveState, Energies, Model, Reaction, Violation
     from mbd_sim.simulation.ensemble import Ensemble, EnsembleEnergies
     from mbd_sim.simulation.motions import PartMotion
+    from mbd_sim.simulation.sensor_model import SensorReading
     from mbd_sim.simulation.simulation import Simulation
     from mbd_sim.symbolic import SymbolicEquations, symbolic_equations, to_latex
 
@@ -77,6 +78,7 @@ __all__ = [
     "Problem",
     "Reaction",
     "RunRecorder",
+    "SensorReading",
     "Simulation",
     "SymbolicEquations",
     "Violation",
@@ -106,6 +108,7 @@ _MODULES = {
     "mbd_sim.simulation.compiled_model": ("DriveState", "Energies", "Model", "Reaction", "Violation"),
     "mbd_sim.simulation.ensemble": ("Ensemble", "EnsembleEnergies"),
     "mbd_sim.simulation.motions": ("PartMotion",),
+    "mbd_sim.simulation.sensor_model": ("SensorReading",),
     "mbd_sim.simulation.simulation": ("Simulation",),
     "mbd_sim.symbolic": ("SymbolicEquations", "symbolic_equations", "to_latex"),
 }

@@ -50,7 +50,7 @@ MISTAKES = {
         "{type: encoder, joint: pivot, counts: 9, resolution: 1}", "one", "has resolution and counts", "Give one",
     ),
     "no resolution": ("{type: encoder, joint: pivot}", "one", "has neither resolution nor counts", "Give one of them"),
-    "a broken count": ("{type: encoder, joint: pivot, counts: 1.5}", "one", "counts is 1.5", "Write a whole number"),
+    "a broken count": ("{type: encoder, joint: pivot, counts: 1.5}", "one.counts", "is 1.5", "Write a whole number"),
     "a rate": ("{type: imu, at: rod, rate: 300}", "one.rate", "300 Hz is not once in", "250 Hz or 333.333333333 Hz"),
     "a delay": ("{type: imu, at: rod, delay: 0.3 ms}", "one.delay", "0.0003 s is not a whole", "are 0 s or 0.001 s"),
     "a negative noise": (
@@ -167,3 +167,29 @@ def test_random_sections_load_or_say_what_is_wrong_and_where():
         else:
             assert all(np.isfinite(sensor.sampling.delay) for sensor in mechanism.sensors)
     assert 100 < refused < 250
+
+
+@pytest.mark.parametrize(
+    ("seed", "words"), [("1.5", "is 1.5. Write a whole number"), ("-1", "must be at least 0"), ("x", "unknown name")]
+)
+def test_a_seed_is_a_whole_number(seed, words):
+    with pytest.raises(MechanismError) as caught:
+        parse_mechanism(FILE.replace("SENSOR", "{type: imu, at: rod}") + f"sensor_seed: {seed}\n")
+    (problem,) = caught.value.problems
+    assert words in str(problem)
+    assert (problem.line, problem.key) == (10, "sensor_seed")
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        "{type: encoder, joint: pivot, counts: n, index: n}",
+        "{type: imu, at: rod, rate: n, delay: n, drop_out: n, angular_velocity: {bias: n, limit: n}}",
+        "{type: range, at: rod, plane: ground, normal: [n, 0, 1], least: n, most: n}",
+    ],
+)
+def test_a_wrong_parameter_is_reported_once_and_not_at_each_use(sensor):
+    text = FILE.replace("SENSOR", sensor) + "parameters: {n: undefined}\nsensor_seed: n\n"
+    with pytest.raises(MechanismError) as caught:
+        parse_mechanism(text)
+    assert [problem.key for problem in caught.value.problems] == ["parameters.n"]

@@ -92,7 +92,7 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         contacts=elements.contacts,
         actuators=elements.actuators,
         sensors=elements.sensors,
-        sensor_seed=file.sensor_seed,
+        sensor_seed=round(file.sensor_seed),
     )
 
 

@@ -183,7 +183,8 @@ class _SensorBuilder:
             remedy = "Give the steps of a turn as 'counts', or a smaller resolution."
             self._context.report((*where, "resolution"), problem, remedy)
             return None
-        counts = None if spec.counts is None else round(spec.counts)
+        # Counts from a parameter that has a problem are not a number.
+        counts = None if spec.counts is None or math.isnan(spec.counts) else round(spec.counts)
         resolution = spec.resolution or 2.0 * math.pi / (counts or 1)
         errors = (ErrorModel(spec.bias, 0.0, spec.noise_density),)
         return records.Encoder(name, sampling, errors, coordinate, kind.unit, resolution, counts, spec.index)

@@ -35,10 +35,9 @@ from mbd_sim.mechanism_file.schema.constraint_schema import AnyConstraintSpec
 from mbd_sim.mechanism_file.schema.contact_schema import ContactSpec
 from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
 from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
-from mbd_sim.mechanism_file.schema.sensor_schema import AnySensorSpec
+from mbd_sim.mechanism_file.schema.sensor_schema import AnySensorSpec, Seed
 from mbd_sim.mechanism_file.schema.table_schema import TableSpec
 
-SensorSeed = Annotated[int, Field(ge=0, le=2**63 - 1)]
 FunctionHead = Annotated[str, StringConstraints(max_length=200)]  # its form is checked when functions are read
 Color = Annotated[str, StringConstraints(pattern=r"^#[0-9a-fA-F]{6}$")]
 
@@ -237,4 +236,4 @@ class MechanismFile(Spec):
     forces: dict[Name, AnyForceSpec] = Field(default={}, description="springs, dampers, forces, couples and efforts")
     actuators: dict[Name, AnyActuatorSpec] = Field(default={}, description="motors and servos, which take commands")
     sensors: dict[Name, AnySensorSpec] = Field(default={}, description="measurements, with their errors and rates")
-    sensor_seed: SensorSeed = Field(0, description="of the noise of all sensors: a whole number")
+    sensor_seed: Seed = Field(0, description="of the noise of all sensors: a whole number")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from mbd_sim.errors import InputError
 from mbd_sim.mechanism_file.quantity import Angle, PositiveLength, Quantity
@@ -14,7 +15,16 @@ Frequency = Annotated[float, Quantity("Hz", above=0)]
 Delay = Annotated[float, Quantity("s", at_least=0)]
 Probability = Annotated[float, Quantity("", at_least=0, at_most=1)]
 Distance = Annotated[float, Quantity("m", at_least=0)]
-Count = Annotated[float, Quantity("", at_least=1, at_most=1e12)]
+
+
+def _whole(number: float) -> float:
+    if math.isfinite(number) and number != round(number):  # nan: the problem is reported at a parameter
+        raise InputError(f"is {number:g}", "Write a whole number.")
+    return number
+
+
+Count = Annotated[float, Quantity("", at_least=1, at_most=1e12), AfterValidator(_whole)]
+Seed = Annotated[float, Quantity("", at_least=0, at_most=1e15), AfterValidator(_whole)]
 AnyNumber = Annotated[float, Quantity(None)]
 AnyResolution = Annotated[float, Quantity(None, above=0)]
 _DENSITY = "standard deviation of the noise divided by √rate: its unit per √Hz"
@@ -142,8 +152,6 @@ class EncoderSpec(SensorSpec):
         if (self.resolution is None) == (self.counts is None):
             given = "neither resolution nor counts" if self.counts is None else "resolution and counts"
             raise InputError(f"has {given}", "Give one of them.")
-        if self.counts is not None and self.counts != round(self.counts):
-            raise InputError(f"counts is {self.counts:g}", "Write a whole number.")
         return self
 
 
