@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import casadi as ca
 
@@ -15,8 +15,23 @@ MULTIPLY_ADD, MULTIPLY_SUBTRACT, SUBTRACT_PRODUCT = -1, -2, -3
 Instructions: TypeAlias = "ca.Function | InstructionList"
 
 
-@dataclass(frozen=True)
-class Node:
+_LEAVES = frozenset({ca.OP_INPUT, ca.OP_CONST})
+
+
+class Instruction(NamedTuple):
+    """An operation on entries of the work vector: `source` are the indices that are read, `target` the one that is set.
+
+    Of an input, `source` is the argument and its component; of an output, `target` is the result and its component. A
+    constant has a `value`.
+    """
+
+    operation: int
+    source: tuple[int, ...]
+    target: tuple[int, ...]
+    value: float = 0.0
+
+
+class Node(NamedTuple):
     """An operation on the values of earlier nodes, given by their numbers.
 
     The `operands` of an input are its argument and component; a constant has a `value`.
@@ -26,9 +41,13 @@ class Node:
     operands: tuple[int, ...] = ()
     value: float = 0.0
 
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Equal for nodes with the same value, to the bit."""
+        return (ca.OP_CONST, float(self.value).hex()) if self.operation == ca.OP_CONST else self
 
-@dataclass(frozen=True)
-class Output:
+
+class Output(NamedTuple):
     """A node, and the component of a result to which its value is stored."""
 
     node: int
@@ -46,33 +65,37 @@ class Graph:
 
 def is_leaf(node: Node) -> bool:
     """Whether a node is an input or a constant: its operands are not nodes."""
-    return node.operation in (ca.OP_INPUT, ca.OP_CONST)
+    return node.operation in _LEAVES
+
+
+def instructions_of(function: Instructions) -> Sequence[Instruction]:
+    """The instructions in order. Those of CasADi are costly to read, so that this is done once for all uses."""
+    if isinstance(function, InstructionList):
+        return function.instructions
+    found = []
+    for index in range(function.n_instructions()):
+        operation = function.instruction_id(index)
+        source, target = function.instruction_input(index), function.instruction_output(index)
+        value = function.instruction_constant(index) if operation == ca.OP_CONST else 0.0
+        found.append(Instruction(operation, tuple(source), tuple(target), value))
+    return found
 
 
 def graph_of(function: Instructions) -> Graph:
     """The instructions as a graph, without the work vector; equal operations become one node."""
-    numbers: dict[tuple[int, tuple[int, ...], str], int] = {}
+    numbers: dict[tuple[object, ...], int] = {}
     nodes: list[Node] = []
     outputs: list[Output] = []
     stored = [-1] * function.sz_w()  # for each entry of the work vector, the node whose value it has
-    for index in range(function.n_instructions()):
-        operation = function.instruction_id(index)
-        target, source = function.instruction_output(index), function.instruction_input(index)
+    for operation, source, target, value in instructions_of(function):
         if operation == ca.OP_OUTPUT:
             outputs.append(Output(stored[source[0]], target[0], target[1]))
             continue
-        operands: tuple[int, ...] = ()
-        value = function.instruction_constant(index) if operation == ca.OP_CONST else 0.0
-        if operation == ca.OP_INPUT:
-            operands = (source[0], source[1])
-        elif operation != ca.OP_CONST:
-            operands = tuple(stored[index] for index in source)
-        node = Node(operation, operands, value)
-        key = operation, operands, float(value).hex()
-        if key not in numbers:
-            numbers[key] = len(nodes)
+        node = Node(operation, source if operation in _LEAVES else tuple([stored[index] for index in source]), value)
+        number = numbers.setdefault(node.key, len(nodes))
+        if number == len(nodes):
             nodes.append(node)
-        stored[target[0]] = numbers[key]
+        stored[target[0]] = number
     return Graph(nodes, outputs)
 
 
@@ -102,7 +125,7 @@ class InstructionList:
     def __init__(self, like: Instructions, graph: Graph, order: Sequence[int]) -> None:
         """Take the name and the number of arguments from `like`; `order` contains the nodes that are needed."""
         self._name, self._in, self._out = like.name(), like.n_in(), like.n_out()
-        self._list: list[tuple[int, tuple[int, ...], tuple[int, ...], float]] = []
+        self.instructions: list[Instruction] = []
         self._size = 0
         outputs: dict[int, list[Output]] = {}
         for output in graph.outputs:
@@ -112,8 +135,9 @@ class InstructionList:
         free: list[int] = []
         for step, number in enumerate(order):
             node = graph.nodes[number]
-            source = node.operands if is_leaf(node) else tuple(slots[operand] for operand in node.operands)
+            source = node.operands
             if not is_leaf(node):
+                source = tuple([slots[operand] for operand in node.operands])
                 for operand in set(node.operands):
                     if last_use[operand] == step:
                         heapq.heappush(free, slots[operand])
@@ -121,9 +145,10 @@ class InstructionList:
                 slots[number] = heapq.heappop(free)
             else:
                 slots[number], self._size = self._size, self._size + 1
-            self._list.append((node.operation, source, (slots[number],), node.value))
+            self.instructions.append(Instruction(node.operation, source, (slots[number],), node.value))
             for output in outputs.get(number, ()):
-                self._list.append((ca.OP_OUTPUT, (slots[number],), (output.result, output.component), 0.0))
+                stored = Instruction(ca.OP_OUTPUT, (slots[number],), (output.result, output.component))
+                self.instructions.append(stored)
             if last_use[number] == step:
                 heapq.heappush(free, slots[number])
 
@@ -145,20 +170,20 @@ class InstructionList:
 
     def n_instructions(self) -> int:
         """The number of instructions, including loads and stores."""
-        return len(self._list)
+        return len(self.instructions)
 
     def instruction_id(self, index: int) -> int:
         """The operation: CasADi's, or one of this module."""
-        return self._list[index][0]
+        return self.instructions[index].operation
 
     def instruction_input(self, index: int) -> tuple[int, ...]:
         """The indices in the work vector that are read, or the argument and its component."""
-        return self._list[index][1]
+        return self.instructions[index].source
 
     def instruction_output(self, index: int) -> tuple[int, ...]:
         """The index in the work vector that is set, or the result and its component."""
-        return self._list[index][2]
+        return self.instructions[index].target
 
     def instruction_constant(self, index: int) -> float:
         """The value of a constant."""
-        return self._list[index][3]
+        return self.instructions[index].value

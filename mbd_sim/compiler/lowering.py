@@ -15,7 +15,9 @@ from mbd_sim.compiler.instruction_list import (
     MULTIPLY_ADD,
     MULTIPLY_SUBTRACT,
     SUBTRACT_PRODUCT,
+    Instruction,
     Instructions,
+    instructions_of,
 )
 from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir_builder import IRBuilder
@@ -89,17 +91,18 @@ def lower(module: Module, function: Instructions, inline: bool, lanes: int = 1) 
     """
     inputs, outputs = function.n_in(), function.n_out()
     emitted, builder = _define(module, function.name(), inputs + outputs, inline, lanes)
-    split, by_reciprocal = pieces(function), shared_divisions(function)
+    instructions = instructions_of(function)
+    split, by_reciprocal = pieces(len(instructions)), shared_divisions(instructions)
     if len(split) == 1:
         arguments = emitted.args[:inputs], emitted.args[inputs:]
-        _Lowering(module, builder).run(function, by_reciprocal, split[0], *arguments, {})
+        _Lowering(module, builder).run(instructions, by_reciprocal, split[0], *arguments, {})
     else:
         memory = local_array(builder, function.sz_w())
-        for piece_number, (piece, saved) in enumerate(zip(split, live_out(function, split), strict=True)):
+        for piece_number, (piece, saved) in enumerate(zip(split, live_out(instructions, split), strict=True)):
             part, inside = _define(module, f"{function.name()}.{piece_number}", inputs + outputs + 1, False, lanes)
             piece_work = PieceWork(inside, part.args[-1])
             arguments = part.args[:inputs], part.args[inputs:-1]
-            _Lowering(module, inside).run(function, by_reciprocal, piece, *arguments, piece_work)
+            _Lowering(module, inside).run(instructions, by_reciprocal, piece, *arguments, piece_work)
             piece_work.save(saved)
             inside.ret_void()
             builder.call(part, [*emitted.args, memory])
@@ -126,23 +129,22 @@ class _Lowering:
 
     def run(
         self,
-        function: Instructions,
+        instructions: Sequence[Instruction],
         by_reciprocal: frozenset[int],
-        instructions: range,
+        piece: range,
         inputs: Sequence[Value],
         outputs: Sequence[Value],
         work: dict[int, Value],
     ) -> None:
         """Emit a range of the instructions; `work` is the work vector."""
-        for index in instructions:
-            operation = function.instruction_id(index)
-            target, source = function.instruction_output(index), function.instruction_input(index)
+        for index in piece:
+            operation, source, target, value = instructions[index]
             if operation == ca.OP_INPUT:
                 work[target[0]] = self.builder.load(element(self.builder, inputs[source[0]], source[1]), typ=DOUBLE)
             elif operation == ca.OP_OUTPUT:
                 self.builder.store(work[source[0]], element(self.builder, outputs[target[0]], target[1]))
             elif operation == ca.OP_CONST:
-                work[target[0]] = number(function.instruction_constant(index))
+                work[target[0]] = number(value)
             elif index in by_reciprocal:
                 inverse = self.reciprocal(work[source[0 if operation == ca.OP_INV else 1]])
                 inverted = operation == ca.OP_INV
@@ -195,21 +197,19 @@ class _Lowering:
         return self.builder.select(self.builder.fcmp_unordered("!=", condition, number(0.0)), value, number(0.0))
 
 
-def shared_divisions(function: Instructions) -> frozenset[int]:
+def shared_divisions(instructions: Sequence[Instruction]) -> frozenset[int]:
     """The instructions that divide by a number by which another instruction divides too."""
-    source_of = [-1] * function.sz_w()  # for each entry of the work vector, the instruction that set it
+    source_of: dict[int, int] = {}  # for each entry of the work vector, the instruction that set it
     divisions: dict[int, list[int]] = {}
-    for index in range(function.n_instructions()):
-        operation = function.instruction_id(index)
+    for index, (operation, source, target, _) in enumerate(instructions):
         if operation in (ca.OP_DIV, ca.OP_INV):
-            source = function.instruction_input(index)
-            divisions.setdefault(source_of[source[0] if operation == ca.OP_INV else source[1]], []).append(index)
+            divisions.setdefault(source_of[source[-1]], []).append(index)
         if operation != ca.OP_OUTPUT:
-            source_of[function.instruction_output(index)[0]] = index
+            source_of[target[0]] = index
     return frozenset(index for group in divisions.values() if len(group) > 1 for index in group)
 
 
 def instruction_count(function: Instructions) -> int:
     """The number of scalar instructions of a function, without loads and stores."""
     skipped = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
-    return sum(function.instruction_id(index) not in skipped for index in range(function.n_instructions()))
+    return sum(instruction.operation not in skipped for instruction in instructions_of(function))

@@ -9,10 +9,9 @@ arrangement depends only on the list and on fixed latencies, and IEEE 754 define
 
 from __future__ import annotations
 
-import dataclasses
 import heapq
 from collections import Counter
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -83,8 +82,7 @@ def critical_path_order(graph: Graph) -> list[int]:
     return sorted(paths, key=lambda number: (-paths[number], number))
 
 
-@dataclass(frozen=True)
-class _Term:
+class _Term(NamedTuple):
     """A term of a sum: the product of one or two nodes, and its sign; `ready` is the cycle when it can be added."""
 
     factors: tuple[int, ...]
@@ -99,7 +97,7 @@ class _Rebuilding:
         self._old, self._fuses = old, fused
         self._nodes: list[Node] = []
         self._ready: list[int] = []
-        self._numbers: dict[tuple[int, tuple[int, ...], str], int] = {}
+        self._numbers: dict[tuple[object, ...], int] = {}
         self._new: dict[int, int] = {}
         self._single_use = self._used_once()
         self._shared = self._shared_divisors()
@@ -110,7 +108,7 @@ class _Rebuilding:
         for number, node in enumerate(self._old.nodes):
             if number not in absorbed:
                 self._new[number] = self._rebuilt(number, node)
-        outputs = [dataclasses.replace(output, node=self._new[output.node]) for output in self._old.outputs]
+        outputs = [output._replace(node=self._new[output.node]) for output in self._old.outputs]
         return Graph(self._nodes, outputs)
 
     def _used_once(self) -> set[int]:
@@ -256,10 +254,9 @@ class _Rebuilding:
         return _Term((number,), negative, self._ready[number])
 
     def _add(self, node: Node) -> int:
-        key = node.operation, node.operands, float(node.value).hex()
-        if key not in self._numbers:
-            self._numbers[key] = len(self._nodes)
+        number = self._numbers.setdefault(node.key, len(self._nodes))
+        if number == len(self._nodes):
             self._nodes.append(node)
-            start = 0 if is_leaf(node) else max(self._ready[operand] for operand in node.operands)
+            start = 0 if is_leaf(node) else max([self._ready[operand] for operand in node.operands])
             self._ready.append(start + latency(node))
-        return self._numbers[key]
+        return number

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from mbd_sim.compiler.instruction_list import Instructions
+from mbd_sim.compiler.instruction_list import Instruction
 from mbd_sim.compiler.ir import Value
 from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import DOUBLE, element
@@ -18,15 +18,14 @@ PIECE = 4000  # instructions of one function
 UNSPLIT = 8000  # instructions up to which a list stays one function
 
 
-def pieces(function: Instructions) -> Sequence[range]:
-    """The ranges of instructions that become functions, in order."""
-    count = function.n_instructions()
+def pieces(count: int) -> Sequence[range]:
+    """The ranges of so many instructions that become functions, in order."""
     if count <= UNSPLIT:
         return [range(count)]
     return [range(first, min(first + PIECE, count)) for first in range(0, count, PIECE)]
 
 
-def live_out(function: Instructions, split: Sequence[range]) -> list[set[int]]:
+def live_out(instructions: Sequence[Instruction], split: Sequence[range]) -> list[set[int]]:
     """The indices in the work vector that each piece sets and a later one reads."""
     needed: set[int] = set()
     found = []
@@ -34,12 +33,12 @@ def live_out(function: Instructions, split: Sequence[range]) -> list[set[int]]:
         after, needed = needed, set(needed)
         defined = set()
         for index in reversed(piece):
-            operation = function.instruction_id(index)
+            operation, source, target, _ = instructions[index]
             if operation != ca.OP_OUTPUT:
-                defined.add(function.instruction_output(index)[0])
-                needed.discard(function.instruction_output(index)[0])
+                defined.add(target[0])
+                needed.discard(target[0])
             if operation not in (ca.OP_INPUT, ca.OP_CONST):
-                needed.update(function.instruction_input(index))
+                needed.update(source)
         found.append(after & defined)
     return found[::-1]
 

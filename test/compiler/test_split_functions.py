@@ -6,6 +6,7 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.compiler import split_functions
+from mbd_sim.compiler.instruction_list import instructions_of
 from mbd_sim.compiler.split_functions import live_out
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.load import load_mechanism
@@ -25,9 +26,10 @@ def test_pieces_give_the_same_bits(monkeypatch, size, method):
 
 def test_nothing_is_live_out_that_nobody_reads():
     rates = derive(load_mechanism("double_rod")).rates
-    count = rates.n_instructions()
+    instructions = instructions_of(rates)
+    count = len(instructions)
     halves = [range(count // 2), range(count // 2, count)]
-    first, last = live_out(rates, halves)
+    first, last = live_out(instructions, halves)
     assert last == set()
     assert 0 < len(first) < rates.sz_w()
-    assert live_out(rates, [range(count)]) == [set()]
+    assert live_out(instructions, [range(count)]) == [set()]

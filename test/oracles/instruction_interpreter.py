@@ -8,7 +8,7 @@ from fractions import Fraction
 import casadi as ca
 import numpy as np
 
-from mbd_sim.compiler.instruction_list import MULTIPLY_ADD, MULTIPLY_SUBTRACT, SUBTRACT_PRODUCT
+from mbd_sim.compiler.instruction_list import MULTIPLY_ADD, MULTIPLY_SUBTRACT, SUBTRACT_PRODUCT, instructions_of
 from mbd_sim.compiler.lowering import shared_divisions
 
 
@@ -67,7 +67,7 @@ TERNARY = {
 def interpret(function, sine_cosine, arguments):
     """An instruction list by numpy's scalars, one operation at a time: its first result."""
     work, found = [np.float64(0.0)] * function.sz_w(), {}
-    by_reciprocal = shared_divisions(function)
+    by_reciprocal = shared_divisions(instructions_of(function))
     for index in range(function.n_instructions()):
         operation = function.instruction_id(index)
         target, source = function.instruction_output(index), function.instruction_input(index)
