@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import copy
+import functools
 import keyword
 import re
 from collections.abc import Mapping
@@ -57,9 +58,9 @@ class Functions:
         if unknown := sorted(called - {*CALLABLE} - self.by_name.keys() - self.unresolved - self.parameters):
             remedy = nearest(unknown[0], chain(self.by_name, CALLABLE))
             raise InputError(f"unknown function {quoted(unknown[0])}", remedy)
-        if not called & self.by_name.keys():
+        if not (used := called & self.by_name.keys()):
             return expression
-        text = ast.unparse(_Inlined(self.by_name).visit(copy.deepcopy(parsed(expression).body)))
+        text = _inlined(expression, tuple((name, self.by_name[name]) for name in sorted(used)))
         self.expanded_length += len(text)
         if len(text) > MAX_EXPANDED or self.expanded_length > MAX_TOTAL:
             raise InputError("is too long after its functions are inserted", "Simplify the functions.")
@@ -68,6 +69,11 @@ class Functions:
     def calls_invalid(self, expression: str) -> bool:
         """Whether an expression calls a function that could not be read, which is reported at the function."""
         return bool(self.unresolved and _called(expression) & self.unresolved)
+
+
+@functools.lru_cache(maxsize=4096)  # a file is read again for each change of a live value; `parsed` shares the bodies
+def _inlined(expression: str, functions: tuple[tuple[str, Function], ...]) -> str:
+    return ast.unparse(_Inlined(dict(functions)).visit(copy.deepcopy(parsed(expression).body)))
 
 
 class _Inlined(ast.NodeTransformer):
