@@ -12,6 +12,8 @@ from mbd_sim.appearance import palette
 from mbd_sim.appearance.palette import Color
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.constraints import Cable, Clutch, Coupling, Distance, Flat, KnifeEdge, Rolling, Surface
+from mbd_sim.mechanism.contacts import Face
+from mbd_sim.mechanism.one_sided import ContactLaw
 from mbd_sim.mechanism.records import GROUND, Attachment
 from mbd_sim.mechanism.source import Location
 from mbd_sim.viewer import entity_paths
@@ -43,6 +45,8 @@ def constraint_entities(scene: SceneDescription) -> Iterator[Entity]:
                 yield _RollingContact(scene, constraint)
             case Flat():
                 yield _PointOnLine(path, constraint, size)
+            case Surface(law=ContactLaw()):
+                pass  # its point is drawn while it touches, as that of all contacts
             case KnifeEdge(point=point) | Surface(point=point):
                 yield _Point(path, point, size)
             case Coupling() | Clutch():
@@ -181,10 +185,13 @@ def contact(constraint: Rolling, poses: PartPoses) -> Array:
 
 
 def floor_of(scene: SceneDescription) -> tuple[Array, Array] | None:
-    """A point (3,) and the normal (3,) of the first plane of ground that something rolls or slides on."""
+    """A point (3,) and the normal (3,) of the first plane of ground that something rolls, slides or falls on."""
     for constraint in scene.mechanism.constraints:
         if isinstance(constraint, Rolling) and constraint.plane.part == GROUND:
             return constraint.plane.point, constraint.normal
         if isinstance(constraint, Flat) and constraint.base.part == GROUND and len(constraint.normals) == 1:
             return constraint.base.point, constraint.normals[0]
+    for contact in scene.mechanism.contacts:
+        if isinstance(contact.second, Face) and contact.second.at.part == GROUND:
+            return contact.second.at.point, contact.second.normal
     return None

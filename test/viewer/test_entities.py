@@ -10,6 +10,7 @@ from mbd_sim.appearance.force_scale import LONG
 from mbd_sim.appearance.residual_scale import residual_magnitude
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.viewer.arrow_entities import arrow_entities, weight
+from mbd_sim.viewer.constraint_entities import constraint_entities, floor_of
 from mbd_sim.viewer.part_poses import PartPoses
 from mbd_sim.viewer.rerun_stream import RerunStream
 from mbd_sim.viewer.sample_rows import Rows, RowWriter
@@ -252,6 +253,17 @@ def test_compliant_contacts_are_points_and_arrows_while_they_touch(tmp_path):
         np.testing.assert_allclose(np.reshape(drawn["Points3D:positions"] or [], (-1, 3)), expected, atol=1e-6)
         if force.any() and scale * np.linalg.norm(force) < 0.6 * scene.extent.size:
             np.testing.assert_allclose(arrow["Arrows3D:vectors"], [scale * force], atol=1e-6)
+
+
+def test_the_grid_lies_in_the_plane_on_which_the_feet_stand_and_points_away_from_a_surface_are_not_drawn():
+    def scene_of(name):
+        model = Simulation.from_file(name).model
+        return describe_scene(model, RowWriter(model).layout, DisplayOptions())
+
+    point, normal = floor_of(scene_of("column_of_beads"))
+    assert (point.tolist(), normal.tolist()) == ([0.0, 0.0, 0.0], [0.0, 0.0, 1.0])
+    drawn = list(constraint_entities(scene_of("ratchet_and_pawl")))
+    assert len(drawn) == 2  # the outlines of the teeth
 
 
 def test_a_slack_rope_is_faint(tmp_path):
