@@ -17,6 +17,7 @@ from mbd_sim.drawing.spring_symbols import link, spring_and_damper
 from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import unit_or_zero
+from mbd_sim.mechanism.actuators import LinePort, line_ports
 from mbd_sim.mechanism.constraints import Distance
 from mbd_sim.mechanism.force_elements import AppliedForce, Damper, Spring
 from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
@@ -26,17 +27,17 @@ LENGTH = 46.0  # pt, of the arrow of any force
 FORCE = outline_color(DISSIPATED)
 TIMES = (0.0, 0.05, 0.1, 0.25, 0.5, 1.0)  # s; a force is drawn as it is at the first of these at which it is not zero
 
-Connector = Spring | Damper | Distance
+Connector = Spring | Damper | Distance | LinePort
 
 
 def connectors_of(mechanism: Mechanism) -> list[Connector]:
-    """The force elements and constraints that act between two points."""
+    """The force elements, constraints and actuators that act between two points."""
     distances = [constraint for constraint in mechanism.constraints if isinstance(constraint, Distance)]
-    return [*mechanism.two_point_elements, *distances]
+    return [*mechanism.two_point_elements, *distances, *line_ports(mechanism).values()]
 
 
 def two_point_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> list[SheetPath]:
-    """Springs, dampers, and massless rods that keep a distance."""
+    """Springs, dampers, cylinders, and massless rods that keep a distance."""
     paths: list[SheetPath] = []
     for element in connectors_of(mechanism):
         first, second = (point_of(poses, attachment) for attachment in (element.first, element.second))
@@ -59,6 +60,8 @@ def _elastic_and_damped(element: Connector) -> tuple[bool, bool]:
             return element.elastic, element.damping != 0.0
         case Damper():
             return False, element.damping != 0.0
+        case LinePort():  # a cylinder
+            return False, True
         case Distance():
             return False, False
         case _:

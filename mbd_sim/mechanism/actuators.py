@@ -158,6 +158,11 @@ class Actuator:
                 return self.motor.current_limit * self.motor.torque_constant * self.motor.gear
 
 
+def line_ports(mechanism: Mechanism) -> dict[str, LinePort]:
+    """The lines along which actuators act, by the name of the actuator."""
+    return {actuator.name: actuator.port for actuator in mechanism.actuators if isinstance(actuator.port, LinePort)}
+
+
 def channel_names(actuators: Sequence[Actuator]) -> tuple[str, ...]:
     """The commands of all actuators in their order, as `actuator.channel`."""
     return tuple(f"{actuator.name}.{channel}" for actuator in actuators for channel in actuator.channels)

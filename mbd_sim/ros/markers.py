@@ -16,6 +16,7 @@ from mbd_sim.appearance.force_scale import pulls, weight
 from mbd_sim.appearance.solids import LINE_WIDTH
 from mbd_sim.appearance.trace_points import default_traces
 from mbd_sim.geometry.pose import Array, pack_poses, unpack_poses
+from mbd_sim.mechanism.actuators import line_ports
 from mbd_sim.mechanism.constraints import (
     Cable,
     Clutch,
@@ -177,6 +178,9 @@ class Markers:
                 self._add_line("coil", "springs", ends, len(self._coil), palette.STEEL)
             if damped:
                 self._add_line("dashpot", "dampers", ends, len(self._dashpot), palette.STEEL)
+
+        for port in line_ports(self._model.mechanism).values():
+            self._add_line("dashpot", "actuators", (port.first, port.second), len(self._dashpot), palette.STEEL)
 
     def _add_constraint(self, constraint: Constraint) -> None:
         match constraint:

@@ -13,6 +13,7 @@ import rerun as rr
 
 from mbd_sim.appearance import palette, polylines
 from mbd_sim.geometry.pose import Array, identity_pose
+from mbd_sim.mechanism.actuators import line_ports
 from mbd_sim.mechanism.force_elements import Damper, Spring
 from mbd_sim.mechanism.laws import Linear
 from mbd_sim.mechanism.records import Attachment, Joint
@@ -27,7 +28,7 @@ ANCHOR_DISTANCE = 0.35  # from the range of a slide to the far end of its spring
 
 
 def spring_entities(scene: SceneDescription) -> Iterator[Entity]:
-    """All springs and dampers between points, and the springs of prismatic joints."""
+    """All springs, dampers and actuators between points, and the springs of prismatic joints."""
     mechanism = scene.mechanism
     for element in mechanism.two_point_elements:
         spring_path = f"{entity_paths.WORLD}/springs/{element.name}"
@@ -43,6 +44,8 @@ def spring_entities(scene: SceneDescription) -> Iterator[Entity]:
                     yield _DamperEntity(scene, damper_path, first, second)
             case _:
                 assert_never(element)
+    for name, port in line_ports(mechanism).items():
+        yield _DamperEntity(scene, f"{entity_paths.WORLD}/actuators/{name}", port.first, port.second)
     for joint in mechanism.joints.values():
         if joint.type == "prismatic" and (np.any(joint.stiffness) or joint.spring not in (None, Linear(0.0))):
             anchor, end = _joint_spring_ends(scene, joint)

@@ -83,3 +83,16 @@ def test_matplotlib_is_loaded_only_to_draw_and_without_its_state_or_a_display(tm
     )
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert answer.stdout == "[] False\n"
+
+
+def test_an_actuator_between_two_points_is_drawn_as_a_damper_between_them(tmp_path):
+    text = "mechanism: a\nparts: {bob: {mass: 1, inertia: [1, 1, 1], shape: {type: sphere, radius: 0.1}, points: {top: [0, 0, 0.1]}}}\n"
+    text += "joints: {rail: {type: prismatic, between: [ground, bob], axis: [1, 0, 0], position: 1}}\nSECTION\n"
+    actuator = "actuators: {push: {type: effort, between: [ground, bob.top]}}"
+    damper = "forces: {push: {type: damper, between: [ground, bob.top], coefficient: 1}}"
+    paths = []
+    for name, section in (("actuator", actuator), ("damper", damper), ("plain", "")):
+        simulation = Simulation.from_text(text.replace("SECTION", section))
+        draw(simulation.mechanism, simulation.poses(), tmp_path / f"{name}.svg")
+        paths.append((tmp_path / f"{name}.svg").read_text().count("<path"))
+    assert paths[0] == paths[1] != paths[2]

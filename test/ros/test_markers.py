@@ -145,3 +145,12 @@ def test_compliant_contacts_have_balls_and_arrows_while_they_touch():
         assert ((ball.scale.x > 1e-3), (arrow.scale.x > 1e-3)) == (touches, touches)
         assert [ball.pose.position.x, ball.pose.position.y, ball.pose.position.z] == point.tolist()
     assert seen == {True, False}
+
+
+def test_an_actuator_between_two_points_is_a_cylinder_between_them():
+    text = load_mechanism("rod_pendulum").source.text + "ground: {points: {wall: [1, 0, 0]}}\n"
+    text += "actuators: {push: {type: effort, between: [ground.wall, rod]}}\n"
+    simulation = Simulation.from_text(text)
+    (cylinder,) = [m for m in drawn(Markers(simulation.model, ""), simulation) if m.ns == "actuators"]
+    ends = [[point.x, point.y, point.z] for point in (cylinder.points[0], cylinder.points[-1])]
+    assert ends == [pytest.approx([1.0, 0.0, 0.0]), pytest.approx([0.0, 0.0, 0.0])]

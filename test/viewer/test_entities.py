@@ -279,3 +279,11 @@ def test_a_wheel_leaves_a_track_only_where_it_touches(tmp_path):
     sim = Simulation.from_file("spinning_ball")
     recorded, _, _ = show(sim, tmp_path, seconds=0.3)
     assert all(not row["LineStrips3D:strips"] for _, row in recorded.rows["/world/traces/floor"])
+
+
+def test_an_actuator_between_two_points_is_a_cylinder_in_their_middle(tmp_path):
+    sim = Simulation.from_text(TIED + "\nactuators: {push: {type: effort, between: [ground, bob]}}\n")
+    recorded, moments, _ = show(sim, tmp_path)
+    middles = recorded.column("/world/actuators/push/cylinder", "Transform3D:translation")[:, 0]
+    for (_, poses, _), middle in zip(moments, middles, strict=True):
+        np.testing.assert_allclose(middle, poses["bob"].position / 2.0, atol=1e-5)
