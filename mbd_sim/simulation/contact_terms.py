@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.compiler.kernel import Kernel
 from mbd_sim.dynamics.contact_equations import ContactEquations, ContactLayout
 from mbd_sim.dynamics.contact_functions import ContactFunctions
+from mbd_sim.dynamics.evaluation import all_evaluated, evaluated
 from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.contact_records import ContactState
@@ -168,11 +168,11 @@ class ContactModel:
 
     def terms(self, time: float, y: Array, inputs: Array) -> ContactTerms:
         """The terms of the equations for forces and impulses."""
-        matrix, free, sizes = (np.array(value, dtype=float) for value in self._functions.terms(time, y, inputs))
+        matrix, free, sizes = all_evaluated(self._functions.terms, time, y, inputs)
         loads = {
-            index: (_vector(unloaded), np.array(by_force, dtype=float))
+            index: (unloaded.ravel(), by_force)
             for index, function in zip(self.loaded, self._functions.loads, strict=True)
-            for unloaded, by_force in [function(time, y, inputs)]
+            for unloaded, by_force in [all_evaluated(function, time, y, inputs)]
         }
         return ContactTerms(matrix, free.ravel(), sizes, loads)
 
@@ -197,11 +197,11 @@ class ContactModel:
 
     def response(self, time: float, y: Array, inputs: Array, impulses: Array) -> Array:
         """The change of u (nv,) by impulses (rows,)."""
-        return _vector(self._functions.response(time, y, inputs, impulses))
+        return evaluated(self._functions.response, time, y, inputs, impulses).ravel()
 
     def restitution(self, inputs: Array) -> Array:
         """e (gaps,)."""
-        return _vector(self._functions.restitution(inputs))
+        return evaluated(self._functions.restitution, inputs).ravel()
 
 
 def _row_names(contacts: ContactEquations) -> tuple[str, ...]:
@@ -214,7 +214,3 @@ def _row_names(contacts: ContactEquations) -> tuple[str, ...]:
         quantity = row.quantity.replace(" ", "_").replace(",", "")
         names.append(f"{row.owner[1]}.{quantity}" if several else str(row.owner[1]))
     return tuple(names)
-
-
-def _vector(value: ca.DM) -> Array:
-    return np.array(value, dtype=float).ravel()
