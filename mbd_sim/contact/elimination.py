@@ -16,10 +16,11 @@ def solve(matrix: Array, right: Array) -> Array:
 
     Equations that depend on others are not checked.
     """
-    a = np.column_stack([matrix, right]).astype(float)
     n = len(right)
+    a = np.empty((n, n + 1))
+    a[:, :n], a[:, n] = matrix, right
     columns = list(range(n))
-    largest = float(np.max(np.abs(a[:, :n]), initial=0.0))
+    largest = float(np.abs(a[:, :n]).max()) if n else 0.0
     rank = 0
     while rank < n:
         rest = np.abs(a[rank:, rank:n])

@@ -15,10 +15,12 @@ def lemke(matrix: Array, right: Array) -> Array | None:
     Ties are resolved by the lexicographic rule, so that the method ends.
     """
     n = len(right)
-    if not n or np.all(right >= 0.0):
+    if not n or (right >= 0.0).all():
         return np.zeros(n)
     # Columns: w (n), z (n), z0, q. Rows: I w - M z - d z0 = q.
-    tableau = np.column_stack([np.eye(n), -matrix, -np.ones(n), right])
+    tableau = np.zeros((n, 2 * n + 2))
+    tableau[range(n), range(n)] = 1.0
+    tableau[:, n : 2 * n], tableau[:, 2 * n], tableau[:, -1] = -matrix, -1.0, right
     basis = list(range(n))
     entering, row = 2 * n, _first_row(right)
     for _ in range(60 * (n + 1)):
@@ -37,7 +39,7 @@ def lemke(matrix: Array, right: Array) -> Array | None:
 
 def _first_row(right: Array) -> int:
     """The row of the smallest q; of several the last, which the lexicographic rule prefers."""
-    return int(np.flatnonzero(right == np.min(right))[-1])
+    return int((right == right.min()).nonzero()[0][-1])
 
 
 def _pivot(tableau: Array, row: int, column: int) -> None:
@@ -52,11 +54,11 @@ def _pivot(tableau: Array, row: int, column: int) -> None:
 def _leaving_row(tableau: Array, entering: int, basis: list[int], n: int) -> int | None:
     """The row with the lexicographically least ratio; that of z0 where it is among the least."""
     column = tableau[:, entering]
-    rows = np.flatnonzero(column > TINY * max(1.0, float(np.max(np.abs(column)))))
+    rows = (column > TINY * max(1.0, float(np.abs(column).max()))).nonzero()[0]
     if not len(rows):
         return None
     ratios = tableau[rows, -1] / column[rows]
-    least = float(np.min(ratios))
+    least = float(ratios.min())
     tied = rows[ratios <= least + TINY * max(1.0, abs(least))]
     artificial = [int(row) for row in tied if basis[row] == 2 * n]
     if artificial:

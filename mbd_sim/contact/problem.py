@@ -50,9 +50,9 @@ class ContactProblem:
     def rates(self, forces: Array) -> Array:
         """s (n,), summed in order."""
         total = self.free.copy()
-        for column in range(len(forces)):
-            if forces[column]:
-                total += self.matrix[:, column] * forces[column]
+        for column, force in enumerate(forces.tolist()):
+            if force:
+                total += self.matrix[:, column] * force
         return total
 
 
@@ -68,16 +68,16 @@ def contact_forces(problem: ContactProblem) -> Array:
     start = _by_lemke(scaled)
     attempts = [start] if start is not None else []
     for forces in (*attempts, np.zeros(n)):
-        polished = _newton(scaled, forces)
-        if _residual(scaled, polished) <= ACCURATE:
+        polished, residual = _newton(scaled, forces)
+        if residual <= ACCURATE:
             return polished * scale
     if start is None and all(len(friction.rows) == 1 for friction in problem.frictions):
         raise NoSolutionError("no forces satisfy the conditions of all contacts")  # Lemke's method decides that
     swept = np.zeros(n) if start is None else start
     for _ in range(20):
         swept = _sweep(scaled, swept)
-        polished = _newton(scaled, swept)
-        if _residual(scaled, polished) <= ACCURATE:
+        polished, residual = _newton(scaled, swept)
+        if residual <= ACCURATE:
             return polished * scale
     raise NoSolutionError("no forces satisfy the conditions of all contacts")
 
@@ -100,7 +100,7 @@ def _scaled(problem: ContactProblem) -> tuple[ContactProblem, Array]:
                 diagonal[group], changed = np.max(diagonal[group]), True
     weights = np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 1.0)
     free = weights * problem.free
-    size = float(np.max(np.abs(free), initial=0.0)) or 1.0
+    size = float(np.abs(free).max()) or 1.0
     matrix = problem.matrix * weights[:, None] * weights[None, :]
     scale = size * weights
     frictions = [
@@ -116,12 +116,10 @@ def _by_lemke(problem: ContactProblem) -> Array | None:
     normals, n = list(problem.normals), len(problem.free)
     columns = [(row, 1.0) for row in normals]
     columns += [(row, sign) for friction in problem.frictions for row in friction.rows for sign in (1.0, -1.0)]
-    basis = np.zeros((n, len(columns)))
-    for index, (row, sign) in enumerate(columns):
-        basis[row, index] = sign
     size, extra = len(columns), len(problem.frictions)
     matrix, right = np.zeros((size + extra, size + extra)), np.zeros(size + extra)
-    matrix[:size, :size] = _product(basis, problem.matrix)
+    rows, signs = [row for row, _ in columns], np.array([sign for _, sign in columns])
+    matrix[:size, :size] = signs[:, None] * problem.matrix[rows][:, rows] * signs
     right[:size] = [sign * problem.free[row] for row, sign in columns]
     first = len(normals)
     for index, friction in enumerate(problem.frictions):
@@ -140,13 +138,6 @@ def _by_lemke(problem: ContactProblem) -> Array | None:
     for index, (row, sign) in enumerate(columns):
         forces[row] += sign * z[index]
     return forces
-
-
-def _product(basis: Array, matrix: Array) -> Array:
-    """Bᵀ A B, for a basis of signed unit vectors."""
-    rows = np.argmax(np.abs(basis), axis=0)
-    signs = basis[rows, np.arange(basis.shape[1])]
-    return np.asarray(signs[:, None] * matrix[np.ix_(rows, rows)] * signs[None, :])
 
 
 def _projected(problem: ContactProblem, trial: Array) -> Array:
@@ -168,21 +159,26 @@ def _length(vector: Sequence[float] | Array) -> float:
     return math.sqrt(sum(float(value) * float(value) for value in vector))
 
 
-def _residual(problem: ContactProblem, forces: Array) -> float:
-    """How far the conditions are from satisfied: λ less the projection of λ - s, relative to the forces."""
-    natural = forces - _projected(problem, forces - problem.rates(forces))
-    size = 1.0 + float(np.max(np.abs(forces), initial=0.0))
-    return float(np.max(np.abs(natural), initial=0.0)) / size if np.all(np.isfinite(natural)) else np.inf
+def _natural(problem: ContactProblem, forces: Array) -> tuple[Array, Array, float]:
+    """The trial λ - s (n,), the residual F = λ - P(λ - s) (n,), and its size relative to the forces.
+
+    F is zero where all conditions are satisfied.
+    """
+    trial = forces - problem.rates(forces)
+    natural = forces - _projected(problem, trial)
+    size = 1.0 + float(np.abs(forces).max())
+    return trial, natural, float(np.abs(natural).max()) / size if np.isfinite(natural).all() else np.inf
 
 
-def _newton(problem: ContactProblem, forces: Array) -> Array:
-    """Semismooth Newton on λ - P(λ - s) = 0 (Alart & Curnier 1991); the best iterate."""
-    best, least = forces, _residual(problem, forces)
+def _newton(problem: ContactProblem, forces: Array) -> tuple[Array, float]:
+    """Semismooth Newton on λ - P(λ - s) = 0 (Alart & Curnier 1991): the best iterate, and the size of its residual."""
+    trial, natural, least = _natural(problem, forces)
+    best = forces
+    if least == 0.0:
+        return best, least
     for _ in range(NEWTON_STEPS):
-        trial = forces - problem.rates(forces)
-        right, jacobian = _linearized(problem, forces, trial)
-        forces = forces + solve(jacobian, -right)
-        found = _residual(problem, forces)
+        forces = forces + solve(_jacobian(problem, trial), -natural)
+        trial, natural, found = _natural(problem, forces)
         if not found < least:
             if not np.isfinite(found) or least <= 1e-15:
                 break
@@ -192,12 +188,12 @@ def _newton(problem: ContactProblem, forces: Array) -> Array:
         best, least = forces, found
         if least <= 1e-16:
             break
-    return best
+    return best, least
 
 
-def _linearized(problem: ContactProblem, forces: Array, trial: Array) -> tuple[Array, Array]:
-    """The residual F = λ - P(λ - s) (n,), and its Jacobian (n, n)."""
-    identity = np.eye(len(forces))
+def _jacobian(problem: ContactProblem, trial: Array) -> Array:
+    """The Jacobian (n, n) of F = λ - P(λ - s)."""
+    identity = np.eye(len(trial))
     jacobian = identity.copy()
     for row in problem.normals:
         if trial[row] > 0.0:
@@ -218,7 +214,7 @@ def _linearized(problem: ContactProblem, forces: Array, trial: Array) -> tuple[A
             jacobian[rows] -= across[:, None] * turned
         if normal is not None and trial[normal] > 0.0:
             jacobian[rows] -= (friction.size * direction)[:, None] * shift[normal]
-    return forces - _projected(problem, trial), jacobian
+    return jacobian
 
 
 def _sweep(problem: ContactProblem, forces: Array) -> Array:

@@ -73,7 +73,7 @@ def impact(
     chosen = [*gaps, *(row for rows, _, _ in frictions for row in rows)]
     place = {row: position for position, row in enumerate(chosen)}
     limits = [FrictionLimit(tuple(place[row] for row in rows), place[gap], size) for rows, gap, size in frictions]
-    matrix, before = terms.matrix[np.ix_(chosen, chosen)], readings.rates[chosen]
+    matrix, before = terms.matrix[chosen][:, chosen], readings.rates[chosen]
     approach = np.minimum(before[: len(gaps)], 0.0)
     e = np.where(-approach < slow[gaps], 0.0, e[gaps]) * (1.0 if elastic else 0.0)
 
@@ -111,7 +111,7 @@ def tangential_impact(model: ContactModel, time: float, y: Array, inputs: Array,
     frictions = [(rows, gap, terms.sizes[index, 0]) for index, (rows, gap) in enumerate(model.frictions) if gap in gaps]
     rows = independent(terms.matrix, [*gaps, *(row for own, _, _ in frictions for row in own)])
     impulses = np.zeros(model.layout.rows)
-    impulses[rows] = solve(terms.matrix[np.ix_(rows, rows)], -readings.rates[rows])
+    impulses[rows] = solve(terms.matrix[rows][:, rows], -readings.rates[rows])
     loads = {gap: impulses[gap] for _, gap, _ in frictions}
     within = all(sum((impulses[list(own)] ** 2).tolist()) <= (size * loads[gap]) ** 2 for own, gap, size in frictions)
     if min(impulses[gaps].tolist(), default=0.0) < 0.0 or not within or not impulses.any():
@@ -157,7 +157,7 @@ def _rest(
     A block that rocks on its edges rebounds without restitution, from one edge to the other.
     """
     chosen = independent(matrix, rows)
-    solution = solve(matrix[np.ix_(chosen, chosen)], -readings.rates[chosen])
+    solution = solve(matrix[chosen][:, chosen], -readings.rates[chosen])
     impulses = np.zeros(model.layout.rows)
     impulses[chosen] = solution
     loss = 0.5 * sum((solution * -readings.rates[chosen]).tolist())

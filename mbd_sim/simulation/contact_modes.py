@@ -187,7 +187,7 @@ class _Candidates:
             for rows, gap in [model.frictions[index]]
         ]
         normals = [place[gap] for gap in self._closable]
-        solution = contact_forces(ContactProblem(matrix[np.ix_(chosen, chosen)], free[chosen], normals, limits))
+        solution = contact_forces(ContactProblem(matrix[chosen][:, chosen], free[chosen], normals, limits))
         forces, rates = constant, free.copy()
         for row, value in zip(chosen, solution.tolist(), strict=True):
             forces += unit[:, row] * value

@@ -11,7 +11,7 @@ import numpy as np
 from mbd_sim.compiler.guarded_stepping import AT_REST, STIFF, TURNING
 from mbd_sim.contact.elimination import solve
 from mbd_sim.geometry.pose import Array
-from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings
+from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, address
 from mbd_sim.simulation.event_location import first_zero
 
 STOPPED = 1e-8  # m/s, up to which slip along two directions counts as zero: it turns ever faster as it stops
@@ -282,8 +282,8 @@ class _Way:
         found = self._states.get(length)
         if found is None:
             found = self._y.copy()
-            self._model.kernel.part_step(found.ctypes.data, self._inputs.ctypes.data, self._t, length)
-            if not np.all(np.isfinite(found)):
+            self._model.kernel.part_step(address(found), address(self._inputs), self._t, length)
+            if not np.isfinite(found).all():
                 raise FloatingPointError
             self._states[length] = found
         return found

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from itertools import accumulate, pairwise
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +26,7 @@ ROUND_OFF = 1e-10  # of a load, relative to its parts
 SLIDING = 1.0 - 1e-9  # square of the length of a direction of sliding
 
 
-@dataclass(frozen=True, eq=False)
-class ContactReadings:
+class ContactReadings(NamedTuple):
     """The gaps (gaps,), rates (rows,), forces λ (rows,) and guards (gaps + frictions,) of a state.
 
     `turning` are the rates in 1/s at which friction along two directions may turn its slip.
@@ -84,6 +85,8 @@ class ContactModel:
         self.loaded = [index for index, element in enumerate(contacts.frictions) if element.joint is not None]
         self._single = [number for number, load in enumerate(functions.loads) if load.nnz_out(0) == 1]
         self.guard_count = self.layout.gaps + len(self.frictions) + len(self._single)
+        counts = 1, self.layout.gaps, self.layout.rows, self.layout.rows, self.guard_count, len(self.pairs)
+        self._ends = list(accumulate(counts))  # of the time and of all readings
 
     @property
     def placed_inputs(self) -> tuple[int, ...]:
@@ -107,13 +110,11 @@ class ContactModel:
 
     def readings(self, time: float, y: Array, inputs: Array) -> ContactReadings:
         """Gaps, rates, forces and guards."""
-        gaps, rows = self.layout.gaps, self.layout.rows
-        ends = gaps, gaps + rows, gaps + 2 * rows, gaps + 2 * rows + self.guard_count
-        moment, out = np.array([time]), np.empty(ends[-1] + len(self.pairs))
-        self.kernel.readings(*(array.ctypes.data for array in (moment, y, inputs, out)))
-        return ContactReadings(
-            out[: ends[0]], out[ends[0] : ends[1]], out[ends[1] : ends[2]], out[ends[2] : ends[3]], out[ends[3] :]
-        )
+        out = np.empty(self._ends[-1])
+        out[0] = time
+        first = address(out)
+        self.kernel.readings(first, address(y), address(inputs), first + out.itemsize)
+        return ContactReadings(*[out[start:stop] for start, stop in pairwise(self._ends)])
 
     def with_forces(self, time: float, y: Array, inputs: Array) -> Array:
         """A copy of the inputs with the forces λ of all rows."""
@@ -214,3 +215,10 @@ def _row_names(contacts: ContactEquations) -> tuple[str, ...]:
         quantity = row.quantity.replace(" ", "_").replace(",", "")
         names.append(f"{row.owner[1]}.{quantity}" if several else str(row.owner[1]))
     return tuple(names)
+
+
+def address(array: Array) -> int:
+    """The address of an array; of one that can be written to in a quarter of the time of `array.ctypes.data`."""
+    if not array.flags.writeable:
+        return array.ctypes.data
+    return ctypes.addressof(ctypes.c_char.from_buffer(array.data))
