@@ -12,9 +12,9 @@ import numpy as np
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.compiler.readers import CompiledReaders
 from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
-from mbd_sim.dynamics.constraint_functions import evaluated
 from mbd_sim.dynamics.energy import AUDIT_STATES, LOSS_STATES
 from mbd_sim.dynamics.equations import Equations, derive
+from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.geometry.rotation import rotation_vector, unit
