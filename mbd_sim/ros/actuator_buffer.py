@@ -1,25 +1,26 @@
 """Buffers commands of actuators from the topics until the next step. Independent of ROS.
 
-They are held until the next command or reset: no watchdog ends them.
+They are held until the next command, trajectory or reset: no watchdog ends them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from mbd_sim.errors import CommandError, listed
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import Channel
+from mbd_sim.ros.trajectory_player import TrajectoryPlayer
 from mbd_sim.simulation.actuator_commands import CommandMap
 
 
 class ActuatorBuffer:
     """Keeps the newest command of each channel; `map` checks them. Its owner calls it under a lock."""
 
-    def __init__(self, command_map: CommandMap) -> None:
-        self.map = command_map
+    def __init__(self, command_map: CommandMap, step_size: float) -> None:
+        self.map, self.player = command_map, TrajectoryPlayer(command_map, step_size)
         self._requested = np.full(len(command_map.names), np.nan)  # nan: never commanded
         self._new = False
 
@@ -40,17 +41,28 @@ class ActuatorBuffer:
             raise CommandError(f"{len(values)} commands given. Give one for each of: {names}.")
         return self.map.checked(self.map.names, np.array(values, dtype=float))
 
-    def take(self, requested: Array) -> None:
-        """Take commands from the next step on."""
+    def take(self, requested: Array, actuators: Iterable[str]) -> None:
+        """Take commands from the next step on; the trajectories of the actuators that they command end."""
+        for velocity in self.player.cancel(actuators):
+            if requested[velocity] == self._requested[velocity]:  # not commanded anew
+                requested[velocity] = 0.0
         self._requested, self._new = requested, True
 
-    def due(self, current: Array) -> Array | None:
-        """All commands (n,) to apply, if there are new ones; channels never commanded keep the `current` ones."""
-        if not self._new:
+    def due(self, time: float, current: Array) -> Array | None:
+        """All commands (n,) to apply at a time in s of the run, if there are new ones.
+
+        Channels never commanded keep the `current` ones.
+        """
+        commands = np.where(np.isnan(self._requested), current, self._requested)
+        samples = self.player.sample(time, commands)
+        for index, value in samples.items():
+            self._requested[index] = commands[index] = value
+        if not self._new and not samples:
             return None
         self._new = False
-        return np.where(np.isnan(self._requested), current, self._requested)
+        return commands
 
     def clear(self) -> None:
         """Discard all commands, as after a reset."""
         self._requested, self._new = np.full(len(self.map.names), np.nan), False
+        self.player.clear()

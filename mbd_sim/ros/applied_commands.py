@@ -24,7 +24,7 @@ def apply_commands(
         if due.kind is EventKind.EXPIRED or simulation.efforts.tobytes() != before:
             output.report(due.kind, AppliedEfforts(due.efforts, due.expired))
     current = simulation.inputs[simulation.command_map.range]
-    values = commands.due_for_actuators(current)
+    values = commands.due_for_actuators(time, current)
     if values is not None and values.tobytes() != current.tobytes():
         simulation.apply_command_values(values)
         output.report(EventKind.COMMAND, AppliedCommands(values))

@@ -16,6 +16,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import Channel
 from mbd_sim.ros.actuator_buffer import ActuatorBuffer
 from mbd_sim.ros.joint_commands import JointCommandRouter
+from mbd_sim.ros.trajectory import Trajectory
 from mbd_sim.simulation.actuator_commands import CommandMap
 from mbd_sim.simulation.efforts import EffortMap
 from mbd_sim.simulation.events import EventKind
@@ -39,9 +40,11 @@ class CommandBuffer:
     simulated time (0: no limit) gets the effort zero until the next command for it, whatever others are sent.
     """
 
-    def __init__(self, effort_map: EffortMap, timeout: float, actuators: CommandMap | None = None) -> None:
+    def __init__(
+        self, effort_map: EffortMap, timeout: float, actuators: CommandMap | None = None, step_size: float = 1e-3
+    ) -> None:
         self.map, self.timeout = effort_map, timeout
-        self._actuators = ActuatorBuffer(actuators or CommandMap((), InputLayout(len(effort_map.names))))
+        self._actuators = ActuatorBuffer(actuators or CommandMap((), InputLayout(len(effort_map.names))), step_size)
         self._router = JointCommandRouter(effort_map, list(self._actuators.map.actuators.values()))
         self.accepted = self.rejected = self.expired = 0
         size = len(effort_map.names)
@@ -88,11 +91,26 @@ class CommandBuffer:
         """
         with self._lock:
             try:
-                self._actuators.take(self._actuators.in_order(values))
+                self._actuators.take(self._actuators.in_order(values), self._actuators.map.actuators)
             except CommandError:
                 self.rejected += 1
                 raise
             self.accepted += 1
+
+    def follow(self, trajectory: Trajectory, now_ns: int, zero_ns: int) -> None:
+        """Take a trajectory of some joints.
+
+        :param now_ns: the present time of the clock of stamps, `zero_ns` that at the start of the run.
+        :raises CommandError: rejected; nothing changes.
+        """
+        try:
+            curves = {self._router.positioner(name): curve for name, curve in trajectory.curves(now_ns).items()}
+        except CommandError:
+            self.rejected += 1
+            raise
+        with self._lock:
+            self.accepted += 1
+            self._actuators.player.take(curves, trajectory.start_ns - zero_ns if trajectory.start_ns else None)
 
     def _take(
         self,
@@ -108,16 +126,26 @@ class CommandBuffer:
                 raise
             self.accepted += 1
             if commands is not None:
-                self._actuators.take(commands)
+                self._actuators.take(commands, actuators)
             if commands is None or efforts:
                 self._new = True
                 by_name = isinstance(efforts, Mapping)
                 self._commanded |= [name in efforts for name in self.map.names] if by_name else True
 
-    def due_for_actuators(self, current: Array) -> Array | None:
-        """The commands (n,) of all actuators to apply from the next step on, if there are new ones."""
+    def due_for_actuators(self, time: float, current: Array) -> Array | None:
+        """The commands (n,) of all actuators to apply from simulated `time` (s) on, if there are new ones."""
         with self._lock:
-            return self._actuators.due(current)
+            return self._actuators.due(time, current)
+
+    def steps_to_sample(self, tick: int, at_most: int) -> int:
+        """The steps to the next tick at which a sample of a trajectory may be due, or fewer."""
+        with self._lock:
+            return self._actuators.player.steps_to_sample(tick, at_most)
+
+    def sample_trajectories(self, rate: float) -> None:
+        """Sample trajectories at a rate in Hz of simulated time from now on."""
+        with self._lock:
+            self._actuators.player.rate = rate
 
     def due(self, time: float) -> list[DueEfforts]:
         """The efforts to apply from simulated `time` (s, monotonic) on, in this order; none where they stay."""

@@ -55,6 +55,18 @@ class JointCommandRouter:
                     commands.setdefault(actuator, {})[channel] = value
         return RoutedCommands(efforts, commands)
 
+    def positioner(self, name: str) -> str:
+        """The actuator of a joint that takes positions.
+
+        :raises CommandError: there is no such joint or actuator.
+        """
+        if (actuator := self._takers.get(name, {}).get("position")) is not None:
+            return actuator
+        if name not in self._takers:
+            self._effort_map.require(name)
+        remedy = "Give it an actuator with a servo that controls its position."
+        raise CommandError(f"joint '{name}' takes no position, which a trajectory commands. {remedy}")
+
     def _addressed(self, names: Sequence[str], channel: Channel, count: int) -> Sequence[str]:
         """Those of the names that the entries of an array belong to."""
         if count == len(names):

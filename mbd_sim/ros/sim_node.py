@@ -71,7 +71,9 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self._apply_initial(initial)
         self._unknown_parameters = parameters.finish()
         timeout = parameters["command_timeout"]
-        self.commands = CommandBuffer(simulation.effort_map, timeout, simulation.command_map)
+        step_size = simulation.step_size
+        self.commands = CommandBuffer(simulation.effort_map, timeout, simulation.command_map, step_size)
+        self.commands.sample_trajectories(parameters["trajectory_rate"])
         self.wrenches = WrenchBuffer(simulation.wrench_map, simulation.model.part_names, timeout, frame_prefix)
         self.followed = followed_clock(self, parameters, leader.stepping_thread if leader else None)
         self.rates = initial_rates(parameters, leads=self.followed is None)
@@ -92,7 +94,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             requested_topics(parameters, simulation.model, log),
             frame_prefix=frame_prefix,
             clock=self.rates.clock > 0.0,
-            step_size=simulation.step_size,
+            step_size=step_size,
         )
         self.recordings = node_recordings(parameters, self.stepping_thread, self.publishing_thread, log)
         self.publishing_thread.recordings = self.recordings
@@ -107,6 +109,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             self._step_on_command,
             self.stepping_thread.set_state,
             self.stepping_thread.warn,
+            self.stepping_thread.clock,
         )
         self.diagnostics = Diagnostics(self, self.stepping_thread, subscriptions, self.publishing_thread)
         self._priority = parameters["real_time_priority"]
@@ -271,6 +274,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
                 self.rates.view = value if self.publishing_thread.viewer is not None else 0.0
             case "command_timeout":
                 self.commands.timeout = self.wrenches.timeout = value
+            case "trajectory_rate":
+                self.commands.sample_trajectories(value)
             case "record_split_size" | "record_split_duration":
                 self.recordings.limits = split_limits(self.parameters)
         if name == "start" or name.startswith("starts."):

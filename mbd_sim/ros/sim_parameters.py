@@ -30,6 +30,10 @@ PARAMETERS = (
         "simulated s after the last command for a joint until its effort is set to zero; 0: never",
         0.0, 1e6, live=True,
     ),
+    ParameterSpec(
+        "trajectory_rate", 1000.0, "commands computed from a trajectory per simulated second; at most one in each step",
+        1.0, 100_000.0, live=True,
+    ),
     ParameterSpec("step_count", 1, "steps taken by one call of ~/step", 1, 1_000_000, live=True),
     ParameterSpec("step_on_command", False, "while paused, each command triggers step_count steps", live=True),
     ParameterSpec("reset_rewinds_clock", False, "whether ~/reset sets /clock back to zero", live=True),

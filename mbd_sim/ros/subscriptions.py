@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
@@ -12,20 +13,24 @@ from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory
 
 from mbd_sim.errors import CommandError
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.messages.topic_names import topic_names
 from mbd_sim.ros import qos
 from mbd_sim.ros.command_buffer import CommandBuffer
+from mbd_sim.ros.stepping_output import NodeClock
+from mbd_sim.ros.trajectory import Trajectory, TrajectoryPoint
 from mbd_sim.ros.wrench_buffer import WrenchBuffer, WrenchTargets
 from mbd_sim.simulation.state_values import StateValues
 
-SET_STATE, ACTUATORS = "~/set_state", "~/actuator_commands"
+SET_STATE, ACTUATORS, TRAJECTORY = "~/set_state", "~/actuator_commands", "joint_trajectory"
 SUBSCRIBED = (
     ("~/commands", "std_msgs/msg/Float64MultiArray: an effort for each coordinate, in the order of joint_states"),
     ("joint_commands", "sensor_msgs/msg/JointState: efforts, positions and velocities by joint name"),
     (ACTUATORS, "std_msgs/msg/Float64MultiArray: a command for each channel of the actuators, in their order"),
+    (TRAJECTORY, "trajectory_msgs/msg/JointTrajectory: motions of joints whose actuators take positions"),
     (SET_STATE, "sensor_msgs/msg/JointState: positions and velocities by joint name"),
     ("~/wrench/<part>[/<point>]", "geometry_msgs/msg/WrenchStamped: force and torque on a part"),
 )
@@ -46,15 +51,16 @@ class Subscriptions:
         on_efforts: Callable[[], None],
         on_state: Callable[[StateValues], str],
         warn: Callable[[str], None],
+        clock: NodeClock,
     ) -> None:
-        """Subscribe; `on_efforts` is called after efforts have been accepted.
+        """Subscribe; `on_efforts` is called after commands have been accepted. `clock` is that of stamps.
 
         `on_state` sets positions and speeds and returns the problem, or ""; `warn` reports one as an event.
 
         A wrench on `~/wrench/<part>` acts at the part's mass center, one on `~/wrench/<part>/<point>` at that point.
         """
         self.commands, self.wrenches, self._on_efforts = commands, wrenches, on_efforts
-        self._on_state, self._warn = on_state, warn
+        self._on_state, self._warn, self._clock = on_state, warn, clock
         self.states_accepted = self.states_rejected = 0
         self.last_rejection: tuple[str, CommandError] | None = None
         self._log = node.get_logger()
@@ -63,6 +69,7 @@ class Subscriptions:
         self._subscribe(Float64MultiArray, "~/commands", self._take_by_order)
         self._subscribe(JointState, "joint_commands", self._take_by_name)
         self._subscribe(Float64MultiArray, ACTUATORS, self._take_actuators)
+        self._subscribe(JointTrajectory, TRAJECTORY, self._take_trajectory)
         self._subscribe(JointState, SET_STATE, self._take_state)
         tokens = topic_names(mechanism.parts)
         for part, point in wrench_targets:
@@ -131,6 +138,14 @@ class Subscriptions:
         else:
             self._on_efforts()
 
+    def _take_trajectory(self, message: JointTrajectory) -> None:
+        try:
+            self.commands.follow(_trajectory(message), self._clock.ns, self._clock.zero_ns)
+        except CommandError as error:
+            self._reject(TRAJECTORY, error)
+        else:
+            self._on_efforts()
+
     def _take_wrench(self, topic: str, part: str, point: str | None, message: WrenchStamped) -> None:
         force, torque = message.wrench.force, message.wrench.torque
         vectors = (force.x, force.y, force.z), (torque.x, torque.y, torque.z)
@@ -180,6 +195,21 @@ def _state_values(message: JointState) -> StateValues:
         for values in (message.position, message.velocity)
     )
     return StateValues(positions, speeds)
+
+
+def _trajectory(message: JointTrajectory) -> Trajectory:
+    points = [
+        TrajectoryPoint(
+            nanoseconds(point.time_from_start), point.positions, point.velocities, point.accelerations, point.effort
+        )
+        for point in message.points
+    ]
+    return Trajectory(message.joint_names, points, nanoseconds(message.header.stamp))
+
+
+def nanoseconds(stamp: Any) -> int:
+    """A stamp or a duration in ns."""
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
 def printable(reason: str) -> str:

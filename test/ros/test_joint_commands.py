@@ -45,7 +45,7 @@ def due(simulation, buffer):
     return dict(
         zip(
             simulation.command_map.names,
-            buffer.due_for_actuators(simulation.inputs[simulation.command_map.range]),
+            buffer.due_for_actuators(0.0, simulation.inputs[simulation.command_map.range]),
             strict=True,
         )
     )
@@ -67,7 +67,7 @@ def test_names_with_full_arrays_reach_their_actuators_and_the_others_keep_their_
     buffer.by_name(["cylinder"], [7.0])
     found = due(simulation, buffer)
     assert (found["a.position"], found["b.velocity"], found["cylinder.effort"]) == (0.5, -1.0, 7.0)
-    assert buffer.due_for_actuators(np.zeros(6)) is None and buffer.due(0.0) == []
+    assert buffer.due_for_actuators(0.0, np.zeros(6)) is None and buffer.due(0.0) == []
 
 
 def test_all_channels_can_be_commanded_in_order(simulation, buffer):
@@ -96,7 +96,7 @@ def test_a_bad_command_is_refused_whole(buffer, names, arrays, words):
         buffer.by_name(names, arrays.pop("efforts", []), **arrays)
     assert words in str(caught.value)
     assert (buffer.accepted, buffer.rejected) == (0, 1)
-    assert buffer.due_for_actuators(np.zeros(6)) is None and buffer.due(0.0) == []
+    assert buffer.due_for_actuators(0.0, np.zeros(6)) is None and buffer.due(0.0) == []
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,108 @@
+"""Plays trajectories as commands of actuators that take positions, from step to step. Independent of ROS."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+from mbd_sim.geometry.pose import Array
+from mbd_sim.messages.publication_schedule import publication_schedule
+from mbd_sim.ros.joint_curve import JointCurve, JointMotion
+from mbd_sim.simulation.actuator_commands import CommandMap
+
+
+class PlayedCurve(NamedTuple):
+    """A curve of an actuator, whose time zero is `start` in ns of the run; None: when it is first due."""
+
+    curve: JointCurve
+    start: int | None
+
+    def elapsed(self, now: int) -> float:
+        """The time of the curve in s at `now` in ns of the run."""
+        return 1e-9 * (now - (now if self.start is None else self.start))
+
+
+class TrajectoryPlayer:
+    """A trajectory of each actuator, and the one that replaces it when its start has come.
+
+    A new trajectory begins with the commands that are in effect, and is sampled `rate` times a simulated second, at
+    most once in each step. Its owner calls it under a lock.
+    """
+
+    def __init__(self, command_map: CommandMap, step_size: float, rate: float = 1000.0) -> None:
+        """Play trajectories in steps of `step_size` in s, with a `rate` in Hz of simulated time above zero."""
+        self.rate, self._step_size = rate, step_size
+        self._index = {name: index for index, name in enumerate(command_map.names)}
+        self._playing = dict[str, PlayedCurve]()
+        self._waiting = dict[str, PlayedCurve]()
+
+    @property
+    def is_active(self) -> bool:
+        """Whether there are trajectories that have not ended."""
+        return bool(self._playing or self._waiting)
+
+    def take(self, curves: Mapping[str, JointCurve], start: int | None) -> None:
+        """Take a trajectory of some actuators; it replaces theirs when it starts, at a time in ns of the run."""
+        self._waiting |= {name: PlayedCurve(curve, start) for name, curve in curves.items()}
+
+    def cancel(self, actuators: Iterable[str]) -> list[int]:
+        """End the trajectories of actuators; returns the channels of the velocities that have been commanded."""
+        found = []
+        for name in actuators:
+            self._waiting.pop(name, None)
+            if self._playing.pop(name, None) is not None:
+                found.append(self._index[f"{name}.velocity"])
+        return found
+
+    def clear(self) -> None:
+        """End all trajectories."""
+        self._playing.clear()
+        self._waiting.clear()
+
+    def steps_to_sample(self, tick: int, at_most: int) -> int:
+        """The steps from a tick to the next one at which there may be a sample, or fewer."""
+        schedule = publication_schedule(self.rate, self._step_size)
+        if not self.is_active or schedule is None:
+            return at_most
+        return min(at_most, schedule.next_tick(tick) - tick)
+
+    def sample(self, time: float, current: Array) -> dict[int, float]:
+        """The commands at a time in s of the run, by their number.
+
+        :param current: the commands (n,) in effect.
+        """
+        if not self.is_active:
+            return {}
+        now = round(1e9 * time)
+        begun = self._begin(now, current)
+        schedule = publication_schedule(self.rate, self._step_size)
+        is_due = schedule is None or schedule.is_due(round(time / self._step_size))
+        commands = dict[int, float]()
+        for name, played in list(self._playing.items()):
+            if not is_due and name not in begun:
+                continue
+            motion = _motion(played, now)
+            commands[self._index[f"{name}.position"]] = motion.position
+            commands[self._index[f"{name}.velocity"]] = motion.velocity
+            if played.elapsed(now) >= played.curve.end:
+                del self._playing[name]
+        return commands
+
+    def _begin(self, now: int, current: Array) -> set[str]:
+        """Begin the trajectories whose start has come, with the motion that is commanded now; returns the actuators."""
+        begun = {name for name, waiting in self._waiting.items() if waiting.start is None or waiting.start <= now}
+        for name in sorted(begun):
+            waiting = self._waiting.pop(name)
+            before = self._playing.get(name)
+            motion = _motion(before, now) if before else JointMotion(float(current[self._index[f"{name}.position"]]))
+            curve = waiting.curve.begun(waiting.elapsed(now), motion)
+            self._playing[name] = PlayedCurve(curve, now if waiting.start is None else waiting.start)
+        return begun
+
+
+def _motion(played: PlayedCurve, now: int) -> JointMotion:
+    motion = played.curve.at(played.elapsed(now))
+    if not math.isfinite(motion.position) or not math.isfinite(motion.velocity):  # of points too far apart
+        return JointMotion(played.curve.points[-1].position)
+    return motion
