@@ -17,10 +17,11 @@ POSITION, VELOCITY = ".position", ".velocity"
 class CoordinateNames:
     """The coordinates of a file's joints by name, and whether each has a position: an angular velocity has none.
 
-    `unreadable` are joints of an unknown type.
+    `effort_units` are the SI units of their efforts. `unreadable` are joints of an unknown type.
     """
 
     has_position: Mapping[str, bool] = field(default_factory=dict)
+    effort_units: Mapping[str, str] = field(default_factory=dict)
     unreadable: frozenset[str] = frozenset()
 
     def resolve(self, name: str) -> StateName | None:
@@ -50,6 +51,7 @@ class CoordinateNames:
 def coordinate_names(joints: Any) -> CoordinateNames:
     """The names for the `joints` of a file, as they are written."""
     found: dict[str, bool] = {}
+    units: dict[str, str] = {}
     unreadable = set()
     for name, joint in joints.items() if isinstance(joints, dict) else ():
         kind = _kind(joint.get("type")) if isinstance(joint, dict) else None
@@ -58,7 +60,8 @@ def coordinate_names(joints: Any) -> CoordinateNames:
             continue
         for coordinate in kind.coordinates:
             found[name + coordinate.label] = kind.quaternion is None or not coordinate.rotation
-    return CoordinateNames(found, frozenset(unreadable))
+            units[name + coordinate.label] = "N*m" if coordinate.rotation else "N"
+    return CoordinateNames(found, units, frozenset(unreadable))
 
 
 def _kind(written: Any) -> JointKind | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
 
@@ -43,10 +43,15 @@ class ExpressionField:
         return own + joints if self.state else own
 
     def _validate(self, value: Any, info: ValidationInfo) -> TimeExpression:
+        parameters = info.context or Parameters()
         try:
-            return self._parsed(value, info.context or Parameters())
+            return self._in_unit_of(info, parameters)._parsed(value, parameters)
         except InputError as error:
             raise InputError(error.message, error.remedy, value) from error
+
+    def _in_unit_of(self, info: ValidationInfo, parameters: Parameters) -> ExpressionField:
+        """This field in the unit that other fields of the same record require."""
+        return self
 
     def _parsed(self, value: Any, parameters: Parameters) -> TimeExpression:
         values = parameters.values
@@ -96,3 +101,11 @@ class ExpressionField:
                 message = f"{quoted(name)} is a speed, and this expression can depend on coordinates only"
                 raise InputError(message, f"Write {state.coordinate}, or use a force.")
         return tuple(state for state in found if state is not None)
+
+
+class EffortField(ExpressionField):
+    """Marks a field as an effort along the joint coordinate that the field `coordinate` before it names."""
+
+    def _in_unit_of(self, info: ValidationInfo, parameters: Parameters) -> ExpressionField:
+        named = info.data.get("coordinate") if info.data else None
+        return replace(self, unit=parameters.coordinates.effort_units.get(str(named), self.unit))

@@ -57,7 +57,8 @@ def step_advice(model: Model, time: float, y: Array, inputs: Array, step: float,
 def _may_become_stiff(model: Model) -> bool:
     """Whether there are springs, dampers, friction or stops, or live values, which may be theirs."""
     mechanism = model.mechanism
-    return bool(mechanism.two_point_elements or len(model.equations.parameters.base)) or any(
+    elements = (mechanism.two_point_elements, mechanism.bushings, mechanism.efforts, mechanism.potentials)
+    return any(elements) or bool(len(model.equations.parameters.base)) or any(
         np.any(joint.stiffness) or np.any(joint.damping) or joint.spring or joint.damper or joint.friction
         or any(limits is not None and limits.stiffness for limits in joint.limits)
         for joint in mechanism.all_joints.values()

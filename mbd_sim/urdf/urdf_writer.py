@@ -195,12 +195,15 @@ def _left_out(mechanism: Mechanism, mimics: Mapping[str, Mimic]) -> dict[str, li
         for constraint in mechanism.constraints
         if isinstance(constraint, Coupling) and frozenset(constraint.factors) in mimicking
     ]
-    elements = (*mechanism.two_point_elements, *mechanism.applied)
+    sprung = {bushing.name for bushing in mechanism.bushings} & mechanism.all_joints.keys()
+    own = [bushing for bushing in mechanism.bushings if bushing.name not in sprung]
+    elements = [*mechanism.two_point_elements, *mechanism.applied, *mechanism.efforts, *mechanism.potentials, *own]
+    force_names = [element.name for element in elements]
     found = {
         "joints that close loops": [*mechanism.closing],
         "constraints": [constraint.name for constraint in mechanism.constraints if constraint not in mimicked],
-        "springs, dampers and forces": [element.name for element in elements],
-        "springs and dampers of joints": [joint.name for joint in joints if _has_law(joint)],
+        "springs, dampers and forces": force_names,
+        "springs and dampers of joints": [joint.name for joint in joints if _has_law(joint) or joint.name in sprung],
         "drives": [joint.name for joint in joints if joint.drive],
         "spherical joints, here floating": [joint.name for joint in joints if joint.type == "spherical"],
     }

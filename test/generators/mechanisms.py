@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.load import parse_mechanism
+from mbd_sim.mechanism.joint_types import JOINT_KINDS
 from mbd_sim.mechanism_file.library import shipped
 
 # All smooth ones whose state is q, u and the energies: the oracles know neither contacts nor actuators.
@@ -245,6 +246,42 @@ def _random_forces(rng, kinds, parts):
     return forces
 
 
+OF_THE_STATE = ("effort", "potential", "line_force", "bushing")
+
+
+def _random_forces_of_the_state(rng, kinds, parts, joints):
+    """Forces that depend on joint coordinates and speeds, and bushings, which have axes at their points."""
+    coordinates = [
+        (f"{name}{coordinate.label}", JOINT_KINDS[joint["type"]].quaternion is None or not coordinate.rotation)
+        for name, joint in joints.items()
+        for coordinate in JOINT_KINDS[joint["type"]].coordinates
+    ]
+    positions, forces = [name for name, has_position in coordinates if has_position], {}
+    for number, kind in enumerate(kinds if positions else ()):
+        one, other, along = rng.choice(positions), rng.choice(positions), rng.choice([name for name, _ in coordinates])
+        law = f"{rng.uniform(-3, 3)}*sin({one}) + {rng.uniform(-3, 3)}*{other}"
+        names = list(parts)
+        ends = [str(rng.choice(names)), "ground"][:: int(rng.choice([1, -1]))]
+        between = [end if end == "ground" else f"{end}.{next(iter(parts[end]['points']))}" for end in ends]
+        match kind:
+            case "effort":
+                forces[f"s{number}"] = {"type": kind, "coordinate": str(along), "effort": f"{law} - {along}.velocity*t"}
+            case "potential":
+                forces[f"s{number}"] = {"type": kind, "energy": f"{rng.uniform(0.1, 3)}*({law})**2 + {one}*cos(t)"}
+            case "line_force":
+                forces[f"s{number}"] = {
+                    "type": kind,
+                    "between": between,
+                    "force": f"{law} + x*x.velocity",
+                    "length": 0.3,
+                }
+            case "bushing":
+                keys = ("stiffness", "damping", "rotational_stiffness", "rotational_damping")
+                numbers = {key: rng.uniform(0.1, 3, 3).tolist() for key in keys}
+                forces[f"s{number}"] = {"type": kind, "between": between, **numbers}
+    return forces
+
+
 OTHERS = ("screw", "cylindrical", "universal", "planar", "spherical")
 SEVERAL = {"cylindrical": 2, "universal": 2, "planar": 3}
 
@@ -260,6 +297,7 @@ def _random_motion(draw, rng, kind):
         joint |= {"stiffness": rng.uniform(1, 20, count).tolist(), "damping": rng.uniform(0, 2, count).tolist()}
     elif kind == "spherical":
         joint["damping"] = float(rng.uniform(0.1, 2.0))
+        joint["stiffness"] = rng.uniform(0.1, 5.0, 3).tolist()
     elif kind in ("revolute", "prismatic", "screw"):
         laws = kind != "screw" and draw(st.booleans())
         if draw(st.booleans()):
@@ -308,6 +346,7 @@ def random_trees(draw, most=5, fewest=1):
     forces = _random_forces(
         rng, draw(st.lists(st.sampled_from([*TWO_POINT_ELEMENTS, "force", "couple"]), max_size=3)), parts
     )
+    forces |= _random_forces_of_the_state(rng, draw(st.lists(st.sampled_from(OF_THE_STATE), max_size=2)), parts, joints)
     order = draw(st.permutations(list(joints)))
     tree = {
         "mechanism": "random",

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
 from mbd_sim.errors import InputError
 from mbd_sim.mechanism.expression import TimeExpression
-from mbd_sim.mechanism_file.expression_field import ExpressionField
+from mbd_sim.mechanism_file.expression_field import EffortField, ExpressionField
 from mbd_sim.mechanism_file.quantity import (
     AnyNumber,
     Length,
@@ -33,7 +33,7 @@ CoordinateName = Annotated[str, StringConstraints(min_length=1)]
 NaturalLength = Annotated[Length, Quantity("m", at_least=0)]
 Force = Annotated[TimeExpression, ExpressionField("N", state=True)]
 Torque = Annotated[TimeExpression, ExpressionField("N*m", state=True)]
-Effort = Annotated[TimeExpression, ExpressionField(None, state=True)]
+Effort = Annotated[TimeExpression, EffortField(None, state=True)]
 Axes = Annotated[str, Field(description="ground, part (the part that the element acts on), or any part or part.point")]
 
 
