@@ -211,6 +211,11 @@ class Recomputation:
         :raises ValueError: the loops cannot be closed there.
         """
         simulation, values = self.simulation, self.simulation.model.equations.inputs.values
+        if len(y) != simulation.y.size and simulation.mechanism.actuators:
+            raise ValueError(
+                "with this change the delayed commands of actuators wait for another number of steps, or servos have "
+                "other states, so that the run cannot continue from its middle; keep the step, and which gains are zero"
+            )
         inputs = simulation.inputs.copy()
         if recorded is not None:
             inputs[: values.start] = recorded[: values.start]

@@ -1,10 +1,12 @@
 """Recordings of mechanisms with actuators: commands are recorded, and runs are recomputed bit for bit."""
 
 import numpy as np
+import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.recording import cdr
 from mbd_sim.recording.reader import open_recording
+from mbd_sim.recording.recomputation import Recomputation, RecomputeError
 from mbd_sim.recording.verification import verify
 
 ARM = """
@@ -62,6 +64,10 @@ def test_a_recording_that_begins_between_samples_and_delayed_commands_verifies(t
         commanded(simulation)
     (verification,) = verify(path)
     assert verification.is_intact and verification.agrees and verification.commands["applied_commands"] == 2
+    with pytest.raises(RecomputeError, match=r"delayed commands of actuators.*keep the step"):
+        Recomputation(open_recording(path).files[0], step=5e-4)
+    changed = Recomputation(open_recording(path).files[0], changes={"actuators.hip_drive.servo.kp": 80})
+    assert changed.simulation.steps == 203
     continued = Simulation.from_text(ARM)
     continued.restore(simulation.snapshot())
     assert np.array_equal(continued.state, simulation.state)
