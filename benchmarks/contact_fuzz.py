@@ -39,6 +39,7 @@ RESIDUAL, GAIN, ELASTIC = 1e-9, 1e-12, 1e-10  # of the energies that occur, at l
 DEPTH = 1e-8  # m or rad
 EPISODE, EPISODES, ENOUGH = 0.4, 60, 200  # s between throws, throws, and impacts of a linkage
 NO_CONTACT_FORCES = "no contact forces"  # an honest end: Painlevé's paradox or jamming, told with its cause
+REFUSED = "start refused"  # that random mechanism begins beyond a bound, and the error names it; it was not run
 
 
 @dataclass
@@ -62,8 +63,8 @@ class Found:
 
     @property
     def is_good(self) -> bool:
-        """Whether it ended, or said why it cannot go on, and the energies are right."""
-        return self.outcome in ("ended", NO_CONTACT_FORCES) and not self.faults
+        """Whether it ended, or said why it cannot go on or begin, and the energies are right."""
+        return self.outcome in ("ended", NO_CONTACT_FORCES, REFUSED) and not self.faults
 
     @property
     def faults(self) -> list[str]:
@@ -219,7 +220,8 @@ def attempt(name: str, seed: int, duration: float, step: float | None = None) ->
         found.outcome = NO_CONTACT_FORCES if "no contact forces are possible" in str(error) else "no impulses"
         found.message = str(error)
     except MbdSimError as error:
-        found.outcome, found.message = type(error).__name__, str(error)
+        refused = ": at the start " in str(error)
+        found.outcome, found.message = REFUSED if refused else type(error).__name__, str(error)
     except Exception as error:
         found.outcome, found.message = f"traceback {type(error).__name__}", str(error)
     found.seconds = round(time.process_time() - began, 3)
