@@ -31,7 +31,7 @@ VELOCITY = (
 )
 DC = (
     "  drive: {type: dc_motor, joint: shaft, torque_constant: 0.05, resistance: 1, inductance: 1 mH, gear_ratio: 10, "
-    "voltage_limit: 24, current_limit: 8, rotor_inertia: 1e-5, delay: 2 ms, "
+    "voltage_limit: 24, current_limit: 8, current_bandwidth: 1500, rotor_inertia: 1e-5, delay: 2 ms, "
     "servo: {controls: position, kp: 40, ki: 30, kd: 1, rate_limit: 6, sample_rate: 500 Hz}}\n"
 )
 
@@ -202,3 +202,14 @@ def test_a_mechanism_with_states_of_actuators_is_not_linearized():
     linear = Simulation.from_text(SHAFT + proportional).linearize()
     assert np.linalg.eigvals(linear.a) == pytest.approx(np.roots([INERTIA, 0.4, 6.0]), rel=1e-9)
     assert math.isclose(linear.b[1, 0], 1.0 / INERTIA, rel_tol=1e-12)
+
+
+def test_the_accounts_of_a_motor_that_drives_against_a_stop_close():
+    stop = SHAFT.replace("position: 0.3", "position: 0.3, limits: {lower: -1, upper: 1.0, restitution: 0.5}")
+    simulation = Simulation.from_text(stop + DC, method="tsitouras8", step=1e-4)
+    simulation.set_commands({"drive": 1.5})
+    simulation.run(until=0.6)
+    account = simulation.actuators()["drive"].energies
+    assert simulation.losses.impact > 0.1 and abs(simulation.energies.residual) < 1e-12
+    assert abs(account.residual) < 1e-9 * account.electrical_work
+    assert account.mechanical_work == pytest.approx(simulation.losses.impact, rel=1e-9)  # at rest, without gravity
