@@ -14,6 +14,7 @@ from mbd_sim.errors import InputError, nearest
 from mbd_sim.geometry.pose import Array, Pose, identity_pose, unpack_poses
 from mbd_sim.mechanism.attachments import resolve_reference
 from mbd_sim.mechanism.constraints import Surface
+from mbd_sim.mechanism.one_sided import is_one_sided
 from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
 from mbd_sim.mechanism.source import Location
 from mbd_sim.viewer.sample_rows import RowLayout
@@ -92,10 +93,10 @@ def describe_scene(model: Model, rows: RowLayout, options: DisplayOptions) -> Sc
 
     :raises ValueError: a trace names a part or point that does not exist.
     """
-    mechanism = model.mechanism
+    mechanism, extent = model.mechanism, extent_of(model)
     return SceneDescription(
         mechanism=mechanism,
-        extent=extent_of(model),
+        extent=extent,
         rows=rows,
         nq=model.layout.nq,
         nv=model.layout.nv,
@@ -107,7 +108,7 @@ def describe_scene(model: Model, rows: RowLayout, options: DisplayOptions) -> Sc
         part_names=tuple(model.part_names),
         start=model.pose_array(0.0, model.start),
         traces=_traces(mechanism, options.traces),
-        constraint_lines=tuple(_constraint_lines(model)),
+        constraint_lines=tuple(_constraint_lines(model, extent.normal)),
         method=model.method.name,
         options=options,
     )
@@ -128,19 +129,24 @@ def _traces(mechanism: Mechanism, chosen: Sequence[str] | None) -> Mapping[str, 
     return traces
 
 
-def _constraint_lines(model: Model) -> list[ConstraintLines]:
-    """The curves and surfaces on which points are constrained to lie, as they are at the start."""
+def _constraint_lines(model: Model, plane: Array | None) -> list[ConstraintLines]:
+    """The curves and surfaces on which points are constrained to lie, as they are at the start.
+
+    In a plane mechanism, surfaces that are touched from one side are outlines in its `plane` with this normal (3,).
+    """
     found: list[ConstraintLines] = []
     for constraint in model.mechanism.constraints:
         if isinstance(constraint, Surface):
-            from mbd_sim.appearance.implicit_curves import curve_lines, surface_lines
+            from mbd_sim.appearance.implicit_curves import curve_lines, section_lines, surface_lines
 
             poses = {GROUND: identity_pose(), **model.poses(0.0, model.start)}
             point = poses[constraint.point.part] @ Pose(constraint.point.point, np.eye(3))
             start = (poses[constraint.base.part].inverse() @ point).position
             base = Pose(constraint.base.point, constraint.axes)
             is_surface = len(constraint.equations) == 1
-            if is_surface:
+            if is_one_sided(constraint) and plane is not None:
+                drawn = section_lines(constraint, start, base, poses[constraint.base.part].rotation.T @ plane)
+            elif is_surface:
                 drawn = surface_lines(constraint, start, base, TOWARD_EYE)
             else:
                 drawn = curve_lines(constraint, start, base)

@@ -262,8 +262,11 @@ def test_the_grid_lies_in_the_plane_on_which_the_feet_stand_and_points_away_from
 
     point, normal = floor_of(scene_of("column_of_beads"))
     assert (point.tolist(), normal.tolist()) == ([0.0, 0.0, 0.0], [0.0, 0.0, 1.0])
-    drawn = list(constraint_entities(scene_of("ratchet_and_pawl")))
-    assert len(drawn) == 2  # the outlines of the teeth
+    ratchet = scene_of("ratchet_and_pawl")
+    assert len(list(constraint_entities(ratchet))) == 2  # the outlines of the teeth
+    for drawn in ratchet.constraint_lines:
+        (line,) = drawn.lines
+        assert np.max(np.abs(np.hypot(line[:, 0], line[:, 2]) - 0.05)) == pytest.approx(4e-3 * np.arcsin(0.9), rel=1e-2)
 
 
 def test_a_slack_rope_is_faint(tmp_path):
