@@ -115,12 +115,15 @@ def _list_form(loc: PydanticLocation) -> str:
 def _in_file(source: Source, loc: PydanticLocation) -> tuple[Location, Any]:
     """A pydantic location without the tags of unions, and the value there."""
     location: Location = ()
-    value = source.data
+    value, entered = source.data, False
     for step in loc:
+        if entered and isinstance(value, dict) and step == value.get("type"):
+            entered = False  # the tag of a union, which may also be one of the keys
+            continue
         if isinstance(value, list) and isinstance(step, int) and step < len(value):
-            value = value[step]
+            value, entered = value[step], True
         elif isinstance(value, dict) and (written := as_written(step, value)) in value:
-            step, value = written, value[written]
+            step, value, entered = written, value[written], True
         else:
             continue  # the tag of a union, or a missing key
         location += (step,)

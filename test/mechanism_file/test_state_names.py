@@ -77,6 +77,8 @@ MISTAKES = {
     effort("${slide} N*m"): "the unit 'N*m' does not fit: a value in N is expected here",
     "f: {type: effort, coordinate: drum.rx, effort: 5 N}": "the unit 'N' does not fit: a value in N*m is expected here",
     "f: {type: effort, coordinate: slid, effort: 1}": "forces.f.coordinate: there is no joint coordinate 'slid'. Did you mean",
+    "f: {type: effort, coordinate: 5, effort: 1}": "forces.f.coordinate: must be text (got 5)",
+    "f: {type: effort, coordinate: slide, effort: 1, cordinate: 2}": "forces.f.cordinate: unknown key 'cordinate'",
     "f: {type: effort, coordinate: slide}": "forces.f: 'effort' is missing",
     "f: {type: force, at: block, vector: [1/(slide - 2), 0, 0]}": "forces.f.vector[0]: has no finite value at the "
     "start, where slide = 2",
