@@ -19,6 +19,7 @@ from mbd_sim.simulation.events import (
     NewState,
 )
 from mbd_sim.simulation.wrench_layout import wrench_labels
+from mbd_sim.urdf.ros2_control import ControlTopics
 from mbd_sim.urdf.urdf_writer import to_urdf
 
 EventWriter = Callable[[Event], bytes | None]  # the serialized message of an event; None if it has none
@@ -112,6 +113,6 @@ def live_values_at_start(model: Model, live: Mapping[str, float]) -> bytes:
     return message.payload()
 
 
-def robot_description(model: Model, live: Mapping[str, float]) -> bytes:
-    """The mechanism's spanning tree as URDF."""
-    return string_message(to_urdf(model.mechanism))
+def robot_description(model: Model, live: Mapping[str, float], control: ControlTopics | None = None) -> bytes:
+    """The mechanism's spanning tree as URDF, with a block for ros2_control if its topics are given."""
+    return string_message(to_urdf(model.mechanism, control))

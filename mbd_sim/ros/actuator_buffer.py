@@ -1,6 +1,6 @@
 """Buffers commands of actuators from the topics until the next step. Independent of ROS.
 
-They are held until the next command, trajectory or reset: no watchdog ends them.
+They are held until the next command, trajectory or reset, unless a watchdog is asked for.
 """
 
 from __future__ import annotations
@@ -23,6 +23,10 @@ class ActuatorBuffer:
         self.map, self.player = command_map, TrajectoryPlayer(command_map, step_size)
         self._requested = np.full(len(command_map.names), np.nan)  # nan: never commanded
         self._new = False
+        self.timeout = 0.0  # s; 0: never
+        self.expired: list[str] = []  # actuators whose commands have expired since this list was emptied
+        self._commanded = dict[str, None]()  # since commands were due
+        self._last_times = dict[str, float]()  # of the actuators that are watched
 
     def merged(self, commands: Mapping[str, Mapping[Channel, float]]) -> Array:
         """The newest commands (n,) with further ones, for `take`.
@@ -46,6 +50,7 @@ class ActuatorBuffer:
         for velocity in self.player.cancel(actuators):
             if requested[velocity] == self._requested[velocity]:  # not commanded anew
                 requested[velocity] = 0.0
+        self._commanded |= dict.fromkeys(actuators)
         self._requested, self._new = requested, True
 
     def due(self, time: float, current: Array) -> Array | None:
@@ -53,6 +58,9 @@ class ActuatorBuffer:
 
         Channels never commanded keep the `current` ones.
         """
+        self._last_times |= dict.fromkeys(self._commanded, time)
+        self._commanded.clear()
+        self._expire(time)
         commands = np.where(np.isnan(self._requested), current, self._requested)
         samples = self.player.sample(time, commands)
         for index, value in samples.items():
@@ -62,7 +70,26 @@ class ActuatorBuffer:
         self._new = False
         return commands
 
+    def _expire(self, time: float) -> None:
+        """Set commands other than positions to zero where none has arrived for too long."""
+        if not self.timeout > 0.0:
+            return
+        for name, last in list(self._last_times.items()):
+            if time - last < self.timeout or self.player.plays(name):
+                continue
+            del self._last_times[name]
+            channels = [
+                index
+                for index, channel in enumerate(self.map.names)
+                if channel.rpartition(".")[0] == name and not channel.endswith(".position")
+            ]
+            if np.any(np.nan_to_num(self._requested[channels])):
+                self._requested[channels], self._new = 0.0, True
+                self.expired.append(name)
+
     def clear(self) -> None:
         """Discard all commands, as after a reset."""
         self._requested, self._new = np.full(len(self.map.names), np.nan), False
+        self._commanded.clear()
+        self._last_times.clear()
         self.player.clear()

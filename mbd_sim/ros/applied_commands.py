@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from mbd_sim.errors import listed
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.stepping_output import SteppingOutput
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
@@ -28,6 +29,9 @@ def apply_commands(
     if values is not None and values.tobytes() != current.tobytes():
         simulation.apply_command_values(values)
         output.report(EventKind.COMMAND, AppliedCommands(values))
+    if expired := commands.take_expired_actuators():
+        text = f"no more commands for {listed(expired)}: only positions are held (actuator_timeout)"
+        output.report(EventKind.WARNING, text)
     for due_wrench in wrenches.due(time):
         part = due_wrench.wrench.part
         inputs = simulation.inputs[wrenches.input_range(part)]

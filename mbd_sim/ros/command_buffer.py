@@ -142,6 +142,25 @@ class CommandBuffer:
         with self._lock:
             return self._actuators.player.steps_to_sample(tick, at_most)
 
+    def take_expired_actuators(self) -> list[str]:
+        """The actuators whose commands have expired since the last call."""
+        with self._lock:
+            found, self._actuators.expired = self._actuators.expired, []
+            self.expired += bool(found)
+            return found
+
+    def watch_actuators(self, timeout: float) -> None:
+        """Let commands of actuators expire after a time in s of the run without a new one; 0: never.
+
+        Positions are held then; all other commands become zero.
+        """
+        with self._lock:
+            self._actuators.timeout = timeout
+
+    def skip_nan(self, skips: bool) -> None:
+        """Take NaN in commands by name as no command, which ros2_control sends for interfaces without a controller."""
+        self._router.skips_nan = skips
+
     def sample_trajectories(self, rate: float) -> None:
         """Sample trajectories at a rate in Hz of simulated time from now on."""
         with self._lock:

@@ -6,6 +6,7 @@ an entry only for each joint that has this interface.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, cast
 
@@ -28,6 +29,7 @@ class JointCommandRouter:
 
     def __init__(self, effort_map: EffortMap, actuators: Sequence[Actuator]) -> None:
         self._effort_map = effort_map
+        self.skips_nan = False  # as interfaces have that no controller of ros2_control has claimed
         self._takers: dict[str, dict[Channel, str]] = {}  # by joint and channel: the actuator
         for actuator in actuators:
             port = actuator.port
@@ -49,6 +51,8 @@ class JointCommandRouter:
         for channel, values in (given or {EFFORT: ()}).items():
             for name, value in zip(self._addressed(names, channel, len(values)), values, strict=True):
                 actuator = self._actuator(name, channel)
+                if self.skips_nan and math.isnan(value):
+                    continue
                 if actuator is None:
                     efforts[name] = value
                 else:

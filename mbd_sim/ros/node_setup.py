@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,13 +14,16 @@ from mbd_sim.errors import InputError, nearest
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.messages.acceleration_messages import Accelerations
+from mbd_sim.messages.event_messages import robot_description
 from mbd_sim.messages.state_messages import floating_transforms
 from mbd_sim.messages.topics import (
     ACCELERATIONS,
     CLOCK,
     DIAGNOSTICS,
+    JOINT_STATES,
     MARKERS,
     PART,
+    ROBOT_DESCRIPTION,
     SENSORS,
     TF,
     TOPICS,
@@ -31,6 +35,7 @@ from mbd_sim.messages.topics import (
 from mbd_sim.recording.recorder import Recorder
 from mbd_sim.recording.recording_paths import FORMATS, new_recording_paths
 from mbd_sim.recording.run_metadata import run_metadata
+from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.followed_clock import FollowedClock
 from mbd_sim.ros.message_types import message_type
 from mbd_sim.ros.node_parameters import NodeParameters
@@ -39,9 +44,11 @@ from mbd_sim.ros.publishing_thread import PublishingThread
 from mbd_sim.ros.qos import FOLLOWED_CLOCK
 from mbd_sim.ros.rates import Rates
 from mbd_sim.ros.stepping_thread import SteppingThread
+from mbd_sim.ros.subscriptions import JOINT_COMMANDS
 from mbd_sim.ros.wrench_buffer import ALL, WrenchTargets, wrench_targets
 from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.simulation import Simulation
+from mbd_sim.urdf.ros2_control import ControlTopics
 from mbd_sim.urdf.urdf_writer import floating_joints
 
 if TYPE_CHECKING:
@@ -65,7 +72,17 @@ def build_simulation(parameters: NodeParameters) -> tuple[Simulation, WrenchTarg
     return simulation, targets
 
 
-def requested_topics(parameters: NodeParameters, model: Model, log: Any) -> list[OutputTopic]:
+def command_buffer(parameters: NodeParameters, simulation: Simulation) -> CommandBuffer:
+    """The buffer of commands, with its watchdogs."""
+    timeout, step_size = parameters["command_timeout"], simulation.step_size
+    commands = CommandBuffer(simulation.effort_map, timeout, simulation.command_map, step_size)
+    commands.watch_actuators(parameters["actuator_timeout"])
+    commands.sample_trajectories(parameters["trajectory_rate"])
+    commands.skip_nan(parameters["ros2_control"])
+    return commands
+
+
+def requested_topics(parameters: NodeParameters, model: Model, node: Node) -> list[OutputTopic]:
     """The topics of the publishing thread: those without a parameter, and those that their parameters request.
 
     :raises ValueError: a parameter names a part that does not exist.
@@ -73,9 +90,13 @@ def requested_topics(parameters: NodeParameters, model: Model, log: Any) -> list
     requested: list[OutputTopic] = []
     part_names = model.part_names
     if parameters["tf_floating"] and not parameters["tf"]:
-        requested += _floating_transforms(model.mechanism, log)
+        requested += _floating_transforms(model.mechanism, node.get_logger())
     for topic in TOPICS:
         if topic in (CLOCK, MARKERS, DIAGNOSTICS) or (topic.parameter and not parameters[topic.parameter.name]):
+            continue
+        if topic is ROBOT_DESCRIPTION and parameters["ros2_control"]:
+            topics = ControlTopics(*map(node.resolve_topic_name, (JOINT_COMMANDS, JOINT_STATES.name)))
+            requested.append(replace(topic, at_start=partial(robot_description, control=topics)))
             continue
         if topic is SENSORS:
             requested += for_each_sensor(model.mechanism.sensors)

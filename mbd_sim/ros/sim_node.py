@@ -15,13 +15,13 @@ from mbd_sim.messages.publication_schedule import rate_remark
 from mbd_sim.messages.topics import SENSORS, TOPICS
 from mbd_sim.ros import realtime
 from mbd_sim.ros.build_progress import BuildProgress
-from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.diagnostics import PERIOD, Diagnostics
 from mbd_sim.ros.node_group import node_options
 from mbd_sim.ros.node_parameters import NodeParameters
 from mbd_sim.ros.node_program import run_node
 from mbd_sim.ros.node_setup import (
     build_simulation,
+    command_buffer,
     followed_clock,
     initial_rates,
     node_recordings,
@@ -67,14 +67,11 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         with BuildProgress(self):
             self.simulation, wrench_targets = build_simulation(parameters)
         simulation, frame_prefix = self.simulation, parameters["frame_prefix"]
-        initial = parameters.add_live(simulation.live, lambda changes: self.stepping_thread.set_live(changes))
-        self._apply_initial(initial)
+        self._apply_initial(parameters.add_live(simulation.live, lambda new: self.stepping_thread.set_live(new)))
         self._unknown_parameters = parameters.finish()
-        timeout = parameters["command_timeout"]
-        step_size = simulation.step_size
-        self.commands = CommandBuffer(simulation.effort_map, timeout, simulation.command_map, step_size)
-        self.commands.sample_trajectories(parameters["trajectory_rate"])
-        self.wrenches = WrenchBuffer(simulation.wrench_map, simulation.model.part_names, timeout, frame_prefix)
+        self.commands = command_buffer(parameters, simulation)
+        names, timeout = simulation.model.part_names, self.commands.timeout
+        self.wrenches = WrenchBuffer(simulation.wrench_map, names, timeout, frame_prefix)
         self.followed = followed_clock(self, parameters, leader.stepping_thread if leader else None)
         self.rates = initial_rates(parameters, leads=self.followed is None)
         self.stepping_thread: SteppingThread = SteppingThread(
@@ -91,10 +88,10 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self.publishing_thread = PublishingThread(
             self,
             simulation.model,
-            requested_topics(parameters, simulation.model, log),
+            requested_topics(parameters, simulation.model, self),
             frame_prefix=frame_prefix,
             clock=self.rates.clock > 0.0,
-            step_size=step_size,
+            step_size=simulation.step_size,
         )
         self.recordings = node_recordings(parameters, self.stepping_thread, self.publishing_thread, log)
         self.publishing_thread.recordings = self.recordings
@@ -274,6 +271,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
                 self.rates.view = value if self.publishing_thread.viewer is not None else 0.0
             case "command_timeout":
                 self.commands.timeout = self.wrenches.timeout = value
+            case "actuator_timeout":
+                self.commands.watch_actuators(value)
             case "trajectory_rate":
                 self.commands.sample_trajectories(value)
             case "record_split_size" | "record_split_duration":

@@ -31,6 +31,12 @@ PARAMETERS = (
         0.0, 1e6, live=True,
     ),
     ParameterSpec(
+        "actuator_timeout", 0.0,
+        "simulated s after the last command for an actuator until only its position is held and all else is zero; "
+        "0: never",
+        0.0, 1e6, live=True,
+    ),
+    ParameterSpec(
         "trajectory_rate", 1000.0, "commands computed from a trajectory per simulated second; at most one in each step",
         1.0, 100_000.0, live=True,
     ),
@@ -77,6 +83,11 @@ PARAMETERS = (
     ParameterSpec(
         "tf_floating", True,
         "publish on /tf the transforms of free and spherical joints, which robot_state_publisher does not; see also tf",
+    ),
+    ParameterSpec(
+        "ros2_control", False,
+        "add a block for ros2_control's JointStateTopicSystem to robot_description, and take NaN in joint_commands as "
+        "no command",
     ),
     ParameterSpec("frame_prefix", "", "prefix of all frame names, for several nodes: name/"),
     ParameterSpec("real_time_priority", 20, "SCHED_FIFO priority of the stepping thread, if permitted; 0: none", 0, 90),

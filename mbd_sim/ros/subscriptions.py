@@ -26,9 +26,10 @@ from mbd_sim.ros.wrench_buffer import WrenchBuffer, WrenchTargets
 from mbd_sim.simulation.state_values import StateValues
 
 SET_STATE, ACTUATORS, TRAJECTORY = "~/set_state", "~/actuator_commands", "joint_trajectory"
+JOINT_COMMANDS = "joint_commands"
 SUBSCRIBED = (
     ("~/commands", "std_msgs/msg/Float64MultiArray: an effort for each coordinate, in the order of joint_states"),
-    ("joint_commands", "sensor_msgs/msg/JointState: efforts, positions and velocities by joint name"),
+    (JOINT_COMMANDS, "sensor_msgs/msg/JointState: efforts, positions and velocities by joint name"),
     (ACTUATORS, "std_msgs/msg/Float64MultiArray: a command for each channel of the actuators, in their order"),
     (TRAJECTORY, "trajectory_msgs/msg/JointTrajectory: motions of joints whose actuators take positions"),
     (SET_STATE, "sensor_msgs/msg/JointState: positions and velocities by joint name"),
@@ -67,7 +68,7 @@ class Subscriptions:
         self._last_warnings: dict[str, float] = {}  # by topic, s of the steady clock
         self._node, self._subscriptions = node, dict[str, Subscription]()
         self._subscribe(Float64MultiArray, "~/commands", self._take_by_order)
-        self._subscribe(JointState, "joint_commands", self._take_by_name)
+        self._subscribe(JointState, JOINT_COMMANDS, self._take_by_name)
         self._subscribe(Float64MultiArray, ACTUATORS, self._take_actuators)
         self._subscribe(JointTrajectory, TRAJECTORY, self._take_trajectory)
         self._subscribe(JointState, SET_STATE, self._take_state)
@@ -126,7 +127,7 @@ class Subscriptions:
         try:
             self.commands.by_name(message.name, message.effort, message.position, message.velocity)
         except CommandError as error:
-            self._reject("joint_commands", error)
+            self._reject(JOINT_COMMANDS, error)
         else:
             self._on_efforts()
 

@@ -42,6 +42,10 @@ class TrajectoryPlayer:
         """Whether there are trajectories that have not ended."""
         return bool(self._playing or self._waiting)
 
+    def plays(self, actuator: str) -> bool:
+        """Whether a trajectory of an actuator has begun and not ended."""
+        return actuator in self._playing
+
     def take(self, curves: Mapping[str, JointCurve], start: int | None) -> None:
         """Take a trajectory of some actuators; it replaces theirs when it starts, at a time in ns of the run."""
         self._waiting |= {name: PlayedCurve(curve, start) for name, curve in curves.items()}

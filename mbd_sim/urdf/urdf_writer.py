@@ -28,6 +28,7 @@ from mbd_sim.mechanism.records import (
     Shape,
 )
 from mbd_sim.mechanism.sensors import FramelessSensor, FrameSensor, frame_id
+from mbd_sim.urdf.ros2_control import ControlTopics, ros2_control_block
 from mbd_sim.urdf.value_reader import unique_name
 
 Element = ElementTree.Element
@@ -57,14 +58,18 @@ class Motion:
     mimic: Mimic | None = None
 
 
-def to_urdf(mechanism: Mechanism) -> str:
+def to_urdf(mechanism: Mechanism, control: ControlTopics | None = None) -> str:
     """The URDF of a mechanism; a comment in it names what URDF cannot represent.
+
+    With topics of commands and states, it has a `<ros2_control>` block.
 
     Gears, racks and couplings of two coordinates become `<mimic>`; a screw becomes a hinge and a slider that mimics it.
     A spherical joint, which URDF does not have, becomes `floating`. If a part has meshes, its shapes are the collision
     geometry.
     """
     robot = _robot(mechanism)
+    if control is not None:
+        robot.append(ros2_control_block(mechanism, robot, control))
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding="unicode", xml_declaration=True)
 

@@ -106,3 +106,41 @@ def test_commands_in_order_that_do_not_fit_are_refused(buffer, values, words):
     with pytest.raises(CommandError) as caught:
         buffer.actuators_by_order(values)
     assert words in str(caught.value) and buffer.rejected == 1
+
+
+def test_nan_is_no_command_where_ros2_control_sends_it_for_interfaces_without_a_controller(simulation, buffer):
+    buffer.skip_nan(True)
+    nan = math.nan
+    buffer.by_name(JOINTS, [nan, -2.0], positions=[0.5], velocities=[nan, 3.0])
+    found = due(simulation, buffer)
+    assert (found["a.position"], found["a.velocity"], found["a.effort"], found["b.velocity"]) == (0.5, 0.0, 0.0, 3.0)
+    buffer.by_name(JOINTS, [nan, nan], positions=[nan], velocities=[nan, nan])  # before a controller is active
+    assert buffer.due_for_actuators(0.0, np.zeros(6)) is None
+    with pytest.raises(CommandError, match="position is not finite"):
+        buffer.by_name(["hip"], [], positions=[math.inf])
+
+
+def test_commands_of_each_actuator_expire_on_request_and_positions_are_held(simulation, buffer):
+    buffer.watch_actuators(0.5)
+    start = simulation.inputs[simulation.command_map.range]
+    buffer.by_name(["hip"], [2.0], positions=[0.5], velocities=[0.1])
+    buffer.by_name(["knee"], [], velocities=[3.0])
+    buffer.by_name(["cylinder"], [7.0])
+    assert buffer.due_for_actuators(10.0, start).tolist() == [0.5, 0.1, 2.0, 3.0, 0.0, 7.0]
+    buffer.by_name(["knee"], [], velocities=[3.0])
+    assert buffer.due_for_actuators(10.4, start) is not None
+    assert buffer.take_expired_actuators() == []
+    assert buffer.due_for_actuators(10.5, start).tolist() == [0.5, 0.0, 0.0, 3.0, 0.0, 0.0]
+    assert (buffer.take_expired_actuators(), buffer.take_expired_actuators()) == (["a", "cylinder"], [])
+    assert buffer.due_for_actuators(10.9, start).tolist() == [0.5, 0.0, 0.0, 0.0, 0.0, 0.0]
+    assert (buffer.take_expired_actuators(), buffer.expired) == (["b"], 2)
+    assert buffer.due_for_actuators(99.0, start) is None
+    buffer.by_name(["cylinder"], [7.0])
+    assert buffer.due_for_actuators(99.1, start)[5] == 7.0
+
+
+def test_commands_of_actuators_that_are_not_watched_are_held(simulation, buffer):
+    buffer.by_name(["cylinder"], [7.0])
+    start = simulation.inputs[simulation.command_map.range]
+    assert buffer.due_for_actuators(0.0, start)[5] == 7.0
+    assert buffer.due_for_actuators(1e9, start) is None

@@ -121,6 +121,15 @@ def test_a_command_or_a_reset_ends_a_trajectory_and_its_velocity(played, ends):
     assert played.at(0.7)[2] is False
 
 
+def test_a_trajectory_does_not_expire(played):
+    played.buffer.watch_actuators(0.1)
+    played.buffer.by_name(["hip"], [], positions=[0.0], velocities=[0.5])
+    played.follow((1 * SECOND, [1.0]))
+    played.at(0.0)
+    assert played.at(0.5) == pytest.approx((0.5, 1.0, True))
+    assert played.buffer.take_expired_actuators() == []
+
+
 def test_commands_of_other_actuators_leave_a_trajectory(played):
     played.follow((1 * SECOND, [1.0]))
     played.at(0.0)

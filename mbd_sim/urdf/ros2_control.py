@@ -1,0 +1,67 @@
+"""The `<ros2_control>` block of a URDF, for JointStateTopicSystem of joint_state_topic_hardware_interface.
+
+That system exchanges commands and states of joints with a node over two topics of sensor_msgs/JointState. It names all
+joints of the block in each message, and each array has an entry for each joint with a command interface of that name.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from mbd_sim.mechanism.actuators import CoordinatePort
+from mbd_sim.mechanism.records import Mechanism
+
+PLUGIN = "joint_state_topic_hardware_interface/JointStateTopicSystem"
+INTERFACES = ("position", "velocity", "effort")
+ALWAYS = "-1"  # the threshold with which commands are sent in each cycle, so that they do not expire
+
+
+class ControlTopics(NamedTuple):
+    """The absolute names of the topics of a node."""
+
+    commands: str
+    states: str
+
+
+def ros2_control_block(mechanism: Mechanism, robot: ElementTree.Element, topics: ControlTopics) -> ElementTree.Element:
+    """The block for the coordinates of a mechanism that are joints of its URDF with one coordinate each.
+
+    A joint with an actuator has the command interfaces that this takes, one without has `effort`; driven and mimicking
+    joints have none. All have the states position, velocity and effort.
+
+    :param robot: the URDF of the mechanism.
+    """
+    block = ElementTree.Element("ros2_control", name=mechanism.name, type="system")
+    hardware = ElementTree.SubElement(block, "hardware")
+    ElementTree.SubElement(hardware, "plugin").text = PLUGIN
+    parameters = {
+        "joint_commands_topic": topics.commands,
+        "joint_states_topic": topics.states,
+        "trigger_joint_command_threshold": ALWAYS,
+    }
+    for name, value in parameters.items():
+        ElementTree.SubElement(hardware, "param", name=name).text = value
+    taken = _commands(mechanism)
+    in_urdf = {joint.attrib["name"]: joint for joint in robot.findall("joint") if joint.find("axis") is not None}
+    for name in (*mechanism.coordinate_names, *mechanism.driven_names):
+        if name not in in_urdf:
+            continue
+        joint = ElementTree.SubElement(block, "joint", name=name)
+        follows = name in mechanism.driven_names or in_urdf[name].find("mimic") is not None
+        for interface in () if follows else taken.get(name, ("effort",)):
+            ElementTree.SubElement(joint, "command_interface", name=interface)
+        for interface in INTERFACES:
+            ElementTree.SubElement(joint, "state_interface", name=interface)
+    return block
+
+
+def _commands(mechanism: Mechanism) -> Mapping[str, Sequence[str]]:
+    """The command interfaces of the joints with actuators."""
+    found: dict[str, list[str]] = {}
+    for actuator in mechanism.actuators:
+        if isinstance(actuator.port, CoordinatePort):
+            taken = found.setdefault(actuator.port.coordinate, [])
+            taken += [channel for channel in actuator.channels if channel in INTERFACES and channel not in taken]
+    return {name: [interface for interface in INTERFACES if interface in taken] for name, taken in found.items()}
