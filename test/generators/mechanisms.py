@@ -15,7 +15,11 @@ from mbd_sim.mechanism.joint_types import JOINT_KINDS
 from mbd_sim.mechanism_file.library import shipped
 
 # All smooth ones whose state is q, u and the energies: the oracles know neither contacts nor actuators.
-SHIPPED = tuple(name for name, path in shipped().items() if path.parent.name not in ("contacts", "actuators"))
+SHIPPED = tuple(
+    name
+    for name, path in shipped().items()
+    if path.parent.name != "contacts" and "\nactuators:" not in path.read_text(encoding="utf-8")
+)
 
 CART_PENDULUM = """
 mechanism: cart_pendulum
