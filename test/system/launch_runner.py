@@ -202,11 +202,12 @@ def launched(file: Path, folder: Path, **arguments: str) -> Context:
 def launching(file: Path, folder: Path, domain: int, **arguments: str) -> Iterator[list[subprocess.Popen[bytes]]]:
     """The running processes of a launch file; at the end each is interrupted, and must end without an error."""
     variables = os.environ | {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    processes = [
-        subprocess.Popen(command, cwd=folder, env=variables, stdin=subprocess.DEVNULL, start_new_session=True)
-        for command in launched(file, folder, **arguments).commands
-    ]
+    processes: list[subprocess.Popen[bytes]] = []
     try:
+        for command in launched(file, folder, **arguments).commands:
+            processes.append(  # one by one, so that those before one that is missing are ended
+                subprocess.Popen(command, cwd=folder, env=variables, stdin=subprocess.DEVNULL, start_new_session=True)
+            )
         yield processes
         for process in processes:
             process.send_signal(signal.SIGINT)

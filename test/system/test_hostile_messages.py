@@ -25,6 +25,7 @@ from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout, String
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from mbd_sim.recording.reader import open_recording
 from test.recording.runs import record_run
@@ -75,6 +76,14 @@ MESSAGES: dict[str, list[Any]] = {
         JointState(name=["", LONG, CONTROL], effort=[1.0] * 3),
         JointState(name=[str(number) for number in range(50_000)], effort=[1.0] * 50_000),
         JointState(effort=[1.0] * 300_000),
+    ],
+    "trajectory_msgs/msg/JointTrajectory": [
+        JointTrajectory(),
+        JointTrajectory(joint_names=["shoulder"], points=[JointTrajectoryPoint(positions=[NAN])]),
+        JointTrajectory(joint_names=["shoulder"], points=[JointTrajectoryPoint(positions=[0.0])]),  # no servo
+        JointTrajectory(joint_names=["", LONG, CONTROL], points=[JointTrajectoryPoint(positions=[0.0] * 3)]),
+        JointTrajectory(joint_names=["shoulder"], points=[JointTrajectoryPoint()] * 10_000),
+        JointTrajectory(joint_names=["nothing"] * 50_000),
     ],
     "geometry_msgs/msg/WrenchStamped": [
         WrenchStamped(wrench=Wrench(force=Vector3(x=NAN))),
