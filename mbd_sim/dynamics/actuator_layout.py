@@ -134,7 +134,7 @@ def _whole_steps(mechanism: Mechanism, actuator: Actuator, step: float, problems
     every = 1 if period is None else round(period / step)
     if period is not None and not (every >= 1 and abs(every * step / period - 1.0) <= ROUNDING):
         near = sorted({max(1, int(period / step)), int(period / step) + 1})
-        rates = " or ".join(f"{1.0 / (count * step):.6g} Hz" for count in near)
+        rates = " or ".join(f"{1.0 / (count * step):.12g} Hz" for count in near)
         message = f"the step of {step:g} s does not divide the sample period of {period:g} s"
         where = ("actuators", actuator.name, "servo", "sample_rate")
         problems.append(mechanism.source.problem(where, message, f"Give {rates}, or another step."))

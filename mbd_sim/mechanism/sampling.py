@@ -49,7 +49,7 @@ def _period(rate: float | None, step: float) -> int:
         rates = " or ".join(f"{1.0 / (count * step):.12g} Hz" for count in (math.ceil(ratio), math.floor(ratio)))
         raise SamplingError(
             "rate",
-            f"{rate:.12g} Hz is not once in a whole number of steps of {step:g} s",
+            f"the period of {rate:.12g} Hz is not a whole number of steps of {step:g} s",
             f"The nearest rates are {rates}.",
         )
     return period

@@ -30,7 +30,7 @@ def to_latex(equations: SymbolicEquations) -> str:
             gap=lambda row: _constraint_terms(equations, row),
             constrained=bool(equations.constraints),
         ),
-        rf"that is, ${_matrix_form(equations)}$ with",
+        rf"In matrix form, ${_matrix_form(equations)}$ with",
         r"\begin{align*}",
         *_aligned([([name], [value]) for name, value in entry_rows(equations)]),
         r"\end{align*}",

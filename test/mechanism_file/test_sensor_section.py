@@ -51,7 +51,7 @@ MISTAKES = {
     ),
     "no resolution": ("{type: encoder, joint: pivot}", "one", "has neither resolution nor counts", "Give one of them"),
     "a broken count": ("{type: encoder, joint: pivot, counts: 1.5}", "one.counts", "is 1.5", "Write a whole number"),
-    "a rate": ("{type: imu, at: rod, rate: 300}", "one.rate", "300 Hz is not once in", "250 Hz or 333.333333333 Hz"),
+    "a rate": ("{type: imu, at: rod, rate: 300}", "one.rate", "the period of 300 Hz is not", "250 Hz or 333.333333333 Hz"),
     "a delay": ("{type: imu, at: rod, delay: 0.3 ms}", "one.delay", "0.0003 s is not a whole", "are 0 s or 0.001 s"),
     "a negative noise": (
         "{type: accelerometer, at: rod, noise_density: -1}", "one.noise_density", "must be at least 0", "Write 0",
@@ -60,7 +60,7 @@ MISTAKES = {
     "no target": ("{type: range, at: rod, most: 1}", "one", "has neither plane nor point", "Give one of them"),
     "two targets": ("{type: range, at: rod, most: 1, plane: ground, point: bob}", "one", "has plane and point", "Give one"),
     "its own part": ("{type: range, at: rod, most: 1, point: rod.tip}", "one.point", "is on 'rod' like", "another part"),
-    "a range upside down": ("{type: range, at: rod, most: 1, least: 2, plane: ground}", "one", "least 2 is not below", "Swap"),
+    "a range upside down": ("{type: range, at: rod, most: 1, least: 2, plane: ground}", "one", "least 2 is not below", "Give a smaller least"),
     "a normal of a point": (
         "{type: range, at: rod, most: 1, point: bob, normal: [1, 0, 0]}", "one", "normal has no effect", "Add 'plane'",
     ),

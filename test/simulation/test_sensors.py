@@ -260,7 +260,7 @@ def test_live_values_move_sensors_with_their_points():
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ("rate: 300 Hz", "300 Hz is not once in a whole number of steps of 0.001 s. The nearest rates are 250 Hz or 333.333333333 Hz."),
+        ("rate: 300 Hz", "the period of 300 Hz is not a whole number of steps of 0.001 s. The nearest rates are 250 Hz or 333.333333333 Hz."),
         ("rate: 2 kHz", "2000 Hz is more than one measurement for each step of 0.001 s. Write at most 1000 Hz, or"),
         ("delay: 1.5 ms", "0.0015 s is not a whole number of steps of 0.001 s. The nearest delays are 0.001 s or 0.002 s."),
     ],
@@ -272,7 +272,7 @@ def test_times_that_are_no_whole_steps_are_refused_with_the_nearest(keys, words)
     assert words in str(caught.value)
     assert caught.value.problems[0].key == f"sensors.imu.{keys.partition(':')[0]}"
     spinning("\nsensors: {imu: {type: imu, at: rotor, rate: 100 Hz, delay: 2 ms}}", step=5e-4)
-    with pytest.raises(MechanismError, match=r"sensors\.imu\.rate: 100 Hz is not once .* of 0\.003 s"):
+    with pytest.raises(MechanismError, match=r"sensors\.imu\.rate: the period of 100 Hz is not .* of 0\.003 s"):
         spinning("\nsensors: {imu: {type: imu, at: rotor, rate: 100 Hz}}", step=3e-3)
 
 

@@ -2,6 +2,7 @@
 
 import math
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -180,7 +181,7 @@ def test_a_servo_with_a_stop_and_events_is_sampled_once_in_each_step():
 @pytest.mark.parametrize(
     "change, message",
     [
-        (("sample_rate: 250 Hz", "sample_rate: 300 Hz"), r"servo.sample_rate: .*0.001 s.*333.333 Hz or 250 Hz"),
+        (("sample_rate: 250 Hz", "sample_rate: 300 Hz"), r"servo.sample_rate: .*0.001 s.*333.333333333 Hz or 250 Hz"),
         (("delay: 3 ms", "delay: 3.5 ms"), r"drive.delay: .*whole number of steps.*0.003 s or 0.004 s"),
         (("delay: 3 ms", "delay: 3 s"), r"drive.delay: .*3000 steps"),
     ],
@@ -188,6 +189,15 @@ def test_a_servo_with_a_stop_and_events_is_sampled_once_in_each_step():
 def test_times_that_are_not_whole_steps_are_refused_with_the_nearest(change, message):
     with pytest.raises(MechanismError, match=message):
         Simulation.from_text((SHAFT + POSITION).replace(*change))
+
+
+def test_the_sample_rates_that_an_error_suggests_are_accepted():
+    with pytest.raises(MechanismError) as caught:
+        Simulation.from_text((SHAFT + POSITION).replace("sample_rate: 250 Hz", "sample_rate: 300 Hz"))
+    rates = re.findall(r"[0-9.]+ Hz", caught.value.problems[0].remedy)
+    assert len(rates) == 2
+    for rate in rates:
+        Simulation.from_text((SHAFT + POSITION).replace("sample_rate: 250 Hz", f"sample_rate: {rate}"))
 
 
 def test_another_step_changes_the_number_of_steps_between_samples():

@@ -121,7 +121,7 @@ def test_constraints_add_their_multipliers():
     ]
     assert [right for _, right in constraint_rows(equations)] == [["0"], ["0"]]
     text = to_latex(equations)
-    assert r"that is, $M \dot{u} + h = Q + G^{T} \lambda$ and $G u = 0$ with" in text
+    assert r"In matrix form, $M \dot{u} + h = Q + G^{T} \lambda$ and $G u = 0$ with" in text
     assert rf"multipliers of joint \texttt{{rocker\_pin}}, which closes a loop: ${own[0]}$, N, of displ" in text
     assert r"omitted, as the other rows imply them: rocker\_pin: displacement along y" in text
 

@@ -97,8 +97,8 @@ def _actuator(name: str, spec: schema.AnyActuatorSpec, port: Port, context: Buil
     start: dict[str, float] = {}
     for channel, value in spec.command.items():
         if channel not in actuator.channels:
-            message = f"it takes no {channel}"
-            context.report((*location, "command", channel), message, f"Give {listed(list(actuator.channels))}.")
+            message = f"the actuator takes no {channel}"
+            context.report((*location, "command", channel), message, f"Give {' or '.join(actuator.channels)}.")
         _require(context, (*location, "command", channel), value, units[channel])
         start[channel] = float(value)
     return Actuator(name, port, motor, servo, start, spec.delay)

@@ -42,7 +42,7 @@ REFUSED = {
     "{type: effort, joint: shoulder, torque_speed: [[1, 2], [3, 4]]}": r"it.torque_speed: begins at 1",
     "{type: effort, joint: shoulder, torque_speed: [[0, 2], [0, 4]]}": r"it.torque_speed: 0 comes after 0",
     "{type: effort, joint: shoulder, torque_speed: [[0, 2], [1 m/s, 4]]}": r"it.torque_speed\[1\]\[0\]: the unit 'm/s'",
-    "{type: effort, joint: shoulder, command: {voltage: 5 V}}": r"it.command.voltage: it takes no voltage. Give effort",
+    "{type: effort, joint: shoulder, command: {voltage: 5 V}}": r"it.command.voltage: the actuator takes no voltage. Give effort",
     "{type: effort, joint: shoulder, command: {effort: 5 V}}": r"it.command.effort: the unit 'V' does not fit",
     "{type: motor, joint: shoulder}": r"it.type: unknown type 'motor'. Did you mean 'dc_motor'",
     "{" + DC + ", joint: rail}": r"it: turns to move along a line, but has no lead. Add .*'lead: 5 mm'",
