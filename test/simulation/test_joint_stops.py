@@ -108,6 +108,11 @@ def test_limits_of_one_coordinate_can_be_live():
     ("old", "new", "message"),
     [
         ("[{lower: -0.2", "[{lower: 2", "joints.table.limits[0]: lower 2 is not below upper 0.5. Swap them."),
+        (
+            "[{lower: -0.2",
+            "[{lower: 0.5",
+            "joints.table.limits[0]: lower 0.5 is not below upper 0.5. Give a larger upper limit",
+        ),
         (", null]", "]", "joints.table.limits: has 2 values, not 3"),
         ("velocity: [1.3", "position: [0.6, 0, 0]\n    velocity: [1.3", "0.1 m beyond its x upper limit"),
         ("axis: [0, 0, 1]\n    x_axis: [1, 0, 0]", "drive: [0, 0, t]\n    axis: [0, 0, 1]", "has a drive and limits"),

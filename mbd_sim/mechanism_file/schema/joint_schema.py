@@ -60,7 +60,8 @@ class LimitsSpec(Spec):
     def _ordered(self) -> LimitsSpec:
         lower, upper = getattr(self, "lower"), getattr(self, "upper")  # noqa: B009  (of the subclasses)
         if lower >= upper:
-            raise InputError(f"lower {lower:g} is not below upper {upper:g}", "Swap them.")
+            remedy = "Swap them." if lower > upper else "Give a larger upper limit, or a 'fixed' joint."
+            raise InputError(f"lower {lower:g} is not below upper {upper:g}", remedy)
         if getattr(self, "damping") and not getattr(self, "stiffness"):  # noqa: B009
             raise InputError("damping of stops has no effect without stiffness", "Add 'stiffness'.")
         if getattr(self, "restitution") is not None and getattr(self, "stiffness") is not None:  # noqa: B009

@@ -204,7 +204,9 @@ class RangeSpec(SensorSpec):
         if "normal" in self.model_fields_set and self.plane is None:
             raise InputError("normal has no effect without a plane", "Add 'plane', or remove 'normal'.")
         if self.least >= self.most:
-            raise InputError(f"least {self.least:g} is not below most {self.most:g}", "Give a smaller least, or a larger most.")
+            raise InputError(
+                f"least {self.least:g} is not below most {self.most:g}", "Give a smaller least, or a larger most."
+            )
         return self
 
 
