@@ -61,7 +61,7 @@ def test_an_example_has_help(name, capsys, monkeypatch):
         if isinstance(one, type) and one.__name__.endswith("Node") and one.__module__ == name
     ] or [None]
     for spec in getattr(node_class, "PARAMETERS", ()):
-        assert f"\n  {spec.name}" in text and f"(default: {written(spec.default)})" in " ".join(text.split())
+        assert f"\n  {spec.name}" in text and f"(default: {written(spec.default)}" in " ".join(text.split())
 
 
 ENTRY = "import sys; from mbd_sim.programs import {0}; sys.exit({0}.{1}())"

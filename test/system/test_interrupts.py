@@ -31,7 +31,7 @@ def chain(joints: int) -> str:
 def long_chain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("MBD_SIM_CACHE", "off")
     file = tmp_path / "chain.yaml"
-    file.write_text(chain(28))
+    file.write_text(chain(40))
     return file
 
 
