@@ -121,8 +121,9 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             companion.start()
         simulation, log = self.simulation, self.get_logger()
         state = "paused" if self.stepping_thread.paused else "running"
+        freedom = simulation.model.degrees_of_freedom
         log.info(
-            f"'{simulation.mechanism.name}' is {state}: {simulation.model.degrees_of_freedom} degrees of freedom, "
+            f"'{simulation.mechanism.name}' is {state}: {freedom} degree{'' if freedom == 1 else 's'} of freedom, "
             f"method {simulation.model.method.name}, step {simulation.step_size * 1e3:g} ms"
         )
         if self._unknown_parameters:
