@@ -35,7 +35,13 @@ class EntryPoint:
         """Import the module and call the function; its return value is the exit code."""
         signal.signal(signal.SIGINT, lambda *_: os._exit(self._exit_code))
         main = self._imported()
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        interrupts: list[int] = []
+
+        def interrupt(number: int, frame: object) -> None:
+            interrupts.append(number)
+            raise KeyboardInterrupt
+
+        signal.signal(signal.SIGINT, interrupt)
         try:
             try:
                 return int(main())
@@ -44,6 +50,10 @@ class EntryPoint:
                     sys.stdout.flush()  # here, and not when the interpreter ends, which would print the error
         except KeyboardInterrupt:
             return self._exit_code
+        except ImportError:
+            if interrupts:  # within a library's import of a C extension, which replaces the exception
+                return self._exit_code
+            raise
         except BrokenPipeError:  # what reads the output, such as `head`, has ended
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 1

@@ -100,3 +100,26 @@ def test_an_interrupt_while_a_program_imports_prints_nothing(tmp_path: Path, pro
             output = process.stdout.read()
             assert process.wait(PATIENCE) == expected, output
             assert b"Traceback" not in output
+
+
+LATE_IMPORT = """
+import signal, sys, types
+from mbd_sim.programs import command
+
+def main():
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        raise ImportError("no module named datetime") from None  # as numpy's C extension does
+
+sys.modules["mbd_sim.late"] = types.SimpleNamespace(main=main)
+sys.exit(command.late.main())
+"""
+
+
+def test_an_interrupt_that_a_library_replaces_by_an_import_error_prints_nothing() -> None:
+    done = subprocess.run([sys.executable, "-c", LATE_IMPORT], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+    failing = LATE_IMPORT.replace("signal.raise_signal(signal.SIGINT)", "raise KeyboardInterrupt")
+    done = subprocess.run([sys.executable, "-c", failing], capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and "ImportError: no module named datetime" in done.stderr
