@@ -172,8 +172,8 @@ class Diagnostics:
         energies, snapshot = self.publishing_thread.energies, self.publishing_thread.latest
         stepping_thread = self.stepping_thread
         values: dict[str, str] = {}
-        problem = stepping_thread.problem and f"{stepping_thread.problem} Call ~/reset to restart."
-        advice = stepping_thread.advice
+        stopped_by, advice = stepping_thread.run.problem, stepping_thread.run.advice
+        problem = stopped_by and f"{stopped_by} Call ~/reset to restart."
         if energies is not None:
             values |= {"energy residual (J)": f"{energies.residual:.3e}", "energy (J)": f"{energies.total:.6g}"}
             scale = max(1e-3, *(abs(value) for value in energies))
@@ -191,7 +191,7 @@ class Diagnostics:
                 problem = "a loop or constraint is violated: use a smaller step, or run `mbd_sim check`"
         values["error of a step"] = f"{stepping_thread.simulation.error_estimate:.1e}"
         text = problem or advice or "energies balance"
-        return self._status("mechanics", text, bool(problem or advice), values, error=bool(stepping_thread.problem))
+        return self._status("mechanics", text, bool(problem or advice), values, error=bool(stopped_by))
 
     def _commands(self, now: CounterSample) -> DiagnosticStatus:
         subscriptions, commands = self.subscriptions, self.subscriptions.commands

@@ -183,15 +183,15 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
 
         :raises CommandError: the loops cannot be closed there.
         """
-        if self.stepping_thread.start_values is not None:
-            self.simulation.begin_at(*self.stepping_thread.start_values)
+        if self.stepping_thread.run.start_values is not None:
+            self.simulation.begin_at(*self.stepping_thread.run.start_values)
 
     def _use_start(self, values: Mapping[str, Any]) -> None:
         """Let resets return to the start that the parameters give.
 
         :raises CommandError: it does not fit the mechanism.
         """
-        self.stepping_thread.start_values = start_values(values["start"], values, self.simulation.model)
+        self.stepping_thread.run.start_values = start_values(values["start"], values, self.simulation.model)
 
     def _problem_of_start(self, values: Mapping[str, Any]) -> str:
         """The problem with the start of all parameters, or ""."""

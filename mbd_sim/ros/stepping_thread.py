@@ -9,19 +9,16 @@ from collections.abc import Callable, Mapping
 from mbd_sim.errors import CommandError, DivergedError
 from mbd_sim.messages.snapshot import Due
 from mbd_sim.recording.run_metadata import Moment
-from mbd_sim.ros.applied_commands import apply_commands
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.followed_clock import FollowedClock
 from mbd_sim.ros.pacing import Pacer
 from mbd_sim.ros.rates import Rates
 from mbd_sim.ros.requests import RequestQueue
-from mbd_sim.ros.stepping_output import NodeClock, SteppingOutput
+from mbd_sim.ros.stepped_run import SteppedRun
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
-from mbd_sim.simulation.events import ChangedValues, EventKind
-from mbd_sim.simulation.live_values import PreparedValues
+from mbd_sim.simulation.events import EventKind
 from mbd_sim.simulation.simulation import Simulation
 from mbd_sim.simulation.state_values import StateValues
-from mbd_sim.simulation.step_advice import TOLERATED
 
 WAKE_UP_PERIOD = 1e-3  # s of real time between wake-ups where the step is shorter
 FAST_BATCH = 1000  # steps between requests when running as fast as possible
@@ -44,17 +41,14 @@ class SteppingThread:
         followed: FollowedClock | None = None,
     ) -> None:
         """Prepare the thread; with a `followed` clock, steps are taken up to its time, instead of in real time."""
-        self.simulation, self.commands, self.rates = simulation, commands, rates
-        self.wrenches = wrenches or WrenchBuffer(simulation.wrench_map, simulation.model.part_names, commands.timeout)
-        self.clock = NodeClock(round(simulation.step_size * 1e9))
-        self._output = SteppingOutput(simulation, self.clock, silent=followed is not None)
+        wrenches = wrenches or WrenchBuffer(simulation.wrench_map, simulation.model.part_names, commands.timeout)
+        self.run = SteppedRun(simulation, commands, wrenches, silent=followed is not None)
+        self.simulation, self.clock, self.rates = simulation, self.run.clock, rates
+        self._output = self.run.output
         self.output, self.counters = self._output.queue, self._output.counters
         self.pacer = Pacer()
-        self.paused = paused
-        self.problem, self.advice, self.followed = "", "", followed
-        self.start_values: StateValues | None = None  # to which a reset returns; None: the start of the file
+        self.paused, self.followed = paused, followed
         self.followers: list[SteppingThread] = []  # threads of this program that follow this clock
-        self._error_threshold = TOLERATED
         self._wake = threading.Event()
         self._requests: RequestQueue[[]] = RequestQueue(self._wake.set)
         self._live_lock = threading.Lock()
@@ -107,7 +101,7 @@ class SteppingThread:
                 prepared = self.simulation.prepare_live(changes)
             except CommandError as error:
                 return str(error)
-            return self.between_steps(lambda: self._apply_live(prepared))
+            return self.between_steps(lambda: self.run.apply_live(prepared))
 
     def set_state(self, given: StateValues | Callable[[], StateValues]) -> str:
         """Set positions and speeds by name; returns the problem, and then nothing has changed, or "" on success.
@@ -146,7 +140,7 @@ class SteppingThread:
         try:
             self._loop()
         except Exception as error:
-            self.problem = self._output.report(EventKind.FAILED, repr(error)).text
+            self.run.report_failure(error)
             raise
 
     def _loop(self) -> None:
@@ -242,38 +236,20 @@ class SteppingThread:
         """Steps to take at once: those of one wake-up period, and none beyond the next publication or sample."""
         factor = self.rates.real_time_factor if self.followed is None else 0.0
         steps = max(1, round(WAKE_UP_PERIOD * factor / self.simulation.step_size)) if factor > 0.0 else FAST_BATCH
-        return self._output.steps_until_due(self.rates, at_most=self.commands.steps_to_sample(self.ticks, steps))
+        return self._output.steps_until_due(self.rates, at_most=self.run.commands.steps_to_sample(self.ticks, steps))
 
     def _advance(self, steps: int) -> str:
         """Apply commands, take the steps, hand out a snapshot if due; returns the problem, or ""."""
-        self._apply_commands()
-        began = time.perf_counter()
         try:
-            self.simulation.step(steps)
+            self.run.advance(steps)
         except DivergedError as error:
             self._set_paused(True)
-            self.problem = self._output.report(EventKind.DIVERGED, str(error)).text
+            self.run.report_divergence(error)
             return str(error)
-        self.clock.ticks += steps
         self._lead()
-        self._output.report_contacts()
-        self._check_error_estimate()
-        self.counters.stepping += time.perf_counter() - began
         if due := self._output.due(self.rates):
             self._output.emit(due)
         return ""
-
-    def _apply_commands(self) -> None:
-        time_now = self.ticks * self.simulation.step_size
-        apply_commands(self.simulation, self.commands, self.wrenches, time_now, self._output)
-
-    def _check_error_estimate(self) -> None:
-        """Warn once of a step that is too large, and again when the estimated error has grown tenfold."""
-        estimate = self.simulation.error_estimate
-        if estimate > self._error_threshold:
-            self._error_threshold = 10.0 * estimate
-            self.advice = self.simulation.step_advice or ""
-            self._output.report(EventKind.WARNING, self.advice)
 
     def _set_paused(self, paused: bool) -> None:
         if paused != self.paused:
@@ -289,49 +265,23 @@ class SteppingThread:
         if rewind_clock and self.followed is not None:
             return "the clock is that of /clock: reset the node that publishes it, and set reset_rewinds_clock to false"
         began = time.perf_counter()
-        if state:
-            before = self.simulation.snapshot()
-            try:
-                self.simulation.reset()
-                if self.start_values is not None:
-                    self.simulation.begin_at(*self.start_values)
-            except ValueError as error:
-                self.simulation.restore(before)
-                return f"the start state cannot be reached with the current live values: {error}"
-            self._error_threshold, self.problem, self.advice = TOLERATED, "", ""
-            self.commands.clear()
-            self.wrenches.clear()
+        if problem := self.run.reset(rewind_clock, state):
+            return problem
         if rewind_clock:
-            self.clock.set(0)
             self._lead()
-        self._output.report(EventKind.RESET if state else EventKind.CLOCK_RESET)
-        if state and self.start_values is not None:
-            self._output.report_new_state()
-        self._output.emit(Due.NEW if state else Due.ALL)
-        self.pacer.delay(time.perf_counter() - began)  # no step has to make up for it
+        self._show_change(Due.NEW if state else Due.ALL, began)
         return ""
 
     def _set_state(self, given: StateValues | Callable[[], StateValues]) -> str:
         began = time.perf_counter()
-        try:
-            given = given() if callable(given) else given
-            self.simulation.set_state(*given)
-        except CommandError as error:
-            return str(error)
-        self._error_threshold, self.problem, self.advice = TOLERATED, "", ""
-        self._output.report_new_state()
-        self._output.report(EventKind.NOTE, f"state set: {given}")
-        self._output.emit(Due.NEW)
-        self.pacer.delay(time.perf_counter() - began)
-        return ""
+        if not (problem := self.run.set_state(given)):
+            self._show_change(Due.NEW, began)
+        return problem
 
-    def _apply_live(self, prepared: PreparedValues) -> str:
-        try:
-            self.simulation.apply_live(prepared)
-        except CommandError as error:
-            return str(error)
-        self._output.report(EventKind.LIVE_VALUES, ChangedValues(prepared.changes, self.simulation.live))
-        return ""
+    def _show_change(self, due: Due, began: float) -> None:
+        """Hand out a snapshot after a change that began at a time in s of the steady clock."""
+        self._output.emit(due)
+        self.pacer.delay(time.perf_counter() - began)  # no step has to make up for it
 
     def _step_paused(self, steps: int) -> str:
         if not self.paused:

@@ -14,7 +14,6 @@ from mbd_sim.ros.followed_clock import FollowedClock
 from mbd_sim.ros.pacing import MAX_LATENESS, Histogram, Pacer
 from mbd_sim.ros.rates import Rates
 from mbd_sim.ros.stepping_thread import SteppingThread
-from mbd_sim.ros.wrench_buffer import WrenchBuffer
 from mbd_sim.simulation.events import AppliedWrench, Event
 
 
@@ -22,9 +21,9 @@ from mbd_sim.simulation.events import AppliedWrench, Event
 def make():
     stepping_threads = []
 
-    def build(step=None, **rates):
+    def build(step=None, *, wrenches=(), live=(), **rates):
         paused, followed = rates.pop("paused", False), rates.pop("followed", None)
-        simulation = Simulation.from_file("rod_pendulum", method="rk4", step=step)
+        simulation = Simulation.from_file("rod_pendulum", method="rk4", step=step, wrenches=wrenches, live=live)
         stepping_thread = SteppingThread(
             simulation, CommandBuffer(simulation.effort_map, 0.0), Rates(**rates), paused=paused, followed=followed
         )
@@ -82,7 +81,7 @@ def test_markers_and_samples_for_the_viewer_keep_their_rates_at_any_rate_of_stat
 
 def test_a_command_takes_effect_between_two_steps_and_reports_which(make):
     stepping_thread = make(real_time_factor=0.0)
-    stepping_thread.commands.by_order([2.0])
+    stepping_thread.run.commands.by_order([2.0])
     stepping_thread.start()
     wait_for(lambda: stepping_thread.ticks > 100)
     stepping_thread.stop()
@@ -94,10 +93,10 @@ def test_a_command_is_reported_only_if_it_changes_the_efforts(make):
     stepping_thread = make(real_time_factor=0.0, paused=True)
     stepping_thread.start()
     for effort in (0.0, 2.0, 2.0, 2.0, -0.0, 0.0, 0.0, 3.0):
-        stepping_thread.commands.by_order([effort])
+        stepping_thread.run.commands.by_order([effort])
         assert stepping_thread.step(1) == ""
     stepping_thread.reset(False)
-    stepping_thread.commands.by_order([3.0])
+    stepping_thread.run.commands.by_order([3.0])
     assert stepping_thread.step(1) == ""
     stepping_thread.stop()
     events = [item for item in collected(stepping_thread) if isinstance(item, Event) and item.text == "command"]
@@ -134,7 +133,7 @@ def test_a_request_to_a_thread_that_has_stopped_returns(make):
 def test_a_step_that_diverges_pauses_and_keeps_the_last_state(make):
     stepping_thread = make(paused=True)
     stepping_thread.start()
-    stepping_thread.commands.by_order([1e308])
+    stepping_thread.run.commands.by_order([1e308])
     assert "became infinite" in stepping_thread.step(100)
     assert stepping_thread.paused
     assert stepping_thread.simulation.q[0] == pytest.approx(1.5707963, abs=1e-6)
@@ -244,15 +243,13 @@ def test_a_histogram_summarizes_what_came_since():
 
 
 def test_live_values_and_wrenches_are_reported_with_their_tick(make):
-    stepping_thread = make(paused=True)
-    stepping_thread.simulation = Simulation.from_file("rod_pendulum", wrenches=["rod"], live=["gravity[2]"])
-    stepping_thread.wrenches = WrenchBuffer(stepping_thread.simulation.wrench_map, ["rod"], 0.0)
+    stepping_thread = make(paused=True, wrenches=["rod"], live=["gravity[2]"])
     stepping_thread.start()
     stepping_thread.step(10)
     assert stepping_thread.set_live({"gravity[2]": -1.6}) == ""
     assert "'gravty' is not a live value" in stepping_thread.set_live({"gravty": 1.0})
     for _ in range(2):  # the second one changes nothing and is not reported
-        stepping_thread.wrenches.take("rod", None, "ground", (3.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        stepping_thread.run.wrenches.take("rod", None, "ground", (3.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         stepping_thread.step(5)
     stepping_thread.stop()
     events = [item for item in collected(stepping_thread) if isinstance(item, Event)]
@@ -276,8 +273,7 @@ def test_only_the_clock_goes_back_where_the_state_is_to_stay(make):
 @pytest.fixture
 def changing(make, monkeypatch):
     """A stepping thread with live values, and the idents of the threads that validated changes of them."""
-    stepping_thread = make(paused=True)
-    stepping_thread.simulation = Simulation.from_file("rod_pendulum", live=["gravity[*]"])
+    stepping_thread = make(paused=True, live=["gravity[*]"])
     validated_in = []
 
     def recorded(mechanism, values):

@@ -1,0 +1,114 @@
+"""A run between two steps: commands take effect, steps are taken, the state and live values are set. Without ROS.
+
+For the stepping thread, which decides when to step and how far.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from mbd_sim.errors import CommandError, DivergedError
+from mbd_sim.ros.applied_commands import apply_commands
+from mbd_sim.ros.command_buffer import CommandBuffer
+from mbd_sim.ros.stepping_output import NodeClock, SteppingOutput
+from mbd_sim.ros.wrench_buffer import WrenchBuffer
+from mbd_sim.simulation.events import ChangedValues, EventKind
+from mbd_sim.simulation.live_values import PreparedValues
+from mbd_sim.simulation.simulation import Simulation
+from mbd_sim.simulation.state_values import StateValues
+from mbd_sim.simulation.step_advice import TOLERATED
+
+
+class SteppedRun:
+    """A simulation with its commands, its clock, and the output that says what has happened.
+
+    `problem` is the last one that stopped the run, `advice` the last one on the step size; both "" without.
+    `start_values` are those to which a reset returns; None: the start of the file.
+    """
+
+    def __init__(
+        self, simulation: Simulation, commands: CommandBuffer, wrenches: WrenchBuffer, *, silent: bool = False
+    ) -> None:
+        """A run at its start; `silent` is described in `SteppingOutput`."""
+        self.simulation, self.commands, self.wrenches = simulation, commands, wrenches
+        self.clock = NodeClock(round(simulation.step_size * 1e9))
+        self.output = SteppingOutput(simulation, self.clock, silent=silent)
+        self.problem = self.advice = ""
+        self.start_values: StateValues | None = None
+        self._error_threshold = TOLERATED
+
+    def advance(self, steps: int) -> None:
+        """Apply commands and take steps.
+
+        :raises DivergedError: the motion has diverged; `report_divergence` reports it.
+        """
+        time_now = self.clock.ticks * self.simulation.step_size
+        apply_commands(self.simulation, self.commands, self.wrenches, time_now, self.output)
+        began = time.perf_counter()
+        self.simulation.step(steps)
+        self.clock.ticks += steps
+        self.output.report_contacts()
+        self._check_error_estimate()
+        self.output.counters.stepping += time.perf_counter() - began
+
+    def report_divergence(self, error: DivergedError) -> None:
+        """Report that the motion has diverged."""
+        self.problem = self.output.report(EventKind.DIVERGED, str(error)).text
+
+    def report_failure(self, error: Exception) -> None:
+        """Report an error of the program, which ends the run."""
+        self.problem = self.output.report(EventKind.FAILED, repr(error)).text
+
+    def reset(self, rewind_clock: bool, state: bool) -> str:
+        """Reset the state to the start state, the clock to zero, or both; returns the problem, or ""."""
+        if state:
+            before = self.simulation.snapshot()
+            try:
+                self.simulation.reset()
+                if self.start_values is not None:
+                    self.simulation.begin_at(*self.start_values)
+            except ValueError as error:
+                self.simulation.restore(before)
+                return f"the start state cannot be reached with the current live values: {error}"
+            self._forget_problems()
+            self.commands.clear()
+            self.wrenches.clear()
+        if rewind_clock:
+            self.clock.set(0)
+        self.output.report(EventKind.RESET if state else EventKind.CLOCK_RESET)
+        if state and self.start_values is not None:
+            self.output.report_new_state()
+        return ""
+
+    def set_state(self, given: StateValues | Callable[[], StateValues]) -> str:
+        """Set positions and speeds by name, given as such or by a function; returns the problem, or ""."""
+        try:
+            given = given() if callable(given) else given
+            self.simulation.set_state(*given)
+        except CommandError as error:
+            return str(error)
+        self._forget_problems()
+        self.output.report_new_state()
+        self.output.report(EventKind.NOTE, f"state set: {given}")
+        return ""
+
+    def apply_live(self, prepared: PreparedValues) -> str:
+        """Change live values; returns the problem, or ""."""
+        try:
+            self.simulation.apply_live(prepared)
+        except CommandError as error:
+            return str(error)
+        self.output.report(EventKind.LIVE_VALUES, ChangedValues(prepared.changes, self.simulation.live))
+        return ""
+
+    def _forget_problems(self) -> None:
+        self._error_threshold, self.problem, self.advice = TOLERATED, "", ""
+
+    def _check_error_estimate(self) -> None:
+        """Warn once of a step that is too large, and again when the estimated error has grown tenfold."""
+        estimate = self.simulation.error_estimate
+        if estimate > self._error_threshold:
+            self._error_threshold = 10.0 * estimate
+            self.advice = self.simulation.step_advice or ""
+            self.output.report(EventKind.WARNING, self.advice)
