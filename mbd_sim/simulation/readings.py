@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.actuators import require_no_actuators
-from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.simulation.actuator_states import ActuatorState
 from mbd_sim.simulation.argument_checks import finite_vector
-from mbd_sim.simulation.compiled_model import DriveState, Energies, Losses, Model, Reaction, Violation
+from mbd_sim.simulation.compiled_model import DriveState, Energies, Losses, Reaction, Violation
 from mbd_sim.simulation.contact_records import ContactEvent, ContactState
-from mbd_sim.simulation.kernel_memory import KernelMemory
 from mbd_sim.simulation.motions import PartMotion
 from mbd_sim.simulation.part_motion import motion_of
+from mbd_sim.simulation.run_state import RunState
 from mbd_sim.simulation.step_advice import step_advice
 
 if TYPE_CHECKING:
@@ -22,24 +22,8 @@ if TYPE_CHECKING:
     from mbd_sim.analysis.linearization import Linearization
 
 
-class Readings:
+class Readings(RunState):
     """The readings of a `Simulation`; they change nothing."""
-
-    mechanism: Mechanism
-    model: Model
-    step_size: float
-    start_energy: float
-    _memory: KernelMemory
-
-    @property
-    def steps(self) -> int:
-        """Steps since time zero."""
-        return self._memory.steps
-
-    @property
-    def time(self) -> float:
-        """Simulated time in s: the number of steps times the step size, so that it cannot drift."""
-        return self.steps * self.step_size
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:
@@ -50,11 +34,6 @@ class Readings:
     def energies(self) -> Energies:
         """The energy audit, in J."""
         return self.model.energies(self.time, self._memory.y, self.start_energy, self._memory.inputs)
-
-    @property
-    def state(self) -> Array:
-        """A copy of the integrated state: q, u, and the energies of the audit."""
-        return self._memory.y.copy()
 
     def poses(self) -> Mapping[str, Pose]:
         """The pose of each part in ground's frame."""
@@ -113,6 +92,12 @@ class Readings:
         """The position, velocity and force (N or N·m) of each driven coordinate."""
         columns = self.model.drives(self.time, self._memory.y, self._memory.inputs).T.tolist()
         return {name: DriveState(*values) for name, values in zip(self.model.driven_names, columns, strict=True)}
+
+    def actuators(self) -> Mapping[str, ActuatorState]:
+        """Each actuator by name: commands, effort, voltage, current, powers, losses and energies."""
+        memory = self._memory
+        inputs = self.model.with_contact_forces(self.time, memory.y, memory.inputs)
+        return self.model.actuators(self.time, memory.y, inputs)
 
     def reactions(self) -> Mapping[str, Reaction]:
         """The force and the moment that each joint transmits."""

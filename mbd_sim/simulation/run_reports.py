@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, Unpack, cast
+from typing import Protocol
 
-from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.events import (
     AppliedCommands,
@@ -17,13 +15,7 @@ from mbd_sim.simulation.events import (
     NewState,
     Payload,
 )
-from mbd_sim.simulation.kernel_memory import KernelMemory
-from mbd_sim.simulation.live_values import LiveValues
-from mbd_sim.simulation.options import RecordingOptions
-
-if TYPE_CHECKING:
-    from mbd_sim import RunRecorder
-    from mbd_sim.simulation.simulation import Simulation
+from mbd_sim.simulation.sensor_readings import SensorReadings
 
 
 class RunListener(Protocol):
@@ -38,54 +30,11 @@ class RunListener(Protocol):
         ...
 
 
-class RunReports:
+class RunReports(SensorReadings):
     """The part of a simulation that reports to a listener, if there is one."""
 
-    start_energy: float
-    _memory: KernelMemory
-    _live: LiveValues
     _listener: RunListener | None = None
     _contacts_seen: int = 0
-
-    @property
-    def samples(self) -> Array:
-        """The sampled states of sensors."""
-        raise NotImplementedError
-
-    def recording(self, path: str | Path, **options: Unpack[RecordingOptions]) -> RunRecorder:
-        """Record everything from here on to an MCAP file, until the `with` block ends or `close` is called.
-
-        >>> from mbd_sim import Simulation
-        >>> sim = Simulation.from_file("double_rod")
-        >>> with sim.recording("run.mcap"):  # doctest: +SKIP
-        ...     sim.run(until=3.0)
-
-        `mbd_sim verify`, `view`, `plot`, `export` and `replay_node` accept the file. Recording needs no ROS.
-
-        :param options: the keyword arguments of `RunRecorder`: `rate` in Hz, `reactions`, `violation`, `poses`,
-            `accelerations`.
-        :raises InputError, RecordingError: see `RunRecorder`.
-        """
-        from mbd_sim import RunRecorder
-
-        return RunRecorder(cast("Simulation", self), path, **options)
-
-    def listen(self, listener: RunListener | None) -> None:
-        """Report steps and commands to a listener from here on; None: to nobody.
-
-        :raises InputError: there is another listener already.
-        """
-        if listener is not None and self._listener is not None:
-            raise InputError("this simulation is being recorded already", "Close the other recording first.")
-        self._listener, self._contacts_seen = listener, self._contact_count
-        if listener is None:
-            self._use_compiled_step()
-        else:
-            vars(self).pop("step", None)  # the method divides the steps, which compiled code does not
-
-    def _use_compiled_step(self) -> None:
-        """Take steps by compiled code instead of the method `step`."""
-        raise NotImplementedError
 
     @property
     def _contact_count(self) -> int:

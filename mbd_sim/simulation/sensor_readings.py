@@ -7,23 +7,17 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.simulation.compiled_model import Model
-from mbd_sim.simulation.kernel_memory import KernelMemory
+from mbd_sim.simulation.run_state import RunState
 from mbd_sim.simulation.sensor_model import SensorModel, SensorReading
 from mbd_sim.simulation.sensor_samples import Arrival, SensorSamples
 
 NO_SAMPLES = np.empty((0, 0))
 
 
-class SensorReadings:
+class SensorReadings(RunState):
     """The part of a `Simulation` that samples its state for the sensors of the mechanism."""
 
-    mechanism: Mechanism
-    model: Model
-    step_size: float
     sensor_model: SensorModel | None = None
-    _memory: KernelMemory
     _samples: SensorSamples | None = None
 
     def sensors(self) -> Mapping[str, SensorReading]:
