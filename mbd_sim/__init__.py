@@ -46,11 +46,12 @@ if TYPE_CHECKING:
     from mbd_sim.load import load_mechanism, parse_mechanism
     from mbd_sim.mechanism.records import Mechanism
     from mbd_sim.recording.run_recorder import RunRecorder
-    from mbd_sim.simulation.compiled_model import DriveState, Energies, Model, Reaction, Violation
+    from mbd_sim.simulation.compiled_model import Model
     from mbd_sim.simulation.ensemble import Ensemble, EnsembleEnergies
     from mbd_sim.simulation.motions import PartMotion
     from mbd_sim.simulation.sensor_model import SensorReading
     from mbd_sim.simulation.simulation import Simulation
+    from mbd_sim.simulation.state_records import DriveState, Energies, Reaction, Violation
     from mbd_sim.symbolic import SymbolicEquations, symbolic_equations, to_latex
 
 __version__ = "0.1.0"
@@ -105,11 +106,12 @@ _MODULES = {
     "mbd_sim.load": ("load_mechanism", "parse_mechanism"),
     "mbd_sim.mechanism.records": ("Mechanism",),
     "mbd_sim.recording.run_recorder": ("RunRecorder",),
-    "mbd_sim.simulation.compiled_model": ("DriveState", "Energies", "Model", "Reaction", "Violation"),
+    "mbd_sim.simulation.compiled_model": ("Model",),
     "mbd_sim.simulation.ensemble": ("Ensemble", "EnsembleEnergies"),
     "mbd_sim.simulation.motions": ("PartMotion",),
     "mbd_sim.simulation.sensor_model": ("SensorReading",),
     "mbd_sim.simulation.simulation": ("Simulation",),
+    "mbd_sim.simulation.state_records": ("DriveState", "Energies", "Reaction", "Violation"),
     "mbd_sim.symbolic": ("SymbolicEquations", "symbolic_equations", "to_latex"),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}

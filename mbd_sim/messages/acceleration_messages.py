@@ -9,9 +9,10 @@ from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.records import GROUND, Mechanism
 from mbd_sim.messages.snapshot import Snapshot
 from mbd_sim.messages.state_messages import StateWriter, labeled_array
-from mbd_sim.simulation.compiled_model import Energies, Model
+from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.joint_state_layout import joint_state_names
 from mbd_sim.simulation.part_motion import named_frame
+from mbd_sim.simulation.state_records import Energies
 
 COORDINATES = "coordinates"  # stands for all coordinates
 ALL = "*"

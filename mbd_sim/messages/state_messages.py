@@ -12,8 +12,9 @@ from mbd_sim.geometry.rotation import quaternions
 from mbd_sim.mechanism.records import GROUND
 from mbd_sim.messages.serialized_message import MessageBuilder, SerializedMessage
 from mbd_sim.messages.snapshot import Snapshot
-from mbd_sim.simulation.compiled_model import Energies, Model, Violation
+from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.joint_state_layout import joint_state_arrays, joint_state_names
+from mbd_sim.simulation.state_records import Energies, Violation
 from mbd_sim.urdf.urdf_writer import floating_joints
 
 

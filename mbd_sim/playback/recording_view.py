@@ -15,9 +15,9 @@ from mbd_sim.recording.reader import Recording
 from mbd_sim.recording.recomputation import SEQUENCE_MODULUS, Recomputation
 from mbd_sim.recording.recorded_file import RUN_METADATA, Message
 from mbd_sim.recording.topic_roles import COMMANDS, TopicRole
-from mbd_sim.simulation.compiled_model import Energies
 from mbd_sim.simulation.events import Event, EventKind, parse_event
 from mbd_sim.simulation.joint_state_layout import integrated_energies, recorded_state
+from mbd_sim.simulation.state_records import Energies
 from mbd_sim.viewer.event_filter import EventFilter
 from mbd_sim.viewer.sample_rows import RowWriter
 from mbd_sim.viewer.scene_description import DisplayOptions, describe_scene

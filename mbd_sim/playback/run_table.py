@@ -17,8 +17,8 @@ from mbd_sim.recording.reader import Recording
 from mbd_sim.recording.recomputation import SEQUENCE_MODULUS
 from mbd_sim.recording.recorded_file import DamagedError, Message
 from mbd_sim.recording.topic_roles import TopicRole, topic_roles
-from mbd_sim.simulation.compiled_model import Energies
 from mbd_sim.simulation.events import RESTARTS, parse_event
+from mbd_sim.simulation.state_records import Energies
 from mbd_sim.viewer import entity_paths
 
 ENERGY_NAMES = Energies._fields

@@ -17,7 +17,6 @@ from mbd_sim.recording.recorded_file import DamagedError, Message
 from mbd_sim.recording.sensor_comparison import SensorComparison
 from mbd_sim.recording.topic_roles import COMMANDS, TopicRole
 from mbd_sim.recording.verification_result import Difference, Verification
-from mbd_sim.simulation.compiled_model import Energies, Violation
 from mbd_sim.simulation.events import EventKind, parse_event
 from mbd_sim.simulation.joint_state_layout import (
     integrated_energies,
@@ -25,6 +24,7 @@ from mbd_sim.simulation.joint_state_layout import (
     joint_state_names,
     recorded_state,
 )
+from mbd_sim.simulation.state_records import Energies, Violation
 
 LITTLE_ENDIAN = b"\x01"  # the second byte of CDR with the byte order of this machine
 _FIELDS = ("position", "velocity", "effort")

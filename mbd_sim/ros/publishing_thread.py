@@ -26,8 +26,9 @@ from mbd_sim.ros.message_template import STAMP, MessageTemplate
 from mbd_sim.ros.node_recordings import NodeRecordings
 from mbd_sim.ros.snapshots import Item
 from mbd_sim.ros.topic_publisher import TopicPublisher
-from mbd_sim.simulation.compiled_model import Energies, Model
+from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.events import ERRORS, Event, EventKind
+from mbd_sim.simulation.state_records import Energies
 
 if TYPE_CHECKING:
     from mbd_sim.viewer import Viewer

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,18 +14,16 @@ from mbd_sim.compiler.readers import CompiledReaders
 from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
 from mbd_sim.dynamics.energy import AUDIT_STATES, LOSS_STATES
 from mbd_sim.dynamics.equations import Equations, derive
-from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.geometry.rotation import rotation_vector, unit
 from mbd_sim.integrators.between_steps import BetweenSteps
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.mechanism.source import Location
 from mbd_sim.simulation.actuated_model import ActuatedModel
-from mbd_sim.simulation.contact_records import ContactState
 from mbd_sim.simulation.contact_system import one_sided_system
 from mbd_sim.simulation.contact_terms import ContactModel
+from mbd_sim.simulation.contacting_model import ContactingModel
 from mbd_sim.simulation.method_choice import (
     MethodChoice,
     choose_method,
@@ -33,6 +31,7 @@ from mbd_sim.simulation.method_choice import (
     require_method,
 )
 from mbd_sim.simulation.motions import MotionReaders, PartMotion
+from mbd_sim.simulation.state_records import Energies, Reaction, Violation
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.load_sharing import LoadSharing
@@ -46,59 +45,7 @@ MANY_JOINTS = 10  # from which on the derivation takes a second or more
 _log = logging.getLogger(__name__)
 
 
-class Energies(NamedTuple):
-    """The energy audit, all in J; `total` is kinetic + potential.
-
-    `residual = total - total at the start - work_applied - work_drives + dissipated` measures the error of the
-    integration: it is zero for an exact solution. `potential`, `total` and `residual` are nan where the potential of a
-    spring is not computed: see `DistantPotential`.
-    """
-
-    kinetic: float
-    potential: float
-    dissipated: float
-    work_applied: float
-    work_drives: float
-    total: float
-    residual: float
-
-
-class Losses(NamedTuple):
-    """Parts of the dissipated energy in J: that of impacts, and that of friction that sticks and slides."""
-
-    impact: float
-    friction: float
-
-
-class Violation(NamedTuple):
-    """The largest violation of the constraints: in position (m or 1) and in velocity (m/s or 1/s)."""
-
-    position: float
-    velocity: float
-
-
-class DriveState(NamedTuple):
-    """A driven coordinate in m or rad, its velocity, and the force or moment in N or N·m that its drive exerts."""
-
-    position: float
-    velocity: float
-    force: float
-
-
-class Reaction(NamedTuple):
-    """The load that a joint transmits: `force` (3,) in N and `moment` (3,) in N·m on its child, in ground's axes.
-
-    The moment is about the joint's point on the child. Springs, efforts and drives of the joint are included, and so
-    is the load of a gear, rack or coupling: it acts on the coordinates of the joints as a couple or a force between
-    the parts of each joint, and puts no additional load on the bearings. Redundant joints share the load as described
-    in `LoadSharing`.
-    """
-
-    force: Array
-    moment: Array
-
-
-class Model(ActuatedModel):
+class Model(ActuatedModel, ContactingModel):
     """The compiled equations of a mechanism, for one method of integration. Safe to use from several threads.
 
     The integrated state y consists of q (nq,), u (nv,), the states of actuators and the energies of the audit. `inputs`
@@ -156,12 +103,6 @@ class Model(ActuatedModel):
         """The number of independent speeds."""
         return self.layout.nv - self.equations.start.rank
 
-    def with_contact_forces(self, time: float, y: Array, inputs: Array) -> Array:
-        """The inputs with the forces of contacts, which functions that read forces take from there."""
-        if self.contact is None:
-            return inputs
-        return self.contact.with_forces(time, y, inputs)
-
     def _read(self, name: str, time: float, y: Array, out: Array, inputs: Array | None) -> Array:
         moment, given = np.array([time]), self.inputs if inputs is None else inputs
         arrays = [moment, y, given, out] if self.kernel.reads_inputs[name] else [moment, y, out]
@@ -177,12 +118,6 @@ class Model(ActuatedModel):
         total = kinetic + potential
         residual = total - start_total - work_applied - work_drives + dissipated
         return Energies(kinetic, potential, dissipated, work_applied, work_drives, total, residual)
-
-    def losses(self, y: Array) -> Losses:
-        """The energies that one-sided elements have dissipated."""
-        if self.contact is None:
-            return Losses(0.0, 0.0)
-        return Losses(*y[self.loss_range].tolist())
 
     def pose_array(self, time: float, y: Array, inputs: Array | None = None) -> Array:
         """The pose rows (parts, 12) of `part_names` in ground's frame: see `mbd_sim.geometry.pose.unpack_poses`."""
@@ -218,36 +153,6 @@ class Model(ActuatedModel):
         """(3, n): the coordinates of `driven_names`, their speeds, and the forces of the drives, in SI units."""
         given = self.with_contact_forces(time, y, inputs)
         return self._read("drives", time, y, np.empty((3, len(self.driven_names))), given)
-
-    @property
-    def placed_contacts(self) -> tuple[tuple[Location, int | None], ...]:
-        """The elements of the contacts that have a place: those of `contact.placed`, then the compliant ones.
-
-        With each is the index of the input that is 1 while it is closed; None for compliant contacts.
-        """
-        found = list[tuple[Location, int | None]]()
-        if self.contact is not None:
-            owners = [self.contact.owners[gap] for gap in self.contact.placed]
-            found += zip(owners, self.contact.placed_inputs, strict=True)
-        found += [(("contacts", contact.name), None) for contact in self.mechanism.contacts if not contact.rigid]
-        return tuple(found)
-
-    def contact_places(self, time: float, y: Array, inputs: Array) -> Array:
-        """(n, 2, 3): the points in m of the `placed_contacts`, and their forces in N, in ground's frame."""
-        placed, cushions = 0 if self.contact is None else len(self.contact.placed), self.equations.cushions
-        out = np.empty((placed, 2, 3))
-        if placed:
-            self._read("contact_places", time, y, out, self.with_contact_forces(time, y, inputs))
-        if cushions is None:
-            return out
-        return np.concatenate([out, evaluated(cushions, time, y, inputs).T.reshape(-1, 2, 3)])
-
-    def contacts(self, time: float, y: Array, inputs: Array) -> dict[str, ContactState]:
-        """Each one-sided element by name; see `ContactState`."""
-        if self.contact is None:
-            return {}
-        places = self.contact_places(time, y, inputs)[: len(self.contact.placed)]
-        return self.contact.states(time, y, inputs, places)
 
     def violation(self, time: float, y: Array, inputs: Array | None = None) -> Violation:
         """The largest violation of the constraints."""

@@ -10,7 +10,8 @@ import numpy as np
 
 from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.rotation import of_vector
-from mbd_sim.simulation.compiled_model import Energies, Model
+from mbd_sim.simulation.compiled_model import Model
+from mbd_sim.simulation.state_records import Energies
 
 
 def joint_state_names(model: Model) -> tuple[str, ...]:

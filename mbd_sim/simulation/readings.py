@@ -10,11 +10,11 @@ from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.actuators import require_no_actuators
 from mbd_sim.simulation.actuator_states import ActuatorState
 from mbd_sim.simulation.argument_checks import finite_vector
-from mbd_sim.simulation.compiled_model import DriveState, Energies, Losses, Reaction, Violation
 from mbd_sim.simulation.contact_records import ContactEvent, ContactState
 from mbd_sim.simulation.motions import PartMotion
 from mbd_sim.simulation.part_motion import motion_of
 from mbd_sim.simulation.run_state import RunState
+from mbd_sim.simulation.state_records import DriveState, Energies, Losses, Reaction, Violation
 from mbd_sim.simulation.step_advice import step_advice
 
 if TYPE_CHECKING:

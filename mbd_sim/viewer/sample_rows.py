@@ -12,7 +12,8 @@ import numpy as np
 from mbd_sim.geometry.pose import Array, unpack_poses
 
 if TYPE_CHECKING:
-    from mbd_sim.simulation.compiled_model import Energies, Model
+    from mbd_sim.simulation.compiled_model import Model
+    from mbd_sim.simulation.state_records import Energies
 
 ENERGY_NUMBERS = 7  # numbers of `Energies`
 FIELDS = ("times", "energies", "y", "inputs", "poses", "drives", "contacts", "reactions")

@@ -32,7 +32,8 @@ BATCH = 500  # samples
 FLUSH_PERIOD = 1.0  # s
 OPEN_TIMEOUT, CLOSE_TIMEOUT = 60.0, 20.0  # s
 if TYPE_CHECKING:
-    from mbd_sim.simulation.compiled_model import Energies, Model
+    from mbd_sim.simulation.compiled_model import Model
+    from mbd_sim.simulation.state_records import Energies
 
 _log = logging.getLogger(__name__)
 

@@ -1,0 +1,59 @@
+"""What can be computed from a state, as plain records."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from mbd_sim.geometry.pose import Array
+
+
+class Energies(NamedTuple):
+    """The energy audit, all in J; `total` is kinetic + potential.
+
+    `residual = total - total at the start - work_applied - work_drives + dissipated` measures the error of the
+    integration: it is zero for an exact solution. `potential`, `total` and `residual` are nan where the potential of a
+    spring is not computed: see `DistantPotential`.
+    """
+
+    kinetic: float
+    potential: float
+    dissipated: float
+    work_applied: float
+    work_drives: float
+    total: float
+    residual: float
+
+
+class Losses(NamedTuple):
+    """Parts of the dissipated energy in J: that of impacts, and that of friction that sticks and slides."""
+
+    impact: float
+    friction: float
+
+
+class Violation(NamedTuple):
+    """The largest violation of the constraints: in position (m or 1) and in velocity (m/s or 1/s)."""
+
+    position: float
+    velocity: float
+
+
+class DriveState(NamedTuple):
+    """A driven coordinate in m or rad, its velocity, and the force or moment in N or N·m that its drive exerts."""
+
+    position: float
+    velocity: float
+    force: float
+
+
+class Reaction(NamedTuple):
+    """The load that a joint transmits: `force` (3,) in N and `moment` (3,) in N·m on its child, in ground's axes.
+
+    The moment is about the joint's point on the child. Springs, efforts and drives of the joint are included, and so
+    is the load of a gear, rack or coupling: it acts on the coordinates of the joints as a couple or a force between
+    the parts of each joint, and puts no additional load on the bearings. Redundant joints share the load as described
+    in `LoadSharing`.
+    """
+
+    force: Array
+    moment: Array
