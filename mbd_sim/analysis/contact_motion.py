@@ -27,15 +27,16 @@ BLOCKED = 1e-11  # of the mobility, below which an acceleration by efforts is ro
 class ContactDerivatives:
     """The motion in a state, in the modes among its inputs.
 
-    `u_rates` (nv,) with their derivatives `by_state` ∂u'/∂(q, u) and `by_efforts` ∂u'/∂e, of which the largest one
-    with given contact forces is `mobility`; `n` (nq, nv) with q' = N u.
+    `u_rates` (nv,) are u'. (u', s'), with the states s of actuators, has the derivatives `by_state` with respect to
+    (q, u, s) and `by_inputs` with respect to efforts and commands. The largest derivative of u' with respect to an
+    effort, with given contact forces, is `mobility`; `n` (nq, nv) with q' = N u.
     `gradient` (m, nv) are the rows of closed and of sticking contacts, of which `holonomic` (m,) are closed gaps;
     `slopes` (m, nq) are the derivatives of their rates by q.
     """
 
     u_rates: Array
     by_state: Array
-    by_efforts: Array
+    by_inputs: Array
     mobility: float
     n: Array
     gradient: Array
@@ -59,13 +60,14 @@ class ContactMotion:
         self._equations, self._contact = equations, equations.contact
         self._system, self._derivatives = _functions(equations, self._contact)
 
-    def at(self, t: float, q: Array, u: Array, inputs: Array) -> ContactDerivatives:
+    def at(self, t: float, q: Array, u: Array, s: Array, inputs: Array) -> ContactDerivatives:
         """The derivatives at a state.
 
+        :param s: the states of actuators on which rates depend.
         :param inputs: (size,) with the modes of the contacts.
         :raises MbdSimError: the motion is not smooth there; the element and the reason are named.
         """
-        found, readings = self._evaluated(t, q, u, inputs)
+        found, readings = self._evaluated(t, q, u, s, inputs)
         self._require_smooth(t, inputs, readings)
         return found
 
@@ -74,40 +76,41 @@ class ContactMotion:
     ) -> tuple[Array, Array]:
         """The efforts (nv,) of least norm with accelerations as near to `u_rates` (nv,) as possible, and those (nv,).
 
-        They are found by Newton's method.
+        They are found by Newton's method, and add to the efforts among the inputs.
 
         :param actuated: the indices of the coordinates that can have efforts.
         :raises ValueError: a contact would have to pull, or to hold more than its friction.
         """
-        given = inputs.copy()
-        efforts = given[self._equations.inputs.efforts]
-        efforts[:] = 0.0
-        found, readings = self._evaluated(t, q, u, given)
+        given, efforts = inputs.copy(), np.zeros(len(u))
+        base = inputs[self._equations.inputs.efforts]
+        states = np.zeros(self._equations.core.stop - len(q) - len(u))
+        found, readings = self._evaluated(t, q, u, states, given)
         for _ in range(ITERATIONS):
-            slopes = found.by_efforts[:, actuated]
+            slopes = found.by_inputs[: len(u), actuated]
             needed = u_rates - found.u_rates + slopes @ efforts[actuated]
             new = _least_squares(slopes, needed, BLOCKED * found.mobility)
             change = new - efforts[actuated]
             efforts[actuated] = new
-            found, readings = self._evaluated(t, q, u, given)
+            given[self._equations.inputs.efforts] = base + efforts
+            found, readings = self._evaluated(t, q, u, states, given)
             if np.max(np.abs(change), initial=0.0) <= SETTLED * np.max(np.abs(new), initial=1e-300):
                 break
         self._require_admissible(inputs, readings)
-        return efforts.copy(), found.u_rates
+        return efforts, found.u_rates
 
-    def _evaluated(self, t: float, q: Array, u: Array, inputs: Array) -> tuple[ContactDerivatives, Array]:
+    def _evaluated(self, t: float, q: Array, u: Array, s: Array, inputs: Array) -> tuple[ContactDerivatives, Array]:
         """The derivatives, and the readings of `ContactFunctions`."""
-        nq, nv = len(q), len(u)
-        forces = self._forces(t, q, u, inputs)
-        found = [np.array(value, dtype=float) for value in self._derivatives(t, q, u, inputs, forces)]
+        nq, nv, size = len(q), len(u), len(q) + len(u) + len(s)
+        forces = self._forces(t, q, u, s, inputs)
+        found = [np.array(value, dtype=float) for value in self._derivatives(t, q, u, s, inputs, forces)]
         u_rates, n, by_all, residual_by_all, by_forces, residual_by_forces, velocity_by_all, readings = found
-        mobility = float(np.max(np.abs(by_all[:, nq + nv :]), initial=0.0))
+        mobility = float(np.max(np.abs(by_all[:nv, size : size + nv]), initial=0.0))
         by_all = by_all - by_forces @ np.linalg.solve(residual_by_forces, residual_by_all)
         rows, holonomic = self._rows(inputs)
         derivatives = ContactDerivatives(
             u_rates=u_rates.ravel(),
-            by_state=by_all[:, : nq + nv],
-            by_efforts=by_all[:, nq + nv :],
+            by_state=by_all[:, :size],
+            by_inputs=by_all[:, size:],
             mobility=mobility,
             n=n,
             gradient=velocity_by_all[rows, nq : nq + nv],
@@ -116,11 +119,11 @@ class ContactMotion:
         )
         return derivatives, readings.ravel()
 
-    def _forces(self, t: float, q: Array, u: Array, inputs: Array) -> Array:
+    def _forces(self, t: float, q: Array, u: Array, s: Array, inputs: Array) -> Array:
         """The forces λ (rows,) that are solved for, by Newton's method: the loads of joints are not linear in them."""
         forces = np.zeros(self._contact.contacts.layout.rows)
         for _ in range(ITERATIONS):
-            residual, slope = (np.array(value, dtype=float) for value in self._system(t, q, u, inputs, forces))
+            residual, slope = (np.array(value, dtype=float) for value in self._system(t, q, u, s, inputs, forces))
             try:
                 change = np.linalg.solve(slope, residual.ravel())
             except np.linalg.LinAlgError:
@@ -201,11 +204,12 @@ class ContactMotion:
 
 
 def _functions(equations: Equations, contact: ContactFunctions) -> tuple[ca.Function, ca.Function]:
-    """(t, q, u, inputs, λ) -> F and ∂F/∂λ; and u', N, and the derivatives of u', F and of the rows' rates."""
-    nq, nv = equations.layout.nq, equations.layout.nv
+    """(t, q, u, s, inputs, λ) -> F and ∂F/∂λ; and u', N, and the derivatives of (u', s'), F and of the rows' rates."""
+    nq, nv, core = equations.layout.nq, equations.layout.nv, equations.core
     t, q, u, inputs = ca.SX.sym("t"), ca.SX.sym("q", nq), ca.SX.sym("u", nv), ca.SX.sym("i", equations.inputs.size)
     forces = ca.SX.sym("forces", contact.contacts.layout.rows)
-    y = ca.vertcat(q, u, ca.SX.zeros(equations.start_state.size - nq - nv))
+    s = ca.SX.sym("s", core.stop - nq - nv)
+    y = ca.vertcat(q, u, s, ca.SX.zeros(equations.start_state.size - core.stop))
     memory, matrix, right, *further = contact.rates.system.call([t, y, inputs])
     n = forces.shape[0]
     active = inputs[equations.inputs.contact][contact.contacts.layout.active]
@@ -223,12 +227,12 @@ def _functions(equations: Equations, contact: ContactFunctions) -> tuple[ca.Func
     rates = contact.rates.result.call([memory, forces])[0]
     readings = contact.readings.call([t, y, inputs, forces])[0]
     velocity = readings[contact.contacts.layout.gaps : contact.contacts.layout.gaps + n]
-    given = [t, q, u, inputs, forces]
+    given = [t, q, u, s, inputs, forces]
     outputs = [rates[nq : nq + nv], ca.jacobian(rates[:nq], u)]
-    for values in (rates[nq : nq + nv], residual):
-        by_inputs = ca.jacobian(values, inputs)[:, equations.inputs.efforts]
-        outputs.append(ca.horzcat(ca.jacobian(values, ca.vertcat(q, u)), by_inputs))
-    outputs += [ca.jacobian(rates[nq : nq + nv], forces), ca.jacobian(residual, forces)]
+    for values in (rates[core], residual):
+        by_inputs = ca.jacobian(values, inputs)[:, equations.inputs.acting]
+        outputs.append(ca.horzcat(ca.jacobian(values, ca.vertcat(q, u, s)), by_inputs))
+    outputs += [ca.jacobian(rates[core], forces), ca.jacobian(residual, forces)]
     outputs += [ca.jacobian(velocity, ca.vertcat(q, u)), readings]
     system = ca.Function("contact_forces", given, [ca.densify(residual), ca.densify(ca.jacobian(residual, forces))])
     return system, ca.Function("contact_derivatives", given, [ca.densify(output) for output in outputs])

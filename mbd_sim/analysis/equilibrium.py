@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from mbd_sim.analysis.linearization import ZERO_EIGENVALUE, acceleration_derivatives, linearize
+from mbd_sim.analysis.linearization import ZERO_EIGENVALUE, linearize, rate_derivatives
 from mbd_sim.dynamics.assembly import close_loops, null_space
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.dynamics.equations import Equations
@@ -68,7 +68,8 @@ def _scattered(constraints: ConstraintFunctions, q: Array, random: np.random.Gen
 def _balanced(equations: Equations, q: Array) -> Array | None:
     """The configuration (nq,) near q without accelerations, by Gauss–Newton, or None if there is none."""
     constraints, (nq, nv) = equations.constraints, (equations.layout.nq, equations.layout.nv)
-    derivatives, at_rest = acceleration_derivatives(equations), np.zeros(nv)
+    derivatives, at_rest = rate_derivatives(equations), np.zeros(nv)
+    states = np.zeros(equations.core.stop - nq - nv)
     all_free, inputs = np.ones(nv, dtype=bool), equations.inputs_without_commands
 
     def accelerations(q: Array) -> Array:
@@ -90,8 +91,8 @@ def _balanced(equations: Equations, q: Array) -> Array | None:
         if size < least:
             best, least = q, size
         free = null_space(constraints.gradient(0.0, q))
-        by_state, _, n = (np.array(value) for value in derivatives(0.0, q, at_rest, inputs))
-        slope = by_state[:, :nq] @ n @ free
+        by_state, _, n = (np.array(value) for value in derivatives(0.0, q, at_rest, states, inputs))
+        slope = by_state[:nv, :nq] @ n @ free
         step = -free @ np.linalg.lstsq(slope, remaining, rcond=1e-10)[0]
         step *= min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
         q = constraints.displaced(q, step)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from mbd_sim.analysis.contact_motion import ContactMotion, has_contact
+from mbd_sim.dynamics.actuator_functions import READINGS
 from mbd_sim.dynamics.articulated_body import bias_acceleration
 from mbd_sim.dynamics.assembly import null_space
 from mbd_sim.dynamics.coordinate_forces import coordinate_forces
@@ -20,7 +22,6 @@ from mbd_sim.dynamics.state_variables import StateVariables
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
 from mbd_sim.errors import nearest
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.actuators import require_no_actuators
 from mbd_sim.mechanism.one_sided import two_sided
 from mbd_sim.mechanism.records import Mechanism
 
@@ -35,6 +36,9 @@ class InverseDynamics:
     generalized forces r are distributed among the `actuated` coordinates so that Nᵀ e = Nᵀ r along the free directions
     N, in which constraint forces do no work. If more coordinates are actuated than are free, the norm of the efforts e
     is the least possible. Springs, dampers, friction, applied forces and drives are accounted for.
+
+    Efforts include those that actuators must exert: they are the sums of efforts that are commanded directly and of
+    efforts of actuators, and account for the inertia of rotors. What the actuators exert at present does not matter.
 
     Closed and sticking contacts are constraints as well, and sliding ones exert their friction. The efforts then follow
     from the accelerations by Newton's method, because contact forces depend on them.
@@ -62,8 +66,6 @@ class InverseDynamics:
         self._indices = [names.index(name) for name in self.actuated]
         loaded, parameters = (equations.inputs.loaded, equations.parameters) if equations else ((), None)
         self._direct = len(self._indices) == len(names) and not (mechanism.closing or two_sided(mechanism.constraints))
-        if not self._direct:
-            require_no_actuators(mechanism, "has no inverse dynamics of loops or of some coordinates")
         step = None if equations is None else equations.step
         traced = trace(mechanism, loaded, parameters, step)
         self._tree, self._input_size = _tree_efforts(traced), traced.input_layout.size
@@ -81,6 +83,8 @@ class InverseDynamics:
         :raises ValueError: the constraints, or joints without actuation, do not allow these accelerations, or a contact
             would have to pull or to hold more than its friction.
         """
+        if self._equations is None and not self._direct:
+            self._equations = derive(self.mechanism)
         if inputs is None:
             inputs = self._equations.inputs_without_commands if self._equations else np.zeros(self._input_size)
         if self._equations is not None and has_contact(self._equations, inputs):
@@ -88,31 +92,54 @@ class InverseDynamics:
         efforts = np.array(self._tree(q, u, u_rates, t, inputs[: self._input_size]), dtype=float).ravel()
         if self._direct:
             return efforts
-        if self._equations is None:
-            self._equations = derive(self.mechanism)
+        assert self._equations is not None
         constraints = self._equations.constraints.with_values(inputs[self._equations.inputs.values])
         free = null_space(constraints.gradient(t, np.asarray(q, dtype=float)))
         shared = np.zeros_like(efforts)
         shared[self._indices] = np.linalg.lstsq(free.T[:, self._indices], free.T @ efforts, rcond=None)[0]
-        actual = np.concatenate([shared, inputs[len(shared) :]])
-        self._require_feasible(q, u, np.asarray(u_rates, dtype=float), t, actual)
+        self._require_feasible(q, u, np.asarray(u_rates, dtype=float), t, shared, inputs)
         return shared
 
     def _in_contact(self, q: Array, u: Array, u_rates: Array, t: float, inputs: Array) -> Array:
         assert self._equations is not None
-        require_no_actuators(self.mechanism, "has no inverse dynamics in contact", with_states=True)
         if self._contact is None:
             self._contact = ContactMotion(self._equations)
-        efforts, accelerations = self._contact.efforts(t, q, u, u_rates, inputs, self._indices)
+        given = inputs.copy()
+        given[self._equations.inputs.efforts] = -self._efforts_of_actuators(q, u, t, inputs)
+        efforts, accelerations = self._contact.efforts(t, q, u, u_rates, given, self._indices)
         self._require_equal(accelerations, u_rates)
         return efforts
 
-    def _require_feasible(self, q: Array, u: Array, u_rates: Array, t: float, inputs: Array) -> None:
+    def _require_feasible(self, q: Array, u: Array, u_rates: Array, t: float, efforts: Array, inputs: Array) -> None:
         assert self._equations is not None
         nq, nv = len(q), len(u)
-        y = np.concatenate([q, u, np.zeros(self._equations.start_state.size - nq - nv)])
-        found = np.array(self._equations.rates.call([t, y, inputs])[0]).ravel()[nq : nq + nv]
+        given = inputs[: self._equations.inputs.size].copy()
+        given[self._equations.inputs.efforts] = efforts - self._efforts_of_actuators(q, u, t, inputs)
+        found = np.array(self._equations.rates.call([t, self._state(q, u), given])[0]).ravel()[nq : nq + nv]
         self._require_equal(found, u_rates)
+
+    def _state(self, q: Array, u: Array) -> Array:
+        """The state y with zeros after the speeds."""
+        assert self._equations is not None
+        return np.concatenate([q, u, np.zeros(self._equations.start_state.size - len(q) - len(u))])
+
+    def _efforts_of_actuators(self, q: Array, u: Array, t: float, inputs: Array) -> Array:
+        """The generalized efforts (nv,) of the actuators, with zeros for their states."""
+        assert self._equations is not None
+        if self._equations.actuators is None:
+            return np.zeros(len(u))
+        return np.array(self._actuator_efforts(t, self._state(q, u), inputs)).ravel()
+
+    @cached_property
+    def _actuator_efforts(self) -> ca.Function:
+        """(t, y, inputs) -> (nv,), by the power of the efforts at the speeds of their ports."""
+        assert self._equations is not None and self._equations.actuators is not None
+        readings, layout = self._equations.actuators.readings, self._equations.layout
+        symbols = [ca.SX.sym(name, readings.size_in(index)) for index, name in enumerate(("t", "y", "inputs"))]
+        (values,) = readings.call(symbols)
+        speeds, efforts = (values[READINGS.index(name), :].T for name in ("velocity", "effort"))
+        by_speeds = ca.jacobian(speeds, symbols[1])[:, layout.nq : layout.nq + layout.nv]
+        return ca.Function("actuator_efforts", symbols, [ca.densify(by_speeds.T @ efforts)])
 
     def _require_equal(self, found: Array, u_rates: Array) -> None:
         """Refuse accelerations that differ from those `found` with the efforts."""

@@ -41,6 +41,11 @@ class ActuatorSlots:
         """The index of each of its energies."""
         return {name: self.states[name] for name in ENERGIES if name in self.states}
 
+    @property
+    def changes_between_steps(self) -> bool:
+        """Whether it has states without rates, because it is sampled, delayed, or has a rate limit."""
+        return bool(self.lines) or any(name in self.states for name in ("output", "reference"))
+
 
 @dataclass(frozen=True)
 class ActuatorLayout:
@@ -52,6 +57,15 @@ class ActuatorLayout:
     held: range = field(default_factory=lambda: range(0))
     lines: range = field(default_factory=lambda: range(0))
     command_count: int = 0
+
+    def core_names(self, actuators: Sequence[Actuator]) -> tuple[str, ...]:
+        """The names `actuator.state` of the states with rates on which others depend, in their order."""
+        names = {
+            index: f"{actuator.name}.{state}"
+            for actuator, slots in zip(actuators, self.slots, strict=True)
+            for state, index in slots.states.items()
+        }
+        return tuple(names[index] for index in self.core)
 
     @property
     def size(self) -> int:

@@ -24,6 +24,7 @@ from mbd_sim.dynamics.accelerations import (
     solve_accelerations,
 )
 from mbd_sim.dynamics.actuator_functions import ActuatorFunctions, actuator_functions
+from mbd_sim.dynamics.actuator_layout import ActuatorLayout
 from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
 from mbd_sim.dynamics.assembly_errors import undefined_constraints
 from mbd_sim.dynamics.body_symbols import flat_pose
@@ -121,6 +122,11 @@ class Equations:
         if self.actuators is not None:
             self.actuators.hold(self.mechanism.actuators, self.start_state.copy(), inputs)
         return inputs
+
+    @property
+    def actuator_layout(self) -> ActuatorLayout:
+        """Where the states of actuators are in y; empty without actuators."""
+        return ActuatorLayout() if self.actuators is None else self.actuators.layout
 
     @cached_property
     def reactions(self) -> ca.Function:

@@ -60,6 +60,11 @@ class InputLayout:
         return slice(self._first_value - self.command_count, self._first_value)
 
     @property
+    def acting(self) -> list[int]:
+        """The indices of the efforts, then of the commands."""
+        return [*range(self.nv), *range(self.commands.start, self.commands.stop)]
+
+    @property
     def values(self) -> slice:
         """The values of the symbolic parameters."""
         return slice(self._first_value, self._first_value + self.value_count)

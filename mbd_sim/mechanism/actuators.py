@@ -173,17 +173,14 @@ def has_actuator_states(mechanism: Mechanism) -> bool:
     return any(actuator.has_states for actuator in mechanism.actuators)
 
 
-def require_no_actuators(mechanism: Mechanism, what: str, *, with_states: bool = False) -> None:
+def require_no_actuators(mechanism: Mechanism, what: str) -> None:
     """Refuse what is possible only without actuators.
 
-    :param what: that it is not possible, such as "cannot be linearized".
-    :param with_states: refuse only actuators with states.
+    :param what: that it is not possible, such as "cannot be printed as formulas".
     :raises MechanismError: the actuators are named.
     """
-    names = [actuator.name for actuator in mechanism.actuators if actuator.has_states or not with_states]
-    if names:
-        kind = "actuators with states" if with_states else "actuators"
-        message = f"{mechanism.name} {what}, because it has {kind}: {listed(names)}"
+    if names := [actuator.name for actuator in mechanism.actuators]:
+        message = f"{mechanism.name} {what}, because it has actuators: {listed(names)}"
         raise MechanismError([Problem(message, "Remove them, and command efforts of the joints.")])
 
 

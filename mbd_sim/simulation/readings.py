@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from mbd_sim.geometry.pose import Array, Pose
-from mbd_sim.mechanism.actuators import require_no_actuators
 from mbd_sim.simulation.actuator_states import ActuatorState
 from mbd_sim.simulation.argument_checks import finite_vector
 from mbd_sim.simulation.contact_records import ContactEvent, ContactState
@@ -147,16 +146,17 @@ class Readings(RunState):
         return InverseDynamics(self.mechanism, equations=self.model.equations)
 
     def linearize(self) -> Linearization:
-        """x' = A x + B e for small motions about this state, by exact differentiation.
+        """x' = A x + B e + C c for small motions about this state, by exact differentiation: see `Linearization`.
 
-        The present efforts, wrenches and live values stay as they are. Closed contacts stay closed, what sticks sticks,
-        and what slides slides on.
+        x includes the currents and integrals of actuators; e are changes of efforts, c of commands. The present
+        wrenches and live values stay as they are. Closed contacts stay closed, what sticks sticks, and what slides
+        slides on.
 
+        :raises MechanismError: an actuator is sampled or delayed, or has a rate limit.
         :raises MbdSimError: a contact is about to change, so that the motion has no derivatives.
         """
         from mbd_sim.analysis.linearization import linearize
 
-        require_no_actuators(self.mechanism, "cannot be linearized", with_states=True)
         model, (y, inputs) = self.model, (self._memory.y, self._memory.inputs)
-        efforts = inputs[model.equations.inputs.efforts]
-        return linearize(model.equations, y[model.q_range], y[model.u_range], efforts, self.time, inputs)
+        efforts, states = inputs[model.equations.inputs.efforts], y[model.u_range.stop : model.equations.core.stop]
+        return linearize(model.equations, y[model.q_range], y[model.u_range], efforts, self.time, inputs, states)
