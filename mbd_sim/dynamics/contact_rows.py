@@ -15,6 +15,7 @@ import casadi as ca
 from mbd_sim.dynamics.body_symbols import BodySymbols
 from mbd_sim.dynamics.constraint_rows import ConstraintRow, RowWriter, velocity_at
 from mbd_sim.dynamics.contact_places import ContactPlace
+from mbd_sim.dynamics.flat_rims import with_rim_points
 from mbd_sim.dynamics.law_expressions import dry_friction
 from mbd_sim.dynamics.loop_equations import perpendiculars
 from mbd_sim.dynamics.shape_contacts import touch, without_repeated
@@ -32,7 +33,7 @@ class Gap:
     """A one-sided row: its position, or for a `clutch` its rate, is not negative.
 
     `slip` are up to two rows whose rates are the slip velocities at the contact. Stops, plays and clutches have
-    no `place`.
+    no `place`. `bodies` are the names of the two shapes of a contact, for people.
     """
 
     row: ConstraintRow
@@ -40,6 +41,7 @@ class Gap:
     slip: tuple[ConstraintRow, ...] = ()
     clutch: bool = False
     place: ContactPlace | None = None
+    bodies: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +79,8 @@ def contact_rows(
         elif is_one_sided(constraint):
             gaps += _gaps_of(constraint, writer)
     rigid = [contact for contact in mechanism.contacts if contact.rigid]
-    gaps += [_shape_gap(contact, bodies, still) for contact in without_repeated(rigid, still)]
+    for contact in without_repeated(rigid, still):
+        gaps += [_shape_gap(each, bodies, still) for each in with_rim_points(contact, still)]
     return gaps, frictions
 
 
@@ -89,9 +92,10 @@ def _shape_gap(contact: Contact, bodies: BodySymbols, still: int | None) -> Gap:
     row = ConstraintRow(owner, contact.quantity, touching.distance)
     place = ContactPlace(touching.point, touching.normal, touching.sides)
     if is_absent(law.static_friction):
-        return Gap(row, law, place=place)
+        return Gap(row, law, place=place, bodies=contact.names)
     slip = velocity_at(first, touching.point) - velocity_at(second, touching.point)
-    return Gap(row, law, _slip_rows(owner, f"{contact.quantity} slip", slip, touching.sides), place=place)
+    slips = _slip_rows(owner, f"{contact.quantity} slip", slip, touching.sides)
+    return Gap(row, law, slips, place=place, bodies=contact.names)
 
 
 def _stops(joint: Joint) -> Iterator[Gap]:

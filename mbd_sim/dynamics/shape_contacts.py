@@ -13,10 +13,11 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.dynamics.cam_contacts import follower_angle, profile_point, roller_angle
+from mbd_sim.dynamics.flat_rims import EXACT_TILT, can_lie_flat, protrusion, withdrawn
 from mbd_sim.dynamics.loop_equations import perpendiculars
 from mbd_sim.dynamics.spatial_algebra import constant, is_symbolic
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.contacts import Ball, Barrel, Cam, Contact, Face, Rim
+from mbd_sim.mechanism.contacts import Ball, Barrel, Cam, Contact, Face, Rim, RimPoint
 
 FLAT = 1e-30  # square of the sine of the angle below which a rim counts as lying flat
 STEEP = 0.8  # component of a normal along y, from which on z is the reference for directions of slip
@@ -60,7 +61,9 @@ def touch(contact: Contact, first: Frame, second: Frame, still: int | None = Non
             point = first.position - ball.radius * normal
             return Touch(ca.dot(normal, point - second.position), normal, point, _along(second, face))
         case Rim() as rim, Face() as face:
-            return _rim_on_face(rim, face, first, second)
+            return _rim_on_face(rim, face, first, second, can_lie_flat(rim, face, still) and contact.rigid)
+        case RimPoint() as rim, Face() as face:
+            return _rim_point_on_face(rim, face, first, second)
         case Ball() as ball, Ball() as other:
             line = first.position - second.position
             return _round(contact, ball, other.radius, first, line, lambda normal: tangents(normal, still))
@@ -115,14 +118,30 @@ def _along(frame: Frame, face: Face) -> tuple[ca.SX, ca.SX]:
     return one, other
 
 
-def _rim_on_face(rim: Rim, face: Face, first: Frame, second: Frame) -> Touch:
+def _rim_on_face(rim: Rim, face: Face, first: Frame, second: Frame, lies: bool) -> Touch:
     """The lowest point of the circle; the directions of slip are forward and sideways."""
     normal, axis = _turned(second, face.normal), _turned(first, rim.axis)
     in_disc = normal - axis * ca.dot(normal, axis)
-    size = ca.sqrt(ca.dot(in_disc, in_disc) + FLAT)
+    square = ca.dot(in_disc, in_disc)
+    if lies:
+        square = ca.fmax(square, (0.5 * EXACT_TILT) ** 2)
+    size = ca.sqrt(square + FLAT)
     point = first.position - in_disc * (rim.radius / size)
     forward = ca.cross(axis, normal) / size
-    return Touch(ca.dot(normal, point - second.position), normal, point, (forward, ca.cross(normal, forward)))
+    distance = ca.dot(normal, point - second.position)
+    if lies:
+        flat = ca.dot(normal, first.position - second.position) - withdrawn(rim.radius, ca.dot(in_disc, in_disc))
+        distance = ca.if_else(square < EXACT_TILT**2, flat, distance)
+    return Touch(distance, normal, point, (forward, ca.cross(normal, forward)))
+
+
+def _rim_point_on_face(rim: RimPoint, face: Face, first: Frame, second: Frame) -> Touch:
+    normal, axis = _turned(second, face.normal), _turned(first, rim.axis)
+    in_disc = normal - axis * ca.dot(normal, axis)
+    center = first.position + axis * (rim.length * (ca.dot(axis, normal) < 0.0))
+    point = center + rim.radius * _turned(first, rim.direction)
+    lift = protrusion(rim.radius, ca.dot(in_disc, in_disc))
+    return Touch(ca.dot(normal, point - second.position) - lift, normal, point, _along(second, face))
 
 
 def _round(contact: Contact, ball: Ball, radius: float, first: Frame, line: ca.SX, sides: Sides) -> Touch:

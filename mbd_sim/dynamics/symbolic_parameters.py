@@ -83,7 +83,7 @@ _SYMBOLIC: Mapping[type, tuple[str, ...]] = {
     c.Rolling: ("radius",),
     c.Clutch: ("static",),
     Ball: ("radius",),
-    Rim: ("radius",),
+    Rim: ("radius", "length"),
     Barrel: ("radius",),
     RangeFinder: ("normal",),
     Cushion: ("stiffness", "damping", "friction", "regularization"),

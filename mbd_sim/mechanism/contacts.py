@@ -14,6 +14,7 @@ from mbd_sim.mechanism.one_sided import ContactLaw
 from mbd_sim.mechanism.records import Attachment
 
 CAM_ANGLE = "angle"  # the variable of a cam's profile
+FIRST_RIM, LAST_RIM = " rim -", " rim +"  # of a cylinder, in the quantities of contacts
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,11 +27,30 @@ class Ball:
 
 @dataclass(frozen=True, eq=False)
 class Rim:
-    """The circle around `axis`: the edge of a disc or of a cylinder."""
+    """The circle around `axis`: the edge of a disc, or one of the two of a cylinder of a `length` in m.
+
+    The `first` rim of a cylinder is that from which `axis` leads to the other one.
+    """
 
     at: Attachment
     axis: Array
     radius: float
+    length: float = 0.0
+    first: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class RimPoint:
+    """A point of the lower rim, in the `direction` (3,) from its center; it touches a plane only if the rim is flat.
+
+    `at` is the center of the first rim; the other is at the distance `length` in m along `axis`.
+    """
+
+    at: Attachment
+    axis: Array
+    radius: float
+    length: float
+    direction: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +79,7 @@ class Cam:
     profile: TimeExpression
 
 
-ContactBody = Ball | Rim | Barrel | Face | Cam
+ContactBody = Ball | Rim | RimPoint | Barrel | Face | Cam
 
 
 @dataclass(frozen=True)
@@ -80,8 +100,8 @@ class Cushion:
 class Contact:
     """A pair of bodies that cannot penetrate each other; `inside` is whether the second one encloses the first.
 
-    Pairs are ball and face, rim and face, ball and ball, ball and barrel, ball and cam, cam and face. `names` are those
-    of both for people, `quantity` both and the corner or rim in one word.
+    Pairs are ball and face, rim and face, rim point and face, ball and ball, ball and barrel, ball and cam, cam and
+    face. `names` are those of both for people, `quantity` both and the corner or rim in one word.
     """
 
     name: str

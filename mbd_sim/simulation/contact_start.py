@@ -29,7 +29,6 @@ def penetrations(model: Model, time: float, y: Array, inputs: Array) -> list[Pen
     assert functions is not None
     readings = model.contact.readings(time, y, inputs)
     limit = DEPTH * max(1.0, model.equations.constraints.size)
-    names = {(contact.name, contact.quantity): contact.names for contact in model.mechanism.contacts}
     found = []
     for gap, distance in zip(functions.contacts.gaps, readings.gaps.tolist(), strict=True):
         if gap.clutch or not distance < -limit:
@@ -37,7 +36,8 @@ def penetrations(model: Model, time: float, y: Array, inputs: Array) -> list[Pen
         row, depth = gap.row, f"{-distance:.4g} {gap.row.unit}".strip()
         match row.owner[0]:
             case "contacts":
-                first, second = names[str(row.owner[1]), row.quantity]
+                assert gap.bodies is not None
+                first, second = gap.bodies
                 found.append(Penetration(row.owner, f"'{first}' is {depth} inside '{second}'"))
             case "joints":
                 found.append(Penetration((*row.owner, "limits"), f"the joint is {depth} beyond its {row.quantity}"))

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 
 from mbd_sim.geometry.pose import Array, Pose
-from mbd_sim.mechanism.contacts import Ball, Barrel, Rim
+from mbd_sim.mechanism.contacts import FIRST_RIM, LAST_RIM, Ball, Barrel, Rim
 from mbd_sim.mechanism.records import Attachment
 from mbd_sim.mechanism_file.builders.shape_builder import pose_of
 from mbd_sim.mechanism_file.schema import file_schema
@@ -47,7 +47,11 @@ def edges(part: str, shape: file_schema.AnyShapeSpec | Pose) -> list[tuple[str, 
         case file_schema.DiscSpec(radius=r) | file_schema.RingSpec(radius=r):
             return [("", Rim(at(0.0, 0.0, 0.0), axis, r))]
         case file_schema.CylinderSpec(radius=r, length=length):
-            return [(f"rim {SIDES[side]}", Rim(at(0.0, 0.0, 0.5 * side * length), axis, r)) for side in (-1, 1)]
+            first, last = (at(0.0, 0.0, 0.5 * side * length) for side in (-1, 1))
+            return [
+                (FIRST_RIM.strip(), Rim(first, axis, r, length)),
+                (LAST_RIM.strip(), Rim(last, axis, r, length, first=False)),
+            ]
         case file_schema.PlateSpec(size=(x, y)):
             return corners(x, y, 0.0)
         case file_schema.BlockSpec(size=(x, y, z)):
