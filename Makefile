@@ -3,15 +3,18 @@
 # make lint     run only ruff and mypy
 # make setup    create .venv with all dependencies, including the ROS 2 wheels unless a ROS 2 environment is sourced
 # make gallery  redraw the pictures of the shipped mechanisms in docs/gallery.md
+# make docs     build the site in docs/_build/html, with its notebooks, and check every page
 # make bench    measure start-up, and compare speed and accuracy with other simulators: make bench ARGS="--mechanisms four-bar"
 # make clean    remove .venv and all build products
 
 VENV := .venv
 BIN := $(VENV)/bin
 BENCH := .venv-bench
+DOCS := .venv-docs
+SITE := docs/_build/html
 ARGS ?=
 
-.PHONY: setup run test tests lint style types gallery bench clean
+.PHONY: setup run test tests lint style types gallery docs bench clean
 
 setup: $(VENV)/ready $(VENV)/interfaces
 
@@ -46,6 +49,15 @@ types: setup
 gallery: setup
 	$(BIN)/python -m mbd_sim.drawing.gallery docs
 
+# Warnings are errors.
+docs: setup $(DOCS)/ready
+	@start=$$(date +%s); $(DOCS)/bin/python -m sphinx -b html -q -W --keep-going docs $(SITE) && \
+	echo "The site was built in $$(($$(date +%s) - start)) s: $(SITE)/index.html"
+	MBD_SIM_SITE=$(SITE) $(BIN)/python -m pytest -q test/docs/test_site.py
+
+$(DOCS)/ready: setup.py docs/setup_venv
+	docs/setup_venv $(BIN)/python $(DOCS)
+
 bench: setup $(BENCH)/ready
 	$(BIN)/python benchmarks/startup.py
 	$(BENCH)/bin/python -m benchmarks.contacts
@@ -55,4 +67,4 @@ $(BENCH)/ready: setup.py benchmarks/setup_venv
 	benchmarks/setup_venv $(BIN)/python $(BENCH)
 
 clean:
-	rm -rf $(VENV) $(BENCH) build install log dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) $(BENCH) $(DOCS) docs/_build docs/generated build install log dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -102,6 +102,19 @@ setup(
         "video": ["av>=12"],
         # The command line in a shell.
         "completion": ["argcomplete>=3.1"],
+        # The site: `make docs`.
+        "docs": [
+            "furo>=2024.8",
+            "gymnasium>=1.0",
+            "myst-nb>=1.2",
+            "pandas>=2.0",
+            "pyarrow>=14",
+            "scipy>=1.11",
+            "sphinx>=8.1",
+            "sphinx-copybutton>=0.5",
+            "sphinx-design>=0.6",
+            "sphinx-mathjax-offline>=0.0.2",
+        ],
         # Sweeps: tables, and parallel runs.
         "sweep": ["dask[distributed]>=2024.1", "pyarrow>=14"],
         # Real robots, and Pinocchio as the reference for their accelerations; without them those tests are skipped.

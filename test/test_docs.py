@@ -16,7 +16,7 @@ PAGES = [
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",
     ROOT / "test" / "README.md",
-    *sorted(ROOT.glob("docs/*.md")),
+    *sorted(path for path in ROOT.glob("docs/**/*.md") if not {"_build", "generated"} & set(path.parts)),
     *sorted(ROOT.glob("mbd_sim/examples/*/README.md")),
     ROOT / "benchmarks" / "preface.md",
 ]

@@ -1,0 +1,60 @@
+"""The reference of the Python interface: every public name, by group, from its docstring and types."""
+
+from __future__ import annotations
+
+import inspect
+
+import mbd_sim
+
+GROUPS = {
+    "Mechanisms": ("load_mechanism", "parse_mechanism", "Mechanism"),
+    "Simulation": ("Simulation", "Model", "Energies", "Violation", "DriveState", "Reaction", "PartMotion", "SensorReading", "Pose"),
+    "Recordings": ("RunRecorder",),
+    "Many simulations": ("Ensemble", "EnsembleEnergies"),
+    "Analyses": (
+        "linearize", "Linearization", "modes", "Mode", "equilibrium", "lqr", "InverseDynamics", "inertia_split", "InertiaSplit",
+    ),
+    "Positions without masses": ("Kinematics",),
+    "Equations as formulas": ("symbolic_equations", "SymbolicEquations", "to_latex"),
+    "Errors": ("MbdSimError", "MechanismError", "CommandError", "DivergedError", "InputError", "NoInertiaError", "Problem"),
+}  # fmt: skip
+GYM = "Learning environments"
+INDEX = """# Python
+
+The whole public interface is in `mbd_sim`, apart from the learning environments in `mbd_sim.gym`. Units are SI and vectors have three components
+in the axes of ground unless the text says otherwise. No page of it needs ROS.
+"""
+
+
+def pages() -> dict[str, str]:
+    """The pages by their names in `docs/generated/`.
+
+    :raises ValueError: a public name is in no group, or a name of a group is not public.
+    """
+    public, grouped = set(mbd_sim.__all__) - {"__version__"}, {name for names in GROUPS.values() for name in names}
+    if public != grouped:
+        raise ValueError(f"list in GROUPS of {__file__}, or remove from it: {sorted(public ^ grouped)}")
+    written = {f"python/{_file(group)}.md": _page(group, "mbd_sim", names) for group, names in GROUPS.items()}
+    written[f"python/{_file(GYM)}.md"] = _page(GYM, "mbd_sim.gym", ("MechanismEnv",))
+    names = "\n".join(path.removeprefix("python/").removesuffix(".md") for path in written)
+    return {"python/index.md": f"{INDEX}\n```{{toctree}}\n:maxdepth: 2\n\n{names}\n```\n", **written}
+
+
+def _file(group: str) -> str:
+    return group.lower().replace(" ", "_")
+
+
+def _page(group: str, package: str, names: tuple[str, ...]) -> str:
+    return "\n".join([f"# {group}\n", *(_entry(package, name) for name in names)])
+
+
+def _entry(package: str, name: str) -> str:
+    thing = getattr(__import__(package, fromlist=[name]), name)
+    if not inspect.isclass(thing):
+        return f"## {name}\n\n```{{eval-rst}}\n.. autofunction:: {package}.{name}\n```\n"
+    options = (
+        [":show-inheritance:"] if issubclass(thing, Exception) else [":members:", ":inherited-members: Env, tuple"]
+    )
+    return "\n".join(
+        [f"## {name}\n", "```{eval-rst}", f".. autoclass:: {package}.{name}", *(f"   {o}" for o in options), "```\n"]
+    )
