@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.analysis.contact_motion import ContactMotion, has_contact
-from mbd_sim.dynamics.actuator_functions import READINGS
+from mbd_sim.dynamics.actuator_functions import MOTOR_READINGS
 from mbd_sim.dynamics.articulated_body import bias_acceleration
 from mbd_sim.dynamics.assembly import null_space
 from mbd_sim.dynamics.coordinate_forces import coordinate_forces
@@ -137,7 +137,7 @@ class InverseDynamics:
         readings, layout = self._equations.actuators.readings, self._equations.layout
         symbols = [ca.SX.sym(name, readings.size_in(index)) for index, name in enumerate(("t", "y", "inputs"))]
         (values,) = readings.call(symbols)
-        speeds, efforts = (values[READINGS.index(name), :].T for name in ("velocity", "effort"))
+        speeds, efforts = (values[MOTOR_READINGS.index(name), :].T for name in ("velocity", "effort"))
         by_speeds = ca.jacobian(speeds, symbols[1])[:, layout.nq : layout.nq + layout.nv]
         return ca.Function("actuator_efforts", symbols, [ca.densify(by_speeds.T @ efforts)])
 

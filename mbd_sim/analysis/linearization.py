@@ -78,7 +78,7 @@ def linearize(
     :param inputs: all inputs of the equations, for wrenches, commands, live values and the modes of contacts; `efforts`
         replace those in it. By default there are no wrenches, commands are those at the start, live values are those
         of the mechanism, and contacts are open.
-    :param states: (s,) currents and integrals of actuators, see `Equations.core`; by default zero.
+    :param states: (s,) states of actuators, see `Equations.core`; by default those at the start.
     :raises MechanismError: an actuator changes only between steps: it is sampled, delayed, or has a rate limit.
     :raises MbdSimError: a contact is about to change, so that there is no linearization.
     """
@@ -86,7 +86,7 @@ def linearize(
     given = (equations.inputs_without_commands if inputs is None else inputs).copy()
     given[equations.inputs.efforts] = efforts
     nq, nv = equations.layout.nq, equations.layout.nv
-    s = np.zeros(equations.core.stop - nq - nv) if states is None else states
+    s = equations.start_state[nq + nv : equations.core.stop] if states is None else states
     constraints = equations.constraints.with_values(given[equations.inputs.values])
     gradient, holonomic = constraints.gradient(t, q), constraints.holonomic
     if has_contact(equations, given):

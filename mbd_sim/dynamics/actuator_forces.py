@@ -8,8 +8,9 @@ from typing import assert_never
 
 import casadi as ca
 
-from mbd_sim.dynamics.actuator_layout import ActuatorSlots
+from mbd_sim.dynamics.actuator_layout import PRESSURES, ActuatorSlots
 from mbd_sim.dynamics.applied_wrenches import AppliedWrenches
+from mbd_sim.dynamics.cylinders import CylinderOutput, cylinder_output
 from mbd_sim.dynamics.element_forces import ElementForces
 from mbd_sim.dynamics.joint_forces import JointForces
 from mbd_sim.dynamics.motors import MotorOutput, dc_motor, effort_motor
@@ -25,6 +26,7 @@ from mbd_sim.mechanism.actuators import (
     LinePort,
     Servo,
 )
+from mbd_sim.mechanism.cylinders import Cylinder
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +46,12 @@ class ActuatorForces:
     """
 
     ports: Sequence[PortMotion]
-    motors: Sequence[MotorOutput]
+    motors: Sequence[MotorOutput | CylinderOutput]
     rates: ca.SX
 
 
 def actuator_forces(traced: TracedMechanism) -> ActuatorForces:
-    """The efforts, currents and losses of all actuators."""
+    """The efforts, currents, pressures and losses of all actuators."""
     layout = traced.actuators
     rates = ca.SX(layout.size, 1)
     first = traced.layout.nq + traced.layout.nv
@@ -57,8 +59,8 @@ def actuator_forces(traced: TracedMechanism) -> ActuatorForces:
     for actuator, slots in zip(traced.mechanism.actuators, layout.slots, strict=True):
         port = port_motion(traced, actuator)
         command, integral_rate = _motor_command(traced, actuator, slots, port)
-        motor = _motor_output(traced, actuator, slots, command, port.v)
-        found = {"current": motor.current_rate, "integral": integral_rate, **_powers(actuator, motor, port.v)}
+        motor = _output(traced, actuator, slots, command, port)
+        found = {"integral": integral_rate, **_rates(motor, port.v)}
         for name, rate in found.items():
             if rate is not None and name in slots.states:
                 rates[slots.states[name] - first] = rate
@@ -146,22 +148,33 @@ def _motor_command(
     return result.output, result.integral_rate
 
 
-def _motor_output(
-    traced: TracedMechanism, actuator: Actuator, slots: ActuatorSlots, command: ca.SX, speed: ca.SX
-) -> MotorOutput:
+def _output(
+    traced: TracedMechanism, actuator: Actuator, slots: ActuatorSlots, command: ca.SX, port: PortMotion
+) -> MotorOutput | CylinderOutput:
     match actuator.motor:
         case EffortMotor() as motor:
-            return effort_motor(motor, command, speed)
+            return effort_motor(motor, command, port.v)
         case DcMotor() as motor:
             current = traced.y[slots.states["current"]] if "current" in slots.states else ca.SX(1, 1)
-            return dc_motor(motor, command, current, speed)
+            return dc_motor(motor, command, current, port.v)
+        case Cylinder() as cylinder:
+            pressures = [traced.y[slots.states[name]] for name in PRESSURES]
+            return cylinder_output(cylinder, command, pressures, port.x, port.v)
         case _:
             assert_never(actuator.motor)
 
 
-def _powers(actuator: Actuator, motor: MotorOutput, speed: ca.SX) -> dict[str, ca.SX]:
-    """The rates of an actuator's energies in W."""
+def _rates(motor: MotorOutput | CylinderOutput, speed: ca.SX) -> dict[str, ca.SX | None]:
+    """The rates of a motor's or cylinder's own states, and those of its energies in W."""
+    if isinstance(motor, CylinderOutput):
+        return {
+            **dict(zip(PRESSURES, motor.pressure_rates, strict=True)),
+            "fluid_work": motor.fluid_power,
+            "mechanical_work": motor.effort * speed,
+            "throttling_loss": motor.throttling_loss,
+        }
     return {
+        "current": motor.current_rate,
         "electrical_work": motor.voltage * motor.current,
         "mechanical_work": motor.effort * speed,
         "copper_loss": motor.copper_loss,

@@ -15,23 +15,54 @@ from mbd_sim.dynamics.actuator_forces import (
     integral_of,
     servo_signals,
 )
-from mbd_sim.dynamics.actuator_layout import ActuatorLayout, ActuatorSlots
+from mbd_sim.dynamics.actuator_layout import PRESSURES, ActuatorLayout, ActuatorSlots
+from mbd_sim.dynamics.cylinders import CylinderOutput, stored_energy
+from mbd_sim.dynamics.motors import MotorOutput
 from mbd_sim.dynamics.servos import error_of, moved_reference, servo_output, with_reference
 from mbd_sim.dynamics.spatial_algebra import is_absent
 from mbd_sim.dynamics.tracing import TracedMechanism
+from mbd_sim.errors import MechanismError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.between_steps import BetweenSteps, DelayLine, Sampler
 from mbd_sim.mechanism.actuators import Actuator, Servo, default_command
+from mbd_sim.mechanism.cylinders import Cylinder
+from mbd_sim.mechanism.records import Mechanism
 
-READINGS = ("position", "velocity", "effort", "voltage", "current", "electrical", "mechanical", "copper", "friction")
+MOTOR_READINGS = (
+    "position",
+    "velocity",
+    "effort",
+    "voltage",
+    "current",
+    "electrical",
+    "mechanical",
+    "copper",
+    "friction",
+)
+CYLINDER_READINGS = (
+    "position",
+    "velocity",
+    "effort",
+    "pressure_a",
+    "pressure_b",
+    "flow_a",
+    "flow_b",
+    "fluid",
+    "throttling",
+    "stored",
+)
+
+
+ROUNDING = 1e-9  # of a stroke, by which loops may be open at the start
 
 
 @dataclass(frozen=True, eq=False)
 class ActuatorFunctions:
     """The functions and the `layout` of the actuators.
 
-    `readings(t, y, inputs)` are (9, n), see `READINGS`, in SI units; powers in W. `base_inputs` are the inputs with the
-    mechanism's own parameters, without commands.
+    `readings(t, y, inputs)` are (k, n) in SI units: in the column of each actuator its `MOTOR_READINGS` or
+    `CYLINDER_READINGS`, with zeros below them. `base_inputs` are the inputs with the mechanism's own parameters,
+    without commands.
     """
 
     layout: ActuatorLayout
@@ -48,6 +79,9 @@ class ActuatorFunctions:
         inputs = self.base_inputs.copy() if inputs is None else inputs
         for states in (self.layout.core, self.layout.energies, self.layout.held, self.layout.lines):
             y[states.start : states.stop] = 0.0
+        for actuator, slots in zip(actuators, self.layout.slots, strict=True):
+            if isinstance(actuator.motor, Cylinder):
+                y[[slots.states[name] for name in PRESSURES]] = actuator.motor.pressures
         positions, velocities = np.array(self.readings(0.0, y, inputs))[:2]
         for actuator, slots, x, v in zip(actuators, self.layout.slots, positions, velocities, strict=True):
             commands = {name: actuator.start.get(name, default_command(name, float(x))) for name in slots.commands}
@@ -62,6 +96,16 @@ class ActuatorFunctions:
                 y[slots.states["reference"]] = commands[actuator.servo.controls]
             if "error" in slots.states:
                 y[slots.states["error"]] = commands["velocity"] - v
+        for index, stored in self.stored(0.0, y, inputs).items():
+            y[index] = stored
+
+    def stored(self, time: float, y: Array, inputs: Array) -> dict[int, float]:
+        """The energy that each cylinder stores, in J, by the index in y of that at its start."""
+        indices = [slots.states.get("stored_at_start") for slots in self.layout.slots]
+        if not any(indices):
+            return {}
+        row = np.array(self.readings(time, y, inputs))[CYLINDER_READINGS.index("stored")]
+        return {index: float(row[actuator]) for actuator, index in enumerate(indices) if index is not None}
 
 
 def actuator_functions(traced: TracedMechanism, forces: ActuatorForces) -> ActuatorFunctions | None:
@@ -69,21 +113,13 @@ def actuator_functions(traced: TracedMechanism, forces: ActuatorForces) -> Actua
     if not forces.motors:
         return None
     columns = [
-        ca.vertcat(
-            port.x,
-            port.v,
-            motor.effort,
-            motor.voltage,
-            motor.current,
-            motor.voltage * motor.current,
-            motor.effort * port.v,
-            motor.copper_loss,
-            motor.friction_loss,
-        )
-        for port, motor in zip(forces.ports, forces.motors, strict=True)
+        _column(actuator, port, motor)
+        for actuator, port, motor in zip(traced.mechanism.actuators, forces.ports, forces.motors, strict=True)
     ]
+    rows = max(column.shape[0] for column in columns)
+    table = ca.horzcat(*(ca.vertcat(column, ca.SX(rows - column.shape[0], 1)) for column in columns))
     given = [traced.state.t, traced.y, traced.inputs]
-    readings = ca.Function("actuators", given, [ca.densify(ca.horzcat(*columns))], {"cse": True})
+    readings = ca.Function("actuators", given, [ca.densify(table)], {"cse": True})
     layout, end = traced.actuators, traced.y.shape[0]
     unread = frozenset([*layout.energies, *layout.lines, *range(end - traced.audit.shape[0], end)])
     held = frozenset([*layout.held, *layout.lines])
@@ -91,6 +127,38 @@ def actuator_functions(traced: TracedMechanism, forces: ActuatorForces) -> Actua
     centers = [np.zeros(3)] * len(traced.input_layout.loaded)
     base_inputs = traced.input_layout.without_commands(centers, traced.parameters.base)
     return ActuatorFunctions(traced.actuators, readings, between_steps, base_inputs)
+
+
+def require_within_strokes(mechanism: Mechanism, functions: ActuatorFunctions, y: Array) -> None:
+    """Refuse cylinders whose piston is beyond its stroke at the start.
+
+    :param y: the start state.
+    :raises MechanismError: the cylinders are named, with the position and the ends of the stroke.
+    """
+    problems = []
+    positions = np.array(functions.readings(0.0, y, functions.base_inputs))[0]
+    for actuator, x in zip(mechanism.actuators, positions, strict=True):
+        if not isinstance(cylinder := actuator.motor, Cylinder):
+            continue
+        ends = cylinder.retracted, cylinder.retracted + cylinder.stroke
+        if not ends[0] - ROUNDING * cylinder.stroke <= x <= ends[1] + ROUNDING * cylinder.stroke:
+            message = f"starts at {x:.6g} m, beyond its stroke from {ends[0]:.6g} m to {ends[1]:.6g} m"
+            remedy = "Give another 'retracted' or 'stroke', or another start position."
+            problems.append(mechanism.source.problem(("actuators", actuator.name), message, remedy))
+    if problems:
+        raise MechanismError(problems)
+
+
+def _column(actuator: Actuator, port: PortMotion, motor: MotorOutput | CylinderOutput) -> ca.SX:
+    """The readings of an actuator."""
+    if isinstance(motor, MotorOutput):
+        electrical, losses = motor.voltage * motor.current, (motor.copper_loss, motor.friction_loss)
+        mechanical = motor.effort * port.v
+        return ca.vertcat(port.x, port.v, motor.effort, motor.voltage, motor.current, electrical, mechanical, *losses)
+    assert isinstance(actuator.motor, Cylinder)
+    stored = stored_energy(actuator.motor, motor.pressures, port.x)
+    flows, powers = motor.flows, (motor.fluid_power, motor.throttling_loss)
+    return ca.vertcat(port.x, port.v, motor.effort, *motor.pressures, *flows, *powers, stored)
 
 
 def _delays(traced: TracedMechanism) -> list[DelayLine]:

@@ -1,8 +1,8 @@
 """Where the states and commands of actuators are: the states between the speeds and the energies of the audit.
 
-First come the states that others depend on and that have rates (`core`): currents and integrals of continuous servos.
-Then follow the energies of each actuator, the numbers that are `held` between samples, and the `lines` of commands that
-wait for their delay. Held numbers and lines change only between steps.
+First come the states that others depend on and that have rates (`core`): currents, pressures, and integrals of
+continuous servos. Then follow the energies of each actuator, the numbers that are `held` between samples, and the
+`lines` of commands that wait for their delay. Held numbers and lines change only between steps.
 """
 
 from __future__ import annotations
@@ -12,12 +12,16 @@ from dataclasses import dataclass, field
 
 from mbd_sim.dynamics.spatial_algebra import is_absent, is_finite, is_symbolic
 from mbd_sim.errors import MechanismError, Problem
-from mbd_sim.mechanism.actuators import Actuator, Channel, DcMotor, Motor
+from mbd_sim.mechanism.actuators import Actuator, Channel, DcMotor, Machine
+from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.source import Location
 
 ENERGIES = ("electrical_work", "mechanical_work", "copper_loss", "friction_loss")  # J, of a DC motor
 MECHANICAL = ("mechanical_work",)  # J, of an effort motor
+# J, of a cylinder. The last one has the rate zero: it changes only where a run starts, or its state is set.
+FLUID = ("fluid_work", "mechanical_work", "throttling_loss", "stored_at_start")
+PRESSURES = ("pressure_a", "pressure_b")  # Pa
 ROUNDING = 1e-9  # of a number of steps
 LONGEST_DELAY = 1000  # steps
 
@@ -39,7 +43,7 @@ class ActuatorSlots:
     @property
     def energies(self) -> dict[str, int]:
         """The index of each of its energies."""
-        return {name: self.states[name] for name in ENERGIES if name in self.states}
+        return {name: self.states[name] for name in dict.fromkeys([*ENERGIES, *FLUID]) if name in self.states}
 
     @property
     def changes_between_steps(self) -> bool:
@@ -108,6 +112,8 @@ def actuator_layout(mechanism: Mechanism, first_state: int, first_command: int, 
 def _core_states(actuator: Actuator) -> Iterator[str]:
     if isinstance(actuator.motor, DcMotor) and not is_absent(actuator.motor.inductance):
         yield "current"
+    if isinstance(actuator.motor, Cylinder):
+        yield from PRESSURES
     if actuator.servo is not None and actuator.servo.period is None and not is_absent(actuator.servo.ki):
         yield "integral"
 
@@ -116,7 +122,9 @@ def _energy_states(actuator: Actuator) -> Sequence[str]:
     return _energies(actuator.motor)
 
 
-def _energies(motor: Motor) -> Sequence[str]:
+def _energies(motor: Machine) -> Sequence[str]:
+    if isinstance(motor, Cylinder):
+        return FLUID
     if not isinstance(motor, DcMotor):
         return MECHANICAL
     return ENERGIES if has_losses(motor) else ENERGIES[:-1]

@@ -23,7 +23,7 @@ from mbd_sim.dynamics.accelerations import (
     drive_table,
     solve_accelerations,
 )
-from mbd_sim.dynamics.actuator_functions import ActuatorFunctions, actuator_functions
+from mbd_sim.dynamics.actuator_functions import ActuatorFunctions, actuator_functions, require_within_strokes
 from mbd_sim.dynamics.actuator_layout import ActuatorLayout
 from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
 from mbd_sim.dynamics.assembly_errors import undefined_constraints
@@ -237,6 +237,7 @@ def _packaged(
     start, actuators = _start_state(traced, assembly.start), actuator_functions(traced, forces.actuators)
     if actuators is not None:
         actuators.hold(traced.numeric.actuators, start)
+        require_within_strokes(traced.numeric, actuators, start)
 
     def function(name: str, inputs: list[ca.SX], *outputs: ca.SX) -> ca.Function:
         return ca.Function(name, inputs, [ca.densify(output) for output in outputs], {"cse": True})

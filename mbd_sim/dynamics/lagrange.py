@@ -29,6 +29,7 @@ from mbd_sim.dynamics.time_functions import function_of
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import CoordinatePort
 from mbd_sim.mechanism.contacts import Contact, Cushion
+from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.force_elements import Bushing
 from mbd_sim.mechanism.laws import Varying
 from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
@@ -197,9 +198,10 @@ def _add_rotors(energies: _Energies, mechanism: Mechanism, links: Sequence[Link]
     """Add the kinetic energy of rotors, ½ J (N q')². The efforts of actuators are among the efforts."""
     coordinates = coordinates_by_name(links, kinematics.t, kinematics.q)
     for actuator in mechanism.actuators:
-        if isinstance(actuator.port, CoordinatePort):
-            speed = actuator.motor.gear * kinematics.rate(coordinates[actuator.port.coordinate])
-            energies.kinetic += 0.5 * actuator.motor.rotor_inertia * speed**2
+        motor = actuator.motor
+        if isinstance(actuator.port, CoordinatePort) and not isinstance(motor, Cylinder):
+            speed = motor.gear * kinematics.rate(coordinates[actuator.port.coordinate])
+            energies.kinetic += 0.5 * motor.rotor_inertia * speed**2
 
 
 def _add_bushing(energies: _Energies, kinematics: _Kinematics, bushing: Bushing) -> None:

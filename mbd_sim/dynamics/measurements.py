@@ -9,7 +9,7 @@ from functools import cached_property
 import casadi as ca
 
 from mbd_sim.dynamics.accelerations import ConstrainedMotion
-from mbd_sim.dynamics.actuator_functions import READINGS, ActuatorFunctions
+from mbd_sim.dynamics.actuator_functions import MOTOR_READINGS, ActuatorFunctions
 from mbd_sim.dynamics.frame_motion import coordinate_accelerations, part_motions
 from mbd_sim.dynamics.sensor_expressions import exact_values
 from mbd_sim.dynamics.tracing import TracedMechanism
@@ -42,7 +42,7 @@ class Measurements:
         links, currents = self.motion.links, ca.SX(0, 1)
         if actuators is not None:
             (readings,) = actuators.readings.call([self.traced.state.t, self.traced.y, self.traced.inputs])
-            currents = readings[READINGS.index("current"), :].T
+            currents = readings[MOTOR_READINGS.index("current"), :].T
         return {
             sensor.name: self._function(
                 f"sensor_{sensor.name}", exact_values(self.traced, links, reactions, currents, sensor)

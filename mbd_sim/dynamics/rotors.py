@@ -14,6 +14,7 @@ import casadi as ca
 from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.spatial_algebra import is_absent
 from mbd_sim.mechanism.actuators import Actuator, CoordinatePort
+from mbd_sim.mechanism.cylinders import Cylinder
 
 
 def speed_rows(links: Sequence[Link]) -> dict[str, int]:
@@ -25,7 +26,10 @@ def rotor_inertias(actuators: Sequence[Actuator], links: Sequence[Link], nv: int
     """The inertias (nv,) of rotors as their coordinates feel them, N² J in kg·m² or kg; None without any."""
     rows, added, present = speed_rows(links), ca.SX(nv, 1), False
     for actuator in actuators:
-        if isinstance(actuator.port, CoordinatePort) and not is_absent(actuator.motor.rotor_inertia):
-            added[rows[actuator.port.coordinate]] += actuator.motor.gear**2 * actuator.motor.rotor_inertia
+        motor = actuator.motor
+        if isinstance(motor, Cylinder) or not isinstance(actuator.port, CoordinatePort):
+            continue
+        if not is_absent(motor.rotor_inertia):
+            added[rows[actuator.port.coordinate]] += motor.gear**2 * motor.rotor_inertia
             present = True
     return added if present else None

@@ -22,6 +22,7 @@ from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism import constraints as c
 from mbd_sim.mechanism.actuators import Actuator, DcMotor, EffortMotor, Servo
 from mbd_sim.mechanism.contacts import Ball, Barrel, Cushion, Rim
+from mbd_sim.mechanism.cylinders import Cylinder, Gas, Oil
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.force_elements import Bushing, Spring
 from mbd_sim.mechanism.laws import Expressed, Friction, GreenStrain, Linear, PowerLaw
@@ -76,6 +77,9 @@ _SYMBOLIC: Mapping[type, tuple[str, ...]] = {
         "regularization",
         "bandwidth",
     ),
+    Cylinder: ("areas", "dead_volumes", "retracted", "stroke", "supply", "tank", "transition"),
+    Oil: ("bulk_modulus", "valve", "leakage"),
+    Gas: ("exponent", "valve", "critical_ratio", "leakage"),
     Servo: ("kp", "ki", "kd", "feedforward", "limit", "tracking_time", "rate_limit"),
     Bushing: ("stiffness", "damping"),
     Attachment: ("point",),
@@ -98,6 +102,7 @@ _UNREAD: Mapping[type, tuple[str, ...]] = {
     Joint: ("position", "velocity", "fixed_in_assembly", "fixed_speeds", "effort_limit", "compliance"),
     Link: ("q", "u"),
     Actuator: ("start",),
+    Cylinder: ("pressures",),
     **dict.fromkeys(get_args(AnySensor), ("name", "sampling", "errors")),
 }  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Actuators as plain records: motors on a coordinate or between two points, their servos, and their commands.
+"""Actuators as plain records: motors and cylinders on a coordinate or between two points, servos, and commands.
 
 An actuator acts along its port, with a position x and a speed v: those of a coordinate, or the distance of two points
 and its rate. Its effort in N or N·m is positive where it increases x. SI units throughout.
@@ -9,16 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, assert_never
 
 from mbd_sim.errors import MechanismError, Problem, listed
+from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.records import Attachment
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism.records import Mechanism
 
-Channel = Literal["position", "velocity", "effort", "voltage", "current"]
-Control = Literal["effort", "voltage", "current"]
+Channel = Literal["position", "velocity", "effort", "voltage", "current", "opening"]
+Control = Literal["effort", "voltage", "current", "opening"]
 
 
 @dataclass(frozen=True)
@@ -83,11 +84,12 @@ class DcMotor:
 
 
 Motor = EffortMotor | DcMotor
+Machine = Motor | Cylinder
 
 
 @dataclass(frozen=True)
 class Servo:
-    """A controller of the position or velocity of the port, whose output commands the motor: `mbd_sim.dynamics.servos`.
+    """A controller of the position or velocity of the port, with the motor's command: `mbd_sim.dynamics.servos`.
 
     Gains are in units of the output for 1 rad or m, or 1 rad/s or m/s, and per second (`ki`) or times a second (`kd`).
     `feedforward` multiplies the commanded velocity. The output stays within `limit`; beyond it, the integral follows
@@ -108,21 +110,23 @@ class Servo:
 
 @dataclass(frozen=True, eq=False)
 class Actuator:
-    """A motor at a port, perhaps with a servo. Commands act after `delay` in s, in whole steps.
+    """A motor or a cylinder at a port, perhaps with a servo. Commands act after `delay` in s, in whole steps.
 
     `start` are the commands before the first one, by channel, where they are not those of `default_command`.
     """
 
     name: str
     port: Port
-    motor: Motor
+    motor: Machine
     servo: Servo | None
     start: Mapping[str, float]
     delay: float = 0.0
 
     @property
     def control(self) -> Control:
-        """What commands the motor."""
+        """What commands the motor, or the opening of the valve."""
+        if isinstance(self.motor, Cylinder):
+            return "opening"
         return self.motor.control if isinstance(self.motor, DcMotor) else "effort"
 
     @property
@@ -139,23 +143,28 @@ class Actuator:
     @property
     def has_states(self) -> bool:
         """Whether its effort depends on more than the motion and the commands."""
-        inductive = isinstance(self.motor, DcMotor) and self.motor.inductance > 0.0
+        machine = self.motor
+        inner = isinstance(machine, Cylinder) or (isinstance(machine, DcMotor) and machine.inductance > 0.0)
         servo = self.servo
         own = servo is not None and (servo.period is not None or servo.ki > 0.0 or servo.rate_limit < math.inf)
-        return inductive or own or self.delay > 0.0
+        return inner or own or self.delay > 0.0
 
     @property
     def output_limit(self) -> float:
         """The largest size of what commands the motor."""
-        if isinstance(self.motor, EffortMotor):
-            return min(self.motor.effort_limit, max((effort for _, effort in self.motor.curve), default=math.inf))
-        match self.motor.control:
-            case "voltage":
+        match self.motor:
+            case Cylinder():
+                return 1.0
+            case EffortMotor(effort_limit=limit, curve=curve):
+                return min(limit, max((effort for _, effort in curve), default=math.inf))
+            case DcMotor(control="voltage"):
                 return self.motor.voltage_limit
-            case "current":
+            case DcMotor(control="current"):
                 return self.motor.current_limit
-            case "effort":
+            case DcMotor():
                 return self.motor.current_limit * self.motor.torque_constant * self.motor.gear
+            case _:
+                assert_never(self.motor)
 
 
 def line_ports(mechanism: Mechanism) -> dict[str, LinePort]:
@@ -169,7 +178,7 @@ def channel_names(actuators: Sequence[Actuator]) -> tuple[str, ...]:
 
 
 def has_actuator_states(mechanism: Mechanism) -> bool:
-    """Whether the motion depends on states of actuators: currents, integrals, or what a servo or a delay holds."""
+    """Whether the motion depends on states of actuators: currents, pressures, integrals, or what a servo holds."""
     return any(actuator.has_states for actuator in mechanism.actuators)
 
 

@@ -42,6 +42,7 @@ volt = watt / ampere = V
 ohm = volt / ampere
 henry = volt * second / ampere = H
 pascal = newton / meter ** 2 = Pa
+bar = 1e5 * pascal
 liter = 1e-3 * meter ** 3 = L = litre
 tonne = 1000 * kilogram = t
 inch = 0.0254 * meter = in = inches
@@ -53,6 +54,7 @@ ounce = pound / 16 = oz
 standard_gravity = 9.80665 * meter / second ** 2 = g_0 = g0
 pound_force = pound * standard_gravity = lbf
 slug = pound_force * second ** 2 / foot
+psi = pound_force / inch ** 2
 """
 
 # The units of most files: the SI unit of each, and the factor that pint computes, to the bit. Importing pint takes
@@ -67,7 +69,9 @@ USUAL = {
     "deg": ("rad", math.pi / 180.0),
     "deg/s": ("rad/s", math.pi / 180.0),
 }
-UNIT_WORDS = "m, mm, in, ft, kg, g, lb, s, ms, rad, deg, rpm, N, lbf, J, W, A, V, ohm, H and products such as N*m/rad"
+UNIT_WORDS = (
+    "m, mm, in, ft, kg, g, lb, s, ms, rad, deg, rpm, N, lbf, Pa, bar, J, W, A, V, ohm, H and products such as N*m/rad"
+)
 MAX_LENGTH = 60
 MAX_EXPONENT = 9
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, assert_never
 
 import numpy as np
 
@@ -20,7 +20,8 @@ from mbd_sim.dynamics.initial_conditions import rheonomic
 from mbd_sim.errors import Problem
 from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.rotation import rotation_vector
-from mbd_sim.mechanism.actuators import Actuator, CoordinatePort, EffortMotor, has_actuator_states
+from mbd_sim.mechanism.actuators import Actuator, CoordinatePort, DcMotor, EffortMotor, Machine, has_actuator_states
+from mbd_sim.mechanism.cylinders import Cylinder, Oil
 from mbd_sim.mechanism.records import Joint, Mechanism, Part
 from mbd_sim.report.sensor_report import sensor_report
 from mbd_sim.simulation.simulation import Simulation
@@ -239,11 +240,25 @@ def _actuator(actuator: Actuator) -> dict[str, Any]:
     at = port.coordinate if isinstance(port, CoordinatePort) else f"{port.first.part} – {port.second.part}"
     return {
         "name": actuator.name,
-        "type": "effort" if isinstance(actuator.motor, EffortMotor) else "dc_motor",
+        "type": _machine(actuator.motor),
         "at": at,
         "servo": None if actuator.servo is None else actuator.servo.controls,
         "commands": list(actuator.channels),
     }
+
+
+def _machine(machine: Machine) -> str:
+    match machine:
+        case EffortMotor():
+            return "effort"
+        case DcMotor():
+            return "dc_motor"
+        case Cylinder(fluid=Oil()):
+            return "hydraulic_cylinder"
+        case Cylinder():
+            return "pneumatic_cylinder"
+        case _:
+            assert_never(machine)
 
 
 def _joint(joint: Joint, at: Mapping[str, float]) -> dict[str, Any]:

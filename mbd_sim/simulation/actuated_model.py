@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbd_sim.dynamics.actuator_functions import READINGS
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.simulation.actuator_states import ActuatorState, actuator_states, efforts_on
+from mbd_sim.simulation.actuator_states import AnyActuatorState, actuator_states, efforts_on
 
 
 class ActuatedModel:
@@ -26,8 +25,8 @@ class ActuatedModel:
         if (actuators := self.equations.actuators) is not None:
             actuators.hold((mechanism or self.mechanism).actuators, y, inputs)
 
-    def actuators(self, time: float, y: Array, inputs: Array) -> dict[str, ActuatorState]:
-        """Each actuator by name; see `ActuatorState`."""
+    def actuators(self, time: float, y: Array, inputs: Array) -> dict[str, AnyActuatorState]:
+        """Each actuator by name; see `ActuatorState` and `CylinderState`."""
         if (functions := self.equations.actuators) is None:
             return {}
         columns = self._actuator_readings(time, y, inputs)
@@ -37,8 +36,20 @@ class ActuatedModel:
         """The efforts (nv,) of actuators on the coordinates, in N and N·m."""
         return efforts_on(self.mechanism.actuators, self._actuator_readings(time, y, inputs), self.coordinate_names)
 
+    def keep_accounts(self, time: float, before: Array, y: Array, inputs: Array) -> None:
+        """Leave the energy that chambers gain from a change of the state out of the accounts of the cylinders.
+
+        :param before: the state before, y that after the change, which is corrected in place.
+        """
+        if (functions := self.equations.actuators) is not None:
+            old, new = (functions.stored(time, state, inputs) for state in (before, y))
+            for index, stored in new.items():
+                y[index] += stored - old[index]
+
     def _actuator_readings(self, time: float, y: Array, inputs: Array) -> Array:
-        return self._read("actuators", time, y, np.empty((len(self.mechanism.actuators), len(READINGS))), inputs)
+        assert self.equations.actuators is not None
+        rows = self.equations.actuators.readings.size1_out(0)
+        return self._read("actuators", time, y, np.empty((len(self.mechanism.actuators), rows)), inputs)
 
     def _read(self, name: str, time: float, y: Array, out: Array, inputs: Array | None) -> Array:
         raise NotImplementedError

@@ -1,4 +1,4 @@
-"""The readings of actuators: commands, efforts, currents, powers, and the account of their energies."""
+"""The readings of actuators: commands, efforts, currents, pressures, powers, and the account of their energies."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mbd_sim.dynamics.actuator_functions import READINGS
+from mbd_sim.dynamics.actuator_functions import CYLINDER_READINGS, MOTOR_READINGS
 from mbd_sim.dynamics.actuator_layout import ActuatorLayout
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import Actuator, Channel, CoordinatePort, DcMotor
+from mbd_sim.mechanism.cylinders import Cylinder
 
 
 class ActuatorEnergies(NamedTuple):
@@ -50,46 +51,111 @@ class ActuatorState(NamedTuple):
     energies: ActuatorEnergies
 
 
+class CylinderEnergies(NamedTuple):
+    """The account of a cylinder since the start, in J: fluid = mechanical + throttling + change of the stored energy.
+
+    `fluid_work` is the energy of the fluid from the supply less that of the fluid to the tank, `throttling_loss` is
+    that in the valve and past the piston. `stored` is the change of the energy of the fluid in the chambers: see
+    `mbd_sim.dynamics.cylinders`. `residual` is what is missing: the error of the integration.
+    """
+
+    fluid_work: float
+    mechanical_work: float
+    throttling_loss: float
+    stored: float
+    residual: float
+
+
+class CylinderState(NamedTuple):
+    """A cylinder at a moment.
+
+    `commands`, `position`, `velocity` and `effort` are as in `ActuatorState`; `pressures` in Pa and `flows` through the
+    valve into the chamber that extends the cylinder, and into the other one: in m³/s for oil, and for a gas R T times
+    the mass flow, in W. Powers and losses are in W: `fluid` flows in, `mechanical` out.
+    """
+
+    commands: Mapping[Channel, float]
+    position: float
+    velocity: float
+    effort: float
+    pressures: tuple[float, float]
+    flows: tuple[float, float]
+    fluid: float
+    mechanical: float
+    throttling_loss: float
+    energies: CylinderEnergies
+
+
+AnyActuatorState = ActuatorState | CylinderState
+
+
 def actuator_states(
     actuators: Sequence[Actuator], layout: ActuatorLayout, columns: Array, y: Array, inputs: Array
-) -> dict[str, ActuatorState]:
+) -> dict[str, AnyActuatorState]:
     """Each actuator by name.
 
-    :param columns: (n, 9) the readings of each actuator, see `READINGS`.
+    :param columns: (n, k) the readings of each actuator, see `ActuatorFunctions`.
     :param y: the state, `inputs` those of the equations.
     """
-    found = {}
+    found: dict[str, AnyActuatorState] = {}
     for actuator, slots, row in zip(actuators, layout.slots, columns.tolist(), strict=True):
-        read = dict(zip(READINGS, row, strict=True))
         where, source = (slots.states, y) if slots.delay else (slots.commands, inputs)
         commands = {channel: float(source[where[channel]]) for channel in slots.commands}
         energies = {name: float(y[index]) for name, index in slots.energies.items()}
-        is_electric = isinstance(actuator.motor, DcMotor)
-        found[actuator.name] = ActuatorState(
-            commands=commands,
-            position=read["position"],
-            velocity=read["velocity"],
-            effort=read["effort"],
-            voltage=read["voltage"] if is_electric else None,
-            current=read["current"] if is_electric else None,
-            electrical=read["electrical"] if is_electric else read["mechanical"],
-            mechanical=read["mechanical"],
-            copper_loss=read["copper"],
-            friction_loss=read["friction"],
-            energies=_account(actuator, energies, read["current"]),
-        )
+        read_as = _cylinder_state if isinstance(actuator.motor, Cylinder) else _motor_state
+        found[actuator.name] = read_as(actuator, commands, energies, row)
     return found
+
+
+def _motor_state(
+    actuator: Actuator, commands: Mapping[Channel, float], energies: Mapping[str, float], row: Sequence[float]
+) -> ActuatorState:
+    read = dict(zip(MOTOR_READINGS, row, strict=False))
+    is_electric = isinstance(actuator.motor, DcMotor)
+    return ActuatorState(
+        commands=commands,
+        position=read["position"],
+        velocity=read["velocity"],
+        effort=read["effort"],
+        voltage=read["voltage"] if is_electric else None,
+        current=read["current"] if is_electric else None,
+        electrical=read["electrical"] if is_electric else read["mechanical"],
+        mechanical=read["mechanical"],
+        copper_loss=read["copper"],
+        friction_loss=read["friction"],
+        energies=_account(actuator, energies, read["current"]),
+    )
+
+
+def _cylinder_state(
+    actuator: Actuator, commands: Mapping[Channel, float], energies: Mapping[str, float], row: Sequence[float]
+) -> CylinderState:
+    read = dict(zip(CYLINDER_READINGS, row, strict=True))
+    fluid, mechanical, loss = (energies[name] for name in ("fluid_work", "mechanical_work", "throttling_loss"))
+    stored = read["stored"] - energies["stored_at_start"]
+    return CylinderState(
+        commands=commands,
+        position=read["position"],
+        velocity=read["velocity"],
+        effort=read["effort"],
+        pressures=(read["pressure_a"], read["pressure_b"]),
+        flows=(read["flow_a"], read["flow_b"]),
+        fluid=read["fluid"],
+        mechanical=read["effort"] * read["velocity"],
+        throttling_loss=read["throttling"],
+        energies=CylinderEnergies(fluid, mechanical, loss, stored, fluid - mechanical - loss - stored),
+    )
 
 
 def efforts_on(actuators: Sequence[Actuator], columns: Array, coordinates: Sequence[str]) -> Array:
     """The efforts of actuators on each of the coordinates, in N and N·m.
 
-    :param columns: (n, 9) the readings of each actuator, see `READINGS`.
+    :param columns: (n, k) the readings of each actuator, see `ActuatorFunctions`.
     """
     efforts = np.zeros(len(coordinates))
     for actuator, row in zip(actuators, columns, strict=True):
         if isinstance(actuator.port, CoordinatePort):
-            efforts[coordinates.index(actuator.port.coordinate)] += row[READINGS.index("effort")]
+            efforts[coordinates.index(actuator.port.coordinate)] += row[MOTOR_READINGS.index("effort")]
     return efforts
 
 

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mbd_sim.dynamics.cylinders import fastest_rate
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.errors import MechanismError, Problem, listed, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.methods import AUTO, METHODS, Method
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.mechanism.actuators import CoordinatePort, DcMotor
+from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.one_sided import one_sided_names
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.spectrum import FastestMode, fastest_mode, fastest_without_joints
@@ -102,24 +104,30 @@ def _implicit(equations: Equations, inputs: Array, step: float) -> str:
     if it is that much slower.
     """
     others = max(fastest_without_joints(equations, 0.0, state, inputs).rate for state in _starts(equations))
-    others = max([others, *(mode.rate for mode in _current_limits(equations))])
+    others = max([others, *(mode.rate for mode in _drive_modes(equations, inputs))])
     fastest = _fastest_at_start(equations, inputs).rate
     return STIFF_JOINTS if step * others <= SLOW or others <= CANCELLATION * fastest else STIFF
 
 
 def _fastest_at_start(equations: Equations, inputs: Array) -> FastestMode:
     modes = [fastest_mode(equations, 0.0, state, inputs) for state in _starts(equations)]
-    return max([*modes, *_current_limits(equations)], key=lambda mode: mode.rate)
+    return max([*modes, *_drive_modes(equations, inputs)], key=lambda mode: mode.rate)
 
 
-def _current_limits(equations: Equations) -> Iterator[FastestMode]:
-    """The rates at which drives keep their current limits, which do not act at the start."""
+def _drive_modes(equations: Equations, inputs: Array) -> Iterator[FastestMode]:
+    """The rates of drives that do not show at the start: of current limits, and of open valves."""
+    if equations.actuators is None:
+        return
     names = equations.mechanism.coordinate_names
-    for actuator in equations.mechanism.actuators:
-        motor = actuator.motor
-        if isinstance(motor, DcMotor) and motor.inductance and motor.current_limit < math.inf:
-            at = actuator.port
-            yield FastestMode(motor.bandwidth, names.index(at.coordinate) if isinstance(at, CoordinatePort) else 0)
+    positions = np.array(equations.actuators.readings(0.0, equations.start_state, inputs))[0]
+    for actuator, position in zip(equations.mechanism.actuators, positions.tolist(), strict=True):
+        motor, at, rate = actuator.motor, actuator.port, 0.0
+        if isinstance(motor, Cylinder):
+            rate = fastest_rate(motor, position)
+        elif isinstance(motor, DcMotor) and motor.inductance and motor.current_limit < math.inf:
+            rate = motor.bandwidth
+        if rate and names:
+            yield FastestMode(rate, names.index(at.coordinate) if isinstance(at, CoordinatePort) else 0)
 
 
 def _starts(equations: Equations) -> list[Array]:

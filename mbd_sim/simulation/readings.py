@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from mbd_sim.geometry.pose import Array, Pose
-from mbd_sim.simulation.actuator_states import ActuatorState
+from mbd_sim.simulation.actuator_states import AnyActuatorState
 from mbd_sim.simulation.argument_checks import finite_vector
 from mbd_sim.simulation.contact_records import ContactEvent, ContactState
 from mbd_sim.simulation.motions import PartMotion
@@ -92,8 +92,8 @@ class Readings(RunState):
         columns = self.model.drives(self.time, self._memory.y, self._memory.inputs).T.tolist()
         return {name: DriveState(*values) for name, values in zip(self.model.driven_names, columns, strict=True)}
 
-    def actuators(self) -> Mapping[str, ActuatorState]:
-        """Each actuator by name: commands, effort, voltage, current, powers, losses and energies."""
+    def actuators(self) -> Mapping[str, AnyActuatorState]:
+        """Each actuator by name: commands, effort, voltage and current or pressures, powers, losses, energies."""
         memory = self._memory
         inputs = self.model.with_contact_forces(self.time, memory.y, memory.inputs)
         return self.model.actuators(self.time, memory.y, inputs)

@@ -128,6 +128,7 @@ class StateChanges(Readings, RunReports):
         inputs, before = self._memory.inputs, self.energies.total
         y = state_with(self.model, self.time, self.y, inputs[self.model.equations.inputs.values], given)
         require_outside(self.model, self.time, y, inputs)
+        self.model.keep_accounts(self.time, self.y, y, inputs)
         after = self.model.energies(self.time, y, 0.0, inputs).total
         self.restore(y, self.steps, start_energy=self.start_energy + after - before)
 

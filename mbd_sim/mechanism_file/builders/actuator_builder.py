@@ -7,15 +7,16 @@ from collections.abc import Iterator, Mapping
 from typing import assert_never
 
 from mbd_sim.errors import InputError, listed, nearest
-from mbd_sim.mechanism.actuators import Actuator, CoordinatePort, DcMotor, EffortMotor, LinePort, Port, Servo
+from mbd_sim.mechanism.actuators import Actuator, CoordinatePort, DcMotor, EffortMotor, LinePort, Machine, Port, Servo
 from mbd_sim.mechanism.records import Joint
 from mbd_sim.mechanism.source import Location
 from mbd_sim.mechanism_file.builders.build_context import BuildContext
+from mbd_sim.mechanism_file.builders.cylinder_builder import build_cylinder
 from mbd_sim.mechanism_file.measured import Measured
 from mbd_sim.mechanism_file.schema import actuator_schema as schema
 
 BANDWIDTH = 10.0  # times resistance/inductance, of a current loop
-_COMMAND_UNITS = {"voltage": "V", "current": "A"}
+_COMMAND_UNITS = {"voltage": "V", "current": "A", "opening": "1"}
 
 
 def build_actuators(
@@ -81,12 +82,14 @@ def _coordinate(location: Location, joint: Joint, port: CoordinatePort, context:
 def _actuator(name: str, spec: schema.AnyActuatorSpec, port: Port, context: BuildContext) -> Actuator:
     location: Location = ("actuators", name)
     angle, effort = ("rad", "N*m") if port.rotation else ("m", "N")
-    motor: EffortMotor | DcMotor
+    motor: Machine
     match spec:
         case schema.EffortActuatorSpec():
             motor, control = _effort_motor(location, spec, port, context), "effort"
         case schema.DcMotorSpec():
             motor, control = _dc_motor(location, spec, port, context), spec.control
+        case schema.HydraulicCylinderSpec() | schema.PneumaticCylinderSpec():
+            motor, control = build_cylinder(location, spec, port, context), "opening"
         case _:
             assert_never(spec)
     output = {"effort": effort, **_COMMAND_UNITS}[control]
@@ -104,7 +107,7 @@ def _actuator(name: str, spec: schema.AnyActuatorSpec, port: Port, context: Buil
     return Actuator(name, port, motor, servo, start, spec.delay)
 
 
-def _gear(location: Location, spec: schema.AnyActuatorSpec, port: Port, context: BuildContext) -> float:
+def _gear(location: Location, spec: schema.MotorSpec, port: Port, context: BuildContext) -> float:
     """The speed of the rotor in rad/s for a speed of 1 of the port."""
     if port.rotation and spec.lead is not None:
         context.report((*location, "lead"), "has no effect on an angle", "Remove it, or give 'gear_ratio'.")

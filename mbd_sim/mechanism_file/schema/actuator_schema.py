@@ -1,4 +1,4 @@
-"""The actuators of a mechanism file: motors, their servos, and their commands."""
+"""The actuators of a mechanism file: motors, cylinders, their servos, and their commands."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from mbd_sim.errors import InputError
 from mbd_sim.mechanism_file.measured import AmountFromZero, AnyAmount, PositiveAmount
-from mbd_sim.mechanism_file.quantity import PositiveLength, PositiveTime, Quantity, TorsionDamping
+from mbd_sim.mechanism_file.quantity import Length, PositiveLength, PositiveTime, Quantity, TorsionDamping
 from mbd_sim.mechanism_file.schema.base_schema import Spec
 from mbd_sim.mechanism_file.schema.law_schema import FrictionTorque, PositiveAngularVelocity
 
@@ -20,6 +20,10 @@ Voltage = Annotated[float, Quantity("V", above=0)]
 Current = Annotated[float, Quantity("A", above=0)]
 Frequency = Annotated[float, Quantity("Hz", above=0)]
 Delay = Annotated[float, Quantity("s", at_least=0)]
+Area = Annotated[float, Quantity("m**2", above=0)]
+Volume = Annotated[float, Quantity("m**3", above=0)]
+Pressure = Annotated[float, Quantity("Pa", above=0)]
+GaugePressure = Annotated[float, Quantity("Pa")]
 
 
 def _curve(rows: list[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -79,13 +83,8 @@ class ActuatorSpec(Spec):
 
     joint: str | None = Field(None, description="a joint, or a coordinate of one such as wrist.angle")
     between: tuple[str, str] | None = Field(None, description="two points, which a positive effort pushes apart")
-    gear_ratio: PositiveRatio = Field(1.0, description="revolutions of the rotor for one of the gear's output")
-    lead: PositiveLength | None = Field(
-        None, description="travel for one revolution of the gear's output, where the actuator moves along a line"
-    )
-    rotor_inertia: RotorInertia = Field(0.0, description="about the rotor's axis; it adds gear_ratio² times itself")
     servo: ServoSpec | None = None
-    command: dict[Literal["position", "velocity", "effort", "voltage", "current"], AnyAmount] = Field(
+    command: dict[Literal["position", "velocity", "effort", "voltage", "current", "opening"], AnyAmount] = Field(
         {}, description="commands before the first one; by default the start position, and zero for all others"
     )
     delay: Delay = Field(0.0, description="of all commands, a whole number of steps")
@@ -95,13 +94,27 @@ class ActuatorSpec(Spec):
         if (self.joint is None) == (self.between is None):
             given = "both joint and between" if self.joint is not None else "neither joint nor between"
             raise InputError(f"has {given}", "Give one of them.")
+        return self
+
+
+class MotorSpec(ActuatorSpec):
+    """The keys of all motors: their gear and their rotor."""
+
+    gear_ratio: PositiveRatio = Field(1.0, description="revolutions of the rotor for one of the gear's output")
+    lead: PositiveLength | None = Field(
+        None, description="travel for one revolution of the gear's output, where the actuator moves along a line"
+    )
+    rotor_inertia: RotorInertia = Field(0.0, description="about the rotor's axis; it adds gear_ratio² times itself")
+
+    @model_validator(mode="after")
+    def _rotor_on_a_joint(self) -> MotorSpec:
         if self.between is not None and self.rotor_inertia:
             message = "has between and rotor_inertia, which would couple all joints between the two points"
             raise InputError(message, "Model the cylinder as two parts with a prismatic joint, and name that joint.")
         return self
 
 
-class EffortActuatorSpec(ActuatorSpec):
+class EffortActuatorSpec(MotorSpec):
     """A motor that exerts the commanded effort, within its limits."""
 
     type: Literal["effort"]
@@ -111,7 +124,7 @@ class EffortActuatorSpec(ActuatorSpec):
     )
 
 
-class DcMotorSpec(ActuatorSpec):
+class DcMotorSpec(MotorSpec):
     """A DC motor with a gear; its `control` is the voltage, or the current of an inner loop."""
 
     type: Literal["dc_motor"]
@@ -142,4 +155,79 @@ class DcMotorSpec(ActuatorSpec):
         return self
 
 
-AnyActuatorSpec = Annotated[EffortActuatorSpec | DcMotorSpec, Field(discriminator="type")]
+class CylinderSpec(ActuatorSpec):
+    """The keys of hydraulic and pneumatic cylinders; pairs are of the side that extends the cylinder and the other."""
+
+    areas: tuple[Area, Area] = Field(description="of the piston, on the side that extends the cylinder and the other")
+    stroke: PositiveLength
+    retracted: Length | None = Field(
+        None, description="position of the joint, or distance of the points, at the start of the stroke; 0 on a joint"
+    )
+    dead_volumes: tuple[Volume, Volume] = Field(description="of each chamber with its hose where it is smallest")
+    transition: Pressure | None = Field(None, description="pressure drop below which flow becomes laminar")
+
+    @model_validator(mode="after")
+    def _starts_somewhere(self) -> CylinderSpec:
+        if self.between is not None and not (self.retracted or 0.0) > 0.0:
+            given = "no 'retracted'" if self.retracted is None else f"'retracted' {self.retracted:g}"
+            raise InputError(f"has between and {given}", "Give the distance of the points at the start of the stroke.")
+        return self
+
+    def _require_supply(self, supply: float, end: float, key: str) -> None:
+        if supply <= end:
+            raise InputError(f"the supply of {supply:g} Pa is not above the {key} of {end:g} Pa", "Give more.")
+
+
+class HydraulicCylinderSpec(CylinderSpec):
+    """A cylinder with a proportional valve and oil; pressures are relative to that of the ambient air."""
+
+    type: Literal["hydraulic_cylinder"]
+    bulk_modulus: Pressure = Field(1.4e9, description="of the oil with its air, and of the hoses")
+    rated_flow: Annotated[float, Quantity("m**3/s", above=0)] = Field(
+        description="of each edge of the fully open valve, at the rated_drop"
+    )
+    rated_drop: Pressure = Field(3.5e6, description="of the pressure at one edge of the valve")
+    supply: Pressure
+    tank: GaugePressure = 0.0
+    leakage: Annotated[float, Quantity("m**3/(s*Pa)", at_least=0)] = Field(0.0, description="past the piston")
+    pressures: tuple[GaugePressure, GaugePressure] | None = Field(
+        None, description="in the chambers at the start; by default that of the tank"
+    )
+
+    @model_validator(mode="after")
+    def _above_tank(self) -> HydraulicCylinderSpec:
+        self._require_supply(self.supply, self.tank, "tank")
+        return self
+
+
+class PneumaticCylinderSpec(CylinderSpec):
+    """A cylinder with a proportional valve and air; pressures are absolute."""
+
+    type: Literal["pneumatic_cylinder"]
+    exponent: Annotated[float, Quantity("", at_least=1, at_most=2)] = Field(
+        1.0, description="polytropic exponent; 1 is isothermal, 1.4 adiabatic"
+    )
+    conductance: Annotated[float, Quantity("m**3/(s*Pa)", above=0)] = Field(
+        description="sonic conductance of each path through the fully open valve"
+    )
+    critical_ratio: Annotated[float, Quantity("", at_least=0, at_most=0.9)] = Field(
+        0.3, description="of the pressures, up to which flow is choked"
+    )
+    supply: Pressure
+    exhaust: Pressure = Field(101325.0, description="pressure of the air around the cylinder")
+    leakage: Annotated[float, Quantity("m**3/(s*Pa)", at_least=0)] = Field(
+        0.0, description="sonic conductance of the gap at the piston"
+    )
+    pressures: tuple[Pressure, Pressure] | None = Field(
+        None, description="in the chambers at the start; by default that of the exhaust"
+    )
+
+    @model_validator(mode="after")
+    def _above_exhaust(self) -> PneumaticCylinderSpec:
+        self._require_supply(self.supply, self.exhaust, "exhaust")
+        return self
+
+
+AnyActuatorSpec = Annotated[
+    EffortActuatorSpec | DcMotorSpec | HydraulicCylinderSpec | PneumaticCylinderSpec, Field(discriminator="type")
+]

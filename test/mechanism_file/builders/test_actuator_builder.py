@@ -27,6 +27,9 @@ actuators:
   it: ENTRY
 """
 DC = "type: dc_motor, torque_constant: 0.1, resistance: 1"
+CYLINDER = "areas: [12 cm^2, 8 cm^2], stroke: 0.5, dead_volumes: [1e-4, 1e-4]"
+OIL = f"type: hydraulic_cylinder, {CYLINDER}, rated_flow: 20 L/min, supply: 150 bar"
+AIR = f"type: pneumatic_cylinder, {CYLINDER}, conductance: 2e-8, supply: 7 bar"
 REFUSED = {
     "{type: effort, joint: sholder}": r"it.joint: there is no joint 'sholder'. Did you mean 'shoulder'",
     "{type: effort, joint: socket}": r"it.joint: 'socket' has 3 coordinates. Name one of them: socket.rx",
@@ -59,6 +62,20 @@ REFUSED = {
     "{type: effort, joint: rail, servo: {controls: position, ki: 1, tracking_time: 1 ms, sample_rate: 10 Hz}}":
         r"it.servo: the tracking_time of 0.001 s is shorter than the sample period of 0.1 s",
     "{type: effort, joint: rail, effort_limit: 5, servo: {controls: position, ki: 1}}": r"it.servo: has ki and a limit",
+    "{" + OIL + ", joint: shoulder}": r"it: a cylinder moves along a line, but acts on an angle. Give 'between'",
+    "{" + OIL + ", between: [arm, box]}": r"it: has between and no 'retracted'. Give the distance",
+    "{" + OIL + ", between: [arm, box], retracted: 0}": r"it: has between and 'retracted' 0",
+    "{" + OIL + ", joint: rail, gear_ratio: 2}": r"it.gear_ratio: unknown key",
+    "{" + OIL + ", joint: rail, tank: 200 bar}": r"it: the supply of 1.5e\+07 Pa is not above the tank of 2e\+07 Pa",
+    "{" + OIL + ", joint: rail, conductance: 1e-8}": r"it.conductance: unknown key",
+    "{" + OIL + ", joint: rail, command: {opening: 5 V}}": r"it.command.opening: the unit 'V' does not fit",
+    "{" + OIL + ", joint: rail, servo: {controls: position, kp: 5 V/m}}": r"it.servo.kp: the unit 'V/m' does not fit",
+    "{" + OIL + ", joint: rail, leakage: 1 L/min}": r"it.leakage: the unit 'L/min' does not fit: .*m\*\*3/\(s\*Pa\)",
+    "{" + AIR + ", joint: rail, exhaust: 8 bar}": r"it: the supply of 700000 Pa is not above the exhaust of 800000 Pa",
+    "{" + AIR + ", joint: rail, critical_ratio: 1}": r"it.critical_ratio: must be at most 0.9",
+    "{" + AIR + ", joint: rail, exponent: 0.9}": r"it.exponent: must be at least 1",
+    "{" + AIR + ", joint: rail, pressures: [0, 1 bar]}": r"it.pressures\[0\]: must be greater than 0",
+    "{" + AIR + ", joint: rail, areas: 12 cm^2}": r"it.areas: ",
 }  # fmt: skip
 
 
