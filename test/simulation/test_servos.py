@@ -205,8 +205,8 @@ def test_another_step_changes_the_number_of_steps_between_samples():
     assert [(slots.every, slots.delay) for slots in simulation.model.equations.actuators.layout.slots] == [(8, 6)]
 
 
-def test_a_mechanism_with_states_of_actuators_is_not_linearized():
-    with pytest.raises(MechanismError, match="actuators with states: drive"):
+def test_a_mechanism_with_a_sampled_servo_is_not_linearized():
+    with pytest.raises(MechanismError, match="actuators change only between steps: drive"):
         Simulation.from_text(SHAFT + POSITION).linearize()
     proportional = "  drive: {type: effort, joint: shaft, servo: {controls: position, kp: 6, kd: 0.4}}\n"
     linear = Simulation.from_text(SHAFT + proportional).linearize()
