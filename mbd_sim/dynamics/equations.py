@@ -188,6 +188,17 @@ def _start_state(traced: TracedMechanism, start: AssembledStart) -> Array:
     return np.concatenate([start.q, start.u, np.zeros(traced.y.shape[0] - len(start.q) - len(start.u))])
 
 
+def _start_with_actuators(
+    traced: TracedMechanism, start: AssembledStart, forces: AppliedForces
+) -> tuple[Array, ActuatorFunctions | None]:
+    """The start state, with the states of the actuators, and their functions."""
+    y, functions = _start_state(traced, start), actuator_functions(traced, forces.actuators)
+    if functions is not None:
+        functions.hold(traced.numeric.actuators, y)
+        require_within_strokes(traced.numeric, functions, y)
+    return y, functions
+
+
 def _require_regular_start(
     traced: TracedMechanism, assembly: Assembly, forces: AppliedForces, mass_matrix: FactorizedMassMatrix
 ) -> None:
@@ -234,10 +245,7 @@ def _packaged(
     margin = [] if solver is None or solver.margin is None else [ca.densify(solver.margin)]
     projected = projected_state(traced, solver)
     violation = ca.horzcat(constraints.position, constraints.velocity)
-    start, actuators = _start_state(traced, assembly.start), actuator_functions(traced, forces.actuators)
-    if actuators is not None:
-        actuators.hold(traced.numeric.actuators, start)
-        require_within_strokes(traced.numeric, actuators, start)
+    start, actuators = _start_with_actuators(traced, assembly.start, forces)
 
     def function(name: str, inputs: list[ca.SX], *outputs: ca.SX) -> ca.Function:
         return ca.Function(name, inputs, [ca.densify(output) for output in outputs], {"cse": True})
