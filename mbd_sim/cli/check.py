@@ -29,17 +29,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--latex",
         action="store_true",
-        help="print the equations of motion as LaTeX instead of the report (small mechanisms)",
+        help="print energies, equations of motion and constraints as LaTeX instead of the report (small mechanisms)",
+    )
+    parser.add_argument(
+        "--numbers", action="store_true", help="with --latex: numbers in place of the file's parameters"
+    )
+    parser.add_argument(
+        "--symbols",
+        metavar="KEY",
+        nargs="+",
+        help="with --latex: further numbers of the file as symbols, by their keys or patterns: 'parts.*.mass'",
     )
     parser.add_argument("--cost", action="store_true", help="add the number of instructions per time step, by kind")
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Print the report, or the equations as LaTeX."""
-    from mbd_sim.errors import NoInertiaError
+    """Print the report, or the equations as LaTeX.
+
+    :raises CommandError: options that have no effect.
+    """
+    from mbd_sim.errors import CommandError, NoInertiaError
     from mbd_sim.load import load_mechanism
     from mbd_sim.simulation.simulation import Simulation
 
+    if (options.numbers or options.symbols) and not (options.latex and not (options.numbers and options.symbols)):
+        raise CommandError("--numbers and --symbols choose what --latex prints: give one of them, with --latex.")
     mechanism = load_mechanism(options.mechanism)
     try:
         simulation = Simulation(mechanism)
@@ -51,9 +65,7 @@ def execute(options: argparse.Namespace) -> int:
         draw(simulation.mechanism, simulation.poses(), options.draw)
         print_undrawn_meshes(simulation.mechanism)
     if options.latex:
-        from mbd_sim.symbolic import symbolic_equations, to_latex
-
-        print(to_latex(symbolic_equations(simulation.mechanism)))
+        print(_latex(simulation.mechanism, options))
         return 0
 
     from mbd_sim.analysis.instruction_cost import cost, cost_text
@@ -75,6 +87,18 @@ def execute(options: argparse.Namespace) -> int:
     if options.cost:
         print(f"\n{cost_text(content['cost'])}")
     return 0
+
+
+def _latex(mechanism: Mechanism, options: argparse.Namespace) -> str:
+    from mbd_sim.mechanism_file.override import matching
+    from mbd_sim.symbolic import symbolic_equations, to_latex
+
+    if options.numbers:
+        return to_latex(symbolic_equations(mechanism))
+    if not options.symbols:
+        return to_latex(symbolic_equations(mechanism, None))
+    further = [key for name in options.symbols for key in (matching(mechanism, [name]) if "*" in name else [name])]
+    return to_latex(symbolic_equations(mechanism, [*mechanism.parameters, *further]))
 
 
 def _without_dynamics(mechanism: Mechanism, error: NoInertiaError, options: argparse.Namespace) -> int:

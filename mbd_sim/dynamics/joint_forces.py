@@ -103,6 +103,19 @@ def _resistance(joint: Joint, offset: int, speed: ca.SX) -> ca.SX:
     return force
 
 
+def joint_dissipation(links: Sequence[Link], u: ca.SX) -> ca.SX:
+    """Rayleigh's dissipation function in W of the dampers in joints, whose forces are minus its derivatives by u."""
+    total = ca.SX(1, 1)
+    for link in links:
+        joint = link.joint
+        for offset, row in enumerate(range(link.u.start, link.u.stop)):
+            if not is_absent(joint.damping[offset]):
+                total += 0.5 * joint.damping[offset] * u[row] ** 2
+            if joint.damper is not None:
+                total += power_law(joint.damper, u[row] ** 2)[1]
+    return total
+
+
 def stop_forces(limits: Limits, coordinate: ca.SX, speed: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     """The elastic force against the coordinate, its potential, and the force against the speed.
 

@@ -19,12 +19,14 @@ from mbd_sim.dynamics.compliant_contacts import PlacedFrame, cushion_force
 from mbd_sim.dynamics.constraint_equations import coordinates_by_name
 from mbd_sim.dynamics.constraint_rows import constraint_rows
 from mbd_sim.dynamics.element_forces import damper_force, force_vector, spring_force
-from mbd_sim.dynamics.joint_forces import joint_forces
+from mbd_sim.dynamics.joint_forces import joint_dissipation, joint_forces
 from mbd_sim.dynamics.kinematics import SymbolicPose, joint_motion, part_poses
 from mbd_sim.dynamics.links import Link, build_links, coordinate_layout
+from mbd_sim.dynamics.mass_moments import MassMoments
 from mbd_sim.dynamics.shape_contacts import touch
-from mbd_sim.dynamics.spatial_algebra import constant
+from mbd_sim.dynamics.spatial_algebra import constant, is_absent
 from mbd_sim.dynamics.state_variables import StateVariables
+from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters, with_symbols
 from mbd_sim.dynamics.time_functions import function_of
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import CoordinatePort
@@ -32,7 +34,7 @@ from mbd_sim.mechanism.contacts import Contact, Cushion
 from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.force_elements import Bushing
 from mbd_sim.mechanism.laws import Varying
-from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism
+from mbd_sim.mechanism.records import GROUND, Attachment, Mechanism, Part
 
 RANK = 1e-11  # singular values below this fraction of the largest count as zero
 
@@ -44,11 +46,16 @@ class LagrangeEquations:
     `terms(t, q, u, efforts)` gives M (nv, nv), h (nv,) and Q (nv,).
     `energies(t, q, u)` gives the parts T2, T1, T0 of the kinetic energy, of second, first and zeroth degree in the
     speeds, and V, in J. T1 and T0 vanish where nothing is driven.
+    `dissipation(t, q, u)` gives Rayleigh's dissipation function D in W of all dampers whose force is -∂D/∂u: viscous
+    ones, and those of a power of the speed; not of dry friction and stops.
     `constraints(t, q, u)` gives G (m, nv) and γ (m,) of all rows, with G u' + γ = 0.
+
+    With symbolic parameters their values (n,) are the last argument of each function.
     """
 
     terms: ca.Function
     energies: ca.Function
+    dissipation: ca.Function
     constraints: ca.Function
 
     def accelerations(self, q: Array, u: Array, efforts: Array, t: float = 0.0) -> Array:
@@ -105,17 +112,28 @@ class _Energies:
     applied: ca.SX
 
 
-def lagrange_equations(mechanism: Mechanism) -> LagrangeEquations:
-    """Derive the equations of a mechanism from its energies."""
-    layout, links = coordinate_layout(mechanism), build_links(mechanism)
+def lagrange_equations(
+    mechanism: Mechanism,
+    parameters: SymbolicParameters | None = None,
+    moments: Mapping[str, MassMoments] | None = None,
+) -> LagrangeEquations:
+    """Derive the equations of a mechanism from its energies.
+
+    :param parameters: the numbers of the mechanism that are symbols; none by default.
+    :param moments: those of all parts, which may have these symbols; by default those of the mechanism, in numbers.
+    """
+    layout, links, given = coordinate_layout(mechanism), build_links(mechanism), list[ca.SX]()
+    if parameters is not None:
+        mechanism, links = with_symbols(mechanism, parameters)
+        given = [parameters.symbols]
     t, q, q_rates = ca.SX.sym("t"), ca.SX.sym("q", layout.nq), ca.SX.sym("q'", layout.nq)
     u, efforts = ca.SX.sym("u", layout.nv), ca.SX.sym("e", layout.nv)
     poses = dict(zip((link.joint.outboard for link in links), part_poses(links, t, q), strict=True))
     kinematics = _Kinematics(t, q, q_rates, poses)
     state = StateVariables(links, t, q, u)
-    energies = _energies(mechanism, kinematics, state)
+    energies = _energies(mechanism, kinematics, state, moments)
     _add_rotors(energies, mechanism, links, kinematics)
-    joints = joint_forces(links, q, u, efforts, state)
+    joints, of_joints = joint_forces(links, q, u, efforts, state), joint_dissipation(links, u)
 
     rates = ca.SX(layout.nq, 1)
     for link in links:
@@ -142,24 +160,25 @@ def lagrange_equations(mechanism: Mechanism) -> LagrangeEquations:
     rows = [gradient @ to_rates, kinematics.rate(velocity) + gradient @ ca.jtimes(rates, q, q_rates)]
     parts = [*kinetic_parts, energies.potential + joints.potential]
     return LagrangeEquations(
-        terms=ca.Function("terms", [t, q, u, efforts], [in_speeds(term) for term in terms]),
-        energies=ca.Function("energies", [t, q, u], [in_speeds(part) for part in parts]),
-        constraints=ca.Function("constraints", [t, q, u], [ca.densify(in_speeds(row)) for row in rows]),
+        terms=ca.Function("terms", [t, q, u, efforts, *given], [in_speeds(term) for term in terms]),
+        energies=ca.Function("energies", [t, q, u, *given], [in_speeds(part) for part in parts]),
+        dissipation=ca.Function("dissipation", [t, q, u, *given], [in_speeds(energies.dissipation) + of_joints]),
+        constraints=ca.Function("constraints", [t, q, u, *given], [ca.densify(in_speeds(row)) for row in rows]),
     )
 
 
-def _energies(mechanism: Mechanism, kinematics: _Kinematics, state: StateVariables) -> _Energies:
+def _energies(
+    mechanism: Mechanism, kinematics: _Kinematics, state: StateVariables, moments: Mapping[str, MassMoments] | None
+) -> _Energies:
     """The energies of the parts and of the force elements."""
     zero = ca.SX(1, 1)
     energies = _Energies(zero, zero, zero, ca.SX(kinematics.q.shape[0], 1))
     gravity = constant(mechanism.gravity)
     for name, X_WB in kinematics.poses.items():
-        part = mechanism.parts[name]
-        center = X_WB.position + X_WB.rotation @ constant(part.center)
-        velocity, omega = kinematics.rate(center), kinematics.omega(X_WB.rotation)
-        energies.kinetic += 0.5 * part.mass * ca.dot(velocity, velocity)
-        energies.kinetic += 0.5 * ca.dot(omega, constant(part.inertia) @ omega)
-        energies.potential -= part.mass * ca.dot(gravity, center)
+        if moments is None:
+            _add_part(energies, kinematics, X_WB, mechanism.parts[name], gravity)
+        else:
+            _add_moments(energies, kinematics, X_WB, moments[name], gravity)
     for spring in mechanism.springs:
         first, second = kinematics.point(spring.first), kinematics.point(spring.second)
         _, energy, loss = spring_force(spring, second - first, kinematics.rate(second - first))
@@ -170,7 +189,7 @@ def _energies(mechanism: Mechanism, kinematics: _Kinematics, state: StateVariabl
             rate = kinematics.rate(length)
             tension = state.stretched(spring.law.force, length - spring.length, rate)
             energies.applied -= ca.jacobian(rate, kinematics.q_rates).T * tension
-        if spring.mass:
+        if not is_absent(spring.mass):
             rates = kinematics.rate(first), kinematics.rate(second)
             energies.kinetic += _kinetic_energy_of_spring(spring.mass, *rates)
             energies.potential -= spring.mass * ca.dot(gravity, first + second) / 2.0
@@ -192,6 +211,26 @@ def _energies(mechanism: Mechanism, kinematics: _Kinematics, state: StateVariabl
         if isinstance(contact.law, Cushion):
             _add_cushion(energies, kinematics, contact, contact.law)
     return energies
+
+
+def _add_part(energies: _Energies, kinematics: _Kinematics, X_WB: SymbolicPose, part: Part, gravity: ca.SX) -> None:
+    center = X_WB.position + X_WB.rotation @ constant(part.center)
+    velocity, omega = kinematics.rate(center), kinematics.omega(X_WB.rotation)
+    energies.kinetic += 0.5 * part.mass * ca.dot(velocity, velocity)
+    energies.kinetic += 0.5 * ca.dot(omega, constant(part.inertia) @ omega)
+    energies.potential -= part.mass * ca.dot(gravity, center)
+
+
+def _add_moments(
+    energies: _Energies, kinematics: _Kinematics, X_WB: SymbolicPose, moments: MassMoments, gravity: ca.SX
+) -> None:
+    """The same about the origin of the part's frame: T = ½ m v² + v·(ω × s) + ½ ω·J ω with the first moment s = m c."""
+    velocity, omega = kinematics.rate(X_WB.position), kinematics.omega(X_WB.rotation)
+    mass, first = moments.mass, constant(moments.first)
+    energies.kinetic += 0.5 * mass * ca.dot(velocity, velocity)
+    energies.kinetic += ca.dot(velocity, X_WB.rotation @ ca.cross(omega, first))
+    energies.kinetic += 0.5 * ca.dot(omega, constant(moments.second) @ omega)
+    energies.potential -= ca.dot(gravity, mass * X_WB.position + X_WB.rotation @ first)
 
 
 def _add_rotors(energies: _Energies, mechanism: Mechanism, links: Sequence[Link], kinematics: _Kinematics) -> None:

@@ -10,7 +10,7 @@ import casadi as ca
 import sympy as sp
 
 from mbd_sim.errors import MbdSimError
-from mbd_sim.symbolic.exact_numbers import exact
+from mbd_sim.symbolic.exact_numbers import Exact, exact
 from mbd_sim.symbolic.polynomial import Algebra, Polynomial
 
 MAX_FACTORED = 12  # terms under a square root up to which it is factored
@@ -67,9 +67,11 @@ def evaluate(algebra: Algebra, function: ca.Function, inputs: Sequence[Sequence[
 
 def constant(algebra: Algebra, value: float) -> Polynomial:
     """The exact number for which a floating-point number stands, see `exact`."""
-    if not value:
-        return {}
-    number = exact(value)
+    return exact_polynomial(algebra, exact(value)) if value else {}
+
+
+def exact_polynomial(algebra: Algebra, number: Exact) -> Polynomial:
+    """An exact number as a polynomial."""
     result: Polynomial = {(): number.ratio}
     if number.radicand != 1:
         root = algebra.root(sp.sqrt(number.radicand), {(): Fraction(number.radicand)})
@@ -111,11 +113,11 @@ def _apply(algebra: Algebra, operation: int, values: list[Polynomial]) -> Polyno
         case ca.OP_INV, [x, *_]:
             return algebra.inverse(x, written)
         case ca.OP_SQRT, [x, *_]:
-            return _root(algebra, x)
+            return root(algebra, x)
         case ca.OP_FABS, [x, *_]:
             return algebra.root(sp.Abs(written(x)), algebra.multiply(x, x)) if x else {}
         case ((ca.OP_SIN | ca.OP_COS | ca.OP_TAN), [x, *_]):
-            sine, cosine = _sine_cosine(algebra, x)
+            sine, cosine = sine_cosine(algebra, x)
             if operation == ca.OP_TAN:
                 return algebra.multiply(sine, algebra.inverse(cosine, written))
             return sine if operation == ca.OP_SIN else cosine
@@ -141,19 +143,26 @@ def _apply(algebra: Algebra, operation: int, values: list[Polynomial]) -> Polyno
     return algebra.symbol(result)
 
 
-def _root(algebra: Algebra, x: Polynomial) -> Polynomial:
+def root(algebra: Algebra, x: Polynomial) -> Polynomial:
+    """The square root of a polynomial."""
     if set(x) <= {()}:
         return constant(algebra, float(x.get((), Fraction(0))) ** 0.5)
+    if len(x) == 1:
+        ((monomial, value),) = x.items()
+        if value > 0 and all(number in algebra.positive and exponent % 2 == 0 for number, exponent in monomial):
+            half = {tuple((number, exponent // 2) for number, exponent in monomial): Fraction(1)}
+            return algebra.multiply(constant(algebra, float(value) ** 0.5), half)
     square = expression(algebra, x)
     return algebra.root(sp.sqrt(sp.factor(square) if len(x) <= MAX_FACTORED else square), x)
 
 
-def _sine_cosine(algebra: Algebra, x: Polynomial) -> tuple[Polynomial, Polynomial]:
+def sine_cosine(algebra: Algebra, x: Polynomial) -> tuple[Polynomial, Polynomial]:
+    """The sine and the cosine of a polynomial."""
     if not x:
         return {}, dict(ONE)
     argument = expression(algebra, x)
     if argument.could_extract_minus_sign():
-        sine, cosine = _sine_cosine(algebra, algebra.scaled(x, -1))
+        sine, cosine = sine_cosine(algebra, algebra.scaled(x, -1))
         return algebra.scaled(sine, -1), cosine
     return algebra.sine_cosine(argument, sp.sin(argument, evaluate=False), sp.cos(argument, evaluate=False))
 

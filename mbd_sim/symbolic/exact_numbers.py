@@ -8,6 +8,8 @@ from fractions import Fraction
 
 TOLERANCE = 1e-12  # relative
 LARGEST_DENOMINATOR = 1000
+LARGEST_SEARCHED = 10**6  # denominator of a fraction that agrees to rounding
+ROUNDING = 1e-15  # relative
 LARGEST_RADICAND = 10**6
 
 
@@ -19,31 +21,37 @@ class Exact:
     radicand: int = 1
     pi: int = 0
 
+    def __float__(self) -> float:
+        return float(self.ratio) * math.sqrt(self.radicand) * math.pi**self.pi
 
-def exact(value: float) -> Exact:
-    """The simplest exact number within a relative 1e-12 of a finite value: a fraction, a root, a multiple of π or 1/π.
 
-    If there is none, its decimals.
+def exact(value: float, tolerance: float = TOLERANCE) -> Exact:
+    """The simplest exact number within a relative tolerance of a value: a fraction, a root, a multiple of π or 1/π.
+
+    If there is none, a longer fraction that agrees to rounding, or its decimals.
     """
-    found = _fraction(value)
+    found = _fraction(value, tolerance)
     if found is not None:
         return Exact(found)
-    square = _fraction(value * value)
+    square = _fraction(value * value, tolerance)
     if square is not None and square.numerator * square.denominator < LARGEST_RADICAND:
         # √(p/q) = √(p q)/q, with square factors extracted
         outside, radicand = _square_free(square.numerator * square.denominator)
         return Exact(Fraction(math.copysign(1, value)) * Fraction(outside, square.denominator), radicand)
     for power in (1, -1):
-        found = _fraction(value / math.pi**power)
+        found = _fraction(value / math.pi**power, tolerance)
         if found is not None:
             return Exact(found, 1, power)
-    return Exact(Fraction(repr(value)))
+    near = Fraction(value).limit_denominator(LARGEST_SEARCHED)
+    if abs(float(near) - value) <= ROUNDING * abs(value):
+        return Exact(near)
+    return Exact(Fraction(repr(value) if tolerance <= TOLERANCE else f"{value:.11g}"))
 
 
-def _fraction(value: float) -> Fraction | None:
+def _fraction(value: float, tolerance: float) -> Fraction | None:
     """A fraction with a small denominator or few decimals, or None."""
     for near in (Fraction(value).limit_denominator(LARGEST_DENOMINATOR), Fraction(f"{value:.6g}")):
-        if abs(float(near) - value) <= TOLERANCE * abs(value):
+        if abs(float(near) - value) <= tolerance * abs(value):
             return near
     return None
 

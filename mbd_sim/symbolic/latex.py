@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import groupby
 from typing import Any
 
-from mbd_sim.mechanism.joint_types import JOINT_KINDS
-from mbd_sim.symbolic.contact_latex import contact_lines, contact_meanings
-from mbd_sim.symbolic.latex_printer import escaped, write
+from mbd_sim.symbolic.contact_latex import contact_lines
+from mbd_sim.symbolic.latex_meanings import meanings
+from mbd_sim.symbolic.latex_printer import write
 from mbd_sim.symbolic.symbolic_constraints import SymbolicConstraint
-from mbd_sim.symbolic.symbolic_equations import Coordinate, SymbolicEquations
+from mbd_sim.symbolic.symbolic_equations import SymbolicEquations
 
 LONGEST_LINE = 420  # characters of LaTeX, about one line of a page
 
 
 def to_latex(equations: SymbolicEquations) -> str:
-    """LaTeX for a document with the package `amsmath`; numbers are in SI units, rounded to six digits."""
+    """LaTeX for a document with `amsmath` and `amssymb`; numbers are in SI units, rounded to six digits."""
     lines = [
-        rf"% Equations of motion of {equations.mechanism}, by mbd_sim. Needs \usepackage{{amsmath}}.",
+        rf"% Equations of motion of {equations.mechanism}, by mbd_sim. Needs \usepackage{{amsmath,amssymb}}.",
+        *_energy_lines(equations),
         r"\begin{align*}",
         *_aligned(motion_rows(equations)),
         r"\end{align*}",
@@ -36,11 +36,50 @@ def to_latex(equations: SymbolicEquations) -> str:
         r"\end{align*}",
         r"where",
         r"\begin{itemize}",
-        "\n".join(f"  \\item {line}" for line in _meanings(equations)).removesuffix(";") + ".",
+        "\n".join(f"  \\item {line}" for line in meanings(equations)).removesuffix(";") + ".",
         r"\end{itemize}",
         r"Numbers are in SI units, rounded to six digits.",
     ]
     return "\n".join(lines)
+
+
+def energy_rows(equations: SymbolicEquations) -> list[tuple[list[str], list[str]]]:
+    """The names and the terms of T, V and, if there are dampers, D."""
+    energies = equations.energies
+    if energies is None:
+        return []
+    named = [("T", energies.kinetic), ("V", energies.potential), ("D", energies.dissipation)]
+    shown = (pair for pair in named if pair[1] != 0 or pair[0] == "T")
+    return [([name], _terms(value, equations.names)) for name, value in shown]
+
+
+def _terms(value: Any, names: dict[Any, str]) -> list[str]:
+    """The terms of a sum that is too long for a line, or else the whole."""
+    whole = write(value, names)
+    if len(whole) <= LONGEST_LINE or not value.is_Add:
+        return [whole]
+    return [write(term, names) for term in value.as_ordered_terms()]
+
+
+def _energy_lines(equations: SymbolicEquations) -> list[str]:
+    rows = energy_rows(equations)
+    if not rows:
+        return []
+    what = {("T",): "kinetic energy", ("T", "V"): "kinetic and potential energies"}
+    letters = tuple(left[0] for left, _ in rows)
+    begin = what.get(
+        letters,
+        "energies and the dissipation function" if "V" in letters else "kinetic energy and the dissipation function",
+    )
+    lagrangian = "$L = T - V$" if "V" in letters else "$L = T$"
+    after = rf"With the Lagrangian {lagrangian}, the equations of motion are"
+    return [
+        f"The {begin} are" if letters != ("T",) else f"The {begin} is",
+        r"\begin{align*}",
+        *_aligned(rows),
+        r"\end{align*}",
+        after,
+    ]
 
 
 def motion_rows(equations: SymbolicEquations) -> list[tuple[list[str], list[str]]]:
@@ -65,10 +104,7 @@ def constraint_rows(equations: SymbolicEquations) -> list[tuple[list[str], list[
 
 def _constraint_terms(equations: SymbolicEquations, constraint: SymbolicConstraint) -> list[str]:
     if constraint.position is not None:
-        whole = write(constraint.position, equations.names)
-        if len(whole) <= LONGEST_LINE or not constraint.position.is_Add:
-            return [whole]
-        return [write(term, equations.names) for term in constraint.position.as_ordered_terms()]
+        return _terms(constraint.position, equations.names)
     return _rate_terms(equations, constraint)
 
 
@@ -137,65 +173,15 @@ def _aligned(rows: list[tuple[list[str], list[str]]]) -> Iterator[str]:
         if sum(map(len, first + second)) <= LONGEST_LINE:
             yield f"  {' '.join(first)} &= {' '.join(second)}{end}"
             continue
-        yield f"  & {first[0]} " + r"\\"
-        for term in first[1:]:
-            yield rf"  & \quad {{}} {term} " + r"\\"
         lines = [" ".join(second)] if sum(map(len, second)) <= LONGEST_LINE else second
-        yield f"  &= {lines[0]}" + (r" \\" if lines[1:] else end)
+        if len(first) > 1:
+            yield f"  & {first[0]} " + r"\\"
+            for term in first[1:]:
+                yield rf"  & \quad {{}} {term} " + r"\\"
+        yield f"  {first[0] if len(first) == 1 else ''} &= {lines[0]}" + (r" \\" if lines[1:] else end)
         for number, term in enumerate(lines[1:], 2):
             yield rf"  & \quad {{}} {term}" + (r" \\" if number < len(lines) else end)
 
 
 def _signed(terms: list[str]) -> list[str]:
     return [term if number == 0 or term.startswith("-") else f"+ {term}" for number, term in enumerate(terms or ["0"])]
-
-
-def _meanings(equations: SymbolicEquations) -> Iterator[str]:
-    names = equations.names
-    order = ", ".join(f"{names[symbol]}" for symbol in equations.u)
-    yield rf"$u = ({order})$ are the generalized speeds, in the order of the rows;"
-    for coordinate in equations.coordinates:
-        yield from _coordinate_meaning(coordinate, names)
-    rows = [(c.position or 0) + c.drift + sum(c.gradient) for c in equations.rows]
-    if equations.time in {s for e in (*equations.inertial, *equations.forces, *rows) for s in e.free_symbols}:
-        yield r"$t$ is the time, s;"
-    if equations.constraints:
-        yield (
-            r"$G^{T} \lambda$ are the constraint forces; a row of $G u + b$ is the rate of a holonomic constraint, "
-            "or a nonholonomic constraint itself;"
-        )
-    yield from contact_meanings(equations.contacts, names)
-    for _, group in groupby(equations.constraints, lambda constraint: constraint.owner):
-        yield _multiplier_meaning(list(group), names)
-    if equations.left_out:
-        yield f"omitted, as the other rows imply them: {escaped(', '.join(equations.left_out))};"
-
-
-def _multiplier_meaning(rows: list[SymbolicConstraint], names: dict[Any, str]) -> str:
-    """The multipliers of one joint or constraint, with the quantity that each row keeps at zero."""
-    first = rows[0]
-    owner = rf"joint \texttt{{{escaped(first.owner)}}}, which closes a loop" if first.closes else ""
-    owner = owner or rf"constraint \texttt{{{escaped(first.owner)}}}"
-    listed = "; ".join(_row_meaning(row, names) for row in rows)
-    return f"{'multipliers' if rows[1:] else 'multiplier'} of {owner}: {listed};"
-
-
-def _row_meaning(row: SymbolicConstraint, names: dict[Any, str]) -> str:
-    unit = row.load or "J per unit of the equation"
-    kind = ", nonholonomic" if row.position is None else ""
-    return f"${names[row.multiplier]}$, {unit}, of {escaped(row.quantity)}{kind}"
-
-
-def _coordinate_meaning(coordinate: Coordinate, names: dict[Any, str]) -> Iterator[str]:
-    joint = rf"joint \texttt{{{escaped(coordinate.joint)}}}"
-    kind = JOINT_KINDS[coordinate.type]
-    if kind.quaternion is None:
-        for q, effort, freedom in zip(coordinate.q, coordinate.efforts, kind.coordinates, strict=False):
-            what, load = ("angle", r"N\,m") if freedom.rotation else ("displacement", "N")
-            yield f"${names[q]}$ is the {what} of {joint}, {freedom.unit}, and ${names[effort]}$ its effort, {load};"
-        return
-    if kind.quaternion:  # after a position
-        yield f"$q$ is the position of the second part of {joint}, m, $v$ its velocity, m/s, and $F$ its force, N;"
-    rates = r"$\dot{p} = \tfrac{1}{2}\, p \circ (0, \omega)$"
-    yield f"$p$ is the unit quaternion $(w, x, y, z)$ of {joint}, with {rates};"
-    yield r"$\omega$ is its angular velocity in the axes of the second part, rad/s, and $\tau$ its moment, N\,m;"

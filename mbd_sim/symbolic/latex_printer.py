@@ -6,6 +6,11 @@ from functools import cache
 from typing import Any
 
 DIGITS = 6
+_ESCAPES = str.maketrans(
+    {character: f"\\{character}" for character in "_%#$&{}"}
+    | {"^": r"\textasciicircum{}", "~": r"\textasciitilde{}", "\\": r"\textbackslash{}"}
+    | {"²": "$^2$", "³": "$^3$", "·": r"$\cdot$", "°": r"$^{\circ}$"}
+)
 LARGEST_DENOMINATOR = 100  # of a number written as a fraction
 
 
@@ -17,6 +22,11 @@ def write(expression: Any, names: dict[Any, str]) -> str:
 def escaped(name: str) -> str:
     """A name with underscores escaped for LaTeX."""
     return name.replace("_", r"\_")
+
+
+def plain(text: str) -> str:
+    """Text of a file with the characters escaped that mean something to LaTeX."""
+    return text.translate(_ESCAPES)
 
 
 def number(numerator: int, denominator: int) -> str:

@@ -27,14 +27,15 @@ class TooLargeError(MbdSimError):
 class Algebra:
     """The generators of the polynomials: the SymPy expression of each one, and the polynomial of its square if known.
 
-    `angles` has for each sine and cosine its kind, and the number of its argument in `arguments`. `products` counts the
-    products of two terms.
+    `angles` has for each sine and cosine its kind, and the number of its argument in `arguments`. `positive` are
+    generators with positive values. `products` counts the products of two terms.
     """
 
     expressions: list[Any] = field(default_factory=list)
     squares: dict[int, Polynomial] = field(default_factory=dict)
     angles: dict[int, tuple[str, int]] = field(default_factory=dict)
     arguments: list[Any] = field(default_factory=list)
+    positive: set[int] = field(default_factory=set)
     products: int = 0
     _known: dict[Any, int] = field(default_factory=dict)
 

@@ -36,17 +36,31 @@ class SymbolicConstraint:
 
 
 def constraint_function(derived: Equations) -> ca.Function:
-    """(t, q, u, efforts) -> Φ (m,), G (m, nv) and b (m,) of the independent rows; b is zero for holonomic rows."""
+    """(t, q, u, efforts) -> Φ (m,), G (m, nv) and b (m,) of the independent rows; b is zero for holonomic rows.
+
+    If the equations have symbolic parameters, their values are the last argument.
+    """
     layout, kept = derived.layout, list(derived.start.independent)
     t, q = ca.SX.sym("t"), ca.SX.sym("q", layout.nq)
     u, efforts = ca.SX.sym("u", layout.nv), ca.SX.sym("e", layout.nv)
     others = ca.SX.zeros(derived.violation.size1_in(1) - layout.nq - layout.nv, 1)
-    both = derived.violation(t, ca.vertcat(q, u, others))
+    given, inputs = inputs_with_parameters(derived)
+    both = derived.violation.call([t, ca.vertcat(q, u, others), *([inputs] if given else [])])[0]
     velocity = both[kept, 1]
     at_rest = ca.substitute(velocity, u, ca.SX.zeros(layout.nv, 1))
     at_rest[[row for row, index in enumerate(kept) if derived.rows[index].position is not None]] = 0
     outputs = [both[kept, 0], ca.jacobian(velocity, u), at_rest]
-    return ca.Function("constraints", [t, q, u, efforts], [ca.sparsify(output) for output in outputs])
+    return ca.Function("constraints", [t, q, u, efforts, *given], [ca.sparsify(output) for output in outputs])
+
+
+def inputs_with_parameters(derived: Equations) -> tuple[list[ca.SX], ca.SX]:
+    """The symbols of the parameters as a list of one vector, empty without any, and the inputs with these values."""
+    inputs, span = ca.SX(ca.DM(derived.inputs_without_commands)), derived.inputs.values
+    if not derived.inputs.value_count:
+        return [], inputs
+    symbols = ca.SX.sym("p", derived.inputs.value_count)
+    inputs[span] = symbols
+    return [symbols], inputs
 
 
 def multipliers_of(rows: Sequence[ConstraintRow], names: dict[Any, str]) -> tuple[Any, ...]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 
 from mbd_sim.symbolic.latex_printer import escaped
-from mbd_sim.symbolic.symbolic_constraints import SymbolicConstraint, load_unit
+from mbd_sim.symbolic.symbolic_constraints import SymbolicConstraint, inputs_with_parameters, load_unit
 
 if TYPE_CHECKING:
     from mbd_sim.dynamics.constraint_rows import ConstraintRow
@@ -53,14 +53,14 @@ def contact_function(derived: Equations) -> ca.Function:
     t, q = ca.SX.sym("t"), ca.SX.sym("q", layout.nq)
     u, efforts = ca.SX.sym("u", layout.nv), ca.SX.sym("e", layout.nv)
     y = ca.vertcat(q, u, ca.SX.zeros(derived.start_state.size - layout.nq - layout.nv))
-    inputs = ca.SX(ca.DM(derived.inputs_without_commands))
+    given, inputs = inputs_with_parameters(derived)
     readings = contact.readings.call([t, y, inputs, ca.SX.zeros(rows, 1)])[0]
     velocity = readings[gaps : gaps + rows]
     at_rest = ca.substitute(velocity, u, ca.SX.zeros(layout.nv, 1))
     sizes = contact.terms.call([t, y, inputs])[2]
     restitution = contact.restitution.call([inputs])[0]
     outputs = [readings[:gaps], ca.jacobian(velocity, u), at_rest, restitution, sizes]
-    return ca.Function("contacts", [t, q, u, efforts], [ca.sparsify(output) for output in outputs])
+    return ca.Function("contacts", [t, q, u, efforts, *given], [ca.sparsify(output) for output in outputs])
 
 
 def symbolic_contacts(

@@ -9,7 +9,7 @@ import pytest
 
 from mbd_sim.cli.main import main
 from mbd_sim.symbolic import to_latex
-from mbd_sim.symbolic.latex import constraint_rows, entry_rows, motion_rows
+from mbd_sim.symbolic.latex import constraint_rows, energy_rows, entry_rows, motion_rows
 from mbd_sim.symbolic.latex_printer import number
 from test.generators.mechanisms import SHIPPED
 from test.symbolic.test_symbolic_equations import equations_of, small
@@ -63,7 +63,7 @@ def parse_term(term):
 @pytest.mark.parametrize("name", [name for name in SHIPPED if small(name)])
 def test_every_formula_parses(name):
     equations = equations_of(name)
-    for left, right in motion_rows(equations) + constraint_rows(equations):
+    for left, right in energy_rows(equations) + motion_rows(equations) + constraint_rows(equations):
         for formula in (*left, *right):
             parse(formula)
     text = to_latex(equations)
@@ -71,7 +71,7 @@ def test_every_formula_parses(name):
         parse(f"{left} = {right}")
     for formula in re.findall(r"\$([^$]+)\$", text):
         parse(formula)
-    assert text.count(r"\begin{align*}") == text.count(r"\end{align*}") == 2 + bool(equations.constraints)
+    assert text.count(r"\begin{align*}") == text.count(r"\end{align*}") == 3 + bool(equations.constraints)
     assert text.count("{") == text.count("}") and text.count(r"\left") == text.count(r"\right")
 
 
@@ -84,7 +84,7 @@ def test_formulas_with_mistakes_do_not_parse(formula):
 
 
 def test_the_command_prints_equations_and_meanings(capsys):
-    assert main(["check", "cart_pendulum_spring", "--latex"]) == 0
+    assert main(["check", "cart_pendulum_spring", "--latex", "--numbers"]) == 0
     text = capsys.readouterr().out
     assert r"\ddot{q}_{\mathrm{rail}} \cos {q_{\mathrm{pin}}}" in text or r"\cos {q_{\mathrm{pin}}}\, \ddot" in text
     assert r"M_{12} = M_{21} &= \cos {q_{\mathrm{pin}}}" in text
