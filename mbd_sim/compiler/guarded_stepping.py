@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType, Module, Value
+from mbd_sim.compiler.ir import BOOL, POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir_builder import IRBuilder
-from mbd_sim.compiler.ir_types import DOUBLE, FALSE, INT, integer, local_array, number
+from mbd_sim.compiler.ir_types import DOUBLE, FALSE, INT, element, integer, local_array, number
 from mbd_sim.compiler.ir_vectors import copy, for_each, load
 from mbd_sim.compiler.step_emitter import Prepare, StepEmitter, System
 from mbd_sim.compiler.stepping import ESTIMATED_EVERY, emit_plain_advance
@@ -20,6 +20,7 @@ PART, TO_EVENT, WHOLE = range(3)  # what to do at an event: ignore it, end befor
 GRAZING = 4.0 / 27.0  # the largest value of x (1 - x)², by which a cubic falls below its ends for unit slopes
 TURNING = 0.25  # of a slip velocity along two directions, by which it may change within a step
 STIFF = 0.5  # of the time in which friction can turn such a velocity, that a step may take
+NOT_SIGN = 2**63 - 1  # the bits of a double that are zero in both zeros
 AT_REST = 1e-12  # m/s, up to which slip along two directions counts as none
 
 
@@ -84,11 +85,10 @@ def _emit_part_step(module: Module, loops: Sequence[Function], guards: Guards) -
 
 def _call_loop(b: IRBuilder, loops: Sequence[Function], guards: Guards, arguments: Sequence[Value]) -> Value:
     """Call the first of two loops if any mode is not open, the second one otherwise."""
-    taken, squares = [], number(0.0)
+    taken, bits = [], integer(0)
     for index in range(guards.first_mode, guards.first_mode + guards.modes):
-        mode = load(b, arguments[1], index)
-        squares = b.fadd(squares, b.fmul(mode, mode))
-    with b.if_else(b.fcmp_unordered("!=", squares, number(0.0))) as branches:
+        bits = b.or_(bits, b.load(element(b, arguments[1], index), typ=INT))
+    with b.if_else(b.icmp_unsigned("!=", b.and_(bits, integer(NOT_SIGN)), integer(0))) as branches:
         for branch, function in zip(branches, loops, strict=True):
             with branch:
                 taken.append((b.call(function, arguments), b.block))
@@ -111,7 +111,7 @@ def _emit_loop(
     b = IRBuilder(function.append_basic_block("entry"))
     emitter, size = StepEmitter(b, system, inputs, h), system.size
     emit_step, y, before = prepare(emitter), emitter.y, emitter.vector()
-    check, sum_of_zeros = _Check(b, guards, closed), emitter.scalar()
+    check, sum_of_zeros = _Check(b, guards, closed, system.in_registers), emitter.scalar()
     guarded = b.icmp_signed("!=", mode, integer(PART))
 
     def time_of(step: Value) -> Value:
@@ -172,15 +172,16 @@ def _new_loop(module: Module, name: str) -> Function:
 class _Check:
     """The guards before and after a step, and whether one of them ends the step; with or without active rows."""
 
-    def __init__(self, b: IRBuilder, guards: Guards, closed: bool) -> None:
+    def __init__(self, b: IRBuilder, guards: Guards, closed: bool, in_registers: bool) -> None:
         """Allocate the arrays; the builder `b` must be in the entry block of a function."""
         self._b, self._guards, self._slips = b, guards, guards.slips if closed else ()
         rates = guards.rows if closed else guards.gaps
         first, count = (guards.gaps + 2 * rates, guards.count) if closed else (0, guards.gaps)
         self._function = guards.readings if closed else guards.open_guards
         self._kept, self._negative = guards.gaps + rates, range(first, first + count)
-        self._after = local_array(b, guards.gaps + 2 * guards.rows + guards.count + len(guards.slips))
-        self._before = local_array(b, self._kept)
+        size = guards.gaps + 2 * guards.rows + guards.count + len(guards.slips)
+        self._after = local_array(b, size, in_registers=in_registers)
+        self._before = local_array(b, self._kept, in_registers=in_registers)
 
     def read(self, t: Value, y: Value, inputs: Value, time: Value) -> None:
         """Evaluate the guards of a state; `time` is the address of a number."""
@@ -203,16 +204,36 @@ class _Check:
         for index, slip in enumerate(self._slips, self._negative.stop):
             stiff = b.fcmp_unordered(">", b.fmul(h, load(b, self._after, index)), number(STIFF))
             found = b.or_(found, b.or_(stiff, self._turns(slip, inputs)))
+        turning = FALSE
+        for gap in range(gaps):
+            turning = b.or_(turning, self._turns_back(gap))
+        before = b.block
+        with b.if_then(turning, likely=False):
+            grazed = b.or_(found, self._grazes(h))
+            examined = b.block
+        result = b.phi(BOOL)
+        result.add_incoming(found, before)
+        result.add_incoming(grazed, examined)
+        return result
+
+    def _turns_back(self, gap: int) -> Value:
+        """Whether a gap becomes smaller at the start of the step and larger at its end."""
+        b, slope = self._b, gap + self._guards.gaps
+        falls = b.fcmp_ordered("<", load(b, self._before, slope), number(0.0))
+        return b.and_(falls, b.fcmp_ordered(">", load(b, self._after, slope), number(0.0)))
+
+    def _grazes(self, h: Value) -> Value:
+        """Whether a gap that turns back within the step may have been negative before that."""
+        b, gaps, found = self._b, self._guards.gaps, FALSE
         factor = b.fmul(number(GRAZING), h)
         for gap in range(gaps):
             (last_gap, last_slope), (value, slope) = (
                 (load(b, values, gap), load(b, values, gap + gaps)) for values in (self._before, self._after)
             )
-            turns = b.and_(b.fcmp_ordered("<", last_slope, number(0.0)), b.fcmp_ordered(">", slope, number(0.0)))
             lower = b.select(b.fcmp_ordered("<", value, last_gap), value, last_gap)
             deep = b.fcmp_ordered("<", lower, b.fmul(factor, b.fsub(slope, last_slope)))
             open_before = b.fcmp_ordered(">", last_gap, number(self._guards.tolerance))
-            found = b.or_(found, b.and_(b.and_(turns, open_before), deep))
+            found = b.or_(found, b.and_(b.and_(self._turns_back(gap), open_before), deep))
         return found
 
     def _turns(self, slip: tuple[int, int], inputs: Value) -> Value:

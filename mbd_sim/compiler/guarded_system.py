@@ -59,7 +59,11 @@ def emit_guarded(
     contact_project = emit_solved(module, "solved_projection", *one_sided.project, active, fused=False)
     readings = emit_solved(module, "solved_readings", *one_sided.readings, active)
     closed = replace(
-        system, rates=rates, projection=_both(module, system, contact_project), projection_takes_inputs=True
+        system,
+        rates=rates,
+        projection=_both(module, system, contact_project),
+        projection_takes_inputs=True,
+        in_registers=False,
     )
     open_guards = arranged(one_sided.open_guards)
     guards = Guards(

@@ -36,6 +36,7 @@ class System:
     at the start of a step, the constraints are ill-conditioned and each further stage is projected too. The components
     in `still`, after the first `error_size` ones, have the rate zero, and no rate depends on them. Those in `held` have
     the rate zero, and on those in `unread` no rate depends. The `samples` change the state at the start of each step.
+    `in_registers`: the arrays of a step are kept there, see `local_array`.
     """
 
     size: int
@@ -48,6 +49,7 @@ class System:
     samples: Samples | None = None
     held: frozenset[int] = frozenset()
     unread: frozenset[int] = frozenset()
+    in_registers: bool = False
 
 
 # Emits the error estimate of a step, given the factor h of the slopes (None: 1) and a further error to add to it.
@@ -71,7 +73,7 @@ class StepEmitter:
 
     def vector(self) -> Value:
         """A new array of the size of the state; only in the entry block."""
-        return local_array(self.b, self.system.size)
+        return local_array(self.b, self.system.size, in_registers=self.system.in_registers)
 
     def scalar(self) -> Value:
         """A new number in memory; only in the entry block."""

@@ -96,16 +96,24 @@ def test_many_steps_in_one_call_are_as_many_calls_of_one_step(name, method):
 @pytest.mark.parametrize("name", MECHANISMS)
 @pytest.mark.parametrize("method", ["rk4", "dop853", "rosenbrock", "gauss4"])
 def test_how_it_is_compiled_does_not_show(monkeypatch, name, method):
-    """Rates inlined or called, state vectors in registers or in loops, optimized or not: the same bits."""
+    """Rates inlined or called, arrays in registers, in memory or in loops, optimized or not: the same bits."""
     found = []
-    for level, inlined, unrolled in ((1, 10**9, 10**9), (1, 0, 10**9), (1, 0, 0), (1, 2000, 40), (0, 2000, 40)):
+    for level, inlined, unrolled, few in (
+        (1, 10**9, 10**9, 0),
+        (1, 0, 10**9, 0),
+        (1, 0, 0, 0),
+        (1, 2000, 40, 0),
+        (1, 2000, 40, 10**9),
+        (0, 2000, 40, 0),
+    ):
         if inlined > 0 and unrolled > 40 and (name, method) != ("double_rod", "rk4"):
             continue  # large inlined loops only take long to compile
         monkeypatch.setattr(machine_code, "LEVEL", level)
         monkeypatch.setattr(kernel_module, "INLINED", inlined)
         monkeypatch.setattr(ir_vectors, "UNROLLED", unrolled)
+        monkeypatch.setattr(kernel_module, "FEW", few)
         found.append(bits(run(*compile_model(name, method), 300)))
-    assert len(found) >= 4
+    assert len(found) >= 5
     assert all(other == found[0] for other in found)
 
 
