@@ -85,6 +85,7 @@ def inertia_split(equations: Equations) -> InertiaSplit:
     kinetic = equations.energies(t, y)[0]
     q_rates = equations.rates.call([t, y, ca.SX.zeros(equations.inputs.size)])[0][:nq]
     to_rates = ca.jacobian(q_rates, u)
+    drift = ca.substitute(q_rates, u, ca.SX.zeros(nv, 1))  # of the states of drives that follow commands
 
     at_rest = ca.SX.zeros(nv, 1)
     mass = ca.hessian(kinetic, u)[0]
@@ -98,11 +99,11 @@ def inertia_split(equations: Equations) -> InertiaSplit:
     momentum = pseudoinverse.T @ (mass @ u)  # ∂T2/∂q'
     v = ca.SX.sym("q'", nq)
     second = 0.5 * ca.dot(pseudoinverse @ v, mass @ (pseudoinverse @ v))
-    of_second = ca.substitute(ca.gradient(second, q), v, q_rates)
-    relative = mass @ u_rates + to_rates.T @ (ca.jtimes(momentum, q, q_rates) - of_second)
-    transport = to_rates.T @ (ca.jacobian(form, t) - ca.gradient(constant, q))
+    of_second = ca.substitute(ca.gradient(second, q), v, q_rates - drift)
+    relative = mass @ u_rates + to_rates.T @ (ca.jtimes(momentum, q, q_rates - drift) - of_second)
+    transport = to_rates.T @ (ca.jacobian(form, t) + ca.jtimes(form, q, drift) - ca.gradient(constant, q))
     matrix = slopes - slopes.T  # exactly skew-symmetric
-    unsteady = ca.jtimes(mass @ u, t, ca.SX(1))
+    unsteady = ca.jtimes(mass @ u, t, ca.SX(1)) + ca.jtimes(mass @ u, q, drift)
     columns = ca.horzcat(relative, transport, matrix @ u, unsteady)
     parts = ca.vertcat(0.5 * ca.dot(u, mass @ u), ca.dot(carried, u), constant)
     return InertiaSplit(

@@ -36,7 +36,8 @@ class Linearization:
     speeds) and w that of u. Where friction sticks, l < k: what sticks can be displaced, but does not move.
 
     `states` are the names of s, such as `drive.current`, and `commands` those of c, such as `drive.voltage`, in their
-    order and in SI units.
+    order and in SI units. Drives that follow commands move on as they do at the state: neither their states nor their
+    commands are among these.
     """
 
     a: Array
@@ -111,7 +112,8 @@ def linearize(
     b = np.vstack([np.zeros((len(to_p), by_inputs.shape[1])), to_w @ by_inputs[:nv], by_inputs[nv:]])
     actuators = equations.mechanism.actuators
     names = equations.actuator_layout.core_names(actuators), channel_names(actuators)
-    return Linearization(a, b[:, :nv], displacements, speeds, b[:, nv:], *names)
+    by_commands = b[:, nv : nv + len(names[1])]  # those of drives follow, and change only the drives' accelerations
+    return Linearization(a, b[:, :nv], displacements, speeds, by_commands, *names)
 
 
 def rate_derivatives(equations: Equations) -> ca.Function:

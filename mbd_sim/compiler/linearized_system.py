@@ -70,7 +70,7 @@ class Memory:
     def keep(self, matrix: ca.SX) -> ca.SX:
         """The same matrix with symbols in place of its entries."""
         entries = []
-        for value in ca.vertsplit(matrix.nz[:]) if matrix.nnz() else []:
+        for value in ca.vertsplit(ca.vec(matrix.nz[:])) if matrix.nnz() else []:
             symbol = value if value.is_constant() else ca.SX.sym(f"m{len(self._pairs)}")
             if symbol is not value:
                 self._pairs.append((symbol, value))

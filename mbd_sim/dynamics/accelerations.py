@@ -9,6 +9,7 @@ import casadi as ca
 
 from mbd_sim.dynamics.actuator_forces import ActuatorForces, actuator_forces, with_actuators
 from mbd_sim.dynamics.articulated_body import Accelerations, FactorizedMassMatrix
+from mbd_sim.dynamics.commanded_drives import driven_motion
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
 from mbd_sim.dynamics.coordinate_forces import coordinate_forces
 from mbd_sim.dynamics.element_forces import ElementForces, element_forces
@@ -16,7 +17,6 @@ from mbd_sim.dynamics.joint_forces import JointForces, joint_forces
 from mbd_sim.dynamics.multipliers import ConstraintSolver
 from mbd_sim.dynamics.reactions import transmitted_wrenches
 from mbd_sim.dynamics.state_variables import StateVariables
-from mbd_sim.dynamics.time_functions import time_functions
 from mbd_sim.dynamics.tracing import TracedMechanism
 
 
@@ -105,7 +105,7 @@ def drive_table(traced: TracedMechanism, transmitted: Sequence[ca.SX], coupling:
         if (prescribed := motion.joint.prescribed) is not None:
             given = ca.vertcat(*(coupling.get(name, ca.SX(1, 1)) for name in link.joint.motion_names))
             force = prescribed.partial_velocities.T @ wrench - given
-            coordinates = time_functions(link.joint.drive, traced.state.t)[0]
+            coordinates = driven_motion(link, traced.state.t, traced.state.q)[0]
             driven[link.joint.name] = ca.horzcat(coordinates, prescribed.speeds, force)
     return ca.vertcat(ca.SX(0, 3), *(driven[name] for name in traced.mechanism.joints if name in driven))
 

@@ -176,6 +176,25 @@ def nearby_configurations(
     return configurations
 
 
+def configurations_of_drives(
+    constraints: ConstraintFunctions, q: Array, positions: Sequence[int]
+) -> list[tuple[float, Array]]:
+    """Pairs (0, q) around an assembled configuration, to which drives that follow commands may take it.
+
+    :param positions: the indices in q of their positions.
+    """
+    all_free = np.ones(constraints.gradient(0.0, q).shape[1], dtype=bool)
+    configurations = []
+    for index in positions:
+        for change in (0.15, -0.15):
+            moved = q.copy()
+            moved[index] += change
+            closure = _newton(constraints, 0.0, moved, all_free)
+            if closure.closed and not undefined_rows(constraints, 0.0, closure.q).any():
+                configurations.append((0.0, closure.q))
+    return configurations
+
+
 def null_space(matrix: Array) -> Array:
     """An orthonormal basis (n, k) of the null space of a matrix (m, n)."""
     if not matrix.size:

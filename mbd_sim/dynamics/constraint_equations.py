@@ -13,11 +13,11 @@ from mbd_sim.dynamics.body_symbols import (
     link_wrench,
     world_twist,
 )
+from mbd_sim.dynamics.commanded_drives import driven_motion
 from mbd_sim.dynamics.constraint_rows import ConstraintRow, constraint_rows
 from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.loop_equations import branch_checks, joint_frames
 from mbd_sim.dynamics.state_variables import function_of_coordinates
-from mbd_sim.dynamics.time_functions import time_functions
 from mbd_sim.dynamics.tracing import StateSymbols, TracedMechanism
 
 
@@ -106,7 +106,8 @@ def equations_of_rows(
     slip = in_state(body_slip)
     to_rates = ca.jacobian(state.q_rates, state.u)
     gradient = ca.sparsify(ca.jacobian(position, state.q) @ to_rates + ca.jacobian(slip, state.u))
-    velocity = ca.sparsify(ca.jacobian(position, state.q) @ to_rates @ state.u + ca.jacobian(position, state.t) + slip)
+    velocity = ca.jacobian(position, state.q) @ to_rates @ state.u + ca.jacobian(position, state.t) + slip
+    velocity = ca.sparsify(velocity + ca.jtimes(position, state.q, state.drive_rates))
     body_velocity = bodies.rate(body_position) + ca.jacobian(body_position, time) + body_slip
     wrenches = in_state(ca.jacobian(body_velocity, twists)).T
     own_rate = ca.substitute([body_velocity], [twists], [ca.SX.zeros(*twists.shape)])[0]
@@ -184,6 +185,6 @@ def coordinates_by_name(links: Sequence[Link], t: ca.SX, q: ca.SX) -> dict[str, 
     coordinates: dict[str, ca.SX] = {}
     for link in links:
         joint = link.joint
-        values = time_functions(joint.drive, t)[0] if joint.drive else q[link.q, :]
+        values = driven_motion(link, t, q)[0] if joint.drive else q[link.q, :]
         coordinates |= dict(zip(joint.motion_names, ca.vertsplit(values), strict=False))
     return coordinates

@@ -34,6 +34,7 @@ from mbd_sim.dynamics.constraint_rows import ConstraintRow
 from mbd_sim.dynamics.contact_equations import contact_equations, with_contact_inputs
 from mbd_sim.dynamics.contact_functions import ContactDynamics, ContactFunctions
 from mbd_sim.dynamics.distant_springs import DistantSprings, distant_springs
+from mbd_sim.dynamics.drive_commands import hold_drives
 from mbd_sim.dynamics.energy import AUDIT_STATES, gravitational_potential
 from mbd_sim.dynamics.initial_conditions import AssembledStart, Assembly, assemble
 from mbd_sim.dynamics.input_layout import InputLayout
@@ -119,14 +120,23 @@ class Equations:
         :param centers: (3,) center of mass of each loaded part in m, the point at which its wrench acts.
         """
         inputs = self.inputs.without_commands(centers, self.parameters.base)
-        if self.actuators is not None:
-            self.actuators.hold(self.mechanism.actuators, self.start_state.copy(), inputs)
+        self.hold(self.mechanism, self.start_state.copy(), inputs)
         return inputs
 
     @property
     def actuator_layout(self) -> ActuatorLayout:
         """Where the states of actuators are in y; empty without actuators."""
         return ActuatorLayout() if self.actuators is None else self.actuators.layout
+
+    def hold(self, mechanism: Mechanism, y: Array, inputs: Array) -> None:
+        """Set states and commands of actuators and drives in place to those before the first command.
+
+        :param mechanism: this one, or a variant with other start commands.
+        :param y: the state, whose positions are those that are held.
+        """
+        hold_drives(mechanism, self.layout, self.inputs, y, inputs)
+        if self.actuators is not None:
+            self.actuators.hold(mechanism.actuators, y, inputs)
 
     @cached_property
     def reactions(self) -> ca.Function:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from mbd_sim.dynamics.commanded_drives import driven_motion
 from mbd_sim.dynamics.spatial_algebra import constant, skew
-from mbd_sim.dynamics.time_functions import time_functions
 from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.geometry.pose import Pose, identity_pose
 from mbd_sim.mechanism.records import GROUND
@@ -65,8 +65,11 @@ def frame_motion(
 
 def coordinate_accelerations(traced: TracedMechanism, u_rates: ca.SX) -> ca.SX:
     """u' (nv,), then the accelerations of the driven coordinates, in declared order."""
+    links = {link.joint.name: link for link in traced.links}
     driven = [
-        time_functions(joint.drive, traced.state.t)[2] for joint in traced.mechanism.joints.values() if joint.drive
+        driven_motion(links[name], traced.state.t, traced.state.q)[2]
+        for name, joint in traced.mechanism.joints.items()
+        if joint.drive
     ]
     return ca.vertcat(u_rates, *driven)
 

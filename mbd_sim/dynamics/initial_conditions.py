@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mbd_sim.dynamics.assembly import (
     close_loops,
+    configurations_of_drives,
     dependent_rows,
     fit_speeds,
     independent_rows,
@@ -33,6 +34,7 @@ from mbd_sim.dynamics.links import CoordinateLayout
 from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.constraints import expressions_of
+from mbd_sim.mechanism.drives import commanded_drives
 from mbd_sim.mechanism.expression import names_in
 from mbd_sim.mechanism.records import Mechanism
 
@@ -120,6 +122,8 @@ def given_start(mechanism: Mechanism, layout: CoordinateLayout) -> tuple[Array, 
     for name, joint in mechanism.joints.items():
         q[layout.q[name]] = joint.position
         u[layout.u[name]] = joint.velocity
+    for name, drive in commanded_drives(mechanism).items():
+        q[layout.drives[name].start] = drive.start
     return q, u
 
 
@@ -139,10 +143,12 @@ def assembled_start(
     if (undefined := undefined_rows(constraints, 0.0, q)).any():
         raise undefined_constraints(mechanism, rows, undefined)
     nearby = nearby_configurations(constraints, q, LATER if rheonomic(mechanism) else ())
+    nearby += configurations_of_drives(constraints, q, [states.start for states in layout.drives.values()])
     gradients = [constraints.gradient(t, at) for t, at in nearby]
     independent, ranks = independent_rows(gradients)
     active = sorted({*independent, *nonzero_rows(gradients)})
-    _require_compatible_drives(mechanism, constraints, rows, independent, nearby)
+    moving = [(t, _with_moving_drives(layout, at)) for t, at in nearby]
+    _require_compatible_drives(mechanism, constraints, rows, independent, moving)
     if max(ranks) == layout.nv and not rheonomic(mechanism):
         raise no_mobility(mechanism, rows, layout.nv)
     return AssembledStart(q, _consistent_speeds(mechanism, constraints, rows, q, u), independent, active, ranks, nearby)
@@ -192,6 +198,13 @@ def rheonomic(mechanism: Mechanism) -> bool:
     """Whether the constraints depend on time."""
     expressions = [expression for constraint in mechanism.constraints for expression in expressions_of(constraint)]
     return bool(mechanism.driven_names) or any("t" in names_in(expression.text) for expression in expressions)
+
+
+def _with_moving_drives(layout: CoordinateLayout, q: Array) -> Array:
+    """The same coordinates, with a speed of 1 of each drive that follows commands."""
+    moving = q.copy()
+    moving[[states.start + 1 for states in layout.drives.values()]] = 1.0
+    return moving
 
 
 def _require_compatible_drives(

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from mbd_sim.dynamics.commanded_drives import driven_motion
 from mbd_sim.dynamics.joint_motions import JOINT_MOTIONS
 from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.motion import JointMotion, inverse_motion, prescribed_motion
 from mbd_sim.dynamics.spatial_algebra import constant, motion_transform
-from mbd_sim.dynamics.time_functions import time_functions
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ def joint_motion(link: Link, t: ca.SX, q: ca.SX, u: ca.SX) -> JointMotion:
     motion_of = JOINT_MOTIONS[link.joint.type]
     reverse = link.joint.reversed and not link.joint.kind.axial
     if link.joint.drive:
-        coordinates, speeds, speed_rates = time_functions(link.joint.drive, t)
+        coordinates, speeds, speed_rates = driven_motion(link, t, q)
         motion = motion_of(link.axes, coordinates, speeds)
         return prescribed_motion(inverse_motion(motion) if reverse else motion, speeds, speed_rates)
     motion = motion_of(link.axes, q[link.q, :], u[link.u, :])

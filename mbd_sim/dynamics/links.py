@@ -10,6 +10,7 @@ from mbd_sim.dynamics.joint_motions import JointAxes
 from mbd_sim.dynamics.spatial_algebra import inertia_matrix
 from mbd_sim.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.geometry.rotation import aligning_z
+from mbd_sim.mechanism.drives import STATES, commanded_drives
 from mbd_sim.mechanism.records import GROUND, Joint, Mechanism
 
 ROUND_OFF = 1e-15  # relative to a component, or to the largest component if the component stands for zero
@@ -22,7 +23,8 @@ class Link:
     `parent` is the index of the inboard link, -1 for ground. `X_PF` places the joint's inboard frame in that link's
     frame, and `axes` are expressed in the joint's frame. `X_LB` places the part's frame in the link's frame.
     `inertia` (6, 6) is about the link's origin; it includes a third of the mass of each spring with mass between the
-    part and ground. `q` and `u` are the slices of the joint's coordinates and speeds.
+    part and ground. `q` and `u` are the slices of the joint's coordinates and speeds, and `drive` is that of the states
+    of a commanded drive in q.
     """
 
     joint: Joint
@@ -33,16 +35,21 @@ class Link:
     inertia: Array
     q: slice
     u: slice
+    drive: slice
 
 
 @dataclass(frozen=True, eq=False)
 class CoordinateLayout:
-    """The slices of each joint's coordinates in q (nq,) and speeds in u (nv,), in declared order."""
+    """The slices of each joint's coordinates in q (nq,) and speeds in u (nv,), in declared order.
+
+    The states of commanded `drives`, by the names of their joints, are the last coordinates in q.
+    """
 
     q: dict[str, slice]
     u: dict[str, slice]
     nq: int
     nv: int
+    drives: dict[str, slice]
 
 
 def coordinate_layout(mechanism: Mechanism) -> CoordinateLayout:
@@ -54,7 +61,8 @@ def coordinate_layout(mechanism: Mechanism) -> CoordinateLayout:
         joint_nq, joint_nv = (0, 0) if joint.drive else (joint.kind.nq, joint.kind.nv)
         q[joint.name], u[joint.name] = slice(nq, nq + joint_nq), slice(nv, nv + joint_nv)
         nq, nv = nq + joint_nq, nv + joint_nv
-    return CoordinateLayout(q, u, nq, nv)
+    drives = {name: slice(nq + STATES * i, nq + STATES * (i + 1)) for i, name in enumerate(commanded_drives(mechanism))}
+    return CoordinateLayout(q, u, nq + STATES * len(drives), nv, drives)
 
 
 def build_links(mechanism: Mechanism) -> list[Link]:
@@ -83,6 +91,7 @@ def build_links(mechanism: Mechanism) -> list[Link]:
                 inertia=inertia_matrix(part.mass, center, inertia) + _inertia_of_springs(mechanism, part.name, own),
                 q=layout.q[joint.name],
                 u=layout.u[joint.name],
+                drive=layout.drives.get(joint.name, slice(0, 0)),
             )
         )
         index[part.name] = len(result) - 1

@@ -7,9 +7,9 @@ from typing import assert_never
 
 import casadi as ca
 
+from mbd_sim.dynamics.commanded_drives import driven_motion
 from mbd_sim.dynamics.frame_motion import FrameMotion, frame_motion
 from mbd_sim.dynamics.spatial_algebra import constant
-from mbd_sim.dynamics.time_functions import time_functions
 from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.mechanism.sensors import (
     Accelerometer,
@@ -85,13 +85,13 @@ def _range_values(own: FrameMotion, target: FrameMotion, sensor: RangeFinder) ->
 
 def coordinate_values(traced: TracedMechanism, name: str) -> tuple[ca.SX, ca.SX]:
     """The position and the speed of a free or driven coordinate that is not part of an orientation."""
-    for joint in traced.mechanism.joints.values():
+    for link in traced.links:
+        joint = link.joint
         if name not in joint.motion_names:
             continue
         number = joint.motion_names.index(name)
         if joint.drive:
-            positions, speeds, _ = time_functions(joint.drive, traced.state.t)
+            positions, speeds, _ = driven_motion(link, traced.state.t, traced.state.q)
             return positions[number], speeds[number]
-        q, u = traced.layout.q[joint.name], traced.layout.u[joint.name]
-        return traced.state.q[q.start + number], traced.state.u[u.start + number]
+        return traced.state.q[link.q.start + number], traced.state.u[link.u.start + number]
     raise ValueError(f"there is no coordinate '{name}'")

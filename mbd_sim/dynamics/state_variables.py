@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from mbd_sim.dynamics.commanded_drives import driven_motion
 from mbd_sim.dynamics.links import Link
-from mbd_sim.dynamics.time_functions import function_of, time_functions
+from mbd_sim.dynamics.time_functions import function_of
 from mbd_sim.mechanism.expression import TIME, TimeExpression
 from mbd_sim.mechanism.laws import ELONGATION, ELONGATION_RATE
 
@@ -47,7 +48,7 @@ class StateVariables:
         for link in links:
             joint, positions, speeds = link.joint, q[link.q], u[link.u]
             if joint.drive:
-                positions, speeds, _ = time_functions(joint.drive, t)
+                positions, speeds, _ = driven_motion(link, t, q)
             elif joint.kind.quaternion is not None:  # which has no coordinates of its rotation
                 positions = positions[: joint.kind.quaternion]
             for index, name in enumerate(joint.motion_names):

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import casadi as ca
 
 from mbd_sim.dynamics.actuator_layout import ActuatorLayout, actuator_layout
+from mbd_sim.dynamics.commanded_drives import drive_rates
+from mbd_sim.dynamics.drive_commands import drive_command_count, drive_command_slices, require_resolved
 from mbd_sim.dynamics.energy import audit_states, kinetic_energy
 from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.dynamics.kinematics import (
@@ -25,17 +27,22 @@ from mbd_sim.dynamics.symbolic_parameters import (
     varying_parameters,
     with_symbols,
 )
+from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.records import Mechanism
 
 
 @dataclass(frozen=True, eq=False)
 class StateSymbols:
-    """The symbols t, q (nq,) and u (nv,) of which everything is a function, and q' (nq,) = N(q) u."""
+    """The symbols t, q (nq,) and u (nv,) of which everything is a function, and q' (nq,).
+
+    q' is N(q) u plus the `drive_rates` (nq,), those of the states of commanded drives.
+    """
 
     t: ca.SX
     q: ca.SX
     u: ca.SX
     q_rates: ca.SX
+    drive_rates: ca.SX
 
     def rate(self, expression: ca.SX) -> ca.SX:
         """The time derivative of an expression of t and q; for one of u as well, its part without u'."""
@@ -90,7 +97,7 @@ def trace(
     :param loaded: parts on which external wrenches act.
     :param parameters: the numbers of the mechanism that are inputs; none by default.
     :param step: in s; by default that of the mechanism.
-    :raises MechanismError: the step does not divide the period of a servo, or a delay.
+    :raises MechanismError: the step does not divide the period of a servo, or a delay, or is too long for a drive.
     """
     parameters = parameters or varying_parameters(equation_data(mechanism), ())
     symbolic, links = with_symbols(mechanism, parameters)
@@ -99,7 +106,10 @@ def trace(
     input_layout = InputLayout(nv, tuple(loaded), len(parameters.base))
     step = step or mechanism.step
     actuators = actuator_layout(symbolic, nq + nv, input_layout.values.start, step)
-    input_layout = replace(input_layout, command_count=actuators.command_count)
+    drive_commands = drive_command_slices(mechanism, input_layout.values.start + actuators.command_count)
+    count = actuators.command_count + drive_command_count(mechanism)
+    input_layout = replace(input_layout, command_count=count)
+    require_resolved(mechanism, step)
     t, efforts = ca.SX.sym("t"), ca.SX.sym("e", nv)
     commands = ca.SX.sym("w", input_layout.values.start - nv)
     y = ca.SX.sym("y", nq + nv + actuators.size + len(audit_states(mechanism)))
@@ -108,6 +118,12 @@ def trace(
     kinetic, rotors = kinetic_energy(links, motions), rotor_inertias(symbolic.actuators, links, nv)
     if rotors is not None:
         kinetic += 0.5 * ca.dot(rotors, u**2)
+    inputs = ca.vertcat(efforts, commands, parameters.symbols)
+    from_drives = ca.SX(nq, 1)
+    for link in links:
+        if isinstance(link.joint.drive, CommandedDrive):
+            given = inputs[drive_commands[link.joint.name]]
+            from_drives[link.drive] = drive_rates(link.joint.drive, q[link.drive], given)
     return TracedMechanism(
         numeric=mechanism,
         mechanism=symbolic,
@@ -115,10 +131,10 @@ def trace(
         layout=layout,
         parameters=parameters,
         input_layout=input_layout,
-        state=StateSymbols(t, q, u, coordinate_rates(links, motions, nq)),
+        state=StateSymbols(t, q, u, coordinate_rates(links, motions, nq) + from_drives, from_drives),
         y=y,
         audit=audit,
-        inputs=ca.vertcat(efforts, commands, parameters.symbols),
+        inputs=inputs,
         efforts=efforts,
         motions=motions,
         poses=part_poses(links, t, q),

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Literal, assert_never
 
 from mbd_sim.errors import MechanismError, Problem, listed
 from mbd_sim.mechanism.cylinders import Cylinder
+from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.records import Attachment
 
 if TYPE_CHECKING:
@@ -172,9 +173,9 @@ def line_ports(mechanism: Mechanism) -> dict[str, LinePort]:
     return {actuator.name: actuator.port for actuator in mechanism.actuators if isinstance(actuator.port, LinePort)}
 
 
-def channel_names(actuators: Sequence[Actuator]) -> tuple[str, ...]:
-    """The commands of all actuators in their order, as `actuator.channel`."""
-    return tuple(f"{actuator.name}.{channel}" for actuator in actuators for channel in actuator.channels)
+def channel_names(takers: Sequence[Actuator | CommandedDrive]) -> tuple[str, ...]:
+    """All commands in their order, as `actuator.channel`; a drive has the name of its joint."""
+    return tuple(f"{taker.name}.{channel}" for taker in takers for channel in taker.channels)
 
 
 def has_actuator_states(mechanism: Mechanism) -> bool:

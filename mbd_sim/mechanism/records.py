@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, assert_never
 import numpy as np
 
 from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.joint_types import JOINT_KINDS, JointCoordinate, JointKind, JointType
 from mbd_sim.mechanism.laws import ElasticLaw, Friction, PowerLaw, Varying
@@ -98,9 +99,10 @@ class Joint:
     spherical or free joint has its unit quaternion (w, x, y, z) and its angular velocity (3,) in the child's axes
     there, a free one after its position and velocity (3,) in the parent-side frame. `stiffness`, `rest` and
     `damping` have a value for each degree of freedom. A joint with a `drive` has none: its coordinates are these
-    expressions of time. `limits` have an entry for each coordinate, or none at all. A `spring` law takes the elongation
-    q - rest, the laws `damper` and `friction` the speed; only revolute and prismatic joints have them. A `reversed`
-    joint leads from child to parent in the spanning tree. `velocity_limit` is not simulated, only passed on to URDF.
+    expressions of time, or follow commands. `limits` have an entry for each coordinate, or none at all. A `spring` law
+    takes the elongation q - rest, the laws `damper` and `friction` the speed; only revolute and prismatic joints have
+    them. A `reversed` joint leads from child to parent in the spanning tree. `velocity_limit` is not simulated, only
+    passed on to URDF.
     `fixed_in_assembly` and `fixed_speeds` (nv,) mark start values that the assembly of loops must not change. A joint
     with `cut` closes a loop. Redundant joints share the load in inverse proportion to their relative `compliance`.
     """
@@ -119,7 +121,7 @@ class Joint:
     rest: Array
     damping: Array
     lead: float = 0.0
-    drive: tuple[TimeExpression, ...] = ()
+    drive: tuple[TimeExpression, ...] | CommandedDrive = ()
     limits: tuple[Limits | None, ...] = ()
     effort_limit: float | None = None
     velocity_limit: float | None = None
@@ -236,6 +238,12 @@ class Mechanism:
     def driven_names(self) -> tuple[str, ...]:
         """A name for each coordinate of the driven joints, in declared order."""
         return tuple(name for joint in self.joints.values() if joint.drive for name in joint.motion_names)
+
+    @property
+    def commanded(self) -> tuple[Actuator | CommandedDrive, ...]:
+        """The actuators, then the drives that follow commands, in the order of their commands among the inputs."""
+        drives = (joint.drive for joint in self.joints.values() if isinstance(joint.drive, CommandedDrive))
+        return (*self.actuators, *drives)
 
     @property
     def mass(self) -> float:

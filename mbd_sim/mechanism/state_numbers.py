@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.drives import STATES, CommandedDrive, commanded_drives
 from mbd_sim.mechanism.expression import TIME, StateName, TimeExpression
 from mbd_sim.mechanism.records import Mechanism
 
@@ -27,11 +28,15 @@ def _number(mechanism: Mechanism, name: StateName, time: float, y: Array) -> flo
     if owner is None:
         return float("nan")
     index = owner.motion_names.index(name.coordinate)
+    drives = list(commanded_drives(mechanism))
+    coordinates = sum(joint.kind.nq for joint in moving)
+    if isinstance(owner.drive, CommandedDrive):
+        return float(y[coordinates + STATES * drives.index(owner.name) + name.speed])
     if owner.drive:
         return _driven(owner.drive[index], name.speed, time)
     before = moving[: moving.index(owner)]
     if name.speed:
-        start = sum(joint.kind.nq for joint in moving) + sum(joint.kind.nv for joint in before)
+        start = coordinates + STATES * len(drives) + sum(joint.kind.nv for joint in before)
     else:
         start = sum(joint.kind.nq for joint in before)
     return float(y[start + index])

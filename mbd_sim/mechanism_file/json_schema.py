@@ -31,6 +31,8 @@ REPETITION: SchemaNode = {
 }
 MERGED_SECTIONS = ("parts", "joints")  # whose entries may be incomplete beside a URDF that has the rest of them
 
+_FORMS_BY_TYPE = {"array": "list", "object": "mapping"}  # the tags of alternatives
+
 
 def json_schema() -> SchemaNode:
     """The JSON Schema of mechanism files. A file with `urdf` may leave out entries that the URDF has."""
@@ -164,7 +166,7 @@ def _below(node: SchemaNode, step: int | str) -> list[SchemaNode]:
         return node.get("prefixItems", [])[step : step + 1] or [node[key] for key in ("items",) if key in node]
     if step in node.get("properties", {}):
         return [node["properties"][step]]
-    if step == {"array": "list", "object": "mapping"}.get(node.get("type", "")) and "patternProperties" not in node:
+    if step == _FORMS_BY_TYPE.get(str(node.get("type"))) and "patternProperties" not in node:
         return [node]
     others = node.get("additionalProperties")
     return [*node.get("patternProperties", {}).values(), *([others] if isinstance(others, dict) else [])]

@@ -45,7 +45,7 @@ def no_efforts(model: Model) -> bytes:
 
 def applied_commands(model: Model) -> EventWriter:
     """The commands of actuators that act from the event's step on, labeled with `actuator.channel`."""
-    message, values = labeled_array(channel_names(model.mechanism.actuators))
+    message, values = labeled_array(channel_names(model.mechanism.commanded))
 
     def write(event: Event) -> bytes | None:
         if not isinstance(event.payload, AppliedCommands):
@@ -58,7 +58,7 @@ def applied_commands(model: Model) -> EventWriter:
 
 def start_commands(model: Model) -> bytes:
     """The commands of actuators that act after a reset."""
-    message, values = labeled_array(channel_names(model.mechanism.actuators))
+    message, values = labeled_array(channel_names(model.mechanism.commanded))
     values[:] = model.inputs[model.equations.inputs.commands]
     return message.payload()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, assert_never
 
@@ -22,6 +23,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.rotation import rotation_vector
 from mbd_sim.mechanism.actuators import Actuator, CoordinatePort, DcMotor, EffortMotor, Machine, has_actuator_states
 from mbd_sim.mechanism.cylinders import Cylinder, Oil
+from mbd_sim.mechanism.drives import STATES, CommandedDrive
 from mbd_sim.mechanism.records import Joint, Mechanism, Part
 from mbd_sim.report.sensor_report import sensor_report
 from mbd_sim.simulation.simulation import Simulation
@@ -217,12 +219,29 @@ def _small_motions(equations: Equations, instructions: int) -> dict[str, Any]:
         return {"equilibrium": None, "reason": "no equilibrium was found near the start", "modes": []}
     found = modes(linearize(equations, q, np.zeros(nv), np.zeros(nv)))
     return {
-        "equilibrium": q.tolist(),
+        "equilibrium": q[: equations.layout.nq - STATES * len(equations.layout.drives)].tolist(),
         "reason": "",
         "modes": [
             {"frequency": mode.frequency, "damping": mode.damping, "growth": mode.eigenvalue.real} for mode in found
         ],
     }
+
+
+def _drive(joint: Joint) -> list[str]:
+    """What drives the coordinates of a joint, in words; empty if nothing does."""
+    drive = joint.drive
+    if not isinstance(drive, CommandedDrive):
+        return [expression.text for expression in drive]
+    unit = joint.kind.coordinates[0].unit
+    text = f"commanded {drive.controls}, with a bandwidth of {drive.bandwidth:g}/s"
+    for what, value, of in (
+        ("speed", drive.velocity_limit, f"{unit}/s"),
+        ("acceleration", drive.acceleration_limit, f"{unit}/s²"),
+    ):
+        text += f", {what} up to {value:g} {of}" if value < math.inf else ""
+    if (drive.lower, drive.upper) != (-math.inf, math.inf):
+        text += f", between {drive.lower:g} and {drive.upper:g} {unit}"
+    return [text]
 
 
 def _part(part: Part) -> dict[str, Any]:
@@ -273,5 +292,5 @@ def _joint(joint: Joint, at: Mapping[str, float]) -> dict[str, Any]:
         "position_units": [coordinate.unit for coordinate in joint.kind.coordinates],
         "reversed": joint.reversed,
         "coordinates": list(joint.motion_names),
-        "drive": [expression.text for expression in joint.drive],
+        "drive": _drive(joint),
     }

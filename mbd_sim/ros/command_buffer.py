@@ -45,7 +45,7 @@ class CommandBuffer:
     ) -> None:
         self.map, self.timeout = effort_map, timeout
         self._actuators = ActuatorBuffer(actuators or CommandMap((), InputLayout(len(effort_map.names))), step_size)
-        self._router = JointCommandRouter(effort_map, list(self._actuators.map.actuators.values()))
+        self._router = JointCommandRouter(effort_map, list(self._actuators.map.takers.values()))
         self.accepted = self.rejected = self.expired = 0
         size = len(effort_map.names)
         self._requested, self._new = np.zeros(size), False
@@ -91,7 +91,7 @@ class CommandBuffer:
         """
         with self._lock:
             try:
-                self._actuators.take(self._actuators.in_order(values), self._actuators.map.actuators)
+                self._actuators.take(self._actuators.in_order(values), self._actuators.map.takers)
             except CommandError:
                 self.rejected += 1
                 raise

@@ -12,6 +12,7 @@ from typing import NamedTuple, cast
 
 from mbd_sim.errors import CommandError, listed
 from mbd_sim.mechanism.actuators import Actuator, Channel, CoordinatePort
+from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.simulation.efforts import EffortMap
 
 EFFORT: Channel = "effort"
@@ -25,18 +26,22 @@ class RoutedCommands(NamedTuple):
 
 
 class JointCommandRouter:
-    """Knows which actuator takes a command of a joint. An actuator without a joint is commanded by its own name."""
+    """Knows what takes a command of a joint: an actuator or a drive.
 
-    def __init__(self, effort_map: EffortMap, actuators: Sequence[Actuator]) -> None:
+    An actuator without a joint is commanded by its own name.
+    """
+
+    def __init__(self, effort_map: EffortMap, takers: Sequence[Actuator | CommandedDrive]) -> None:
         self._effort_map = effort_map
         self.skips_nan = False  # as interfaces have that no controller of ros2_control has claimed
-        self._takers: dict[str, dict[Channel, str]] = {}  # by joint and channel: the actuator
-        for actuator in actuators:
-            port = actuator.port
-            name = port.coordinate if isinstance(port, CoordinatePort) else actuator.name
+        self._takers: dict[str, dict[Channel, str]] = {}  # by joint and channel: the actuator, or the joint of a drive
+        self._drives = {taker.name for taker in takers if isinstance(taker, CommandedDrive)}
+        for taker in takers:
+            port = None if isinstance(taker, CommandedDrive) else taker.port
+            name = port.coordinate if isinstance(port, CoordinatePort) else taker.name
             taken = self._takers.setdefault(name, {})
-            for channel in actuator.channels:
-                taken.setdefault(channel, actuator.name)
+            for channel in taker.channels:
+                taken.setdefault(channel, taker.name)
 
     def route(self, names: Sequence[str], arrays: Mapping[Channel, Sequence[float]]) -> RoutedCommands:
         """The commands of a message.
@@ -60,7 +65,7 @@ class JointCommandRouter:
         return RoutedCommands(efforts, commands)
 
     def positioner(self, name: str) -> str:
-        """The actuator of a joint that takes positions.
+        """The actuator or drive of a joint that takes positions.
 
         :raises CommandError: there is no such joint or actuator.
         """
@@ -93,7 +98,8 @@ class JointCommandRouter:
             if (actuator := self._takers[name].get(channel)) is not None:
                 return actuator
             taken = listed([cast(str, other) for other in self._takers[name]])
-            raise CommandError(f"the actuator of '{name}' takes no {channel}. Command its {taken}.")
+            what = "drive" if name in self._drives else "actuator"
+            raise CommandError(f"the {what} of '{name}' takes no {channel}. Command its {taken}.")
         if channel != EFFORT:
             self._effort_map.require(name)
             raise CommandError(f"joint '{name}' takes no {channel}, as it has no servo. Command its effort.")

@@ -22,8 +22,7 @@ class ActuatedModel:
 
         :param mechanism: a variant of that of the model with other start commands.
         """
-        if (actuators := self.equations.actuators) is not None:
-            actuators.hold((mechanism or self.mechanism).actuators, y, inputs)
+        self.equations.hold(mechanism or self.mechanism, y, inputs)
 
     def actuators(self, time: float, y: Array, inputs: Array) -> dict[str, AnyActuatorState]:
         """Each actuator by name; see `ActuatorState` and `CylinderState`."""

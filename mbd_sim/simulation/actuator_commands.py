@@ -11,20 +11,22 @@ from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.errors import CommandError, listed, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import Actuator, Channel, channel_names
+from mbd_sim.mechanism.drives import CommandedDrive
 
 Command = float | Mapping[Channel, float]
 
 
 class CommandMap:
-    """The commands of all actuators, one number for each channel; `names` are `actuator.channel`, in their order.
+    """The commands of actuators and drives, one number for each channel; `names` are `actuator.channel`, in order.
 
     A command in N, N·m, rad, m, rad/s, m/s, V or A acts on the first channel of an actuator, or on those that it names.
+    A drive has the name of its joint.
     """
 
-    def __init__(self, actuators: Sequence[Actuator], layout: InputLayout) -> None:
-        self.actuators, self.range = {actuator.name: actuator for actuator in actuators}, layout.commands
-        channels = [(actuator.name, channel) for actuator in actuators for channel in actuator.channels]
-        self.names = channel_names(actuators)
+    def __init__(self, takers: Sequence[Actuator | CommandedDrive], layout: InputLayout) -> None:
+        self.takers, self.range = {taker.name: taker for taker in takers}, layout.commands
+        channels = [(taker.name, channel) for taker in takers for channel in taker.channels]
+        self.names = channel_names(takers)
         self._index = {key: index for index, key in enumerate(channels)}
 
     def merged(self, current: Array, commands: Mapping[str, Command]) -> Array:
@@ -34,10 +36,10 @@ class CommandMap:
         """
         merged = current.copy()
         for name, given in commands.items():
-            if name not in self.actuators:
-                remedy = nearest(name, self.actuators) if self.actuators else "This mechanism has no actuators."
+            if name not in self.takers:
+                remedy = nearest(name, self.takers) if self.takers else "This mechanism has no actuators."
                 raise CommandError(f"there is no actuator '{name}'. {remedy}")
-            channels = self.actuators[name].channels
+            channels = self.takers[name].channels
             by_channel = given if isinstance(given, Mapping) else {channels[0]: given}
             for channel, value in by_channel.items():
                 if (name, channel) not in self._index:

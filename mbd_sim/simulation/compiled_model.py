@@ -219,7 +219,7 @@ class Model(ActuatedModel, ContactingModel):
     def coordinates(self, y: Array) -> Array:
         """(nv,): a position for each of `coordinate_names`; a free joint has x, y, z and its rotation vector in rad."""
         if not self.quaternions:
-            return y[self.q_range]
+            return y[: self.layout.nv]
         values = np.empty(self.layout.nv)
         for name, into in self.layout.u.items():
             source = y[self.layout.q[name]]

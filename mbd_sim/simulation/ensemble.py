@@ -103,7 +103,7 @@ class Ensemble(ReadOnlyAttributes):
         self._contacts = member_contacts(self.model, variants, len(changes))
         self._groups: MemberGroups = _member_groups(self.model, len(changes), self._contacts)
         layout = self.model.equations.inputs
-        self._command_map = CommandMap(mechanism.actuators, layout)
+        self._command_map = CommandMap(mechanism.commanded, layout)
         self._effort_inputs, self._value_inputs = layout.efforts, layout.values
         inputs = np.tile(self.model.inputs, (len(changes), 1))
         inputs[:, self._value_inputs] = values

@@ -85,7 +85,7 @@ class Simulation(Stepping, StateChanges, RunInputs, ReadOnlyAttributes):
         layout = self.model.equations.inputs
         self._efforts, self._live_inputs = memory.inputs[layout.efforts], memory.inputs[layout.values]
         self.wrench_map = WrenchMap(mechanism, layout)
-        self.command_map = CommandMap(mechanism.actuators, layout)
+        self.command_map = CommandMap(mechanism.commanded, layout)
         self.effort_map = EffortMap(self.model.coordinate_names, mechanism.effort_limits(), self.model.driven_names)
         self.y, self.inputs, self.efforts = (read_only(array) for array in (memory.y, memory.inputs, self._efforts))
         self.q, self.u = read_only(memory.y[self.model.q_range]), read_only(memory.y[self.model.u_range])

@@ -12,6 +12,7 @@ from mbd_sim.dynamics.time_functions import function_of
 from mbd_sim.errors import Problem
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.constraints import Surface, expressions_of
+from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.expression import TIME, TimeExpression
 from mbd_sim.mechanism.force_elements import Spring
 from mbd_sim.mechanism.force_expressions import ForceExpression, expressions_of_forces
@@ -84,6 +85,8 @@ def _expressions(model: Model, mechanism: Mechanism, time: float, y: Array, inpu
     """The expressions of a mechanism at a state."""
     now = {TIME: time}
     for name, joint in mechanism.joints.items():
+        if isinstance(joint.drive, CommandedDrive):
+            continue
         for index, expression in enumerate(joint.drive):
             location: Location = ("joints", name, "drive") + ((index,) if len(joint.drive) > 1 else ())
             yield UsedExpression(location, expression, now, 2)

@@ -14,6 +14,7 @@ from mbd_sim.dynamics.links import coordinate_layout
 from mbd_sim.errors import MbdSimError, listed
 from mbd_sim.mechanism.actuators import require_no_actuators
 from mbd_sim.mechanism.contacts import Cam
+from mbd_sim.mechanism.drives import require_no_commanded_drives
 from mbd_sim.mechanism.one_sided import has_one_sided
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.packages import require_packages
@@ -99,6 +100,7 @@ def symbolic_equations(mechanism: Mechanism, parameters: Sequence[str] | None = 
     """
     require_packages("sympy", purpose="Deriving equations as formulas")
     require_no_actuators(mechanism, "cannot be printed as formulas")
+    require_no_commanded_drives(mechanism, "cannot be printed as formulas")
     _require_small(mechanism, coordinate_layout(mechanism).nv)
     _require_formulas(mechanism)
     mechanism = with_forces_alone(mechanism)

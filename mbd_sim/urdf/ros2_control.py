@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from mbd_sim.mechanism.actuators import CoordinatePort
+from mbd_sim.mechanism.drives import commanded_drives
 from mbd_sim.mechanism.records import Mechanism
 
 PLUGIN = "joint_state_topic_hardware_interface/JointStateTopicSystem"
@@ -28,8 +29,9 @@ class ControlTopics(NamedTuple):
 def ros2_control_block(mechanism: Mechanism, robot: ElementTree.Element, topics: ControlTopics) -> ElementTree.Element:
     """The block for the coordinates of a mechanism that are joints of its URDF with one coordinate each.
 
-    A joint with an actuator has the command interfaces that this takes, one without has `effort`; driven and mimicking
-    joints have none. All have the states position, velocity and effort.
+    A joint with an actuator or a drive that follows commands has the command interfaces that this takes, other joints
+    have `effort`; joints that follow the time or another joint have none. All have the states position, velocity and
+    effort.
 
     :param robot: the URDF of the mechanism.
     """
@@ -49,7 +51,7 @@ def ros2_control_block(mechanism: Mechanism, robot: ElementTree.Element, topics:
         if name not in in_urdf:
             continue
         joint = ElementTree.SubElement(block, "joint", name=name)
-        follows = name in mechanism.driven_names or in_urdf[name].find("mimic") is not None
+        follows = in_urdf[name].find("mimic") is not None or (name in mechanism.driven_names and name not in taken)
         for interface in () if follows else taken.get(name, ("effort",)):
             ElementTree.SubElement(joint, "command_interface", name=interface)
         for interface in INTERFACES:
@@ -58,8 +60,8 @@ def ros2_control_block(mechanism: Mechanism, robot: ElementTree.Element, topics:
 
 
 def _commands(mechanism: Mechanism) -> Mapping[str, Sequence[str]]:
-    """The command interfaces of the joints with actuators."""
-    found: dict[str, list[str]] = {}
+    """The command interfaces of the joints with actuators, and of those with drives that follow commands."""
+    found: dict[str, list[str]] = {name: list(drive.channels) for name, drive in commanded_drives(mechanism).items()}
     for actuator in mechanism.actuators:
         if isinstance(actuator.port, CoordinatePort):
             taken = found.setdefault(actuator.port.coordinate, [])

@@ -8,6 +8,7 @@ from typing import assert_never
 
 from mbd_sim.errors import InputError, listed, nearest
 from mbd_sim.mechanism.actuators import Actuator, CoordinatePort, DcMotor, EffortMotor, LinePort, Machine, Port, Servo
+from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.records import Joint
 from mbd_sim.mechanism.source import Location
 from mbd_sim.mechanism_file.builders.build_context import BuildContext
@@ -27,7 +28,11 @@ def build_actuators(
     :param joints: by name, None for those that are invalid; with the name "" if there are further ones.
     """
     found = []
+    drives = {joint.name for joint in joints.values() if joint is not None and isinstance(joint.drive, CommandedDrive)}
     for name, spec in specs.items():
+        if name in drives:
+            message = f"the drive of the joint '{name}' takes commands by this name too"
+            context.report(("actuators", name), message, "Rename the actuator.")
         port = _port(name, spec, joints, context)
         if port is not None:
             found.append(_actuator(name, spec, port, context))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, assert_never
 
 import numpy as np
 
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.expression import TimeExpression
 from mbd_sim.mechanism.force_elements import Bushing
 from mbd_sim.mechanism.joint_types import JOINT_KINDS
@@ -18,6 +20,7 @@ from mbd_sim.mechanism_file.builders.law_builder import build_elastic_law, build
 from mbd_sim.mechanism_file.builders.rotation_builder import rotation_matrix
 from mbd_sim.mechanism_file.schema import joint_schema as schema
 from mbd_sim.mechanism_file.schema.base_schema import RotationSpec
+from mbd_sim.mechanism_file.schema.drive_schema import AngleDriveSpec, LengthDriveSpec
 
 PARALLEL = 1e-6  # sine of the angle below which two axes count as parallel
 
@@ -65,7 +68,7 @@ def _joint(name: str, spec: schema.AnyJointSpec, parent: str, parent_pose: Pose,
         rest=np.zeros(nv) if orients else _per_coordinate(spec, "rest", nv),
         damping=_per_coordinate(spec, "damping", nv),
         lead=getattr(spec, "lead", 0.0),
-        drive=_expressions(drive),
+        drive=_drive(name, drive),
         limits=_limits(getattr(spec, "limits", None)),
         effort_limit=getattr(spec, "effort_limit", None),
         velocity_limit=getattr(spec, "velocity_limit", None),
@@ -169,7 +172,18 @@ def _per_coordinate(spec: schema.AnyJointSpec, key: str, nv: int) -> Array:
     return np.array(np.broadcast_to(np.array(getattr(spec, key, 0.0), dtype=float), (nv,)))
 
 
-def _expressions(drive: Any) -> tuple[TimeExpression, ...]:
+def _drive(name: str, drive: Any) -> tuple[TimeExpression, ...] | CommandedDrive:
     if drive is None:
         return ()
+    if isinstance(drive, AngleDriveSpec | LengthDriveSpec):
+        return CommandedDrive(
+            name=name,
+            controls=drive.command,
+            bandwidth=drive.bandwidth,
+            velocity_limit=math.inf if drive.velocity_limit is None else drive.velocity_limit,
+            acceleration_limit=math.inf if drive.acceleration_limit is None else drive.acceleration_limit,
+            lower=-math.inf if drive.lower is None else drive.lower,
+            upper=math.inf if drive.upper is None else drive.upper,
+            start=drive.position,
+        )
     return tuple(drive) if isinstance(drive, tuple) else (drive,)

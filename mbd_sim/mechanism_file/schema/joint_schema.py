@@ -7,8 +7,6 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from mbd_sim.errors import InputError
-from mbd_sim.mechanism.expression import TimeExpression
-from mbd_sim.mechanism_file.expression_field import ExpressionField
 from mbd_sim.mechanism_file.quantity import (
     Angle,
     AngularVelocity,
@@ -32,6 +30,7 @@ from mbd_sim.mechanism_file.schema.base_schema import (
     TorsionStiffness3,
     Vector,
 )
+from mbd_sim.mechanism_file.schema.drive_schema import AngleDrive, AngleOfTime, LengthDrive, LengthOfTime
 from mbd_sim.mechanism_file.schema.law_schema import (
     ForceCurveSpec,
     LinearFrictionSpec,
@@ -42,10 +41,6 @@ from mbd_sim.mechanism_file.schema.law_schema import (
     TorsionFrictionSpec,
     TorsionPowerSpec,
 )
-
-AngleOfTime = Annotated[TimeExpression, ExpressionField("rad")]
-LengthOfTime = Annotated[TimeExpression, ExpressionField("m")]
-
 
 Stiffness6 = tuple[
     LinearStiffness, LinearStiffness, LinearStiffness, TorsionStiffness, TorsionStiffness, TorsionStiffness
@@ -113,7 +108,7 @@ class JointSpec(Spec):
 
 
 class DriveableJointSpec(JointSpec):
-    """A joint that moves under forces, or as prescribed by a `drive`: its coordinates as expressions of the time t."""
+    """A joint that moves under forces, or as a `drive` prescribes: by expressions of the time t, or by commands."""
 
     @model_validator(mode="after")
     def _driven_or_free(self) -> DriveableJointSpec:
@@ -157,7 +152,7 @@ class RevoluteJointSpec(DriveableJointSpec):
     velocity_limit: PositiveAngularVelocity | None = Field(
         None, description="not simulated; passed on to exported URDF"
     )
-    drive: AngleOfTime | None = None
+    drive: AngleDrive | None = None
 
 
 class PrismaticJointSpec(DriveableJointSpec):
@@ -176,7 +171,7 @@ class PrismaticJointSpec(DriveableJointSpec):
     limits: LengthLimitsSpec | None = None
     effort_limit: PositiveForce | None = None
     velocity_limit: PositiveVelocity | None = Field(None, description="not simulated; passed on to exported URDF")
-    drive: LengthOfTime | None = None
+    drive: LengthDrive | None = None
 
 
 class ScrewJointSpec(DriveableJointSpec):
@@ -192,7 +187,7 @@ class ScrewJointSpec(DriveableJointSpec):
     damping: TorsionDamping = 0.0
     limits: AngleLimitsSpec | None = None
     effort_limit: PositiveTorque | None = None
-    drive: AngleOfTime | None = None
+    drive: AngleDrive | None = None
 
 
 class CylindricalJointSpec(DriveableJointSpec):
