@@ -11,14 +11,13 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.contact_equations import FrictionElement
+from mbd_sim.dynamics.contact_equations import SLIDING, FrictionElement
 from mbd_sim.dynamics.contact_functions import ContactFunctions
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.errors import MbdSimError
 from mbd_sim.geometry.pose import Array
 
 BARELY = 1e-9  # gaps in m, speeds in m/s, and forces relative to the weight, that count as zero
-SLIDES = 1.0 - 1e-9  # square of the length of a direction of sliding
 ITERATIONS, CONVERGED, SETTLED = 60, 1e-14, 1e-13
 BLOCKED = 1e-11  # of the mobility, below which an acceleration by efforts is round-off
 
@@ -154,7 +153,7 @@ class ContactMotion:
         for element in contacts.frictions:
             size = sum(float(directions[row - layout.gaps]) ** 2 for row in element.rows)
             solved_for = element.joint is None and any(active[row] for row in element.rows)
-            found.append(size > SLIDES and not solved_for)
+            found.append(size > SLIDING and not solved_for)
         return found
 
     def _require_smooth(self, t: float, inputs: Array, readings: Array) -> None:

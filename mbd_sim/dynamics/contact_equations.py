@@ -19,6 +19,7 @@ from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.mechanism.records import Joint
 
 UNIT = 1e-13  # by which the square of a unit vector may differ from 1
+SLIDING = 1.0 - 1e-11  # square of the length of a direction from which on it is one of sliding, and no share
 SLOW = 1e-12  # m/s, slip below which the direction of sliding is the stored one
 
 
@@ -28,9 +29,9 @@ class ContactLayout:
 
     `closed` (gaps,) are 1 for closed gaps. `active` (rows,) are 1 for rows that are solved for: independent closed gaps
     and sticking friction. `direction` (rows - gaps,) are the unit vectors of sliding, 0 without sliding; sticking rows
-    that depend on others have a shorter one, which gives the share that they bear. `multipliers` (rows,) are λ, which
-    functions that read forces take from there. `signs` (loads,) are those of the forces across the axes of joints whose
-    friction depends on them, where these forces have one direction only.
+    that depend on others have a shorter one: the share of their static friction that they bear. `multipliers` (rows,)
+    are λ, which functions that read forces take from there. `signs` (loads,) are those of the forces across the axes of
+    joints whose friction depends on them, where these forces have one direction only.
     """
 
     gaps: int
@@ -147,6 +148,9 @@ class ContactEquations:
             direction = self.direction(element)
             for index, row in enumerate(element.rows):
                 size = element.sliding(self.equations.velocity[row])
+                if not (size - element.static).is_zero():
+                    stored = self.stored_direction(element)
+                    size = ca.if_else(ca.dot(stored, stored) > SLIDING, size, element.static)
                 load = ca.SX(1) if element.gap is None else forces[element.gap]
                 forces[row] = forces[row] - size * load * direction[index]
         return forces

@@ -22,7 +22,8 @@ YIELDING = 1.0 - 1e-7  # of its limit, that friction bears which has just reache
 UNMOVED = 1e-9  # acceleration, relative to those without contact forces, that counts as zero
 RESERVES = (0.5, 0.75, 0.9, *(1.0 - 3.0**-k for k in range(3, 15)))  # of limits, tried where friction is shared
 NEAR = 0.95  # of its limit, beyond which shared friction is distributed in another way if possible
-SHARED = 1.0 - 1e-6  # of its limit, that friction bears at most which depends on other sticking friction
+SHARED = 1.0 - 2e-11  # of its limit, that friction bears at most which depends on other sticking friction
+LATE = 0.9  # of all limits, beyond which dependent friction bears as much as it can
 ATTEMPTS, LOAD_ITERATIONS = 20, 200
 
 
@@ -68,9 +69,22 @@ class ModeFinder:
             guards = self._model.readings(time, y, inputs)
             overloaded = self._overloaded(guards, modes)
             if not overloaded:
-                return modes
+                return self._at_limits(time, y, inputs, state, modes)
             forced = Forced(forced.open, forced.yielding, {**forced.slides, **overloaded})
         raise NoSolutionError("the contacts keep changing their states")
+
+    def _at_limits(self, time: float, y: Array, inputs: Array, state: _Candidates, modes: Array) -> Array:
+        """The modes with all dependent friction at its limits, if the other friction at rest is then within its own.
+
+        So contacts that share a load slip when it reaches the sum of their limits, and not earlier.
+        """
+        loaded = state.at_limits(modes)
+        if loaded is None:
+            return modes
+        self._model.modes(inputs)[:] = loaded
+        if self._overloaded(self._model.readings(time, y, inputs), loaded):
+            return modes
+        return loaded
 
     def _overloaded(self, found: ContactReadings, modes: Array) -> dict[int, tuple[float, ...]]:
         """Sticking elements that carry more than they can, with the direction in which each is loaded.
@@ -102,6 +116,7 @@ class _Candidates:
         self._loads = {index: terms.load(index, readings.forces) for index in model.loaded}
         self._direction: dict[int, Array] = {}
         self._share = 1.0  # of the limits of friction at rest
+        self._is_late = False  # whether friction that is shared is near its limits in any case
         self._sticking: list[int] = []
         for index, (rows, gap) in enumerate(model.frictions):
             if gap is not None and gap not in self._closable:
@@ -211,7 +226,9 @@ class _Candidates:
             finally:
                 self._share = 1.0
             if np.max(np.abs(others - rates)) <= self._unmoved:
+                self._is_late = share > LATE
                 return found, others
+        self._is_late = True
         return forces, rates
 
     def _use(self, index: int, forces: Array) -> float:
@@ -232,9 +249,9 @@ class _Candidates:
             rows, gap = self._model.frictions[index]
             load = 1.0 if gap is None else forces[gap]
             force, limit = forces[list(rows)], self._static(index) * load
-            size = _length(force)
-            if size > 0.0 and size >= limit * (1.0 - 1e-9) and _length(rates[list(rows)]) > unmoved:
-                found[index] = -force / size
+            size, acceleration = _length(force), rates[list(rows)]
+            if size >= limit * (1.0 - 1e-9) and (change := _length(acceleration)) > unmoved:
+                found[index] = -force / size if size > 0.0 else acceleration / change
         return found
 
     def _modes(self, forces: Array, rates: Array, size: float, before: Array) -> Array:
@@ -253,7 +270,7 @@ class _Candidates:
         first = layout.direction.start - layout.gaps
         for index in sticking:
             rows, gap = model.frictions[index]
-            limit = self._terms.sizes[index, 0] * (1.0 if gap is None else forces[gap])
+            limit = self._terms.sizes[index, 1] * (1.0 if gap is None else forces[gap])
             if index in self._loads or limit <= 0.0 or all(row in chosen for row in rows):
                 continue
             share = [0.0 if row in chosen else -float(forces[row]) / limit for row in rows]
@@ -269,6 +286,19 @@ class _Candidates:
                     modes[first + row] = part
         model.set_signs(self._terms, forces, modes)
         return modes
+
+    def at_limits(self, modes: Array) -> Array | None:
+        """Modes in which elements that depend on others bear all that they can; None if that is not necessary."""
+        if not self._is_late:
+            return None
+        model, layout, loaded = self._model, self._model.layout, modes.copy()
+        for index in self._sticking:
+            rows = model.frictions[index][0]
+            places = [layout.direction.start - layout.gaps + row for row in rows]
+            size = _length(modes[places])
+            if size > 0.0 and not any(modes[layout.active.start + row] for row in rows):
+                loaded[places] = modes[places] * (SHARED / size)
+        return loaded
 
 
 def _length(vector: Sequence[float] | Array) -> float:

@@ -78,7 +78,7 @@ class EventSearch:
             way = self._along_fixed(y, inputs, t, length, steady)
         elif turning:
             length = self._resolved_length(way, before, inputs, sliding, min(length, first_length), t)
-        before, after = way.readings(0.0), way.readings(length)
+        start, before, after = before, way.readings(0.0), way.readings(length)
         if not np.all(np.isfinite(after.guards)):
             raise FloatingPointError
         first, stopped = None, frozenset[int]()
@@ -90,6 +90,9 @@ class EventSearch:
         for index in np.flatnonzero(after.guards < -self._tolerance).tolist():
             if index not in left_out:
                 first = self._earlier(way, _guard(index), first, length)
+                if first == 0.0 and steady and start.guards[index] > self._tolerance:
+                    # only with the directions at the end: of a shorter part these are nearer to those at the start
+                    return self.stage(y, inputs, t, SHORTENING * length, first_length, ignored)
         for index in self._may_graze(before, after, inputs):
             first = self._grazing(way, index, first, length)
         if first is None:

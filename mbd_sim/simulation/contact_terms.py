@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.compiler.kernel import Kernel
-from mbd_sim.dynamics.contact_equations import ContactEquations, ContactLayout
+from mbd_sim.dynamics.contact_equations import SLIDING, ContactEquations, ContactLayout
 from mbd_sim.dynamics.contact_functions import ContactFunctions
 from mbd_sim.dynamics.evaluation import all_evaluated, evaluated
 from mbd_sim.dynamics.input_layout import InputLayout
@@ -23,7 +23,6 @@ from mbd_sim.simulation.contact_records import ContactState
 Mask: TypeAlias = NDArray[np.bool_]
 
 ROUND_OFF = 1e-10  # of a load, relative to its parts
-SLIDING = 1.0 - 1e-9  # square of the length of a direction of sliding
 
 
 class ContactReadings(NamedTuple):
