@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import casadi as ca
@@ -24,8 +26,10 @@ class CushionForce(NamedTuple):
     """The forces (3,) in N of a compliant contact on its first body, in ground's axes, and its powers.
 
     `elastic` is that of the `potential` in J; `resisting` is that of damping and friction, which dissipate `loss` in W.
+    `normal` in N is the part of both along the normal.
     """
 
+    normal: ca.SX
     elastic: ca.SX
     resisting: ca.SX
     potential: ca.SX
@@ -48,29 +52,73 @@ def cushion_force(law: Cushion, touching: Touch, relative: ca.SX) -> CushionForc
         square = ca.dot(slip, slip)
         factor = law.friction * (spring + damping) / ca.sqrt(square + law.regularization**2)
         resisting, loss = resisting - factor * slip, loss + factor * square
-    return CushionForce(spring * touching.normal, resisting, spring * depth / (law.exponent + 1.0), loss)
+    return CushionForce(
+        spring + damping, spring * touching.normal, resisting, spring * depth / (law.exponent + 1.0), loss
+    )
 
 
 class AppliedCushion(NamedTuple):
-    """A compliant contact: its `potential` in J, its dissipated power `loss` in W, and its `place`.
+    """A compliant contact: its `potential` in J, its dissipated power `loss` in W, its `place` and its `reading`.
 
-    The place (6,) is the point in m where it touches, and the force in N on the first body, in ground's axes.
+    The place (6,) is the point in m where it touches, and the force in N on the first body, in ground's axes. The
+    reading (3 + 2 k,) is the gap in m, its rate in m/s and the normal force in N, then k friction forces in N and k
+    slips in m/s along the directions in which slip is possible.
     """
 
     potential: ca.SX
     loss: ca.SX
     place: ca.SX
+    reading: ca.SX
 
 
-def apply_cushion(applied: AppliedWrenches, contact: Contact, law: Cushion) -> AppliedCushion:
-    """Apply the forces of a compliant contact."""
+@dataclass(frozen=True, eq=False)
+class CushionFunctions:
+    """Functions (t, y, inputs) of all compliant contacts, see `AppliedCushion`.
+
+    `places` (6, contacts), and `readings`, one after the other, with as many `directions` of friction each.
+    """
+
+    places: ca.Function
+    readings: ca.Function
+    directions: tuple[int, ...]
+
+
+def cushion_functions(inputs: list[ca.SX], cushions: Sequence[AppliedCushion]) -> CushionFunctions | None:
+    """The functions of compliant contacts; None without any."""
+    if not cushions:
+        return None
+    places = ca.horzcat(*[cushion.place for cushion in cushions])
+    readings = ca.vertcat(*[cushion.reading for cushion in cushions])
+    return CushionFunctions(
+        ca.Function("cushions", inputs, [ca.densify(places)], {"cse": True}),
+        ca.Function("cushion_readings", inputs, [ca.densify(readings)], {"cse": True}),
+        tuple((cushion.reading.numel() - 3) // 2 for cushion in cushions),
+    )
+
+
+def apply_cushion(applied: AppliedWrenches, contact: Contact, law: Cushion, still: int | None) -> AppliedCushion:
+    """Apply the forces of a compliant contact.
+
+    :param still: see `touch`.
+    """
     bodies = contact.first, contact.second
-    touching = touch(contact, _frame(applied, contact.first), _frame(applied, contact.second))
+    touching = touch(contact, _frame(applied, contact.first), _frame(applied, contact.second), still)
     first, second = (_velocity(applied, body, touching.point) for body in bodies)
     force = cushion_force(law, touching, first - second)
     for body, sign in zip(bodies, (1.0, -1.0), strict=True):
         _apply_at(applied, body, touching.point, sign * (force.elastic + force.resisting))
-    return AppliedCushion(force.potential, force.loss, ca.vertcat(touching.point, force.elastic + force.resisting))
+    total = force.elastic + force.resisting
+    reading = _reading(law, touching, first - second, force.normal, total)
+    return AppliedCushion(force.potential, force.loss, ca.vertcat(touching.point, total), reading)
+
+
+def _reading(law: Cushion, touching: Touch, relative: ca.SX, normal: ca.SX, force: ca.SX) -> ca.SX:
+    slips = [(side, ca.sparsify(ca.dot(side, relative))) for side in touching.sides]
+    possible = [] if is_absent(law.friction) else [(side, slip) for side, slip in slips if slip.nnz()]
+    friction = [ca.dot(side, force) for side, _ in possible]
+    return ca.vertcat(
+        touching.distance, ca.dot(touching.normal, relative), normal, *friction, *(slip for _, slip in possible)
+    )
 
 
 def _frame(applied: AppliedWrenches, body: ContactBody) -> PlacedFrame:

@@ -12,7 +12,8 @@ import numpy as np
 
 from mbd_sim.dynamics.applied_wrenches import AppliedWrenches
 from mbd_sim.dynamics.bushing_forces import apply_bushing
-from mbd_sim.dynamics.compliant_contacts import apply_cushion
+from mbd_sim.dynamics.compliant_contacts import AppliedCushion, apply_cushion
+from mbd_sim.dynamics.contact_equations import still_axis
 from mbd_sim.dynamics.input_layout import ExternalWrench
 from mbd_sim.dynamics.kinematics import LinkMotion, SymbolicPose
 from mbd_sim.dynamics.law_expressions import elastic, power_law
@@ -32,8 +33,7 @@ class ElementForces:
     """The wrenches F_L (6,) = [moment; force] on each link, the potential in J and the powers in W.
 
     `lengths` (springs and dampers,) are the distances between the ends in m, and `rates` their rates in m/s; those of
-    springs without expressions that vary are left out as zeros. `cushions` (6, compliant contacts) are the points in m
-    where compliant contacts touch, and their forces in N on their first bodies, in ground's axes.
+    springs without expressions that vary are left out as zeros. `cushions` are the compliant contacts.
     """
 
     wrenches: list[ca.SX]
@@ -42,7 +42,7 @@ class ElementForces:
     potential: ca.SX
     applied_power: ca.SX
     dissipated_power: ca.SX
-    cushions: ca.SX
+    cushions: Sequence[AppliedCushion]
 
 
 def element_forces(
@@ -57,7 +57,7 @@ def element_forces(
     applied = AppliedWrenches(links, motions, poses)
     potential = applied_power = dissipated = ca.SX(1, 1)
     power = PowerSplit()
-    lengths, rates, places = list[ca.SX](), list[ca.SX](), list[ca.SX]()
+    lengths, rates, cushions = list[ca.SX](), list[ca.SX](), list[AppliedCushion]()
     for element in mechanism.two_point_elements:
         length, rate, energy, loss = _apply_between_points(applied, element, state, power)
         lengths.append(length)
@@ -72,17 +72,16 @@ def element_forces(
         dissipated += loss
     for contact in mechanism.contacts:
         if isinstance(contact.law, Cushion):
-            cushion = apply_cushion(applied, contact, contact.law)
+            cushion = apply_cushion(applied, contact, contact.law, still_axis(poses))
             potential += cushion.potential
             dissipated += cushion.loss
-            places.append(cushion.place)
+            cushions.append(cushion)
     for force in mechanism.applied:
         power.add(force.vector, _apply_force(applied, force, state))
     applied_power += power.applied
     dissipated += power.dissipated
     applied_power += sum((_apply_external(applied, part, wrench) for part, wrench in external.items()), ca.SX(1, 1))
     wrenches = [ca.sparsify(wrench) for wrench in applied.wrenches]
-    cushions = ca.horzcat(ca.SX(6, 0), *places)
     return ElementForces(wrenches, _column(lengths), _column(rates), potential, applied_power, dissipated, cushions)
 
 

@@ -28,6 +28,7 @@ from mbd_sim.dynamics.actuator_layout import ActuatorLayout
 from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
 from mbd_sim.dynamics.assembly_errors import undefined_constraints
 from mbd_sim.dynamics.body_symbols import flat_pose
+from mbd_sim.dynamics.compliant_contacts import CushionFunctions, cushion_functions
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.dynamics.constraint_rows import ConstraintRow
@@ -75,8 +76,7 @@ class Equations:
     in all other functions include the contact forces among the inputs. With actuators, `actuators` are their functions.
     `core` are the components of y that rates depend on, after the coordinates. `step` is in s.
 
-    `cushions(t, y, inputs)` are the points in m and the forces in N of compliant contacts (6, contacts), in ground's
-    frame; None without these.
+    `cushions` are the functions of compliant contacts; None without these.
 
     `constraints` are the constraints and the mass matrix as functions of numbers. `start` and `start_state` satisfy
     them.
@@ -106,7 +106,7 @@ class Equations:
     core: slice
     step: float
     contact: ContactFunctions | None = None
-    cushions: ca.Function | None = None
+    cushions: CushionFunctions | None = None
     actuators: ActuatorFunctions | None = None
 
     @property
@@ -286,9 +286,7 @@ def _packaged(
         core=traced.core,
         step=traced.step,
         contact=contact,
-        cushions=function("cushions", with_inputs, forces.elements.cushions)
-        if forces.elements.cushions.nnz()
-        else None,
+        cushions=cushion_functions(with_inputs, forces.elements.cushions),
         actuators=actuators,
     )
 

@@ -85,12 +85,12 @@ def constraint_violation(model: Model) -> StateWriter:
 
 
 def contact_states(model: Model) -> StateWriter:
-    """One-sided elements: gap, its rate and the normal force as position, velocity and effort.
+    """One-sided elements and compliant contacts: gap, its rate and the normal force as position, velocity and effort.
 
     After each element that has friction comes an entry for each direction of that: its position is 1 while the contact
     slides, its velocity the slip and its effort the friction.
     """
-    names = [] if model.contact is None else model.contact.entry_names()
+    names = model.contact_entry_names()
     builder = MessageBuilder()
     builder.header()
     builder.texts(names)
@@ -99,10 +99,8 @@ def contact_states(model: Model) -> StateWriter:
     columns = [message.view(place) for place in places]
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
-        if model.contact is None:
-            return
-        rows = model.contact.entries(snapshot.time, snapshot.y, snapshot.inputs)
-        for column, values in zip(columns, zip(*rows, strict=True), strict=True):
+        rows = model.contact_entries(snapshot.time, snapshot.y, snapshot.inputs)
+        for column, values in zip(columns, np.array(rows).reshape(-1, 3).T, strict=True):
             column[:] = values
 
     return StateWriter(message, write)

@@ -26,6 +26,7 @@ from mbd_sim.mechanism.cylinders import Cylinder, Oil
 from mbd_sim.mechanism.drives import STATES, CommandedDrive
 from mbd_sim.mechanism.records import Joint, Mechanism, Part
 from mbd_sim.report.sensor_report import sensor_report
+from mbd_sim.simulation.compliant_states import compliant_names
 from mbd_sim.simulation.simulation import Simulation
 
 LINEARIZED = 4000  # instructions for the accelerations up to which the report linearizes them
@@ -58,6 +59,7 @@ def report(simulation: Simulation) -> dict[str, Any]:
             "instructions_per_evaluation": simulation.model.kernel.instructions,
         },
         "one_sided": _one_sided(simulation),
+        "compliant_contacts": _contacts(simulation, compliant=True),
         "remarks": [
             *simulation.remarks,
             *_import_notes(mechanism),
@@ -67,15 +69,22 @@ def report(simulation: Simulation) -> dict[str, Any]:
 
 def _one_sided(simulation: Simulation) -> dict[str, Any]:
     """The one-sided elements at the start, and the degrees of freedom that the closed ones leave."""
-    contact, states = simulation.model.contact, simulation.contacts()
+    contact = simulation.model.contact
     if contact is None:
         return {"elements": {}}
     active = int(contact.modes(simulation.inputs)[contact.layout.active].sum())
-    elements = {
-        name: {"state": state.state, "gap": state.gap, "normal": state.normal, "friction": state.friction.tolist()}
-        for name, state in states.items()
-    }
+    elements = _contacts(simulation, compliant=False)
     return {"elements": elements, "degrees_of_freedom": simulation.model.degrees_of_freedom - active}
+
+
+def _contacts(simulation: Simulation, *, compliant: bool) -> dict[str, Any]:
+    """The compliant contacts, or all others, at the start."""
+    soft = compliant_names(simulation.model.compliant_contacts)
+    return {
+        name: {"state": state.state, "gap": state.gap, "normal": state.normal, "friction": state.friction.tolist()}
+        for name, state in simulation.contacts().items()
+        if (name in soft) == compliant
+    }
 
 
 def kinematic_report(kinematics: Kinematics, problems: Sequence[Problem]) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 from mbd_sim.errors import listed, printable
@@ -96,6 +97,7 @@ def _dynamics(found: dict[str, Any]) -> list[str]:
         *_mass(found["mass_matrix"]),
         *_inertia_forces(found["inertia_forces"]),
         *_one_sided(found),
+        *_compliant_contacts(found["compliant_contacts"]),
         *_motions(found["small_motions"]),
         f"Integrator          {integrator['method']} (order {integrator['order']}), step {integrator['step']:g} s, "
         f"{integrator['instructions_per_evaluation']} instructions per evaluation",
@@ -107,18 +109,25 @@ def _one_sided(found: dict[str, Any]) -> list[str]:
     elements = found["one_sided"]["elements"]
     if not elements:
         return []
-    lines = []
+    left, free = found["one_sided"]["degrees_of_freedom"], found["degrees_of_freedom"]
+    some = "1 element leaves" if len(elements) == 1 else f"{len(elements)} elements leave"
+    head = f"One-sided           {some} {left} of {free} degrees of freedom at the start"
+    return [head, *_contact_lines(elements)]
+
+
+def _compliant_contacts(elements: dict[str, Any]) -> list[str]:
+    """The compliant contacts at the start."""
+    return [f"Compliant contacts  {len(elements)}", *_contact_lines(elements)] if elements else []
+
+
+def _contact_lines(elements: dict[str, Any]) -> Iterator[str]:
     for name, element in elements.items():
         text = f"{name}: {element['state']}"
         if element["state"] == "open":
             text += f", gap {element['gap']:.6g}"
         elif element["normal"]:
             text += f", force {element['normal']:.6g}"
-        lines.append(f"  {text}")
-    left, free = found["one_sided"]["degrees_of_freedom"], found["degrees_of_freedom"]
-    some = "1 element leaves" if len(elements) == 1 else f"{len(elements)} elements leave"
-    head = f"One-sided           {some} {left} of {free} degrees of freedom at the start"
-    return [head, *lines]
+        yield f"  {text}"
 
 
 def _start(joint: dict[str, Any], found: dict[str, Any]) -> str:

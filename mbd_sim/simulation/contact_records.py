@@ -57,7 +57,8 @@ class ContactState:
 
     `gap` in m or rad, and its `rate`; `normal` force λ ≥ 0 in N or N·m; `friction` and `slip` (k,) along the k = 0, 1
     or 2 directions of friction, in N or N·m and m/s or rad/s. `state` is "open", "sticks", "slides", or "closed" where
-    there is no friction. Friction without a gap has the gap 0 and no normal force.
+    there is no friction. Friction without a gap has the gap 0 and no normal force. The gap of a compliant contact is
+    negative by its depth; it is open where it exerts no force, and does not stick.
 
     `point` (3,) in m is where it touches, and `force` (3,) in N what it exerts on the constrained point's or wheel's
     part, friction included, both in ground's frame. Of a rope or strut they are those of its last end, or of the first
@@ -72,3 +73,9 @@ class ContactState:
     slip: Array
     point: Array | None = None
     force: Array | None = None
+
+    @property
+    def friction_entries(self) -> list[tuple[float, float, float]]:
+        """For each direction of friction: 1 while it slides, the slip and the force."""
+        slides = float(self.state == "slides")
+        return [(slides, *pair) for pair in zip(self.slip.tolist(), self.friction.tolist(), strict=True)]

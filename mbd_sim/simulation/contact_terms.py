@@ -152,7 +152,7 @@ class ContactModel:
         friction = {gap: rows for rows, gap in self.frictions if gap is not None}
         names = []
         for gap, name in enumerate(self.names):
-            names += [name, *(f"{name}.friction_{number}" for number in range(1, len(friction.get(gap, ())) + 1))]
+            names += with_friction(name, len(friction.get(gap, ())))
         return names + [self.row_names[rows[0]] for rows, gap in self.frictions if gap is None]
 
     def entries(self, time: float, y: Array, inputs: Array) -> list[tuple[float, float, float]]:
@@ -162,8 +162,7 @@ class ContactModel:
         for number, state in enumerate(states):
             if number < self.layout.gaps:
                 found.append((state.gap, state.rate, state.normal))
-            slides = float(state.state == "slides")
-            found += [(slides, *pair) for pair in zip(state.slip.tolist(), state.friction.tolist(), strict=True)]
+            found += state.friction_entries
         return found
 
     def terms(self, time: float, y: Array, inputs: Array) -> ContactTerms:
@@ -202,6 +201,11 @@ class ContactModel:
     def restitution(self, inputs: Array) -> Array:
         """e (gaps,)."""
         return evaluated(self._functions.restitution, inputs).ravel()
+
+
+def with_friction(name: str, directions: int) -> list[str]:
+    """The names of the entries of a contact: its own, and one for each direction of friction."""
+    return [name, *(f"{name}.friction_{number}" for number in range(1, directions + 1))]
 
 
 def _row_names(contacts: ContactEquations) -> tuple[str, ...]:

@@ -7,10 +7,12 @@ import numpy as np
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.contacts import Contact
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.source import Location
+from mbd_sim.simulation.compliant_states import compliant_names, compliant_states
 from mbd_sim.simulation.contact_records import ContactState
-from mbd_sim.simulation.contact_terms import ContactModel
+from mbd_sim.simulation.contact_terms import ContactModel, with_friction
 from mbd_sim.simulation.state_records import Losses
 
 
@@ -38,6 +40,11 @@ class ContactingModel:
         return Losses(*y[self.loss_range].tolist())
 
     @property
+    def compliant_contacts(self) -> tuple[Contact, ...]:
+        """Those contacts between shapes that are not rigid."""
+        return tuple(contact for contact in self.mechanism.contacts if not contact.rigid)
+
+    @property
     def placed_contacts(self) -> tuple[tuple[Location, int | None], ...]:
         """The elements of the contacts that have a place: those of `contact.placed`, then the compliant ones.
 
@@ -47,7 +54,7 @@ class ContactingModel:
         if self.contact is not None:
             owners = [self.contact.owners[gap] for gap in self.contact.placed]
             found += zip(owners, self.contact.placed_inputs, strict=True)
-        found += [(("contacts", contact.name), None) for contact in self.mechanism.contacts if not contact.rigid]
+        found += [(("contacts", contact.name), None) for contact in self.compliant_contacts]
         return tuple(found)
 
     def contact_places(self, time: float, y: Array, inputs: Array) -> Array:
@@ -58,14 +65,41 @@ class ContactingModel:
             self._read("contact_places", time, y, out, self.with_contact_forces(time, y, inputs))
         if cushions is None:
             return out
-        return np.concatenate([out, evaluated(cushions, time, y, inputs).T.reshape(-1, 2, 3)])
+        return np.concatenate([out, evaluated(cushions.places, time, y, inputs).T.reshape(-1, 2, 3)])
 
     def contacts(self, time: float, y: Array, inputs: Array) -> dict[str, ContactState]:
-        """Each one-sided element by name; see `ContactState`."""
-        if self.contact is None:
+        """Each one-sided element by name, then each compliant contact; see `ContactState`."""
+        places = self.contact_places(time, y, inputs)
+        found: dict[str, ContactState] = {}
+        if self.contact is not None:
+            found = self.contact.states(time, y, inputs, places[: len(self.contact.placed)])
+        return found | self._compliant(time, y, inputs, places)
+
+    def _compliant(self, time: float, y: Array, inputs: Array, places: Array) -> dict[str, ContactState]:
+        if (cushions := self.equations.cushions) is None:
             return {}
-        places = self.contact_places(time, y, inputs)[: len(self.contact.placed)]
-        return self.contact.states(time, y, inputs, places)
+        own = places[len(places) - len(cushions.directions) :]
+        states = compliant_states(cushions, time, y, inputs, own)
+        return dict(zip(compliant_names(self.compliant_contacts), states, strict=True))
+
+    def contact_entry_names(self) -> list[str]:
+        """The names of the `contact_entries`, such as `floor`, `floor.friction_1`, `floor.friction_2`."""
+        names = [] if self.contact is None else self.contact.entry_names()
+        if (cushions := self.equations.cushions) is not None:
+            for name, directions in zip(compliant_names(self.compliant_contacts), cushions.directions, strict=True):
+                names += with_friction(name, directions)
+        return names
+
+    def contact_entries(self, time: float, y: Array, inputs: Array) -> list[tuple[float, float, float]]:
+        """For each contact its gap, rate and force; after it, for each direction of friction, sliding, slip and force.
+
+        One-sided elements come first; friction in joints has no entry of its own besides those of its directions.
+        """
+        found = [] if self.contact is None else self.contact.entries(time, y, inputs)
+        if self.equations.cushions is not None:
+            for state in self._compliant(time, y, inputs, self.contact_places(time, y, inputs)).values():
+                found += [(state.gap, state.rate, state.normal), *state.friction_entries]
+        return found
 
     def _read(self, name: str, time: float, y: Array, out: Array, inputs: Array | None) -> Array:
         raise NotImplementedError

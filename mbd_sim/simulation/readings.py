@@ -103,7 +103,7 @@ class Readings(RunState):
         return self.model.reactions(self.time, self._memory.y, self._memory.inputs)
 
     def contacts(self) -> Mapping[str, ContactState]:
-        """Each one-sided element by name: its gap, normal force, friction and state; empty without such elements.
+        """Each one-sided element and each compliant contact by name: its gap, normal force, friction and state.
 
         Elements with several gaps, such as the two ends of a joint's limits, have an entry for each.
         """

@@ -15,6 +15,7 @@ from mbd_sim.messages.snapshot import Snapshot
 from mbd_sim.recording import cdr
 from mbd_sim.ros.message_types import message_type
 from mbd_sim.simulation.joint_state_layout import joint_state_arrays, joint_state_names
+from test.simulation.test_contact_forces import SOFT_BALL
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 TIME_NS = 12_345_678_901
@@ -71,6 +72,21 @@ def test_joint_states(simulation):
             list(values) for values in expected
         ]
     assert cdr.joint_states(payload).stamp_ns == TIME_NS
+
+
+def test_contact_states_have_one_sided_elements_and_then_compliant_contacts():
+    tie = "constraints: {tie: {type: distance, between: [ground, ball], length: 2, bound: at_most}}\n"
+    both = SOFT_BALL.replace("[0, 0.12, 0]", "[0, 0.099, 0]") + tie
+    simulation = Simulation.from_text(both)
+    simulation.step(5)
+    tie, floor = (simulation.contacts()[name] for name in ("tie", "floor"))
+    assert (tie.state, floor.state) == ("open", "slides")
+    payload = written(simulation, state_messages.contact_states(simulation.model))
+    for message in read("sensor_msgs/msg/JointState", payload):
+        assert list(message.name) == ["tie", "floor", "floor.friction_1"]
+        assert list(message.position) == [tie.gap, floor.gap, 1.0]
+        assert list(message.velocity) == [tie.rate, floor.rate, *floor.slip]
+        assert list(message.effort) == [tie.normal, floor.normal, *floor.friction]
 
 
 def test_labeled_energies(simulation):

@@ -9,6 +9,7 @@ from mbd_sim.cli.run import simulate
 from mbd_sim.load import parse_mechanism
 from mbd_sim.report.mechanism_report import report
 from mbd_sim.report.report_text import report_text
+from test.simulation.test_contact_forces import SOFT_BALL
 
 PENDULUM = """mechanism: pendulum
 parts: {rod: {mass: 1, center: [0, 0, -1], inertia: [0.1, 0.1, 0.01]}}
@@ -58,3 +59,11 @@ def test_a_large_energy_residual_is_a_warning(step, warned):
         bool(re.search(r"WARNING +the energy residual is .* of the largest energy or work: use a smaller", summary))
         == warned
     )
+
+
+def test_compliant_contacts_are_listed_apart_from_one_sided_elements():
+    simulation = Simulation.from_text(SOFT_BALL.replace("[0, 0.12, 0]", "[0, 0.099, 0]"))
+    found = report(simulation)
+    assert found["one_sided"] == {"elements": {}}
+    assert found["compliant_contacts"]["floor"]["normal"] == simulation.contacts()["floor"].normal
+    assert "Compliant contacts  1\n  floor: slides, force 3.16228\n" in report_text(found)

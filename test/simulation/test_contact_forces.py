@@ -1,5 +1,7 @@
 """The points and forces of contacts: they balance weight and acceleration, and lie where the parts touch."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -124,3 +126,60 @@ def test_the_force_of_a_compliant_contact_is_the_rate_of_momentum_at_the_place_w
         assert point == pytest.approx([sim.q[0], 0.0, sim.q[1] - 0.1], abs=1e-15)
         touched += force[2] > 0.0
     assert 3 < touched < 40
+
+
+def test_the_state_of_a_compliant_contact_follows_its_law():
+    sim, seen = Simulation.from_text(SOFT_BALL), set()
+    for _ in range(60):
+        sim.step(5)
+        (contact,) = sim.contacts().values()
+        z, (vx, vz, spin) = sim.q[1], sim.u
+        depth, slip = max(0.1 - z, 0.0), vx + 0.1 * spin
+        normal = 1e5 * depth**1.5 * max(1.0 - 0.5 * vz, 0.0)
+        friction = -0.3 * normal * slip / math.hypot(slip, 0.01)
+        assert (contact.gap, contact.rate) == (pytest.approx(z - 0.1, abs=1e-15), pytest.approx(vz, abs=1e-15))
+        assert contact.normal == pytest.approx(normal, rel=1e-12)
+        assert contact.slip == pytest.approx([slip], abs=1e-14)
+        assert contact.friction == pytest.approx([friction], abs=1e-12)
+        assert contact.state == ("slides" if depth else "open")
+        assert contact.force == pytest.approx([friction, 0.0, normal], abs=1e-12)
+        seen.add(contact.state)
+    assert seen == {"open", "slides"}
+    assert sim.contact_events == ()  # it has no impacts and so no impulses
+
+
+def test_compliant_contacts_come_after_rigid_ones_with_a_name_for_each_place():
+    sim = Simulation.from_text(
+        """
+mechanism: cushioned
+parts:
+  box: {shape: {type: block, mass: 3, size: [0.2, 0.2, 0.2]}}
+  ball: {shape: {type: sphere, mass: 2, radius: 0.1}}
+joints:
+  box: {type: free, between: [ground, box], position: [0, 0, 0.099], velocity: [0.3, 0.4, 0]}
+  ball: {type: prismatic, between: [ground, ball], axis: [0, 0, 1], position: 0.1}
+contacts:
+  cushion: {parts: [box], plane: ground, friction: 0.5, stiffness: 1e4, exponent: 1}
+  floor: {parts: [ball], plane: ground, restitution: 0.5}
+"""
+    )
+    contacts = sim.contacts()
+    floor, *corners = contacts
+    assert floor == "floor" and contacts["floor"].state == "closed"
+    assert len(corners) == 8 and all(name.startswith("cushion.") for name in corners)
+    pressed = [contacts[name] for name in corners if contacts[name].state == "slides"]
+    assert [state.gap for state in pressed] == pytest.approx([-0.001] * 4, abs=1e-15)
+    assert [state.normal for state in pressed] == pytest.approx([10.0] * 4, abs=1e-11)
+    for state in pressed:  # along two directions
+        assert math.hypot(*state.slip) == pytest.approx(0.5, abs=1e-14)
+        assert state.force[2] == pytest.approx(10.0, abs=1e-11)
+        assert state.force[:2] == pytest.approx([-3.0, -4.0], rel=1e-3)
+    assert [contacts[name].gap for name in corners if contacts[name].state == "open"] == pytest.approx([0.199] * 4)
+
+
+def test_without_friction_a_compliant_contact_is_closed_where_it_presses():
+    sim = Simulation.from_text(SOFT_BALL.replace("friction: 0.3, ", ""))
+    sim.step(80)
+    (contact,) = sim.contacts().values()
+    assert (contact.state, len(contact.friction), len(contact.slip)) == ("closed", 0, 0)
+    assert contact.normal > 50.0
