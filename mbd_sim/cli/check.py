@@ -91,14 +91,14 @@ def execute(options: argparse.Namespace) -> int:
 
 def _latex(mechanism: Mechanism, options: argparse.Namespace) -> str:
     from mbd_sim.mechanism_file.override import matching
-    from mbd_sim.symbolic import symbolic_equations, to_latex
+    from mbd_sim.symbolic import linearized, symbolic_equations, to_latex
 
-    if options.numbers:
-        return to_latex(symbolic_equations(mechanism))
-    if not options.symbols:
-        return to_latex(symbolic_equations(mechanism, None))
-    further = [key for name in options.symbols for key in (matching(mechanism, [name]) if "*" in name else [name])]
-    return to_latex(symbolic_equations(mechanism, [*mechanism.parameters, *further]))
+    parameters: list[str] | None = [] if options.numbers else None
+    if options.symbols:
+        further = [key for name in options.symbols for key in (matching(mechanism, [name]) if "*" in name else [name])]
+        parameters = [*mechanism.parameters, *further]
+    equations = symbolic_equations(mechanism, parameters)
+    return to_latex(equations, linearized(mechanism, equations))
 
 
 def _without_dynamics(mechanism: Mechanism, error: NoInertiaError, options: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""Equations of motion as formulas: exact, simplified, and as LaTeX.
+"""Equations of motion as formulas: exact, simplified, as SymPy expressions and as LaTeX.
 
 The equations are Lagrange's, from the kinetic and potential energies (Huston & Liu, ch. 11; Géradin & Rixen), evaluated
 over exact polynomials in place of numbers. Importing this package does not import SymPy; deriving equations does.
@@ -8,5 +8,15 @@ from __future__ import annotations
 
 from mbd_sim.symbolic.latex import to_latex
 from mbd_sim.symbolic.symbolic_equations import SymbolicEquations, symbolic_equations
+from mbd_sim.symbolic.symbolic_linearization import SymbolicLinearization, linearized
+from mbd_sim.symbolic.sympy_model import SympyModel, sympy
 
-__all__ = ["SymbolicEquations", "symbolic_equations", "to_latex"]
+__all__ = [
+    "SymbolicEquations",
+    "SymbolicLinearization",
+    "SympyModel",
+    "linearized",
+    "symbolic_equations",
+    "sympy",
+    "to_latex",
+]

@@ -8,14 +8,20 @@ from typing import Any
 from mbd_sim.symbolic.contact_latex import contact_lines
 from mbd_sim.symbolic.latex_meanings import meanings
 from mbd_sim.symbolic.latex_printer import write
+from mbd_sim.symbolic.linearization_latex import linearization_lines
 from mbd_sim.symbolic.symbolic_constraints import SymbolicConstraint
 from mbd_sim.symbolic.symbolic_equations import SymbolicEquations
+from mbd_sim.symbolic.symbolic_linearization import SymbolicLinearization
 
 LONGEST_LINE = 420  # characters of LaTeX, about one line of a page
 
 
-def to_latex(equations: SymbolicEquations) -> str:
-    """LaTeX for a document with `amsmath` and `amssymb`; numbers are in SI units, rounded to six digits."""
+def to_latex(equations: SymbolicEquations, linearization: SymbolicLinearization | None = None) -> str:
+    """LaTeX for a document with `amsmath` and `amssymb`; numbers are in SI units, rounded to six digits.
+
+    :param linearization: of the same equations, to be stated after them.
+    """
+    linear = [] if linearization is None else linearization_lines(linearization, equations.q, equations.names)
     lines = [
         rf"% Equations of motion of {equations.mechanism}, by mbd_sim. Needs \usepackage{{amsmath,amssymb}}.",
         *_energy_lines(equations),
@@ -34,7 +40,8 @@ def to_latex(equations: SymbolicEquations) -> str:
         r"\begin{align*}",
         *_aligned([([name], [value]) for name, value in entry_rows(equations)]),
         r"\end{align*}",
-        r"where",
+        *linear,
+        r"Here",
         r"\begin{itemize}",
         "\n".join(f"  \\item {line}" for line in meanings(equations)).removesuffix(";") + ".",
         r"\end{itemize}",

@@ -11,7 +11,7 @@ from mbd_sim.cli.main import main
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism_file.override import with_values
-from mbd_sim.symbolic import symbolic_equations, to_latex
+from mbd_sim.symbolic import linearized, symbolic_equations, to_latex
 from mbd_sim.symbolic.symbol_names import key_name, symbol_latex
 from test.generators.mechanisms import random_state
 from test.symbolic.test_symbolic_equations import compare
@@ -151,7 +151,10 @@ def test_the_command_prints_parameters_or_numbers(capsys):
 )
 def test_latex_compiles_it(tmp_path):
     names = (*OPEN[:12], "rolling_disc", "scissor_lift", "bounce", "belt")
-    bodies = [to_latex(symbolic_equations(load_mechanism(name), None)) for name in names]
+    bodies = []
+    for mechanism in map(load_mechanism, names):
+        equations = symbolic_equations(mechanism, None)
+        bodies.append(to_latex(equations, linearized(mechanism, equations)))
     bodies.append(to_latex(symbolic_equations(parse_mechanism(GREEK), None)))
     text = "\n\n".join(
         [r"\documentclass{article}\usepackage{amsmath,amssymb}\begin{document}", *bodies, r"\end{document}"]
