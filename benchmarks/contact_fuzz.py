@@ -21,15 +21,15 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from mbd_sim import Simulation
 from mbd_sim.compiler import machine_code
+from mbd_sim.dynamics.initial_conditions import rheonomic
 from mbd_sim.errors import MbdSimError
 from mbd_sim.simulation.contact_events import EventError
-from mbd_sim.simulation.contact_records import ContactChange
+from mbd_sim.simulation.contact_records import ContactChange, ContactEvent
 from test.generators.contact_mechanisms import ALL_KINDS, LOOPS, contact_mechanism
 
 RESULTS = Path(__file__).parent / "results" / "contact_fuzz.jsonl"
@@ -259,27 +259,21 @@ def throw(found: Found, step: float | None) -> None:
 
 
 class Measure:
-    """Energies before and after each impact, apart from the loss that the impact states."""
+    """Observes the contacts of a simulation: the energies before and after each impact, apart from its stated loss."""
 
     def __init__(self, sim: Simulation, found: Found) -> None:
-        stepper = sim._memory.contacts
-        assert stepper is not None
-        self._sim, self._found, self._stepper, found.step = sim, found, stepper, sim.step_size
-        self._apply: Any = stepper._apply
-        stepper._apply = self._measured  # type: ignore[method-assign]
-        self._record: Any = stepper._record
-        stepper._record = self._counted  # type: ignore[method-assign]
+        self._sim, self._found, self._driven = sim, found, rheonomic(sim.mechanism)
+        found.step = sim.step_size
+        sim.observe_contacts(self)
 
-    def _measured(self, time: float, y: Any, inputs: Any, *rest: Any) -> None:
-        before = self._stepper._energy(time, y, inputs)
-        self._apply(time, y, inputs, *rest)
-        gain = self._stepper._energy(time, y, inputs) - before
+    def impact(self, time: float, before: float, after: float) -> None:
+        """Count an impact and what it gains, unless a drive works in it."""
         self._found.impacts += 1
-        if not self._stepper._driven:  # a drive works in an impact
-            self._found.gain = max(self._found.gain, gain / (1.0 + abs(before)))
+        if not self._driven:
+            self._found.gain = max(self._found.gain, (after - before) / (1.0 + abs(before)))
 
-    def _counted(self, event: Any) -> None:
-        self._record(event)
+    def event(self, event: ContactEvent) -> None:
+        """Count an event."""
         self._found.events += 1
         self._found.bounded += event.change is ContactChange.BOUND
 

@@ -17,7 +17,7 @@ from mbd_sim.errors import DivergedError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.contact_impact import Impact, impact, tangential_impact
 from mbd_sim.simulation.contact_modes import RESTING, Forced, ModeFinder
-from mbd_sim.simulation.contact_records import ContactChange, ContactEvent
+from mbd_sim.simulation.contact_records import ContactChange, ContactEvent, ContactObserver
 from mbd_sim.simulation.contact_search import EventSearch
 from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, Mask
 
@@ -45,7 +45,8 @@ class _Decided:
 class ContactStepper:
     """Advances a state `y` and the modes among its `inputs`, both in place.
 
-    `energy(time, y, inputs)` is the total energy in J. `events` are the latest ones of `count` in all.
+    `energy(time, y, inputs)` is the total energy in J. `events` are the latest ones of `count` in all. An `observer`
+    sees them as they are found.
     """
 
     def __init__(
@@ -63,6 +64,7 @@ class ContactStepper:
         self._finder, self._search = ModeFinder(model, tolerance), EventSearch(model, tolerance)
         self.events: deque[ContactEvent] = deque(maxlen=EVENTS_KEPT)
         self.count = 0
+        self.observer: ContactObserver | None = None
         self._new: list[ContactEvent] = []  # of the present call
 
     def advance(self, y: Array, inputs: Array, first: int, h: float, n: int, estimate: Array) -> bool:
@@ -207,12 +209,14 @@ class ContactStepper:
 
     def _apply(self, time: float, y: Array, inputs: Array, found: Impact) -> None:
         """Change the speeds and the audit by an impact, and record it."""
-        before = self._energy(time, y, inputs) if self._driven else 0.0
+        before = self._energy(time, y, inputs) if self._driven or self.observer is not None else 0.0
         y[self._speeds] += found.u_change
         y[self._losses.start] += found.loss
         y[-1] += found.loss
         if self._driven:
             y[-2] += self._energy(time, y, inputs) - before + found.loss
+        if self.observer is not None:
+            self.observer.impact(time, before, self._energy(time, y, inputs))
         for gap in np.flatnonzero(found.impulses[: self._model.layout.gaps]).tolist():
             impulse = float(found.impulses[gap])
             self._record(
@@ -221,6 +225,8 @@ class ContactStepper:
 
     def _record(self, event: ContactEvent) -> None:
         self._new.append(event)
+        if self.observer is not None:
+            self.observer.event(event)
 
     def _keep_new(self) -> None:
         self.events.extend(self._new)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Protocol
 
 from mbd_sim.geometry.pose import Array
 
@@ -49,6 +50,16 @@ class ContactEvent:
             elif self.factor < 1.0:
                 text += f"; restitution reduced to {self.factor:.3g} of its value, so that energy does not grow"
         return text
+
+
+class ContactObserver(Protocol):
+    """Sees what happens at contacts while steps are computed, also in those that then fail; it changes nothing."""
+
+    def impact(self, time: float, before: float, after: float) -> None:
+        """An impact at `time` in s, with the total energies in J before and after it."""
+
+    def event(self, event: ContactEvent) -> None:
+        """A change at a contact."""
 
 
 @dataclass(frozen=True, eq=False)

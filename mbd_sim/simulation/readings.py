@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.simulation.actuator_states import AnyActuatorState
 from mbd_sim.simulation.argument_checks import finite_vector
-from mbd_sim.simulation.contact_records import ContactEvent, ContactState
+from mbd_sim.simulation.contact_records import ContactEvent, ContactObserver, ContactState
 from mbd_sim.simulation.motions import PartMotion
 from mbd_sim.simulation.part_motion import motion_of
 from mbd_sim.simulation.run_state import RunState
@@ -114,6 +114,15 @@ class Readings(RunState):
         """The latest changes of contacts since the start, at most 10,000 of them."""
         stepper = self._memory.contacts
         return () if stepper is None else tuple(stepper.events)
+
+    def observe_contacts(self, observer: ContactObserver | None) -> None:
+        """Let an observer see each impact and each event of contacts as it is found; None ends that.
+
+        :raises ValueError: the mechanism has no one-sided elements.
+        """
+        if self._memory.contacts is None:
+            raise ValueError(f"mechanism '{self.mechanism.name}' has no one-sided elements to observe")
+        self._memory.contacts.observer = observer
 
     @property
     def contact_event_count(self) -> int:
