@@ -93,8 +93,8 @@ def commands(page):
     return [line.strip() for line in lines if re.match(r"\s*(\.venv/bin/)?mbd_sim ", line)]
 
 
-def test_the_readme_shows_every_command_but_list_and_schema():
-    shown = {line.split()[1] for line in commands(ROOT / "README.md")}
+def test_the_pages_show_every_command():
+    shown = {line.split()[1] for page in PAGES for line in commands(page)}
     assert {"check", "run", "sweep", "verify", "rerun-with", "view", "plot", "export", "urdf", "convert"} <= shown
 
 
@@ -104,16 +104,10 @@ def test_command_lines_in_the_pages_are_valid(line):
     build_parser().parse_args(words[: words.index(">")] if ">" in words else words)
 
 
-def test_the_readme_quotes_check(capsys):
-    (quoted,) = [block for block in blocks(ROOT / "README.md") if block.startswith("Degrees of freedom")]
-    main(["check", "four_bar"])
-    printed = capsys.readouterr().out
-    assert not [line for line in quoted.splitlines() if line != "…" and line not in printed]
-
-
-def test_the_readme_quotes_errors(tmp_path, monkeypatch, capsys):
-    (quoted,) = [block for block in blocks(ROOT / "README.md") if block.startswith("my_pendulum.yaml:")]
-    (text,) = [block for block in blocks(ROOT / "README.md", "yaml") if block.startswith("mechanism: my_pendulum")]
+def test_the_first_tutorial_quotes_errors(tmp_path, monkeypatch, capsys):
+    page = ROOT / "docs" / "learn" / "first_mechanism.md"
+    (quoted,) = [block for block in blocks(page) if block.startswith("my_pendulum.yaml:")]
+    text = re.search(r"^(mechanism: my_pendulum\n.*?)^```$", page.read_text("utf-8"), re.MULTILINE | re.DOTALL)[1]
     monkeypatch.chdir(tmp_path)
     Path("my_pendulum.yaml").write_text(text, encoding="utf-8")
     assert main(["check", "my_pendulum.yaml"]) == 0

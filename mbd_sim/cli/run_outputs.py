@@ -30,7 +30,14 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--plot", type=Path, metavar="FILE", help="plot energies, joints and residual: .png, .svg, .pdf or .html"
     )
-    group.add_argument("--animate", type=Path, metavar="FILE", help="draw the motion: .gif, .mp4 or .html")
+    group.add_argument("--animate", type=Path, metavar="FILE", help="draw the motion: .gif, .webp, .mp4 or .html")
+    group.add_argument(
+        "--trace",
+        action="append",
+        default=[],
+        metavar="POINT",
+        help="draw the path of a part or part.point; repeatable",
+    )
     group.add_argument(
         "--rate",
         type=float,
@@ -74,6 +81,8 @@ class RunOutputs:
         if options.animate is not None:
             plot_files.require_suffix(options.animate, animation_file.SUFFIXES)
             animation_file.require_animation_packages(options.animate)
+        elif options.trace:
+            raise InputError("--trace: nothing is drawn", "Give --animate too.")
         if not self.records:
             unused = [
                 name for name in ("rate", "reactions", "violation", "poses", "accelerations") if getattr(options, name)
@@ -92,9 +101,11 @@ class RunOutputs:
     @contextmanager
     def of(self, simulation: Simulation) -> Iterator[None]:
         """Record the run in this block, then write the files; also if the motion becomes infinite."""
+        from mbd_sim.drawing.animation import traced_points
         from mbd_sim.errors import DivergedError
 
         options = self._options
+        traced_points(simulation.mechanism, options.trace)  # a wrong name is reported before the run
         with tempfile.TemporaryDirectory(prefix="mbd_sim_") as folder:
             keeps = options.out is not None and options.out.suffix == RECORDING
             path = options.out if keeps else Path(folder, f"{simulation.mechanism.name}.mcap".replace("/", "_"))
@@ -160,7 +171,10 @@ class RunOutputs:
         from mbd_sim.drawing.animation import Animation
         from mbd_sim.drawing.animation_file import Frame, write_animation
 
-        animation = Animation(simulation.model, configurations=[poses for _, poses in self._frames])
+        options = self._options
+        animation = Animation(
+            simulation.model, configurations=[poses for _, poses in self._frames], traces=options.trace
+        )
         with ProgressBar("draw", self._options.quiet, total=len(self._frames), amount=COUNT) as progress:
 
             def frames() -> Iterator[Frame]:

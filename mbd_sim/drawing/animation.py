@@ -7,18 +7,24 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.appearance.polylines import circle
+from mbd_sim.appearance.trace_points import tip_of
 from mbd_sim.drawing.composition import Composition, mechanism_sheet
 from mbd_sim.drawing.curve_paths import constraint_curves
 from mbd_sim.drawing.part_outlines import bounding_points
 from mbd_sim.drawing.picture import POINTS, pixels
 from mbd_sim.drawing.projection import Page, view_of
-from mbd_sim.drawing.sheet import GRAY, SheetText
+from mbd_sim.drawing.sheet import FRONT, GRAY, MARKS, SheetPath, SheetText
 from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.mechanism.attachments import resolve_reference
+from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.compiled_model import Model
 
 SAMPLES = 60  # random configurations from which the window is found
 STROKE = 0.5  # m in each direction, of sliding joints without limits
 MARGIN = 1.12
+TRACE_COLORS = ((208, 58, 50), (124, 77, 190), (20, 136, 110))
+TRACE_WIDTH, TRACE_DOT = 1.6, 3.0  # pt, of the line and of the dot at its end
 CAPTION_PLACE, CAPTION_SIZE = np.array([60.0, 14.0]), 11.0  # pt
 
 
@@ -31,18 +37,27 @@ class Animation:
         width: int = 600,
         height: int = 400,
         configurations: Sequence[Mapping[str, Pose]] | None = None,
+        traces: Sequence[str] = (),
     ) -> None:
         """Frames of `width` times `height` pixels.
 
         :param configurations: poses of the parts that the window shows; by default those that the joints and the loops
             allow.
+        :param traces: points, `part.point`, and parts, which stand for their ends, whose paths through all frames so
+            far are drawn.
+        :raises InputError: there is no such part or point.
         """
         self._mechanism, self._size = model.mechanism, np.array([width, height], dtype=float)
         start = model.poses(0.0, model.start)
         self._view = view_of(self._mechanism, start)
         axes = np.column_stack([self._view.right, self._view.up])
+        self._traced = traced_points(self._mechanism, traces)
+        self._paths: list[list[Array]] = [[] for _ in traces]
         shown = _reachable_poses(model) if configurations is None else configurations
-        projected = [bounding_points(self._mechanism, poses) @ axes for poses in (start, *shown)]
+        projected = [
+            np.vstack([bounding_points(self._mechanism, poses), *self._traced_points(poses)]) @ axes
+            for poses in (start, *shown)
+        ]
         low, high = np.vstack(projected).min(axis=0), np.vstack(projected).max(axis=0)
         self._mechanism_size = max(
             float(np.max(np.ptp(projected[0], axis=0))), 1e-9
@@ -55,10 +70,37 @@ class Animation:
         """The mechanism with its parts at `poses`, in ground's frame in m: (height, width, 3)."""
         curves = constraint_curves(self._mechanism, poses, self._view)
         sheet = mechanism_sheet(self._page, self._mechanism, poses, self._mechanism_size, curves)
+        sheet.add(*self._extended_traces(poses))
         sheet = sheet.translated(self._shift)
         if caption:
             sheet.texts.append(SheetText(caption, CAPTION_PLACE, CAPTION_SIZE, GRAY))
         return pixels(Composition(sheet, self._size), POINTS)
+
+    def _traced_points(self, poses: Mapping[str, Pose]) -> list[Array]:
+        return [poses[part].position + poses[part].rotation @ point for part, point in self._traced]
+
+    def _extended_traces(self, poses: Mapping[str, Pose]) -> list[SheetPath]:
+        """The paths up to this frame."""
+        drawn = []
+        for number, (path, point) in enumerate(zip(self._paths, self._traced_points(poses), strict=True)):
+            path.append(point)
+            color = TRACE_COLORS[number % len(TRACE_COLORS)]
+            drawn.append(SheetPath(self._page.project(np.array(path)), edge=color, width=TRACE_WIDTH, layer=FRONT))
+            dot = self._page.project(point) + TRACE_DOT * circle(np.linspace(0.0, 2.0 * np.pi, 13))
+            drawn.append(SheetPath(dot, edge=None, fill=color, closed=True, layer=MARKS))
+        return drawn
+
+
+def traced_points(mechanism: Mechanism, names: Sequence[str]) -> list[tuple[str, Array]]:
+    """The part and the point (3,) in its frame in m for each of some names: `part.point`, or a part for its end.
+
+    :raises InputError: there is no such part or point.
+    """
+    points, found = {name: part.points for name, part in mechanism.parts.items()}, []
+    for name in names:
+        part, pose = resolve_reference(name, points)
+        found.append((part, pose.position if "." in name else np.array(tip_of(mechanism.parts[part]))))
+    return found
 
 
 def _reachable_poses(model: Model) -> list[Mapping[str, Pose]]:

@@ -1,0 +1,62 @@
+"""Runs notebooks and snippets of the pages in this process."""
+
+import re
+import shlex
+from pathlib import Path
+
+from mbd_sim.cli.main import main
+
+CELL = re.compile(r"^```\{code-cell\}[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+QUIET = ("run", "verify", "rerun-with", "plot", "export")
+OPTIONS = re.compile(r"\A(?::[\w-]+:[^\n]*\n)+")
+
+
+def cells(text):
+    """The code cells of a notebook in MyST's form."""
+    return [OPTIONS.sub("", cell) for cell in CELL.findall(text)]
+
+
+def execute(code, names):
+    """Run a cell: Python, `%%writefile NAME` and its text, and lines `!mbd_sim …`."""
+    first, _, rest = code.partition("\n")
+    if first.startswith("%%writefile "):
+        Path(first.split()[1]).write_text(rest, encoding="utf-8")
+        return
+    names["_command"] = _command
+    exec(
+        re.sub(r"^(\s*)!(mbd_sim .*)$", r"\1_command(\2)".replace(r"\2", r"'''\2'''"), code, flags=re.MULTILINE), names
+    )
+
+
+def _command(line):
+    assert main(shlex.split(line)[1:]) == 0, line
+
+
+SNIPPET = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+WINDOWS = (
+    "view",
+    "sweep",
+    "--rerun",
+    "robot.urdf",
+)  # what opens a window, takes long, or has no file; test_docs parses it
+
+
+def snippets(text):
+    """The language and the code of each block of a page, in order."""
+    return SNIPPET.findall(text)
+
+
+def execute_snippet(language, code):
+    """Run a snippet: a mechanism is written to a file of its name, and command lines of `mbd_sim` are executed."""
+    if language == "yaml" and (name := re.match(r"mechanism: (\w+)\n", code)):
+        Path(f"{name[1]}.yaml").write_text(code, encoding="utf-8")
+        assert main(["check", f"{name[1]}.yaml"]) == 0
+    elif language == "python" and "rclpy" not in code and "Lockstep" not in code:
+        exec(code, {"__name__": "__main__"})
+    elif language == "sh":
+        for line in code.replace("\\\n", " ").splitlines():
+            words = shlex.split(line, comments=True)
+            if "--animate" in words:
+                words += ["--time", "0.1"]  # pictures take long
+            if words[:1] == ["mbd_sim"] and not any(word in line for word in WINDOWS):
+                assert main([*words[1:], "--quiet"] if words[1] in QUIET else words[1:]) == 0, line

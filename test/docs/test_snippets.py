@@ -1,0 +1,37 @@
+"""The snippets of README.md and of the how-to pages run, each page from top to bottom in a folder of its own."""
+
+from pathlib import Path
+
+import pytest
+from matplotlib import pyplot as plt
+
+from mbd_sim.cli.main import main
+from test.docs.notebooks import execute_snippet, snippets
+
+ROOT = Path(__file__).resolve().parents[2]
+README = ROOT / "README.md"
+PAGES = [README, *sorted(path for path in (ROOT / "docs" / "how_to").glob("*.md") if path.name != "index.md")]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_the_snippets_of_a_page_run(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for language, code in snippets(page.read_text(encoding="utf-8")):
+        execute_snippet(language, code)
+    plt.close("all")
+
+
+def test_the_readme_is_short():
+    assert len(README.read_text(encoding="utf-8").splitlines()) < 150
+
+
+def test_the_readme_quotes_the_report_on_its_mechanism(tmp_path, monkeypatch, capsys):
+    text = README.read_text(encoding="utf-8")
+    (mechanism,) = [code for language, code in snippets(text) if language == "yaml"]
+    quoted = text.split("```\nDegrees of freedom", 1)[1].split("\n```", 1)[0].splitlines()
+    monkeypatch.chdir(tmp_path)
+    Path("linkage.yaml").write_text(mechanism, encoding="utf-8")
+    main(["check", "linkage.yaml"])
+    printed = capsys.readouterr().out
+    assert len(quoted) > 8
+    assert not [line for line in quoted if line != "…" and line not in printed]
