@@ -63,7 +63,11 @@ class ControlNode(Node):  # type: ignore[misc]  # rclpy carries no types
             return
         order = [indices[name] for name in self.names]
         time = state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec
-        self._commands.publish(self.command(time, np.array(state.position)[order], np.array(state.velocity)[order]))
+        self.publish_answer(time, np.array(state.position)[order], np.array(state.velocity)[order])
+
+    def publish_answer(self, time: float, q: Array, u: Array) -> None:
+        """Publish the answer to a state, with arguments as those of `control`: by default the message of `command`."""
+        self._commands.publish(self.command(time, q, u))
 
     def command(self, time: float, q: Array, u: Array) -> JointState:
         """The message that answers a state: by default the efforts of `control`."""
