@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from mbd_sim.symbolic.actuator_latex import actuator_lines
 from mbd_sim.symbolic.contact_latex import contact_lines
 from mbd_sim.symbolic.latex_meanings import meanings
 from mbd_sim.symbolic.latex_printer import write
@@ -28,6 +29,7 @@ def to_latex(equations: SymbolicEquations, linearization: SymbolicLinearization 
         r"\begin{align*}",
         *_aligned(motion_rows(equations)),
         r"\end{align*}",
+        *actuator_lines(equations.actuators, equations.names),
         *_constraint_lines(equations),
         *contact_lines(
             equations.contacts,

@@ -7,6 +7,7 @@ from itertools import groupby
 from typing import Any
 
 from mbd_sim.mechanism.joint_types import JOINT_KINDS
+from mbd_sim.symbolic.actuator_latex import actuator_meanings
 from mbd_sim.symbolic.contact_latex import contact_meanings
 from mbd_sim.symbolic.latex_printer import escaped, plain
 from mbd_sim.symbolic.symbolic_constraints import SymbolicConstraint
@@ -22,6 +23,7 @@ def meanings(equations: SymbolicEquations) -> Iterator[str]:
     yield rf"$u = ({order})$ are the generalized speeds, in the order of the rows;"
     for coordinate in equations.coordinates:
         yield from _coordinate_meaning(coordinate, names)
+    yield from actuator_meanings(equations.actuators, names)
     for parameter in equations.parameters:
         yield _parameter_meaning(parameter)
     if equations.built_in:

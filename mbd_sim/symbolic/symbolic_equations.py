@@ -12,13 +12,13 @@ from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
 from mbd_sim.dynamics.links import coordinate_layout
 from mbd_sim.errors import MbdSimError, listed
-from mbd_sim.mechanism.actuators import require_no_actuators
 from mbd_sim.mechanism.contacts import Cam
 from mbd_sim.mechanism.drives import require_no_commanded_drives
 from mbd_sim.mechanism.one_sided import has_one_sided
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.packages import require_packages
 from mbd_sim.symbolic.equation_limits import MAX_INSTRUCTIONS, too_large
+from mbd_sim.symbolic.symbolic_actuators import SymbolicActuator, TracedActuators, symbolic_actuators, traced_actuators
 from mbd_sim.symbolic.symbolic_constraints import (
     SymbolicConstraint,
     constraint_function,
@@ -39,8 +39,8 @@ class SymbolicEquations:
 
     `names` has the LaTeX of each symbol. `constraints` are the independent rows of G, each with its λ; `left_out` names
     the redundant rows. One-sided elements are the `contacts`, which also have rows of G and multipliers. All numbers
-    are in SI units. `energies` are None if they are too long to be read. `built_in` names parameters that stay numbers,
-    with the reason.
+    are in SI units. The `forces` contain the symbols of the efforts of `actuators`. `energies` are None if they are too
+    long to be read. `built_in` names parameters that stay numbers, with the reason.
     """
 
     mechanism: str
@@ -54,6 +54,7 @@ class SymbolicEquations:
     left_out: tuple[str, ...] = ()
     contacts: tuple[SymbolicContact, ...] = ()
     energies: SymbolicEnergies | None = None
+    actuators: tuple[SymbolicActuator, ...] = ()
     parameters: tuple[ParameterSymbol, ...] = ()
     built_in: Mapping[str, str] = field(default_factory=dict)
 
@@ -99,7 +100,6 @@ def symbolic_equations(mechanism: Mechanism, parameters: Sequence[str] | None = 
         contacts with cams.
     """
     require_packages("sympy", purpose="Deriving equations as formulas")
-    require_no_actuators(mechanism, "cannot be printed as formulas")
     require_no_commanded_drives(mechanism, "cannot be printed as formulas")
     _require_small(mechanism, coordinate_layout(mechanism).nv)
     _require_formulas(mechanism)
@@ -119,6 +119,7 @@ class _Traced:
     energies: ca.Function
     derived: Equations | None
     others: list[ca.Function]
+    actuators: TracedActuators | None
 
 
 def _traced(mechanism: Mechanism, values: SymbolicValues | None) -> _Traced:
@@ -134,7 +135,8 @@ def _traced(mechanism: Mechanism, values: SymbolicValues | None) -> _Traced:
     operations = sum(function.n_instructions() for function in (lagrange.terms, *others))
     if operations > MAX_INSTRUCTIONS:
         raise too_large(mechanism, f"their derivation takes {operations} operations")
-    return _Traced(lagrange.terms, energy_function(lagrange), derived, others)
+    actuators = traced_actuators(mechanism, numbers)
+    return _Traced(lagrange.terms, energy_function(lagrange), derived, others, actuators)
 
 
 def _expressions(mechanism: Mechanism, values: SymbolicValues | None, traced: _Traced) -> SymbolicEquations:
@@ -160,21 +162,27 @@ def _expressions(mechanism: Mechanism, values: SymbolicValues | None, traced: _T
     (mass, inertial, forces), *rows = (simplified(mechanism, algebra, function, inputs) for function in functions)
     energies = energies_if_short(mechanism, algebra, traced.energies, [*inputs[:3], *inputs[4:]])
     derived = traced.derived
+    actuators = symbolic_actuators(traced.actuators, algebra, inputs, names) if traced.actuators else ()
     return SymbolicEquations(
         mechanism=mechanism.name,
         coordinates=tuple(c for c in coordinates if c.u),
         time=time,
         mass=tuple(tuple(row) for row in mass),
         inertial=tuple(row[0] for row in inertial),
-        forces=tuple(row[0] for row in forces),
+        forces=tuple(_with_actuators(row[0], number, actuators) for number, row in enumerate(forces)),
         names=names,
         constraints=_constraints(derived, rows[0], names, time) if derived else (),
         left_out=_left_out(derived) if derived else (),
         contacts=symbolic_contacts(derived.contact.contacts, rows[1], names) if derived and derived.contact else (),
         energies=energies,
+        actuators=actuators,
         parameters=() if values is None else values.symbols,
         built_in={} if values is None else values.built_in,
     )
+
+
+def _with_actuators(force: Any, row: int, actuators: Sequence[SymbolicActuator]) -> Any:
+    return sum((actuator.along[row] * actuator.effort for actuator in actuators), force)
 
 
 def _left_out(derived: Equations) -> tuple[str, ...]:

@@ -44,15 +44,20 @@ class SymbolicLinearization:
 def linearized(mechanism: Mechanism, equations: SymbolicEquations) -> SymbolicLinearization | None:
     """Linearize the equations of a mechanism about an equilibrium near its start.
 
-    None if there is no equilibrium, or the mechanism has constraints, contacts, spherical or free joints, or forces
-    that depend on time.
+    None if there is no equilibrium, or the mechanism has constraints, contacts, actuators, spherical or free joints, or
+    forces that depend on time.
     """
     import sympy as sp
 
     kinds = [JOINT_KINDS[coordinate.type] for coordinate in equations.coordinates]
     forces = sp.Matrix(equations.inertial) - sp.Matrix(equations.forces)
     mass = sp.Matrix([list(row) for row in equations.mass])
-    if equations.rows or has_one_sided(mechanism) or any(kind.quaternion is not None for kind in kinds):
+    if (
+        equations.actuators
+        or equations.rows
+        or has_one_sided(mechanism)
+        or any(kind.quaternion is not None for kind in kinds)
+    ):
         return None
     if equations.time in forces.free_symbols | mass.free_symbols:
         return None

@@ -20,6 +20,7 @@ class SympyModel:
     - `parameters`: the value of each symbol that is a number in SI units.
     - `T`, `V`: kinetic and potential energy in J; `D`: Rayleigh's dissipation function in W; None if too long.
     - `M` (nv, nv), `h` (nv, 1), `Q` (nv, 1): mass matrix, inertial terms, and all forces but those of constraints.
+      Efforts of actuators are symbols, whose laws are in `equations.actuators`.
     - `Phi` (m, 1): positions of the constraints, which stay zero; of a nonholonomic row NaN.
     - `G` (m, nv), `b` (m, 1): the rates G u + b of the constraints. The rows of one-sided elements come last.
     """
