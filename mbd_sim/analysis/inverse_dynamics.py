@@ -10,15 +10,9 @@ import numpy as np
 
 from mbd_sim.analysis.contact_motion import ContactMotion, has_contact
 from mbd_sim.dynamics.actuator_functions import MOTOR_READINGS
-from mbd_sim.dynamics.articulated_body import bias_acceleration
 from mbd_sim.dynamics.assembly import null_space
-from mbd_sim.dynamics.coordinate_forces import coordinate_forces
-from mbd_sim.dynamics.element_forces import element_forces
+from mbd_sim.dynamics.dynamics_terms import tree_efforts
 from mbd_sim.dynamics.equations import Equations, derive
-from mbd_sim.dynamics.joint_forces import joint_forces
-from mbd_sim.dynamics.reactions import transmitted_wrenches
-from mbd_sim.dynamics.spatial_algebra import constant
-from mbd_sim.dynamics.state_variables import StateVariables
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
 from mbd_sim.errors import nearest
 from mbd_sim.geometry.pose import Array
@@ -68,7 +62,7 @@ class InverseDynamics:
         self._direct = len(self._indices) == len(names) and not (mechanism.closing or two_sided(mechanism.constraints))
         step = None if equations is None else equations.step
         traced = trace(mechanism, loaded, parameters, step)
-        self._tree, self._input_size = _tree_efforts(traced), traced.input_layout.size
+        self._tree, self._input_size = _tree_function(traced), traced.input_layout.size
         self._equations = equations
         self._contact: ContactMotion | None = None
 
@@ -153,28 +147,9 @@ class InverseDynamics:
             )
 
 
-def _tree_efforts(traced: TracedMechanism) -> ca.Function:
-    """(q, u, u', t, inputs) -> the efforts (nv,) of the spanning tree with its loops open.
-
-    The efforts among the inputs have no effect.
-    """
-    layout, chain, motions, state = traced.layout, traced.links, traced.motions, traced.state
-    u_rates = ca.SX.sym("u'", layout.nv)
-    base = ca.sparsify(ca.vertcat(ca.SX(3, 1), -constant(traced.mechanism.gravity)))
-    accelerations: list[ca.SX] = []
-    for link, motion in zip(chain, motions, strict=True):
-        inboard = accelerations[link.parent] if link.parent >= 0 else base
-        carried = motion.transform @ inboard + bias_acceleration(motion)
-        accelerations.append(ca.sparsify(carried + motion.joint.partial_velocities @ u_rates[link.u, :]))
-    external = traced.input_layout.external_wrenches(traced.inputs)
-    variables = StateVariables(chain, state.t, state.q, state.u)
-    elements = element_forces(traced.mechanism, chain, motions, traced.poses, variables, external)
-    wrenches = transmitted_wrenches(chain, motions, accelerations, elements.wrenches)
-    along = coordinate_forces(traced.mechanism, variables, state.q, state.q_rates, state.u)
-    rotors = ca.SX(layout.nv, 1) if traced.rotor_inertia is None else traced.rotor_inertia
-    joints = joint_forces(chain, state.q, state.u, ca.SX(layout.nv, 1), variables, along)
-    efforts = rotors * u_rates - joints.generalized
-    for link, motion, wrench in zip(chain, motions, wrenches, strict=True):
-        efforts[link.u, :] += motion.joint.partial_velocities.T @ wrench
+def _tree_function(traced: TracedMechanism) -> ca.Function:
+    """(q, u, u', t, inputs) -> the efforts (nv,) of the spanning tree, see `tree_efforts`."""
+    state, u_rates = traced.state, ca.SX.sym("u'", traced.layout.nv)
     symbols = [state.q, state.u, u_rates, state.t, traced.inputs]
+    efforts = tree_efforts(traced, u_rates)
     return ca.Function("inverse_dynamics", symbols, [ca.densify(efforts)], {"cse": True})

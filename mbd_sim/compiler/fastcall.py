@@ -58,6 +58,12 @@ def _link() -> None:
     llvm.add_symbol(_NONE, id(None))
 
 
+def linked(module: Module) -> dict[str, Function]:
+    """The interpreter's functions that machine code uses, declared in a module."""
+    _link()
+    return {name: Function(module, signature, name) for name, signature in _USED.items()}
+
+
 def emit_call(module: Module, advance: Function, roles: Sequence[str]) -> Function:
     """Emit `PyObject* call(PyObject* self, PyObject** arguments, Py_ssize_t count, PyObject* names)`.
 
@@ -67,8 +73,7 @@ def emit_call(module: Module, advance: Function, roles: Sequence[str]) -> Functi
     :param roles: of each argument of `advance`: "first", "h", "steps", or anything else for a pointer. The first entry
         of `self` is a bytes object with the addresses of the counter, of h, and of these pointers in order.
     """
-    _link()
-    python = {name: Function(module, signature, name) for name, signature in _USED.items()}
+    python = linked(module)
     none = module.external(_NONE, "i8")
     call = Function(module, FunctionType(POINTER, [POINTER, POINTER, INT, POINTER]), "call")
     own, arguments, count, names = call.args
@@ -153,15 +158,17 @@ def _emit_advance(
     return result
 
 
-def callable_of(address: int, fallback: Callable[..., None], addresses: Sequence[int], keep_alive: object) -> Any:
-    """The Python callable of an emitted `call` at an address.
+def callable_of(
+    address: int, partner: Callable[..., Any], addresses: Sequence[int], keep_alive: object, name: bytes = b"step"
+) -> Any:
+    """The Python callable of an emitted `call`, or of a `read` of `mbd_sim.compiler.bound_call`, at an address.
 
-    :param fallback: is called with the same arguments where the callable cannot advance.
+    :param partner: the callable that the code calls: with the same arguments where a `call` cannot advance.
     :param addresses: of the step counter (int64), of the step size (double), and of the pointers that it passes on.
     :param keep_alive: an object that lives as long as the callable: it refers to the machine code and the arrays.
     """
     table = b"".join(value.to_bytes(8, "little") for value in addresses)
-    definition = _MethodDefinition(b"step", address, _FASTCALL_WITH_KEYWORDS, None)
+    definition = _MethodDefinition(name, address, _FASTCALL_WITH_KEYWORDS, None)
     create = ctypes.pythonapi.PyCFunction_NewEx
     create.restype, create.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p]
-    return create(ctypes.addressof(definition), (table, fallback, definition, keep_alive), None)
+    return create(ctypes.addressof(definition), (table, partner, definition, keep_alive), None)

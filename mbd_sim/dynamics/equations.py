@@ -279,7 +279,9 @@ def _packaged(
         start=assembly.start,
         start_state=start,
         part_names=tuple(link.joint.outboard for link in traced.links),
-        measurements=Measurements(traced, motion, partial(_reactions, traced, assembly, motion, multipliers)),
+        measurements=Measurements(
+            traced, motion, constraints, partial(_reactions, traced, assembly, motion, multipliers)
+        ),
         trace_reactions=partial(_reaction_function, traced, assembly, motion, multipliers),
         trace_joint_linearization=linearized,
         trace_load_paths=partial(_load_paths, traced, assembly.equations),

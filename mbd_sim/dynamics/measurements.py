@@ -10,6 +10,9 @@ import casadi as ca
 
 from mbd_sim.dynamics.accelerations import ConstrainedMotion
 from mbd_sim.dynamics.actuator_functions import MOTOR_READINGS, ActuatorFunctions
+from mbd_sim.dynamics.constraint_equations import ConstraintEquations
+from mbd_sim.dynamics.dynamics_terms import DynamicsTerm, term_function
+from mbd_sim.dynamics.frame_functions import FrameQuantity, center_function, frame_function, momentum_function
 from mbd_sim.dynamics.frame_motion import coordinate_accelerations, part_motions
 from mbd_sim.dynamics.sensor_expressions import exact_values
 from mbd_sim.dynamics.tracing import TracedMechanism
@@ -22,6 +25,7 @@ class Measurements:
 
     traced: TracedMechanism
     motion: ConstrainedMotion
+    constraints: ConstraintEquations
     trace_reactions: Callable[[], ca.SX]
 
     @cached_property
@@ -33,6 +37,21 @@ class Measurements:
     def part_motions(self) -> ca.Function:
         """(12, parts) in ground's axes: the velocity of each origin, ω, the acceleration of the origin, and ω'."""
         return self._function("part_motions", part_motions(self.traced, self.motion.links))
+
+    def frame(self, part: str | None, quantity: FrameQuantity) -> ca.Function:
+        """(t, y, inputs, point) -> a quantity of a point of a part, see `frame_function`; None: the center of mass."""
+        if part is None:
+            return center_function(self.traced, quantity)
+        return frame_function(self.traced, part, quantity)
+
+    def term(self, term: DynamicsTerm) -> ca.Function:
+        """(t, y, inputs, u') -> a term of the equations of motion, see `term_function`."""
+        return term_function(self.traced, self.constraints, term)
+
+    @property
+    def momentum(self) -> ca.Function:
+        """(6,): the linear momentum, and the angular one about ground's origin."""
+        return momentum_function(self.traced)
 
     def sensors(self, actuators: ActuatorFunctions | None) -> dict[str, ca.Function]:
         """The exact values of each sensor by name, see `exact_values`, with the functions of the actuators."""

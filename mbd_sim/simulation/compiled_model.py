@@ -31,6 +31,7 @@ from mbd_sim.simulation.method_choice import (
     require_method,
 )
 from mbd_sim.simulation.motions import MotionReaders, PartMotion
+from mbd_sim.simulation.requested_functions import RequestedFunctions
 from mbd_sim.simulation.state_records import Energies, Reaction, Violation
 
 if TYPE_CHECKING:
@@ -135,6 +136,11 @@ class Model(ActuatedModel, ContactingModel):
     def sensor_readers(self) -> CompiledReaders:
         """The compiled exact values of each sensor by name, under inputs that contain the contact forces."""
         return CompiledReaders(self.equations.measurements.sensors(self.equations.actuators))
+
+    @cached_property
+    def on_request(self) -> RequestedFunctions:
+        """Kinematics of points and terms of the equations of motion, each compiled when it is first read."""
+        return RequestedFunctions(self.equations.measurements)
 
     @cached_property
     def _motion_readers(self) -> MotionReaders:

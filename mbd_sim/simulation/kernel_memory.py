@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.dynamics.initial_conditions import rheonomic
 from mbd_sim.geometry.pose import Array
@@ -35,6 +36,11 @@ class KernelMemory:
     def steps(self) -> int:
         """Steps since time zero."""
         return int(self._counter[0])
+
+    @property
+    def clock(self) -> tuple[NDArray[np.int64], Array]:
+        """The arrays of the step counter (1,) and of the step size (1,) in s."""
+        return self._counter, self._step_size
 
     @property
     def step_size(self) -> float:

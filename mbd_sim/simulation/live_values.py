@@ -58,6 +58,14 @@ class LiveValues:
             raise MechanismError(problems)
         self.current: dict[str, float] = {key: values[key] or 0.0 for key in found}
         self.values: SymbolicParameters = varying_parameters(base, list(found.values()))
+        self._changed, self._changed_with = mechanism, self.current
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The mechanism with the current values."""
+        if self._changed_with is not self.current:
+            self._changed, self._changed_with = with_values(self._mechanism, self.current), self.current
+        return self._changed
 
     def prepare(self, changes: Mapping[str, float]) -> PreparedValues:
         """Validate changes of the current values, without applying them; may be called from any thread.

@@ -23,12 +23,13 @@ def named_frame(mechanism: Mechanism, frame: str) -> tuple[str, Pose]:
     return resolve_reference(frame, {**points, GROUND: mechanism.ground_points})
 
 
-def motion_of(model: Model, frame: str, time: float, y: Array, inputs: Array) -> PartMotion:
+def motion_of(model: Model, mechanism: Mechanism, frame: str, time: float, y: Array, inputs: Array) -> PartMotion:
     """The motion of the frame `part` or `part.point` in ground's frame and axes.
 
+    :param mechanism: that of the model, or a variant with the live values among the inputs.
     :raises InputError: there is no such part or point.
     """
-    part, pose = named_frame(model.mechanism, frame)
+    part, pose = named_frame(mechanism, frame)
     if part == GROUND:
         return PartMotion(pose, *np.zeros((4, 3)))
     return model.part_motions(time, y, inputs)[part].of(pose)

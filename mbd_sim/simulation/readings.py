@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from functools import cached_property
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.simulation.actuator_states import AnyActuatorState
-from mbd_sim.simulation.argument_checks import finite_vector
 from mbd_sim.simulation.contact_records import ContactEvent, ContactObserver, ContactState
 from mbd_sim.simulation.motions import PartMotion
 from mbd_sim.simulation.part_motion import motion_of
@@ -17,7 +15,6 @@ from mbd_sim.simulation.state_records import DriveState, Energies, Losses, React
 from mbd_sim.simulation.step_advice import step_advice
 
 if TYPE_CHECKING:
-    from mbd_sim.analysis.inverse_dynamics import InverseDynamics
     from mbd_sim.analysis.linearization import Linearization
 
 
@@ -54,10 +51,11 @@ class Readings(RunState):
         >>> sim.motion("lower").acceleration.shape
         (3,)
 
-        :param frame: `part` or `part.point`; points are where they are in the file, also with other live values.
+        :param frame: `part` or `part.point`; the place of a point in its part follows live values.
         :raises InputError: there is no such part or point.
         """
-        return motion_of(self.model, frame, self.time, self._memory.y, self._memory.inputs)
+        mechanism = self._live.mechanism
+        return motion_of(self.model, mechanism, frame, self.time, self._memory.y, self._memory.inputs)
 
     @property
     def violation(self) -> Violation:
@@ -134,25 +132,6 @@ class Readings(RunState):
     def losses(self) -> Losses:
         """The energies in J that impacts and dry friction of one-sided elements have dissipated."""
         return self.model.losses(self._memory.y)
-
-    def inverse_dynamics(self, u_rates: Sequence[float] | Array) -> Array:
-        """The efforts (nv,) in N and N·m that produce the accelerations `u_rates` (nv,) in this state.
-
-        The present wrenches, live values and contacts are accounted for: closed contacts stay closed, and what sticks
-        sticks.
-
-        :raises ValueError: the constraints or contacts do not allow them; see
-            `mbd_sim.analysis.inverse_dynamics.InverseDynamics`.
-        """
-        model, (y, inputs) = self.model, (self._memory.y, self._memory.inputs)
-        wanted = finite_vector(u_rates, model.layout.nv, "u_rates")
-        return self._inverse(y[model.q_range], y[model.u_range], wanted, self.time, inputs)
-
-    @cached_property
-    def _inverse(self) -> InverseDynamics:
-        from mbd_sim.analysis.inverse_dynamics import InverseDynamics
-
-        return InverseDynamics(self.mechanism, equations=self.model.equations)
 
     def linearize(self) -> Linearization:
         """x' = A x + B e + C c for small motions about this state, by exact differentiation: see `Linearization`.

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Unpack, cast
 
 from mbd_sim.errors import DivergedError, InputError
-from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.simulation.argument_checks import step_at, step_count
 from mbd_sim.simulation.options import RecordingOptions
 from mbd_sim.simulation.readings import Readings
@@ -39,8 +38,7 @@ class Stepping(Readings, RunReports):
             if not self._memory.advance(part):
                 from mbd_sim.simulation.undefined_expressions import undefined_expression
 
-                mechanism = with_values(self.mechanism, self._live.current) if self._live.current else self.mechanism
-                undefined = undefined_expression(self.model, mechanism, self._memory, part)
+                undefined = undefined_expression(self.model, self._live.mechanism, self._memory, part)
                 raise divergence(self.model, self.time, part, self.step_size, self.step_advice, undefined)
             self._report_contacts()
 

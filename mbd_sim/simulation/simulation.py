@@ -13,6 +13,7 @@ from mbd_sim.simulation.actuator_commands import CommandMap
 from mbd_sim.simulation.argument_checks import step_size
 from mbd_sim.simulation.compiled_model import Model, build_model
 from mbd_sim.simulation.contact_start import require_free_start
+from mbd_sim.simulation.dynamics_readings import DynamicsReadings
 from mbd_sim.simulation.efforts import EffortMap
 from mbd_sim.simulation.kernel_memory import KernelMemory
 from mbd_sim.simulation.live_values import LiveValues
@@ -28,7 +29,7 @@ _RESTORE = "Call reset() to return to time zero, or restore(…) to continue fro
 _BUILD = "Build a new Simulation with it."
 
 
-class Simulation(Stepping, StateChanges, RunInputs, ReadOnlyAttributes):
+class Simulation(Stepping, StateChanges, RunInputs, DynamicsReadings, ReadOnlyAttributes):
     """A mechanism and its state, advanced by a fixed step.
 
     `q` (nq,) are the generalized coordinates and `u` (nv,) the generalized speeds in the order of the file's joints,

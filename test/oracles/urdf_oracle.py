@@ -23,41 +23,50 @@ class Oracle:
         }
         self.data = self.model.createData()
 
-    def accelerations(self, q, u, efforts):
-        """Our u' (nv,) for our q, u and efforts, by Pinocchio's `aba`."""
-        model = self.model
-        pin_q, pin_v, pin_tau = self.pin.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
+    def state(self, q, u):
+        """Pinocchio's q and v for ours, and T and w: its v is T u, and its accelerations are T u' + w.
+
+        The velocity of a free joint is ours in the first part's axes and Pinocchio's in the second's.
+        """
+        model, nv = self.model, len(u)
+        pin_q, turn, w = self.pin.neutral(model), np.zeros((model.nv, nv)), np.zeros(model.nv)
         in_q = in_u = 0
-        places = []
         for name, joint in self.mechanism.joints.items():
             if joint.type == "fixed":
                 continue
             found = self.joints.get(name, model.joints[1])  # the free base has a name of its own
-            theirs = slice(found.idx_v, found.idx_v + found.nv)
-            ours = slice(in_u, in_u + found.nv)
-            turn = np.eye(3)
+            theirs, ours = slice(found.idx_v, found.idx_v + found.nv), slice(in_u, in_u + found.nv)
+            turn[theirs, ours] = np.eye(found.nv)
             if joint.type == "free":
-                place, (w, x, y, z) = q[in_q : in_q + 3], q[in_q + 3 : in_q + 7]
-                pin_q[found.idx_q : found.idx_q + 7] = *place, x, y, z, w
-                turn = from_quaternion(np.array([w, x, y, z]))
-                # Ours are a velocity and a force in the first part's axes, Pinocchio's in the second's.
-                pin_v[theirs] = *(turn.T @ u[ours][:3]), *u[ours][3:]
-                pin_tau[theirs] = *(turn.T @ efforts[ours][:3]), *efforts[ours][3:]
+                place, (real, x, y, z) = q[in_q : in_q + 3], q[in_q + 3 : in_q + 7]
+                pin_q[found.idx_q : found.idx_q + 7] = *place, x, y, z, real
+                rotation = from_quaternion(np.array([real, x, y, z]))
+                turn[theirs, ours][:3, :3] = rotation.T
+                w[theirs][:3] = -np.cross(u[ours][3:], rotation.T @ u[ours][:3])
             else:
-                x = q[in_q]
-                pin_q[found.idx_q : found.idx_q + found.nq] = [x] if found.nq == 1 else [np.cos(x), np.sin(x)]
-                pin_v[theirs], lost = u[ours], joint.damping * u[ours]
-                if joint.friction is not None:
-                    lost += joint.friction.coulomb * np.tanh(u[ours] / joint.friction.regularization)
-                pin_tau[theirs] = efforts[ours] - lost
-            places.append((joint, ours, theirs, turn))
+                pin_q[found.idx_q : found.idx_q + found.nq] = (
+                    [q[in_q]] if found.nq == 1 else [np.cos(q[in_q]), np.sin(q[in_q])]
+                )
             in_q, in_u = in_q + (7 if joint.type == "free" else 1), in_u + found.nv
-        assert (in_q, in_u) == (len(q), len(u)) and in_u == model.nv
-        found = self.pin.aba(model, self.data, pin_q, pin_v, pin_tau)
-        rates = np.zeros(len(u))
-        for joint, ours, theirs, turn in places:
-            rates[ours] = found[theirs]
-            if joint.type == "free":
-                velocity, omega = pin_v[theirs][:3], pin_v[theirs][3:]
-                rates[ours][:3] = turn @ (found[theirs][:3] + np.cross(omega, velocity))
-        return rates
+        assert (in_q, in_u) == (len(q), nv) and in_u == model.nv
+        return pin_q, turn @ u, turn, w
+
+    def losses(self, u):
+        """The efforts (nv,) that dampers and friction of joints take from ours, which Pinocchio does not know."""
+        lost, in_u = np.zeros(len(u)), 0
+        for joint in self.mechanism.joints.values():
+            size = len(joint.coordinate_names)
+            if joint.type not in ("fixed", "free"):
+                speeds = u[in_u : in_u + size]
+                lost[in_u : in_u + size] = joint.damping * speeds
+                if joint.friction is not None:
+                    friction = joint.friction
+                    lost[in_u : in_u + size] += friction.coulomb * np.tanh(speeds / friction.regularization)
+            in_u += size
+        return lost
+
+    def accelerations(self, q, u, efforts):
+        """Our u' (nv,) for our q, u and efforts, by Pinocchio's `aba`."""
+        pin_q, pin_v, turn, w = self.state(q, u)
+        found = self.pin.aba(self.model, self.data, pin_q, pin_v, turn @ (efforts - self.losses(u)))
+        return turn.T @ (found - w)

@@ -84,7 +84,7 @@ def test_accelerations_are_those_of_kane(name, base):
 @pytest.mark.parametrize("name", ROBOTS)
 def test_accelerations_are_those_of_pinocchio(name, base):
     pin = pytest.importorskip("pinocchio", reason="needs the extra 'robots': pip install pin")
-    from urdf_oracle import Oracle
+    from test.oracles.urdf_oracle import Oracle
 
     mechanism, rng = parse_mechanism(ROBOTS[name], base=base), np.random.default_rng(3)
     equations, oracle = derive(mechanism), Oracle(pin, ROBOTS[name], mechanism, base == "free")

@@ -1,0 +1,66 @@
+"""Compiled functions of a running simulation as Python callables without arguments: see `mbd_sim.compiler.fastcall`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import cast
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from mbd_sim.compiler.fastcall import callable_of, linked
+from mbd_sim.compiler.ir import POINTER, Function, FunctionType, Module, Value
+from mbd_sim.compiler.ir_builder import IRBuilder
+from mbd_sim.compiler.ir_types import DOUBLE, INT, element, integer
+from mbd_sim.compiler.lowering import lower
+from mbd_sim.compiler.machine_code import compile_module, new_module
+
+
+class CompiledFunction:
+    """A compiled function of the time and of further arrays, with one output."""
+
+    def __init__(self, function: ca.Function) -> None:
+        """Compile a function (t, …) -> values, apart from the kernel, which it therefore does not change."""
+        module = new_module()
+        _emit_read(module, lower(module, function, inline=True), function.n_in() - 1)
+        self._code, self._size = compile_module(module), function.nnz_out(0)
+
+    def bound(
+        self,
+        clock: tuple[NDArray[np.int64], NDArray[np.float64]],
+        arrays: Sequence[NDArray[np.float64]],
+        shape: tuple[int, ...],
+        rows: int | None = None,
+    ) -> Callable[[], NDArray[np.float64]]:
+        """The function of arrays that stay where they are, as a callable that returns a new array.
+
+        :param clock: the number of steps (1,) and the step size (1,) in s, of which the time is the product.
+        :param arrays: the other arguments.
+        :param shape: of the output, in which its numbers are row by row.
+        :param rows: how many of the first rows are returned, by default all.
+        """
+        time, out = np.empty(1), np.empty(self._size)
+        addresses = [array.ctypes.data for array in (*clock, time, *arrays, out)]
+        copy = out.reshape(shape)[:rows].copy
+        call = callable_of(self._code.address("read"), copy, addresses, (self, *clock, time, *arrays, out), b"read")
+        return cast(Callable[[], NDArray[np.float64]], call)
+
+
+def _emit_read(module: Module, function: Function, arrays: int) -> None:
+    """Emit `PyObject* read(PyObject* self, PyObject** arguments, Py_ssize_t count, PyObject* names)`.
+
+    It writes the time, calls the function, and returns what the second entry of `self` returns. The first entry is a
+    bytes object with the addresses of the step counter, the step size, the time, the other arguments, and the output.
+    """
+    python, null = linked(module), Value(POINTER, "null")
+    read = Function(module, FunctionType(POINTER, [POINTER, POINTER, INT, POINTER]), "read")
+    own = read.args[0]
+    b = IRBuilder(read.append_basic_block("entry"))
+    table = b.call(python["PyBytes_AsString"], [b.call(python["PyTuple_GetItem"], [own, integer(0)])])
+    counter, step_size, *pointers = (b.load(element(b, table, index), typ=POINTER) for index in range(arrays + 4))
+    steps = b.sitofp(b.load(counter, typ=INT), DOUBLE)
+    b.store(b.fmul(steps, b.load(step_size, typ=DOUBLE)), pointers[0])
+    b.call(function, pointers)
+    copy = b.call(python["PyTuple_GetItem"], [own, integer(1)])
+    b.ret(b.call(python["PyObject_Vectorcall"], [copy, null, integer(0), null]))

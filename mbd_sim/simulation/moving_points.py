@@ -1,0 +1,163 @@
+"""The motion of points and frames of a running simulation, with their Jacobians."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from mbd_sim.dynamics.frame_functions import FrameQuantity
+from mbd_sim.geometry.pose import Array, Pose, identity_pose
+from mbd_sim.mechanism.records import GROUND
+from mbd_sim.simulation.compiled_model import Model
+from mbd_sim.simulation.kernel_memory import KernelMemory
+from mbd_sim.simulation.live_values import LiveValues
+from mbd_sim.simulation.part_motion import named_frame
+
+_POSE = 12
+
+
+class MovingPoint:
+    """A point of a part, or the center of mass, in the present state of a simulation.
+
+    Everything is in ground's frame and axes, in SI units, and computed when it is read. A velocity is J u, plus the
+    motion by drives. The place of a point in its part follows live values.
+    """
+
+    _components = 3
+
+    def __init__(self, model: Model, memory: KernelMemory, live: LiveValues, name: str | None) -> None:
+        """The point `part.point`, or the origin of a part or of ground; None: the center of mass.
+
+        :param memory: of the simulation, with its `live` values.
+        :raises InputError: there is no such part or point.
+        """
+        self._model, self._memory, self._live, self._name = model, memory, live, name
+        self._local = np.zeros(3)
+        self._part: str | None = None
+        self._pose_in_part = identity_pose()
+        self._place()
+        self._readers: dict[FrameQuantity, Callable[[], Array]] = {}
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self._name or 'center of mass'})"
+
+    @property
+    def position(self) -> Array:
+        """(3,) in m."""
+        return self._read("pose")[:3].copy()
+
+    @property
+    def velocity(self) -> Array:
+        """(3,) in m/s."""
+        return self._read("velocity")[:3].copy()
+
+    @property
+    def acceleration(self) -> Array:
+        """(3,) in m/s², under all present forces: J u' + `bias_acceleration`."""
+        return self._acceleration()[:3]
+
+    @property
+    def jacobian(self) -> Array:
+        """J (3, nv): the velocity for each unit speed in u."""
+        return self._read("jacobian")
+
+    @property
+    def jacobian_rate(self) -> Array:
+        """J' (3, nv), the time derivative of J in the present motion, in 1/s or m/s for each unit speed."""
+        return self._read("jacobian_rate")
+
+    @property
+    def bias_acceleration(self) -> Array:
+        """(3,) in m/s²: the acceleration at u' = 0, which is J' u without drives."""
+        return self._read("bias_acceleration")
+
+    def _acceleration(self) -> Array:
+        time = self._memory.steps * self._memory.step_size
+        accelerations = self._model.accelerations(time, self._memory.y, self._memory.inputs)
+        return self._read("jacobian") @ accelerations[: self._model.layout.nv] + self._read("bias_acceleration")
+
+    def _read(self, quantity: FrameQuantity) -> Array:
+        if self._values is not self._live.current:
+            self._place()
+        try:
+            return self._readers[quantity]()
+        except KeyError:
+            self._readers[quantity] = self._bound(quantity)
+            return self._readers[quantity]()
+
+    def _place(self) -> None:
+        """Find the part and the place of the point in it, with the present live values."""
+        self._values = self._live.current
+        if self._name is not None:
+            self._part, self._pose_in_part = named_frame(self._live.mechanism, self._name)
+            self._local[:] = self._pose_in_part.position
+
+    def _bound(self, quantity: FrameQuantity) -> Callable[[], Array]:
+        nv, rows = self._model.layout.nv, self._components
+        of_center = self._part is None
+        height = 3 if of_center else 6
+        shapes: dict[FrameQuantity, tuple[tuple[int, ...], int | None]] = {
+            "pose": ((3 if of_center else _POSE,), None),
+            "velocity": ((height,), None),
+            "jacobian": ((height, nv), rows),
+            "jacobian_rate": ((height, nv), rows),
+            "bias_acceleration": ((height,), rows),
+        }
+        shape, kept = shapes[quantity]
+        if self._part == GROUND:
+            return self._at_rest(quantity, (rows, nv) if len(shape) == 2 else (rows,))
+        memory = self._memory
+        function = self._model.on_request.frame(self._part, quantity)
+        return function.bound(memory.clock, (memory.y, memory.inputs, self._local), shape, kept)
+
+    def _at_rest(self, quantity: FrameQuantity, shape: tuple[int, ...]) -> Callable[[], Array]:
+        if quantity == "pose":
+            return lambda: np.concatenate([self._local, np.eye(3).ravel()])
+        return lambda: np.zeros(shape)
+
+
+class MovingFrame(MovingPoint):
+    """A frame of a part in the present state of a simulation: a point with axes.
+
+    Everything is in ground's frame and axes, in SI units, and computed when it is read. In the Jacobian and where there
+    are six components, those of the velocity of the origin come first, then those of the angular velocity.
+    """
+
+    _components = 6
+
+    @property
+    def rotation(self) -> Array:
+        """(3, 3): its columns are the axes of the frame."""
+        rotation = self._read("pose")[3:].reshape(3, 3, order="F")
+        return np.asarray(rotation @ self._pose_in_part.rotation)
+
+    @property
+    def pose(self) -> Pose:
+        """Position and rotation."""
+        return Pose(self.position, self.rotation)
+
+    @property
+    def angular_velocity(self) -> Array:
+        """(3,) in rad/s."""
+        return self._read("velocity")[3:].copy()
+
+    @property
+    def angular_acceleration(self) -> Array:
+        """(3,) in rad/s², under all present forces."""
+        return self._acceleration()[3:]
+
+    @property
+    def jacobian(self) -> Array:
+        """J (6, nv): the velocity and the angular velocity for each unit speed in u."""
+        return self._read("jacobian")
+
+    @property
+    def jacobian_rate(self) -> Array:
+        """J' (6, nv), the time derivative of J in the present motion."""
+        return self._read("jacobian_rate")
+
+    @property
+    def bias_acceleration(self) -> Array:
+        """(6,): acceleration in m/s² and angular acceleration in rad/s² at u' = 0."""
+        return self._read("bias_acceleration")
