@@ -51,8 +51,8 @@ def pinocchio_calls(sim: Simulation) -> dict[str, Callable[[], object]]:
         import pinocchio as pin
     except ImportError:
         return {}
-    model = pin.buildModelFromXML(to_urdf(sim.mechanism).text)
-    data, q, v = model.createData(), np.array(sim.q), np.array(sim.u)
+    model = pin.buildModelFromXML(to_urdf(sim.mechanism))
+    data, q, v = model.createData(), pin.integrate(model, pin.neutral(model), np.array(sim.q)), np.array(sim.u)
     tool, rates = model.getFrameId(TOOL), np.ones(model.nv)
 
     def position() -> object:

@@ -161,3 +161,14 @@ def test_imports_follow_the_order_of_the_folders():
                 if order.index(there) > order.index(here):
                     wrong.append(f"{name_of(path)} imports {node.module}")
     assert not wrong
+
+
+def test_the_page_of_kinematics_runs_and_its_table_names_what_it_runs():
+    text = (ROOT / "docs" / "api_kinematics.md").read_text(encoding="utf-8")
+    (snippet,) = re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    exec(compile(snippet, "docs/api_kinematics.md", "exec"), {})
+    rows = re.findall(r"^\| (`.*?) \|", text, re.MULTILINE)
+    named = {
+        name for row in rows if row != "`Simulation`" for name in re.findall(r"\.?([a-z_]+)(?:\([^)]*\))?(?=`|\.)", row)
+    }
+    assert len(named) > 20 and not {name for name in named if f".{name}" not in snippet}
