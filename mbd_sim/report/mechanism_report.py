@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, assert_never
+from typing import Any
 
 import numpy as np
 
@@ -21,10 +21,10 @@ from mbd_sim.dynamics.initial_conditions import rheonomic
 from mbd_sim.errors import Problem
 from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.rotation import rotation_vector
-from mbd_sim.mechanism.actuators import Actuator, CoordinatePort, DcMotor, EffortMotor, Machine, has_actuator_states
-from mbd_sim.mechanism.cylinders import Cylinder, Oil
+from mbd_sim.mechanism.actuators import has_actuator_states
 from mbd_sim.mechanism.drives import STATES, CommandedDrive
 from mbd_sim.mechanism.records import Joint, Mechanism, Part
+from mbd_sim.report.force_report import actuator_report, force_reports
 from mbd_sim.report.sensor_report import sensor_report
 from mbd_sim.simulation.compliant_states import compliant_names
 from mbd_sim.simulation.simulation import Simulation
@@ -120,7 +120,8 @@ def _structure(mechanism: Mechanism, counted: Mobility, at: Mapping[str, float])
         "file": mechanism.source.file,
         "parts": [_part(part) for part in mechanism.parts.values()],
         "joints": [_joint(joint, at) for joint in mechanism.all_joints.values()],
-        "actuators": [_actuator(actuator) for actuator in mechanism.actuators],
+        "forces": force_reports(mechanism),
+        "actuators": [actuator_report(actuator) for actuator in mechanism.actuators],
         "spanning_tree": [f"{joint.inboard} -{joint.name}-> {joint.outboard}" for joint in mechanism.tree_joints()],
         "closing_joints": list(mechanism.closing),
         "mobility": dataclasses.asdict(counted),
@@ -261,32 +262,6 @@ def _part(part: Part) -> dict[str, Any]:
         "inertia": part.inertia.tolist(),
         "shapes": [shape.kind for shape in part.shapes],
     }
-
-
-def _actuator(actuator: Actuator) -> dict[str, Any]:
-    port = actuator.port
-    at = port.coordinate if isinstance(port, CoordinatePort) else f"{port.first.part} – {port.second.part}"
-    return {
-        "name": actuator.name,
-        "type": _machine(actuator.motor),
-        "at": at,
-        "servo": None if actuator.servo is None else actuator.servo.controls,
-        "commands": list(actuator.channels),
-    }
-
-
-def _machine(machine: Machine) -> str:
-    match machine:
-        case EffortMotor():
-            return "effort"
-        case DcMotor():
-            return "dc_motor"
-        case Cylinder(fluid=Oil()):
-            return "hydraulic_cylinder"
-        case Cylinder():
-            return "pneumatic_cylinder"
-        case _:
-            assert_never(machine)
 
 
 def _joint(joint: Joint, at: Mapping[str, float]) -> dict[str, Any]:

@@ -42,6 +42,7 @@ def _structure(found: dict[str, Any]) -> list[str]:
             f"{_axes(joint):22s} {_start(joint, found)}".rstrip()
             for joint in found["joints"]
         ),
+        *_forces(found["forces"]),
         *_actuators(found["actuators"]),
         "",
         *_mobility(found),
@@ -65,16 +66,36 @@ def _sensor(sensor: dict[str, Any]) -> str:
     return f"{sensor['name']}: {sensor['type']} at {sensor['at']}, {timing}; {errors or 'no errors'}"
 
 
+def _forces(forces: list[dict[str, Any]]) -> list[str]:
+    """A table of the force elements, with what each depends on."""
+    if not forces:
+        return []
+    rows = [
+        f"{force['name']:16s} {force['type']:18s} {force['at']:28s} {', '.join(force['depends_on']) or 'constant'}"
+        for force in forces
+    ]
+    return ["", f"{'force':16s} {'type':18s} {'acts on':28s} depends on", *rows]
+
+
 def _actuators(actuators: list[dict[str, Any]]) -> list[str]:
     """A table of the actuators, with the commands that each takes."""
     if not actuators:
         return []
     rows = [
-        f"{actuator['name']:16s} {actuator['type']:12s} {actuator['at']:28s} {actuator['servo'] or 'none':22s} "
-        f"{', '.join(actuator['commands'])}"
+        f"{actuator['name']:16s} {actuator['type']:18s} {actuator['at']:28s} {_servo(actuator):22s} "
+        f"{_commands(actuator):30s} {', '.join(actuator['limits'])}".rstrip()
         for actuator in actuators
     ]
-    return ["", f"{'actuator':16s} {'type':12s} {'at':28s} {'servo':22s} commands", *rows]
+    return ["", f"{'actuator':16s} {'type':18s} {'acts on':28s} {'servo':22s} {'commands':30s} limits", *rows]
+
+
+def _servo(actuator: dict[str, Any]) -> str:
+    rate = "" if actuator["sample_rate"] is None else f", {actuator['sample_rate']:.6g} Hz"
+    return (actuator["servo"] or "none") + rate
+
+
+def _commands(actuator: dict[str, Any]) -> str:
+    return ", ".join(actuator["commands"]) + (f", {actuator['delay']:g} s later" if actuator["delay"] else "")
 
 
 def _mass_and_gravity(found: dict[str, Any]) -> list[str]:
