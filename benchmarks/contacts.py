@@ -52,35 +52,38 @@ def each(sim: Simulation, steps: int, n: int) -> float:
     return (time.thread_time() - began) / (steps // n * n)
 
 
-def without(name: str, changes: Mapping[str, float]) -> Simulation:
+def without(name: str, changes: Mapping[str, float], method: str | None = None) -> Simulation:
     """The same mechanism without its one-sided elements."""
     data = yaml.safe_load(load_mechanism(name).source.text)
     data.pop("constraints", None)
     for joint in data["joints"].values():
         joint.pop("limits", None)
-    return Simulation.from_text(
-        yaml.safe_dump(data, sort_keys=False), set={k: v for k, v in changes.items() if "limits" not in k}
-    )
+    kept = {key: value for key, value in changes.items() if "limits" not in key}
+    return Simulation.from_text(yaml.safe_dump(data, sort_keys=False), set=kept, method=method)
 
 
 def opened() -> None:
-    """Steps with everything open, beside the same mechanism without one-sided elements."""
-    print("\n| everything open | µs, `step(1)` | without | ratio | µs, many per call | without | ratio |")
-    print("| --- | --: | --: | --: | --: | --: | --: |")
-    for name, changes in OPEN.items():
-        pair = Simulation.from_file(name, set=changes), without(name, changes)
-        cells = []
-        for n in (1, MANY):
-            samples: tuple[list[float], list[float]] = ([], [])
-            for _ in range(ROUNDS):
-                for sim, into in zip(pair, samples, strict=True):
-                    sim.reset()
-                    into.append(1e6 * each(sim, STEPS, n))
-            ratio = statistics.median(a / b for a, b in zip(*samples, strict=True))
-            cells += [*(f"{statistics.median(values):.3g}" for values in samples), f"{ratio:.2f}"]
-        if pair[0].contact_events:
-            raise RuntimeError(f"{name}: a contact was not open")
-        print(f"| {name} | {' | '.join(cells)} |", flush=True)
+    """Steps with everything open, beside the same mechanism without one-sided elements; by the default, and by rk4."""
+    for method in (None, "rk4"):
+        print(f"\n| everything open, {method or 'default method'} | µs, `step(1)` | without | ratio ", end="")
+        print("| µs, many per call | without | ratio |\n| --- | --: | --: | --: | --: | --: | --: |")
+        for name, changes in OPEN.items():
+            pair = Simulation.from_file(name, set=changes, method=method), without(name, changes, method)
+            cells = [cell for n in (1, MANY) for cell in compared(pair, n)]
+            if pair[0].contact_events:
+                raise RuntimeError(f"{name}: a contact was not open")
+            print(f"| {name} | {' | '.join(cells)} |", flush=True)
+
+
+def compared(pair: tuple[Simulation, Simulation], n: int) -> list[str]:
+    """The medians of the times of a step in µs in calls of n steps, and of their ratio, in alternating runs."""
+    samples: tuple[list[float], list[float]] = ([], [])
+    for _ in range(ROUNDS):
+        for sim, into in zip(pair, samples, strict=True):
+            sim.reset()
+            into.append(1e6 * each(sim, STEPS, n))
+    ratio = statistics.median(a / b for a, b in zip(*samples, strict=True))
+    return [*(f"{statistics.median(values):.3g}" for values in samples), f"{ratio:.2f}"]
 
 
 def closed() -> None:

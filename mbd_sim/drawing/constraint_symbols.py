@@ -12,6 +12,7 @@ from mbd_sim.drawing.gear_symbols import coupling_paths
 from mbd_sim.drawing.ground_symbols import hatched_line
 from mbd_sim.drawing.load_symbols import point_of
 from mbd_sim.drawing.projection import Page
+from mbd_sim.drawing.rope_symbols import rope_paths
 from mbd_sim.drawing.sheet import BACK, FRONT, GRAY, INK, WHITE, SheetPath, left_of
 from mbd_sim.drawing.spring_symbols import cable_paths
 from mbd_sim.geometry.pose import Array, Pose
@@ -71,8 +72,11 @@ def constraint_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]
 
 def _own_symbol(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], constraint: Constraint) -> list[SheetPath]:
     match constraint:
-        case Cable(points=points):
-            return _cable(page, poses, points)
+        case Cable(points=points, length=length, bound=bound):
+            line = np.array([point_of(poses, at) for at in points])
+            if bound == "at_most":
+                return rope_paths(page, mechanism, line, length)
+            return cable_paths(page, line, page.depth(line.mean(axis=0)))
         case Coupling():
             return coupling_paths(page, mechanism, poses, constraint)
         case KnifeEdge():
@@ -149,11 +153,6 @@ def _blade(page: Page, poses: Mapping[str, Pose], edge: KnifeEdge) -> list[Sheet
     at = point_of(poses, edge.point)
     points = page.project(at) + np.outer(forward, unit_or_zero(along)) + np.outer(sideways, left_of(along))
     return [SheetPath(points, edge=WHITE, fill=INK, width=0.8, closed=True, layer=FRONT, depth=page.depth(at))]
-
-
-def _cable(page: Page, poses: Mapping[str, Pose], points: tuple[Attachment, ...]) -> list[SheetPath]:
-    line = np.array([point_of(poses, at) for at in points])
-    return cable_paths(page, line, page.depth(line.mean(axis=0)))
 
 
 def _rotation(poses: Mapping[str, Pose], at: Attachment) -> Array:

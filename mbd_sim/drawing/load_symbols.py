@@ -12,6 +12,7 @@ from mbd_sim.drawing.ground_symbols import wall
 from mbd_sim.drawing.joint_symbols import turning_arrow
 from mbd_sim.drawing.placed_joint import middle
 from mbd_sim.drawing.projection import Page
+from mbd_sim.drawing.rope_symbols import rope_paths
 from mbd_sim.drawing.sheet import BODIES, MARKS, SheetPath, arrow_head, outline_color
 from mbd_sim.drawing.spring_symbols import link, spring_and_damper
 from mbd_sim.errors import InputError
@@ -37,7 +38,7 @@ def connectors_of(mechanism: Mechanism) -> list[Connector]:
 
 
 def two_point_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose]) -> list[SheetPath]:
-    """Springs, dampers, cylinders, and massless rods that keep a distance."""
+    """Springs, dampers, cylinders, massless rods that keep a distance, and ropes."""
     paths: list[SheetPath] = []
     for element in connectors_of(mechanism):
         first, second = (point_of(poses, attachment) for attachment in (element.first, element.second))
@@ -46,6 +47,8 @@ def two_point_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose])
         elastic, damped = _elastic_and_damped(element)
         if elastic or damped:
             paths += spring_and_damper(*ends, elastic, damped, BODIES, depth)
+        elif isinstance(element, Distance) and element.bound == "at_most":
+            paths += rope_paths(page, mechanism, np.array([first, second]), element.length)
         else:
             paths += link(*ends, BODIES, depth)
         along = unit_or_zero(ends[1] - ends[0])
