@@ -23,7 +23,17 @@ def site(tmp_path_factory):
     if not PYTHON.exists():
         pytest.skip("the site is not built: `make docs` installs Sphinx, builds the site and runs these tests")
     folder = tmp_path_factory.mktemp("site")
-    options = ["-b", "html", "-q", "-W", "--keep-going", "-D", "nb_execution_mode=off"]
+    options = [
+        "-b",
+        "html",
+        "-q",
+        "-W",
+        "--keep-going",
+        "-D",
+        "nb_execution_mode=off",
+        "-D",
+        "suppress_warnings=misc.highlighting_failure",
+    ]
     done = subprocess.run(
         [PYTHON, "-m", "sphinx", *options, "docs", folder], cwd=ROOT, capture_output=True, text=True, check=False
     )

@@ -1,4 +1,4 @@
-"""The snippets of README.md and of the how-to pages run, each page from top to bottom in a folder of its own."""
+"""The snippets of README.md, the theory and the how-to pages run, each page from top to bottom in a folder of its own."""
 
 from pathlib import Path
 
@@ -10,7 +10,8 @@ from test.docs.notebooks import execute_snippet, snippets
 
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
-PAGES = [README, *sorted(path for path in (ROOT / "docs" / "how_to").glob("*.md") if path.name != "index.md")]
+THEORY = ROOT / "docs/explain/theory.md"
+PAGES = [README, THEORY, *sorted(path for path in (ROOT / "docs" / "how_to").glob("*.md") if path.name != "index.md")]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
