@@ -21,6 +21,7 @@ from mbd_sim.mechanism.source import Source
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism.actuators import Actuator
+    from mbd_sim.mechanism.bases import Base
     from mbd_sim.mechanism.constraints import Constraint
     from mbd_sim.mechanism.contacts import Contact
     from mbd_sim.mechanism.force_elements import (
@@ -215,6 +216,7 @@ class Mechanism:
     constraints: tuple[Constraint, ...] = ()
     contacts: tuple[Contact, ...] = ()
     actuators: tuple[Actuator, ...] = ()
+    bases: tuple[Base, ...] = ()
     sensors: tuple[AnySensor, ...] = ()
     sensor_seed: int = 0
     rest_speed: float = 1e-5

@@ -28,6 +28,7 @@ _SECTIONS = (
     "joints",
     "forces",
     "actuators",
+    "bases",
     "constraints",
     "contacts",
     "sensors",

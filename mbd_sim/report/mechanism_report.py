@@ -22,6 +22,7 @@ from mbd_sim.errors import Problem
 from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.rotation import rotation_vector
 from mbd_sim.mechanism.actuators import has_actuator_states
+from mbd_sim.mechanism.bases import Base
 from mbd_sim.mechanism.drives import STATES, CommandedDrive
 from mbd_sim.mechanism.records import Joint, Mechanism, Part
 from mbd_sim.report.force_report import actuator_report, force_reports
@@ -130,6 +131,7 @@ def _structure(mechanism: Mechanism, counted: Mobility, at: Mapping[str, float])
         "scleronomic": not rheonomic(mechanism),
         "driven": list(mechanism.driven_names),
         "coordinates": list(mechanism.coordinate_names),
+        "bases": [_base(base) for base in mechanism.bases],
         "sensors": [sensor_report(sensor, mechanism.step) for sensor in mechanism.sensors],
         "mass": mechanism.mass,
         "gravity": mechanism.gravity.tolist(),
@@ -252,6 +254,15 @@ def _drive(joint: Joint) -> list[str]:
     if (drive.lower, drive.upper) != (-math.inf, math.inf):
         text += f", between {drive.lower:g} and {drive.upper:g} {unit}"
     return [text]
+
+
+def _base(base: Base) -> dict[str, Any]:
+    return {
+        "name": base.name,
+        "type": base.type,
+        "wheels": [wheel.taker for wheel in base.wheels],
+        "steering": [steering.taker for steering in base.steering],
+    }
 
 
 def _part(part: Part) -> dict[str, Any]:

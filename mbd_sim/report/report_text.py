@@ -51,8 +51,14 @@ def _structure(found: dict[str, Any]) -> list[str]:
             for joint in found["joints"]
             for name, text in zip(joint["coordinates"], joint["drive"], strict=False)
         ),
+        *(f"Base                {_base(base)}" for base in found["bases"]),
         *(f"Sensor              {_sensor(sensor)}" for sensor in found["sensors"]),
     ]
+
+
+def _base(base: dict[str, Any]) -> str:
+    steering = f", steered by {', '.join(base['steering'])}" if base["steering"] else ""
+    return f"{base['name']}: {base['type']}, on the wheels {', '.join(base['wheels'])}{steering}"
 
 
 def _sensor(sensor: dict[str, Any]) -> str:

@@ -27,6 +27,7 @@ class ActuatorBuffer:
         self.expired: list[str] = []  # actuators whose commands have expired since this list was emptied
         self._commanded = dict[str, None]()  # since commands were due
         self._last_times = dict[str, float]()  # of the actuators that are watched
+        self._streamed = dict[str, float]()  # actuators under a stream of commands, which expire after this time in s
 
     def merged(self, commands: Mapping[str, Mapping[Channel, float]]) -> Array:
         """The newest commands (n,) with further ones, for `take`.
@@ -45,8 +46,16 @@ class ActuatorBuffer:
             raise CommandError(f"{len(values)} commands given. Give one for each of: {names}.")
         return self.map.checked(self.map.names, np.array(values, dtype=float))
 
-    def take(self, requested: Array, actuators: Iterable[str]) -> None:
-        """Take commands from the next step on; the trajectories of the actuators that they command end."""
+    def take(self, requested: Array, actuators: Iterable[str], timeout: float | None = None) -> None:
+        """Take commands from the next step on; the trajectories of the actuators that they command end.
+
+        :param timeout: in s, after which these commands expire; by default that of all actuators.
+        """
+        actuators = tuple(actuators)
+        for name in actuators:
+            self._streamed.pop(name, None)
+        if timeout is not None:
+            self._streamed |= dict.fromkeys(actuators, timeout)
         for velocity in self.player.cancel(actuators):
             if requested[velocity] == self._requested[velocity]:  # not commanded anew
                 requested[velocity] = 0.0
@@ -72,10 +81,9 @@ class ActuatorBuffer:
 
     def _expire(self, time: float) -> None:
         """Set commands other than positions to zero where none has arrived for too long."""
-        if not self.timeout > 0.0:
-            return
         for name, last in list(self._last_times.items()):
-            if time - last < self.timeout or self.player.plays(name):
+            timeout = self._streamed.get(name, self.timeout)
+            if timeout <= 0.0 or time - last < timeout or self.player.plays(name):
                 continue
             del self._last_times[name]
             channels = [
@@ -92,4 +100,5 @@ class ActuatorBuffer:
         self._requested, self._new = np.full(len(self.map.names), np.nan), False
         self._commanded.clear()
         self._last_times.clear()
+        self._streamed.clear()
         self.player.clear()

@@ -30,7 +30,7 @@ def apply_commands(
         simulation.apply_command_values(values)
         output.report(EventKind.COMMAND, AppliedCommands(values))
     if expired := commands.take_expired_actuators():
-        text = f"no more commands for {listed(expired)}: only positions are held (actuator_timeout)"
+        text = f"no more commands for {listed(expired)}: only positions are held (actuator_timeout, command_timeout)"
         output.report(EventKind.WARNING, text)
     for due_wrench in wrenches.due(time):
         part = due_wrench.wrench.part

@@ -14,6 +14,7 @@ from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.errors import CommandError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import Channel
+from mbd_sim.mechanism.bases import Base, Velocity
 from mbd_sim.ros.actuator_buffer import ActuatorBuffer
 from mbd_sim.ros.joint_commands import JointCommandRouter
 from mbd_sim.ros.trajectory import Trajectory
@@ -46,7 +47,7 @@ class CommandBuffer:
         self.map, self.timeout = effort_map, timeout
         self._actuators = ActuatorBuffer(actuators or CommandMap((), InputLayout(len(effort_map.names))), step_size)
         self._router = JointCommandRouter(effort_map, list(self._actuators.map.takers.values()))
-        self.accepted = self.rejected = self.expired = 0
+        self.accepted = self.rejected = self.expired = self.limited = 0
         size = len(effort_map.names)
         self._requested, self._new = np.zeros(size), False
         self._commanded, self._lapsed = np.zeros(size, dtype=bool), np.zeros(size, dtype=bool)
@@ -96,6 +97,21 @@ class CommandBuffer:
                 self.rejected += 1
                 raise
             self.accepted += 1
+
+    def move(self, base: Base, linear: Sequence[float], angular: Sequence[float]) -> None:
+        """Take a velocity of a base, (3,) in m/s and (3,) in rad/s; after `timeout` without another one, it stops.
+
+        :raises CommandError: rejected; nothing changes.
+        """
+        with self._lock:
+            try:
+                commands = base.commands(Velocity.of(linear, angular))
+                self._actuators.take(self._actuators.merged(commands.takers), commands.takers, self.timeout)
+            except CommandError:
+                self.rejected += 1
+                raise
+            self.accepted += 1
+            self.limited += commands.limited
 
     def follow(self, trajectory: Trajectory, now_ns: int, zero_ns: int) -> None:
         """Take a trajectory of some joints.

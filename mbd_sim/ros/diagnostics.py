@@ -211,6 +211,7 @@ class Diagnostics:
             "accepted": str(subscriptions.accepted),
             "rejected": str(now.rejected),
             "expired": str(subscriptions.expired),
+            "limited": str(commands.limited),
             "command_timeout (s)": f"{commands.timeout:g}",
         })  # fmt: skip
 

@@ -8,7 +8,6 @@ from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from std_srvs.srv import SetBool, Trigger
 
 from mbd_sim.errors import CommandError, listed
 from mbd_sim.messages.publication_schedule import rate_remark
@@ -31,6 +30,7 @@ from mbd_sim.ros.node_setup import (
 )
 from mbd_sim.ros.program_help import program_help
 from mbd_sim.ros.publishing_thread import PublishingThread
+from mbd_sim.ros.run_services import SERVICES, RunServices
 from mbd_sim.ros.sim_parameters import PARAMETERS
 from mbd_sim.ros.simulation_services import serve_simulation_interfaces
 from mbd_sim.ros.start_values import named_starts, start_values
@@ -40,13 +40,6 @@ from mbd_sim.ros.wrench_buffer import WrenchBuffer
 
 RATES = ("publish_rate", "clock_rate", "marker_rate", "rerun_rate")
 EXAMPLE = "mechanism:=double_rod"
-SERVICES = (
-    ("~/pause", "std_srvs/srv/SetBool: pause (true) or resume"),
-    ("~/step", "std_srvs/srv/Trigger: take step_count steps while paused"),
-    ("~/reset", "std_srvs/srv/Trigger: return to the start state, or to the one that the parameter start gives"),
-    ("~/record", "std_srvs/srv/SetBool: start (true) or stop a recording"),
-    ("~/split_recording", "std_srvs/srv/Trigger: continue the recording in another file"),
-)
 MAX_OVERRUNS = 3  # overruns a second from which the node gives up its real-time priority
 
 
@@ -82,8 +75,6 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             paused=parameters["start_paused"],
             followed=self.followed,
         )
-        self._use_start(parameters.values)
-        parameters.check(self._problem_of_start)
         self._begin_at_start()
         self.publishing_thread = PublishingThread(
             self,
@@ -107,11 +98,13 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             self.stepping_thread.set_state,
             self.stepping_thread.warn,
             self.stepping_thread.clock,
+            parameters["stamped_cmd_vel"],
         )
         self.diagnostics = Diagnostics(self, self.stepping_thread, subscriptions, self.publishing_thread)
         self._priority = parameters["real_time_priority"]
         self.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._create_services()
+        # The threads of a recording are new, and need their priority.
+        self.run_services = RunServices(self, self.stepping_thread, parameters, self.recordings, self._prioritize)
         self.simulation_services = serve_simulation_interfaces(self, self.stepping_thread, end, frame_prefix)
 
     def start(self) -> None:
@@ -171,18 +164,13 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             self.simulation.set_live(changes)
             self.simulation.reset()
 
-    def _create_services(self) -> None:
-        self.create_service(Trigger, "~/reset", self._on_reset)
-        self.create_service(SetBool, "~/pause", self._on_pause)
-        self.create_service(Trigger, "~/step", self._on_step)
-        self.create_service(SetBool, "~/record", self._on_record)
-        self.create_service(Trigger, "~/split_recording", self._on_split_recording)
-
     def _begin_at_start(self) -> None:
         """Begin the run at the start that the parameters give.
 
-        :raises CommandError: the loops cannot be closed there.
+        :raises CommandError: it does not fit the mechanism, or the loops cannot be closed there.
         """
+        self._use_start(self.parameters.values)
+        self.parameters.check(self._problem_of_start)
         if self.stepping_thread.run.start_values is not None:
             self.simulation.begin_at(*self.stepping_thread.run.start_values)
 
@@ -224,36 +212,6 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         """Lockstep: a command triggers its steps itself, so that command and steps cannot overtake each other."""
         if self.stepping_thread.paused and self.parameters["step_on_command"]:
             self.stepping_thread.step(self.parameters["step_count"])
-
-    def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        problem = self.stepping_thread.reset(self.parameters["reset_rewinds_clock"])
-        response.success, response.message = not problem, problem or "reset to the start state"
-        return response
-
-    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self.stepping_thread.pause(request.data)
-        response.success, response.message = True, "paused" if request.data else "running"
-        return response
-
-    def _on_step(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        problem = self.stepping_thread.step(self.parameters["step_count"])
-        response.success = not problem
-        response.message = problem or f"t = {1e-9 * self.stepping_thread.clock.ns:.9g} s"
-        return response
-
-    def _on_record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        if request.data:
-            response.success, response.message = self.recordings.start()
-            self._prioritize()  # the recorder's threads are new
-        else:
-            response.success, response.message = self.recordings.stop()
-        if response.success:
-            self.get_logger().info(f"recording to {response.message}" if request.data else self.recordings.summary())
-        return response
-
-    def _on_split_recording(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success, response.message = self.recordings.split()
-        return response
 
     def _on_parameter_change(self, name: str, value: Any) -> None:
         match name:

@@ -37,6 +37,10 @@ PARAMETERS = (
         0.0, 1e6, live=True,
     ),
     ParameterSpec(
+        "stamped_cmd_vel", False,
+        "whether the velocities of bases on wheels, on cmd_vel, are TwistStamped instead of Twist",
+    ),
+    ParameterSpec(
         "trajectory_rate", 1000.0, "commands computed from a trajectory per simulated second; at most one in each step",
         1.0, 100_000.0, live=True,
     ),

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from geometry_msgs.msg import WrenchStamped
+from geometry_msgs.msg import Twist, TwistStamped, WrenchStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from rclpy.subscription import Subscription
@@ -16,6 +16,7 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from mbd_sim.errors import CommandError
+from mbd_sim.mechanism.bases import Base
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.messages.topic_names import topic_names
 from mbd_sim.ros import qos
@@ -27,11 +28,13 @@ from mbd_sim.simulation.state_values import StateValues
 
 SET_STATE, ACTUATORS, TRAJECTORY = "~/set_state", "~/actuator_commands", "joint_trajectory"
 JOINT_COMMANDS = "joint_commands"
+CMD_VEL = "cmd_vel"
 SUBSCRIBED = (
     ("~/commands", "std_msgs/msg/Float64MultiArray: an effort for each coordinate, in the order of joint_states"),
     (JOINT_COMMANDS, "sensor_msgs/msg/JointState: efforts, positions and velocities by joint name"),
     (ACTUATORS, "std_msgs/msg/Float64MultiArray: a command for each channel of the actuators, in their order"),
     (TRAJECTORY, "trajectory_msgs/msg/JointTrajectory: motions of joints whose actuators take positions"),
+    ("[<base>/]cmd_vel", "geometry_msgs/msg/Twist, or TwistStamped with stamped_cmd_vel: velocity of a base on wheels"),
     (SET_STATE, "sensor_msgs/msg/JointState: positions and velocities by joint name"),
     ("~/wrench/<part>[/<point>]", "geometry_msgs/msg/WrenchStamped: force and torque on a part"),
 )
@@ -53,8 +56,11 @@ class Subscriptions:
         on_state: Callable[[StateValues], str],
         warn: Callable[[str], None],
         clock: NodeClock,
+        stamped_cmd_vel: bool = False,
     ) -> None:
         """Subscribe; `on_efforts` is called after commands have been accepted. `clock` is that of stamps.
+
+        With `stamped_cmd_vel`, velocities of bases come with a header, which has no effect.
 
         `on_state` sets positions and speeds and returns the problem, or ""; `warn` reports one as an event.
 
@@ -72,6 +78,9 @@ class Subscriptions:
         self._subscribe(Float64MultiArray, ACTUATORS, self._take_actuators)
         self._subscribe(JointTrajectory, TRAJECTORY, self._take_trajectory)
         self._subscribe(JointState, SET_STATE, self._take_state)
+        for base in mechanism.bases:
+            topic = CMD_VEL if len(mechanism.bases) == 1 else f"{base.name}/{CMD_VEL}"
+            self._subscribe(TwistStamped if stamped_cmd_vel else Twist, topic, partial(self._take_twist, topic, base))
         tokens = topic_names(mechanism.parts)
         for part, point in wrench_targets:
             topic = f"~/wrench/{tokens[part]}"
@@ -144,6 +153,16 @@ class Subscriptions:
             self.commands.follow(_trajectory(message), self._clock.ns, self._clock.zero_ns)
         except CommandError as error:
             self._reject(TRAJECTORY, error)
+        else:
+            self._on_efforts()
+
+    def _take_twist(self, topic: str, base: Base, message: Twist | TwistStamped) -> None:
+        twist = message.twist if isinstance(message, TwistStamped) else message
+        vectors = ((vector.x, vector.y, vector.z) for vector in (twist.linear, twist.angular))
+        try:
+            self.commands.move(base, *vectors)
+        except CommandError as error:
+            self._reject(topic, error)
         else:
             self._on_efforts()
 

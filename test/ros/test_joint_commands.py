@@ -144,3 +144,36 @@ def test_commands_of_actuators_that_are_not_watched_are_held(simulation, buffer)
     start = simulation.inputs[simulation.command_map.range]
     assert buffer.due_for_actuators(0.0, start)[5] == 7.0
     assert buffer.due_for_actuators(1e9, start) is None
+
+
+@pytest.fixture
+def rover():
+    simulation = Simulation.from_file("rover")
+    return simulation, CommandBuffer(simulation.effort_map, 0.5, simulation.command_map)
+
+
+def test_a_velocity_of_a_base_commands_its_wheels_and_expires(rover):
+    simulation, buffer = rover
+    base, current = simulation.mechanism.bases[0], np.zeros(2)
+    buffer.move(base, (0.5, 0.0, 0.0), (0.0, 0.0, 0.8))
+    assert buffer.due_for_actuators(0.0, current) == pytest.approx([4.45, 8.05])
+    assert buffer.due_for_actuators(0.49, current) is None
+    assert buffer.due_for_actuators(0.5, current).tolist() == [0.0, 0.0]
+    assert buffer.take_expired_actuators() == ["left_motor", "right_motor"] and buffer.expired == 1
+
+
+def test_a_command_of_a_wheel_ends_the_watch_over_its_base(rover):
+    simulation, buffer = rover
+    buffer.move(simulation.mechanism.bases[0], (0.5, 0.0, 0.0), (0.0, 0.0, 0.0))
+    buffer.due_for_actuators(0.0, np.zeros(2))
+    buffer.by_name(["left_axle"], [], velocities=[1.0])
+    assert buffer.due_for_actuators(0.1, np.zeros(2)) == pytest.approx([1.0, 6.25])
+    assert buffer.due_for_actuators(5.0, np.zeros(2)) == pytest.approx([1.0, 0.0])
+
+
+def test_a_velocity_that_a_base_cannot_have_is_rejected_and_changes_nothing(rover):
+    simulation, buffer = rover
+    for linear, angular in (((0.1, 0.2, 0.0), (0.0, 0.0, 0.0)), ((math.inf, 0.0, 0.0), (0.0, 0.0, 0.0))):
+        with pytest.raises(CommandError):
+            buffer.move(simulation.mechanism.bases[0], linear, angular)
+    assert (buffer.accepted, buffer.rejected) == (0, 2) and buffer.due_for_actuators(0.0, np.zeros(2)) is None

@@ -12,6 +12,7 @@ from mbd_sim.errors import MechanismError, Problem
 from mbd_sim.geometry.pose import Pose
 from mbd_sim.mechanism.actuators import Actuator
 from mbd_sim.mechanism.attachments import PointsByPart
+from mbd_sim.mechanism.bases import Base
 from mbd_sim.mechanism.constraints import Constraint
 from mbd_sim.mechanism.contacts import Contact
 from mbd_sim.mechanism.force_elements import Bushing, ForceElement
@@ -20,6 +21,7 @@ from mbd_sim.mechanism.records import GROUND, Joint, Mechanism, Part
 from mbd_sim.mechanism.sensors import AnySensor
 from mbd_sim.mechanism.source import Source
 from mbd_sim.mechanism_file.builders.actuator_builder import actuated_joints, build_actuators
+from mbd_sim.mechanism_file.builders.base_builder import build_bases
 from mbd_sim.mechanism_file.builders.build_context import BuildContext
 from mbd_sim.mechanism_file.builders.constraint_builder import build_constraints, coupled_joints
 from mbd_sim.mechanism_file.builders.contact_builder import build_contacts
@@ -35,6 +37,7 @@ from mbd_sim.mechanism_file.schema.file_schema import GroundSpec, MechanismFile,
 from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
 from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
 from mbd_sim.mechanism_file.schema.sensor_schema import AnySensorSpec
+from mbd_sim.mechanism_file.schema.wheeled_base_schema import AnyBaseSpec
 
 
 def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) -> Mechanism:
@@ -52,6 +55,7 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         file.ground,
         source,
         sensors=file.sensors,
+        bases=file.bases,
         step=file.integrator.step,
     )
     if elements.problems:
@@ -92,6 +96,7 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         contacts=elements.contacts,
         actuators=elements.actuators,
         sensors=elements.sensors,
+        bases=elements.bases,
         sensor_seed=round(file.sensor_seed),
     )
 
@@ -133,6 +138,7 @@ class MechanismElements:
     contacts: tuple[Contact, ...]
     actuators: tuple[Actuator, ...]
     sensors: tuple[AnySensor, ...]
+    bases: tuple[Base, ...]
     joint_bushings: tuple[Bushing, ...]
     ground_points: dict[str, Pose]
     problems: list[Problem]
@@ -150,6 +156,7 @@ def build_elements(
     unreadable: Collection[str] = (),
     refused_joints: Collection[str] = (),
     sensors: Mapping[str, AnySensorSpec] = MappingProxyType({}),
+    bases: Mapping[str, AnyBaseSpec] = MappingProxyType({}),
     step: float | None = None,
 ) -> MechanismElements:
     """Build everything that the records of a file describe; invalid elements are left out and reported.
@@ -180,6 +187,7 @@ def build_elements(
     valid_joints = {name: joint for name, joint in built_joints.items() if joint}
     found = (joint_bushing(joint, joints[name]) for name, joint in valid_joints.items())
     bushings = tuple(bushing for bushing in found if bushing)
+    built_bases = () if problems else build_bases(bases, valid_joints, built_actuators, context)
     return MechanismElements(
         parts=built_parts,
         joints=valid_joints,
@@ -188,6 +196,7 @@ def build_elements(
         contacts=built_contacts,
         actuators=built_actuators,
         sensors=built_sensors,
+        bases=built_bases,
         joint_bushings=bushings,
         ground_points=ground_points,
         problems=context.problems,

@@ -37,6 +37,7 @@ from mbd_sim.mechanism_file.schema.force_schema import AnyForceSpec
 from mbd_sim.mechanism_file.schema.joint_schema import AnyJointSpec
 from mbd_sim.mechanism_file.schema.sensor_schema import AnySensorSpec, Seed
 from mbd_sim.mechanism_file.schema.table_schema import TableSpec
+from mbd_sim.mechanism_file.schema.wheeled_base_schema import AnyBaseSpec
 
 FunctionHead = Annotated[str, StringConstraints(max_length=200)]  # its form is checked when functions are read
 Color = Annotated[str, StringConstraints(pattern=r"^#[0-9a-fA-F]{6}$")]
@@ -235,5 +236,6 @@ class MechanismFile(Spec):
     contacts: dict[Name, ContactSpec] = Field(default={}, description="shapes that cannot penetrate each other")
     forces: dict[Name, AnyForceSpec] = Field(default={}, description="springs, dampers, forces, couples and efforts")
     actuators: dict[Name, AnyActuatorSpec] = Field(default={}, description="motors and servos, which take commands")
+    bases: dict[Name, AnyBaseSpec] = Field(default={}, description="bases on wheels, whose velocity is commanded")
     sensors: dict[Name, AnySensorSpec] = Field(default={}, description="measurements, with their errors and rates")
     sensor_seed: Seed = Field(0, description="of the noise of all sensors: a whole number")

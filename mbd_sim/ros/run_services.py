@@ -1,0 +1,70 @@
+"""The services of `sim_node` that control a run: pause, step, reset, and recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rclpy.node import Node
+from std_srvs.srv import SetBool, Trigger
+
+from mbd_sim.ros.node_parameters import NodeParameters
+from mbd_sim.ros.node_recordings import NodeRecordings
+from mbd_sim.ros.stepping_thread import SteppingThread
+
+SERVICES = (
+    ("~/pause", "std_srvs/srv/SetBool: pause (true) or resume"),
+    ("~/step", "std_srvs/srv/Trigger: take step_count steps while paused"),
+    ("~/reset", "std_srvs/srv/Trigger: return to the start state, or to the one that the parameter start gives"),
+    ("~/record", "std_srvs/srv/SetBool: start (true) or stop a recording"),
+    ("~/split_recording", "std_srvs/srv/Trigger: continue the recording in another file"),
+)
+
+
+class RunServices:
+    """Serves them; `on_recording` is called when a recording has been started."""
+
+    def __init__(
+        self,
+        node: Node,
+        stepping_thread: SteppingThread,
+        parameters: NodeParameters,
+        recordings: NodeRecordings,
+        on_recording: Callable[[], None],
+    ) -> None:
+        self._stepping_thread, self._parameters, self._recordings = stepping_thread, parameters, recordings
+        self._log, self._on_recording = node.get_logger(), on_recording
+        node.create_service(Trigger, "~/reset", self._on_reset)
+        node.create_service(SetBool, "~/pause", self._on_pause)
+        node.create_service(Trigger, "~/step", self._on_step)
+        node.create_service(SetBool, "~/record", self._on_record)
+        node.create_service(Trigger, "~/split_recording", self._on_split_recording)
+
+    def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        problem = self._stepping_thread.reset(self._parameters["reset_rewinds_clock"])
+        response.success, response.message = not problem, problem or "reset to the start state"
+        return response
+
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._stepping_thread.pause(request.data)
+        response.success, response.message = True, "paused" if request.data else "running"
+        return response
+
+    def _on_step(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        problem = self._stepping_thread.step(self._parameters["step_count"])
+        response.success = not problem
+        response.message = problem or f"t = {1e-9 * self._stepping_thread.clock.ns:.9g} s"
+        return response
+
+    def _on_record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        if request.data:
+            response.success, response.message = self._recordings.start()
+            self._on_recording()
+        else:
+            response.success, response.message = self._recordings.stop()
+        if response.success:
+            self._log.info(f"recording to {response.message}" if request.data else self._recordings.summary())
+        return response
+
+    def _on_split_recording(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success, response.message = self._recordings.split()
+        return response
