@@ -113,8 +113,9 @@ class DynamicsReadings(RunState):
             place = self.center_of_mass.position
         else:
             place = self.point(about).position if isinstance(about, str) else finite_vector(about, 3, "about")
-        linear, angular = values[:3].copy(), values[3:]
-        return Momentum(linear, angular - np.cross(place, linear))
+        (x, y, z), (px, py, pz) = place.tolist(), values[:3].tolist()
+        moment = np.array([y * pz - z * py, z * px - x * pz, x * py - y * px])
+        return Momentum(values[:3].copy(), values[3:] - moment)
 
     def forward_dynamics(self, efforts: Mapping[str, float] | Sequence[float] | Array | None = None) -> Array:
         """The accelerations u' (nv,) in this state for given efforts in N and N·m, which are not applied.

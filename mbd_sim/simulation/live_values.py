@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from typing import NamedTuple
 
 from mbd_sim.dynamics.symbolic_parameters import (
@@ -59,6 +60,10 @@ class LiveValues:
         self.current: dict[str, float] = {key: values[key] or 0.0 for key in found}
         self.values: SymbolicParameters = varying_parameters(base, list(found.values()))
         self._changed, self._changed_with = mechanism, self.current
+
+    def copy(self) -> LiveValues:
+        """The same values, which change by themselves."""
+        return copy(self)
 
     @property
     def mechanism(self) -> Mechanism:

@@ -17,7 +17,7 @@ from mbd_sim.simulation.dynamics_readings import DynamicsReadings
 from mbd_sim.simulation.efforts import EffortMap
 from mbd_sim.simulation.kernel_memory import KernelMemory
 from mbd_sim.simulation.live_values import LiveValues
-from mbd_sim.simulation.options import SimulationOptions, Value
+from mbd_sim.simulation.options import SimulationOptions, Value, changed_values
 from mbd_sim.simulation.read_only import ReadOnlyAttributes, read_only
 from mbd_sim.simulation.run_inputs import RunInputs
 from mbd_sim.simulation.run_steps import Stepping
@@ -62,6 +62,7 @@ class Simulation(Stepping, StateChanges, RunInputs, DynamicsReadings, ReadOnlyAt
         wrenches: Sequence[str] = (),
         live: Sequence[str] = (),
         set: Mapping[str, Value] | None = None,
+        parameters: Mapping[str, Value] | None = None,
     ) -> None:
         """Compile a mechanism; `method` and `step` (s) replace those of its file.
 
@@ -70,18 +71,25 @@ class Simulation(Stepping, StateChanges, RunInputs, DynamicsReadings, ReadOnlyAt
             `parameters.l`, `joints.elbow.damping`, or patterns such as `joints.*.damping`.
         :param set: values of the file to replace, by key: `{"l": 0.8, "joints.elbow.position": "30 deg"}`, numbers in
             SI units or values as in the file; a parameter may be given by its name alone.
-        :raises MechanismError: the method, a live value or a key in `set` does not exist, a value does not fit there,
-            or the equations are singular at the start.
-        :raises ValueError: the step is not a positive number.
+        :param parameters: parameters of the file to replace, by name: `{"l": 0.8}`.
+        :raises MechanismError: the method, a live value, a parameter or a key in `set` does not exist, a value does not
+            fit there, or the equations are singular at the start.
+        :raises ValueError: the step is not a positive number, or a parameter is given twice.
         :raises CommandError: a part in `wrenches` does not exist.
         """
-        mechanism = with_values(mechanism, set) if set else mechanism
-        self.mechanism = mechanism
-        self.step_size = step_size(step, mechanism.step)
+        changes = changed_values(mechanism, set or {}, parameters or {})
+        mechanism = with_values(mechanism, changes) if changes else mechanism
+        step = step_size(step, mechanism.step)
         require_parts(wrenches, mechanism)
-        self._live = LiveValues(mechanism, live)
-        self.model: Model = build_model(mechanism, method, wrenches, self._live.values, self.step_size)
-        require_free_start(self.model)
+        values = LiveValues(mechanism, live)
+        model = build_model(mechanism, method, wrenches, values.values, step)
+        require_free_start(model)
+        self._begin(mechanism, model, values, step)
+
+    def _begin(self, mechanism: Mechanism, model: Model, live: LiveValues, step: float) -> None:
+        """Allocate the memory, and start in the start state."""
+        self.mechanism, self.step_size, self._live = mechanism, step, live
+        self.model: Model = model
         memory = self._memory = KernelMemory(self.model, self.step_size)
         layout = self.model.equations.inputs
         self._efforts, self._live_inputs = memory.inputs[layout.efforts], memory.inputs[layout.values]
@@ -96,7 +104,24 @@ class Simulation(Stepping, StateChanges, RunInputs, DynamicsReadings, ReadOnlyAt
         self._seal()
 
     def __reduce__(self) -> NoReturn:
-        raise TypeError("a Simulation cannot be copied or pickled: build a new one from its mechanism.")
+        raise TypeError("a Simulation cannot be pickled. Pickle its snapshot(), and restore that in a new one.")
+
+    def copy(self) -> Simulation:
+        """Another simulation in the same state, which goes on by itself; both share the compiled equations.
+
+        Recordings and the history of contact events stay with the original. `copy.copy` and `copy.deepcopy` do the
+        same; copies of a subclass are a plain `Simulation`.
+        """
+        copied = Simulation.__new__(Simulation)
+        copied._begin(self.mechanism, self.model, self._live.copy(), self.step_size)
+        copied.restore(self.snapshot())
+        return copied
+
+    def __copy__(self) -> Simulation:
+        return self.copy()
+
+    def __deepcopy__(self, memo: object) -> Simulation:
+        return self.copy()
 
     @classmethod
     def from_file(cls, mechanism: str | Path, **options: Unpack[SimulationOptions]) -> Self:

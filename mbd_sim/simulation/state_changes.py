@@ -16,6 +16,8 @@ from mbd_sim.simulation.run_reports import RunReports
 from mbd_sim.simulation.snapshot import RunLayout, SimulationSnapshot, require_same_layout
 from mbd_sim.simulation.state_values import checked_values, state_with
 
+Coordinates = Sequence[float] | Array | Mapping[str, float]  # in order, or some by name
+
 
 class StateChanges(Readings, RunReports):
     """The part of a `Simulation` that replaces its state."""
@@ -23,24 +25,37 @@ class StateChanges(Readings, RunReports):
     command_map: CommandMap
     _live_inputs: Array
 
-    def reset(self, q: Sequence[float] | Array | None = None, u: Sequence[float] | Array | None = None) -> None:
+    def reset(self, q: Coordinates | None = None, u: Coordinates | None = None) -> None:
         """Return to time zero and to the start state or the given one; zero the efforts, the wrenches and the audit.
 
-        Commands of actuators become those before the first one. Live values stay as they are. A given state is
-        projected to the nearest one that satisfies the constraints.
+        Commands of actuators become those before the first one. Live values stay as they are.
 
+        >>> from mbd_sim import Simulation
+        >>> sim = Simulation.from_file("double_rod")
+        >>> sim.reset(q={"elbow": 0.3}, u={"shoulder": -1.0})
+
+        :param q: coordinates (nq,), of which the state is the nearest one that satisfies the constraints; or some
+            by the names of coordinates, in m and rad: these stay as they are given, and those of the start follow as
+            far as closed loops require.
+        :param u: speeds (nv,), or some by the names of coordinates, in the same way.
         :raises ValueError: wrong length, a value that is not finite, loops that cannot be closed near this state, or
             parts inside each other or beyond a stop; nothing is changed then.
+        :raises CommandError: an unknown or driven coordinate, a value by name that is not finite, or loops that cannot
+            be closed with these values; nothing is changed then.
         """
         model, y, inputs = self.model, self.model.start.copy(), self.model.inputs.copy()
-        if q is not None:
+        positions, speeds = (value if isinstance(value, Mapping) else {} for value in (q, u))
+        if q is not None and not isinstance(q, Mapping):
             y[model.q_range] = finite_vector(q, self.q.size, "q")
-        if u is not None:
+        if u is not None and not isinstance(u, Mapping):
             y[model.u_range] = finite_vector(u, self.u.size, "u")
         inputs[model.equations.inputs.values] = self._live_inputs
         model.normalize(y)
         if q is not None or u is not None or not np.array_equal(inputs, model.inputs):
-            model.project(y, self._live_inputs)
+            if positions or speeds:
+                y = state_with(model, 0.0, y, self._live_inputs, checked_values(model, positions, speeds))
+            else:
+                model.project(y, self._live_inputs)
             model.hold_start(y, inputs)
             require_outside(model, 0.0, y, inputs)
         self._memory.load(y, inputs, 0)
@@ -52,7 +67,11 @@ class StateChanges(Readings, RunReports):
         self._report_reset(to_start=q is None and u is None)
 
     def snapshot(self) -> SimulationSnapshot:
-        """Everything that the rest of the run depends on: state, time, efforts, wrenches, live values and the audit."""
+        """Everything that the rest of the run depends on, for `restore`.
+
+        These are the time, the state with that of actuators and contacts, efforts, commands and those that are delayed,
+        wrenches, live values, the audit, and the samples of sensors. It is plain data, which can be pickled.
+        """
         memory = self._memory
         y, inputs, live = memory.y.copy(), memory.inputs.copy(), dict(self._live.current)
         return SimulationSnapshot(
@@ -86,7 +105,7 @@ class StateChanges(Readings, RunReports):
         :raises TypeError: other arguments are given with a snapshot.
         """
         if isinstance(state, SimulationSnapshot):
-            if not (steps is None and inputs is None and start_energy is None and live is None):
+            if any(value is not None for value in (steps, inputs, start_energy, live, samples)):
                 raise TypeError("a snapshot is restored as a whole. Give no other argument, or give snapshot.state.")
             require_same_layout(state.layout, self._run_layout)
             self._memory.load(state.state, state.inputs, state.steps, state.error_estimate)
