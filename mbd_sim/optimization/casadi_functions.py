@@ -1,0 +1,167 @@
+"""The equations of a mechanism as CasADi functions with named inputs and outputs, for optimal control.
+
+All functions consist of scalar operations (SX), so that they can be called with numbers, and with SX or MX symbols.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from mbd_sim.dynamics.equations import Equations, derive
+from mbd_sim.errors import InputError, nearest
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.actuators import require_no_actuators
+from mbd_sim.mechanism.drives import require_no_commanded_drives
+from mbd_sim.mechanism.one_sided import require_two_sided
+from mbd_sim.mechanism.records import GROUND, Mechanism
+from mbd_sim.optimization.parameter_inputs import ParameterInputs, parameter_inputs
+from mbd_sim.symbolic.symbolic_values import with_forces_alone
+
+
+@dataclass(frozen=True, eq=False)
+class CasadiFunctions:
+    """Functions of the time `t` in s, the state `x` = (q, u) (nx,), the efforts `e` (nv,) and the parameters `p` (np,).
+
+    The inputs and outputs of each function are named so; SI units. `parameters` are the keys of p, in order, and
+    `values` (np,) their values in the file; `start` (nx,) is the start state.
+    """
+
+    mechanism: Mechanism
+    parameters: tuple[str, ...]
+    values: Array
+    start: Array
+    _equations: Equations = field(repr=False)
+    _inputs: ParameterInputs = field(repr=False)
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """The names of the generalized speeds and efforts (nv,)."""
+        return self.mechanism.coordinate_names
+
+    @cached_property
+    def f(self) -> ca.Function:
+        """(t, x, e, p) -> `x_dot` (nx,): q' and u'."""
+        return self._function("f", {"x_dot": self._rates}, with_efforts=True)
+
+    @cached_property
+    def M(self) -> ca.Function:  # noqa: N802
+        """(t, x, p) -> `M` (nv, nv), the mass matrix."""
+        return self._function("M", {"M": self._mass})
+
+    @cached_property
+    def bias(self) -> ca.Function:
+        """(t, x, p) -> `bias` (nv,), with M u' + bias = e + Gᵀ λ: inertial terms less all forces but e."""
+        at_zero = [self._t, self._x, ca.SX.zeros(self._e.shape[0], 1), self._p]
+        rates = self.f.call(at_zero)[0][self._equations.layout.nq :]
+        multipliers = self.multipliers.call(at_zero)[0]
+        return self._function("bias", {"bias": self._gradient.T @ multipliers - self._mass @ rates})
+
+    @cached_property
+    def energies(self) -> ca.Function:
+        """(t, x, p) -> `T`, `V` in J; V without springs that are given by expressions."""
+        both = self._call(self._equations.energies)
+        return self._function("energies", {"T": both[0], "V": both[1]})
+
+    @cached_property
+    def constraints(self) -> ca.Function:
+        """(t, x, p) -> `Phi` (m,), zero for nonholonomic rows, and `Phi_dot` (m,): the rate of Phi, or G u + b."""
+        both = self._call(self._equations.violation)
+        return self._function("constraints", {"Phi": both[:, 0], "Phi_dot": both[:, 1]})
+
+    @cached_property
+    def G(self) -> ca.Function:  # noqa: N802
+        """(t, x, p) -> `G` (m, nv), the constraint matrix of all rows."""
+        return self._function("G", {"G": self._gradient})
+
+    @cached_property
+    def multipliers(self) -> ca.Function:
+        """(t, x, e, p) -> `lambda` (m,)."""
+        return self._function("multipliers", {"lambda": self._call(self._equations.multipliers)}, with_efforts=True)
+
+    def point(self, name: str) -> ca.Function:
+        """(t, x, p) -> `position` (3,) and `velocity` (3,) of a point such as "rod.tip", in ground's axes.
+
+        :raises InputError: there is no such point.
+        """
+        part, _, point = name.partition(".")
+        if (part, point) not in self._inputs.points:
+            known = [".".join(key) for key in self._inputs.points]
+            raise InputError(f"there is no point '{name}'", nearest(name, known))
+        position = self._inputs.point_at(part, point, self._p)
+        if part != GROUND:
+            pose = self._call(self._equations.poses)[12 * self._equations.part_names.index(part) :][:12]
+            position = pose[:3] + ca.reshape(pose[3:], 3, 3) @ position
+        rate = ca.jtimes(position, self._x, self._rates) + ca.jtimes(position, self._t, ca.SX(1))
+        return self._function(f"point_{part}_{point}", {"position": position, "velocity": rate})
+
+    @cached_property
+    def _t(self) -> ca.SX:
+        return ca.SX.sym("t")
+
+    @cached_property
+    def _x(self) -> ca.SX:
+        return ca.SX.sym("x", len(self.start))
+
+    @cached_property
+    def _e(self) -> ca.SX:
+        return ca.SX.sym("e", self._equations.layout.nv)
+
+    @cached_property
+    def _p(self) -> ca.SX:
+        return ca.SX.sym("p", len(self.values))
+
+    @cached_property
+    def _rates(self) -> ca.SX:
+        return self._call(self._equations.rates)[: len(self.start)]
+
+    @cached_property
+    def _gradient(self) -> ca.SX:
+        return ca.jacobian(self._call(self._equations.violation)[:, 1], self._x[self._equations.layout.nq :])
+
+    @cached_property
+    def _mass(self) -> ca.SX:
+        kinetic = self._call(self._equations.energies)[0]
+        return ca.hessian(kinetic, self._x)[0][self._equations.layout.nq :, self._equations.layout.nq :]
+
+    def _call(self, function: ca.Function) -> ca.SX:
+        """The first output of a function of (t, y) or (t, y, inputs)."""
+        equations = self._equations
+        y = ca.vertcat(self._x, ca.SX.zeros(equations.start_state.size - len(self.start), 1))
+        inputs = ca.SX(ca.DM(equations.inputs_without_commands))
+        inputs[equations.inputs.efforts] = self._e
+        if equations.inputs.value_count:
+            inputs[equations.inputs.values] = self._inputs.numbers_at(self._p)
+        return function.call([self._t, y, inputs][: function.n_in()])[0]
+
+    def _function(self, name: str, outputs: dict[str, ca.SX], *, with_efforts: bool = False) -> ca.Function:
+        inputs = {"t": self._t, "x": self._x, **({"e": self._e} if with_efforts else {}), "p": self._p}
+        return ca.Function(
+            name,
+            list(inputs.values()),
+            [ca.densify(output) for output in outputs.values()],
+            list(inputs),
+            list(outputs),
+            {"cse": True},
+        )
+
+
+def casadi_functions(mechanism: Mechanism, parameters: Sequence[str] = ()) -> CasadiFunctions:
+    """The equations of a mechanism as CasADi functions.
+
+    :param parameters: keys of numbers of its file that are the inputs p, as for live values: `l`, `parts.rod.mass`.
+    :raises MechanismError: it has actuators, commanded drives or one-sided elements; or a key does not exist, or cannot
+        be an input.
+    """
+    require_no_actuators(mechanism, "cannot be given as CasADi functions")
+    require_no_commanded_drives(mechanism, "cannot be given as CasADi functions")
+    require_two_sided(mechanism, "cannot be given as CasADi functions")
+    mechanism = with_forces_alone(mechanism)
+    inputs = parameter_inputs(mechanism, parameters)
+    equations = derive(mechanism, parameters=inputs.numbers)
+    start = np.concatenate([equations.start.q, equations.start.u])
+    return CasadiFunctions(mechanism, inputs.keys, inputs.values, start, equations, inputs)

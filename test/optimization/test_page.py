@@ -1,0 +1,28 @@
+"""The page runs: the swing-up ends upright in the simulation too, and the predictive controller balances."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from mbd_sim import Simulation
+
+PAGE = Path(__file__).parents[2] / "docs" / "optimization.md"
+
+
+def test_the_snippets_of_the_page(capsys):
+    values = {}
+    for block in re.findall(r"^```python\n(.*?)^```$", PAGE.read_text(encoding="utf-8"), re.M | re.S):
+        exec(compile(block, str(PAGE), "exec"), values)
+    assert "from upright" in capsys.readouterr().out
+    sim = values["sim"]
+    assert abs(sim.q[0]) < 0.05 and abs(sim.q[1] - np.pi) < 0.01
+    replayed = Simulation.from_file("cart_pendulum")  # with the forces of the swing-up between the knots
+    replayed.reset(q=[0.0, 0.0], u=[0.0, 0.0])
+    count = values["intervals"] * 20
+    knots = np.linspace(0.0, values["duration"], values["intervals"] + 1)
+    for index in range(count):
+        middle = (index + 0.5) * values["duration"] / count
+        replayed.set_efforts([float(np.interp(middle, knots, values["best"])), 0.0])
+        replayed.run(until=(index + 1) * values["duration"] / count)
+    assert abs(replayed.q[1] - np.pi) < 0.1 and abs(replayed.q[0]) < 0.1
