@@ -28,6 +28,7 @@ from mbd_sim.dynamics.actuator_layout import ActuatorLayout
 from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
 from mbd_sim.dynamics.assembly_errors import undefined_constraints
 from mbd_sim.dynamics.body_symbols import flat_pose
+from mbd_sim.dynamics.cam_check import require_followable_cams
 from mbd_sim.dynamics.compliant_contacts import CushionFunctions, cushion_functions
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
@@ -166,9 +167,10 @@ def derive(
     :param step: in s, for sampled servos and delayed commands; by default that of the mechanism.
     :raises MechanismError: the mass matrix is singular at the start, a spring has no direction there, a drive has no
         velocity or acceleration, the constraints cannot be satisfied, or the step does not divide the period of a
-        servo or a delay; joints, springs, constraints and actuators are named.
+        servo or a delay, or a cam cannot be followed; joints, springs, constraints, actuators and cams are named.
     """
     require_smooth(mechanism)
+    require_followable_cams(mechanism)
     traced = trace(mechanism, loaded, parameters, step)
     contacts = contact_equations(traced) if has_one_sided(mechanism) else None
     if contacts is not None:

@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.cam_contacts import follower_angle, profile_point, roller_angle
+from mbd_sim.dynamics.cam_contacts import follower_angle, profile_point, roller_angle, roller_distance
 from mbd_sim.dynamics.flat_rims import EXACT_TILT, can_lie_flat, protrusion, withdrawn
 from mbd_sim.dynamics.loop_equations import perpendiculars
 from mbd_sim.dynamics.spatial_algebra import constant, is_symbolic
@@ -179,10 +179,8 @@ def _ball_on_cam(ball: Ball, cam: Cam, first: Frame, second: Frame) -> Touch:
     axes = ca.sparsify(second.rotation @ constant(cam.axes))
     center = axes.T @ (first.position - second.position)
     angle = roller_angle(cam.profile, center[:2])
-    at, slope = profile_point(cam.profile, angle), profile_point(cam.profile, angle, 1)
-    tangent = slope / ca.norm_2(slope)
+    distance, at, tangent = roller_distance(cam.profile, center[:2], angle)
     outward = ca.vertcat(tangent[1], -tangent[0])
-    distance = ca.dot(outward, center[:2] - at) - ball.radius
     normal = axes[:, :2] @ outward
     point = second.position + axes @ ca.vertcat(at, center[2])
-    return Touch(distance, normal, point, (axes[:, :2] @ tangent, axes[:, 2]))
+    return Touch(distance - ball.radius, normal, point, (axes[:, :2] @ tangent, axes[:, 2]))

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from mbd_sim.dynamics.cam_check import require_followable_cams
 from mbd_sim.dynamics.initial_conditions import start_like
 from mbd_sim.dynamics.symbolic_parameters import (
     EquationData,
@@ -45,6 +46,7 @@ class Variants:
                 known[key] = len(self._mechanisms)
                 try:
                     variant = with_values(mechanism, change) if change else mechanism
+                    require_followable_cams(variant)
                 except MechanismError as error:
                     raise _of_member(member, error) from error
                 self._mechanisms.append(variant)

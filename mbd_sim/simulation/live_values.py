@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from typing import NamedTuple
 
+from mbd_sim.dynamics.cam_check import require_followable_cams
 from mbd_sim.dynamics.symbolic_parameters import (
     EquationData,
     StructureError,
@@ -83,7 +84,9 @@ class LiveValues:
                 raise CommandError(f"'{key}' is not a live value. {self._remedy(key)}")
         current = {**self.current, **{key: float(value) for key, value in changes.items()}}
         try:
-            inputs = self.values.checked_values_in(equation_data(with_values(self._mechanism, current)))
+            changed = with_values(self._mechanism, current)
+            require_followable_cams(changed)
+            inputs = self.values.checked_values_in(equation_data(changed))
         except MechanismError as error:
             raise CommandError(
                 "; ".join(f"{p.key}: {p.message}. {p.remedy}".strip() for p in error.problems)
