@@ -76,7 +76,7 @@ def extent_of(model: Model) -> Extent:
 
 def _preview(model: Model) -> tuple[list[float], list[Array]]:
     """Times and states at the start and in the seconds after it, without efforts."""
-    y, inputs, step = model.start.copy(), model.inputs.copy(), model.mechanism.step
+    y, inputs, step = model.start.copy(), model.kernel_inputs(), model.mechanism.step
     times, states = [0.0], [y.copy()]
     last = min(round(PREVIEW_TIME / step), PREVIEW_STEPS)
     stride = max(last // PREVIEW_FRAMES, 1)

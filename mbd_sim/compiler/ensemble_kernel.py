@@ -11,17 +11,21 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.compiler.adams_history import history_size
+from mbd_sim.compiler.adams_step import adams_step
 from mbd_sim.compiler.kernel import Kernel, emit_system
 from mbd_sim.compiler.machine_code import MachineCode, compile_module, new_module
 from mbd_sim.compiler.runge_kutta_step import explicit_step
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.compiler.stepping import emit_advance_members
+from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.between_steps import BetweenSteps
 from mbd_sim.integrators.tableau import Tableau
 
 Array = NDArray[np.float64]
 Advance = Callable[[Mapping[str, Array], int, float, int, range], None]
 
+ALL = slice(None)
 LANES = 8  # members in a group; docs/ensembles.md has the measurements
 
 _ADDRESS, _INT, _DOUBLE = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
@@ -42,7 +46,7 @@ class MemberKernel:
 def compile_members(
     rates: ca.Function,
     projection: ca.Function | None,
-    method: Tableau,
+    method: Tableau | Adams,
     error_size: int,
     between_steps: BetweenSteps | None = None,
     lanes: int = LANES,
@@ -50,7 +54,9 @@ def compile_members(
     """Compile y' = rates(t, y, inputs) for groups of members: see `compile_kernel` and `System`."""
     module = new_module()
     system = emit_system(module, rates, arranged(rates), projection, method, error_size, lanes, between_steps)
-    emit_advance_members(module, system, explicit_step(method), lanes, rates.nnz_in(2))
+    step = adams_step(method) if isinstance(method, Adams) else explicit_step(method)
+    size = rates.nnz_in(2)
+    emit_advance_members(module, system, step, lanes, size + history_size(method, system.size, size))
     code = compile_module(module)
     signature = ctypes.CFUNCTYPE(None, *[_ADDRESS] * 4, _INT, _DOUBLE, *[_INT] * 3)
     return MemberKernel(signature(code.address("advance_members")), lanes, code)
@@ -69,14 +75,14 @@ class MemberGroups:
         groups = -(-count // lanes)
         self._arrays = {name: np.zeros((groups, size, lanes)) for name, size in sizes.items()}
 
-    def get(self, name: str) -> Array:
-        """A copy of an array with one row for each member."""
-        array = self._arrays[name]
+    def get(self, name: str, columns: slice = ALL) -> Array:
+        """A copy of some columns of an array with one row for each member."""
+        array = self._arrays[name][:, columns]
         return array.transpose(0, 2, 1).reshape(-1, array.shape[1])[: self.count].copy()
 
-    def put(self, name: str, rows: Array) -> None:
-        """Set an array from one row for each member."""
-        array = self._arrays[name]
+    def put(self, name: str, rows: Array, columns: slice = ALL) -> None:
+        """Set some columns of an array from one row for each member."""
+        array = self._arrays[name][:, columns]
         padded = np.concatenate([rows, np.repeat(rows[-1:], array.shape[0] * self._lanes - self.count, axis=0)])
         array[:] = padded.reshape(array.shape[0], self._lanes, -1).transpose(0, 2, 1)
 

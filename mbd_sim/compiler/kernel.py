@@ -9,6 +9,7 @@ from typing import TypeAlias, cast
 
 import casadi as ca
 
+from mbd_sim.compiler.adams_step import adams_step
 from mbd_sim.compiler.fastcall import callable_of, emit_call
 from mbd_sim.compiler.gauss_step import gauss_step
 from mbd_sim.compiler.guarded_system import OneSidedSystem, emit_guarded
@@ -25,12 +26,13 @@ from mbd_sim.compiler.samples import emit_samples
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.compiler.step_emitter import Prepare, System
 from mbd_sim.compiler.stepping import emit_advance
+from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.between_steps import BetweenSteps
 from mbd_sim.integrators.gauss import Gauss
 from mbd_sim.integrators.methods import Method
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 
-INLINED = 2000  # instructions of all stages together up to which the rates are inlined into the stepping loop
+INLINED = 2200  # instructions of all stages together up to which the rates are inlined into the stepping loop
 # Instructions of the rates up to which the arrays of a step are kept in registers: that saves up to 40 % of a step.
 # Longer rates need the registers themselves: some get faster by 15 %, but others slower by 20 %.
 FEW = 20
@@ -58,10 +60,11 @@ class Kernel:
     """The compiled functions of a system.
 
     `advance(y, inputs, first_step, h, steps)` returns 1, or 0 if the state would not stay finite; `estimating_advance`
-    has a sixth argument, see `emit_advance`. `readers` take addresses of doubles: those of their inputs, then that of
-    their output; `reads_inputs` says which of them take the inputs of the system. All of them release the
-    interpreter's lock. `instructions` is the number of scalar instructions of one evaluation of the rates.
-    `guarded` are the functions of a system with one-sided rows.
+    has a sixth argument, see `emit_advance`. Methods that use earlier steps keep a history behind the inputs, see
+    `history_size`. `readers` take addresses of doubles: those of their inputs, then that of their output;
+    `reads_inputs` says which of them take the inputs of the system. All of them release the interpreter's lock.
+    `instructions` is the number of scalar instructions of one evaluation of the rates. `guarded` are the functions of a
+    system with one-sided rows.
     """
 
     advance: Callable[..., int]
@@ -160,6 +163,7 @@ def emit_system(
         held=frozenset() if between_steps is None else between_steps.held,
         unread=frozenset() if between_steps is None else between_steps.unread,
         in_registers=lanes == 1 and instruction_count(program) <= FEW,
+        inputs_size=rates.nnz_in(2),
     )
 
 
@@ -172,4 +176,6 @@ def _step_of(method: Method, rates: ca.Function, core: slice, partial_system: Pa
         return rosenbrock_step(method, linearize_rates(rates, core))
     if isinstance(method, Gauss):
         return gauss_step(method)
+    if isinstance(method, Adams):
+        return adams_step(method)
     return explicit_step(method)

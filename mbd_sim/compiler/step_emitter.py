@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from mbd_sim.compiler.ir import Function, Value
 from mbd_sim.compiler.ir_builder import IRBuilder
-from mbd_sim.compiler.ir_types import DOUBLE, FALSE, local_array, number
+from mbd_sim.compiler.ir_types import DOUBLE, FALSE, integer, local_array, number
 from mbd_sim.compiler.ir_vectors import (
     Index,
     add_square,
@@ -37,6 +37,7 @@ class System:
     in `still`, after the first `error_size` ones, have the rate zero, and no rate depends on them. Those in `held` have
     the rate zero, and on those in `unread` no rate depends. The `samples` change the state at the start of each step.
     `in_registers`: the arrays of a step are kept there, see `local_array`.
+    There are `inputs_size` inputs.
     """
 
     size: int
@@ -50,6 +51,7 @@ class System:
     held: frozenset[int] = frozenset()
     unread: frozenset[int] = frozenset()
     in_registers: bool = False
+    inputs_size: int = 0
 
 
 # Emits the error estimate of a step, given the factor h of the slopes (None: 1) and a further error to add to it.
@@ -67,6 +69,12 @@ class StepEmitter:
         self.b, self.system, self.inputs, self.h = b, system, inputs, h
         self.y, self.time, self.largest_error = self.vector(), self.scalar(), self.scalar()
         self.is_estimated: Value = FALSE  # whether the error of this step is estimated
+        self.index: Value = integer(0)  # the number of the step
+        self.steps: Value = integer(0)  # how many the call takes
+        # What a method emits before the first and after the last step of a call, if it uses earlier steps. The latter
+        # takes whether the new state is finite.
+        self.begin: Callable[[], None] | None = None
+        self.end: Callable[[Value], None] | None = None
         self._projected = self.vector() if system.projection is not None else None
         self._conditioning, self._ignored = self.scalar(), self.scalar()
         self._sampled = None if system.samples is None else system.samples.results(b)
@@ -74,6 +82,14 @@ class StepEmitter:
     def vector(self) -> Value:
         """A new array of the size of the state; only in the entry block."""
         return local_array(self.b, self.system.size, in_registers=self.system.in_registers)
+
+    def array(self, size: int) -> Value:
+        """A new array; only in the entry block."""
+        return local_array(self.b, size)
+
+    def any(self, condition: Value) -> Value:
+        """Whether a condition holds, for any member if there are several."""
+        return self.b.any_lane(condition) if isinstance(self.b, LaneBuilder) else condition
 
     def scalar(self) -> Value:
         """A new number in memory; only in the entry block."""

@@ -65,9 +65,12 @@ def _emit_steps(
     emit_step, sum_of_zeros = prepare(emitter), emitter.scalar()
     copy(b, size, state, emitter.y)
     b.store(b.load(estimate, typ=DOUBLE), emitter.largest_error)
+    emitter.index, emitter.steps = first, steps
+    if emitter.begin is not None:
+        emitter.begin()
 
     def one_step(index: Value) -> None:
-        count = b.add(first, index)
+        emitter.index = count = b.add(first, index)
         emitter.is_estimated = b.icmp_unsigned("==", b.and_(count, integer(ESTIMATED_EVERY - 1)), integer(0))
         time = b.fmul(b.sitofp(count, DOUBLE), h)
         emitter.sample(count, time)
@@ -84,7 +87,11 @@ def _emit_steps(
         b.store(b.fadd(b.load(sum_of_zeros, typ=DOUBLE), b.fmul(load(b, emitter.y, i), zero)), sum_of_zeros)
 
     for_each(b, size, add_zero)
-    return b.fcmp_ordered("==", b.load(sum_of_zeros, typ=DOUBLE), zero)
+    finite = b.fcmp_ordered("==", b.load(sum_of_zeros, typ=DOUBLE), zero)
+    emitter.index = b.add(first, steps)
+    if emitter.end is not None:
+        emitter.end(finite)
+    return finite
 
 
 def emit_advance_members(module: Module, system: System, prepare: Prepare, lanes: int, inputs_size: int) -> Function:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from mbd_sim.integrators.adams import ADAMS, Adams
 from mbd_sim.integrators.gauss import GAUSS, Gauss
 from mbd_sim.integrators.rosenbrock import ROSENBROCK, ROSENBROCK_W, Rosenbrock
 from mbd_sim.integrators.tableau import EXPLICIT, Tableau
 
-Method = Tableau | Rosenbrock | Gauss
+Method = Tableau | Rosenbrock | Gauss | Adams
 
-METHODS: dict[str, Method] = {**EXPLICIT, **ROSENBROCK, **ROSENBROCK_W, **GAUSS}
+METHODS: dict[str, Method] = {**EXPLICIT, **ADAMS, **ROSENBROCK, **ROSENBROCK_W, **GAUSS}
 AUTO = "auto"  # instead of a name: chosen by the rates of the mechanism

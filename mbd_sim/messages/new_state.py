@@ -10,30 +10,35 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.messages.state_messages import labeled_array
 from mbd_sim.simulation.events import NewState
 
-SAMPLES = "samples"  # after the live values, if sensors have measured states
+HISTORY, SAMPLES = "history", "samples"  # after the live values, in this order, if there are any
 LABELS = ("steps", "start_energy", "state", "inputs")  # before those of the live values
 
 
 def new_state_message(new: NewState) -> bytes:
     """The state as a `std_msgs/msg/Float64MultiArray`; live values are labeled with their keys."""
-    sizes = [1, 1, len(new.state), len(new.inputs), *[1] * len(new.live)]
-    samples = np.empty(0) if new.samples is None else new.samples.ravel()
-    labels, sizes = [*LABELS, *new.live, *[SAMPLES] * bool(len(samples))], sizes + [len(samples)] * bool(len(samples))
+    labels, sizes = [*LABELS, *new.live], [1, 1, len(new.state), len(new.inputs), *[1] * len(new.live)]
+    numbers = [new.steps, new.start_energy, *new.state, *new.inputs, *new.live.values()]
+    for label, array in ((HISTORY, new.history), (SAMPLES, new.samples)):
+        if array is not None and array.size:
+            labels, sizes, numbers = [*labels, label], [*sizes, array.size], [*numbers, *array.ravel()]
     message, values = labeled_array(labels, sizes)
-    values[:] = [new.steps, new.start_energy, *new.state, *new.inputs, *new.live.values(), *samples]
+    values[:] = numbers
     return message.payload()
 
 
-def parse_new_state(labels: Sequence[str], values: Array, state_size: int, input_size: int) -> NewState:
+def parse_new_state(
+    labels: Sequence[str], values: Array, state_size: int, input_size: int, history_size: int
+) -> NewState:
     """The state from the labels and the numbers of its message.
 
-    :raises ValueError: they do not fit a state and inputs of these sizes.
+    :raises ValueError: they do not fit a state, inputs and a history of these sizes.
     """
-    keys = [label for label in labels[len(LABELS) :] if label != SAMPLES]
-    sizes, width = [1, 1, state_size, input_size, len(keys)], 1 + state_size + input_size
+    keys = [label for label in labels[len(LABELS) :] if label not in (HISTORY, SAMPLES)]
+    kept, width = history_size if HISTORY in labels else 0, 1 + state_size + input_size
+    sizes = [1, 1, state_size, input_size, len(keys), kept]
     samples = values[sum(sizes) :]
     if tuple(labels[: len(LABELS)]) != LABELS or len(values) < sum(sizes) or len(samples) % width:
         raise ValueError(f"a new state of {len(values)} numbers does not fit: {sum(sizes)} are needed")
-    steps, energy, state, inputs, live = np.split(values[: sum(sizes)], np.cumsum(sizes)[:-1])
+    steps, energy, state, inputs, live, history = np.split(values[: sum(sizes)], np.cumsum(sizes)[:-1])
     by_key = dict(zip(keys, live.tolist(), strict=True))
-    return NewState(int(steps[0]), state, inputs, float(energy[0]), by_key, samples.reshape(-1, width))
+    return NewState(int(steps[0]), state, inputs, float(energy[0]), by_key, samples.reshape(-1, width), history)

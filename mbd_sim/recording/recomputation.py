@@ -200,7 +200,8 @@ class Recomputation:
                 simulation.set_live(changes)
                 simulation.reset()
         if self.as_recorded:
-            simulation.restore(start.y, start.steps, start.inputs, start.start_energy, live, start.samples)
+            rest = start.start_energy, live, start.samples, start.history
+            simulation.restore(start.y, start.steps, start.inputs, *rest)
             self._reference_steps = start.steps
         elif start.tick or start.steps:
             self._restore_changed(start.y, round(start.steps * start.step / simulation.step_size), start.inputs)
@@ -232,9 +233,10 @@ class Recomputation:
         """
         simulation = self.simulation
         try:
-            new = parse_new_state(*recorded, simulation.y.size, simulation.inputs.size)
+            new = parse_new_state(*recorded, simulation.y.size, simulation.inputs.size, simulation.history.size)
             if self.as_recorded:
-                simulation.restore(new.state, new.steps, new.inputs, new.start_energy, new.live, new.samples)
+                rest = new.start_energy, new.live, new.samples, new.history
+                simulation.restore(new.state, new.steps, new.inputs, *rest)
                 self._reference_steps = new.steps
             else:
                 steps = round(new.steps * self.recorded_step / simulation.step_size)

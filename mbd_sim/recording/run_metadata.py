@@ -24,7 +24,8 @@ class Moment:
 
     `ticks` counts the steps since the node started, `steps` those since time zero of the mechanism; `clock_ns` is the
     node's simulated clock. `y` is the integrated state, `inputs` are those of the equations: efforts, wrenches and live
-    values. `samples` are the states that sensors have measured, see `SensorSamples.table`.
+    values. `samples` are the states that sensors have measured, see `SensorSamples.table`;
+    `history` is what the method keeps of earlier steps.
     """
 
     ticks: int
@@ -35,6 +36,7 @@ class Moment:
     start_energy: float
     live: Mapping[str, float]
     samples: Array = field(default_factory=lambda: np.empty((0, 0)))
+    history: Array = field(default_factory=lambda: np.empty(0))
 
     @classmethod
     def of(cls, simulation: Simulation, ticks: int = 0, clock_ns: int = 0) -> Moment:
@@ -48,6 +50,7 @@ class Moment:
             simulation.start_energy,
             simulation.live,
             simulation.samples,
+            simulation.history,
         )
 
 
@@ -75,6 +78,7 @@ def run_metadata(
         "wrenches": json.dumps(simulation.model.equations.inputs.loaded),
         "live": json.dumps({name: value.hex() for name, value in moment.live.items()}),
         **({"samples": _exact_rows(moment.samples)} if len(moment.samples) else {}),
+        **({"history": _exact(moment.history)} if len(moment.history) else {}),
         "coordinates": json.dumps(simulation.coordinate_names),
         "parameters": json.dumps(dict(parameters or {})),
         "mbd_sim": mbd_sim.__version__,

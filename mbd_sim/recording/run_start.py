@@ -25,8 +25,8 @@ class RunStart:
 
     `step` is in s. `y` is the integrated state and `inputs` are all inputs of the equations. `tick` counts the steps
     since the node started, `steps` those since time zero of the mechanism; `clock_ns` is the simulated clock.
-    `samples` are the states that sensors have measured. Values that older recordings lack are None: these begin when
-    the node starts.
+    `samples` are the states that sensors have measured, `history` is what the method keeps of earlier steps. What
+    older recordings lack is None: they begin when the node starts.
     """
 
     file: str
@@ -41,6 +41,7 @@ class RunStart:
     steps: int
     clock_ns: int | None
     samples: Array | None = None
+    history: Array | None = None
 
 
 def read_run_start(file: RecordedFile) -> RunStart:
@@ -69,6 +70,7 @@ def read_run_start(file: RecordedFile) -> RunStart:
             steps=int(about.get("first_step", tick)),
             clock_ns=int(about["first_clock"]) if "first_clock" in about else None,
             samples=_exact_rows(about["samples"]) if "samples" in about else None,
+            history=_exact(about["history"]) if "history" in about else None,
         )
     except (ValueError, TypeError, AttributeError, OverflowError) as error:
         raise RecomputeError(f"{file.path}: its metadata '{RUN_METADATA}' cannot be read ({error}).") from error

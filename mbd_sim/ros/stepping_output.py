@@ -110,8 +110,8 @@ class SteppingOutput:
     def report_new_state(self) -> None:
         """Put the state into the queue as one from which the run continues."""
         simulation = self._simulation
-        inputs, live, samples = simulation.inputs.copy(), simulation.live, simulation.samples
-        new = NewState(simulation.steps, simulation.state, inputs, simulation.start_energy, live, samples)
+        rest = simulation.start_energy, simulation.live, simulation.samples, simulation.history
+        new = NewState(simulation.steps, simulation.state, simulation.inputs.copy(), *rest)
         self.report(EventKind.NEW_STATE, new)
 
     def moment(self) -> Moment:

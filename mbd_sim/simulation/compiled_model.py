@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbd_sim.compiler.adams_history import history_size
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.compiler.readers import CompiledReaders
 from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
@@ -71,6 +72,7 @@ class Model(ActuatedModel, ContactingModel):
         self.coordinate_names, self.driven_names = mechanism.coordinate_names, mechanism.driven_names
         self.q_range = slice(0, self.layout.nq)
         self.inputs = inputs
+        self.history_size = history_size(self.method, len(self.start), len(inputs))
         self.u_range = slice(self.layout.nq, self.layout.nq + self.layout.nv)
         first_loss = len(self.start) - len(AUDIT_STATES) - len(LOSS_STATES)
         self.loss_range = slice(first_loss, first_loss + len(LOSS_STATES))  # with contacts
@@ -98,6 +100,10 @@ class Model(ActuatedModel, ContactingModel):
             for name, joint in mechanism.joints.items()
             if (offset := joint.kind.quaternion) is not None and not joint.drive
         }
+
+    def kernel_inputs(self) -> Array:
+        """A copy of the inputs, with memory behind them for what the method keeps of earlier steps: none as yet."""
+        return np.concatenate([self.inputs, np.zeros(self.history_size)])
 
     @property
     def degrees_of_freedom(self) -> int:

@@ -20,6 +20,7 @@ from mbd_sim.compiler.ensemble_kernel import (
 )
 from mbd_sim.errors import CommandError, DivergedError, nearest
 from mbd_sim.geometry.pose import Array
+from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.tableau import Tableau
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
@@ -105,9 +106,10 @@ class Ensemble(ReadOnlyAttributes):
         layout = self.model.equations.inputs
         self._command_map = CommandMap(mechanism.commanded, layout)
         self._effort_inputs, self._value_inputs = layout.efforts, layout.values
+        self._all_inputs = slice(0, layout.size)  # without the history of the method, which follows
         inputs = np.tile(self.model.inputs, (len(changes), 1))
         inputs[:, self._value_inputs] = values
-        self._groups.put("inputs", inputs)
+        self._put_inputs(inputs)
         self._threads = threads or len(os.sched_getaffinity(0))
         self._steps = 0
         self.reset()
@@ -142,6 +144,14 @@ class Ensemble(ReadOnlyAttributes):
         return self._groups.get("y")
 
     @property
+    def _inputs(self) -> Array:
+        return self._groups.get("inputs", self._all_inputs)
+
+    def _put_inputs(self, inputs: Array) -> None:
+        """Set the inputs (k, m); a history of earlier steps becomes empty."""
+        self._groups.put("inputs", np.pad(inputs, ((0, 0), (0, self.model.history_size))))
+
+    @property
     def q(self) -> Array:
         """A copy of the generalized coordinates (k, nq), which cannot be written."""
         return read_only(self.state[:, self.model.q_range])
@@ -166,7 +176,7 @@ class Ensemble(ReadOnlyAttributes):
         """The energy audit of each member, in J."""
         rows = [
             self.model.energies(self.time, y, start, inputs)
-            for y, start, inputs in zip(self.state, self._start_energies, self._groups.get("inputs"), strict=True)
+            for y, start, inputs in zip(self.state, self._start_energies, self._inputs, strict=True)
         ]
         return EnsembleEnergies(*np.array(rows).T)
 
@@ -180,7 +190,7 @@ class Ensemble(ReadOnlyAttributes):
         :raises EventError: the contacts of a member have no solution; nothing is changed in all these cases.
         """
         states = self._starts.copy()
-        inputs = self._groups.get("inputs")
+        inputs = self._inputs
         inputs[:, self._effort_inputs] = 0.0
         for given, where, symbol in ((q, self.model.q_range, "q"), (u, self.model.u_range, "u")):
             if given is not None:
@@ -195,7 +205,7 @@ class Ensemble(ReadOnlyAttributes):
         energies = [self.model.energies(0.0, y, 0.0, row).total for y, row in zip(states, inputs, strict=True)]
         settle_members(self.model, self._contacts, states, inputs)
         self._groups.put("y", states)
-        self._groups.put("inputs", inputs)
+        self._put_inputs(inputs)
         self._groups.put("estimates", np.zeros((len(self), 1)))
         self._groups.put("alive", np.ones((len(self), 1)))
         self._steps, self._failures, self._start_energies = 0, {}, np.array(energies)
@@ -240,8 +250,7 @@ class Ensemble(ReadOnlyAttributes):
 
         :raises CommandError: wrong shape, an unknown name, or a value that is not finite; nothing is changed then.
         """
-        inputs = self._groups.get("inputs")
-        new = inputs[:, self._effort_inputs].copy()
+        new = self._groups.get("inputs", self._effort_inputs)
         try:
             if isinstance(efforts, Mapping):
                 names = list(self.model.coordinate_names)
@@ -259,8 +268,7 @@ class Ensemble(ReadOnlyAttributes):
             ) from error
         if not np.all(np.isfinite(new)):
             raise CommandError("an effort is not finite. Give finite numbers.")
-        inputs[:, self._effort_inputs] = np.clip(new, -self._limits, self._limits)
-        self._groups.put("inputs", inputs)
+        self._groups.put("inputs", np.clip(new, -self._limits, self._limits), self._effort_inputs)
 
     def set_commands(self, commands: Sequence[Mapping[str, Command]]) -> None:
         """Command the actuators of each member, one mapping for each: see `Simulation.set_commands`.
@@ -270,11 +278,10 @@ class Ensemble(ReadOnlyAttributes):
         """
         if len(commands) != len(self):
             raise CommandError(f"{len(commands)} commands for {len(self)} members. Give one mapping for each.")
-        inputs, where = self._groups.get("inputs"), self._command_map.range
-        inputs[:, where] = [
-            self._command_map.merged(row, given) for row, given in zip(inputs[:, where], commands, strict=True)
-        ]
-        self._groups.put("inputs", inputs)
+        where = self._command_map.range
+        present = self._groups.get("inputs", where)
+        new = [self._command_map.merged(row, given) for row, given in zip(present, commands, strict=True)]
+        self._groups.put("inputs", np.array(new), where)
 
     def step(self, n: int = 1) -> None:
         """Advance all members by n steps.
@@ -293,7 +300,7 @@ class Ensemble(ReadOnlyAttributes):
                     task.result()
         lost = np.flatnonzero(alive & ~self.alive).tolist()
         if lost:
-            inputs = self._groups.get("inputs")
+            inputs = self._inputs
             self._failures |= {member: MemberFailure(self.steps, n, inputs[member]) for member in lost}
         self._steps += n
 
@@ -326,10 +333,10 @@ class Ensemble(ReadOnlyAttributes):
 
 
 def _member_groups(model: Model, count: int, contacts: Sequence[ContactStepper]) -> MemberGroups:
-    sizes = {"y": len(model.start), "inputs": len(model.inputs), "estimates": 1, "alive": 1}
+    sizes = {"y": len(model.start), "inputs": len(model.inputs) + model.history_size, "estimates": 1, "alive": 1}
     if contacts:
         return MemberGroups(count, 1, sizes, advance_through_events(contacts))
-    if not isinstance(model.method, Tableau):  # each member needs its own number of iterations
+    if not isinstance(model.method, Tableau | Adams):  # each member needs its own number of iterations
         return MemberGroups(count, 1, sizes, advance_one_by_one(model.kernel))
     equations = model.equations
     kernel = compile_members(equations.rates, equations.project, model.method, equations.core.stop, model.between_steps)

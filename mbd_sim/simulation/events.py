@@ -100,6 +100,7 @@ class NewState:
     start_energy: float
     live: Mapping[str, float]
     samples: Array | None = None
+    history: Array | None = None
 
 
 Payload = (

@@ -16,9 +16,10 @@ from mbd_sim.simulation.contact_system import guard_tolerance
 
 
 class KernelMemory:
-    """State, inputs and step counter of a simulation.
+    """State, inputs and step counter of a simulation, and the `history` of methods that use earlier steps.
 
-    Compiled code keeps the addresses of these arrays. They are written in place and never replaced.
+    Compiled code keeps the addresses of these arrays. They are written in place and never replaced. A history follows
+    the inputs in memory.
     """
 
     def __init__(self, model: Model, step_size: float, mechanism: Mechanism | None = None) -> None:
@@ -28,7 +29,9 @@ class KernelMemory:
         """
         self._kernel = model.kernel
         self.contacts = None if model.contact is None else contact_stepper(model, mechanism or model.mechanism)
-        self.y, self.inputs = model.start.copy(), model.inputs.copy()
+        self.y, size = model.start.copy(), len(model.inputs)
+        memory = model.kernel_inputs()
+        self.inputs, self.history = memory[:size], memory[size:]
         self._counter, self._step_size = np.zeros(1, dtype=np.int64), np.array([step_size])
         self._error_estimate = np.zeros(1)
 
@@ -79,9 +82,15 @@ class KernelMemory:
         if self.contacts is not None:
             self.contacts.settle(self.steps * self.step_size, self.y, self.inputs)
 
-    def load(self, y: Array, inputs: Array, steps: int, error_estimate: float = 0.0) -> None:
-        """Replace the state (n,), the inputs (m,), the step counter and the error estimate."""
+    def load(
+        self, y: Array, inputs: Array, steps: int, error_estimate: float = 0.0, history: Array | None = None
+    ) -> None:
+        """Replace the state (n,), the inputs (m,), the step counter, the error estimate and the history.
+
+        Without a history of this model's size, the method begins anew.
+        """
         self.y[:], self.inputs[:], self._counter[0], self._error_estimate[0] = y, inputs, steps, error_estimate
+        self.history[:] = history if history is not None and len(history) == len(self.history) else 0.0
 
 
 def contact_stepper(model: Model, mechanism: Mechanism) -> ContactStepper:

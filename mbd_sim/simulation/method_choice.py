@@ -12,6 +12,7 @@ from mbd_sim.dynamics.cylinders import fastest_rate
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.errors import MechanismError, Problem, listed, nearest
 from mbd_sim.geometry.pose import Array
+from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.methods import AUTO, METHODS, Method
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.mechanism.actuators import CoordinatePort, DcMotor
@@ -20,7 +21,7 @@ from mbd_sim.mechanism.one_sided import one_sided_names
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.spectrum import FastestMode, fastest_mode, fastest_without_joints
 
-DEFAULT, STIFF, STIFF_JOINTS = "tsitouras8", "rosenbrock", "rosenbrock_w"
+DEFAULT, ONE_STEP, STIFF, STIFF_JOINTS = "adams11", "tsitouras8", "rosenbrock", "rosenbrock_w"
 SLOW = 0.5  # the largest step times rate of what the method for stiff joints treats explicitly
 CANCELLATION = 1e-4  # relative error of the difference of two rates
 # The fraction of a method's stability limit up to which it is chosen: inertias vary with the configuration.
@@ -56,8 +57,8 @@ def require_contact_method(mechanism: Mechanism, name: str) -> None:
     :raises MechanismError: the elements are named.
     """
     names = one_sided_names(mechanism)
-    if names and name != AUTO and isinstance(METHODS[name], Rosenbrock):
-        able = ", ".join(other for other, method in METHODS.items() if not isinstance(method, Rosenbrock))
+    if names and name != AUTO and isinstance(METHODS[name], Rosenbrock | Adams):
+        able = ", ".join(other for other, method in METHODS.items() if not isinstance(method, Rosenbrock | Adams))
         message = f"method {name} cannot treat one-sided elements ({listed(names)})"
         raise MechanismError([Problem(message, f"Use one of {able}.", key="integrator.method")])
 
@@ -65,26 +66,35 @@ def require_contact_method(mechanism: Mechanism, name: str) -> None:
 def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, name: str, step: float) -> MethodChoice:
     """The named method; for `auto` the default one, or the implicit one where the default would be unstable.
 
+    The default is `DEFAULT`, or `ONE_STEP` if the motion has events or samples: a method that uses earlier steps would
+    begin anew after each of them.
+
     The rates are those at the start, and at rest in the start configuration, where regularized friction is stiffest.
 
     :param inputs: of the equations, without any command.
     :param step: in s.
+    :raises MechanismError: the named method cannot treat samples and delays of actuators.
     """
-    method = METHODS[DEFAULT if name == AUTO else name]
+    sampled = _is_sampled(equations)
+    default = ONE_STEP if one_sided_names(mechanism) or sampled else DEFAULT
+    method = METHODS[default if name == AUTO else name]
+    if sampled and isinstance(method, Adams):
+        message = f"method {name} cannot treat actuators with a sample_rate or a delay, which act between steps"
+        raise MechanismError([Problem(message, f"Use {AUTO} or {ONE_STEP}.", key="integrator.method")])
     mode = _fastest_at_start(equations, inputs)
     if step * mode.rate <= MARGIN * method.stability_limit:
         return MethodChoice(method)
     rates = f"{mechanism.coordinate_names[mode.speed]} has rates of {mode.rate:.1g}/s"
     if name == AUTO and one_sided_names(mechanism):
         remark = (
-            f"{rates}, too fast for steps of {step:g} s with method {DEFAULT}; methods for stiff mechanisms do not "
+            f"{rates}, too fast for steps of {step:g} s with method {default}; methods for stiff mechanisms do not "
             f"treat one-sided elements. Use steps of {MARGIN * method.stability_limit / mode.rate:.2g} s."
         )
         return MethodChoice(method, remark)
     if name == AUTO:
         chosen = _implicit(equations, inputs, step)
         remark = (
-            f"method {chosen} is used: {rates}, and with steps of {step:g} s {DEFAULT}, the default, is used only up "
+            f"method {chosen} is used: {rates}, and with steps of {step:g} s {default}, the default, is used only up "
             f"to {MARGIN * method.stability_limit / step:.2g}/s. Select another one with 'method'."
         )
         return MethodChoice(METHODS[chosen], remark)
@@ -95,6 +105,12 @@ def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, nam
         f"Use method {STIFF} or {AUTO}."
     )
     return MethodChoice(method, remark)
+
+
+def _is_sampled(equations: Equations) -> bool:
+    """Whether something changes in the state between steps."""
+    between = None if equations.actuators is None else equations.actuators.between_steps
+    return between is not None and bool(between.delays or between.samplers)
 
 
 def _implicit(equations: Equations, inputs: Array, step: float) -> str:

@@ -77,6 +77,6 @@ class RunReports(SensorReadings):
     def _report_new_state(self) -> None:
         if self._listener is not None:
             memory, live = self._memory, dict(self._live.current)
-            samples = self.samples
-            new = NewState(memory.steps, memory.y.copy(), memory.inputs.copy(), self.start_energy, live, samples)
+            rest = self.start_energy, live, self.samples, self.history
+            new = NewState(memory.steps, memory.y.copy(), memory.inputs.copy(), *rest)
             self._report(EventKind.NEW_STATE, new)

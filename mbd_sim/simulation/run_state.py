@@ -34,6 +34,11 @@ class RunState:
         return self.steps * self.step_size
 
     @property
+    def history(self) -> Array:
+        """A copy of what the method keeps of earlier steps; empty for most methods."""
+        return self._memory.history.copy()
+
+    @property
     def state(self) -> Array:
         """A copy of the integrated state: q, u, and the energies of the audit."""
         return self._memory.y.copy()

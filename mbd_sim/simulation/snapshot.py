@@ -43,7 +43,8 @@ class SimulationSnapshot:
 
     `state` (n,) is q, u and the energies of the audit; `steps` are those since time zero. `inputs` (m,) hold the
     efforts, the wrenches and the live values; `live` are the live values by key. `start_energy` is T + V at the start
-    in J. `samples` are the states that sensors have measured, see `SensorSamples.table`.
+    in J. `samples` are the states that sensors have measured, see `SensorSamples.table`, and `history` is what the
+    method keeps of earlier steps.
     """
 
     layout: RunLayout
@@ -54,6 +55,7 @@ class SimulationSnapshot:
     start_energy: float
     error_estimate: float
     samples: Array = field(default_factory=lambda: np.empty((0, 0)))
+    history: Array = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -74,9 +74,8 @@ class StateChanges(Readings, RunReports):
         """
         memory = self._memory
         y, inputs, live = memory.y.copy(), memory.inputs.copy(), dict(self._live.current)
-        return SimulationSnapshot(
-            self._run_layout, y, memory.steps, inputs, live, self.start_energy, memory.error_estimate, self.samples
-        )
+        rest = self.start_energy, memory.error_estimate, self.samples, self.history
+        return SimulationSnapshot(self._run_layout, y, memory.steps, inputs, live, *rest)
 
     @property
     def _run_layout(self) -> RunLayout:
@@ -92,6 +91,7 @@ class StateChanges(Readings, RunReports):
         start_energy: float | None = None,
         live: Mapping[str, float] | None = None,
         samples: Array | None = None,
+        history: Array | None = None,
     ) -> None:
         """Continue from a snapshot or a state of a run of the same equations, bit for bit: nothing is projected.
 
@@ -99,7 +99,8 @@ class StateChanges(Readings, RunReports):
         :param steps: the `steps` of that run, required with a state alone: they are its time. `inputs`, `start_energy`
             and `live` are of that run too, and stay as they are if they are not given; `live` only names the values
             in `inputs`. Without `inputs`, the state of contacts is found anew from the positions and speeds. `samples`
-            are that run's, too; without them, measurements under way are lost unless the time goes on.
+            are that run's, too; without them, measurements under way are lost unless the time goes on. Nor do runs
+            with method `adams11` go on bit for bit without the `history` of that run.
         :raises ValueError: a snapshot of a different run, no `steps` with a state, wrong length, or a value that is
             not finite; nothing is changed then.
         :raises TypeError: other arguments are given with a snapshot.
@@ -108,7 +109,7 @@ class StateChanges(Readings, RunReports):
             if any(value is not None for value in (steps, inputs, start_energy, live, samples)):
                 raise TypeError("a snapshot is restored as a whole. Give no other argument, or give snapshot.state.")
             require_same_layout(state.layout, self._run_layout)
-            self._memory.load(state.state, state.inputs, state.steps, state.error_estimate)
+            self._memory.load(state.state, state.inputs, state.steps, state.error_estimate, state.history)
             self.start_energy, self._live.current = state.start_energy, dict(state.live)
             self._restart_samples(state.samples)
             self._report_new_state()
@@ -123,7 +124,7 @@ class StateChanges(Readings, RunReports):
         if index(steps) < 0:
             raise ValueError(f"the number of steps must be 0 or more, not {steps}.")
         goes_on = index(steps) == self.steps
-        self._memory.load(y, new_inputs, index(steps))
+        self._memory.load(y, new_inputs, index(steps), history=history)
         if inputs is None:
             self._memory.settle()
         if start_energy is not None:

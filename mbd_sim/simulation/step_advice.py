@@ -9,6 +9,7 @@ import numpy as np
 
 from mbd_sim.errors import DivergedError
 from mbd_sim.geometry.pose import Array
+from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.integrators.tableau import Tableau
 from mbd_sim.simulation.compiled_model import Model
@@ -31,7 +32,7 @@ def step_advice(model: Model, time: float, y: Array, inputs: Array, step: float,
     """
     if estimate <= TOLERATED:
         return None
-    method = model.method
+    method = model.method.otherwise if isinstance(model.method, Adams) else model.method
     meaningless = not estimate < 1.0  # then the state says nothing about the mechanism
     fastest = fastest_rate(model, 0.0, model.start, inputs) if meaningless else fastest_rate(model, time, y, inputs)
     stiff = step * fastest > method.stability_limit

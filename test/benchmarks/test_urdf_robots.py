@@ -29,7 +29,7 @@ def test_each_robot_has_a_row_and_refused_ones_say_why(tmp_path, monkeypatch, ca
     (tmp_path / "massless.urdf").write_text(robot("massless", mass=0.0, inertia=INERTIA.replace("0.01", "0")))
     status, (first, second), summary = run(tmp_path, monkeypatch, capsys)
     assert first.startswith("massless") and "refused" in first and "joint[pin]" in first
-    assert second.split()[:4] == ["arm", "1", "tsitouras8", "0.001"]
+    assert second.split()[:4] == ["arm", "1", "adams11", "0.001"]
     assert status == 0 and summary.startswith("1 of 2 robots ran to the end, 0 of them with a smaller step; 0 diverged")
 
 

@@ -36,7 +36,7 @@ def test_check_says_what_was_understood(capsys):
         "kinetic 0 J",
     ):
         assert words in out
-    assert "natural mode      0.426553 Hz" in out and "tsitouras8 (order 8)" in out
+    assert "natural mode      0.426553 Hz" in out and "adams11 (order 11)" in out
 
 
 def test_check_explains_a_closed_loop(capsys):
@@ -77,7 +77,7 @@ def test_check_remarks_on_limits_that_do_nothing(capsys, tmp_path):
 def test_run_reports_steps_speed_and_residual(capsys):
     code, out, _ = answer(capsys, "run", "rod_pendulum", "--time", "3", "--quiet")
     assert code == 0
-    assert "3 s in 3000 steps of 0.001 s (tsitouras8)" in out
+    assert "3 s in 3000 steps of 0.001 s (adams11)" in out
     assert "× real time" in out
     assert "-1.4972379" in out
 

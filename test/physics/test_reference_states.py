@@ -20,7 +20,7 @@ def relative(found, expected):
 
 
 def run(sim, until):
-    assert (sim.model.method.name, sim.step_size) == ("tsitouras8", 1e-3)
+    assert (sim.model.method.name, sim.step_size) == ("adams11", 1e-3)
     sim.run(until=until)
     assert abs(sim.energies.residual) < 1e-11
     return sim

@@ -228,7 +228,7 @@ def test_accelerations(name):
 
 def end(name, until):
     sim = Simulation.from_file(name)
-    assert (sim.model.method.name, sim.step_size) == ("tsitouras8", 1e-3)
+    assert (sim.model.method.name, sim.step_size) == ("adams11", 1e-3)
     sim.run(until=until)
     return sim
 

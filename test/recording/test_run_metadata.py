@@ -11,7 +11,7 @@ def test_metadata_contains_the_exact_step_and_start():
     about = run_metadata(simulation)
     assert float.fromhex(about["step"]) == 1e-3 / 3
     assert exact(about["start"]) == simulation.state.tolist()
-    assert about["method"] == "tsitouras8"
+    assert about["method"] == "adams11"
     assert all(isinstance(value, str) for value in about.values())
 
 

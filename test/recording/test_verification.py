@@ -184,7 +184,7 @@ def test_a_recording_started_in_the_middle_of_a_run_is_verified(run, tmp_path):
 
     about = {
         "start": exact(simulation.y), "inputs": exact(simulation.inputs), "first_tick": str(tick), "first_clock": str(tick * 1_000_000),
-        "first_step": str(simulation.steps), "start_energy": float(simulation.start_energy).hex(),
+        "first_step": str(simulation.steps), "history": exact(simulation.history), "start_energy": float(simulation.start_energy).hex(),
         "live": json.dumps({name: value.hex() for name, value in simulation.live.items()}),
     }  # fmt: skip
     assert any(simulation.inputs[:2]), "an effort is applied at that tick"

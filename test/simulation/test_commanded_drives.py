@@ -216,7 +216,7 @@ def test_snapshots_and_states_continue_bit_for_bit_and_resets_begin_anew():
     simulation.restore(middle)
     simulation.step(200)
     assert simulation.state.tobytes() == end.tobytes()
-    simulation.restore(state, steps, inputs)
+    simulation.restore(state, steps, inputs, history=middle.history)
     for _ in range(200):
         simulation.step()
     assert simulation.state.tobytes() == end.tobytes()

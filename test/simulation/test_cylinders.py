@@ -217,7 +217,7 @@ def test_a_recording_of_a_cylinder_verifies(tmp_path, fluid):
 
 
 def test_the_method_is_chosen_by_the_rate_of_an_open_valve():
-    assert cylinder(OIL).model.method.name == "tsitouras8"
+    assert cylinder(OIL).model.method.name == "adams11"
     slow = cylinder(OIL, step=2e-3)
     assert slow.model.method.name == "rosenbrock" and "s has rates of" in slow.remarks[0]
 

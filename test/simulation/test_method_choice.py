@@ -45,7 +45,7 @@ def test_a_robot_with_friction_on_tiny_inertias_runs_as_it_comes():
 def test_the_choice_is_explained():
     remark, limits = finger().remarks
     assert re.match(
-        r"method rosenbrock_w is used: knuckle has rates of 3e\+10/s, and with steps of 0.001 s tsitouras8, the "
+        r"method rosenbrock_w is used: knuckle has rates of 3e\+10/s, and with steps of 0.001 s adams11, the "
         r"default, is used only up to 1.4e\+03/s.",
         remark,
     )
@@ -63,7 +63,7 @@ def test_an_explicit_choice_is_kept_with_a_warning():
 
 
 def test_the_step_counts():
-    assert finger(step=1e-11).model.method.name == "tsitouras8"
+    assert finger(step=1e-11).model.method.name == "adams11"
     assert Ensemble(parse_mechanism(STIFF), 2).model.method.name == "rosenbrock_w"
 
 
@@ -84,7 +84,7 @@ def test_friction_counts_that_acts_only_near_rest(tmp_path):
 
 def test_other_mechanisms_keep_the_default_without_a_remark():
     simulation = Simulation.from_text(RIGID)
-    assert (simulation.model.method.name, simulation.remarks) == ("tsitouras8", ())
+    assert (simulation.model.method.name, simulation.remarks) == ("adams11", ())
 
 
 def test_an_unknown_method_is_refused_with_the_nearest():

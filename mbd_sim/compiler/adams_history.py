@@ -1,0 +1,100 @@
+"""The slopes of earlier steps that an Adams method uses, as IR."""
+
+from __future__ import annotations
+
+from mbd_sim.compiler.ir import Value
+from mbd_sim.compiler.ir_types import DOUBLE, element, integer, number
+from mbd_sim.compiler.ir_vectors import UNROLLED, Index, copy, for_each, load, store
+from mbd_sim.compiler.simd_builder import LaneBuilder
+from mbd_sim.compiler.step_emitter import StepEmitter
+from mbd_sim.integrators.adams import Adams
+from mbd_sim.integrators.methods import Method
+
+COUNT, WAIT, PAUSE, NEXT, SIZE, VECTORS = range(6)  # the numbers at the start of a history
+
+
+def history_size(method: Method, size: int, inputs_size: int) -> int:
+    """The numbers of the history of a method, for a state and inputs of these sizes; 0 for methods without one."""
+    return VECTORS + inputs_size + (2 + method.length) * size if isinstance(method, Adams) else 0
+
+
+class AdamsHistory:
+    """The slopes of the last steps, and what they belong to, in memory behind the inputs of the system.
+
+    First are the number `COUNT` of consecutive steps that they come from, the steps to `WAIT` before the next attempt,
+    the `PAUSE` if that fails, and the number `NEXT` and the `SIZE` in s of the step that follows. Then come the state
+    and the inputs at its start, the round-off of that state (see `lost`), and the slopes.
+
+    They count as none if that step, its size, the state or an input has changed in the meantime, for example by a
+    command. So whoever sets a state or an input need not know of the history.
+    """
+
+    def __init__(self, emitter: StepEmitter, method: Adams) -> None:
+        """Allocate the arrays; the emitter's builder must be in the entry block of a function."""
+        self._emitter, self._length = emitter, method.length
+        b, size, inputs_size = emitter.b, emitter.system.size, emitter.system.inputs_size
+        self._start = element(b, emitter.inputs, inputs_size)
+        self._kept_y, self._kept_inputs = element(b, self._start, VECTORS), element(b, self._start, VECTORS + size)
+        self.lost = element(b, self._start, VECTORS + size + inputs_size)
+        self._first_slope = VECTORS + inputs_size + 2 * size
+        self._total = history_size(method, size, inputs_size)
+        self._backup = None if isinstance(b, LaneBuilder) else emitter.array(self._total)
+        self.count, self.wait, self.pause, self._changes = (emitter.scalar() for _ in range(4))
+        self._counters = ((self.count, COUNT), (self.wait, WAIT), (self.pause, PAUSE))
+        emitter.begin, emitter.end = self._emit_begin, self._emit_end
+
+    def slopes(self, back: int) -> Value:
+        """The address of the slopes `back` steps ago; those of 0 belong to the start of this step."""
+        b = self._emitter.b
+        place = b.urem(b.add(self._emitter.index, integer(self._length - back)), integer(self._length))
+        size = self._emitter.system.size
+        return element(b, self._start, b.add(integer(self._first_slope), b.mul(place, integer(size))))
+
+    def _emit_begin(self) -> None:
+        """Read the history if it belongs to this state."""
+        emitter, b, size = self._emitter, self._emitter.b, self._emitter.system.size
+        if self._backup is not None:
+            with b.if_then(self._may_need_backup()):
+                copy(b, self._total, self._start, self._backup)
+        same = b.fcmp_ordered("==", load(b, self._start, NEXT), b.sitofp(emitter.index, DOUBLE))
+        same = b.and_(same, b.fcmp_ordered("==", load(b, self._start, SIZE), emitter.h))
+        same = b.and_(same, self._equal(size, self._kept_y, emitter.y))
+        same = b.and_(same, self._equal(emitter.system.inputs_size, self._kept_inputs, emitter.inputs))
+        zero = number(0.0)
+        for address, index in self._counters:
+            b.store(b.select(same, load(b, self._start, index), zero), address)
+        for_each(b, size, lambda i: store(b, b.select(same, load(b, self.lost, i), zero), self.lost, i))
+
+    def _may_need_backup(self) -> Value:
+        """A single step replaces only slopes that its repetition would not use, should the new state not be finite."""
+        return self._emitter.b.icmp_unsigned("!=", self._emitter.steps, integer(1))
+
+    def _equal(self, size: int, kept: Value, present: Value) -> Value:
+        """Whether two arrays, of at least one number if they are small, are equal."""
+        b, one = self._emitter.b, number(1.0)
+        if 0 < size <= UNROLLED:
+            same = [b.fcmp_ordered("==", load(b, kept, i), load(b, present, i)) for i in range(size)]
+            while len(same) > 1:
+                same = [b.and_(*pair) for pair in zip(same[::2], same[1::2], strict=False)] + same[len(same) & ~1 :]
+            return same[0]
+        b.store(number(0.0), self._changes)
+
+        def compare(i: Index) -> None:
+            changed = b.fcmp_unordered("!=", load(b, kept, i), load(b, present, i))
+            b.store(b.select(changed, one, b.load(self._changes, typ=DOUBLE)), self._changes)
+
+        for_each(b, size, compare)
+        return b.fcmp_ordered("==", b.load(self._changes, typ=DOUBLE), number(0.0))
+
+    def _emit_end(self, finite: Value) -> None:
+        """Say what the history belongs to; where the new state is not finite, restore it."""
+        emitter, b = self._emitter, self._emitter.b
+        for address, index in self._counters:
+            store(b, b.load(address, typ=DOUBLE), self._start, index)
+        store(b, b.sitofp(emitter.index, DOUBLE), self._start, NEXT)
+        store(b, emitter.h, self._start, SIZE)
+        copy(b, emitter.system.size, emitter.y, self._kept_y)
+        copy(b, emitter.system.inputs_size, emitter.inputs, self._kept_inputs)
+        if self._backup is not None:
+            with b.if_then(b.and_(self._may_need_backup(), b.not_(finite)), likely=False):
+                copy(b, self._total, self._backup, self._start)

@@ -1,0 +1,66 @@
+"""Adams–Bashforth–Moulton methods as data (Hairer, Nørsett & Wanner, *Solving Ordinary Differential Equations I*)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from math import comb
+
+from mbd_sim.integrators.estimate import Coefficients
+from mbd_sim.integrators.tableau import EXPLICIT, Tableau
+
+
+@dataclass(frozen=True)
+class Adams:
+    """A step y* = y + h Σ p_j f_j, y' = y + h (γ f(t + h, y*) + Σ c_j f_j), where f_j are the slopes j steps ago.
+
+    p are the `predictor` and c the `corrector`, γ is the `newest` of its coefficients. The step is taken by `otherwise`
+    while there are fewer slopes than coefficients, or where the error of y* in a component exceeds `tolerance`
+    (1 + |y|). That error is y' − y* = h γ ∇ᵏ f, the difference of order k of the slopes, k their number. For smooth
+    motions, those of lower order are larger; but the round-off in f grows with k. So the error is taken to be the
+    smallest of y' − y* and h γ (f(t + h, y*) − Σ s_j f_j), for some differences of lower order with coefficients s.
+    `stability_limit` is that of `otherwise`, since y' − y* grows where a step of this method is not stable.
+    """
+
+    name: str
+    order: int
+    predictor: Coefficients
+    corrector: Coefficients
+    newest: float
+    lower: tuple[Coefficients, ...]
+    tolerance: float
+    otherwise: Tableau
+
+    @property
+    def length(self) -> int:
+        """The number of slopes."""
+        return len(self.predictor)
+
+    @property
+    def stages(self) -> int:
+        """The largest number of evaluations of the accelerations in a step: usually there are two."""
+        return self.otherwise.stages + 1
+
+    @property
+    def stability_limit(self) -> float:
+        """As for a `Tableau`."""
+        return self.otherwise.stability_limit
+
+
+LOWER = (7, 8)  # orders of differences with less round-off
+
+
+def adams(name: str, length: int, tolerance: float, otherwise: Tableau) -> Adams:
+    """The method with a predictor through `length` slopes, of that order, and a corrector of one order more."""
+    weights = [Fraction(1)]  # γ_j with Σ_k γ_k / (j + 1 − k) = 1, sec. III.1, eq. (1.6)
+    for j in range(1, length + 1):
+        weights.append(1 - sum((weight / (j + 1 - k) for k, weight in enumerate(weights)), Fraction(0)))
+    predictor = [(-1) ** j * sum(comb(m, j) * weights[m] for m in range(j, length)) for j in range(length)]
+    newest = weights[length]  # y' − y* = h γ ∇ᵏ f, the difference of order k = `length` of f(t + h, y*) and the slopes
+    corrector = [p + (-1) ** (j + 1) * comb(length, j + 1) * newest for j, p in enumerate(predictor)]
+    p, c = (tuple(float(value) for value in values) for values in (predictor, corrector))
+    lower = tuple(tuple(float(-((-1) ** j) * comb(k, j)) for j in range(1, k + 1)) for k in LOWER)
+    return Adams(name, length + 1, p, c, float(newest), lower, tolerance, otherwise)
+
+
+ADAMS: dict[str, Adams] = {"adams11": adams("adams11", 10, 1e-14, EXPLICIT["tsitouras8"])}
