@@ -123,8 +123,9 @@ def _flow(cylinder: Cylinder, valve: float, source: ca.SX, pressure: ca.SX) -> c
             upstream = ca.fmax(source, pressure)
             choked = upstream * (1.0 - ratio)  # the pressure drop from which on the flow is choked
             drop = between(source - pressure, -choked, choked)
-            ellipse = ca.sqrt((2.0 - ca.fabs(drop) / choked) / choked)
-            return valve * REFERENCE_PRESSURE * upstream * ellipse * _root(drop, cylinder.transition)
+            # ψ = s(Δp) √((2 - d)/choked) with d = |Δp|/choked, as one quotient
+            square = (2.0 * choked - ca.fabs(drop)) / (choked**2 * ca.sqrt(drop**2 + cylinder.transition**2))
+            return (valve * REFERENCE_PRESSURE) * upstream * drop * ca.sqrt(square)
         case _:
             assert_never(cylinder.fluid)
 
@@ -160,7 +161,7 @@ def _powers(
     for pressure, ends, flow in zip(pressures, _ends(cylinder), flows, strict=True):
         match fluid:
             case Oil(bulk_modulus=beta):
-                density = ca.exp(pressure / beta)
+                density = _exponential(pressure * (1.0 / beta))
                 first, second = (ca.exp(ca.SX(-end / beta)) for end in ends)
                 kept = density * ca.if_else(extends, first, second)
                 power += flow * (beta * (density - kept))
@@ -180,13 +181,22 @@ def _powers(
     return power, loss
 
 
+def _exponential(x: ca.SX) -> ca.SX:
+    """exp(x) to round-off for |x| < 0.2 and to 1e-12 for |x| < 1, without a slow call of the C library."""
+    quarter = 0.25 * x
+    value = ca.SX(1.0)
+    for divisor in range(9, 0, -1):
+        value = 1.0 + quarter * value * (1.0 / divisor)
+    return (value**2) ** 2
+
+
 def _available(cylinder: Cylinder, pressure: ca.SX) -> ca.SX:
     """The work φ that a gas can do per unit of R T m."""
     assert isinstance(cylinder.fluid, Gas)
-    n, ratio = cylinder.fluid.exponent, pressure / cylinder.tank
+    n, logarithm = cylinder.fluid.exponent, ca.log(pressure * (1.0 / cylinder.tank))
     if not is_symbolic(n) and n == 1.0:
-        return ca.log(ratio)
-    return n / (n - 1.0) * (1.0 - ratio ** ((1.0 - n) / n))
+        return logarithm
+    return n / (n - 1.0) * (1.0 - _exponential((1.0 - n) / n * logarithm))
 
 
 def stored_energy(cylinder: Cylinder, pressures: Sequence[ca.SX], position: ca.SX) -> ca.SX:
