@@ -12,6 +12,7 @@ import numpy as np
 from mbd_sim.errors import CommandError, listed
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import Channel
+from mbd_sim.ros.command_ranges import CommandRanges
 from mbd_sim.ros.trajectory_player import TrajectoryPlayer
 from mbd_sim.simulation.actuator_commands import CommandMap
 
@@ -19,8 +20,11 @@ from mbd_sim.simulation.actuator_commands import CommandMap
 class ActuatorBuffer:
     """Keeps the newest command of each channel; `map` checks them. Its owner calls it under a lock."""
 
-    def __init__(self, command_map: CommandMap, step_size: float) -> None:
+    def __init__(self, command_map: CommandMap, step_size: float, ranges: CommandRanges | None = None) -> None:
+        """Commands for steps of `step_size` in s, which are clamped to the `ranges` if they are given."""
         self.map, self.player = command_map, TrajectoryPlayer(command_map, step_size)
+        self.ranges, self.limited = ranges, 0  # how often commands have been clamped
+        self._exceeded = False
         self._requested = np.full(len(command_map.names), np.nan)  # nan: never commanded
         self._new = False
         self.timeout = 0.0  # s; 0: never
@@ -61,6 +65,8 @@ class ActuatorBuffer:
                 requested[velocity] = 0.0
         self._commanded |= dict.fromkeys(actuators)
         self._requested, self._new = requested, True
+        self._exceeded = self.ranges is not None and self.ranges.exceeded(requested)
+        self.limited += self._exceeded
 
     def due(self, time: float, current: Array) -> Array | None:
         """All commands (n,) to apply at a time in s of the run, if there are new ones.
@@ -77,7 +83,12 @@ class ActuatorBuffer:
         if not self._new and not samples:
             return None
         self._new = False
-        return commands
+        if self.ranges is None:
+            return commands
+        exceeded = self.ranges.exceeded(commands)
+        self.limited += exceeded and not self._exceeded  # of a trajectory, once until it is within its ranges again
+        self._exceeded = exceeded
+        return self.ranges.clamped(commands)
 
     def _expire(self, time: float) -> None:
         """Set commands other than positions to zero where none has arrived for too long."""

@@ -16,7 +16,9 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import Channel
 from mbd_sim.mechanism.bases import Base, Velocity
 from mbd_sim.ros.actuator_buffer import ActuatorBuffer
+from mbd_sim.ros.command_ranges import CommandRanges
 from mbd_sim.ros.joint_commands import JointCommandRouter
+from mbd_sim.ros.joint_curve import JointCurve
 from mbd_sim.ros.trajectory import Trajectory
 from mbd_sim.simulation.actuator_commands import CommandMap
 from mbd_sim.simulation.efforts import EffortMap
@@ -42,17 +44,29 @@ class CommandBuffer:
     """
 
     def __init__(
-        self, effort_map: EffortMap, timeout: float, actuators: CommandMap | None = None, step_size: float = 1e-3
+        self,
+        effort_map: EffortMap,
+        timeout: float,
+        actuators: CommandMap | None = None,
+        step_size: float = 1e-3,
+        ranges: CommandRanges | None = None,
     ) -> None:
+        """A buffer for steps of `step_size` in s. With `ranges`, commands of actuators are clamped to them."""
         self.map, self.timeout = effort_map, timeout
-        self._actuators = ActuatorBuffer(actuators or CommandMap((), InputLayout(len(effort_map.names))), step_size)
+        command_map = actuators or CommandMap((), InputLayout(len(effort_map.names)))
+        self._actuators = ActuatorBuffer(command_map, step_size, ranges)
         self._router = JointCommandRouter(effort_map, list(self._actuators.map.takers.values()))
-        self.accepted = self.rejected = self.expired = self.limited = 0
+        self.accepted = self.rejected = self.expired = self._slowed = 0
         size = len(effort_map.names)
         self._requested, self._new = np.zeros(size), False
         self._commanded, self._lapsed = np.zeros(size, dtype=bool), np.zeros(size, dtype=bool)
         self._last_times, self._oldest = np.full(size, np.inf), np.inf  # of the coordinates that are watched
         self._lock = threading.Lock()
+
+    @property
+    def limited(self) -> int:
+        """How many commands of actuators and velocities of bases were beyond limits, and have been reduced."""
+        return self._actuators.limited + self._slowed
 
     @property
     def lapsed(self) -> tuple[str, ...]:
@@ -111,7 +125,7 @@ class CommandBuffer:
                 self.rejected += 1
                 raise
             self.accepted += 1
-            self.limited += commands.limited
+            self._slowed += commands.limited
 
     def follow(self, trajectory: Trajectory, now_ns: int, zero_ns: int) -> None:
         """Take a trajectory of some joints.
@@ -120,7 +134,12 @@ class CommandBuffer:
         :raises CommandError: rejected; nothing changes.
         """
         try:
-            curves = {self._router.positioner(name): curve for name, curve in trajectory.curves(now_ns).items()}
+            curves = dict[str, JointCurve]()
+            for name, curve in trajectory.curves(now_ns).items():
+                taker = self._router.positioner(name)
+                if self._actuators.ranges is not None:
+                    self._actuators.ranges.require(taker, name, curve)
+                curves[taker] = curve
         except CommandError:
             self.rejected += 1
             raise

@@ -46,6 +46,7 @@ class CounterSample:
     period: Array
     overruns: int
     rejected: int
+    limited: int
     dropped: int
 
 
@@ -108,6 +109,7 @@ class Diagnostics:
             period=pacer.period.counts(),
             overruns=pacer.overruns,
             rejected=self.subscriptions.rejected,
+            limited=self.subscriptions.commands.limited,
             dropped=stepping_thread.counters.dropped + (recorder.dropped if recorder else 0),
         )
 
@@ -207,11 +209,16 @@ class Diagnostics:
                 "the effort there is zero. "
                 "Send commands more often, or raise command_timeout (0: never)"
             )
+        elif limited := now.limited - self._last.limited:
+            problem = (
+                f"{limited} commands in the last second were beyond the limits of their joints, and have been reduced. "
+                "Command positions within 'limits', and velocities up to 'velocity_limit'"
+            )
         return self._status("commands", problem or "OK", bool(problem), {
             "accepted": str(subscriptions.accepted),
             "rejected": str(now.rejected),
             "expired": str(subscriptions.expired),
-            "limited": str(commands.limited),
+            "limited": str(now.limited),
             "command_timeout (s)": f"{commands.timeout:g}",
         })  # fmt: skip
 

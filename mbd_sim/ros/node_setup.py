@@ -36,6 +36,7 @@ from mbd_sim.recording.recorder import Recorder
 from mbd_sim.recording.recording_paths import FORMATS, new_recording_paths
 from mbd_sim.recording.run_metadata import run_metadata
 from mbd_sim.ros.command_buffer import CommandBuffer
+from mbd_sim.ros.command_ranges import CommandRanges
 from mbd_sim.ros.followed_clock import FollowedClock
 from mbd_sim.ros.message_types import message_type
 from mbd_sim.ros.node_parameters import NodeParameters
@@ -75,7 +76,8 @@ def build_simulation(parameters: NodeParameters) -> tuple[Simulation, WrenchTarg
 def command_buffer(parameters: NodeParameters, simulation: Simulation) -> CommandBuffer:
     """The buffer of commands, with its watchdogs."""
     timeout, step_size = parameters["command_timeout"], simulation.step_size
-    commands = CommandBuffer(simulation.effort_map, timeout, simulation.command_map, step_size)
+    ranges = CommandRanges(simulation.mechanism)
+    commands = CommandBuffer(simulation.effort_map, timeout, simulation.command_map, step_size, ranges)
     commands.watch_actuators(parameters["actuator_timeout"])
     commands.sample_trajectories(parameters["trajectory_rate"])
     commands.skip_nan(parameters["ros2_control"])

@@ -8,6 +8,8 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.errors import CommandError
 from mbd_sim.ros.command_buffer import CommandBuffer
+from mbd_sim.ros.command_ranges import CommandRanges
+from mbd_sim.ros.trajectory import Trajectory, TrajectoryPoint
 
 MIXED = """
 mechanism: mixed
@@ -177,3 +179,50 @@ def test_a_velocity_that_a_base_cannot_have_is_rejected_and_changes_nothing(rove
         with pytest.raises(CommandError):
             buffer.move(simulation.mechanism.bases[0], linear, angular)
     assert (buffer.accepted, buffer.rejected) == (0, 2) and buffer.due_for_actuators(0.0, np.zeros(2)) is None
+
+
+LIMITED = MIXED.replace(
+    "axis: [0, -1, 0]}\n  knee", "axis: [0, -1, 0], limits: {lower: -0.5, upper: 1}, velocity_limit: 2}\n  knee"
+)
+
+
+@pytest.fixture
+def limited():
+    simulation = Simulation.from_text(LIMITED)
+    ranges = CommandRanges(simulation.mechanism)
+    return simulation, CommandBuffer(simulation.effort_map, 0.5, simulation.command_map, 1e-3, ranges)
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity", "expected", "count"),
+    [(0.9, -1.9, (0.9, -1.9), 0), (1.2, 0.0, (1.0, 0.0), 1), (-7.0, -3.0, (-0.5, -2.0), 1), (0.0, 5.0, (0.0, 2.0), 1)],
+)
+def test_positions_and_velocities_beyond_the_limits_of_a_joint_are_clamped_and_counted(
+    limited, position, velocity, expected, count
+):
+    simulation, buffer = limited
+    buffer.by_name(["hip"], [], positions=[position], velocities=[velocity])
+    found = due(simulation, buffer)
+    assert (found["a.position"], found["a.velocity"]) == expected
+    assert (buffer.limited, buffer.accepted) == (count, 1)
+    assert buffer.due_for_actuators(0.1, np.zeros(6)) is None and buffer.limited == count
+
+
+def test_a_trajectory_beyond_limits_is_rejected_and_one_that_overshoots_them_is_clamped(limited):
+    simulation, buffer = limited
+    current = simulation.inputs[simulation.command_map.range]
+    for points, reason in (
+        ([(10**9, [1.5])], "the position 1.5 of 'hip' at point 1 is beyond the limits of the joint, -0.5 to 1"),
+        ([(10**9, [0.5], [3.0]), (2 * 10**9, [0.5], [0.0])], "the velocity 3 of 'hip' at point 1"),
+    ):
+        with pytest.raises(CommandError, match=reason):
+            buffer.follow(Trajectory(["hip"], [TrajectoryPoint(*point) for point in points]), 0, 0)
+    assert buffer.rejected == 2 and not buffer.due_for_actuators(0.0, current)
+    points = [(10**9, [0.9], [1.9]), (2 * 10**9, [0.9], [0.0])]  # a cubic that exceeds 1 between them
+    buffer.follow(Trajectory(["hip"], [TrajectoryPoint(*point) for point in points]), 0, 0)
+    positions = []
+    for step in range(2001):
+        found = buffer.due_for_actuators(1e-3 * step, current)
+        current = current if found is None else found
+        positions.append(current[0])
+    assert max(positions) == 1.0 and positions[-1] == pytest.approx(0.9) and buffer.limited == 1
