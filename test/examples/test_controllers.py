@@ -199,6 +199,29 @@ def test_keys_and_a_joystick_become_efforts(tmp_path):
     assert "elbow -0.25" in experiment.log.read_text()
 
 
+def test_a_joystick_and_keys_move_joints_with_servos_from_where_they_are(tmp_path):
+    simulator = {"mechanism": "six_axis_servo_arm", "start": "base = 0.3, elbow = 0.1"}
+    with beside(tmp_path, simulator, "teleop.teleop", "command:=position", "position_step:=0.2") as experiment:
+        keyboard, listener = experiment.program, experiment.listener
+        joystick = listener.node.create_publisher(Joy, "joy", 10)
+        listener.until(joystick.get_subscription_count, "matching")
+
+        def names_the_joints():
+            keyboard.stdin.write(b"\n")
+            keyboard.stdin.flush()
+            listener.spin(0.2)
+            return "base +0.30" in experiment.log.read_text()
+
+        listener.until(names_the_joints, "the positions")
+        keyboard.stdin.write(b"1d")
+        keyboard.stdin.flush()
+        listener.until(lambda: abs(listener.states[-1].position[0] - 0.5) < 0.02, "the position of the base")
+        joystick.publish(Joy(axes=[0.0, 0.5]))  # up to 0.5 rad
+        listener.until(lambda: abs(listener.states[-1].position[1] - 0.25) < 0.02, "the position of the shoulder")
+        listener.until(lambda: abs(listener.states[-1].position[0]) < 0.02, "the base in the middle of its axis")
+        assert "rejected" not in experiment.node.text
+
+
 def test_hands_on_a_mechanism_with_a_driven_joint_push_the_others(tmp_path):
     with beside(tmp_path, {"mechanism": "moving_support_pendulum"}, "teleop.teleop", "effort_step:=0.25") as experiment:
         keyboard, listener = experiment.program, experiment.listener
