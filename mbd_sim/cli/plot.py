@@ -8,7 +8,7 @@ from pathlib import Path
 from mbd_sim.cli.common import add_quiet, read_run_table
 from mbd_sim.cli.recorded_run import add_run, recorded_run
 
-HELP = "plot energies, joints, residual and phase portrait of a run"
+HELP = "plot energies, joints, residual, measurements and phase portrait of a run"
 DESCRIPTION = "Plot a recorded run, or the run of a mechanism, as a picture or as an HTML page with zoomable plots."
 
 
@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--show",
         metavar="PANELS",
         default="",
-        help="comma-separated list of energies, joints, residual, reactions, phase (default: all that have data)",
+        help="comma-separated list of energies, joints, residual, reactions, sensors, phase (default: all with data)",
     )
     add_quiet(parser)
 

@@ -30,12 +30,16 @@ _DARK: Color = (20, 24, 32)  # mixed with the colors of the scene so that they a
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """Values y (n,) over x (n,), and the name in the legend."""
+    """Values y (n,) over x (n,), and the name in the legend.
+
+    The line is interrupted before the entries `gaps`; None stands for the rows at which the motion starts again.
+    """
 
     name: str
     x: Array
     y: Array
     color: Color
+    gaps: tuple[int, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +69,8 @@ def panels(table: RunTable, names: Sequence[str] = ()) -> list[Panel]:
 
 
 def _with_gaps(line: Line, rows: Sequence[int]) -> Line:
-    """Return a line that is interrupted before each of some rows."""
+    """Return a line that is interrupted before its gaps, by default before each of some rows."""
+    rows = rows if line.gaps is None else line.gaps
     return replace(line, x=np.insert(line.x, rows, np.nan), y=np.insert(line.y, rows, np.nan)) if rows else line
 
 
@@ -130,6 +135,18 @@ def _reactions(table: RunTable) -> Iterator[Panel]:
             yield Panel(title, "time, s", unit, tuple(lines))
 
 
+def _sensors(table: RunTable) -> Iterator[Panel]:
+    """The measurements over the times of their arrival; the components of a quantity share a panel."""
+    for sensor, measurements in table.sensors.items():
+        gaps = tuple(np.searchsorted(measurements.rows, table.resets).tolist())
+        for quantity, measured in measurements.quantities.items():
+            lines = tuple(
+                Line(component or sensor, measurements.times, column, _joint_color(index), gaps)
+                for index, (component, column) in enumerate(zip(measured.components, measured.values.T, strict=True))
+            )
+            yield Panel(f"{sensor}: {quantity.replace('_', ' ')}", "time, s", measured.unit or "1", lines)
+
+
 def _joint_color(index: int) -> Color:
     return mixed(palette.PARTS[index % len(palette.PARTS)], _DARK, 0.18)
 
@@ -139,5 +156,6 @@ _BUILDERS = {
     "joints": _joints,
     "residual": _residual,
     "reactions": _reactions,
+    "sensors": _sensors,
     "phase": _phase_portraits,
 }

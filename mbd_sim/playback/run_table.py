@@ -12,6 +12,7 @@ from mbd_sim.errors import MbdSimError, MechanismError, listed
 from mbd_sim.geometry.pose import Array
 from mbd_sim.load import parse_mechanism
 from mbd_sim.playback.requested_columns import requested_readers
+from mbd_sim.playback.sensor_columns import SensorMessages, SensorTable
 from mbd_sim.recording import cdr
 from mbd_sim.recording.reader import Recording
 from mbd_sim.recording.recomputation import SEQUENCE_MODULUS
@@ -37,8 +38,8 @@ class RunTable:
     the first message elsewhere; `steps` count since the node started. `position`, `velocity` and `effort` (n, joints)
     are nan where a message has none; `units` are `rad`, `m`, or "" if unknown. `energies` (n, 7) are None if none are
     recorded. `requested` are the columns (n,) of what was recorded on request, by name and unit: reactions such as
-    `reaction.elbow.force_x_N`, poses, and the violation of constraints. `resets` are the rows at which the motion
-    starts again.
+    `reaction.elbow.force_x_N`, poses, and the violation of constraints. `sensors` are the measurements, each at its own
+    times. `resets` are the rows at which the motion starts again.
     """
 
     path: Path
@@ -54,6 +55,7 @@ class RunTable:
     energies: Array | None
     events: tuple[tuple[float, str], ...]
     requested: Mapping[str, Array] = field(default_factory=dict)
+    sensors: Mapping[str, SensorTable] = field(default_factory=dict)
     resets: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()
     about: dict[str, str] = field(default_factory=dict)
@@ -140,11 +142,13 @@ def read_table(recording: Recording, progress: Progress = lambda fraction: None)
     roles = topic_roles(recording.topics) if is_run else {}
     notes: list[str] = []
     found = _Messages()
-    readers = requested_readers(recording) if is_run else {}
+    readers, sensors = requested_readers(recording) if is_run else {}, SensorMessages(recording) if is_run else None
     for message in iterate_messages(recording, progress, notes):
         found.add(recording, message, roles.get(message.topic), is_state=message.topic == state_topic)
         if (read := readers.get(message.topic)) is not None:
             found.add_requested(message, *read(message))
+        if sensors is not None:
+            sensors.add(message, found.stamps)
     states, stamps = found.states, found.stamps
     if not states:
         raise PlaybackError(f"{recording.path}: contains no joint states that can be read.")
@@ -164,6 +168,7 @@ def read_table(recording: Recording, progress: Progress = lambda fraction: None)
         effort=_by_name(names, [(state.names, state.effort) for state in states]),
         energies=found.energy_table(),
         requested=found.requested_columns(),
+        sensors={} if sensors is None else sensors.tables(start_ns),
         events=tuple(((time_ns - start_ns) * 1e-9, text) for time_ns, text in found.events),
         resets=tuple(row for row in found.resets if row < len(states)),
         notes=tuple(notes),

@@ -22,7 +22,10 @@ Columns = Mapping[str, Array | np.ndarray]
 
 
 def columns(table: RunTable) -> dict[str, Array | np.ndarray]:
-    """Return columns (n,) by name and unit, such as `elbow.velocity_rad_s`; empty columns are left out."""
+    """Return columns (n,) by name and unit, such as `elbow.velocity_rad_s`; empty columns are left out.
+
+    Those of a sensor, such as `sensor.imu.specific_force_x_m_s2`, hold its last measurement that had arrived.
+    """
     found: dict[str, Array | np.ndarray] = {"time_s": table.times}
     if table.is_run:
         found["step"] = table.steps
@@ -37,6 +40,9 @@ def columns(table: RunTable) -> dict[str, Array | np.ndarray]:
                 found[f"{name}.{quantity}{suffix}"] = values[:, index]
     if table.energies is not None:
         found |= {f"energy.{name}_J": table.energies[:, index] for index, name in enumerate(ENERGY_NAMES)}
+    for sensor, measured in table.sensors.items():
+        held = measured.held(len(table), table.resets)
+        found |= {f"sensor.{sensor}.{name}": column for name, column in held.items()}
     return found | dict(table.requested)
 
 
