@@ -1,7 +1,18 @@
-"""Functions for optimizers: the equations of a mechanism as CasADi functions of its parameters."""
+"""Functions for optimizers: the equations and trajectories of a mechanism as CasADi functions; identification."""
 
 from __future__ import annotations
 
 from mbd_sim.optimization.casadi_functions import CasadiFunctions, casadi_functions
+from mbd_sim.optimization.identification import Identification, MeasuredRun, ParameterEstimate, identify
+from mbd_sim.optimization.trajectories import one_step, trajectory
 
-__all__ = ["CasadiFunctions", "casadi_functions"]
+__all__ = [
+    "CasadiFunctions",
+    "Identification",
+    "MeasuredRun",
+    "ParameterEstimate",
+    "casadi_functions",
+    "identify",
+    "one_step",
+    "trajectory",
+]

@@ -83,6 +83,13 @@ class CasadiFunctions:
         """(t, x, e, p) -> `lambda` (m,)."""
         return self._function("multipliers", {"lambda": self._call(self._equations.multipliers)}, with_efforts=True)
 
+    @cached_property
+    def project(self) -> ca.Function:
+        """(t, x, p) -> `x_projected` (nx,): with unit quaternions, and on the constraints as after each step."""
+        project = self._equations.project
+        after = self._x if project is None else self._call(project)[: len(self.start)]
+        return self._function("project", {"x_projected": after})
+
     def point(self, name: str) -> ca.Function:
         """(t, x, p) -> `position` (3,) and `velocity` (3,) of a point such as "rod.tip", in ground's axes.
 

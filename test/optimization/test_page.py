@@ -15,6 +15,8 @@ def test_the_snippets_of_the_page(capsys):
     for block in re.findall(r"^```python\n(.*?)^```$", PAGE.read_text(encoding="utf-8"), re.M | re.S):
         exec(compile(block, str(PAGE), "exec"), values)
     assert "from upright" in capsys.readouterr().out
+    truth = {"mc": 1.0, "m": 0.2, "l": 0.8}
+    assert all(abs(one.value - truth[key]) < 4 * one.error for key, one in values["found"].estimates.items())
     sim = values["sim"]
     assert abs(sim.q[0]) < 0.05 and abs(sim.q[1] - np.pi) < 0.01
     replayed = Simulation.from_file("cart_pendulum")  # with the forces of the swing-up between the knots
