@@ -80,6 +80,13 @@ def test_a_slip_that_turns_about_zero_stops():
     assert all(event.change is not ContactChange.BOUND for event in simulation.contact_events)
 
 
+def test_a_disc_that_falls_flat_does_not_diverge():
+    """With the lowest point of its rim alone the state became infinite at 0.69 s."""
+    simulation = Simulation.from_text(contact_mechanism(1857, "spatial_bodies"))
+    simulation.run(until=0.8)
+    assert _residual(simulation) < 1e-9
+
+
 def test_steps_one_by_one_give_the_same_bits():
     text = contact_mechanism(1, "box", 0.5, 0.8)
     together, single = Simulation.from_text(text), Simulation.from_text(text)
