@@ -14,6 +14,7 @@ from mbd_sim.appearance.solids import is_invisible
 from mbd_sim.drawing import legend
 from mbd_sim.drawing.constraint_symbols import constraint_paths
 from mbd_sim.drawing.curve_paths import constraint_curves, curve_paths
+from mbd_sim.drawing.drive_symbols import drive_paths
 from mbd_sim.drawing.joint_symbols import joint_paths, label_point
 from mbd_sim.drawing.label_placement import place_labels
 from mbd_sim.drawing.load_symbols import force_paths, two_point_paths
@@ -95,7 +96,7 @@ def mechanism_sheet(
     occupied += [page.project(joint.carrier_frame.position) for joint in round_joints]  # hidden by their symbols
     for name, part in mechanism.parts.items():
         sheet.add(*mass_center(page, part, poses[name], occupied))
-    sheet.add(*force_paths(page, mechanism, poses))
+    sheet.add(*force_paths(page, mechanism, poses), *drive_paths(page, mechanism, poses))
     return sheet
 
 

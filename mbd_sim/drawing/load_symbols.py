@@ -7,6 +7,7 @@ from typing import assert_never
 
 import numpy as np
 
+from mbd_sim.appearance.drives import has_cylinder
 from mbd_sim.appearance.palette import DISSIPATED
 from mbd_sim.drawing.ground_symbols import wall
 from mbd_sim.drawing.joint_symbols import turning_arrow
@@ -59,10 +60,8 @@ def two_point_paths(page: Page, mechanism: Mechanism, poses: Mapping[str, Pose])
 
 def _elastic_and_damped(element: Connector) -> tuple[bool, bool]:
     match element:
-        case Spring():
-            return element.elastic, element.damping != 0.0
-        case Damper():
-            return False, element.damping != 0.0
+        case Spring() | Damper():
+            return element.elastic, has_cylinder(element)
         case LinePort():  # a cylinder
             return False, True
         case Distance():

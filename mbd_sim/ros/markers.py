@@ -11,6 +11,7 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from mbd_sim.appearance import palette, polylines
+from mbd_sim.appearance.drives import has_cylinder
 from mbd_sim.appearance.extent import extent_of
 from mbd_sim.appearance.force_scale import pulls, weight
 from mbd_sim.appearance.solids import LINE_WIDTH
@@ -28,12 +29,11 @@ from mbd_sim.mechanism.constraints import (
     Rolling,
     Surface,
 )
-from mbd_sim.mechanism.force_elements import Damper, Spring
 from mbd_sim.mechanism.records import GROUND, Attachment
 from mbd_sim.messages.snapshot import Snapshot
 from mbd_sim.messages.state_messages import ros_poses
 from mbd_sim.ros.contact_markers import CONTACT_COLOR, arrow_row, ball_row
-from mbd_sim.ros.marker_shapes import PartMarker, Points, joint_markers, part_markers
+from mbd_sim.ros.marker_shapes import PartMarker, Points, drive_markers, joint_markers, part_markers
 from mbd_sim.ros.message_template import STAMP, MessageTemplate, slot
 from mbd_sim.simulation.compiled_model import Model
 
@@ -156,6 +156,7 @@ class Markers:
         markers: list[PartMarker] = [
             *(marker for part in mechanism.parts.values() for marker in part_markers(mechanism, part, size)),
             *(marker for joint in mechanism.all_joints.values() for marker in joint_markers(mechanism, joint, size)),
+            *drive_markers(mechanism, size),
         ]
         names = (*self._model.part_names, GROUND)
         self._part_rows = [names.index(marker.part) for marker in markers]
@@ -167,16 +168,9 @@ class Markers:
     def _add_force_elements(self) -> None:
         for element in self._model.mechanism.two_point_elements:
             ends = (element.first, element.second)
-            match element:
-                case Spring(elastic=elastic, damping=damping):
-                    damped = damping != 0.0
-                case Damper(damping=damping):
-                    elastic, damped = False, damping != 0.0
-                case _:
-                    assert_never(element)
-            if elastic:
+            if element.elastic:
                 self._add_line("coil", "springs", ends, len(self._coil), palette.STEEL)
-            if damped:
+            if has_cylinder(element):
                 self._add_line("dashpot", "dampers", ends, len(self._dashpot), palette.STEEL)
 
         for port in line_ports(self._model.mechanism).values():

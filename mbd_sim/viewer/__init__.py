@@ -10,7 +10,7 @@ Importing this package does not import Rerun; creating a `Viewer` does. Rerun ru
 | `rerun_stream`, `sinks`, `rerun_process` | the recording, where it goes, and Rerun's own program |
 | `blueprint`, `entity_paths` | the layout of the window, the paths of entities |
 | `entity` | the interface of everything that is drawn |
-| `part_entities`, `joint_entities`, `spring_entities`, `constraint_entities` | the mechanism |
+| `part_entities`, `joint_entities`, `spring_entities`, `drive_entities`, `constraint_entities` | the mechanism |
 | `arrow_entities`, `trace_entities`, `plot_entities` | forces, traces and plots |
 | `rerun_shapes`, `part_poses`, `joint_coordinates` | solids, poses and coordinates for many samples at once |
 | `event_filter`, `event_log` | which events are shown, and how |

@@ -14,6 +14,7 @@ from mbd_sim.viewer.arrow_entities import arrow_entities
 from mbd_sim.viewer.blueprint import make_blueprint
 from mbd_sim.viewer.constraint_entities import constraint_entities
 from mbd_sim.viewer.contact_entities import contact_entities
+from mbd_sim.viewer.drive_entities import drive_entities
 from mbd_sim.viewer.entity import Entity
 from mbd_sim.viewer.event_log import LoggedEvent
 from mbd_sim.viewer.joint_entities import joint_entities
@@ -54,6 +55,7 @@ class RerunStream:
                 part_entities,
                 joint_entities,
                 spring_entities,
+                drive_entities,
                 constraint_entities,
                 trace_entities,
                 arrow_entities,

@@ -12,6 +12,7 @@ import numpy as np
 import rerun as rr
 
 from mbd_sim.appearance import palette, polylines
+from mbd_sim.appearance.drives import has_cylinder
 from mbd_sim.geometry.pose import Array, identity_pose
 from mbd_sim.mechanism.actuators import line_ports
 from mbd_sim.mechanism.force_elements import Damper, Spring
@@ -34,13 +35,13 @@ def spring_entities(scene: SceneDescription) -> Iterator[Entity]:
         spring_path = f"{entity_paths.WORLD}/springs/{element.name}"
         damper_path = f"{entity_paths.WORLD}/dampers/{element.name}"
         match element:
-            case Spring(first=first, second=second, elastic=elastic, damping=damping):
+            case Spring(first=first, second=second, elastic=elastic):
                 if elastic:
                     yield _SpringEntity(scene, spring_path, first, second)
-                if damping:
+                if has_cylinder(element):
                     yield _DamperEntity(scene, damper_path, first, second)
-            case Damper(first=first, second=second, damping=damping):
-                if damping:
+            case Damper(first=first, second=second):
+                if has_cylinder(element):
                     yield _DamperEntity(scene, damper_path, first, second)
             case _:
                 assert_never(element)

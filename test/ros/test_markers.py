@@ -154,3 +154,22 @@ def test_an_actuator_between_two_points_is_a_cylinder_between_them():
     (cylinder,) = [m for m in drawn(Markers(simulation.model, ""), simulation) if m.ns == "actuators"]
     ends = [[point.x, point.y, point.z] for point in (cylinder.points[0], cylinder.points[-1])]
     assert ends == [pytest.approx([1.0, 0.0, 0.0]), pytest.approx([0.0, 0.0, 0.0])]
+
+
+def test_motors_bushings_and_cylinders_that_follow_a_law_have_markers():
+    text = load_mechanism("rod_pendulum").source.text
+    text += """ground: {points: {wall: [1, 0, 0]}}
+forces:
+  gas: {type: line_force, between: [ground.wall, rod], force: x.velocity}
+  rubber: {type: bushing, between: [ground.wall, rod], stiffness: 1}
+actuators: {motor: {type: effort, joint: pin}}
+"""
+    simulation = Simulation.from_text(text)
+    found = {marker.ns: marker for marker in drawn(Markers(simulation.model, ""), simulation)}
+    assert [found[name].type for name in ("dampers", "bushings", "actuators")] == [
+        Marker.LINE_LIST, Marker.CYLINDER, Marker.CYLINDER,
+    ]  # fmt: skip
+    place = found["bushings"].pose.position
+    assert [place.x, place.y, place.z] == [1.0, 0.0, 0.0]
+    away = found["actuators"].pose.position
+    assert [away.x, away.z] == pytest.approx([0.0, 0.0], abs=1e-12) and away.y != 0.0  # on the axis of the pin

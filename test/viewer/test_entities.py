@@ -290,3 +290,15 @@ def test_an_actuator_between_two_points_is_a_cylinder_in_their_middle(tmp_path):
     middles = recorded.column("/world/actuators/push/cylinder", "Transform3D:translation")[:, 0]
     for (_, poses, _), middle in zip(moments, middles, strict=True):
         np.testing.assert_allclose(middle, poses["bob"].position / 2.0, atol=1e-5)
+
+
+def test_motors_and_bushings_are_cylinders_on_the_parts_that_carry_them(tmp_path):
+    text = (
+        TIED
+        + """  rubber: {type: bushing, between: [bob, ground], stiffness: 1}
+actuators: {motor: {type: effort, joint: slide}}
+"""
+    )
+    recorded, _, _ = show(Simulation.from_text(text), tmp_path)
+    for entity in ("/world/parts/bob/bushings/rubber", "/world/ground/actuators/motor"):
+        assert static_color(recorded, entity) is not None

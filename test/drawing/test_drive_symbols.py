@@ -1,0 +1,66 @@
+"""Motors, efforts and bushings on the sheet."""
+
+import numpy as np
+import pytest
+
+from mbd_sim.appearance.drives import driven_joints, has_cylinder
+from mbd_sim.drawing.drive_symbols import AWAY, LETTER, MOTOR, drive_paths
+from mbd_sim.drawing.projection import Page, view_of
+from mbd_sim.load import parse_mechanism
+from mbd_sim.simulation.simulation import Simulation
+
+TEXT = """
+mechanism: text
+ground: {points: {wall: [-2, 0, 0.5]}}
+parts: {cart: {mass: 1}, arm: {mass: 1, inertia: [1, 1, 1]}, ball: {mass: 1, inertia: [1, 1, 1]}}
+joints:
+  rail: {type: prismatic, between: [ground, cart], axis: [1, 0, 0], position: 0.3}
+  pin: {type: revolute, between: [cart, arm], axis: [0, -1, 0]}
+  free: {type: free, between: [ground, ball]}
+"""
+
+
+def drawn(text, page):
+    mechanism = parse_mechanism(TEXT + text)
+    return drive_paths(page, mechanism, Simulation(mechanism).poses())
+
+
+@pytest.fixture
+def page():
+    simulation = Simulation.from_text(TEXT)
+    return Page(view_of(simulation.mechanism, simulation.poses()), 100.0)
+
+
+def test_a_motor_is_a_circle_with_an_m_beside_its_joint(page):
+    _, circle, letter = drawn("actuators: {m: {type: effort, joint: pin}}", page)
+    center = page.project(np.array([0.3, 0.0, 0.0])) + AWAY
+    assert np.hypot(*(circle.points - center).T) == pytest.approx(MOTOR)
+    assert letter.points == pytest.approx(center + LETTER)
+
+
+@pytest.mark.parametrize("sign, axis", [(1.0, "[1, 0, 0]"), (-1.0, "[-1, 0, 0]")])
+def test_an_effort_along_a_line_is_an_arrow_in_its_positive_direction(page, sign, axis):
+    text = TEXT.replace("axis: [1, 0, 0]", f"axis: {axis}") + "forces: {e: {type: effort, coordinate: rail, effort: 1}}"
+    mechanism = parse_mechanism(text)
+    line, head = drive_paths(page, mechanism, Simulation(mechanism).poses())
+    assert np.sign(line.points[-1] - line.points[0])[0] == sign and len(head.points) >= 3
+
+
+def test_a_bushing_is_a_ring_at_its_first_point(page):
+    paths = drawn("forces: {b: {type: bushing, between: [ground.wall, arm], stiffness: 1}}", page)
+    at = page.project(np.array([-2.0, 0.0, 0.5]))
+    assert len(paths) == 3
+    for path in paths:
+        radii = np.hypot(*(path.points - at).T)
+        assert radii == pytest.approx(radii[0])
+
+
+def test_coordinates_without_an_axis_have_no_symbol():
+    forces = "forces: {a: {type: effort, coordinate: free.x, effort: 1}, b: {type: effort, coordinate: pin, effort: 1}}"
+    assert [name for name, _, _ in driven_joints(parse_mechanism(TEXT + forces))] == ["b"]
+
+
+@pytest.mark.parametrize("law, shown", [("x.velocity", True), ("x**3", False)])
+def test_a_law_without_a_potential_is_shown_as_a_cylinder(law, shown):
+    force = f"forces: {{s: {{type: line_force, between: [ground.wall, arm], force: {law}}}}}"
+    assert has_cylinder(parse_mechanism(TEXT + force).springs[0]) is shown
