@@ -1,13 +1,11 @@
 """Configuration of the site: `make docs`, and rosdoc2."""
 
-import os
 import re
 import sys
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
-os.environ.setdefault("MPLBACKEND", "agg")
 
 project = "mbd_sim"
 author = "mbd_sim maintainers"
@@ -31,6 +29,7 @@ myst_enable_extensions = ["amsmath", "attrs_inline", "colon_fence", "deflist", "
 myst_heading_anchors = 5
 myst_dmath_double_inline = True
 
+nb_execution_in_temp = True
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 60  # s, for each cell

@@ -12,6 +12,7 @@ This page has the whole Python interface, apart from the learning environments i
 - mechanisms: `load_mechanism`, `parse_mechanism`, `Mechanism`
 - motion: `Simulation` and `Ensemble`, and what they return: `Energies`, `EnsembleEnergies`, `Violation`, `DriveState`,
   `Reaction`, `PartMotion`, `SensorReading`, `Pose`; the compiled equations without a state: `Model`
+- pictures of a simulation's run, in notebooks and as files: `Simulation.plot`, `Simulation.animate`, `RunPicture`
 - recordings of a simulation's run: `Simulation.recording`, `RunRecorder`
 - analyses: `linearize`, `Linearization`, `modes`, `Mode`, `equilibrium`, `lqr`, `InverseDynamics`, `inertia_split`,
   `InertiaSplit`
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from mbd_sim.geometry.pose import Pose
     from mbd_sim.load import load_mechanism, parse_mechanism
     from mbd_sim.mechanism.records import Mechanism
+    from mbd_sim.notebook.runs import RunPicture
     from mbd_sim.recording.run_recorder import RunRecorder
     from mbd_sim.simulation.compiled_model import Model
     from mbd_sim.simulation.ensemble import Ensemble, EnsembleEnergies
@@ -78,6 +80,7 @@ __all__ = [
     "Pose",
     "Problem",
     "Reaction",
+    "RunPicture",
     "RunRecorder",
     "SensorReading",
     "Simulation",
@@ -105,6 +108,7 @@ _MODULES = {
     "mbd_sim.geometry.pose": ("Pose",),
     "mbd_sim.load": ("load_mechanism", "parse_mechanism"),
     "mbd_sim.mechanism.records": ("Mechanism",),
+    "mbd_sim.notebook.runs": ("RunPicture",),
     "mbd_sim.recording.run_recorder": ("RunRecorder",),
     "mbd_sim.simulation.compiled_model": ("Model",),
     "mbd_sim.simulation.ensemble": ("Ensemble", "EnsembleEnergies"),

@@ -15,7 +15,7 @@ from site_pages import command_line, examples, gallery, links, parameters, pytho
 
 DOCS = Path(__file__).resolve().parent.parent
 GENERATED = DOCS / "generated"
-MATHJAX = "tex-svg.js"  # one file, with its fonts
+MATHJAX = "tex-svg-full.js"  # one file, with its fonts and all extensions
 
 
 def generate(app: Any) -> None:

@@ -9,7 +9,7 @@ import mbd_sim
 GROUPS = {
     "Mechanisms": ("load_mechanism", "parse_mechanism", "Mechanism"),
     "Simulation": ("Simulation", "Model", "Energies", "Violation", "DriveState", "Reaction", "PartMotion", "SensorReading", "Pose"),
-    "Recordings": ("RunRecorder",),
+    "Recordings and pictures": ("RunRecorder", "RunPicture"),
     "Many simulations": ("Ensemble", "EnsembleEnergies"),
     "Analyses": (
         "linearize", "Linearization", "modes", "Mode", "equilibrium", "lqr", "InverseDynamics", "inertia_split", "InertiaSplit",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
@@ -251,6 +252,12 @@ class Mechanism:
     def mass(self) -> float:
         """The mass of all parts, kg."""
         return float(sum(part.mass for part in self.parts.values()))
+
+    def _repr_html_(self) -> str:
+        return str(import_module("mbd_sim.notebook.views").mechanism_html(self))
+
+    def _repr_png_(self) -> bytes:
+        return bytes(import_module("mbd_sim.notebook.views").mechanism_png(self))
 
     def tree_joints(self) -> Iterator[Joint]:
         """The joints of the tree from ground outwards."""

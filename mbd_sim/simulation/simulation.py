@@ -15,12 +15,12 @@ from mbd_sim.simulation.compiled_model import Model, build_model
 from mbd_sim.simulation.contact_start import require_free_start
 from mbd_sim.simulation.dynamics_readings import DynamicsReadings
 from mbd_sim.simulation.efforts import EffortMap
+from mbd_sim.simulation.inline_views import InlineViews
 from mbd_sim.simulation.kernel_memory import KernelMemory
 from mbd_sim.simulation.live_values import LiveValues
 from mbd_sim.simulation.options import SimulationOptions, Value, changed_values
 from mbd_sim.simulation.read_only import ReadOnlyAttributes, read_only
 from mbd_sim.simulation.run_inputs import RunInputs
-from mbd_sim.simulation.run_steps import Stepping
 from mbd_sim.simulation.state_changes import StateChanges
 from mbd_sim.simulation.wrenches import WrenchMap, require_parts
 
@@ -29,7 +29,7 @@ _RESTORE = "Call reset() to return to time zero, or restore(…) to continue fro
 _BUILD = "Build a new Simulation with it."
 
 
-class Simulation(Stepping, StateChanges, RunInputs, DynamicsReadings, ReadOnlyAttributes):
+class Simulation(InlineViews, StateChanges, RunInputs, DynamicsReadings, ReadOnlyAttributes):
     """A mechanism and its state, advanced by a fixed step.
 
     `q` (nq,) are the generalized coordinates and `u` (nv,) the generalized speeds in the order of the file's joints,

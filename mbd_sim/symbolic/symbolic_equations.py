@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import Any
 
 import casadi as ca
@@ -57,6 +59,14 @@ class SymbolicEquations:
     actuators: tuple[SymbolicActuator, ...] = ()
     parameters: tuple[ParameterSymbol, ...] = ()
     built_in: Mapping[str, str] = field(default_factory=dict)
+
+    def _repr_latex_(self) -> str:
+        """The equations of motion and the constraints as one formula for MathJax."""
+        to_latex = import_module("mbd_sim.symbolic.latex").to_latex  # which imports this module
+        listed = str(to_latex(self)).split("In matrix form")[0]
+        blocks = re.findall(r"\\begin\{align\*\}(.*?)\\end\{align\*\}", listed, re.DOTALL)
+        aligned = (f"\\begin{{aligned}}{block}\\end{{aligned}}" for block in blocks)
+        return "$\\displaystyle \\begin{gathered}" + r"\\[1ex]".join(aligned) + "\\end{gathered}$"
 
     @property
     def q(self) -> tuple[Any, ...]:

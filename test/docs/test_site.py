@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from test.docs.notebooks import cells
 from test.docs.site_browser import browser, visited
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -47,6 +48,19 @@ def test_pages_links_and_pictures_are_sound(site):
         [os.sys.executable, ROOT / "docs" / "check_site.py", site], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.skipif("MBD_SIM_SITE" not in os.environ, reason="only `make docs` executes the notebooks of the site")
+def test_every_plot_of_the_tutorials_is_on_the_site(site):
+    plots = 0
+    for source in sorted((ROOT / "docs" / "learn").glob("*.md")):
+        drawing = sum(
+            "plt.xlabel" in cell or "set_xlabel" in cell for cell in cells(source.read_text(encoding="utf-8"))
+        )
+        shown = (site / "learn" / f"{source.stem}.html").read_text(encoding="utf-8").count('<img alt="../_images/')
+        assert shown >= drawing, f"{source.name}: {shown} of {drawing} plots"
+        plots += drawing
+    assert plots > 12
 
 
 @pytest.mark.xdist_group("site")

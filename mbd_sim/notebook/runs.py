@@ -1,0 +1,77 @@
+"""Runs of a simulation as plots and animations that a notebook shows."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from mbd_sim.drawing.animation import Animation, traced_points
+from mbd_sim.drawing.animation_file import FRAME_RATE, write_animation
+from mbd_sim.notebook.views import embedded
+from mbd_sim.playback import run_plots
+from mbd_sim.playback.panels import panels
+from mbd_sim.playback.run_table import read_table
+from mbd_sim.recording.reader import open_recording
+from mbd_sim.recording.run_recorder import RunRecorder
+from mbd_sim.simulation.simulation import Simulation
+
+PLOT_WIDTH, ANIMATION_SIZE = 720, (600, 400)  # px
+
+
+@dataclass(frozen=True)
+class RunPicture:
+    """A picture of a run: a plot as PNG, or an animation as WebP. A notebook shows it."""
+
+    content: bytes
+    suffix: str
+    text: str
+    width: int
+
+    def save(self, path: str | Path) -> None:
+        """Write the picture to a file, which must end in `suffix`.
+
+        :raises ValueError: it does not.
+        """
+        if Path(path).suffix != self.suffix:
+            raise ValueError(f"this picture is a {self.suffix} file: use a file name that ends in {self.suffix}.")
+        Path(path).write_bytes(self.content)
+
+    def _repr_html_(self) -> str:
+        return embedded(self.content, self.suffix, self.text, self.width)
+
+
+def plot(simulation: Simulation, until: float, show: Sequence[str] = ()) -> RunPicture:
+    """Run to a time and plot what happened; see `Simulation.plot`."""
+    with tempfile.TemporaryDirectory(prefix="mbd_sim_") as folder:
+        recording, picture = Path(folder, f"{_file_name(simulation)}.mcap"), Path(folder, "run.png")
+        with RunRecorder(simulation, recording):
+            simulation.run(until)
+        table = read_table(open_recording(recording))
+        run_plots.draw(picture, table, panels(table, show))
+        content = picture.read_bytes()
+    return RunPicture(content, ".png", f"The run of {simulation.mechanism.name} to {until:g} s", PLOT_WIDTH)
+
+
+def animate(simulation: Simulation, until: float, traces: Sequence[str] = ()) -> RunPicture:
+    """Run to a time and draw the motion; see `Simulation.animate`."""
+    traced_points(simulation.mechanism, traces)  # a wrong name is reported before the run
+    begin, poses = simulation.time, [simulation.poses()]
+    times = [begin + number / FRAME_RATE for number in range(1, 1 + int((until - begin) * FRAME_RATE + 1e-9))]
+    for time in times:
+        simulation.run(time)
+        poses.append(simulation.poses())
+    simulation.run(until)
+    animation = Animation(simulation.model, *ANIMATION_SIZE, configurations=poses, traces=traces)
+    with tempfile.TemporaryDirectory(prefix="mbd_sim_") as folder:
+        path = Path(folder, "run.webp")
+        frames = (animation.frame(pose, f"t = {time:.2f} s") for time, pose in zip([begin, *times], poses, strict=True))
+        write_animation(path, frames, simulation.mechanism.name)
+        content = path.read_bytes()
+    text = f"{simulation.mechanism.name} in motion, to {until:g} s"
+    return RunPicture(content, ".webp", text, ANIMATION_SIZE[0])
+
+
+def _file_name(simulation: Simulation) -> str:
+    return simulation.mechanism.name.replace("/", "_")
