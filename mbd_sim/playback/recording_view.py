@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from mbd_sim.errors import CommandError, MbdSimError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.playback.run_table import Progress, RunTable, iterate_messages
+from mbd_sim.playback.sensor_columns import SensorMessages
 from mbd_sim.recording import cdr
 from mbd_sim.recording.reader import Recording
 from mbd_sim.recording.recomputation import SEQUENCE_MODULUS, Recomputation
@@ -52,7 +54,7 @@ def show_run(
     """
     from mbd_sim.viewer.rerun_stream import RerunStream
 
-    writer = RowWriter(recomputation.simulation.model, options.reactions)
+    writer, options = RowWriter(recomputation.simulation.model, options.reactions), replace(options, measurements=True)
     try:
         scene = describe_scene(recomputation.simulation.model, writer.layout, options)
     except ValueError as error:
@@ -60,7 +62,7 @@ def show_run(
     stream = RerunStream(scene, sink, live=False)
     notes: list[str] = []
     try:
-        sender = _RunSender(recomputation, writer, stream, rate)
+        sender = _RunSender(recomputation, writer, stream, rate, SensorMessages(recording))
         for message in iterate_messages(recording, progress, notes):
             sender.add(message)
         count = sender.finish()
@@ -73,7 +75,14 @@ def show_run(
 class _RunSender:
     """Sends recorded states and events to Rerun; the simulation only keeps the commanded inputs, and takes no steps."""
 
-    def __init__(self, recomputation: Recomputation, writer: RowWriter, stream: RerunStream, rate: float) -> None:
+    def __init__(
+        self,
+        recomputation: Recomputation,
+        writer: RowWriter,
+        stream: RerunStream,
+        rate: float,
+        sensors: SensorMessages,
+    ) -> None:
         self._recomputation, self._writer, self._stream, self._rate = recomputation, writer, stream, rate
         self._tick = recomputation.first_tick
         first_step = int(recomputation.file.metadata[RUN_METADATA].get("first_step", "0"))
@@ -82,7 +91,8 @@ class _RunSender:
         self._rows: list[Array] = []
         self._pending: tuple[Message, cdr.JointStates] | None = None  # a state whose energies may follow
         self._y = recomputation.simulation.state
-        self._count = 0
+        self._count, self._sensors = 0, sensors
+        self._measured: dict[tuple[str, str], list[tuple[float, Sequence[float]]]] = {}
 
     def add(self, message: Message) -> None:
         """Process the next message."""
@@ -97,6 +107,10 @@ class _RunSender:
             state = self._pending[0]
             if (state.time_ns, state.sequence) == (message.time_ns, message.sequence):
                 self._add_pending_state(Energies(*cdr.multi_array(message.payload).values.tolist()))
+        elif role is TopicRole.SENSORS:
+            sensor, _, values = self._sensors.read(message)
+            for quantity, numbers in values.items():
+                self._measured.setdefault((sensor, quantity), []).append((message.time_ns * 1e-9, numbers))
         elif role is not None and role in COMMANDS:
             self._add_pending_state()
             self._apply(message, role)
@@ -158,6 +172,10 @@ class _RunSender:
         if self._rows:
             self._stream.send_samples(np.array(self._rows))
             self._rows.clear()
+        for key, measurements in self._measured.items():
+            times, numbers = zip(*measurements, strict=True)
+            self._stream.send_measurements(*key, np.array(times), np.array(numbers))
+        self._measured.clear()
 
 
 def show_joint_plots(table: RunTable, sink: str, on_sent: AddressCallback = _ignore_address) -> str:

@@ -96,13 +96,20 @@ class SensorMessages:
 
         :param states: the stamps of the states before it: time in ns and sequence number.
         """
-        if (reader := self._readers.get(message.topic)) is None:
+        if message.topic not in self._readers:
             return
-        decoded = self.recording.decoded(message)
-        stamp = decoded.stamp_ns if isinstance(decoded, cdr.JointStates) else _stamp_ns(decoded)
+        sensor, stamp, values = self.read(message)
         row = len(states) - (1 if states and states[-1][0] == message.time_ns else 0)
-        found = self._found.setdefault(message.topic.rpartition("/")[2], [])
-        found.append((message.time_ns, stamp, row, reader(decoded)))
+        self._found.setdefault(sensor, []).append((message.time_ns, stamp, row, values))
+
+    def read(self, message: Message) -> tuple[str, int, Values]:
+        """The sensor of a message, the time of its sample in ns, and the values.
+
+        :raises KeyError: it is not of a sensor.
+        """
+        reader, decoded = self._readers[message.topic], self.recording.decoded(message)
+        stamp = decoded.stamp_ns if isinstance(decoded, cdr.JointStates) else _stamp_ns(decoded)
+        return message.topic.rpartition("/")[2], stamp, reader(decoded)
 
     def tables(self, start_ns: int) -> dict[str, SensorTable]:
         """The measurements by the name of the sensor; times are counted from `start_ns`."""

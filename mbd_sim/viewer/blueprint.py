@@ -138,7 +138,16 @@ def _plots(scene: SceneDescription, live: bool) -> Any:
         _plot(live, entity_paths.RESIDUAL_PJ, "Energy residual (pJ)"),
     )
     upper = [rrb.Tabs(*positions), rrb.Tabs(*velocities, *efforts, *forces)] if kinds else []
-    return rrb.Vertical(*upper, account, left_over)
+    measured = [
+        _plot(
+            live,
+            entity_paths.sensor(sensor.name, one.name),
+            f"{sensor.name}: {one.name.replace('_', ' ')} ({one.unit})",
+        )
+        for sensor in (mechanism.sensors if scene.options.measurements else ())
+        for one in sensor.quantities
+    ]
+    return rrb.Vertical(*upper, *([rrb.Tabs(*measured)] if measured else []), account, left_over)
 
 
 def _plot(live: bool, path: str, name: str) -> rrb.TimeSeriesView:

@@ -40,6 +40,11 @@ def trace(name: str) -> str:
     return f"{WORLD}/traces/{name}"
 
 
+def sensor(name: str, quantity: str) -> str:
+    """The measurements of a quantity by a sensor."""
+    return f"sensors/{name}/{quantity}"
+
+
 def kinds(joint: Joint) -> list[str]:
     """Whether each of a joint's coordinates is an angle or a displacement, in the order of `Joint.motion_names`."""
     return [ANGULAR if coordinate.rotation else LINEAR for coordinate in joint.kind.coordinates]

@@ -147,6 +147,13 @@ class _ReactionPlots:
         yield from self._series.values(np.linalg.norm(forces, axis=2))
 
 
+def sensor_series(sensor: str, quantity: str, components: int) -> Series:
+    """The components of a quantity that a sensor measures; a quaternion is in the order of ROS."""
+    names = {1: (sensor,), 3: ("x", "y", "z"), 4: ("qx", "qy", "qz", "qw")}[components]
+    colors = tuple(palette.PARTS[index % len(palette.PARTS)] for index in range(components))
+    return Series(entity_paths.sensor(sensor, quantity), names, colors, stepped=True)
+
+
 def units(entities: Sequence[str]) -> str:
     """Of entities of joints, as a list."""
     return ", ".join(entity_paths.UNITS[path] for path in entities)

@@ -20,7 +20,7 @@ from mbd_sim.viewer.event_log import LoggedEvent
 from mbd_sim.viewer.joint_entities import joint_entities
 from mbd_sim.viewer.part_entities import about, part_entities
 from mbd_sim.viewer.part_poses import PartPoses
-from mbd_sim.viewer.plot_entities import plot_entities
+from mbd_sim.viewer.plot_entities import plot_entities, sensor_series
 from mbd_sim.viewer.sample_rows import Rows
 from mbd_sim.viewer.scene_description import SceneDescription
 from mbd_sim.viewer.sinks import SinkConnection, is_live
@@ -72,6 +72,7 @@ class RerunStream:
             self._connection.close()
             raise
         self._begun = False
+        self._measured: set[str] = set()
 
     def send_samples(self, values: Array) -> None:
         """Show samples, rows (n, width) of `RowLayout` in the order of their times."""
@@ -88,6 +89,16 @@ class RerunStream:
     def send_events(self, events: Sequence[LoggedEvent]) -> None:
         """Show events."""
         for path, times, columns in event_log.columns(events):
+            self._columns(path, times, columns)
+
+    def send_measurements(self, sensor: str, quantity: str, times: Array, values: Array) -> None:
+        """Show measurements (n, components) of a sensor over the times (n,) in s at which they arrived."""
+        series = sensor_series(sensor, quantity, values.shape[1])
+        if series.path not in self._measured:
+            self._measured.add(series.path)
+            for path, style in series.style():
+                self._recording.log(path, style, static=True)
+        for path, columns in series.values(values):
             self._columns(path, times, columns)
 
     def flush(self) -> None:

@@ -31,12 +31,14 @@ class DisplayOptions:
     """The user's choice of what is shown.
 
     `traces` are points (`part` or `part.point`; None: the ends of the chains) that leave a trace for `trace_time` s of
-    simulated time; `reactions` shows the forces through the joints.
+    simulated time; `reactions` shows the forces through the joints. `measurements` shows plots of sensors, whose data
+    come with `RerunStream.send_measurements`.
     """
 
     traces: tuple[str, ...] | None = None
     trace_time: float = TRACE_TIME
     reactions: bool = False
+    measurements: bool = False
 
 
 @dataclass(frozen=True, eq=False)

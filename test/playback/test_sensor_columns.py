@@ -9,6 +9,7 @@ from mbd_sim.playback.panels import panels
 from mbd_sim.playback.run_table import read_table
 from mbd_sim.playback.table_export import columns
 from mbd_sim.recording.reader import open_recording
+from test.viewer.test_viewer import Recorded
 
 CART = """
 mechanism: measured_cart
@@ -113,6 +114,26 @@ def test_a_panel_for_each_quantity_is_interrupted_at_a_reset(run, capsys):
     out = path.with_suffix(".svg")
     main(["plot", str(path), "--out", str(out), "--show", "sensors", "--quiet"])
     assert "imu: specific force" in capsys.readouterr().out and out.stat().st_size > 10_000
+
+
+def test_rerun_shows_the_measurements_of_a_recorded_run(run):
+    path, table, _ = run
+    shown = path.with_suffix(".rrd")
+    assert main(["view", str(path), "--save", str(shown), "--quiet"]) == 0
+    recorded = Recorded(shown)
+    for sensor, quantity in (
+        ("imu", "specific_force"),
+        ("imu", "orientation"),
+        ("speed", "velocity"),
+        ("wall", "distance"),
+    ):
+        measured = table.sensors[sensor]
+        np.testing.assert_array_equal(
+            recorded.column(f"/sensors/{sensor}/{quantity}", "Scalars:scalars"), measured.quantities[quantity].values
+        )
+        times = [time for time, _ in recorded.rows[f"/sensors/{sensor}/{quantity}"]]
+        np.testing.assert_allclose(times, measured.times, atol=1e-9)
+    assert recorded.static["/sensors/imu/specific_force"]["SeriesLines:names"] == [["x", "y", "z"]]
 
 
 def test_a_run_without_sensors_has_no_such_plot(tmp_path):
