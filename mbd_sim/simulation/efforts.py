@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +32,26 @@ class EffortMap:
         """Efforts of `names`, with absolute values up to `limits` (nv,); `driven` coordinates take no effort."""
         self.names, self.limits, self._driven = tuple(names), limits, frozenset(driven)
         self._index = {name: index for index, name in enumerate(self.names)}
+        self._count = len(self.names)
+        self._bounds = np.minimum(limits, sys.float_info.max).tolist()
+
+    def within(self, efforts: Any) -> Sequence[float] | None:
+        """The efforts if they are an array, a list or a tuple of one number each, within all limits; None otherwise.
+
+        This takes a tenth of the time of `merged` and `clamped`, which say what is wrong or do what is necessary.
+        """
+        kind = type(efforts)
+        if kind is np.ndarray:
+            efforts = efforts.tolist()
+        elif kind is not list and kind is not tuple:
+            return None
+        if len(efforts) != self._count:
+            return None
+        for value, bound in zip(efforts, self._bounds):  # noqa: B905  # the check of their lengths costs more
+            if type(value) is not float or not -bound <= value <= bound:
+                return None
+        values: Sequence[float] = efforts
+        return values
 
     def merged(self, current: Array, efforts: Mapping[str, float] | Sequence[float] | Array) -> Array:
         """The efforts (nv,) after a command; those that it does not name stay as in `current`.

@@ -34,6 +34,20 @@ class KernelMemory:
         self.inputs, self.history = memory[:size], memory[size:]
         self._counter, self._step_size = np.zeros(1, dtype=np.int64), np.array([step_size])
         self._error_estimate = np.zeros(1)
+        self._time, self._readers = np.zeros(1), dict[str, tuple[Callable[..., None], Array, list[int]]]()
+
+    def read(self, name: str, size: int) -> Array:
+        """The output (size,) of a reader of the kernel at the present state; only in the thread that takes the steps."""
+        if name not in self._readers:
+            out = np.empty(size)
+            arrays = (
+                [self._time, self.y, self.inputs, out] if self._kernel.reads_inputs[name] else [self._time, self.y, out]
+            )
+            self._readers[name] = self._kernel.readers[name], out, [array.ctypes.data for array in arrays]
+        function, out, addresses = self._readers[name]
+        self._time[0] = self._counter[0] * self._step_size[0]
+        function(*addresses)
+        return out.copy()
 
     @property
     def steps(self) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.simulation.actuator_states import AnyActuatorState
 from mbd_sim.simulation.contact_records import ContactEvent, ContactObserver, ContactState
 from mbd_sim.simulation.motions import PartMotion
@@ -33,7 +33,9 @@ class Readings(RunState):
 
     def poses(self) -> Mapping[str, Pose]:
         """The pose of each part in ground's frame."""
-        return self.model.poses(self.time, self._memory.y, self._memory.inputs)
+        names = self.model.part_names
+        positions, rotations = unpack_poses(self._memory.read("poses", 12 * len(names)).reshape(-1, 12))
+        return dict(zip(names, map(Pose, positions, rotations), strict=True))
 
     @property
     def u_rates(self) -> Array:

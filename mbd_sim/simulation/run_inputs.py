@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.actuator_commands import Command, CommandMap
@@ -20,12 +20,16 @@ class RunInputs(Readings, RunReports):
     command_map: CommandMap
     wrench_map: WrenchMap
     _efforts: Array
+    _store_efforts: Callable[..., None]
 
     def set_efforts(self, efforts: Mapping[str, float] | Sequence[float] | Array) -> None:
         """Set the efforts (N or N·m) from the next step on, all in order or some by name, clamped to the effort limits.
 
         :raises CommandError: wrong length, an unknown name, or a value that is not finite; nothing is changed then.
         """
+        if self._listener is None and (values := self.effort_map.within(efforts)) is not None:
+            self._store_efforts(*values)
+            return
         new = self.effort_map.clamped(self.effort_map.merged(self._efforts, efforts))
         repeated = self._is_repeated(self._efforts, new)
         self._efforts[:] = new
