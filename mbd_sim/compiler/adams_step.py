@@ -150,8 +150,12 @@ class _AdamsStep:
         for_each(b, emitter.system.size, component)
 
     def _wait_after(self, failed: Value, taken: Value) -> None:
-        """Wait after an attempt that failed, ever longer as more of them fail."""
+        """Begin a new history after an attempt that failed, and wait, ever longer as more of them fail.
+
+        The slopes may be those of a force with a kink, of which differences of lower order see less and less.
+        """
         b, history = self._emitter.b, self._history
+        b.store(b.select(failed, number(0.0), b.load(history.count, typ=DOUBLE)), history.count)
         pause, wait = (b.load(address, typ=DOUBLE) for address in (history.pause, history.wait))
         longer = b.fadd(b.fadd(pause, pause), number(1.0))
         longer = b.select(b.fcmp_ordered("<", longer, number(LONGEST_PAUSE)), longer, number(LONGEST_PAUSE))

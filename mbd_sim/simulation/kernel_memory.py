@@ -37,12 +37,11 @@ class KernelMemory:
         self._time, self._readers = np.zeros(1), dict[str, tuple[Callable[..., None], Array, list[int]]]()
 
     def read(self, name: str, size: int) -> Array:
-        """The output (size,) of a reader of the kernel at the present state; only in the thread that takes the steps."""
+        """The output (size,) of a reader of the kernel at the present state; in the thread that takes the steps."""
         if name not in self._readers:
             out = np.empty(size)
-            arrays = (
-                [self._time, self.y, self.inputs, out] if self._kernel.reads_inputs[name] else [self._time, self.y, out]
-            )
+            given = [self.inputs] if self._kernel.reads_inputs[name] else []
+            arrays = [self._time, self.y, *given, out]
             self._readers[name] = self._kernel.readers[name], out, [array.ctypes.data for array in arrays]
         function, out, addresses = self._readers[name]
         self._time[0] = self._counter[0] * self._step_size[0]

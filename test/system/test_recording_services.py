@@ -33,9 +33,8 @@ def recomputed(path: Path) -> int:
         wrenches=json.loads(about["wrenches"]),
         live=list(json.loads(about["live"])),
     )
-    simulation.restore(
-        exact(about["start"]), int(about["first_step"]), exact(about["inputs"]), float.fromhex(about["start_energy"])
-    )
+    energy, history = float.fromhex(about["start_energy"]), exact(about.get("history", "[]"))
+    simulation.restore(exact(about["start"]), int(about["first_step"]), exact(about["inputs"]), energy, history=history)
     ticks, states = int(about["first_tick"]), 0
     for topic, sequence, content in messages:
         simulation.step(sequence - ticks)
