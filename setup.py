@@ -1,5 +1,6 @@
 """Build of the ament_python package `mbd_sim`, by colcon or by pip."""
 
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "mbd_sim"
+VERSION = re.search(r'^__version__ = "([^"]+)"', Path(NAME, "__init__.py").read_text("utf-8"), re.MULTILINE)[1]
 EXAMPLES = Path(NAME, "examples")
 START = f"{NAME}.programs:node."  # imports the module that follows; see mbd_sim/programs.py
 # Each module of an example's folder that has a main() is a program.
@@ -61,11 +63,26 @@ elif "editable_wheel" not in sys.argv:
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version=VERSION,
     description="Multibody mechanisms from a plain file, in real time on ROS 2",
     long_description=Path("README.md").read_text(encoding="utf-8"),
     long_description_content_type="text/markdown",
     license="Apache-2.0",
+    author="mbd_sim maintainers",
+    keywords=["multibody dynamics", "mechanisms", "simulation", "robotics", "ROS 2", "Lagrange", "contact"],
+    classifiers=[
+        "Development Status :: 4 - Beta",
+        "Intended Audience :: Education",
+        "Intended Audience :: Manufacturing",
+        "Intended Audience :: Science/Research",
+        "Operating System :: POSIX :: Linux",
+        "Programming Language :: Python :: 3.11",
+        "Programming Language :: Python :: 3.12",
+        "Programming Language :: Python :: 3.13",
+        "Topic :: Scientific/Engineering :: Physics",
+        "Topic :: Scientific/Engineering :: Visualization",
+        "Typing :: Typed",
+    ],
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={NAME: ["py.typed"]},
     data_files=data_files,

@@ -51,11 +51,20 @@ def test_every_shipped_mechanism_is_in_the_wheel(wheel):
     assert packed == {path.name for path in (ROOT / "config").rglob("*.yaml")}
 
 
-def test_the_version_is_the_same_everywhere():
+def test_the_version_is_the_same_everywhere(wheel):
     described = ElementTree.parse(ROOT / "package.xml").getroot()
-    setup = re.search(r'version="([^"]+)"', (ROOT / "setup.py").read_text(encoding="utf-8"))[1]
-    assert mbd_sim.__version__ == described.findtext("version") == setup
+    cited = re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)[1]
+    assert mbd_sim.__version__ == described.findtext("version") == cited
+    assert f"mbd_sim-{mbd_sim.__version__}-" in wheel.filename
     assert f"\n{mbd_sim.__version__} (" in (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8")
+
+
+def test_the_page_of_licenses_names_every_dependency():
+    named = set(re.findall(r"^\| `([\w-]+)`", (ROOT / "docs" / "licenses.md").read_text("utf-8"), re.MULTILINE))
+    required = {
+        re.match(r"[\w-]+", requirement)[0] for requirement in ast.literal_eval(setup_keyword("install_requires"))
+    }
+    assert required <= named
 
 
 def test_every_ros_package_that_is_imported_is_declared():
