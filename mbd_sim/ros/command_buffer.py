@@ -18,7 +18,7 @@ from mbd_sim.mechanism.bases import Base, Velocity
 from mbd_sim.ros.actuator_buffer import ActuatorBuffer
 from mbd_sim.ros.command_ranges import CommandRanges
 from mbd_sim.ros.joint_commands import JointCommandRouter
-from mbd_sim.ros.joint_curve import JointCurve
+from mbd_sim.ros.joint_curve import JointCurve, JointMotion
 from mbd_sim.ros.trajectory import Trajectory
 from mbd_sim.simulation.actuator_commands import CommandMap
 from mbd_sim.simulation.efforts import EffortMap
@@ -34,6 +34,14 @@ class DueEfforts(NamedTuple):
     kind: EventKind
     efforts: Array
     expired: tuple[str, ...] = ()
+
+
+class Followed(NamedTuple):
+    """A trajectory that is followed: its `number`, its `start` in s of the run, and taker and curve of each joint."""
+
+    number: int
+    start: float
+    curves: Mapping[str, tuple[str, JointCurve]]
 
 
 class CommandBuffer:
@@ -127,25 +135,60 @@ class CommandBuffer:
             self.accepted += 1
             self._slowed += commands.limited
 
-    def follow(self, trajectory: Trajectory, now_ns: int, zero_ns: int) -> None:
+    def follow(self, trajectory: Trajectory, now_ns: int, zero_ns: int) -> Followed:
         """Take a trajectory of some joints.
 
         :param now_ns: the present time of the clock of stamps, `zero_ns` that at the start of the run.
         :raises CommandError: rejected; nothing changes.
         """
+        curves = self.checked(trajectory, now_ns)
+        with self._lock:
+            self.accepted += 1
+            start = trajectory.start_ns - zero_ns if trajectory.start_ns else None
+            taken = dict(curves.values())
+            number = self._actuators.player.take(taken, start)
+        start_ns = trajectory.start_ns or now_ns
+        return Followed(number, 1e-9 * (start_ns - zero_ns), curves)
+
+    def checked(self, trajectory: Trajectory, now_ns: int) -> dict[str, tuple[str, JointCurve]]:
+        """The actuator or drive of each joint of a trajectory, and its curve.
+
+        :raises CommandError: the trajectory is rejected.
+        """
         try:
-            curves = dict[str, JointCurve]()
+            curves = dict[str, tuple[str, JointCurve]]()
             for name, curve in trajectory.curves(now_ns).items():
                 taker = self._router.positioner(name)
                 if self._actuators.ranges is not None:
                     self._actuators.ranges.require(taker, name, curve)
-                curves[taker] = curve
+                curves[name] = taker, curve
         except CommandError:
             self.rejected += 1
             raise
+        return curves
+
+    def follows(self, followed: Followed) -> bool:
+        """Whether all joints still follow a trajectory: no other command has ended it."""
         with self._lock:
-            self.accepted += 1
-            self._actuators.player.take(curves, trajectory.start_ns - zero_ns if trajectory.start_ns else None)
+            player = self._actuators.player
+            return all(player.follows(taker, followed.number) for taker, _ in followed.curves.values())
+
+    def desired(self, followed: Followed, time: float) -> dict[str, JointMotion]:
+        """The motion of each joint of a trajectory that is commanded at a time in s of the run; after it, its end."""
+        with self._lock:
+            player = self._actuators.player
+            return {
+                joint: player.motion(taker, time) or JointMotion(curve.points[-1].position)
+                for joint, (taker, curve) in followed.curves.items()
+            }
+
+    def stop(self, followed: Followed) -> None:
+        """End a trajectory; its joints are held at the positions that are commanded now."""
+        with self._lock:
+            takers = [
+                taker for taker, _ in followed.curves.values() if self._actuators.player.follows(taker, followed.number)
+            ]
+            self._actuators.take(self._actuators.merged({}), takers)
 
     def _take(
         self,

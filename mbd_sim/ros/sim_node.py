@@ -36,6 +36,7 @@ from mbd_sim.ros.simulation_services import serve_simulation_interfaces
 from mbd_sim.ros.start_values import named_starts, start_values
 from mbd_sim.ros.stepping_thread import SteppingThread
 from mbd_sim.ros.subscriptions import SUBSCRIBED, Subscriptions
+from mbd_sim.ros.trajectory_action import serve_trajectory_action
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
 
 RATES = ("publish_rate", "clock_rate", "marker_rate", "rerun_rate")
@@ -104,6 +105,9 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self._priority = parameters["real_time_priority"]
         self.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
         # The threads of a recording are new, and need their priority.
+        self.trajectory_action = None
+        if parameters["follow_joint_trajectory"]:
+            self.trajectory_action = serve_trajectory_action(self, self.stepping_thread, subscriptions.reject)
         self.run_services = RunServices(self, self.stepping_thread, parameters, self.recordings, self._prioritize)
         self.simulation_services = serve_simulation_interfaces(self, self.stepping_thread, end, frame_prefix)
 

@@ -37,6 +37,10 @@ PARAMETERS = (
         0.0, 1e6, live=True,
     ),
     ParameterSpec(
+        "follow_joint_trajectory", False,
+        "serve the action ~/follow_joint_trajectory of control_msgs, if that package is installed",
+    ),
+    ParameterSpec(
         "stamped_cmd_vel", False,
         "whether the velocities of bases on wheels, on cmd_vel, are TwistStamped instead of Twist",
     ),

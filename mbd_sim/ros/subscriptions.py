@@ -128,7 +128,7 @@ class Subscriptions:
         try:
             self.commands.by_order(message.data)
         except CommandError as error:
-            self._reject("~/commands", error)
+            self.reject("~/commands", error)
         else:
             self._on_efforts()
 
@@ -136,7 +136,7 @@ class Subscriptions:
         try:
             self.commands.by_name(message.name, message.effort, message.position, message.velocity)
         except CommandError as error:
-            self._reject(JOINT_COMMANDS, error)
+            self.reject(JOINT_COMMANDS, error)
         else:
             self._on_efforts()
 
@@ -144,15 +144,15 @@ class Subscriptions:
         try:
             self.commands.actuators_by_order(message.data)
         except CommandError as error:
-            self._reject(ACTUATORS, error)
+            self.reject(ACTUATORS, error)
         else:
             self._on_efforts()
 
     def _take_trajectory(self, message: JointTrajectory) -> None:
         try:
-            self.commands.follow(_trajectory(message), self._clock.ns, self._clock.zero_ns)
+            self.commands.follow(trajectory_of(message), self._clock.ns, self._clock.zero_ns)
         except CommandError as error:
-            self._reject(TRAJECTORY, error)
+            self.reject(TRAJECTORY, error)
         else:
             self._on_efforts()
 
@@ -162,7 +162,7 @@ class Subscriptions:
         try:
             self.commands.move(base, *vectors)
         except CommandError as error:
-            self._reject(topic, error)
+            self.reject(topic, error)
         else:
             self._on_efforts()
 
@@ -172,7 +172,7 @@ class Subscriptions:
         try:
             self.wrenches.take(part, point, message.header.frame_id, *vectors)
         except CommandError as error:
-            self._reject(topic, error)
+            self.reject(topic, error)
 
     def _take_state(self, message: JointState) -> None:
         try:
@@ -180,11 +180,12 @@ class Subscriptions:
                 raise CommandError(problem)
         except CommandError as error:
             self.states_rejected += 1
-            self._reject(SET_STATE, error)
+            self.reject(SET_STATE, error)
         else:
             self.states_accepted += 1
 
-    def _reject(self, topic: str, error: CommandError) -> None:
+    def reject(self, topic: str, error: CommandError) -> None:
+        """Report a message that has been rejected, at a bounded rate."""
         self.last_rejection = topic, error
         now = time.monotonic()
         # The logger's own throttle inspects the stack at each call.
@@ -217,7 +218,8 @@ def _state_values(message: JointState) -> StateValues:
     return StateValues(positions, speeds)
 
 
-def _trajectory(message: JointTrajectory) -> Trajectory:
+def trajectory_of(message: JointTrajectory) -> Trajectory:
+    """The trajectory of a message."""
     points = [
         TrajectoryPoint(
             nanoseconds(point.time_from_start), point.positions, point.velocities, point.accelerations, point.effort

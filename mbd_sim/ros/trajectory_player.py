@@ -17,6 +17,7 @@ class PlayedCurve(NamedTuple):
 
     curve: JointCurve
     start: int | None
+    number: int = 0  # of the trajectory, see `TrajectoryPlayer.take`
 
     def elapsed(self, now: int) -> float:
         """The time of the curve in s at `now` in ns of the run."""
@@ -36,6 +37,7 @@ class TrajectoryPlayer:
         self._index = {name: index for index, name in enumerate(command_map.names)}
         self._playing = dict[str, PlayedCurve]()
         self._waiting = dict[str, PlayedCurve]()
+        self._taken = 0
 
     @property
     def is_active(self) -> bool:
@@ -46,9 +48,26 @@ class TrajectoryPlayer:
         """Whether a trajectory of an actuator has begun and not ended."""
         return actuator in self._playing
 
-    def take(self, curves: Mapping[str, JointCurve], start: int | None) -> None:
-        """Take a trajectory of some actuators; it replaces theirs when it starts, at a time in ns of the run."""
-        self._waiting |= {name: PlayedCurve(curve, start) for name, curve in curves.items()}
+    def take(self, curves: Mapping[str, JointCurve], start: int | None) -> int:
+        """Take a trajectory of some actuators; it replaces theirs when it starts, at a time in ns of the run.
+
+        Returns its number.
+        """
+        self._taken += 1
+        self._waiting |= {name: PlayedCurve(curve, start, self._taken) for name, curve in curves.items()}
+        return self._taken
+
+    def follows(self, actuator: str, number: int) -> bool:
+        """Whether an actuator follows the trajectory with this number, or will."""
+        return any(
+            played is not None and played.number == number
+            for played in (self._playing.get(actuator), self._waiting.get(actuator))
+        )
+
+    def motion(self, actuator: str, time: float) -> JointMotion | None:
+        """The motion that is commanded at a time in s of the run; None if no trajectory has begun."""
+        played = self._playing.get(actuator)
+        return None if played is None else _motion(played, round(1e9 * time))
 
     def cancel(self, actuators: Iterable[str]) -> list[int]:
         """End the trajectories of actuators; returns the channels of the velocities that have been commanded."""
@@ -101,7 +120,7 @@ class TrajectoryPlayer:
             before = self._playing.get(name)
             motion = _motion(before, now) if before else JointMotion(float(current[self._index[f"{name}.position"]]))
             curve = waiting.curve.begun(waiting.elapsed(now), motion)
-            self._playing[name] = PlayedCurve(curve, now if waiting.start is None else waiting.start)
+            self._playing[name] = PlayedCurve(curve, now if waiting.start is None else waiting.start, waiting.number)
         return begun
 
 

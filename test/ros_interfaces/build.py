@@ -1,7 +1,7 @@
 """Message packages that the ROS wheels lack, built with the wheels' own interface generators and the system's compiler.
 
-`python -m test.ros_interfaces.build FOLDER` builds `simulation_interfaces` and `tf2_msgs` from the `.msg` and `.srv`
-files beside this module. Each package becomes one folder of Python modules with one extension module, which contains
+`python -m test.ros_interfaces.build FOLDER` builds `simulation_interfaces`, `tf2_msgs` and a part of `control_msgs` from
+the `.msg`, `.srv` and `.action` files beside this module. Each package becomes one folder of Python modules with one extension module, which contains
 everything that an installed package spreads over several libraries: the C structures, their type support for Fast DDS,
 and the conversion to and from Python. With FOLDER on PYTHONPATH a node imports the package like an installed one.
 """
@@ -28,7 +28,17 @@ PREFIX = Path(sys.prefix)
 DEPENDENCIES = {
     "simulation_interfaces": ("builtin_interfaces", "service_msgs", "std_msgs", "geometry_msgs"),
     "tf2_msgs": ("builtin_interfaces", "std_msgs", "geometry_msgs"),
+    "control_msgs": (
+        "builtin_interfaces",
+        "service_msgs",
+        "unique_identifier_msgs",
+        "action_msgs",
+        "std_msgs",
+        "geometry_msgs",
+        "trajectory_msgs",
+    ),
 }
+SUFFIXES = (".msg", ".srv", ".action")
 FAST_DDS, INTROSPECTION = "rosidl_typesupport_fastrtps_c", "rosidl_typesupport_introspection_c"
 GENERATORS = {  # what each generator's function is called, and its arguments
     "rosidl_generator_c": ("generate_c",),
@@ -51,7 +61,7 @@ def installed() -> bool:
 def is_complete(folder: Path) -> bool:
     """Whether a folder has all the interfaces: an older build may lack some."""
     words = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
-    sources = [source.relative_to(HERE) for source in HERE.glob("*/*/*.*") if source.suffix in (".msg", ".srv")]
+    sources = [source.relative_to(HERE) for source in HERE.glob("*/*/*.*") if source.suffix in SUFFIXES]
     return all((folder / source.parent / f"_{words.sub('_', source.stem).lower()}.py").exists() for source in sources)
 
 
@@ -83,9 +93,10 @@ def _build_package(package: str, dependencies: Sequence[str], work: Path, target
 
 
 def _to_idl(package: str, folder: Path) -> list[Path]:
-    """Convert `.msg` and `.srv` to IDL; returns paths relative to `folder`."""
+    """Convert `.msg`, `.srv` and `.action` to IDL; returns paths relative to `folder`."""
     adapter = importlib.import_module("rosidl_adapter")
-    sources = sorted(path.relative_to(HERE / package) for path in (HERE / package).rglob("*.[ms][sr][gv]"))
+    found = (path for path in (HERE / package).rglob("*.*") if path.suffix in SUFFIXES)
+    sources = sorted(path.relative_to(HERE / package) for path in found)
     return [adapter.convert_to_idl(HERE / package, package, source, folder).relative_to(folder) for source in sources]
 
 
@@ -182,7 +193,7 @@ def main(folder: Path) -> None:
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
         return
-    print("Building simulation_interfaces and tf2_msgs for the tests …")
+    print("Building simulation_interfaces, tf2_msgs and control_msgs for the tests …")
     with contextlib.redirect_stdout(io.StringIO()):  # the generators report each file
         build(folder)
 

@@ -1,0 +1,224 @@
+"""The action `~/follow_joint_trajectory` of control_msgs, if that package is installed."""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.task import Future
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+from mbd_sim.errors import CommandError, listed, nearest
+from mbd_sim.ros.command_buffer import Followed
+from mbd_sim.ros.joint_curve import JointMotion
+from mbd_sim.ros.stepping_thread import SteppingThread
+from mbd_sim.ros.subscriptions import nanoseconds, trajectory_of
+from mbd_sim.ros.trajectory_goal import Outcome, Tolerance, TrajectoryGoal
+from mbd_sim.simulation.joint_state_layout import joint_state_arrays, joint_state_names
+
+ACTION = "~/follow_joint_trajectory"
+PERIOD = 0.02  # s of real time between two looks at the goals
+
+
+def serve_trajectory_action(
+    node: Node, stepping_thread: SteppingThread, reject: Callable[[str, CommandError], None]
+) -> TrajectoryAction | None:
+    """Serve the action; None, which is logged, if control_msgs is not installed. `reject` reports refused goals."""
+    try:
+        actions = importlib.import_module("control_msgs.action")
+    except ImportError:
+        node.get_logger().warning(f"{ACTION} is not served: control_msgs is not installed")
+        return None
+    return TrajectoryAction(node, stepping_thread, reject, actions)
+
+
+@dataclass(eq=False)
+class _Active:
+    """A goal under way: its handle, the future of its result, and what it demands."""
+
+    handle: Any
+    result: Future
+    goal: TrajectoryGoal
+    followed: Followed
+
+
+class TrajectoryAction:
+    """Follows the trajectories of goals, with feedback, and ends them by their tolerances."""
+
+    def __init__(
+        self,
+        node: Node,
+        stepping_thread: SteppingThread,
+        reject: Callable[[str, CommandError], None],
+        actions: ModuleType,
+    ) -> None:
+        self._kind = actions.FollowJointTrajectory
+        self._stepping_thread, self._reject = stepping_thread, reject
+        self._commands, self._simulation = stepping_thread.run.commands, stepping_thread.simulation
+        self._active: list[_Active] = []
+        self._results: dict[bytes, Future] = {}
+        self._server = ActionServer(
+            node,
+            self._kind,
+            ACTION,
+            self._execute,
+            goal_callback=self._on_goal,
+            handle_accepted_callback=self._on_accepted,
+            cancel_callback=lambda handle: CancelResponse.ACCEPT,
+        )
+        node.create_timer(PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _on_goal(self, request: Any) -> GoalResponse:
+        try:
+            now = self._stepping_thread.clock.ns
+            curves = self._commands.checked(trajectory_of(request.trajectory), now)
+            try:
+                _require_joints(request, list(curves))
+            except CommandError:
+                self._commands.rejected += 1
+                raise
+        except CommandError as error:
+            self._reject(ACTION, error)
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
+
+    def _on_accepted(self, handle: Any) -> None:
+        trajectory, clock = trajectory_of(handle.request.trajectory), self._stepping_thread.clock
+        followed: list[Followed] = []
+
+        def follow() -> str:
+            try:
+                followed.append(self._commands.follow(trajectory, clock.ns, clock.zero_ns))
+            except CommandError as error:
+                return str(error)
+            return ""
+
+        problem = self._stepping_thread.between_steps(follow)
+        result = self._results[bytes(handle.goal_id.uuid)] = Future()
+        handle.execute()
+        if problem:
+            handle.abort()
+            result.set_result(self._result("INVALID_GOAL", problem))
+            return
+        request, duration = handle.request, trajectory.points[-1].time
+        late = 1e-9 * nanoseconds(request.goal_time_tolerance)
+        goal = TrajectoryGoal(
+            duration, _tolerances(request.path_tolerance), _tolerances(request.goal_tolerance), late or math.inf
+        )
+        self._active.append(_Active(handle, result, goal, followed[0]))
+
+    async def _execute(self, handle: Any) -> Any:
+        return await self._results.pop(bytes(handle.goal_id.uuid))
+
+    def _look(self) -> None:
+        """Send feedback, and end the goals that have succeeded, failed, or been canceled."""
+        if not self._active:
+            return
+        actual: dict[str, JointMotion] = {}
+        times: list[float] = []
+
+        def read() -> str:
+            simulation = self._simulation
+            y, inputs = simulation.state, simulation.inputs
+            times[:] = [1e-9 * (self._stepping_thread.clock.ns - self._stepping_thread.clock.zero_ns)]
+            position, velocity, _ = joint_state_arrays(simulation.model, simulation.time, y, inputs)
+            for name, *motion in zip(joint_state_names(simulation.model), position, velocity, strict=True):
+                actual[name] = JointMotion(*map(float, motion))
+            return ""
+
+        if self._stepping_thread.between_steps(read):
+            return
+        self._active = [active for active in self._active if not self._ended(active, times[0], actual)]
+
+    def _ended(self, active: _Active, time: float, actual: Mapping[str, JointMotion]) -> bool:
+        """Whether a goal has ended at a time in s of the run."""
+        elapsed, handle = time - active.followed.start, active.handle
+        if handle.is_cancel_requested:
+            self._commands.stop(active.followed)
+            handle.canceled()
+            active.result.set_result(self._result("SUCCESSFUL", "canceled; the joints are held where they were sent"))
+            return True
+        if elapsed < active.goal.duration and not self._commands.follows(active.followed):
+            handle.abort()
+            active.result.set_result(self._result("INVALID_GOAL", "ended by another command, another goal or a reset"))
+            return True
+        desired = self._commands.desired(active.followed, time)
+        deviations = {
+            name: JointMotion(actual[name].position - wanted.position, actual[name].velocity - wanted.velocity)
+            for name, wanted in desired.items()
+        }
+        self._publish_feedback(handle, elapsed, desired, actual, deviations)
+        if elapsed < 0.0 or (verdict := active.goal.verdict(elapsed, deviations)) is None:
+            return False
+        match verdict.outcome:
+            case Outcome.SUCCEEDED:
+                handle.succeed()
+                code = "SUCCESSFUL"
+            case Outcome.LEFT_PATH:
+                self._commands.stop(active.followed)
+                handle.abort()
+                code = "PATH_TOLERANCE_VIOLATED"
+            case Outcome.MISSED_GOAL:
+                handle.abort()
+                code = "GOAL_TOLERANCE_VIOLATED"
+        active.result.set_result(self._result(code, verdict.text))
+        return True
+
+    def _publish_feedback(
+        self,
+        handle: Any,
+        elapsed: float,
+        desired: Mapping[str, JointMotion],
+        actual: Mapping[str, JointMotion],
+        deviations: Mapping[str, JointMotion],
+    ) -> None:
+        feedback = self._kind.Feedback(joint_names=list(desired))
+        now = self._stepping_thread.clock.ns
+        feedback.header.stamp.sec, feedback.header.stamp.nanosec = divmod(now, 1_000_000_000)
+        for key, motions in (("desired", desired), ("actual", actual), ("error", deviations)):
+            chosen = [motions[name] for name in desired]
+            point = JointTrajectoryPoint(
+                positions=[motion.position for motion in chosen], velocities=[motion.velocity for motion in chosen]
+            )
+            elapsed_ns = max(0, round(1e9 * elapsed))
+            point.time_from_start.sec, point.time_from_start.nanosec = divmod(elapsed_ns, 1_000_000_000)
+            setattr(feedback, key, point)
+        handle.publish_feedback(feedback)
+
+    def _result(self, code: str, text: str) -> Any:
+        return self._kind.Result(error_code=getattr(self._kind.Result, code), error_string=text)
+
+
+def _tolerances(messages: Any) -> dict[str, Tolerance]:
+    """The tolerances of joints; 0 and -1 stand for none."""
+    return {
+        message.name: Tolerance(*(value if value > 0.0 else math.inf for value in (message.position, message.velocity)))
+        for message in messages
+    }
+
+
+def _require_joints(request: Any, joints: list[str]) -> None:
+    """Refuse goals with tolerances or motions that cannot be followed.
+
+    :raises CommandError: it names them.
+    """
+    if request.multi_dof_trajectory.points or request.multi_dof_trajectory.joint_names:
+        raise CommandError("it has a trajectory of joints with several degrees of freedom. Leave it empty.")
+    if request.component_path_tolerance or request.component_goal_tolerance:
+        raise CommandError("it has tolerances of components, which no joint here has. Leave them empty.")
+    for message in (*request.path_tolerance, *request.goal_tolerance):
+        if message.name not in joints:
+            remedy = nearest(message.name, joints)
+            raise CommandError(f"its tolerance names '{message.name}', which it does not move. {remedy}")
+        numbers = (message.position, message.velocity, message.acceleration)
+        if not all(map(math.isfinite, numbers)):
+            raise CommandError(f"a tolerance of '{message.name}' is not finite. Give -1 for any deviation.")
+        if message.acceleration > 0.0:
+            raise CommandError(f"accelerations are not watched, as for {listed([message.name])}. Leave them at zero.")

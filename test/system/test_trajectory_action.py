@@ -1,0 +1,116 @@
+"""The action FollowJointTrajectory: goals, refusals, feedback, tolerances and cancellation, from another participant."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from builtin_interfaces.msg import Duration
+from rclpy.action import ActionClient
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from test.system.nodes import Listener, SimNodeProcess, running
+from test.system.test_optional_interfaces import packages, variables  # noqa: F401
+
+LIFT = """
+mechanism: lift
+parts: {table: {mass: 2}, arm: {mass: 1, inertia: [0.1, 0.1, 0.1]}}
+joints:
+  rail: {type: prismatic, between: [ground, table], axis: [0, 0, 1], drive: {command: position, bandwidth: 60}}
+  hinge: {type: revolute, between: [table, arm], axis: [0, 0, 1], limits: {lower: -1, upper: 1}}
+actuators:
+  motor: {type: effort, joint: hinge, effort_limit: 0.5, servo: {controls: position, kp: 40, kd: 4}}
+"""
+SUCCEEDED, CANCELED, ABORTED = 4, 5, 6  # of action_msgs/GoalStatus
+
+
+def goal(kind: Any, *points: tuple[float, list[float]], joints: tuple[str, ...] = ("rail",), **fields: Any) -> Any:
+    trajectory = JointTrajectory(joint_names=list(joints))
+    for time, positions in points:
+        stamp = Duration(sec=int(time), nanosec=round(1e9 * (time % 1.0)))
+        still = [0.0] * len(positions)
+        trajectory.points.append(JointTrajectoryPoint(positions=positions, velocities=still, time_from_start=stamp))
+    return kind.Goal(trajectory=trajectory, **fields)
+
+
+class Client:
+    """Sends goals to the node, and keeps the feedback."""
+
+    def __init__(self, listener: Listener) -> None:
+        from control_msgs.action import FollowJointTrajectory
+
+        self.kind, self.listener, self.feedback = FollowJointTrajectory, listener, list[Any]()
+        self._client = ActionClient(listener.node, FollowJointTrajectory, "sim_node/follow_joint_trajectory")
+        listener.until(self._client.server_is_ready, "the action")
+
+    def send(self, *points: tuple[float, list[float]], **fields: Any) -> Any:
+        self.feedback.clear()
+        request = goal(self.kind, *points, **fields)
+        return self.wait(
+            self._client.send_goal_async(request, feedback_callback=lambda m: self.feedback.append(m.feedback))
+        )
+
+    def result(self, handle: Any) -> tuple[int, Any]:
+        answer = self.wait(handle.get_result_async())
+        return answer.status, answer.result
+
+    def wait(self, future: Any) -> Any:
+        self.listener.until(future.done, "the answer")
+        return future.result()
+
+
+@contextlib.contextmanager
+def serving(folder: Path, variables: dict[str, str]) -> Iterator[tuple[SimNodeProcess, Client]]:  # noqa: F811
+    (folder / "lift.yaml").write_text(LIFT, encoding="utf-8")
+    options = {"mechanism": str(folder / "lift.yaml"), "follow_joint_trajectory": True, "real_time_factor": 2.0}
+    with running(folder, variables=variables, **options) as (process, listener):
+        yield process, Client(listener)
+
+
+def test_goals_succeed_fail_are_refused_replaced_and_canceled(tmp_path: Path, variables: dict[str, str]) -> None:  # noqa: F811
+    with serving(tmp_path, variables) as (process, client):
+        from control_msgs.msg import JointTolerance
+
+        result, listener = client.kind.Result, client.listener
+        handle = client.send((1.0, [0.5]), goal_tolerance=[JointTolerance(name="rail", position=1e-3)])
+        assert handle.accepted
+        status, answer = client.result(handle)
+        assert (status, answer.error_code) == (SUCCEEDED, result.SUCCESSFUL)
+        listener.until(lambda: abs(listener.states[-1].position[1] - 0.5) < 1e-3, "the state")
+        assert client.feedback  # rclpy's client drops what arrives after the result
+        for seen in client.feedback:
+            assert seen.joint_names == ["rail"] and 0.0 <= seen.desired.positions[0] <= 0.5
+            assert seen.error.positions[0] == pytest.approx(seen.actual.positions[0] - seen.desired.positions[0])
+        assert client.feedback[-1].actual.positions[0] > 0.3
+        for points, joints in (([(1.0, [2.0])], "hinge"), ([(1.0, [0.5])], "rial"), ([], "rail")):
+            assert not client.send(*points, joints=(joints,)).accepted
+        listener.until(lambda: "beyond the limits of the joint" in process.text, "the reason of the first refusal")
+        wrong = [JointTolerance(name="hinge", position=1.0)]
+        assert not client.send((1.0, [0.5]), path_tolerance=wrong).accepted
+        # The weak motor of the hinge cannot follow.
+        tight = [JointTolerance(name="hinge", position=0.05)]
+        handle = client.send((0.2, [1.0]), joints=("hinge",), path_tolerance=tight)
+        status, answer = client.result(handle)
+        assert (status, answer.error_code) == (ABORTED, result.PATH_TOLERANCE_VIOLATED)
+        assert "the position of 'hinge' is" in answer.error_string
+        first = client.send((60.0, [0.0]))
+        second = client.send((60.0, [0.1]))
+        assert client.result(first)[0] == ABORTED
+        listener.until(lambda: listener.states[-1].position[1] < 0.4995, "the motion of the second goal")
+        client.wait(second.cancel_goal_async())
+        assert client.result(second)[0] == CANCELED
+        listener.until(lambda: abs(listener.states[-1].velocity[1]) < 1e-9, "the rest")
+        assert 0.1 < listener.states[-1].position[1] < 0.4995
+
+
+def test_without_the_package_the_node_says_once_that_the_action_is_not_served(tmp_path: Path) -> None:
+    pytest.importorskip("rclpy")
+    with running(tmp_path, follow_joint_trajectory=True) as (process, listener):
+        listener.until(
+            lambda: "~/follow_joint_trajectory is not served: control_msgs is not installed" in process.text, "it"
+        )
+        listener.spin(0.3)
+        assert process.text.count("is not served") == 1
