@@ -104,12 +104,17 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self.diagnostics = Diagnostics(self, self.stepping_thread, subscriptions, self.publishing_thread)
         self._priority = parameters["real_time_priority"]
         self.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._serve(end)
+
+    def _serve(self, end: Callable[[], None]) -> None:
+        """Offer the services, and the action, that control the run from outside."""
+        thread, parameters = self.stepping_thread, self.parameters
         # The threads of a recording are new, and need their priority.
+        self.run_services = RunServices(self, thread, parameters, self.recordings, self._prioritize)
+        self.simulation_services = serve_simulation_interfaces(self, thread, end, parameters["frame_prefix"])
         self.trajectory_action = None
         if parameters["follow_joint_trajectory"]:
-            self.trajectory_action = serve_trajectory_action(self, self.stepping_thread, subscriptions.reject)
-        self.run_services = RunServices(self, self.stepping_thread, parameters, self.recordings, self._prioritize)
-        self.simulation_services = serve_simulation_interfaces(self, self.stepping_thread, end, frame_prefix)
+            self.trajectory_action = serve_trajectory_action(self, thread, self.subscribed.reject)
 
     def start(self) -> None:
         """Start to record, to publish and to step; first the nodes that follow."""
