@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING
 
 from mbd_sim.errors import few_suggestions
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.mechanism.source import Source
-from mbd_sim.mechanism_file.builders.mechanism_builder import build
+from mbd_sim.mechanism_cache import cached_mechanism
+from mbd_sim.mechanism_file.file_limits import read_text
 from mbd_sim.mechanism_file.library import find
-from mbd_sim.mechanism_file.repetition import expanded
-from mbd_sim.mechanism_file.validation import validate
-from mbd_sim.mechanism_file.yaml_reader import parse_source, read_text
 
 if TYPE_CHECKING:
+    from mbd_sim.mechanism.source import Source
     from mbd_sim.urdf.robot_reader import Base
 
 
@@ -36,6 +34,14 @@ def parse_mechanism(text: str, file: str = "<text>", base: Base | None = None) -
     :param base: see `load_mechanism`.
     :raises MechanismError: see `load_mechanism`.
     """
+    return cached_mechanism(text, file, base, lambda: _parsed(text, file, base))
+
+
+def _parsed(text: str, file: str, base: Base | None) -> Mechanism:
+    # Imported here because the schema takes most of the time of a start, and is not needed for a file read before.
+    from mbd_sim.mechanism_file.builders.mechanism_builder import build
+    from mbd_sim.mechanism_file.validation import validate
+
     with few_suggestions():
         source = _source(text, file, base)
         records, parameters = validate(source)
@@ -50,6 +56,9 @@ def _source(text: str, file: str, base: Base | None) -> Source:
 
         if is_xml(text):
             return urdf_source(text, file, base)
+    from mbd_sim.mechanism_file.repetition import expanded
+    from mbd_sim.mechanism_file.yaml_reader import parse_source
+
     source = expanded(parse_source(text, file))
     if base is None and not (isinstance(source.data, dict) and {"urdf", "base"} & source.data.keys()):
         return source

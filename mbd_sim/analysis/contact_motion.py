@@ -43,14 +43,6 @@ class ContactDerivatives:
     slopes: Array
 
 
-def has_contact(equations: Equations, inputs: Array) -> bool:
-    """Whether something is closed, sticks or slides."""
-    if equations.contact is None:
-        return False
-    modes = inputs[equations.inputs.contact][equations.contact.contacts.layout.modes]
-    return bool(np.any(modes[: equations.contact.contacts.layout.signs.start] != 0.0))
-
-
 class ContactMotion:
     """The motion of a mechanism with one-sided elements in given modes."""
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from mbd_sim.analysis.contact_motion import ContactMotion, has_contact
+from mbd_sim.analysis.contact_motion import ContactMotion
 from mbd_sim.dynamics.actuator_functions import MOTOR_READINGS
 from mbd_sim.dynamics.assembly import null_space
 from mbd_sim.dynamics.dynamics_terms import tree_efforts
@@ -81,7 +81,7 @@ class InverseDynamics:
             self._equations = derive(self.mechanism)
         if inputs is None:
             inputs = self._equations.inputs_without_commands if self._equations else np.zeros(self._input_size)
-        if self._equations is not None and has_contact(self._equations, inputs):
+        if self._equations is not None and self._equations.has_contact(inputs):
             return self._in_contact(q, u, np.asarray(u_rates, dtype=float), t, inputs)
         efforts = np.array(self._tree(q, u, u_rates, t, inputs[: self._input_size]), dtype=float).ravel()
         if self._direct:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from mbd_sim.analysis.contact_motion import ContactMotion, has_contact
+from mbd_sim.analysis.contact_motion import ContactMotion
 from mbd_sim.dynamics.assembly import null_space
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.dynamics.equations import Equations
@@ -90,7 +90,7 @@ def linearize(
     s = equations.start_state[nq + nv : equations.core.stop] if states is None else states
     constraints = equations.constraints.with_values(given[equations.inputs.values])
     gradient, holonomic = constraints.gradient(t, q), constraints.holonomic
-    if has_contact(equations, given):
+    if equations.has_contact(given):
         motion = ContactMotion(equations).at(t, q, u, s, given)
         by_state, by_inputs, n = motion.by_state, motion.by_inputs, motion.n
         gradient = np.vstack([gradient, motion.gradient])

@@ -5,22 +5,17 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias, cast
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 import casadi as ca
 
 from mbd_sim.compiler.adams_step import adams_step
 from mbd_sim.compiler.fastcall import callable_of, emit_call
-from mbd_sim.compiler.gauss_step import gauss_step
-from mbd_sim.compiler.guarded_system import OneSidedSystem, emit_guarded
 from mbd_sim.compiler.instruction_list import Instructions
 from mbd_sim.compiler.ir import Module
-from mbd_sim.compiler.linearized_system import linearize_rates
 from mbd_sim.compiler.lowering import instruction_count, lower
 from mbd_sim.compiler.machine_code import MachineCode, compile_module, new_module
 from mbd_sim.compiler.readers import export, reader
-from mbd_sim.compiler.rosenbrock_step import rosenbrock_step
-from mbd_sim.compiler.rosenbrock_w_step import rosenbrock_w_step
 from mbd_sim.compiler.runge_kutta_step import explicit_step
 from mbd_sim.compiler.samples import emit_samples
 from mbd_sim.compiler.schedule import arranged
@@ -31,6 +26,9 @@ from mbd_sim.integrators.between_steps import BetweenSteps
 from mbd_sim.integrators.gauss import Gauss
 from mbd_sim.integrators.methods import Method
 from mbd_sim.integrators.rosenbrock import Rosenbrock
+
+if TYPE_CHECKING:
+    from mbd_sim.compiler.guarded_system import OneSidedSystem
 
 INLINED = 2200  # instructions of all stages together up to which the rates are inlined into the stepping loop
 # Instructions of the rates up to which the arrays of a step are kept in registers: that saves up to 40 % of a step.
@@ -112,6 +110,8 @@ def compile_kernel(
     if one_sided is None:
         advance = emit_advance(module, system, prepare)
     else:
+        from mbd_sim.compiler.guarded_system import emit_guarded
+
         advance = emit_guarded(module, system, program, prepare, one_sided)
     emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
     for name, function in readers.items():
@@ -168,13 +168,21 @@ def emit_system(
 
 
 def _step_of(method: Method, rates: ca.Function, core: slice, partial_system: PartialSystem | None) -> Prepare:
+    # What few mechanisms need is imported only for these.
     if isinstance(method, Rosenbrock) and method.joints_only:
+        from mbd_sim.compiler.rosenbrock_w_step import rosenbrock_w_step
+
         if partial_system is None:
             raise ValueError(f"method {method.name} needs a partial system")
         return rosenbrock_w_step(method, *partial_system)
     if isinstance(method, Rosenbrock):
+        from mbd_sim.compiler.linearized_system import linearize_rates
+        from mbd_sim.compiler.rosenbrock_step import rosenbrock_step
+
         return rosenbrock_step(method, linearize_rates(rates, core))
     if isinstance(method, Gauss):
+        from mbd_sim.compiler.gauss_step import gauss_step
+
         return gauss_step(method)
     if isinstance(method, Adams):
         return adams_step(method)

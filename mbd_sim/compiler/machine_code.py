@@ -8,7 +8,7 @@ from typing import Any
 import llvmlite
 import llvmlite.binding as llvm
 
-from mbd_sim.compiler import kernel_cache
+from mbd_sim import disk_cache
 from mbd_sim.compiler.ir import Module
 from mbd_sim.compiler.object_code import PASSES, object_code, target_machine
 
@@ -37,11 +37,11 @@ def compile_module(module: Module) -> MachineCode:
     cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
     text = str(module)
     compiler = ".".join(map(str, llvm.llvm_version_info)), llvmlite.__version__, f"{' '.join(PASSES[LEVEL])}, O{LEVEL}"
-    name = kernel_cache.key(text, cpu, features, *compiler)
-    code = kernel_cache.load(name)
+    name = disk_cache.key(text, cpu, features, *compiler)
+    code = disk_cache.load(name)
     if code is None:
         code = _compiled(text, cpu, features)
-        kernel_cache.store(name, code)
+        disk_cache.store(name, code)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine(cpu, features, LEVEL))
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()

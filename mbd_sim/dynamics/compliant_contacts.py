@@ -83,10 +83,8 @@ class CushionFunctions:
     directions: tuple[int, ...]
 
 
-def cushion_functions(inputs: list[ca.SX], cushions: Sequence[AppliedCushion]) -> CushionFunctions | None:
-    """The functions of compliant contacts; None without any."""
-    if not cushions:
-        return None
+def cushion_functions(inputs: list[ca.SX], cushions: Sequence[AppliedCushion]) -> CushionFunctions:
+    """The functions of compliant contacts."""
     places = ca.horzcat(*[cushion.place for cushion in cushions])
     readings = ca.vertcat(*[cushion.reading for cushion in cushions])
     return CushionFunctions(

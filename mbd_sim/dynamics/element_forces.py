@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import assert_never, cast
+from typing import TYPE_CHECKING, assert_never, cast
 
 import casadi as ca
 import numpy as np
 
 from mbd_sim.dynamics.applied_wrenches import AppliedWrenches
 from mbd_sim.dynamics.bushing_forces import apply_bushing
-from mbd_sim.dynamics.compliant_contacts import AppliedCushion, apply_cushion
-from mbd_sim.dynamics.contact_equations import still_axis
 from mbd_sim.dynamics.input_layout import ExternalWrench
 from mbd_sim.dynamics.kinematics import LinkMotion, SymbolicPose
 from mbd_sim.dynamics.law_expressions import elastic, power_law
@@ -26,6 +24,9 @@ from mbd_sim.mechanism.contacts import Cushion
 from mbd_sim.mechanism.force_elements import AppliedForce, Damper, Spring, TwoPointElement
 from mbd_sim.mechanism.laws import Expressed, GreenStrain, Linear, Piecewise, Varying
 from mbd_sim.mechanism.records import Attachment, Mechanism
+
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.compliant_contacts import AppliedCushion
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +58,7 @@ def element_forces(
     applied = AppliedWrenches(links, motions, poses)
     potential = applied_power = dissipated = ca.SX(1, 1)
     power = PowerSplit()
-    lengths, rates, cushions = list[ca.SX](), list[ca.SX](), list[AppliedCushion]()
+    lengths, rates = list[ca.SX](), list[ca.SX]()
     for element in mechanism.two_point_elements:
         length, rate, energy, loss = _apply_between_points(applied, element, state, power)
         lengths.append(length)
@@ -70,12 +71,10 @@ def element_forces(
         energy, loss = apply_bushing(applied, bushing)
         potential += energy
         dissipated += loss
-    for contact in mechanism.contacts:
-        if isinstance(contact.law, Cushion):
-            cushion = apply_cushion(applied, contact, contact.law, still_axis(poses))
-            potential += cushion.potential
-            dissipated += cushion.loss
-            cushions.append(cushion)
+    cushions = _apply_cushions(applied, mechanism, poses)
+    for cushion in cushions:
+        potential += cushion.potential
+        dissipated += cushion.loss
     for force in mechanism.applied:
         power.add(force.vector, _apply_force(applied, force, state))
     applied_power += power.applied
@@ -83,6 +82,21 @@ def element_forces(
     applied_power += sum((_apply_external(applied, part, wrench) for part, wrench in external.items()), ca.SX(1, 1))
     wrenches = [ca.sparsify(wrench) for wrench in applied.wrenches]
     return ElementForces(wrenches, _column(lengths), _column(rates), potential, applied_power, dissipated, cushions)
+
+
+def _apply_cushions(
+    applied: AppliedWrenches, mechanism: Mechanism, poses: Sequence[SymbolicPose]
+) -> list[AppliedCushion]:
+    if not mechanism.contacts:
+        return []
+    from mbd_sim.dynamics.compliant_contacts import apply_cushion
+    from mbd_sim.dynamics.contact_equations import still_axis
+
+    return [
+        apply_cushion(applied, contact, contact.law, still_axis(poses))
+        for contact in mechanism.contacts
+        if isinstance(contact.law, Cushion)
+    ]
 
 
 def _column(values: Sequence[ca.SX]) -> ca.SX:

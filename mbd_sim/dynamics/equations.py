@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -29,12 +30,9 @@ from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
 from mbd_sim.dynamics.assembly_errors import undefined_constraints
 from mbd_sim.dynamics.body_symbols import flat_pose
 from mbd_sim.dynamics.cam_check import require_followable_cams
-from mbd_sim.dynamics.compliant_contacts import CushionFunctions, cushion_functions
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.dynamics.constraint_rows import ConstraintRow
-from mbd_sim.dynamics.contact_equations import contact_equations, with_contact_inputs
-from mbd_sim.dynamics.contact_functions import ContactDynamics, ContactFunctions
 from mbd_sim.dynamics.distant_springs import DistantSprings, distant_springs
 from mbd_sim.dynamics.drive_commands import hold_drives
 from mbd_sim.dynamics.energy import AUDIT_STATES, gravitational_potential
@@ -54,6 +52,10 @@ from mbd_sim.dynamics.undefined_forces import StartOfForces, require_defined_for
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.one_sided import has_one_sided
 from mbd_sim.mechanism.records import Mechanism
+
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.compliant_contacts import CushionFunctions
+    from mbd_sim.dynamics.contact_functions import ContactFunctions
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,6 +131,14 @@ class Equations:
         """Where the states of actuators are in y; empty without actuators."""
         return ActuatorLayout() if self.actuators is None else self.actuators.layout
 
+    def has_contact(self, inputs: Array) -> bool:
+        """Whether something is closed, sticks or slides."""
+        if self.contact is None:
+            return False
+        layout = self.contact.contacts.layout
+        modes = inputs[self.inputs.contact][layout.modes]
+        return bool(np.any(modes[: layout.signs.start] != 0.0))
+
     def hold(self, mechanism: Mechanism, y: Array, inputs: Array) -> None:
         """Set states and commands of actuators and drives in place to those before the first command.
 
@@ -172,8 +182,12 @@ def derive(
     require_smooth(mechanism)
     require_followable_cams(mechanism)
     traced = trace(mechanism, loaded, parameters, step)
-    contacts = contact_equations(traced) if has_one_sided(mechanism) else None
-    if contacts is not None:
+    contacts = None
+    if has_one_sided(mechanism):
+        # Contacts are imported only where they are needed: their modules take a fifth of the time of a start.
+        from mbd_sim.dynamics.contact_equations import contact_equations, with_contact_inputs
+
+        contacts = contact_equations(traced)
         traced = with_contact_inputs(traced, contacts)
     assembly = assemble(traced)
     forces = applied_forces(traced)
@@ -190,6 +204,8 @@ def derive(
     y_rates = ca.vertcat(traced.state.q_rates, motion.u_rates, forces.actuators.rates, audit)
     contact = None
     if contacts is not None:
+        from mbd_sim.dynamics.contact_functions import ContactDynamics
+
         dynamics = ContactDynamics(traced, mass_matrix, constraints, solver, forces, contacts, assembly.functions.size)
         contact, motion = dynamics.functions(), dynamics.motion(contacts.given_forces)
     linearized = partial(joint_linearization, traced, constraints, scales, assembly.dependent, forces)
@@ -290,9 +306,17 @@ def _packaged(
         core=traced.core,
         step=traced.step,
         contact=contact,
-        cushions=cushion_functions(with_inputs, forces.elements.cushions),
+        cushions=_cushions(with_inputs, forces),
         actuators=actuators,
     )
+
+
+def _cushions(inputs: list[ca.SX], forces: AppliedForces) -> CushionFunctions | None:
+    if not forces.elements.cushions:
+        return None
+    from mbd_sim.dynamics.compliant_contacts import cushion_functions
+
+    return cushion_functions(inputs, forces.elements.cushions)
 
 
 def _reactions(traced: TracedMechanism, assembly: Assembly, motion: ConstrainedMotion, multipliers: ca.SX) -> ca.SX:

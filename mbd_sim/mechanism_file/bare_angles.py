@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from typing import Any
 
 from mbd_sim.mechanism.source import Location, Source, dotted
-from mbd_sim.mechanism_file.json_schema import unit_at
 
 SECTIONS = ("ground", "parts", "joints", "constraints", "contacts", "forces", "actuators")
 
@@ -20,8 +19,14 @@ def large_bare_angles(source: Source) -> list[tuple[str, float]]:
     return [
         (dotted(location), float(value))
         for location, value in numbers
-        if abs(value) > 2.0 * math.pi and location in source.lines and unit_at(source.data, location) == "rad"
+        if abs(value) > 2.0 * math.pi and location in source.lines and _unit(source, location) == "rad"
     ]
+
+
+def _unit(source: Source, location: Location) -> str:
+    from mbd_sim.mechanism_file.json_schema import unit_at  # with the schema, which few files need here
+
+    return unit_at(source.data, location)
 
 
 def _numbers(value: Any, location: Location) -> Iterator[tuple[Location, float]]:

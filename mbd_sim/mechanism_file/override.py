@@ -6,18 +6,15 @@ import fnmatch
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
-
-from pydantic import BaseModel
+from typing import TYPE_CHECKING, Any
 
 from mbd_sim.errors import InputError, MechanismError, Problem, nearest
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.source import Location, Source, dotted
-from mbd_sim.mechanism_file.builders.mechanism_builder import build
-from mbd_sim.mechanism_file.repetition import expanded
-from mbd_sim.mechanism_file.schema.base_schema import FORMER_KEYS, as_written
-from mbd_sim.mechanism_file.schema.file_schema import MechanismFile
-from mbd_sim.mechanism_file.validation import validate
+from mbd_sim.mechanism_file.former_keys import FORMER_KEYS, as_written
+
+if TYPE_CHECKING:
+    from mbd_sim.mechanism_file.schema.file_schema import MechanismFile
 
 _STEP = re.compile(r"\.?(?:'([^']+)'|([^.\[\]']+))|\[(\d+)\]")
 _SECTIONS = (
@@ -67,8 +64,16 @@ def with_values(mechanism: Mechanism, changes: Mapping[str, Any]) -> Mechanism:
     if problems:
         raise MechanismError(problems)
     source = replace(source, data=data, changed=True, changes={**source.changes, **changes})
-    file, parameters = validate(source)
-    return build(file, parameters, source)
+    from mbd_sim.mechanism_file.builders.mechanism_builder import build
+
+    return build(*_validated(source), source)
+
+
+def _validated(source: Source) -> tuple[MechanismFile, dict[str, float]]:
+    # Imported here because the schema takes most of the time of a start, and most runs change nothing.
+    from mbd_sim.mechanism_file.validation import validate
+
+    return validate(source)
 
 
 def _plain(value: Any) -> Any:
@@ -101,6 +106,8 @@ def _repeated_again(mechanism: Mechanism, changes: Mapping[str, Any]) -> Source:
         location = location_of(mechanism, name)
         if location[0] in ("parameters", "functions"):
             data = _replaced(data, location, value)
+    from mbd_sim.mechanism_file.repetition import expanded
+
     again = expanded(Source(data, source.template_lines, source.file, source.text))
     again.changes = every
     return again
@@ -140,7 +147,7 @@ def values_of(mechanism: Mechanism, keys: Collection[str]) -> dict[str, float | 
     """`value_of` for several keys; the file is validated once."""
     if not keys:
         return {}
-    file, _ = validate(mechanism.source)
+    file, _ = _validated(mechanism.source)
     return {key: _value_in(file, mechanism, key) for key in keys}
 
 
@@ -159,7 +166,7 @@ def _value_in(file: MechanismFile, mechanism: Mechanism, key: str) -> float | No
 
 def matching(mechanism: Mechanism, patterns: Collection[str]) -> list[str]:
     """The keys of the file's numbers that match any of the patterns, such as `joints.*.damping`, in its order."""
-    file, _ = validate(mechanism.source)
+    file, _ = _validated(mechanism.source)
     keys = [f"parameters.{name}" for name in mechanism.parameters]
     keys += [dotted(location) for location in _numbers(file, ()) if location[0] != "parameters"]
     wanted = [_current_spelling(pattern).replace("[", "[[]") for pattern in patterns]
@@ -177,7 +184,7 @@ def _problem(mechanism: Mechanism, key: str, error: InputError) -> Problem:
 
 def _numbers(data: Any, location: Location) -> Iterator[Location]:
     """The locations of numbers; those inside expressions of time are not keys of the file."""
-    if isinstance(data, Mapping | BaseModel):
+    if isinstance(data, Mapping) or hasattr(type(data), "model_fields"):
         for key, value in data.items() if isinstance(data, Mapping) else data:
             yield from _numbers(value, (*location, key))
     elif isinstance(data, list | tuple):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import Any
 
 import yaml
@@ -13,27 +12,6 @@ from mbd_sim.mechanism.source import Location, Source, dotted
 from mbd_sim.mechanism_file.file_limits import MAX_BYTES, MAX_DEPTH, MAX_VALUES, file_error
 from mbd_sim.mechanism_file.yaml_nodes import YamlNode, compose
 from mbd_sim.mechanism_file.yaml_scalars import UNPRINTABLE, plain_scalar
-
-
-def read_text(path: Path) -> str:
-    """The text of a file.
-
-    :raises MechanismError: the file cannot be read, is too large, or is not UTF-8.
-    """
-    try:
-        with path.open("rb") as stream:
-            raw = stream.read(MAX_BYTES + 1)
-        if len(raw) > MAX_BYTES:
-            raise file_error(
-                str(path), 1, f"the file is larger than {MAX_BYTES} bytes", "A mechanism file normally has a few kB."
-            )
-        text = raw.decode("utf-8")
-    except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        raise file_error(str(path), line, f"not UTF-8 text: {error.reason}", "Save the file as UTF-8.") from error
-    except OSError as error:
-        raise file_error(str(path), 0, f"cannot read the file: {error.strerror}", "Check its permissions.") from error
-    return text
 
 
 def parse_source(text: str, file: str = "<text>") -> Source:

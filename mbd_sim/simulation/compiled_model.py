@@ -22,8 +22,6 @@ from mbd_sim.integrators.between_steps import BetweenSteps
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.actuated_model import ActuatedModel
-from mbd_sim.simulation.contact_system import one_sided_system
-from mbd_sim.simulation.contact_terms import ContactModel
 from mbd_sim.simulation.contacting_model import ContactingModel
 from mbd_sim.simulation.method_choice import (
     MethodChoice,
@@ -37,6 +35,7 @@ from mbd_sim.simulation.state_records import Energies, Reaction, Violation
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.load_sharing import LoadSharing
+    from mbd_sim.simulation.contact_terms import ContactModel
 
 UNKNOWN_ENERGY = (
     "the energy balance is unknown: at this elongation the potential of a spring with 'force' is not computed "
@@ -82,6 +81,11 @@ class Model(ActuatedModel, ContactingModel):
             readers["actuators"] = actuators.readings
         joints_only = isinstance(self.method, Rosenbrock) and self.method.joints_only
         partial_system = equations.joint_linearization()[:2] if joints_only else None
+        one_sided = None
+        if equations.contact is not None:
+            from mbd_sim.simulation.contact_system import one_sided_system
+
+            one_sided = one_sided_system(equations, equations.contact)
         self.kernel = compile_kernel(
             equations.rates,
             equations.project,
@@ -89,11 +93,13 @@ class Model(ActuatedModel, ContactingModel):
             self.method,
             equations.core,
             partial_system,
-            one_sided_system(equations),
+            one_sided,
             self.between_steps,
         )
         self.contact: ContactModel | None = None
         if equations.contact is not None:
+            from mbd_sim.simulation.contact_terms import ContactModel
+
             self.contact = ContactModel(equations.contact, equations.inputs, self.kernel)
         self.quaternions = {
             name: self.layout.q[name].start + offset

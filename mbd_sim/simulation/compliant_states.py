@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
-from mbd_sim.dynamics.compliant_contacts import CushionFunctions
 from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.contacts import Contact
 from mbd_sim.simulation.contact_records import ContactState
+
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.compliant_contacts import CushionFunctions
 
 
 def compliant_names(contacts: Sequence[Contact]) -> list[str]:

@@ -90,3 +90,8 @@ class ContactState:
         """For each direction of friction: 1 while it slides, the slip and the force."""
         slides = float(self.state == "slides")
         return [(slides, *pair) for pair in zip(self.slip.tolist(), self.friction.tolist(), strict=True)]
+
+
+def with_friction(name: str, directions: int) -> list[str]:
+    """The names of the entries of a contact: its own, and one for each direction of friction."""
+    return [name, *(f"{name}.friction_{number}" for number in range(1, directions + 1))]

@@ -6,7 +6,7 @@ import casadi as ca
 
 from mbd_sim.compiler.active_rows import Load
 from mbd_sim.compiler.guarded_system import OneSidedSystem
-from mbd_sim.dynamics.contact_functions import SolvedPair
+from mbd_sim.dynamics.contact_functions import ContactFunctions, SolvedPair
 from mbd_sim.dynamics.equations import Equations
 
 TOLERANCE = 1e-13  # of guards, for a mechanism of up to 1 m; m, m/s, and fractions of the weight
@@ -17,11 +17,8 @@ def guard_tolerance(equations: Equations) -> float:
     return TOLERANCE * max(1.0, equations.constraints.size)
 
 
-def one_sided_system(equations: Equations) -> OneSidedSystem | None:
-    """The system for `compile_kernel`, or None where everything is two-sided."""
-    contact = equations.contact
-    if contact is None:
-        return None
+def one_sided_system(equations: Equations, contact: ContactFunctions) -> OneSidedSystem:
+    """The system for `compile_kernel`, from the functions of the `contact` among the equations."""
     layout = contact.contacts.layout
     rows = [element.rows[0] for element in contact.contacts.frictions if element.joint is not None]
     loads = tuple(Load(row, load.nnz_out(0)) for row, load in zip(rows, contact.loads, strict=True))

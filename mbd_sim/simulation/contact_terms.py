@@ -18,7 +18,7 @@ from mbd_sim.dynamics.contact_functions import ContactFunctions
 from mbd_sim.dynamics.evaluation import all_evaluated, evaluated
 from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.geometry.pose import Array
-from mbd_sim.simulation.contact_records import ContactState
+from mbd_sim.simulation.contact_records import ContactState, with_friction
 
 Mask: TypeAlias = NDArray[np.bool_]
 
@@ -201,11 +201,6 @@ class ContactModel:
     def restitution(self, inputs: Array) -> Array:
         """e (gaps,)."""
         return evaluated(self._functions.restitution, inputs).ravel()
-
-
-def with_friction(name: str, directions: int) -> list[str]:
-    """The names of the entries of a contact: its own, and one for each direction of friction."""
-    return [name, *(f"{name}.friction_{number}" for number in range(1, directions + 1))]
 
 
 def _row_names(contacts: ContactEquations) -> tuple[str, ...]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from mbd_sim.dynamics.equations import Equations
@@ -11,9 +13,11 @@ from mbd_sim.mechanism.contacts import Contact
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.source import Location
 from mbd_sim.simulation.compliant_states import compliant_names, compliant_states
-from mbd_sim.simulation.contact_records import ContactState
-from mbd_sim.simulation.contact_terms import ContactModel, with_friction
+from mbd_sim.simulation.contact_records import ContactState, with_friction
 from mbd_sim.simulation.state_records import Losses
+
+if TYPE_CHECKING:
+    from mbd_sim.simulation.contact_terms import ContactModel
 
 
 class ContactingModel:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mbd_sim.analysis.contact_motion import has_contact
 from mbd_sim.dynamics.dynamics_terms import DynamicsTerm
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.one_sided import two_sided
@@ -141,7 +140,7 @@ class DynamicsReadings(RunState):
         """
         model, (y, inputs) = self.model, (self._memory.y, self._memory.inputs)
         wanted = finite_vector(u_rates, model.layout.nv, "u_rates")
-        if self._is_open_chain and not has_contact(model.equations, inputs):
+        if self._is_open_chain and not model.equations.has_contact(inputs):
             self._u_rates[:] = wanted
             return self._term("tree_efforts", model.layout.nv)
         return self._inverse(y[model.q_range], y[model.u_range], wanted, self.time, inputs)

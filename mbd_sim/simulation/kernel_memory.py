@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,9 @@ from mbd_sim.dynamics.initial_conditions import rheonomic
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.compiled_model import Model
-from mbd_sim.simulation.contact_events import ContactStepper
-from mbd_sim.simulation.contact_system import guard_tolerance
+
+if TYPE_CHECKING:
+    from mbd_sim.simulation.contact_events import ContactStepper
 
 
 class KernelMemory:
@@ -108,6 +110,9 @@ class KernelMemory:
 
 def contact_stepper(model: Model, mechanism: Mechanism) -> ContactStepper:
     """The stepper of a model with one-sided rows; contacts come to rest below the `rest_speed` of the mechanism."""
+    from mbd_sim.simulation.contact_events import ContactStepper
+    from mbd_sim.simulation.contact_system import guard_tolerance
+
     assert model.contact is not None
 
     def energy(time: float, y: Array, inputs: Array) -> float:

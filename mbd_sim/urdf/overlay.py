@@ -12,7 +12,7 @@ from typing import Any, get_args
 
 from mbd_sim.errors import MechanismError, nearest, quoted
 from mbd_sim.mechanism.source import Location, Source
-from mbd_sim.mechanism_file.yaml_reader import read_text
+from mbd_sim.mechanism_file.file_limits import read_text
 from mbd_sim.mechanism_file.yaml_writer import yaml_text
 from mbd_sim.urdf.robot_reader import Base, urdf_source
 

@@ -13,7 +13,7 @@ from mbd_sim import Simulation, load_mechanism
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.mechanism_file.library import shipped
 from mbd_sim.simulation.live_values import LiveValues
-from mbd_sim.compiler import kernel_cache
+from mbd_sim import disk_cache
 
 LIVE = ["gravity[*]", "parameters.*", "forces.*", "constraints.*"]  # joints have most keys: below, for two mechanisms
 
@@ -31,8 +31,8 @@ for name in shipped():
     found[name] = digest(list(live.current.items()), live.values.base.tobytes(), live.values.columns.tobytes(),
                          [function and function.serialize() for function in functions])
 keys = []
-load = kernel_cache.load
-kernel_cache.load = lambda key: keys.append(key) or load(key)
+load = disk_cache.load
+disk_cache.load = lambda key: keys.append(key) or load(key)
 for name in ("bead_on_wire", "moving_support_pendulum"):
     sim = Simulation.from_file(name, method="rk4", wrenches=list(load_mechanism(name).parts),
                                live=[*LIVE, "joints.*"])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from typing import Annotated, Any
 
 from pydantic import (
@@ -17,6 +16,7 @@ from pydantic import (
 )
 
 from mbd_sim.errors import InputError
+from mbd_sim.mechanism_file.former_keys import FORMER_KEYS
 from mbd_sim.mechanism_file.quantity import (
     Angle,
     Length,
@@ -28,16 +28,8 @@ from mbd_sim.mechanism_file.quantity import (
 )
 
 SUFFIX = "Spec"  # of the class names; the JSON Schema omits it
-FORMER_KEYS = {"regularisation": "regularization"}  # former spellings of keys, still read in their place
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"
 Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN, max_length=60)]
-
-
-def as_written(key: Any, data: Collection[Any]) -> Any:
-    """The spelling of a key in the data of a file, which may have a former one."""
-    spellings = {key, *(former for former, current in FORMER_KEYS.items() if current == key)}
-    spellings |= {FORMER_KEYS.get(key, key)}
-    return next((spelling for spelling in spellings if key not in data and spelling in data), key)
 
 
 def _not_zero(numbers: tuple[float, ...]) -> tuple[float, ...]:

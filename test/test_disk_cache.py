@@ -1,4 +1,4 @@
-"""The cache of kernels on disk: stored kernels are found, damaged ones are not used, and a missing disk is no error."""
+"""The cache on disk: what is stored is found, what is damaged is not used, and a missing disk is no error."""
 
 import os
 import subprocess
@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from mbd_sim import Simulation
-from mbd_sim.compiler import kernel_cache, machine_code
+from mbd_sim import Simulation, disk_cache
+from mbd_sim.compiler import machine_code
 
 
 @pytest.fixture
@@ -19,52 +19,52 @@ def folder(tmp_path, monkeypatch, own_builds):
 
 
 def test_what_is_stored_is_found(folder):
-    assert kernel_cache.load("name") is None
-    kernel_cache.store("name", b"code")
-    assert kernel_cache.load("name") == b"code"
+    assert disk_cache.load("name") is None
+    disk_cache.store("name", b"code")
+    assert disk_cache.load("name") == b"code"
     assert [path.name for path in folder.iterdir()] == ["name"]
     assert folder.stat().st_mode & 0o777 == 0o700
 
 
 def test_names_depend_on_every_text():
-    assert kernel_cache.key("ab", "c") != kernel_cache.key("a", "bc") != kernel_cache.key("a", "bc", "")
-    assert kernel_cache.key("a", "b") == kernel_cache.key("a", "b")
+    assert disk_cache.key("ab", "c") != disk_cache.key("a", "bc") != disk_cache.key("a", "bc", "")
+    assert disk_cache.key("a", "b") == disk_cache.key("a", "b")
 
 
 @pytest.mark.parametrize("damage", [b"", b"short", b"\0" * 36])
 def test_a_damaged_file_counts_as_missing(folder, damage):
-    kernel_cache.store("name", b"code")
+    disk_cache.store("name", b"code")
     (folder / "name").write_bytes(damage)
-    assert kernel_cache.load("name") is None
+    assert disk_cache.load("name") is None
 
 
 def test_a_flipped_bit_is_noticed(folder):
-    kernel_cache.store("name", b"code")
+    disk_cache.store("name", b"code")
     content = bytearray((folder / "name").read_bytes())
     content[-1] ^= 1
     (folder / "name").write_bytes(content)
-    assert kernel_cache.load("name") is None
+    assert disk_cache.load("name") is None
 
 
 @pytest.mark.parametrize("none", ["", "0", "off"])
 def test_without_a_folder_nothing_is_kept(monkeypatch, none):
     monkeypatch.setenv("MBD_SIM_CACHE", none)
-    kernel_cache.store("name", b"code")
-    assert kernel_cache.folder() is None and kernel_cache.load("name") is None
+    disk_cache.store("name", b"code")
+    assert disk_cache.folder() is None and disk_cache.load("name") is None
 
 
 def test_a_place_that_cannot_be_written_does_no_harm(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("not a folder")
     monkeypatch.setenv("MBD_SIM_CACHE", str(tmp_path / "file" / "kernels"))
-    kernel_cache.store("name", b"code")
-    assert kernel_cache.load("name") is None
+    disk_cache.store("name", b"code")
+    assert disk_cache.load("name") is None
     assert Simulation.from_file("rod_pendulum").steps == 0
 
 
 def test_the_default_is_the_users_cache(monkeypatch):
     monkeypatch.delenv("MBD_SIM_CACHE", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", "/somewhere")
-    assert kernel_cache.folder() == Path("/somewhere/mbd_sim/kernels")
+    assert disk_cache.folder() == Path("/somewhere/mbd_sim/kernels")
 
 
 @pytest.mark.parametrize("relative", ["cache", "./cache", "../cache", "."])
@@ -72,7 +72,7 @@ def test_a_relative_cache_home_is_ignored(monkeypatch, relative):
     monkeypatch.delenv("MBD_SIM_CACHE", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", relative)
     monkeypatch.setenv("HOME", "/home/somebody")
-    assert kernel_cache.folder() == Path("/home/somebody/.cache/mbd_sim/kernels")
+    assert disk_cache.folder() == Path("/home/somebody/.cache/mbd_sim/kernels")
 
 
 def writable(path, folder):
@@ -130,12 +130,12 @@ ROOT_ONLY = pytest.mark.skipif(os.geteuid() != 0, reason="only root can give fil
     ],
 )  # fmt: skip
 def test_what_others_may_have_written_is_not_loaded(folder, plant):
-    kernel_cache.store("name", b"code")
+    disk_cache.store("name", b"code")
     plant(folder / "name", folder)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        assert kernel_cache.load("name") is None
-        assert kernel_cache.load("name") is None
+        assert disk_cache.load("name") is None
+        assert disk_cache.load("name") is None
     expected = 0 if plant in (link, pipe, subfolder) else 1  # of each reason once
     assert len(caught) == expected
     assert all("chmod go-w" in str(warning.message) for warning in caught)
@@ -143,35 +143,35 @@ def test_what_others_may_have_written_is_not_loaded(folder, plant):
 
 @pytest.mark.parametrize("plant", [writable_folder, writable_above])
 def test_nothing_is_stored_where_others_may_write(folder, plant):
-    kernel_cache.store("name", b"code")
+    disk_cache.store("name", b"code")
     plant(folder / "name", folder)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        kernel_cache.store("other", b"code")
+        disk_cache.store("other", b"code")
     assert [path.name for path in folder.iterdir()] == ["name"]
 
 
 def test_a_group_with_one_member_is_no_danger(folder, monkeypatch):
-    monkeypatch.setattr(kernel_cache, "_is_private", lambda group: group == folder.stat().st_gid)
-    kernel_cache.store("name", b"code")
+    monkeypatch.setattr(disk_cache, "_is_private", lambda group: group == folder.stat().st_gid)
+    disk_cache.store("name", b"code")
     folder.chmod(0o775)
-    assert kernel_cache.load("name") == b"code"
+    assert disk_cache.load("name") == b"code"
 
 
 def test_a_folder_may_be_a_link(folder, tmp_path, monkeypatch):
-    kernel_cache.store("name", b"code")
+    disk_cache.store("name", b"code")
     (tmp_path / "link").symlink_to(folder)
     monkeypatch.setenv("MBD_SIM_CACHE", str(tmp_path / "link"))
-    assert kernel_cache.load("name") == b"code"
+    assert disk_cache.load("name") == b"code"
 
 
 def test_those_not_used_for_longest_go_first(folder, monkeypatch):
-    monkeypatch.setattr(kernel_cache, "LARGEST", 3 * 132)
+    monkeypatch.setattr(disk_cache, "LARGEST", 3 * 132)
     for number, name in enumerate("abc"):
-        kernel_cache.store(name, b"x" * 100)
+        disk_cache.store(name, b"x" * 100)
         os.utime(folder / name, (number, number))
-    assert kernel_cache.load("a") is not None  # which marks it as used
-    kernel_cache.store("d", b"x" * 100)
+    assert disk_cache.load("a") is not None  # which marks it as used
+    disk_cache.store("d", b"x" * 100)
     assert sorted(path.name for path in folder.iterdir()) == ["a", "c", "d"]
 
 
@@ -188,7 +188,7 @@ def test_other_processors_have_kernels_of_their_own(folder, monkeypatch):
     Simulation.from_file("rod_pendulum")
     monkeypatch.setattr(machine_code.llvm, "get_host_cpu_name", lambda: "x86-64")
     Simulation.from_file("rod_pendulum")
-    assert len(list(folder.iterdir())) == 2
+    assert len(list(folder.iterdir())) == 3  # two kernels, and the file that was read
 
 
 def test_another_process_finds_it_and_gets_the_same_bits(folder):
@@ -200,16 +200,14 @@ def test_another_process_finds_it_and_gets_the_same_bits(folder):
         for _ in range(2)
     ]
     assert answers[0] == answers[1]
-    assert len(list(folder.iterdir())) == 1
+    assert len(list(folder.iterdir())) == 2  # the kernel, and the file that was read
 
 
 def test_processes_that_store_at_once_do_no_harm(folder):
-    program = (
-        "from mbd_sim.compiler import kernel_cache\nfor _ in range(200): kernel_cache.store('name', b'code' * 1000)"
-    )
+    program = "from mbd_sim import disk_cache\nfor _ in range(200): disk_cache.store('name', b'code' * 1000)"
     writers = [subprocess.Popen([sys.executable, "-c", program]) for _ in range(3)]
     while any(writer.poll() is None for writer in writers):
-        assert kernel_cache.load("name") in (None, b"code" * 1000)
+        assert disk_cache.load("name") in (None, b"code" * 1000)
     assert all(writer.returncode == 0 for writer in writers)
-    assert kernel_cache.load("name") == b"code" * 1000
+    assert disk_cache.load("name") == b"code" * 1000
     assert [path.name for path in folder.iterdir()] == ["name"]

@@ -1,9 +1,8 @@
-"""A cache of compiled kernels on disk, so that each mechanism is compiled once on a machine.
+"""A cache on disk of compiled kernels and of mechanism files, so that each is compiled or read once on a machine.
 
-The key of a kernel is the hash of its intermediate code, the processor with its features, and the version of the
-compiler. Files are written atomically, by renaming, and have a checksum: several processes may write the same kernel at
-once, and a damaged file counts as missing. The environment variable `MBD_SIM_CACHE` names another folder, or disables
-the cache if it is empty, 0 or off.
+An entry is found by the hash of everything that it was made from, its key. Files are written atomically, by renaming,
+and have a checksum: several processes may write the same entry at once, and a damaged file counts as missing. The
+environment variable `MBD_SIM_CACHE` names another folder, or disables the cache if it is empty, 0 or off.
 
 What is loaded is executed. Therefore a folder or file that another user owns or may write is not used, as ssh does
 with its keys; a warning says so once.
@@ -23,7 +22,7 @@ import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
-LARGEST = 200e6  # bytes of all kernels together; beyond, the least recently used are removed
+LARGEST = 200e6  # bytes of all entries together; beyond, the least recently used are removed
 _VARIABLE = "MBD_SIM_CACHE"
 
 
@@ -41,16 +40,16 @@ def folder() -> Path | None:
 
 
 def key(*contents: str) -> str:
-    """The cache key of code that is generated from these texts: their SHA-256 hash."""
+    """The key of what is made from these texts: their SHA-256 hash."""
     digest = hashlib.sha256()
     for content in contents:
         digest.update(len(content).to_bytes(8, "little"))
-        digest.update(content.encode())
+        digest.update(content.encode("utf-8", "surrogatepass"))
     return digest.hexdigest()
 
 
 def load(name: str) -> bytes | None:
-    """The code that was stored under a key, or None."""
+    """What was stored under a key, or None."""
     if (directory := folder()) is None:
         return None
     with contextlib.suppress(OSError), _opened(directory) as opened:
@@ -60,23 +59,23 @@ def load(name: str) -> bytes | None:
             if not stat.S_ISREG(os.fstat(file).st_mode) or not _is_ours(os.fstat(file), directory / name):
                 return None
             content = stream.read()
-        checksum, code = content[:32], content[32:]
-        if hashlib.sha256(code).digest() != checksum:
+        checksum, content = content[:32], content[32:]
+        if hashlib.sha256(content).digest() != checksum:
             return None
         with contextlib.suppress(OSError):
             os.utime(name, dir_fd=opened, follow_symlinks=False)
-        return code
+        return content
     return None
 
 
-def store(name: str, code: bytes) -> None:
-    """Store code under a key; if the folder cannot be written or is not ours alone, nothing is stored."""
+def store(name: str, content: bytes) -> None:
+    """Store content under a key; if the folder cannot be written or is not ours alone, nothing is stored."""
     if (directory := folder()) is None:
         return
     with contextlib.suppress(OSError):
         directory.mkdir(mode=0o700, parents=True, exist_ok=True)
         with _opened(directory), tempfile.NamedTemporaryFile(dir=directory, delete=False) as file:
-            file.write(hashlib.sha256(code).digest() + code)
+            file.write(hashlib.sha256(content).digest() + content)
         Path(file.name).replace(directory / name)
         _prune(directory)
 
@@ -129,7 +128,7 @@ def _is_private(group: int) -> bool:
 def _refuse(path: Path, used: Path) -> None:
     """Warn once for each path."""
     warnings.warn(
-        f"the kernel cache '{used}' is not used: another user owns '{path}' or can write to it. "
+        f"the cache '{used}' is not used: another user owns '{path}' or can write to it. "
         f"Run: chmod go-w '{path}', or set {_VARIABLE} to a folder of yours.",
         RuntimeWarning,
         stacklevel=2,
@@ -137,7 +136,7 @@ def _refuse(path: Path, used: Path) -> None:
 
 
 def _prune(directory: Path) -> None:
-    """Remove the least recently used kernels until all together are at most `LARGEST` bytes."""
+    """Remove the least recently used entries until all together are at most `LARGEST` bytes."""
     found = []
     for path in directory.iterdir():
         with contextlib.suppress(OSError):

@@ -1,0 +1,47 @@
+"""Mechanism files that were read before: loaded from the cache on disk, without the schema and its libraries.
+
+A mechanism is found by its text, the name of its file, and the version of this package and of what it is built with. It
+is stored only if it depends on no other file.
+"""
+
+from __future__ import annotations
+
+import functools
+import pickle
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from mbd_sim import disk_cache
+from mbd_sim.mechanism.records import Mechanism
+
+
+def cached_mechanism(text: str, file: str, base: str | None, parse: Callable[[], Mechanism]) -> Mechanism:
+    """The mechanism that `parse` returns, or an equal one from the cache.
+
+    :param text: all that `parse` reads, unless the file names another one; `file` and `base` as in `parse_mechanism`.
+    """
+    if disk_cache.folder() is None:
+        return parse()
+    key = disk_cache.key("mechanism", text, file, base or "", _versions())
+    stored = disk_cache.load(key)
+    if stored is not None:
+        mechanism: Mechanism = pickle.loads(stored)  # noqa: S301  # as safe as the kernels there, which are executed
+        return mechanism
+    mechanism = parse()
+    if mechanism.source.text == text:
+        disk_cache.store(key, pickle.dumps(mechanism))
+    return mechanism
+
+
+@functools.cache
+def _versions() -> str:
+    """Python, NumPy, whose arrays the records contain, and the state of every module of this package."""
+    package = Path(__file__).parent
+    modules = []
+    for path in sorted(package.rglob("*.py")):
+        state = path.stat()
+        modules.append(f"{path} {state.st_mtime_ns} {state.st_size}")
+    return "\n".join([sys.version, np.__version__, *modules])

@@ -1,0 +1,96 @@
+"""Mechanism files in the cache on disk: the same mechanism, found only under the same conditions."""
+
+import subprocess
+import sys
+
+import pytest
+
+from mbd_sim import MechanismError, Simulation, load_mechanism, mechanism_cache, parse_mechanism
+from mbd_sim.mechanism_file.library import shipped
+
+PENDULUM = """
+mechanism: pendulum
+parameters: {l: 0.5}
+parts:
+  rod: {mass: 1, shape: {type: rod, to: [l, 0, 0]}, points: {tip: [l, 0, 0]}}
+joints:
+  pivot: {type: revolute, between: [ground, rod], axis: [0, 1, 0]}
+"""
+URDF = '<robot name="arm"><link name="base"/><link name="arm"><inertial><mass value="{mass}"/><origin xyz="0.1 0 0"/>\
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="hinge" type="continuous">\
+<parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint></robot>'
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch, own_builds):
+    monkeypatch.setenv("MBD_SIM_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def entries(folder):
+    return len(list(folder.iterdir())) if folder.exists() else 0
+
+
+@pytest.mark.parametrize("name", sorted(shipped()))
+def test_the_records_of_every_shipped_mechanism_are_the_same(folder, name):
+    read = load_mechanism(name)
+    assert entries(folder) == 1
+    assert repr(load_mechanism(name)) == repr(read)
+
+
+def test_a_file_that_was_read_before_needs_no_schema(folder):
+    program = (
+        "import sys; from mbd_sim import Simulation; s = Simulation.from_file('four_bar'); s.step(50)\n"
+        "print(s.state.tolist()); print('pydantic' in sys.modules, 'yaml' in sys.modules, file=sys.stderr)"
+    )
+    runs = [
+        subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True) for _ in range(2)
+    ]
+    assert [run.stderr.split() for run in runs] == [["True", "True"], ["False", "False"]]
+    assert runs[0].stdout == runs[1].stdout
+
+
+def test_a_mechanism_from_the_cache_takes_changes(folder):
+    parse_mechanism(PENDULUM)
+    changed = Simulation(parse_mechanism(PENDULUM), set={"l": 0.8}, live=["l"])
+    assert changed.mechanism.parameters == {"l": 0.8}
+    changed.set_live({"l": 0.7})
+    assert changed.live == {"l": 0.7}
+
+
+def test_text_file_name_and_versions_distinguish(folder, monkeypatch):
+    parse_mechanism(PENDULUM)
+    parse_mechanism(PENDULUM)
+    assert entries(folder) == 1
+    assert parse_mechanism(PENDULUM.replace("0.5", "0.6")).parameters == {"l": 0.6}
+    assert parse_mechanism(PENDULUM, "mine.yaml").source.file == "mine.yaml"
+    assert entries(folder) == 3
+    monkeypatch.setattr(mechanism_cache, "_versions", lambda: "another NumPy")
+    parse_mechanism(PENDULUM)
+    assert entries(folder) == 4
+
+
+def test_a_changed_module_is_another_version(monkeypatch, tmp_path):
+    (tmp_path / "module.py").write_text("first = 1")
+    monkeypatch.setattr(mechanism_cache, "__file__", str(tmp_path / "mechanism_cache.py"))
+    versions = mechanism_cache._versions.__wrapped__
+    first = versions()
+    assert versions() == first
+    (tmp_path / "module.py").write_text("second = 2")
+    assert versions() != first
+
+
+def test_what_depends_on_another_file_is_read_anew(folder, tmp_path):
+    (tmp_path / "arm.urdf").write_text(URDF.format(mass=1))
+    (tmp_path / "arm.yaml").write_text("urdf: arm.urdf\njoints: {hinge: {damping: 0.1}}")
+    assert load_mechanism(tmp_path / "arm.yaml").parts["arm"].mass == 1.0
+    (tmp_path / "arm.urdf").write_text(URDF.format(mass=2))
+    assert load_mechanism(tmp_path / "arm.yaml").parts["arm"].mass == 2.0
+    assert entries(folder) == 0
+
+
+def test_a_file_with_an_error_is_refused_again(folder):
+    for _ in range(2):
+        with pytest.raises(MechanismError, match="weight"):
+            parse_mechanism(PENDULUM.replace("mass: 1", "weight: 1"))
+    assert entries(folder) == 0
