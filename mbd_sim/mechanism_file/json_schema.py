@@ -9,9 +9,9 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema
 
 from mbd_sim.mechanism.source import Location
-from mbd_sim.mechanism_file.former_keys import FORMER_KEYS
 from mbd_sim.mechanism_file.schema.base_schema import SUFFIX
 from mbd_sim.mechanism_file.schema.file_schema import MechanismFile
+from mbd_sim.mechanism_file.spelling import FORMER_KEYS
 
 PydanticLocation = tuple[int | str, ...]  # keys, indices, and tags of unions
 SchemaNode = dict[str, Any]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from mbd_sim.errors import InputError, MechanismError, Problem, nearest
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.source import Location, Source, dotted
-from mbd_sim.mechanism_file.former_keys import FORMER_KEYS, as_written
+from mbd_sim.mechanism_file.spelling import FORMER_KEYS, as_written
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism_file.schema.file_schema import MechanismFile

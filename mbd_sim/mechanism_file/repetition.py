@@ -20,7 +20,7 @@ from mbd_sim.mechanism_file.builders.mechanism_builder import in_order
 from mbd_sim.mechanism_file.file_limits import MAX_VALUES, file_error
 from mbd_sim.mechanism_file.json_schema import takes_expression
 from mbd_sim.mechanism_file.parameters import Parameters, resolve_parameters
-from mbd_sim.mechanism_file.schema.base_schema import NAME_PATTERN
+from mbd_sim.mechanism_file.spelling import NAME_PATTERN
 from mbd_sim.mechanism_file.value_parser import split_unit
 
 FOR = "for"

@@ -9,9 +9,8 @@ from pydantic_core import ErrorDetails
 
 from mbd_sim.errors import InputError, Problem, listed, nearest, quoted
 from mbd_sim.mechanism.source import Location, Source
-from mbd_sim.mechanism_file.former_keys import as_written
 from mbd_sim.mechanism_file.json_schema import PydanticLocation, known_keys, known_types, list_length
-from mbd_sim.mechanism_file.schema.base_schema import NAME_PATTERN
+from mbd_sim.mechanism_file.spelling import NAME_PATTERN, as_written
 
 # Other words that users may write for a type.
 _SYNONYMS = {

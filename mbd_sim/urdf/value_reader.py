@@ -13,7 +13,7 @@ from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import from_rpy
 from mbd_sim.mechanism.records import GROUND
 from mbd_sim.mechanism.source import Origin
-from mbd_sim.mechanism_file.schema.base_schema import NAME_PATTERN
+from mbd_sim.mechanism_file.spelling import NAME_PATTERN
 from mbd_sim.urdf.xml_elements import Element
 
 LONGEST_NAME = 60

@@ -16,7 +16,6 @@ from pydantic import (
 )
 
 from mbd_sim.errors import InputError
-from mbd_sim.mechanism_file.former_keys import FORMER_KEYS
 from mbd_sim.mechanism_file.quantity import (
     Angle,
     Length,
@@ -26,9 +25,9 @@ from mbd_sim.mechanism_file.quantity import (
     TorsionDamping,
     TorsionStiffness,
 )
+from mbd_sim.mechanism_file.spelling import FORMER_KEYS, NAME_PATTERN
 
 SUFFIX = "Spec"  # of the class names; the JSON Schema omits it
-NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"
 Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN, max_length=60)]
 
 

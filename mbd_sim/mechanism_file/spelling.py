@@ -1,11 +1,12 @@
-"""Keys that were once spelled in another way, and are still read in their place."""
+"""How names in a mechanism file are spelled, and keys that were once spelled in another way."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
 from typing import Any
 
-FORMER_KEYS = {"regularisation": "regularization"}
+NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"
+FORMER_KEYS = {"regularisation": "regularization"}  # still read in their place
 
 
 def as_written(key: Any, data: Collection[Any]) -> Any:
