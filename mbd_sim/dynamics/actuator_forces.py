@@ -171,7 +171,7 @@ def _rates(motor: MotorOutput | CylinderOutput, speed: ca.SX) -> dict[str, ca.SX
             **dict(zip(PRESSURES, motor.pressure_rates, strict=True)),
             "fluid_work": motor.fluid_power,
             "mechanical_work": motor.effort * speed,
-            "throttling_loss": motor.throttling_loss,
+            "compression_work": motor.compression,
         }
     return {
         "current": motor.current_rate,

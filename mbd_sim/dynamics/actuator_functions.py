@@ -16,7 +16,7 @@ from mbd_sim.dynamics.actuator_forces import (
     servo_signals,
 )
 from mbd_sim.dynamics.actuator_layout import PRESSURES, ActuatorLayout, ActuatorSlots
-from mbd_sim.dynamics.cylinders import CylinderOutput, stored_energy
+from mbd_sim.dynamics.cylinders import CylinderOutput, displaced_energy, stored_energy
 from mbd_sim.dynamics.motors import MotorOutput
 from mbd_sim.dynamics.servos import error_of, moved_reference, servo_output, with_reference
 from mbd_sim.dynamics.spatial_algebra import is_absent
@@ -50,7 +50,9 @@ CYLINDER_READINGS = (
     "fluid",
     "throttling",
     "stored",
+    "displaced",
 )
+STARTS = {"stored_at_start": "stored", "compression_work": "displaced"}  # states of cylinders and their start values
 
 
 ROUNDING = 1e-9  # of a stroke, by which loops may be open at the start
@@ -100,12 +102,16 @@ class ActuatorFunctions:
             y[index] = stored
 
     def stored(self, time: float, y: Array, inputs: Array) -> dict[int, float]:
-        """The energy that each cylinder stores, in J, by the index in y of that at its start."""
-        indices = [slots.states.get("stored_at_start") for slots in self.layout.slots]
-        if not any(indices):
+        """What each cylinder stores, in J, by the index in y of the state of the account that starts with it."""
+        if not any(state in slots.states for slots in self.layout.slots for state in STARTS):
             return {}
-        row = np.array(self.readings(time, y, inputs))[CYLINDER_READINGS.index("stored")]
-        return {index: float(row[actuator]) for actuator, index in enumerate(indices) if index is not None}
+        readings = np.array(self.readings(time, y, inputs))
+        return {
+            slots.states[state]: float(readings[CYLINDER_READINGS.index(reading), actuator])
+            for actuator, slots in enumerate(self.layout.slots)
+            for state, reading in STARTS.items()
+            if state in slots.states
+        }
 
 
 def actuator_functions(traced: TracedMechanism, forces: ActuatorForces) -> ActuatorFunctions | None:
@@ -156,9 +162,9 @@ def _column(actuator: Actuator, port: PortMotion, motor: MotorOutput | CylinderO
         mechanical = motor.effort * port.v
         return ca.vertcat(port.x, port.v, motor.effort, motor.voltage, motor.current, electrical, mechanical, *losses)
     assert isinstance(actuator.motor, Cylinder)
-    stored = stored_energy(actuator.motor, motor.pressures, port.x)
+    energies = [energy(actuator.motor, motor.pressures, port.x) for energy in (stored_energy, displaced_energy)]
     flows, powers = motor.flows, (motor.fluid_power, motor.throttling_loss)
-    return ca.vertcat(port.x, port.v, motor.effort, *motor.pressures, *flows, *powers, stored)
+    return ca.vertcat(port.x, port.v, motor.effort, *motor.pressures, *flows, *powers, *energies)
 
 
 def _delays(traced: TracedMechanism) -> list[DelayLine]:

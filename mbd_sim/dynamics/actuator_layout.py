@@ -19,8 +19,9 @@ from mbd_sim.mechanism.source import Location
 
 ENERGIES = ("electrical_work", "mechanical_work", "copper_loss", "friction_loss")  # J, of a DC motor
 MECHANICAL = ("mechanical_work",)  # J, of an effort motor
-# J, of a cylinder. The last one has the rate zero: it changes only where a run starts, or its state is set.
-FLUID = ("fluid_work", "mechanical_work", "throttling_loss", "stored_at_start")
+# J, of a cylinder. `compression_work` is the integral of V p', from V (p - pₐ) at the start. The last one has the rate
+# zero: it changes only where a run starts, or its state is set.
+FLUID = ("fluid_work", "mechanical_work", "compression_work", "stored_at_start")
 PRESSURES = ("pressure_a", "pressure_b")  # Pa
 ROUNDING = 1e-9  # of a number of steps
 LONGEST_DELAY = 1000  # steps

@@ -14,6 +14,10 @@ The energy of the fluid is counted as the work that it can do until it has expan
 the same law of its density. Oil with the density ρ₀ exp(p/β) stores V β (exp(p/β) - 1 - p/β) in a chamber, and carries
 β (1 - exp(-p/β)) per volume at ambient density. Gas stores V (p φ - (p - pₐ)), and carries φ per unit of R T ṁ, with
 φ = n/(n - 1) (1 - (pₐ/p)^((n-1)/n)), or ln(p/pₐ) if n = 1.
+
+Integrating the throttling loss as such would take a logarithm or an exponential for each chamber. By parts it takes
+none: of both fluids, what enters a chamber behind its orifices is the change of E + V (p - pₐ), less ∫ V p' dt, with
+the stored energy E. What the fluid carries to the orifices, less that, is lost.
 """
 
 from __future__ import annotations
@@ -38,7 +42,7 @@ class CylinderOutput:
 
     `effort` in N pushes outwards. `flows` through the valve into the chambers are in m³/s for oil, and R T ṁ in W for a
     gas; `pressure_rates` in Pa/s. `fluid_power` in W enters through the supply, less what leaves to the tank; of it,
-    `throttling_loss` is lost in the valve and at the piston.
+    `throttling_loss` is lost in the valve and at the piston. `compression` is the sum of V p' of the chambers, in W.
     """
 
     effort: ca.SX
@@ -47,6 +51,7 @@ class CylinderOutput:
     pressure_rates: Sequence[ca.SX]
     fluid_power: ca.SX
     throttling_loss: ca.SX
+    compression: ca.SX
 
 
 def cylinder_output(
@@ -65,16 +70,15 @@ def cylinder_output(
     if not is_absent(cylinder.fluid.leakage):
         leak = _leak(cylinder, *pressures)
     volumes, sweeps = _volumes(cylinder, position), (cylinder.areas[0] * speed, -cylinder.areas[1] * speed)
-    rates = [
-        _pressure_rate(cylinder.fluid, volume, pressure, flow, sweep)
-        for volume, pressure, flow, sweep in zip(
-            volumes, pressures, (flows[0] - leak, flows[1] + leak), sweeps, strict=True
-        )
+    compressions = [
+        _compression(cylinder.fluid, pressure, flow, sweep)
+        for pressure, flow, sweep in zip(pressures, (flows[0] - leak, flows[1] + leak), sweeps, strict=True)
     ]
+    rates = [compression / volume for compression, volume in zip(compressions, volumes, strict=True)]
     power, loss = _powers(cylinder, extends, pressures, flows, leak)
     ambient = ambient_pressure(cylinder)
     effort = (pressures[0] - ambient) * cylinder.areas[0] - (pressures[1] - ambient) * cylinder.areas[1]
-    return CylinderOutput(effort, pressures, flows, rates, power, loss)
+    return CylinderOutput(effort, pressures, flows, rates, power, loss, sum(compressions, ca.SX(1, 1)))
 
 
 def fastest_rate(cylinder: Cylinder, position: float) -> float:
@@ -137,13 +141,13 @@ def _leak(cylinder: Cylinder, first: ca.SX, second: ca.SX) -> ca.SX:
     return _flow(cylinder, cylinder.fluid.leakage, first, second)
 
 
-def _pressure_rate(fluid: Oil | Gas, volume: ca.SX, pressure: ca.SX, flow: ca.SX, sweep: ca.SX) -> ca.SX:
-    """The rate of a pressure; `flow` enters the chamber, whose volume grows by `sweep` in m³/s."""
+def _compression(fluid: Oil | Gas, pressure: ca.SX, flow: ca.SX, sweep: ca.SX) -> ca.SX:
+    """V p' of a chamber in W; `flow` enters it, and its volume grows by `sweep` in m³/s."""
     match fluid:
         case Oil():
-            return fluid.bulk_modulus * (flow - sweep) / volume
+            return fluid.bulk_modulus * (flow - sweep)
         case Gas():
-            return fluid.exponent * (flow - pressure * sweep) / volume
+            return fluid.exponent * (flow - pressure * sweep)
         case _:
             assert_never(fluid)
 
@@ -197,6 +201,13 @@ def _available(cylinder: Cylinder, pressure: ca.SX) -> ca.SX:
     if not is_symbolic(n) and n == 1.0:
         return logarithm
     return n / (n - 1.0) * (1.0 - _exponential((1.0 - n) / n * logarithm))
+
+
+def displaced_energy(cylinder: Cylinder, pressures: Sequence[ca.SX], position: ca.SX) -> ca.SX:
+    """The sum of V (p - pₐ) of both chambers, in J."""
+    ambient, volumes = ambient_pressure(cylinder), _volumes(cylinder, position)
+    terms = (volume * (pressure - ambient) for volume, pressure in zip(volumes, pressures, strict=True))
+    return sum(terms, ca.SX(1, 1))
 
 
 def stored_energy(cylinder: Cylinder, pressures: Sequence[ca.SX], position: ca.SX) -> ca.SX:

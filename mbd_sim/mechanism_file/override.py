@@ -47,6 +47,7 @@ def with_values(mechanism: Mechanism, changes: Mapping[str, Any]) -> Mechanism:
         try:
             locations[name] = location_of(mechanism, name)
             _require_known_shape(source, locations[name])
+            _require_declared(source, locations[name])
         except InputError as error:
             problems.append(_problem(mechanism, name, error))
     if problems:
@@ -96,6 +97,17 @@ def _require_known_shape(source: Source, location: Location) -> None:
             "cannot be changed here: it determines the number of entries of a file that extends a URDF",
             "Change it in the file.",
         )
+
+
+def _require_declared(source: Source, location: Location) -> None:
+    """Refuse new parameters and functions, which nothing in the file uses."""
+    section = location[0]
+    if section in ("parameters", "functions") and len(location) > 1:
+        declared = source.data.get(section) or {}
+        if location[1] not in declared:
+            kind = str(section).removesuffix("s")
+            remedy = nearest(str(location[1]), declared) or f"The file has no {section}."
+            raise InputError(f"there is no {kind} '{location[1]}'", remedy)
 
 
 def _repeated_again(mechanism: Mechanism, changes: Mapping[str, Any]) -> Source:

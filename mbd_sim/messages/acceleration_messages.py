@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.records import GROUND, Mechanism
+from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.messages.snapshot import Snapshot
 from mbd_sim.messages.state_messages import StateWriter, labeled_array
 from mbd_sim.simulation.compiled_model import Model
@@ -33,10 +34,8 @@ class Accelerations:
         names = [COORDINATES, *_frames(model.mechanism)] if ALL in requested else list(dict.fromkeys(requested))
         self._model = model
         self.coordinates = joint_state_names(model) if COORDINATES in names else ()
-        self._frames: dict[str, tuple[str, Pose]] = {}
-        for name in names:
-            if name != COORDINATES:
-                self._frames[name] = _moving_frame(model.mechanism, name)
+        self._frames = {name: _moving_frame(model.mechanism, name) for name in names if name != COORDINATES}
+        self._live: Mapping[str, float] = {}
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -48,8 +47,11 @@ class Accelerations:
         """How many numbers each label stands for."""
         return [1] * len(self.coordinates) + [3] * len(self._frames)
 
-    def write(self, values: Array, time: float, y: Array, inputs: Array) -> None:
-        """Write the accelerations (n,) in a state."""
+    def write(self, values: Array, time: float, y: Array, inputs: Array, live: Mapping[str, float]) -> None:
+        """Write the accelerations (n,) in a state; the places of points follow the live values by key."""
+        if self._frames and live != self._live:
+            mechanism, self._live = with_values(self._model.mechanism, live), live
+            self._frames = {name: _moving_frame(mechanism, name) for name in self._frames}
         first = len(self.coordinates)
         if first:
             values[:first] = self._model.accelerations(time, y, inputs)
@@ -69,7 +71,7 @@ def accelerations(model: Model, requested: Sequence[str]) -> StateWriter:
     message, values = labeled_array(source.labels, source.sizes)
 
     def write(snapshot: Snapshot, energies: Energies) -> None:
-        source.write(values, snapshot.time, snapshot.y, snapshot.inputs)
+        source.write(values, snapshot.time, snapshot.y, snapshot.inputs, snapshot.live)
 
     return StateWriter(message, write)
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import Flag, auto
 
 from mbd_sim.geometry.pose import Array
@@ -29,8 +29,8 @@ class Snapshot:
 
     `ticks` counts the steps since the node or the recording started, across resets. `clock_ns` is the simulated clock,
     `time` the mechanism's time in s. `y` is the integrated state; `inputs` are the inputs of the equations, efforts
-    first. `repeated` says that nothing has changed since the last snapshot. `arrivals` are
-    measurements of sensors that arrive at this tick.
+    first, and `live` the live values by key. `repeated` says that nothing has changed since the last snapshot.
+    `arrivals` are measurements of sensors that arrive at this tick.
     """
 
     ticks: int
@@ -42,3 +42,4 @@ class Snapshot:
     due: Due = Due.STATE
     repeated: bool = False
     arrivals: Sequence[Arrival] = ()
+    live: Mapping[str, float] = field(default_factory=dict)

@@ -173,7 +173,7 @@ class Comparison:
         source = Accelerations(simulation.model, requested_by(simulation.model, recorded.labels))
         names = [name for name, size in zip(source.labels, source.sizes, strict=True) for _ in range(size)]
         computed = np.empty(len(names))
-        source.write(computed, simulation.time, simulation.y, simulation.inputs)
+        source.write(computed, simulation.time, simulation.y, simulation.inputs, simulation.live)
         return self._arrays_agree(message, names, recorded.values, computed)
 
     def _measurement_agrees(self, message: Message) -> bool:

@@ -191,6 +191,7 @@ class RunRecorder:
             y=simulation.state,
             inputs=simulation.inputs.copy(),
             start_energy=simulation.start_energy,
+            live=simulation.live,
         )
         energies = simulation.energies
         for name, writer in self._state_writers.items():

@@ -33,6 +33,11 @@ class ActuatorBuffer:
         self._last_times = dict[str, float]()  # of the actuators that are watched
         self._streamed = dict[str, float]()  # actuators under a stream of commands, which expire after this time in s
 
+    def keep_within(self, ranges: CommandRanges) -> None:
+        """Clamp commands to other ranges from now on, the ones in effect included."""
+        self.ranges = ranges
+        self._new |= not np.all(np.isnan(self._requested))
+
     def merged(self, commands: Mapping[str, Mapping[Channel, float]]) -> Array:
         """The newest commands (n,) with further ones, for `take`.
 

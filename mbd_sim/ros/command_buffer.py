@@ -69,7 +69,14 @@ class CommandBuffer:
         self._requested, self._new = np.zeros(size), False
         self._commanded, self._lapsed = np.zeros(size, dtype=bool), np.zeros(size, dtype=bool)
         self._last_times, self._oldest = np.full(size, np.inf), np.inf  # of the coordinates that are watched
+        self._bases: Mapping[str, Base] = {}  # those with live values that have changed
         self._lock = threading.Lock()
+
+    def keep_within(self, ranges: CommandRanges, bases: Sequence[Base]) -> None:
+        """Clamp commands to other ranges from now on, and convert velocities as other bases of the same names do."""
+        with self._lock:
+            self._actuators.keep_within(ranges)
+            self._bases = {base.name: base for base in bases}
 
     @property
     def limited(self) -> int:
@@ -127,7 +134,7 @@ class CommandBuffer:
         """
         with self._lock:
             try:
-                commands = base.commands(Velocity.of(linear, angular))
+                commands = self._bases.get(base.name, base).commands(Velocity.of(linear, angular))
                 self._actuators.take(self._actuators.merged(commands.takers), commands.takers, self.timeout)
             except CommandError:
                 self.rejected += 1

@@ -17,7 +17,7 @@ from mbd_sim.ros.joint_curve import JointCurve
 class CommandRanges:
     """The `lower` and `upper` bound (n,) of each command of actuators and drives, infinite without a limit.
 
-    Positions are bounded by the `limits` of a joint and velocities by its `velocity_limit`, as the file gives them; for
+    Positions are bounded by the `limits` of a joint and velocities by its `velocity_limit`, with their live values; for
     a drive, by those of the drive.
     """
 

@@ -13,6 +13,8 @@ from rosgraph_msgs.msg import Clock
 from mbd_sim.errors import InputError, nearest
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism_file.override import with_values
+from mbd_sim.mechanism_file.yaml_writer import mechanism_text
 from mbd_sim.messages.acceleration_messages import Accelerations
 from mbd_sim.messages.event_messages import robot_description
 from mbd_sim.messages.state_messages import floating_transforms
@@ -61,7 +63,7 @@ def build_simulation(parameters: NodeParameters) -> tuple[Simulation, WrenchTarg
 
     :raises MechanismError, ValueError: the file is wrong, or a parameter does not fit the mechanism.
     """
-    mechanism = load_mechanism(parameters["mechanism"])
+    mechanism = _with_seed(load_mechanism(parameters["mechanism"]), parameters["sensor_seed"])
     targets = wrench_targets(mechanism, parameters.names_in("wrenches"))
     simulation = Simulation(
         mechanism,
@@ -71,6 +73,18 @@ def build_simulation(parameters: NodeParameters) -> tuple[Simulation, WrenchTarg
         live=parameters.names_in("live"),
     )
     return simulation, targets
+
+
+def _with_seed(mechanism: Mechanism, seed: int) -> Mechanism:
+    """The mechanism with the noise of its sensors by another seed; -1: that of the file.
+
+    :raises ValueError: there are no sensors.
+    """
+    if seed < 0:
+        return mechanism
+    if not mechanism.sensors:
+        raise ValueError(f"sensor_seed: {mechanism.name} has no sensors. Leave the parameter out.")
+    return with_values(mechanism, {"sensor_seed": seed})
 
 
 def command_buffer(parameters: NodeParameters, simulation: Simulation) -> CommandBuffer:
@@ -156,7 +170,7 @@ def node_recordings(
 
     def open_recorder() -> Recorder:
         paths = new_recording_paths(Path(parameters["record_dir"]), mechanism.name, rosbag2=file_format == "rosbag2")
-        return Recorder(paths, publishing_thread.recorded_topics(), mechanism.source.text)
+        return Recorder(paths, publishing_thread.recorded_topics(), mechanism_text(mechanism.source))
 
     return NodeRecordings(
         open_recorder,

@@ -48,6 +48,9 @@ PARAMETERS = (
         "trajectory_rate", 1000.0, "commands computed from a trajectory per simulated second; at most one in each step",
         1.0, 100_000.0, live=True,
     ),
+    ParameterSpec(
+        "sensor_seed", -1, "whole number that selects the noise of all sensors; -1: from the mechanism file", -1, 10**15
+    ),
     ParameterSpec("step_count", 1, "steps taken by one call of ~/step", 1, 1_000_000, live=True),
     ParameterSpec("step_on_command", False, "while paused, each command triggers step_count steps", live=True),
     ParameterSpec("reset_rewinds_clock", False, "whether ~/reset sets /clock back to zero", live=True),

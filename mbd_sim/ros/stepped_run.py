@@ -11,9 +11,10 @@ from collections.abc import Callable
 from mbd_sim.errors import CommandError, DivergedError
 from mbd_sim.ros.applied_commands import apply_commands
 from mbd_sim.ros.command_buffer import CommandBuffer
+from mbd_sim.ros.command_ranges import CommandRanges
 from mbd_sim.ros.stepping_output import NodeClock, SteppingOutput
 from mbd_sim.ros.wrench_buffer import WrenchBuffer
-from mbd_sim.simulation.events import ChangedValues, EventKind
+from mbd_sim.simulation.events import AppliedEfforts, ChangedValues, EventKind
 from mbd_sim.simulation.live_values import PreparedValues
 from mbd_sim.simulation.simulation import Simulation
 from mbd_sim.simulation.state_values import StateValues
@@ -93,13 +94,24 @@ class SteppedRun:
         self.output.report(EventKind.NOTE, f"state set: {given}")
         return ""
 
-    def apply_live(self, prepared: PreparedValues) -> str:
-        """Change live values; returns the problem, or ""."""
+    def live_change(self, prepared: PreparedValues) -> Callable[[], str]:
+        """What changes live values, and the ranges of commands with them; it returns the problem, or "".
+
+        It may be prepared in any thread.
+        """
+        ranges = CommandRanges(prepared.mechanism)
+        return lambda: self._apply_live(prepared, ranges)
+
+    def _apply_live(self, prepared: PreparedValues, ranges: CommandRanges) -> str:
+        efforts = self.simulation.efforts.tobytes()
         try:
             self.simulation.apply_live(prepared)
         except CommandError as error:
             return str(error)
+        self.commands.keep_within(ranges, prepared.mechanism.bases)
         self.output.report(EventKind.LIVE_VALUES, ChangedValues(prepared.changes, self.simulation.live))
+        if self.simulation.efforts.tobytes() != efforts:  # beyond changed limits
+            self.output.report(EventKind.COMMAND, AppliedEfforts(self.simulation.efforts.copy()))
         return ""
 
     def _forget_problems(self) -> None:

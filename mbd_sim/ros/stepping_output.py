@@ -94,6 +94,7 @@ class SteppingOutput:
                 due=due,
                 repeated=repeated,
                 arrivals=self._simulation.arrivals if Due.SENSORS in due else (),
+                live=self._simulation.live,
             )
         )
 

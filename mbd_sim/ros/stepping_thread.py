@@ -101,7 +101,7 @@ class SteppingThread:
                 prepared = self.simulation.prepare_live(changes)
             except CommandError as error:
                 return str(error)
-            return self.between_steps(lambda: self.run.apply_live(prepared))
+            return self.between_steps(self.run.live_change(prepared))
 
     def set_state(self, given: StateValues | Callable[[], StateValues]) -> str:
         """Set positions and speeds by name; returns the problem, and then nothing has changed, or "" on success.

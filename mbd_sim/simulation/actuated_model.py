@@ -35,13 +35,17 @@ class ActuatedModel:
         """The efforts (nv,) of actuators on the coordinates, in N and N·m."""
         return efforts_on(self.mechanism.actuators, self._actuator_readings(time, y, inputs), self.coordinate_names)
 
-    def keep_accounts(self, time: float, before: Array, y: Array, inputs: Array) -> None:
-        """Leave the energy that chambers gain from a change of the state out of the accounts of the cylinders.
+    def keep_accounts(
+        self, time: float, before: Array, y: Array, inputs: Array, new_inputs: Array | None = None
+    ) -> None:
+        """Leave the energy that chambers gain from a change of the state or of live values out of their accounts.
 
         :param before: the state before, y that after the change, which is corrected in place.
+        :param new_inputs: those after the change, by default the same `inputs`.
         """
         if (functions := self.equations.actuators) is not None:
-            old, new = (functions.stored(time, state, inputs) for state in (before, y))
+            old = functions.stored(time, before, inputs)
+            new = functions.stored(time, y, inputs if new_inputs is None else new_inputs)
             for index, stored in new.items():
                 y[index] += stored - old[index]
 

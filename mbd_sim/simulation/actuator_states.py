@@ -55,8 +55,8 @@ class CylinderEnergies(NamedTuple):
     """The account of a cylinder since the start, in J: fluid = mechanical + throttling + change of the stored energy.
 
     `fluid_work` is the energy of the fluid from the supply less that of the fluid to the tank, `throttling_loss` is
-    that in the valve and past the piston. `stored` is the change of the energy of the fluid in the chambers: see
-    `mbd_sim.dynamics.cylinders`. `residual` is what is missing: the error of the integration.
+    that in the valve and past the piston, integrated by parts. `stored` is the change of the energy of the fluid in the
+    chambers: see `mbd_sim.dynamics.cylinders`. `residual` is what is missing: the error of the integration.
     """
 
     fluid_work: float
@@ -131,8 +131,9 @@ def _cylinder_state(
     actuator: Actuator, commands: Mapping[Channel, float], energies: Mapping[str, float], row: Sequence[float]
 ) -> CylinderState:
     read = dict(zip(CYLINDER_READINGS, row, strict=True))
-    fluid, mechanical, loss = (energies[name] for name in ("fluid_work", "mechanical_work", "throttling_loss"))
+    fluid, mechanical = energies["fluid_work"], energies["mechanical_work"]
     stored = read["stored"] - energies["stored_at_start"]
+    loss = fluid - stored - (read["displaced"] - energies["compression_work"])
     return CylinderState(
         commands=commands,
         position=read["position"],

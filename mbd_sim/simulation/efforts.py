@@ -30,9 +30,14 @@ class EffortMap:
 
     def __init__(self, names: Sequence[str], limits: Array, driven: Sequence[str] = ()) -> None:
         """Efforts of `names`, with absolute values up to `limits` (nv,); `driven` coordinates take no effort."""
-        self.names, self.limits, self._driven = tuple(names), limits, frozenset(driven)
+        self.names, self._driven = tuple(names), frozenset(driven)
         self._index = {name: index for index, name in enumerate(self.names)}
         self._count = len(self.names)
+        self.limit(limits)
+
+    def limit(self, limits: Array) -> None:
+        """Set the largest absolute values (nv,) of the efforts from now on."""
+        self.limits = limits
         self._bounds = np.minimum(limits, sys.float_info.max).tolist()
 
     def within(self, efforts: Any) -> Sequence[float] | None:

@@ -18,6 +18,7 @@ from mbd_sim.errors import CommandError, MechanismError, Problem, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.override import matching, value_of, values_of, with_values
+from mbd_sim.simulation.efforts import EffortMap
 
 LARGEST_GAP = 1e-6  # violation of the constraints that a change of live values may leave, m or 1
 _PROBE_FACTORS = (1.01, 0.99)  # applied to a value to find the numbers that depend on it
@@ -25,11 +26,15 @@ _PROBES_OF_ZERO = (1e-3, -1e-3)
 
 
 class PreparedValues(NamedTuple):
-    """Validated changes of live values: the changes, all live values after them, and the values (n,) in the inputs."""
+    """Validated changes of live values: the changes, all live values after them, and the values (n,) in the inputs.
+
+    `mechanism` is the one with all of these values.
+    """
 
     changes: Mapping[str, float]
     current: Mapping[str, float]
     inputs: Array
+    mechanism: Mechanism
 
 
 class LiveValues:
@@ -73,6 +78,21 @@ class LiveValues:
             self._changed, self._changed_with = with_values(self._mechanism, self.current), self.current
         return self._changed
 
+    def apply(self, prepared: PreparedValues) -> None:
+        """Make prepared values the current ones."""
+        self.current = dict(prepared.current)
+        self._changed, self._changed_with = prepared.mechanism, self.current
+
+    def restore(self, values: Mapping[str, float]) -> None:
+        """Make earlier values the current ones, as far as they are given."""
+        if (current := {**self.current, **values}) != self.current:
+            self.current = current
+
+    def limit(self, efforts: EffortMap) -> None:
+        """Limit efforts as the mechanism with the current values does."""
+        if self.current:
+            efforts.limit(self.mechanism.effort_limits())
+
     def prepare(self, changes: Mapping[str, float]) -> PreparedValues:
         """Validate changes of the current values, without applying them; may be called from any thread.
 
@@ -93,7 +113,7 @@ class LiveValues:
             ) from error
         except StructureError as error:
             raise CommandError(f"{', '.join(changes)}: {error}. Change the file and start again.") from error
-        return PreparedValues(dict(changes), current, inputs)
+        return PreparedValues(dict(changes), current, inputs, changed)
 
     def _remedy(self, key: str) -> str:
         """How a value becomes live, or what the key is meant to be."""

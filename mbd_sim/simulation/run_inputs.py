@@ -105,14 +105,20 @@ class RunInputs(Readings, RunReports):
     def apply_live(self, prepared: PreparedValues) -> None:
         """The second, fast half of `set_live`; no other change may have been applied since `prepare_live`.
 
+        Efforts beyond changed limits are clamped.
+
         :raises CommandError: the change would open loops in the present state; nothing is changed then.
         """
-        inputs = self._memory.inputs.copy()
+        inputs, y = self._memory.inputs.copy(), self.y.copy()
         inputs[self.model.equations.inputs.values] = prepared.inputs
         gap = self.model.violation(self.time, self.y, inputs).position
         require_closed(prepared.changes, gap, self.violation.position)
         before = self.energies.total
-        self._memory.inputs[:], self._live.current = inputs, dict(prepared.current)
+        self.model.keep_accounts(self.time, self.y, y, self._memory.inputs, inputs)
+        self._memory.inputs[:], self._memory.y[:] = inputs, y
+        self._live.apply(prepared)
         self.start_energy += self.energies.total - before
         self._memory.settle()
         self._report_live_values(prepared.changes)
+        self._live.limit(self.effort_map)
+        self.set_efforts(self._efforts.copy())

@@ -11,6 +11,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.actuator_commands import CommandMap
 from mbd_sim.simulation.argument_checks import finite_vector
 from mbd_sim.simulation.contact_start import require_outside
+from mbd_sim.simulation.efforts import EffortMap
 from mbd_sim.simulation.readings import Readings
 from mbd_sim.simulation.run_reports import RunReports
 from mbd_sim.simulation.snapshot import RunLayout, SimulationSnapshot, require_same_layout
@@ -23,6 +24,7 @@ class StateChanges(Readings, RunReports):
     """The part of a `Simulation` that replaces its state."""
 
     command_map: CommandMap
+    effort_map: EffortMap
     _live_inputs: Array
 
     def reset(self, q: Coordinates | None = None, u: Coordinates | None = None) -> None:
@@ -110,7 +112,9 @@ class StateChanges(Readings, RunReports):
                 raise TypeError("a snapshot is restored as a whole. Give no other argument, or give snapshot.state.")
             require_same_layout(state.layout, self._run_layout)
             self._memory.load(state.state, state.inputs, state.steps, state.error_estimate, state.history)
-            self.start_energy, self._live.current = state.start_energy, dict(state.live)
+            self.start_energy = state.start_energy
+            self._live.restore(state.live)
+            self._live.limit(self.effort_map)
             self._restart_samples(state.samples)
             self._report_new_state()
             return
@@ -129,7 +133,8 @@ class StateChanges(Readings, RunReports):
             self._memory.settle()
         if start_energy is not None:
             self.start_energy = float(start_energy)
-        self._live.current = {**self._live.current, **(live or {})}
+        self._live.restore(live or {})
+        self._live.limit(self.effort_map)
         self._restart_samples(samples, keep=goes_on)
         self._report_new_state()
 

@@ -1,3 +1,5 @@
+import re
+
 import pytest
 
 from mbd_sim.errors import MechanismError
@@ -28,12 +30,14 @@ def test_a_value_is_given_in_si_units_or_as_in_the_file(rods):
         ("gravity[3]", 1.0, "The last entry is 2"),
         ("[2]", 1.0, "not a key"),
         ("parameters.m", -1.0, "at least 0"),
+        ("parameters.new", 1.0, "there is no parameter 'new'. Valid: l, m"),
+        ("functions.new(t)", "t", "there is no function 'new(t)'. The file has no functions"),
         ("m.x", 1.0, "is not a key of this file"),
         ("joints.elbow.between[0][1]", 1.0, "not a list"),
     ],
 )
 def test_a_key_that_does_not_exist_is_named_with_what_does(rods, name, value, words):
-    with pytest.raises(MechanismError, match=words.replace("[", r"\[")):
+    with pytest.raises(MechanismError, match=re.escape(words)):
         with_values(rods, {name: value})
 
 

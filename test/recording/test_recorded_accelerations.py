@@ -30,6 +30,18 @@ def test_accelerations_are_recorded_and_recomputed_bit_for_bit(tmp_path):
     assert np.all(np.isfinite(last.values))
 
 
+def test_points_are_where_live_values_put_them(tmp_path):
+    sim = Simulation.from_file("double_rod", live=["parameters.l"])
+    with sim.recording(tmp_path / "run.mcap", accelerations=["lower.tip"]):
+        sim.set_live({"parameters.l": 1.3})
+        sim.run(until=0.02)
+    (found,) = verify(tmp_path / "run.mcap")
+    assert found.agrees and found.compared["accelerations"] == 3
+    messages = [message for block in open_recording(tmp_path / "run.mcap").files[0].blocks for message in block.load()]
+    last = cdr.multi_array([message for message in messages if message.topic == "/accelerations"][-1].payload)
+    assert last.values.tolist() == sim.motion("lower.tip").acceleration.tolist()
+
+
 def test_unknown_points_are_refused(tmp_path):
     sim = Simulation.from_file("double_rod")
     with pytest.raises(InputError, match="'lower' has no point 'tp'"):

@@ -7,6 +7,7 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.errors import CommandError
+from mbd_sim.mechanism_file.override import value_of, with_values
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.command_ranges import CommandRanges
 from mbd_sim.ros.trajectory import Trajectory, TrajectoryPoint
@@ -206,6 +207,25 @@ def test_positions_and_velocities_beyond_the_limits_of_a_joint_are_clamped_and_c
     assert (found["a.position"], found["a.velocity"]) == expected
     assert (buffer.limited, buffer.accepted) == (count, 1)
     assert buffer.due_for_actuators(0.1, np.zeros(6)) is None and buffer.limited == count
+
+
+def test_commands_keep_limits_that_have_changed(limited):
+    simulation, buffer = limited
+    buffer.by_name(["hip"], [], positions=[0.9], velocities=[1.5])
+    assert due(simulation, buffer)["a.position"] == 0.9
+    changed = with_values(simulation.mechanism, {"joints.hip.limits.upper": 0.4, "joints.hip.velocity_limit": 1.0})
+    buffer.keep_within(CommandRanges(changed), changed.bases)
+    found = due(simulation, buffer)
+    assert (found["a.position"], found["a.velocity"]) == (0.4, 1.0)
+
+
+def test_a_base_whose_wheels_have_changed_commands_them_otherwise(rover):
+    simulation, buffer = rover
+    base, radius = simulation.mechanism.bases[0], value_of(simulation.mechanism, "bases.rover.radius")
+    changed = with_values(simulation.mechanism, {"bases.rover.radius": 2.0 * radius})
+    buffer.keep_within(CommandRanges(changed), changed.bases)
+    buffer.move(base, (0.5, 0.0, 0.0), (0.0, 0.0, 0.8))
+    assert buffer.due_for_actuators(0.0, np.zeros(2)) == pytest.approx([4.45 / 2, 8.05 / 2])
 
 
 def test_a_trajectory_beyond_limits_is_rejected_and_one_that_overshoots_them_is_clamped(limited):

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import simpson, solve_ivp
 
 from mbd_sim import Simulation
 from mbd_sim.errors import MechanismError
@@ -126,6 +126,19 @@ def test_the_work_of_the_fluid_is_mechanical_work_losses_and_stored_energy(fluid
     assert account.mechanical_work == pytest.approx(net, rel=1e-12)
 
 
+@pytest.mark.parametrize("fluid", [OIL, GAS, GAS.replace("exponent: 1.2", "exponent: 1")], ids=["oil", "n1.2", "n1"])
+def test_the_throttling_loss_is_the_integral_of_its_power(fluid):
+    simulation = cylinder(fluid, "command: {opening: 0.5}", step=1e-4, method="tsitouras8")
+    simulation.run(until=0.02)
+    start = simulation.actuators()["lift"].energies.throttling_loss
+    powers = [simulation.actuators()["lift"].throttling_loss]
+    for _ in range(100):
+        simulation.step()
+        powers.append(simulation.actuators()["lift"].throttling_loss)
+    lost = simulation.actuators()["lift"].energies.throttling_loss - start
+    assert lost == pytest.approx(simpson(powers, dx=1e-4), rel=1e-8)
+
+
 def test_the_compressed_oil_stores_half_the_volume_times_the_square_of_the_pressure_to_first_order():
     simulation = cylinder(OIL)
     simulation.run(until=0.01)
@@ -193,6 +206,15 @@ def test_a_state_that_is_set_leaves_the_account_closed_and_a_reset_restores_the_
     simulation.reset()
     assert simulation.actuators()["lift"].pressures == (30e5, 38e5)
     assert simulation.actuators()["lift"].energies.stored == 0.0
+
+
+def test_dimensions_that_change_during_the_run_leave_the_account_closed():
+    simulation = cylinder(GAS, "command: {opening: 0.5}", step=5e-5, live=["actuators.lift.areas[0]"])
+    simulation.run(until=0.02)
+    simulation.set_live({"actuators.lift.areas[0]": 14e-4})
+    simulation.run(until=0.04)
+    account = simulation.actuators()["lift"].energies
+    assert abs(account.residual) < 1e-9 * account.throttling_loss
 
 
 def test_the_supply_can_be_a_live_value():

@@ -100,3 +100,28 @@ def test_patterns_pass_over_the_numbers_inside_expressions(name):
     sim = Simulation.from_file(name, live=["forces.*", "gravity[*]"])
     assert not any("names" in key for key in sim.live)
     sim.run(0.01)
+
+
+LIMITED = """
+mechanism: limited
+parameters: {strength: 2, slack: 0.1}
+parts: {arm: {mass: 1, center: [0, 0, -0.5], inertia: [0.1, 0.1, 0.1]}}
+joints:
+  hip: {type: revolute, between: [ground, arm], axis: [0, 1, 0], effort_limit: strength, damping: slack*strength}
+"""
+
+
+def test_effort_limits_follow_live_values_also_in_copies_and_restored_states():
+    sim = Simulation.from_text(LIMITED, live=["parameters.strength"])
+    before = sim.snapshot()
+    sim.set_live({"parameters.strength": 5.0})
+    sim.set_efforts([4.0])
+    assert sim.efforts.tolist() == sim.copy().efforts.tolist() == [4.0]
+    copied = sim.copy()
+    copied.set_efforts([9.0])
+    assert copied.efforts.tolist() == [5.0]
+    sim.set_live({"parameters.strength": 3.0})
+    assert sim.efforts.tolist() == [3.0], "an effort beyond the new limit is clamped"
+    sim.restore(before)
+    sim.set_efforts({"hip": -9.0})
+    assert sim.efforts.tolist() == [-2.0]

@@ -7,6 +7,8 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu, JointState, Range
 
 from mbd_sim import load_mechanism, parse_mechanism
+from mbd_sim.recording.reader import open_recording
+from mbd_sim.recording.verification import verify
 from test.system.nodes import Listener, SimNodeProcess, as_in_the_node, nanoseconds, new_domain
 
 SENSORS = """
@@ -37,7 +39,7 @@ def numbers(message):
 @pytest.fixture(scope="module")
 def expected():
     """The measurements of a run, by sensor and time stamp in ns."""
-    sim = as_in_the_node(parse_mechanism(load_mechanism("double_rod").source.text + SENSORS))
+    sim = as_in_the_node(parse_mechanism(load_mechanism("double_rod").source.text + SENSORS + "sensor_seed: 7\n"))
     found = {name: {} for name in TYPES}
     for _ in range(STEPS):
         for number, sample in sim.arrivals:
@@ -53,7 +55,7 @@ def test_another_process_receives_the_measurements_of_a_simulation(tmp_path, exp
     path = tmp_path / "sensed.yaml"
     path.write_text(load_mechanism("double_rod").source.text + SENSORS)
     domain = new_domain()
-    parameters = {"mechanism": path, "start_paused": True, "real_time_factor": 0.2}
+    parameters = {"mechanism": path, "start_paused": True, "real_time_factor": 0.2, "sensor_seed": 7, "record": True}
     node, listener = SimNodeProcess(domain, tmp_path, parameters), Listener(domain)
     profiles = {"reliable": 1000, "sensor data": qos_profile_sensor_data}
     received = {(name, profile): {} for name in TYPES for profile in profiles}
@@ -70,6 +72,7 @@ def test_another_process_receives_the_measurements_of_a_simulation(tmp_path, exp
         listener.spin(0.5)  # until the publishers know the subscriptions, too
         listener.pause(False)
         listener.until(lambda: max(received["encoder", "reliable"], default=0) > END_NS, "measurements")
+        assert node.end() == 0
     finally:
         listener.close()
         node.kill()
@@ -81,3 +84,21 @@ def test_another_process_receives_the_measurements_of_a_simulation(tmp_path, exp
         for time in times:
             exact = np.float32(expected[name][time]).tolist() if name == "floor" else expected[name][time]
             assert messages[time] == exact, (name, time)
+    (recorded,) = (tmp_path / "recordings").glob("*.mcap")
+    assert "sensor_seed: 7" in (open_recording(recorded).mechanism_text or "")
+    (verification,) = verify(recorded)
+    assert verification.is_intact and verification.agrees, verification.first
+
+
+@pytest.mark.parametrize(
+    ("seed", "words"),
+    [
+        (3, "sensor_seed: double_rod has no sensors. Leave the parameter out."),
+        (-2, "parameter 'sensor_seed' must lie between -1 and 1e+15, not -2."),
+        (1.5, "parameter 'sensor_seed' must be of type int, not 1.5"),
+    ],
+)
+def test_a_seed_that_cannot_be_is_refused(tmp_path, seed, words):
+    node = SimNodeProcess(new_domain(), tmp_path, {"mechanism": "double_rod", "sensor_seed": seed})
+    assert node.exit_code() == 1
+    assert words in node.text
