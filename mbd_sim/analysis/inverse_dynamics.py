@@ -99,7 +99,7 @@ class InverseDynamics:
         if self._contact is None:
             self._contact = ContactMotion(self._equations)
         given = inputs.copy()
-        given[self._equations.inputs.efforts] = -self._efforts_of_actuators(q, u, t, inputs)
+        given[self._equations.inputs.efforts] = -self.efforts_of_actuators(q, u, t, inputs)
         efforts, accelerations = self._contact.efforts(t, q, u, u_rates, given, self._indices)
         self._require_equal(accelerations, u_rates)
         return efforts
@@ -108,21 +108,21 @@ class InverseDynamics:
         assert self._equations is not None
         nq, nv = len(q), len(u)
         given = inputs[: self._equations.inputs.size].copy()
-        given[self._equations.inputs.efforts] = efforts - self._efforts_of_actuators(q, u, t, inputs)
-        found = np.array(self._equations.rates.call([t, self._state(q, u), given])[0]).ravel()[nq : nq + nv]
+        given[self._equations.inputs.efforts] = efforts - self.efforts_of_actuators(q, u, t, inputs)
+        found = np.array(self._equations.rates.call([t, self.state(q, u), given])[0]).ravel()[nq : nq + nv]
         self._require_equal(found, u_rates)
 
-    def _state(self, q: Array, u: Array) -> Array:
+    def state(self, q: Array, u: Array) -> Array:
         """The state y with zeros after the speeds."""
         assert self._equations is not None
         return np.concatenate([q, u, np.zeros(self._equations.start_state.size - len(q) - len(u))])
 
-    def _efforts_of_actuators(self, q: Array, u: Array, t: float, inputs: Array) -> Array:
+    def efforts_of_actuators(self, q: Array, u: Array, t: float, inputs: Array) -> Array:
         """The generalized efforts (nv,) of the actuators, with zeros for their states."""
         assert self._equations is not None
         if self._equations.actuators is None:
             return np.zeros(len(u))
-        return np.array(self._actuator_efforts(t, self._state(q, u), inputs)).ravel()
+        return np.array(self._actuator_efforts(t, self.state(q, u), inputs)).ravel()
 
     @cached_property
     def _actuator_efforts(self) -> ca.Function:

@@ -60,9 +60,18 @@ def export(path: Path, table: RunTable) -> int:
 
     :raises MbdSimError: the file cannot be written, or its format needs a package that is not installed.
     """
-    require_suffix(path, SUFFIXES)
     found = columns(table)
     about = {**table.about, "recording": str(table.path), "events": json.dumps(table.events)}
+    write_columns(path, found, about)
+    return len(found)
+
+
+def write_columns(path: Path, found: Columns, about: Mapping[str, str]) -> None:
+    """Write columns (n,) by name; Parquet and NumPy files also contain the description `about`.
+
+    :raises MbdSimError: the file cannot be written, or its format needs a package that is not installed.
+    """
+    require_suffix(path, SUFFIXES)
     try:
         if path.suffix == ".npz":
             np.savez_compressed(path, about=json.dumps(about), **found)  # type: ignore[arg-type]
@@ -72,7 +81,6 @@ def export(path: Path, table: RunTable) -> int:
             _write_parquet(path, found, about)
     except OSError as error:
         raise MbdSimError(f"{path} cannot be written: {error}") from error
-    return len(found)
 
 
 def _write_csv(path: Path, found: Columns) -> None:

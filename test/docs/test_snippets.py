@@ -11,7 +11,12 @@ from test.docs.notebooks import execute_snippet, snippets
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
 THEORY = ROOT / "docs/explain/theory.md"
-PAGES = [README, THEORY, *sorted(path for path in (ROOT / "docs" / "how_to").glob("*.md") if path.name != "index.md")]
+PAGES = [
+    README,
+    THEORY,
+    ROOT / "docs/kinematic_analysis.md",
+    *sorted(path for path in (ROOT / "docs" / "how_to").glob("*.md") if path.name != "index.md"),
+]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

@@ -1,0 +1,111 @@
+"""`mbd_sim kinematics`: move the drives of a mechanism through ranges, without dynamics."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mbd_sim.cli.common import add_mechanism
+
+if TYPE_CHECKING:
+    from mbd_sim.mechanism.records import Mechanism
+
+HELP = "move drives through ranges: positions, velocities, accelerations, dead points, loads"
+DESCRIPTION = (
+    "Move the drives of a mechanism through their ranges and determine everything else from the constraints: "
+    "positions, velocities, accelerations, paths of points, dead points, limit positions, transmission angles and "
+    "mechanical advantage; with --loads also efforts and reactions by inverse dynamics."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    add_mechanism(parser)
+    parser.add_argument(
+        "--drive",
+        action="append",
+        required=True,
+        metavar="NAME=RANGE",
+        help="a driven coordinate and its range, such as crank=0:360deg, or crank=0:360deg:73 for 73 positions, or a "
+        "value at which it is held; repeatable: as many as the mechanism has degrees of freedom",
+    )
+    parser.add_argument(
+        "--speed", default="1", metavar="V", help="of the first drive: rad/s, m/s, or 60rpm (default 1)"
+    )
+    parser.add_argument(
+        "--point", action="append", default=[], metavar="PART.POINT", help="a point whose path is wanted; repeatable"
+    )
+    parser.add_argument(
+        "--transmission",
+        action="append",
+        metavar="PIN",
+        help="the pin between a coupler and a follower whose transmission angle is wanted, or COUPLER,PIN,FOLLOWER "
+        "with the other joint of the coupler and the pivot or guide of the follower; repeatable (default: all that are "
+        "evident)",
+    )
+    parser.add_argument("--loads", action="store_true", help="determine efforts of drives and loads on joints")
+    parser.add_argument("--modes", action="store_true", help="list all assembly modes at the start of the range")
+    parser.add_argument("--mode", type=int, metavar="N", help="begin in assembly mode N (default: that of the file)")
+    parser.add_argument(
+        "--through-dead-points",
+        action="store_true",
+        help="follow the motion through dead points, where the drive turns back, and straight through change points",
+    )
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write a table: .csv, .parquet or .npz")
+    parser.add_argument("--plot", type=Path, metavar="PICTURE", help="draw the motion: .png, .svg or .pdf")
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Analyze the motion, print the report, and write the table and the picture."""
+    from mbd_sim.kinematic_analysis import couplers_and_followers, drive_loads, driven_motion, motion_columns
+    from mbd_sim.kinematic_analysis.driven_motion import POSITIONS
+    from mbd_sim.kinematic_analysis.motion_picture import draw_motion, require_picture_suffix
+    from mbd_sim.kinematic_analysis.motion_text import motion_text
+    from mbd_sim.kinematic_analysis.prescribed_drives import drive_range, drive_speed, position_count
+    from mbd_sim.kinematic_analysis.transmission import coupler_and_follower
+    from mbd_sim.load import load_mechanism
+    from mbd_sim.playback.plot_files import require_suffix
+    from mbd_sim.playback.table_export import SUFFIXES, require_packages_for, write_columns
+
+    if options.plot is not None:
+        require_picture_suffix(options.plot)
+    if options.out is not None:
+        require_suffix(options.out, SUFFIXES)
+        require_packages_for(options.out)
+    mechanism = load_mechanism(options.mechanism)
+    given = [drive_range(text, mechanism) for text in options.drive]
+    drives = {one.name: (one.start, one.stop) for one, _ in given}
+    count = position_count(given, POSITIONS)
+    if options.modes:
+        _print_modes(mechanism, {one.name: one.start for one, _ in given})
+    motion = driven_motion(
+        mechanism,
+        drives,
+        count,
+        speed=drive_speed(options.speed, mechanism, [one for one, _ in given]),
+        mode=options.mode,
+        dead_points="follow" if options.through_dead_points else "refuse",
+    )
+    pins = couplers_and_followers(motion.mechanism, list(drives))
+    if options.transmission is not None:
+        pins = tuple(coupler_and_follower(motion.mechanism, list(drives), text) for text in options.transmission)
+    loads = drive_loads(motion) if options.loads else None
+    print(motion_text(motion, options.point, pins, loads))
+    if options.out is not None:
+        about = {"mechanism": mechanism.name, "drives": ", ".join(options.drive), "speed": str(motion.speed)}
+        write_columns(options.out, motion_columns(motion, options.point, pins, loads), about)
+    if options.plot is not None:
+        draw_motion(options.plot, motion, options.point, pins, loads)
+    for path in (options.out, options.plot):
+        if path is not None:
+            print(f"wrote {path}")
+    return 0
+
+
+def _print_modes(mechanism: Mechanism, drives: Mapping[str, float]) -> None:
+    from mbd_sim.kinematic_analysis import assembly_modes
+    from mbd_sim.kinematic_analysis.motion_text import modes_text
+
+    print(modes_text(mechanism, assembly_modes(mechanism, drives)))

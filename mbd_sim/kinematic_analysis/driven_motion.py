@@ -1,0 +1,232 @@
+"""The motion of a mechanism whose drives move through a range: positions, velocities and accelerations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from mbd_sim.errors import InputError, nearest
+from mbd_sim.geometry.pose import Array
+from mbd_sim.kinematic_analysis.assembly_modes import modes_at
+from mbd_sim.kinematic_analysis.curve_tracing import TracedCurve, sampled, traced_curve
+from mbd_sim.kinematic_analysis.drive_line import DriveLine
+from mbd_sim.kinematic_analysis.kinematic_system import KinematicSystem
+from mbd_sim.kinematic_analysis.point_motion import PointFunctions, PointMotion
+from mbd_sim.kinematic_analysis.prescribed_drives import coordinate_columns
+from mbd_sim.kinematic_analysis.reach import require_reached
+from mbd_sim.kinematic_analysis.singular_points import Kind, SingularPoint
+from mbd_sim.mechanism.records import Mechanism
+
+POSITIONS = 361
+AtDeadPoints = Literal["refuse", "follow"]
+
+
+@dataclass(frozen=True)
+class SingularRow:
+    """A dead point or change point: its `row` in the motion, and the coordinates of the drives there, in rad or m."""
+
+    kind: Kind
+    row: int
+    drives: Mapping[str, float]
+
+
+class DrivenMotion:
+    """The configurations of a mechanism, one in each row, in the order in which they follow each other.
+
+    - `s` (n,): the part of the range through which the drives have gone, from 0 to 1; `drives` (n, drives) in rad or m.
+    - `q` (n, nq), `u` (n, nv), `u_rates` (n, nv): coordinates, speeds and accelerations, as in a `Simulation`, at the
+      `speed` of the first moving drive in rad/s or m/s; the drives do not accelerate. nan at dead and change points.
+    - `ratios` (n, nv): u for a unit speed of the first moving drive, in the direction in which its range is given.
+    - `direction` (n,): -1 where the drives go back, after a dead point, else 1. `time` (n,) in s.
+    - `singular`: the dead and change points.
+    """
+
+    def __init__(
+        self, line: DriveLine, rows: Sequence[tuple[float, Array, SingularPoint | None]], speed: float
+    ) -> None:
+        system = self.system = line.system
+        self.line, self.mechanism, self.speed = line, system.mechanism, speed
+        self.s, self.q = np.array([s for s, _, _ in rows]), np.array([q for _, q, _ in rows])
+        self.drives = np.array([line.drives(s) for s in self.s.tolist()])
+        travel = (line.stop - line.start).astype(float)
+        self.leading = int(np.flatnonzero(travel)[0])
+        self._unit = travel / abs(travel[self.leading])  # (drives,) for a unit speed of the leading one
+        self.direction = _directions(self.s)
+        steps = np.abs(np.diff(self.s, prepend=self.s[0])) * abs(travel[self.leading])
+        self.time = np.cumsum(steps) / speed if speed else np.zeros(len(rows))
+        singular = [(row, point) for row, (_, _, point) in enumerate(rows) if point is not None]
+        self.singular = tuple(
+            SingularRow(point.kind, row, dict(zip(system.drives, self.drives[row].tolist(), strict=True)))
+            for row, point in singular
+        )
+        excluded = {row for row, _ in singular}
+        rates = [None if row in excluded else self.unit_rates(q) for row, q in enumerate(self.q)]
+        empty = np.full(system.layout.nv, np.nan)
+        self.ratios = np.array([empty if one is None else one[0] for one in rates])
+        self.u = self.ratios * (speed * self.direction)[:, None]
+        self.u_rates = np.array([empty if one is None else one[1] for one in rates]) * speed**2
+        self._points: dict[str, PointMotion] = {}
+
+    def __len__(self) -> int:
+        return len(self.s)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the coordinates (nv,)."""
+        return self.mechanism.coordinate_names
+
+    @property
+    def drive(self) -> Array:
+        """The coordinate (n,) of the first drive that moves, in rad or m."""
+        return self.drives[:, self.leading]
+
+    @property
+    def drive_name(self) -> str:
+        """The first drive that moves."""
+        return self.system.drives[self.leading]
+
+    def unit_rates(self, q: Array) -> tuple[Array, Array] | None:
+        """u and u' (nv,) in a configuration, at a unit speed of the first moving drive; None at a singular one."""
+        return self.system.rates(q, self._unit, np.zeros(len(self._unit)))
+
+    def at(self, row: int, s: float) -> Array:
+        """The configuration q (nq,) at a place s between a row and the next one.
+
+        :raises InputError: there is none.
+        """
+        part = (s - self.s[row]) / (self.s[row + 1] - self.s[row])
+        guess = self.q[row] + part * (self.q[row + 1] - self.q[row])
+        q = self.system.closed_at(self.system.displaced(guess, np.zeros(self.system.layout.nv)), self.line.drives(s))
+        if q is None:
+            raise InputError(f"there is no configuration at {self.line.described(s)}", "Take more positions.")
+        return q
+
+    def coordinate(self, name: str) -> tuple[Array, Array, Array]:
+        """The position (n,) of a coordinate, its velocity and its acceleration, in rad or m and s.
+
+        :raises InputError: there is no such coordinate, or it is a component of a rotation in space.
+        """
+        index = self.index(name)
+        if self.columns[index] < 0:
+            raise InputError(f"'{name}' is a component of a rotation in space", "Take a point of the part.")
+        return self.q[:, self.columns[index]], self.u[:, index], self.u_rates[:, index]
+
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """The index in q of each coordinate (nv,); -1 for components of a rotation in space."""
+        return coordinate_columns(self.mechanism)
+
+    def index(self, name: str) -> int:
+        """The index of a coordinate in u.
+
+        :raises InputError: there is none of this name.
+        """
+        if name not in self.names:
+            remedy = nearest(name, self.names)
+            if name in self.mechanism.closing:
+                remedy = f"It closes a loop: write 'cut: true' at another joint of the loop. {remedy}"
+            raise InputError(f"there is no coordinate '{name}'", remedy)
+        return self.names.index(name)
+
+    def point(self, name: str) -> PointMotion:
+        """The path, velocity and acceleration (n, 3) of a point `part.point`, or of the origin of a part.
+
+        In m and s, in ground's axes.
+
+        :raises InputError: there is no such point.
+        """
+        if name not in self._points:
+            self._points[name] = PointFunctions(self.system, name).motion(self.q, self.u, self.u_rates)
+        return self._points[name]
+
+    def advantage(self, output: str) -> Array:
+        """The mechanical advantage (n,): the effort at a coordinate that a unit effort at the drive balances.
+
+        By virtual power it is the speed of the first moving drive over that of the output, without friction, weight and
+        inertia (Uicker, Pennock & Shigley, ch. 3). Infinite where the output stands still.
+
+        :raises InputError: there is no such coordinate.
+        """
+        ratios = self.ratios[:, self.index(output)]
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.sign(self._unit[self.leading]) / ratios)
+
+
+def driven_motion(
+    mechanism: Mechanism,
+    drives: Mapping[str, float | tuple[float, float]],
+    positions: int = POSITIONS,
+    *,
+    speed: float = 1.0,
+    mode: int | None = None,
+    dead_points: AtDeadPoints = "refuse",
+) -> DrivenMotion:
+    """Move the drives of a mechanism through their ranges together, and determine the motion of everything else.
+
+    Positions follow from the constraints to round-off, velocities and accelerations from their Jacobian and its rate.
+
+    :param drives: the range (start, stop) of each driven coordinate in rad or m, or the value at which it is held.
+    :param positions: equally spaced in the range.
+    :param speed: of the first drive that moves, in rad/s or m/s.
+    :param mode: the number of the assembly mode at the start of the range, see `assembly_modes`, from 1. By default the
+        motion continues from the start position in the file.
+    :param dead_points: "refuse" a range with dead points or change points, or "follow" the motion: the drive then turns
+        back at a dead point, and a change point is passed straight on.
+    :raises UnreachableError: the drives do not reach the whole range: the text says how far they go.
+    :raises InputError: a drive does not exist, or there are not as many as degrees of freedom, or no range.
+    :raises MechanismError: the loops cannot be closed, or something depends on time.
+    """
+    ranges = {name: _range(value) for name, value in drives.items()}
+    system = KinematicSystem(mechanism, list(ranges))
+    if positions < 2 or not (np.isfinite(speed) and speed >= 0.0):
+        raise InputError(f"{positions} positions at a speed of {speed}", "Give at least 2, and a speed of 0 or more.")
+    starts, stops = (np.array([one[end] for one in ranges.values()], dtype=float) for end in (0, 1))
+    line = DriveLine(system, starts, stops)
+    if line.length == 0.0:
+        raise InputError("no drive moves: start and stop are equal", "Give a range to one of them.")
+    first_q, s = _first(system, line, mode, follow=dead_points == "follow")
+    sign = 1.0 if s < 1.0 else -1.0
+    curve = traced_curve(line, line.forward(first_q, s, sign), through=dead_points == "follow")
+    if dead_points == "refuse":
+        require_reached(system, line, curve)
+    return DrivenMotion(line, sampled(line, curve, np.linspace(0.0, 1.0, positions)), speed)
+
+
+def _range(value: float | tuple[float, float]) -> tuple[float, float]:
+    start, stop = (value, value) if isinstance(value, int | float) else value
+    if not (np.isfinite(start) and np.isfinite(stop)):
+        raise InputError(f"the range {value} is not finite", "Give numbers in rad or m.")
+    return float(start), float(stop)
+
+
+def _first(system: KinematicSystem, line: DriveLine, mode: int | None, *, follow: bool) -> tuple[Array, float]:
+    """The configuration with which the motion begins, and its place s."""
+    if mode is not None:
+        modes = modes_at(system, line.start)
+        if not 1 <= mode <= len(modes):
+            raise InputError(f"there is no assembly mode {mode}", f"There are modes 1 to {len(modes)}.")
+        return modes.q[mode - 1], 0.0
+    given = system.start[system.q_driven]
+    if np.array_equal(given, line.start):
+        return system.start, 0.0
+    approach = DriveLine(system, given, line.start)
+    curve = traced_curve(approach, approach.forward(system.start, 0.0, 1.0), through=False)
+    if not _is_complete(curve):
+        along = (given - line.start) @ (line.stop - line.start) / float(np.sum((line.stop - line.start) ** 2))
+        if follow and 0.0 <= along <= 1.0 and np.allclose(line.drives(float(along)), given, atol=1e-12):
+            return system.start, float(along)
+        require_reached(system, approach, curve)
+    return curve.points[-1].q, 0.0
+
+
+def _is_complete(curve: TracedCurve) -> bool:
+    return not curve.singular and curve.points[-1].s == 1.0
+
+
+def _directions(s: Array) -> Array:
+    """1 where s grows, -1 where it falls, from each row to the next one; at the end as before it."""
+    steps = np.sign(np.diff(s))
+    return np.append(steps, steps[-1:]) if len(steps) else np.ones(1)

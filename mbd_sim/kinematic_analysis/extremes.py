@@ -1,0 +1,96 @@
+"""Where a quantity of a motion is least and greatest, between the rows of a table as well."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbd_sim.geometry.pose import Array
+from mbd_sim.kinematic_analysis.driven_motion import DrivenMotion
+from mbd_sim.kinematic_analysis.transmission import CouplerAndFollower, TransmissionAngle
+from mbd_sim.simulation.event_location import first_zero
+
+GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+ROUNDING = 1e-12  # by which a value between two rows must be more extreme than in them
+SECTIONS = 60  # of the golden section search
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """An extreme `value` of a quantity, in rad or m, where the first moving drive is at `drive` in rad or m."""
+
+    value: float
+    drive: float
+    greatest: bool
+
+
+def limit_positions(motion: DrivenMotion, output: str) -> tuple[Extreme, ...]:
+    """The positions in rad or m at which a coordinate reverses, in the order of the motion.
+
+    There its mechanical advantage is infinite; driven by this coordinate, the mechanism would have dead points there.
+
+    :raises InputError: there is no such coordinate.
+    """
+    index = motion.index(output)
+    column, ratios, found = motion.columns[index], motion.ratios[:, index], []
+    if column < 0:
+        return ()
+    for row in range(len(motion) - 1):
+        before, after = float(ratios[row]), float(ratios[row + 1])
+        # A limit position in a row belongs to the interval before it, and to the first one in the first row.
+        if not (before * after < 0.0 or (after == 0.0 and before != 0.0)):
+            continue
+        width, sign = float(motion.s[row + 1] - motion.s[row]), 1.0 if before > 0.0 else -1.0
+
+        def slope(part: float, row: int = row, width: float = width, sign: float = sign) -> float:
+            rates = motion.unit_rates(motion.at(row, float(motion.s[row]) + part * width))
+            return float("nan") if rates is None else sign * float(rates[0][index])
+
+        part = 1.0 if after == 0.0 else first_zero(slope, 1.0, sign * before, sign * after, 1e-9)
+        s = float(motion.s[row]) + part * width
+        q = motion.at(row, s)
+        drive = float(motion.line.drives(s)[motion.leading])
+        found.append(Extreme(float(q[column]), drive, bool((before > 0.0) == (motion.direction[row] > 0.0))))
+    return tuple(found)
+
+
+def transmission_extremes(motion: DrivenMotion, joints: CouplerAndFollower) -> tuple[Extreme, Extreme]:
+    """The least and the greatest transmission angle in rad."""
+    angle = TransmissionAngle(motion.system, joints)
+    values = np.array([angle(q) for q in motion.q])
+
+    def at(row: int, s: float) -> float:
+        return angle(motion.at(row, s))
+
+    return _extreme(motion, values, at, greatest=False), _extreme(motion, values, at, greatest=True)
+
+
+def _extreme(motion: DrivenMotion, values: Array, at: Callable[[int, float], float], *, greatest: bool) -> Extreme:
+    sign = -1.0 if greatest else 1.0
+    row = int(np.argmin(sign * values))
+    best, place = float(values[row]), float(motion.s[row])
+    for first in (row - 1, row):
+        if 0 <= first < len(motion) - 1:
+            low, high = float(motion.s[first]), float(motion.s[first + 1])
+            s = _least(lambda s, first=first: sign * at(first, s), low, high)  # type: ignore[misc]
+            if sign * (value := at(first, s)) < sign * best - ROUNDING:
+                best, place = value, s
+    return Extreme(best, float(motion.line.drives(place)[motion.leading]), greatest)
+
+
+def _least(function: Callable[[float], float], low: float, high: float) -> float:
+    """Where a function is least between two places, by golden section."""
+    one, other = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+    at_one, at_other = function(one), function(other)
+    for _ in range(SECTIONS):
+        if at_one < at_other:
+            high, other, at_other = other, one, at_one
+            one = high - GOLDEN * (high - low)
+            at_one = function(one)
+        else:
+            low, one, at_one = one, other, at_other
+            other = low + GOLDEN * (high - low)
+            at_other = function(other)
+    return 0.5 * (low + high)

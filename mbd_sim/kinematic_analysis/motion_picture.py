@@ -1,0 +1,179 @@
+"""A prescribed motion as a picture: the mechanism with the paths of points, and curves over the drive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbd_sim.drawing.animation import TRACE_COLORS, TRACE_WIDTH
+from mbd_sim.drawing.composition import Composition, mechanism_sheet
+from mbd_sim.drawing.curve_paths import constraint_curves
+from mbd_sim.drawing.part_outlines import bounding_points
+from mbd_sim.drawing.picture import pixels
+from mbd_sim.drawing.projection import Page, view_of
+from mbd_sim.drawing.sheet import FRONT, SheetPath
+from mbd_sim.errors import InputError, MbdSimError
+from mbd_sim.geometry.pose import Array, Pose
+from mbd_sim.kinematic_analysis.drive_loads import DriveLoads
+from mbd_sim.kinematic_analysis.driven_motion import DrivenMotion
+from mbd_sim.kinematic_analysis.motion_table import grounded_outputs, outputs
+from mbd_sim.kinematic_analysis.point_motion import PointFunctions
+from mbd_sim.kinematic_analysis.prescribed_drives import is_rotation
+from mbd_sim.kinematic_analysis.transmission import CouplerAndFollower, TransmissionAngle
+from mbd_sim.packages import require_packages
+
+SUFFIXES = (".png", ".svg", ".pdf")
+DRAWN = np.array([420.0, 330.0])  # pt, of the mechanism
+RESOLUTION = 180.0  # pixels per inch of the mechanism
+MARGIN = 14.0  # pt
+MOST_ADVANTAGE = 20.0  # that is drawn
+DEGREES = 180.0 / np.pi
+
+
+@dataclass(frozen=True, eq=False)
+class _Panel:
+    title: str
+    unit: str
+    lines: Mapping[str, Array]
+
+
+def require_picture_suffix(path: Path) -> None:
+    """Refuse a file that is not one of `SUFFIXES`.
+
+    :raises InputError: the suffix is a different one.
+    """
+    if path.suffix not in SUFFIXES:
+        raise InputError(f"{path} is not a picture", f"Use a file name that ends in {', '.join(SUFFIXES)}.")
+
+
+def draw_motion(
+    path: Path,
+    motion: DrivenMotion,
+    points: Sequence[str] = (),
+    pins: Sequence[CouplerAndFollower] = (),
+    loads: DriveLoads | None = None,
+) -> None:
+    """Draw the motion into a file.
+
+    :raises InputError: the file has another suffix.
+    :raises MbdSimError: it cannot be written.
+    """
+    require_picture_suffix(path)
+    require_packages("matplotlib", purpose="A picture")
+    from matplotlib.figure import Figure
+
+    panels = [*_motion_panels(motion, points), *_quality_panels(motion, pins), *_load_panels(motion, loads)]
+    rows = max((len(panels) + 3) // 2, 2)  # the mechanism takes two places
+    figure = Figure(figsize=(11.0, 2.7 * rows + 0.4), layout="constrained")
+    grid = figure.add_gridspec(rows, 2)
+    picture = figure.add_subplot(grid[0:2, 0])
+    picture.imshow(_mechanism(motion, points), interpolation="antialiased")
+    picture.set_axis_off()
+    figure.suptitle(motion.mechanism.name)
+    places = [grid[row, column] for row in range(rows) for column in range(2) if not (column == 0 and row < 2)]
+    for place, panel in zip(places[: len(panels)], panels, strict=True):
+        _draw_panel(figure.add_subplot(place), motion, panel)
+    try:
+        figure.savefig(path, dpi=110)
+    except (OSError, ValueError) as error:
+        raise MbdSimError(f"{path} cannot be drawn: {error}") from error
+
+
+def _draw_panel(axes: Any, motion: DrivenMotion, panel: _Panel) -> None:
+    angle = is_rotation(motion.mechanism, motion.drive_name)
+    x = motion.drive * (DEGREES if angle else 1.0)
+    for name, values in panel.lines.items():
+        axes.plot(x, values, linewidth=1.2, label=name)
+    for one in motion.singular:
+        axes.axvline(x[one.row], color="0.6", linewidth=0.8, linestyle=":")
+    axes.set_title(panel.title, fontsize="medium")
+    axes.set(xlabel=f"{motion.drive_name} ({'deg' if angle else 'm'})", ylabel=panel.unit)
+    axes.grid(alpha=0.25)
+    if angle and np.ptp(x) > 120.0:
+        axes.xaxis.set_major_locator(_multiples_of(30.0 if np.ptp(x) <= 240.0 else 60.0))
+    if len(panel.lines) > 1:
+        axes.legend(frameon=False, fontsize="small")
+
+
+def _multiples_of(step: float) -> Any:
+    from matplotlib.ticker import MultipleLocator
+
+    return MultipleLocator(step)
+
+
+def _motion_panels(motion: DrivenMotion, points: Sequence[str]) -> list[_Panel]:
+    panels = []
+    for angle in (True, False):
+        names = [name for name in outputs(motion) if motion.columns[motion.index(name)] >= 0]
+        names = [name for name in names if is_rotation(motion.mechanism, name) == angle]
+        if not names:
+            continue
+        rows = {name: motion.coordinate(name) for name in names}
+        unit = "rad" if angle else "m"
+        factor = DEGREES if angle else 1.0
+        panels += [
+            _Panel("Positions", "deg" if angle else "m", {name: row[0] * factor for name, row in rows.items()}),
+            _Panel("Velocities", f"{unit}/s", {name: row[1] for name, row in rows.items()}),
+            _Panel("Accelerations", f"{unit}/s²", {name: row[2] for name, row in rows.items()}),
+        ]
+    if points:
+        motions = {name: motion.point(name) for name in points}
+        speeds = {name: np.linalg.norm(one.velocity, axis=1) for name, one in motions.items()}
+        sizes = {name: np.linalg.norm(one.acceleration, axis=1) for name, one in motions.items()}
+        panels += [_Panel("Speeds of points", "m/s", speeds), _Panel("Accelerations of points", "m/s²", sizes)]
+    return panels
+
+
+def _quality_panels(motion: DrivenMotion, pins: Sequence[CouplerAndFollower]) -> list[_Panel]:
+    advantages = {}
+    for name in grounded_outputs(motion):
+        values = motion.advantage(name)
+        advantages[name] = np.where(np.abs(values) <= MOST_ADVANTAGE, values, np.nan)
+    advantage = _Panel(f"Mechanical advantage, up to {MOST_ADVANTAGE:g}", "", advantages)
+    if not pins:
+        return [advantage] if advantages else []
+    angles = {joints.pin: TransmissionAngle(motion.system, joints) for joints in pins}
+    lines = {name: DEGREES * np.array([angle(q) for q in motion.q]) for name, angle in angles.items()}
+    return [_Panel("Transmission angles", "deg", lines), advantage]
+
+
+def _load_panels(motion: DrivenMotion, loads: DriveLoads | None) -> list[_Panel]:
+    if loads is None:
+        return []
+    panels = [
+        _Panel(f"Effort of {name}", "N·m" if is_rotation(motion.mechanism, name) else "N", {name: effort})
+        for name, effort in loads.efforts.items()
+    ]
+    forces = {name: np.linalg.norm(one.force, axis=1) for name, one in loads.reactions.items()}
+    return [*panels, _Panel("Forces on joints", "N", forces)]
+
+
+def _mechanism(motion: DrivenMotion, points: Sequence[str]) -> NDArray[np.uint8]:
+    """The mechanism in its first configuration, and the paths of points, as pixels."""
+    mechanism = motion.mechanism
+    poses = {name: PointFunctions(motion.system, name).pose(motion.q[0]) for name in mechanism.parts}
+    paths = [motion.point(name).position for name in points]
+    view = view_of(mechanism, poses)
+    axes = np.column_stack([view.right, view.up])
+    own = bounding_points(mechanism, poses) @ axes
+    every = np.vstack([own, *(path @ axes for path in paths)])
+    size = max(float(np.max(np.ptp(own, axis=0))), 1e-9)
+    scale = float(np.min((DRAWN - 8.0 * MARGIN) / np.maximum(np.ptp(every, axis=0), 0.2 * size)))
+    sheet = _sheet(Page(view, scale), motion, poses, size, paths)
+    low, high = sheet.bounds()
+    sheet = sheet.translated(MARGIN - low)
+    return pixels(Composition(sheet, np.ceil(high - low + 2.0 * MARGIN)), RESOLUTION)
+
+
+def _sheet(page: Page, motion: DrivenMotion, poses: Mapping[str, Pose], size: float, paths: Sequence[Array]) -> Any:
+    curves = constraint_curves(motion.mechanism, poses, page.view)
+    sheet = mechanism_sheet(page, motion.mechanism, poses, size, curves)
+    for number, path in enumerate(paths):
+        color = TRACE_COLORS[number % len(TRACE_COLORS)]
+        sheet.add(SheetPath(page.project(path), edge=color, width=TRACE_WIDTH, layer=FRONT))
+    return sheet

@@ -1,0 +1,150 @@
+"""A prescribed motion as readable text: dead points, limit positions, transmission angles, loads, and a short table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from mbd_sim.geometry.pose import Array
+from mbd_sim.kinematic_analysis.assembly_modes import AssemblyModes
+from mbd_sim.kinematic_analysis.drive_loads import DriveLoads
+from mbd_sim.kinematic_analysis.driven_motion import DrivenMotion
+from mbd_sim.kinematic_analysis.extremes import limit_positions, transmission_extremes
+from mbd_sim.kinematic_analysis.motion_table import grounded_outputs, outputs
+from mbd_sim.kinematic_analysis.prescribed_drives import coordinate_columns, is_rotation
+from mbd_sim.kinematic_analysis.reach import shown
+from mbd_sim.kinematic_analysis.transmission import CouplerAndFollower
+from mbd_sim.mechanism.records import Mechanism
+
+HEAD = 20  # width of the first column
+LINES = 13  # of the table, and more only for singular points
+WIDTH = 14  # of its columns
+
+
+def motion_text(
+    motion: DrivenMotion, points: Sequence[str], pins: Sequence[CouplerAndFollower], loads: DriveLoads | None
+) -> str:
+    """The report on a motion. Angles are in degrees, everything else in SI units."""
+    lines = [*_head(motion), *_singular(motion), *_limits(motion)]
+    for joints in pins:
+        least, most = transmission_extremes(motion, joints)
+        name = motion.drive_name
+        lines.append(
+            _row(
+                "Transmission angle",
+                f"{joints.pin}: from {_degrees(least.value)} at {name} = {shown(motion.mechanism, name, least.drive)} "
+                f"to {_degrees(most.value)} at {name} = {shown(motion.mechanism, name, most.drive)}",
+            )
+        )
+    lines += [_row("Advantage", f"{name}: {_advantage(motion, name)}") for name in grounded_outputs(motion)]
+    if loads is not None:
+        lines += _loads(motion, loads)
+    return "\n".join([*lines, "", *_table(motion, points, loads)])
+
+
+def modes_text(mechanism: Mechanism, modes: AssemblyModes) -> str:
+    """The assembly modes, one a line, and how they were found."""
+    given = ", ".join(f"{name} = {shown(mechanism, name, value)}" for name, value in modes.drives.items())
+    found = f"{len(modes)} at {given}, found from {modes.starts} starts, each at least {min(modes.found)} times"
+    lines = [_row("Assembly modes", found)]
+    for number, q in enumerate(modes.q, 1):
+        positions = zip(mechanism.coordinate_names, coordinate_columns(mechanism), strict=False)
+        values = [f"{name} = {shown(mechanism, name, float(q[column]))}" for name, column in positions if column >= 0]
+        lines.append(_row(f"  {number}", ", ".join(values)))
+    if modes.chance_of_another:
+        lines.append(_row("", f"there may be more: another start finds one with {modes.chance_of_another:.2g}"))
+    return "\n".join(lines)
+
+
+def _degrees(angle: float) -> str:
+    return f"{np.degrees(angle):.6g} deg"
+
+
+def _row(head: str, text: str) -> str:
+    return f"{head:<{HEAD}}{text}".rstrip()
+
+
+def _head(motion: DrivenMotion) -> Iterator[str]:
+    for index, name in enumerate(motion.system.drives):
+        start, stop = motion.line.start[index], motion.line.stop[index]
+        text = f"{name} from {shown(motion.mechanism, name, start)} to {shown(motion.mechanism, name, stop)}"
+        if start == stop:
+            text = f"{name} held at {shown(motion.mechanism, name, start)}"
+        elif index == motion.leading:
+            unit = "rad/s" if is_rotation(motion.mechanism, name) else "m/s"
+            text += f", {len(motion)} positions, at {motion.speed:.6g} {unit}"
+        yield _row("Drive" if index == 0 else "", text)
+
+
+def _singular(motion: DrivenMotion) -> Iterator[str]:
+    for kind, title in (("dead point", "Dead points"), ("change point", "Change points")):
+        places = [
+            ", ".join(f"{name} = {shown(motion.mechanism, name, value)}" for name, value in one.drives.items())
+            for one in motion.singular
+            if one.kind == kind
+        ]
+        yield _row(title, "; ".join(places) or "none")
+
+
+def _limits(motion: DrivenMotion) -> Iterator[str]:
+    for name in outputs(motion):
+        found = [
+            f"{'greatest' if one.greatest else 'least'} {shown(motion.mechanism, name, one.value)} at "
+            f"{motion.drive_name} = {shown(motion.mechanism, motion.drive_name, one.drive)}"
+            for one in limit_positions(motion, name)
+        ]
+        if found:
+            yield _row("Limit positions", f"{name}: {'; '.join(found)}")
+
+
+def _advantage(motion: DrivenMotion, name: str) -> str:
+    values = np.abs(motion.advantage(name))
+    if not np.any(np.isfinite(values)):
+        return "infinite: it stands still"
+    row = int(np.nanargmin(values))
+    place = shown(motion.mechanism, motion.drive_name, float(motion.drive[row]))
+    unit = _advantage_unit(motion, name)
+    return f"at least {values[row]:.6g}{unit}, at {motion.drive_name} = {place}"
+
+
+def _advantage_unit(motion: DrivenMotion, name: str) -> str:
+    one, other = (is_rotation(motion.mechanism, key) for key in (name, motion.drive_name))
+    return "" if one == other else " N·m/N" if one else " N/(N·m)"
+
+
+def _loads(motion: DrivenMotion, loads: DriveLoads) -> Iterator[str]:
+    def peak(values: Array, unit: str) -> str:
+        row = int(np.nanargmax(np.abs(values)))
+        place = shown(motion.mechanism, motion.drive_name, float(motion.drive[row]))
+        return f"{values[row]:.6g} {unit} at {motion.drive_name} = {place}"
+
+    for name, effort in loads.efforts.items():
+        unit = "N·m" if is_rotation(motion.mechanism, name) else "N"
+        yield _row("Largest effort", f"{name}: {peak(effort, unit)}")
+    for name, reaction in loads.reactions.items():
+        yield _row("Largest force", f"{name}: {peak(np.linalg.norm(reaction.force, axis=1), 'N')}")
+
+
+def _table(motion: DrivenMotion, points: Sequence[str], loads: DriveLoads | None) -> Iterator[str]:
+    """Some rows: evenly spaced ones, and all dead and change points."""
+    columns = {}
+    for name, column in zip(motion.names, motion.columns, strict=True):
+        if column >= 0:
+            angle = is_rotation(motion.mechanism, name)
+            columns[f"{name} ({'deg' if angle else 'm'})"] = motion.q[:, column] * (180.0 / np.pi if angle else 1.0)
+    for name in points:
+        position = motion.point(name).position
+        columns |= {f"{name} {axis} (m)": position[:, index] for index, axis in enumerate("xyz")
+                    if np.ptp(position[:, index]) > 1e-9}  # fmt: skip
+    if loads is not None:
+        for name, effort in loads.efforts.items():
+            columns[f"{name} ({'N·m' if is_rotation(motion.mechanism, name) else 'N'})"] = effort
+    rows = {int(row) for row in np.linspace(0, len(motion) - 1, min(LINES, len(motion))).round()}
+    marks = {one.row: one.kind for one in motion.singular}
+    widths = [max(len(name), WIDTH) for name in columns]
+    yield "  ".join(name.rjust(width) for name, width in zip(columns, widths, strict=True))
+    for row in sorted(rows | marks.keys()):
+        numbers = [f"{round(float(values[row]), 9) + 0.0:.6g}" for values in columns.values()]
+        text = "  ".join(number.rjust(width) for number, width in zip(numbers, widths, strict=True))
+        yield f"{text}  {marks.get(row, '')}".rstrip()
