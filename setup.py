@@ -144,6 +144,7 @@ setup(
             "hypothesis>=6.100",
             "jsonschema>=4.20",
             "mcap-ros2-support>=0.5",
+            "mujoco>=3.3",
             "mypy>=1.10",
             "plotly>=5.20",
             "psutil>=5.9",

@@ -1,11 +1,11 @@
-"""Loads mechanism files and URDFs as `Mechanism` records."""
+"""Loads mechanism files, URDF, MJCF and SDF as `Mechanism` records."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbd_sim.errors import few_suggestions
+from mbd_sim.errors import MechanismError, Problem, few_suggestions, quoted
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_cache import cached_mechanism
 from mbd_sim.mechanism_file.file_limits import read_text
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def load_mechanism(mechanism: str | Path, base: Base | None = None) -> Mechanism:
-    """Load a mechanism file or a URDF, given by its path, or a shipped mechanism by its name.
+    """Load a mechanism file, a URDF, an MJCF or an SDF, given by its path, or a shipped mechanism by its name.
 
     :param base: whether the root link of a URDF is `fixed` to ground, the default, or `free`.
     :raises MechanismError: with every problem of the file, each with its line and a remedy.
@@ -27,7 +27,7 @@ def load_mechanism(mechanism: str | Path, base: Base | None = None) -> Mechanism
 
 
 def parse_mechanism(text: str, file: str = "<text>", base: Base | None = None) -> Mechanism:
-    """The mechanism that YAML or URDF text describes.
+    """The mechanism that the text of a mechanism file, a URDF, an MJCF or an SDF describes.
 
     :param file: its name in errors; the file that `urdf` names is searched in the same folder.
 
@@ -51,11 +51,10 @@ def _parsed(text: str, file: str, base: Base | None) -> Mechanism:
 def _source(text: str, file: str, base: Base | None) -> Source:
     """The data of a file in either format, merged with those of the URDF that it names."""
     if "<" in text:  # the readers of URDF are imported only for files that may need them
-        from mbd_sim.urdf.robot_reader import urdf_source
         from mbd_sim.urdf.xml_elements import is_xml
 
         if is_xml(text):
-            return urdf_source(text, file, base)
+            return _xml_source(text, file, base)
     from mbd_sim.mechanism_file.repetition import expanded
     from mbd_sim.mechanism_file.yaml_reader import parse_source
 
@@ -65,3 +64,20 @@ def _source(text: str, file: str, base: Base | None) -> Source:
     from mbd_sim.urdf.overlay import with_urdf
 
     return with_urdf(source, base)
+
+
+def _xml_source(text: str, file: str, base: Base | None) -> Source:
+    """The data of a URDF, an MJCF or an SDF, by the root element."""
+    from mbd_sim.urdf.xml_elements import parse_xml
+
+    tag = parse_xml(text, file).tag
+    if tag in ("mujoco", "mujocoinclude"):
+        from mbd_sim.mjcf.mjcf_reader import mjcf_source
+
+        if base is not None:
+            message = "an MJCF says itself how its bodies are attached to the world"
+            raise MechanismError([Problem(message, "Leave out the base.", key="base", value=quoted(base), file=file)])
+        return mjcf_source(text, file)
+    from mbd_sim.urdf.robot_reader import urdf_source
+
+    return urdf_source(text, file, base)

@@ -26,7 +26,9 @@ ANY_RECORDING = "an .mcap or .db3 file, or a rosbag2 folder"
 def add_mechanism(parser: argparse.ArgumentParser) -> None:
     """Declare the argument `mechanism`."""
     parser.add_argument(
-        "mechanism", metavar="FILE", help="a mechanism file, a URDF file, or the name of a shipped mechanism"
+        "mechanism",
+        metavar="FILE",
+        help="a mechanism file, a URDF, MJCF or SDF, or the name of a shipped mechanism",
     )
 
 

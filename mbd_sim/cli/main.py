@@ -87,7 +87,7 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
     parser = argparse.ArgumentParser(
         prog="mbd_sim",
-        description="Simulate multibody mechanisms described in YAML or URDF, and work with their recordings.",
+        description="Simulate multibody mechanisms from YAML, URDF, MJCF or SDF, and work with their recordings.",
     )
     parser.add_argument("--version", action="version", version=f"mbd_sim {__version__}")
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")

@@ -24,7 +24,7 @@ from mbd_sim.errors import InputError, nearest
 if TYPE_CHECKING:
     from mbd_sim.simulation.simulation import Simulation
 
-OR_MECHANISM = "or a mechanism file, a URDF file, or the name of a shipped mechanism, which is run first"
+OR_MECHANISM = "or a mechanism file, a URDF, MJCF or SDF, or the name of a shipped mechanism, which is run first"
 RECORDING_SUFFIXES = (".mcap", ".db3", ".zstd")
 SET_HELP = "change a value of the mechanism file, such as joints.elbow.damping=0.2 or l='80 cm'; repeatable"
 
@@ -105,7 +105,7 @@ def is_recording(run: str) -> bool:
         return False
     if path.parent != Path():
         raise InputError(f"{run}: there is no such file or folder", "Check the path.")
-    remedy = f"{nearest(run, shipped())} Or give the path of a recording, a .yaml or a .urdf file."
+    remedy = f"{nearest(run, shipped())} Or give the path of a recording or of a .yaml, .urdf, .xml or .sdf file."
     raise InputError(f"{run}: there is neither a recording nor a shipped mechanism of this name", remedy)
 
 

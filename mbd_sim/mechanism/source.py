@@ -28,7 +28,7 @@ class Source:
 
     `text` is YAML from which alone the mechanism can be built again, unless `data` have been `changed` since.
     `origins` are those of values from another file. `problems` are those that did not prevent reading the file, such
-    as a duplicate key; `notes` list what was not imported from another format.
+    as a duplicate key; `notes` list what was not imported from another `format`.
 
     If entries of the file stand for several, `template` and `template_lines` are data and lines as written,
     `repetitions` the values of the indices by the location of the entry, such as "i = 3", `shaping` the parameters on
@@ -42,6 +42,7 @@ class Source:
     problems: list[Problem] = field(default_factory=list)
     origins: dict[Location, Origin] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    format: str = ""
     changed: bool = False
     template: Any = None
     template_lines: dict[Location, int] = field(default_factory=dict)

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from mbd_sim.errors import MechanismError, Problem, nearest, quoted
 
-SUFFIXES = (".yaml", ".yml", ".urdf", ".xacro", ".xml")
+READ_SUFFIXES = (".yaml", ".yml", ".urdf", ".xml", ".mjcf", ".sdf", ".world")
+SUFFIXES = (*READ_SUFFIXES, ".xacro")
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 
@@ -54,10 +55,10 @@ def _found(path: Path) -> Path:
             return path
         if path.is_dir():
             raise MechanismError(
-                [Problem("is a folder", "Give a .yaml or .urdf file in it.", key="mechanism", value=quoted(str(path)))]
+                [Problem("is a folder", "Give a mechanism file in it.", key="mechanism", value=quoted(str(path)))]
             )
         beside = path.parent.iterdir() if path.parent.is_dir() else ()
-        names = [str(near) for near in beside if near.suffix in (".yaml", ".yml", ".urdf")]
+        names = [str(near) for near in beside if near.suffix in READ_SUFFIXES]
         remedy = nearest(str(path), names) or "Check the path."
         raise MechanismError(
             [Problem(message="there is no such file", remedy=remedy, key="mechanism", value=quoted(str(path)))]
@@ -65,7 +66,7 @@ def _found(path: Path) -> Path:
     ships = shipped()
     if path.name in ships:
         return ships[path.name]
-    remedy = nearest(path.name, ships) + " Or give the path of a .yaml or .urdf file."
+    remedy = nearest(path.name, ships) + " Or give the path of a .yaml, .urdf, .xml or .sdf file."
     raise MechanismError(
         [
             Problem(

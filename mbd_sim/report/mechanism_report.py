@@ -139,7 +139,7 @@ def _structure(mechanism: Mechanism, counted: Mobility, at: Mapping[str, float])
 
 
 def _import_notes(mechanism: Mechanism) -> Iterator[str]:
-    return (f"from the URDF, {note}" for note in mechanism.source.notes)
+    return (f"from the {mechanism.source.format}, {note}" for note in mechanism.source.notes)
 
 
 def _constraints(equations: Equations) -> list[dict[str, Any]]:

@@ -6,7 +6,7 @@ from mbd_sim.messages.topics import TOPICS
 from mbd_sim.ros.node_parameters import ALL, ParameterSpec
 
 PARAMETERS = (
-    ParameterSpec("mechanism", "double_rod", "a mechanism file (.yaml), a robot's .urdf, or a shipped mechanism"),
+    ParameterSpec("mechanism", "double_rod", "a mechanism file, a URDF, MJCF or SDF, or a shipped mechanism"),
     ParameterSpec(
         "mechanisms", "",
         "several mechanisms, each with a node in its own namespace, on the clock of the first: "

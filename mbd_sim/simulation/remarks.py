@@ -39,4 +39,6 @@ def limits_remark(mechanism: Mechanism) -> str:
     remedy = "To make them stops, give limits.stiffness or limits.restitution"
     if mechanism.source.file.endswith(".urdf"):
         remedy += " in a mechanism file with 'urdf:'"
+    elif mechanism.source.format:
+        remedy += " in the mechanism file that `mbd_sim convert` prints"
     return f"the limits of {listed(idle)} do not act on the motion. {remedy}."

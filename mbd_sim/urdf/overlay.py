@@ -69,6 +69,7 @@ def overlaid(under: Source, over: Source) -> Source:
         problems=[*over.problems, *under.problems],
         origins=origins,
         notes=under.notes,
+        format=under.format,
         repetitions=over.repetitions,
         shaping=over.shaping,
     )

@@ -114,6 +114,7 @@ class _Robot:
             problems=self.reading.problems,
             origins=self.origins,
             notes=self.reading.notes,
+            format="URDF",
         )
 
     def _named(self, tag: str) -> dict[str, Element]:

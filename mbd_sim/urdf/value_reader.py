@@ -1,4 +1,4 @@
-"""Reads numbers, poses and names of URDF elements, and collects problems with their lines."""
+"""Reads numbers, poses and names of XML elements, and collects problems with their lines."""
 
 from __future__ import annotations
 
@@ -18,34 +18,43 @@ from mbd_sim.urdf.xml_elements import Element
 
 LONGEST_NAME = 60
 
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 
 
 class Reading:
-    """The state of reading a URDF: the `problems` found so far, and notes on elements that are not imported."""
+    """The state of reading a file: the `problems` found so far, and notes on elements that are not imported."""
 
-    def __init__(self, file: str) -> None:
-        self.file = file
+    def __init__(self, file: str, most: int = 12) -> None:
+        """:param most: how many elements of a kind the notes name; beyond it they give their number."""
+        self.file, self.most = file, most
         self.problems: list[Problem] = []
         self._left_out: dict[str, list[str]] = {}
 
     def origin(self, element: Element, key: str) -> Origin:
         """The origin of a value: the file and the line of an element."""
-        return Origin(self.file, element.line, key)
+        return Origin(element.file or self.file, element.line, key)
 
     def report(self, element: Element, key: str, message: str, remedy: str = "", value: str | None = None) -> None:
         """Note a problem of an element, named by `key`."""
         shown = "" if value is None else quoted(value)
-        self.problems.append(Problem(message, remedy, key=key, value=shown, file=self.file, line=element.line))
+        file = element.file or self.file
+        self.problems.append(Problem(message, remedy, key=key, value=shown, file=file, line=element.line))
 
     def leave_out(self, kind: str, element: str) -> None:
-        """Note that something in a link or joint is not imported."""
+        """Note that something in an element is not imported."""
         self._left_out.setdefault(kind, []).append(element)
+
+    def leave_out_at(self, kind: str, element: Element, key: str) -> None:
+        """The same, with the line of the element."""
+        other = "" if element.file in ("", self.file) else f"{element.file}, "
+        self.leave_out(kind, f"{key} ({other}line {element.line})")
 
     @property
     def notes(self) -> tuple[str, ...]:
         """The elements that were not imported, a sentence for each kind."""
-        return tuple(f"{kind}: {listed(list(dict.fromkeys(elements)))}" for kind, elements in self._left_out.items())
+        return tuple(
+            f"{kind}: {listed(list(dict.fromkeys(elements)), self.most)}" for kind, elements in self._left_out.items()
+        )
 
     def numbers(self, element: Element, attribute: str, key: str, count: int) -> list[float] | None:
         """The numbers of an attribute; None if it is missing, or, with a problem, if it is invalid."""
@@ -53,7 +62,7 @@ class Reading:
         if text is None:
             return None
         words, where = text.split(), f"{key}.{attribute}"
-        if wrong := [word for word in words if not _NUMBER.fullmatch(word)]:
+        if wrong := [word for word in words if not NUMBER.fullmatch(word)]:
             remedy = "Write plain numbers."
             if "$" in text:
                 remedy = "This is a xacro expression: expand the file with xacro first."

@@ -20,12 +20,14 @@ _SURROGATE = re.compile("[\ud800-\udfff]")
 
 @dataclass(eq=False)
 class Element:
-    """An element: its tag, attributes, line, and the elements in it."""
+    """An element: its tag, attributes, line, the elements in it, its text, and the file where it stands."""
 
     tag: str
     attributes: dict[str, str]
     line: int
     children: list[Element] = field(default_factory=list)
+    text: str = ""
+    file: str = ""
 
     def all(self, tag: str) -> list[Element]:
         """The elements right inside with this tag."""
@@ -82,8 +84,10 @@ class _Reader:
         self.open = [self.root]
         self.count = 0
         self.parser = expat.ParserCreate()
+        self.parser.buffer_text = True
         self.parser.StartElementHandler = self._start
         self.parser.EndElementHandler = self._end
+        self.parser.CharacterDataHandler = self._characters
         self.parser.StartDoctypeDeclHandler = self._doctype
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
@@ -95,9 +99,13 @@ class _Reader:
             )
         if len(self.open) > MAX_DEPTH:
             raise file_error(self.file, line, f"nested deeper than {MAX_DEPTH} levels", "Flatten the file.")
-        element = Element(tag, attributes, line)
+        element = Element(tag, attributes, line, file=self.file)
         self.open[-1].children.append(element)
         self.open.append(element)
+
+    def _characters(self, text: str) -> None:
+        if not text.isspace():
+            self.open[-1].text += text
 
     def _end(self, tag: str) -> None:
         self.open.pop()

@@ -38,7 +38,10 @@ def test_a_mechanism_is_found_by_name_and_by_path(tmp_path):
 def test_a_misspelt_name_is_answered_with_the_nearest():
     problem = refusal("duble_rod")
     assert problem.message == "there is no shipped mechanism of this name" and problem.value == "'duble_rod'"
-    assert problem.remedy.startswith("Did you mean 'double_rod'?") and "path of a .yaml or .urdf file" in problem.remedy
+    assert (
+        problem.remedy.startswith("Did you mean 'double_rod'?")
+        and "path of a .yaml, .urdf, .xml or .sdf file" in problem.remedy
+    )
 
 
 def test_a_misspelt_path_is_answered_with_the_nearest_file(tmp_path):
@@ -57,7 +60,7 @@ def test_what_can_be_no_path_is_refused(name):
 
 
 def test_a_folder_is_refused(tmp_path):
-    assert refusal(tmp_path).remedy == "Give a .yaml or .urdf file in it."
+    assert refusal(tmp_path).remedy == "Give a mechanism file in it."
     folder = tmp_path / "folder.yaml"
     folder.mkdir()
     assert refusal(folder).message == "is a folder"

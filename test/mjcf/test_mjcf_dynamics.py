@@ -1,0 +1,55 @@
+"""What an MJCF means, against MuJoCo: masses, accelerations, tendons, actuators and equalities."""
+
+import numpy as np
+import pytest
+
+from mbd_sim.load import parse_mechanism
+from test.generators.mechanisms import consistent_state, random_state
+from test.mjcf.models import BODIES, EQUALITIES, FORCES, LINKS
+from test.oracles.mujoco_oracle import MujocoOracle, OwnAccelerations, import_mujoco
+
+mujoco = import_mujoco()
+
+
+def read(text):
+    mechanism = parse_mechanism(text)
+    return mechanism, MujocoOracle(mujoco, mujoco.MjModel.from_xml_string(text)), OwnAccelerations(mechanism)
+
+
+def test_bodies_and_their_joints():
+    mechanism, oracle, own = read(BODIES)
+    rng = np.random.default_rng(1)
+    assert mechanism.mass == pytest.approx(30.0, rel=1e-14)
+    for _ in range(4):
+        state = random_state(mechanism, rng)
+        exact = oracle.accelerations(*state)
+        assert np.max(np.abs(own(*state) - exact)) <= 1e-12 * np.max(np.abs(exact))
+
+
+def test_the_start_is_mujocos_reference_position():
+    _, oracle, own = read(BODIES)
+    np.testing.assert_allclose(own.equations.start.q, oracle.model.qpos0, rtol=0, atol=1e-15)
+
+
+def test_tendons_and_actuators():
+    mechanism, oracle, own = read(FORCES)
+    rng = np.random.default_rng(2)
+    for _ in range(6):
+        q, u, efforts = random_state(mechanism, rng, reach=0.4)
+        pull, push, hold, spin, mixed, through = rng.uniform(-0.3, 0.3, 6)
+        exact = oracle.accelerations(q, u, efforts, (pull, push, hold, spin, mixed, through))
+        ours = {"pull": 3.0 * pull, "push": -2.0 * push, "hold": hold / 2.0, "spin": spin / 1.5, "mixed": 4.0 * mixed}
+        found = own(q, u, efforts, ours | {"through": 2.0 * through})
+        assert np.max(np.abs(found - exact)) <= 1e-12 * np.max(np.abs(exact))
+
+
+@pytest.mark.parametrize("kind", EQUALITIES)
+def test_equalities_are_exact_constraints(kind):
+    _, oracle, own = read(LINKS.replace("EQUALITY", EQUALITIES[kind]))
+    rng = np.random.default_rng(3)
+    for _ in range(2):
+        q, u, efforts = consistent_state(own.equations, rng, reach=0.3)
+        exact = oracle.constrained(q, u, efforts)
+        violations = oracle.data.efc_pos[: oracle.data.ne]
+        assert oracle.data.ne and np.max(np.abs(violations)) <= 1e-3  # moved by the last difference
+        assert np.max(np.abs(own(q, u, efforts) - exact)) <= 1e-8 * np.max(np.abs(exact))
