@@ -2,8 +2,8 @@
 # make test     set everything up; run ruff, mypy and all tests, in parallel
 # make lint     run only ruff and mypy
 # make setup    create .venv with all dependencies, including the ROS 2 wheels unless a ROS 2 environment is sourced
-# make gallery  redraw the pictures of the shipped mechanisms in docs/gallery.md
-# make docs     build the site in docs/_build/html, with its notebooks, and check every page
+# make gallery  redraw the pictures and animations of the shipped mechanisms, or of some: make gallery ARGS="four_bar engine"
+# make docs     build the site in docs/_build/html and check every page; NOTEBOOKS=off does not execute its notebooks
 # make bench    measure start-up, and compare speed and accuracy with other simulators: make bench ARGS="--mechanisms four-bar"
 # make clean    remove .venv and all build products
 
@@ -47,13 +47,17 @@ types: setup
 	$(BIN)/mypy
 
 gallery: setup
-	$(BIN)/python -m mbd_sim.drawing.gallery docs
+	$(BIN)/python -m mbd_sim.drawing.gallery docs $(ARGS)
+	$(if $(ARGS),,$(BIN)/python scripts/animations)
 
-# Warnings are errors.
+# Warnings are errors. NOTEBOOKS=off leaves out the outputs of the tutorials, which `make test` executes as well.
+NOTEBOOKS ?= force
+UNEXECUTED := -D nb_execution_mode=off -D suppress_warnings=misc.highlighting_failure
 docs: setup $(DOCS)/ready
-	@start=$$(date +%s); $(DOCS)/bin/python -m sphinx -b html -q -W --keep-going docs $(SITE) && \
+	@start=$$(date +%s); $(DOCS)/bin/python -m sphinx -b html -d docs/_build/doctrees -q -W --keep-going \
+	$(if $(filter off,$(NOTEBOOKS)),$(UNEXECUTED)) docs $(SITE) && \
 	echo "The site was built in $$(($$(date +%s) - start)) s: $(SITE)/index.html"
-	MBD_SIM_SITE=$(SITE) $(BIN)/python -m pytest -q test/docs/test_site.py
+	MBD_SIM_SITE=$(SITE) MBD_SIM_NOTEBOOKS=$(NOTEBOOKS) $(BIN)/python -m pytest -q -rs test/docs/test_site.py
 
 $(DOCS)/ready: setup.py docs/setup_venv
 	docs/setup_venv $(BIN)/python $(DOCS)

@@ -6,6 +6,7 @@ every picture has a text, and every page can be reached from others. Nothing is 
 
 from __future__ import annotations
 
+import re
 import sys
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
@@ -22,6 +23,9 @@ FAULTS = {
     "problematic": "a message of Sphinx",
     "traceback": "an error in a notebook",
 }
+COMMAND_NOT_FOUND = re.compile(
+    r"\bsh: (?:\d+: |line \d+: )?(\S+: (?:command )?not found)"
+)  # in the output of a notebook
 
 
 @dataclass
@@ -45,6 +49,7 @@ class Page(HTMLParser):
             self.problems.append(f"{self.headings} headings of the first level")
         if not self.viewport:
             self.problems.append("no viewport for phones")
+        self.problems += [f"a command of a notebook: {text}" for text in COMMAND_NOT_FOUND.findall(self.text)]
         self.problems += [f"<{tag}> is not closed" for tag in self._open if tag not in OPTIONAL_END]
 
     def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:

@@ -1,11 +1,23 @@
 """Configuration of the site: `make docs`, and rosdoc2."""
 
+import logging
+import os
 import re
 import sys
+import sysconfig
 from pathlib import Path
 
-HERE = Path(__file__).resolve().parent
+# rosdoc2 executes this file in a copy of its folder, from a file that names it.
+_named = re.search(r'^exec\(open\("(.+?)"\)', Path(__file__).read_text("utf-8"), re.MULTILINE)
+HERE = Path(_named[1] if _named else __file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
+# The notebooks run `mbd_sim` of the environment in which Sphinx runs; it need not be the active one.
+_profile = HERE / "_build" / "ipython" / "profile_default"  # not the user's own
+_profile.mkdir(parents=True, exist_ok=True)
+(_profile / "ipython_kernel_config.py").write_text('get_config().IPKernelApp.log_level = "ERROR"\n', "utf-8")
+os.environ["IPYTHONDIR"] = str(_profile.parent)
+logging.getLogger("traitlets").setLevel(logging.WARNING)  # which reports each notebook
+os.environ["PATH"] = os.pathsep.join([sysconfig.get_path("scripts"), os.environ.get("PATH", os.defpath)])
 
 project = "mbd_sim"
 author = "mbd_sim maintainers"
@@ -21,6 +33,13 @@ extensions = [
     "site_pages",
 ]
 exclude_patterns = ["_build", "gallery.md"]  # the gallery of the site is generated, one page for each mechanism
+rosdoc2_settings = {
+    "automatically_extend_intersphinx_mapping": False,
+    "enable_autodoc": False,  # it is enabled above, and no module needs to be replaced
+    "enable_intersphinx": False,
+    "override_theme": False,
+    "support_markdown": False,  # myst_nb does
+}
 root_doc = "index"
 default_role = "code"
 nitpicky = False
@@ -52,3 +71,8 @@ html_show_sourcelink = False
 html_theme_options = {"navigation_with_keys": True}
 copybutton_prompt_text = r">>> |\.\.\. |\$ "
 copybutton_prompt_is_regexp = True
+
+
+def setup(app):
+    """Called by Sphinx: rosdoc2 builds this folder rather than its copy, whose links to other folders lead nowhere."""
+    app.connect("config-inited", lambda app, config: setattr(app, "srcdir", type(app.srcdir)(HERE)), priority=1)

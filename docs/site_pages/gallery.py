@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import groupby
 
 from mbd_sim.drawing.gallery import WATCH, Entry, entries
+from mbd_sim.drawing.gallery_animation import description
 from mbd_sim.mechanism_file.library import shipped
 from site_pages.links import DOCS
 
@@ -25,10 +26,18 @@ def pages() -> dict[str, str]:
     }
 
 
-def picture(entry: Entry) -> str:
-    """The path of the picture from a page of the gallery: an animation, if there is one."""
-    moving = f"gallery/{entry.name}.webp"
-    return f"../../{moving}" if (DOCS / moving).exists() else f"../../gallery/{entry.name}.svg"
+def animation(entry: Entry) -> list[str]:
+    """The animation of a mechanism, if there is one, with its pace."""
+    path = DOCS / "gallery" / f"{entry.name}.webp"
+    if not path.exists():
+        return []
+    return [
+        f":::{{figure}} ../../gallery/{path.name}",
+        f":alt: {entry.name} in motion",
+        ":class: animation\n",
+        f"{description(path)[0].upper()}{description(path)[1:]}",
+        ":::\n",
+    ]
 
 
 def index(listed: list[Entry]) -> str:
@@ -56,9 +65,10 @@ def page(entry: Entry, file: str) -> str:
     return "\n".join(
         [
             f"# {entry.name}\n",
-            f"![{entry.description}]({picture(entry)})\n",
             f"{entry.description} {entry.about}\n",
             f"**{WATCH}** {entry.watch}\n",
+            *animation(entry),
+            f"![{entry.description}](../../gallery/{entry.name}.svg)\n",
             f"```sh\nmbd_sim check {entry.name}\nmbd_sim run {entry.name} --rerun spawn\n```\n",
             f"`config/{entry.folder}/{entry.file}`:\n",
             f"```yaml\n{file.rstrip()}\n```\n",

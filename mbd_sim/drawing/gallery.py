@@ -1,5 +1,7 @@
 """The gallery of the shipped mechanisms: `python -m mbd_sim.drawing.gallery docs` writes `gallery.md` and its pictures.
 
+Names after the folder limit the pictures to these mechanisms.
+
 Its texts are in the mechanism files. The comment at the top of a file says what the mechanism is and which book it
 is from; a paragraph in it that begins with `Watch:` says what to look at; `description` summarizes it.
 """
@@ -7,12 +9,14 @@ is from; a paragraph in it that begins with `Watch:` says what to look at; `desc
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
+from mbd_sim.drawing.gallery_animation import animate
 from mbd_sim.drawing.picture import draw
-from mbd_sim.errors import MbdSimError
+from mbd_sim.errors import MbdSimError, nearest, quoted
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism_file.library import shipped
 
@@ -83,13 +87,25 @@ def picture(entry: Entry, folder: Path) -> Path:
     return path
 
 
-def main(docs: Path) -> None:
-    """Write the page and the pictures; pictures of mechanisms that are no longer shipped are removed."""
+def main(docs: Path, names: Sequence[str] = ()) -> None:
+    """Write the page, and the pictures of the named mechanisms or of all; remove those of mechanisms no longer shipped.
+
+    :raises MbdSimError: no mechanism of a name is shipped.
+    """
     listed, folder = entries(), docs / "gallery"
+    known = {entry.name for entry in listed}
+    for name in names:
+        if name not in known:
+            raise MbdSimError(f"There is no shipped mechanism {quoted(name)}. {nearest(name, known)}".rstrip())
     folder.mkdir(parents=True, exist_ok=True)
-    drawn = {picture(entry, folder) for entry in listed}
-    for stale in set(folder.glob("*.svg")) - drawn:
-        stale.unlink()
+    for entry in listed:
+        if not names or entry.name in names:
+            picture(entry, folder)
+            if animate(entry.name, folder) is None:
+                (folder / f"{entry.name}.webp").unlink(missing_ok=True)
+    for path in folder.iterdir():
+        if path.stem not in known:
+            path.unlink()
     (docs / "gallery.md").write_text(page(listed), encoding="utf-8")
 
 
@@ -113,6 +129,6 @@ def comment(text: str) -> tuple[str, str]:
 
 if __name__ == "__main__":
     try:
-        main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs"))
+        main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs"), sys.argv[2:])
     except MbdSimError as error:
         sys.exit(str(error))

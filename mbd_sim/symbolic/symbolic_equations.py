@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -62,11 +61,7 @@ class SymbolicEquations:
 
     def _repr_latex_(self) -> str:
         """The equations of motion and the constraints as one formula for MathJax."""
-        to_latex = import_module("mbd_sim.symbolic.latex").to_latex  # which imports this module
-        listed = str(to_latex(self)).split("In matrix form")[0]
-        blocks = re.findall(r"\\begin\{align\*\}(.*?)\\end\{align\*\}", listed, re.DOTALL)
-        aligned = (f"\\begin{{aligned}}{block}\\end{{aligned}}" for block in blocks)
-        return "$\\displaystyle \\begin{gathered}" + r"\\[1ex]".join(aligned) + "\\end{gathered}$"
+        return str(import_module("mbd_sim.symbolic.screen_latex").screen_latex(self))  # which imports this module
 
     @property
     def q(self) -> tuple[Any, ...]:

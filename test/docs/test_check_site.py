@@ -35,6 +35,7 @@ def test_a_sound_site_has_no_problems(tmp_path, capsys):
             "index.html: loaded from the network: https://x.example/y.js",
         ),
         ('<span class="problematic">x</span>', "index.html: a message of Sphinx (problematic)"),
+        ("<pre>/bin/sh: 1: mbd_sim: not found\n</pre>", "index.html: a command of a notebook: mbd_sim: not found"),
         ("<h1>again</h1>", "index.html: 2 headings of the first level"),
         ("<div><span></div>", "index.html: </div> at 1 closes ['span']"),
     ],
