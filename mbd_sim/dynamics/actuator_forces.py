@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import assert_never
@@ -16,6 +17,7 @@ from mbd_sim.dynamics.joint_forces import JointForces
 from mbd_sim.dynamics.motors import MotorOutput, dc_motor, effort_motor
 from mbd_sim.dynamics.rotors import speed_rows
 from mbd_sim.dynamics.servos import ServoSignals, servo_output, with_reference
+from mbd_sim.dynamics.spatial_algebra import is_finite, is_symbolic
 from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.mechanism.actuators import (
     Actuator,
@@ -156,12 +158,21 @@ def _output(
             return effort_motor(motor, command, port.v)
         case DcMotor() as motor:
             current = traced.y[slots.states["current"]] if "current" in slots.states else ca.SX(1, 1)
-            return dc_motor(motor, command, current, port.v)
+            return dc_motor(_without_repeated_limit(motor, actuator.servo), command, current, port.v)
         case Cylinder() as cylinder:
             pressures = [traced.y[slots.states[name]] for name in PRESSURES]
             return cylinder_output(cylinder, command, pressures, port.x, port.v)
         case _:
             assert_never(actuator.motor)
+
+
+def _without_repeated_limit(motor: DcMotor, servo: Servo | None) -> DcMotor:
+    """The motor without the limit of its voltage, if its servo commands no larger one and nothing else changes it."""
+    if servo is None or motor.control != "voltage" or is_finite(motor.current_limit):
+        return motor
+    if is_symbolic(servo.limit) or is_symbolic(motor.voltage_limit) or servo.limit > motor.voltage_limit:
+        return motor
+    return replace(motor, voltage_limit=math.inf)
 
 
 def _rates(motor: MotorOutput | CylinderOutput, speed: ca.SX) -> dict[str, ca.SX | None]:
