@@ -20,6 +20,7 @@ from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -73,7 +74,10 @@ class Lockstep:
         space = simulator.rpartition("/")[0]
         states = f"{space}/joint_states" if space else "joint_states"
         self._node.create_subscription(JointState, states, self._on_state, QoSProfile(depth=10))
-        self._commands = self._node.create_publisher(Float64MultiArray, f"{simulator}/commands", 10)
+        self._commands, self._actuators = (
+            self._node.create_publisher(Float64MultiArray, f"{simulator}/{topic}", 10)
+            for topic in ("commands", "actuator_commands")
+        )
         self._simulator = simulator
         self._stamp = -1
         self.names: tuple[str, ...] = ()
@@ -90,7 +94,8 @@ class Lockstep:
             self._original_parameters = self._get_parameters(list(lockstep_parameters))
             self._call(SetBool, "pause", data=True)
             self._set_parameters(lockstep_parameters)
-            self._wait_for(self._commands.get_subscription_count, "its subscription to commands")
+            for publisher in (self._commands, self._actuators):
+                self._wait_for(publisher.get_subscription_count, "its subscription to commands")
             self.reset()
         except BaseException:
             self.close()
@@ -115,10 +120,22 @@ class Lockstep:
         :raises CommandError: an effort is not finite.
         :raises LockstepError: no answer, for example because of a wrong number of efforts or a diverged motion.
         """
-        values = np.asarray(efforts, dtype=float)
+        return self._send(self._commands, efforts, "an effort")
+
+    def command(self, commands: Sequence[float] | Array) -> State:
+        """Command all channels of the actuators, take the steps, and return the resulting state.
+
+        :param commands: in the order of the labels of `~/applied_commands`: that of the file, in SI units.
+        :raises CommandError: a command is not finite.
+        :raises LockstepError: no answer, for example because of a wrong number of commands.
+        """
+        return self._send(self._actuators, commands, "a command")
+
+    def _send(self, publisher: Publisher, numbers: Sequence[float] | Array, what: str) -> State:
+        values = np.asarray(numbers, dtype=float)
         if not np.all(np.isfinite(values)):
-            raise CommandError(f"an effort is not finite: {listed([str(value) for value in values])}.")
-        self._commands.publish(Float64MultiArray(data=values.tolist()))
+            raise CommandError(f"{what} is not finite: {listed([str(value) for value in values])}.")
+        publisher.publish(Float64MultiArray(data=values.tolist()))
         return self._state(self._stamp + 1, "the state after the steps (if it rejected the command, its log says why)")
 
     def close(self) -> None:

@@ -83,6 +83,63 @@ def test_random_trees(drawn):
     assert check(parse_mechanism(text), rng)
 
 
+ACTUATED = """
+mechanism: actuated
+ground: {points: {post: [0.4, 0.3, -1]}}
+parts:
+  boom: {mass: 3, center: [0.1, 0, -0.4], inertia: [0.2, 0.3, 0.1], points: {end: [0, 0.1, -0.8], eye: [0.1, 0, -0.3]}}
+  arm: {mass: 2, center: [0, 0.1, -0.2], inertia: [0.1, 0.1, 0.05], points: {end: [0.1, 0, -0.5]}}
+  tube: {mass: 1, center: [0.05, 0, 0.1], inertia: [0.03, 0.02, 0.01]}
+  load: {mass: 1.5, center: [0, 0, 0.1], inertia: [0.02, 0.02, 0.01]}
+joints:
+  base: {type: revolute, between: [ground, boom], axis: [0, -1, 0.2]}
+  elbow: {type: universal, between: [boom.end, arm], axes: [[1, 0, 0], [0, 1, 0]]}
+  sleeve: {type: cylindrical, between: [arm.end, tube], axis: [0, 1, 1]}
+  rail: {type: prismatic, between: [ground, load], axis: [1, 0, 0]}
+actuators:
+  swing: {type: dc_motor, joint: base, torque_constant: 0.1, resistance: 1, gear_ratio: 20, rotor_inertia: 1e-3,
+    voltage_limit: 30, current_limit: 8, efficiency: 0.8, friction: 0.02, damping: 1e-3}
+  first: {type: dc_motor, joint: elbow.first, torque_constant: 0.1, resistance: 1, inductance: 1 mH, gear_ratio: 9, efficiency: 0.9}
+  second: {type: effort, joint: elbow.second, gear_ratio: 5, rotor_inertia: 2e-3, servo: {controls: position, kp: 9, ki: 3, kd: 2}}
+  slide: {type: dc_motor, joint: sleeve.displacement, lead: 0.2, torque_constant: 0.1, resistance: 2, control: effort,
+    current_limit: 3, voltage_limit: 12, rotor_inertia: 1e-4}
+  spin: {type: effort, joint: sleeve.angle, torque_speed: [[0, 5], [1, 2], [2, 0.5]], effort_limit: 3}
+  draw: {type: effort, between: [ground.post, arm.end], effort_limit: 4,
+    servo: {controls: velocity, kp: 3, velocity_feedforward: 1, limit: 6}}
+  lift: {type: hydraulic_cylinder, between: [ground.post, boom.eye], areas: [2 cm^2, 1 cm^2], retracted: 0.1, stroke: 2,
+    dead_volumes: [1e-4, 1e-4], rated_flow: 20 L/min, supply: 150 bar}
+  push: {type: pneumatic_cylinder, joint: rail, areas: [8 cm^2, 6 cm^2], stroke: 1, dead_volumes: [1e-5, 1e-5],
+    conductance: 2e-8, supply: 7 bar}
+"""
+
+
+def test_efforts_and_rotors_of_actuators():
+    rng, mechanism = np.random.default_rng(5), parse_mechanism(ACTUATED)
+    derived = derive(mechanism)
+    layout = derived.layout
+    for _ in range(25):
+        q, u, efforts = random_state(mechanism, rng, reach=0.9)
+        y, inputs = derived.start_state.copy(), derived.inputs_without_commands
+        y[: len(q) + len(u)], inputs[derived.inputs.efforts] = np.concatenate([q, u]), efforts
+        driving = {}
+        for actuator, slots in zip(mechanism.actuators, derived.actuator_layout.slots, strict=True):
+            scale = {"pressure_a": 1e6, "pressure_b": 1e6, "voltage": 40.0, "effort": 8.0, "current": 9.0}
+            states = {name: index for name, index in slots.states.items() if index in derived.actuator_layout.core}
+            for index, name in ((index, name) for name, index in states.items()):
+                y[index] = scale.get(name, 1.0) * rng.uniform(0.2, 1.0)
+            for channel, index in slots.commands.items():
+                inputs[index] = scale.get(channel, 2.0) * rng.uniform(-1.0, 1.0)
+            commands = {channel: inputs[index] for channel, index in slots.commands.items()}
+            driving[actuator.name] = commands, {name: y[index] for name, index in states.items()}
+        oracle = kane.equations(mechanism, q, u, efforts, 0.3, driving)
+        found = np.array(derived.rates.call([0.3, y, inputs])[0]).ravel()[layout.nq : layout.nq + layout.nv]
+        kinetic, potential = map(float, np.array(derived.energies(0.3, y)).ravel())
+        assert [kinetic, potential] == pytest.approx([oracle.kinetic, oracle.potential], rel=1e-12)
+        exact = oracle.accelerations
+        allowed = ROUND_OFF * oracle.condition * np.linalg.norm(oracle.scale * exact)
+        assert np.linalg.norm(oracle.scale * (found - exact)) <= allowed
+
+
 def test_random_mechanisms_with_loops_and_constraints():
     """A few contradict their drives, are rigid, or cannot be closed a little later."""
     outcomes = Counter()

@@ -17,8 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from mbd_sim.mechanism.actuators import CoordinatePort, DcMotor, EffortMotor
 from mbd_sim.mechanism.laws import GreenStrain, Varying
 from test.oracles.jets import Jet, expression_jet
+from test.oracles.kane_actuators import effort as actuator_effort
 from test.oracles.kane_laws import dry_friction, elastic, power_law
 from test.oracles.kane_rows import constrained_velocities
 
@@ -369,8 +371,44 @@ class Equations:
         return self.mass / np.outer(self.scale, self.scale)
 
 
-def equations(mechanism, q, u, efforts, t=0.0):
-    """Kane's equations at one state."""
+def actuator_forces(mechanism, q, u, moving, driving):
+    """Generalized forces (nv,) of actuators on coordinates, and wrenches of those between points: see `element_forces`.
+
+    `driving` are the commands by channel and the states of each actuator, by its name.
+    """
+    where, _, nv = coordinate_slices(mechanism)
+    positions = {}
+    for name, joint in mechanism.joints.items():
+        if not joint.drive and joint.type not in ("spherical", "free"):
+            positions |= zip(joint.coordinate_names, q[where[name][0]], strict=True)
+    forces, wrenches = np.zeros(nv), []
+    for actuator in mechanism.actuators:
+        commands, states = driving[actuator.name]
+        if isinstance(actuator.port, CoordinatePort):
+            row = mechanism.coordinate_names.index(actuator.port.coordinate)
+            forces[row] += actuator_effort(actuator, commands, states, positions[actuator.port.coordinate], u[row])
+            continue
+        ends = actuator.port.first, actuator.port.second
+        (a, a1), (b, b1) = (_velocity_of(moving, at) for at in ends)
+        length = np.linalg.norm(b - a)
+        along = (b - a) / length
+        push = actuator_effort(actuator, commands, states, length, along @ (b1 - a1)) * along
+        wrenches += [(ends[0], False, -push), (ends[1], False, push)]
+    return forces, wrenches
+
+
+def rotor_masses(mechanism):
+    """The inertia (nv,) of the rotors of motors, as their coordinates feel it."""
+    masses = np.zeros(len(mechanism.coordinate_names))
+    for actuator in mechanism.actuators:
+        if isinstance(actuator.port, CoordinatePort) and isinstance(actuator.motor, EffortMotor | DcMotor):
+            row = mechanism.coordinate_names.index(actuator.port.coordinate)
+            masses[row] += actuator.motor.rotor_inertia * actuator.motor.gear**2
+    return masses
+
+
+def equations(mechanism, q, u, efforts, t=0.0, driving=None):
+    """Kane's equations at one state; `driving` is that of `actuator_forces`, if there are actuators."""
     _, _, nv = coordinate_slices(mechanism)
     moving = motions(mechanism, q, u, t=t)
     without_speeds = motions(mechanism, q, np.zeros(nv), t=t)
@@ -381,6 +419,12 @@ def equations(mechanism, q, u, efforts, t=0.0):
     forces += spring_forces
     applied, energy = element_forces(mechanism, moving, t, NamedValues(mechanism, q, u, t))
     potential += energy
+    if driving is not None:
+        pushed, wrenches = actuator_forces(mechanism, q, u, moving, driving)
+        forces += pushed
+        applied += wrenches
+        mass += np.diag(rotor_masses(mechanism))
+        kinetic += 0.5 * rotor_masses(mechanism) @ u**2
     for at, couple, vector in applied:
         for row, direction in enumerate(unit):
             if at.part == GROUND:

@@ -9,6 +9,7 @@ from mbd_sim import CommandError
 from mbd_sim.examples.pd_hold.pd_hold import PdHold
 from mbd_sim.ros.lockstep import Lockstep, LockstepError
 from test.system.nodes import as_in_the_node, nanoseconds, running
+from test.system.test_actuator_node import ARM
 from test.waiting import PATIENCE
 
 
@@ -67,3 +68,22 @@ def test_each_command_brings_its_steps_while_paused(listener):
     listener.until(lambda: listener.states[-1].effort[1] == 3.0, "the steps")
     stamps = {nanoseconds(state.header.stamp) for state in listener.states if state.effort[1] in (2.0, 3.0)}
     assert stamps == {10_000_000, 20_000_000}
+
+
+def test_actuators_in_lockstep_give_the_same_bits_as_without_ros(tmp_path):
+    (tmp_path / "arm.yaml").write_text(ARM, encoding="utf-8")
+    sim = as_in_the_node(tmp_path / "arm.yaml")
+    with (
+        running(tmp_path, mechanism=str(tmp_path / "arm.yaml"), start_paused=True) as (_, listener),
+        Lockstep(steps=3, context=listener.context, timeout=PATIENCE) as lockstep,
+    ):
+        state = lockstep.reset()
+        for cycle in range(100):
+            assert (state.q.tolist(), state.u.tolist()) == (sim.q.tolist(), sim.u.tolist()), f"cycle {cycle}"
+            target, torque = 0.2 + np.sin(0.1 * cycle), -0.3 * state.u[1] + 0.01
+            state = lockstep.command([target, 0.1, torque])
+            sim.set_commands({"drive": {"position": target, "velocity": 0.1}, "spin": torque})
+            sim.step(3)
+        with pytest.raises(CommandError, match="a command is not finite"):
+            lockstep.command([np.inf, 0.0, 0.0])
+    assert abs(state.q[0] - 0.2) > 0.2

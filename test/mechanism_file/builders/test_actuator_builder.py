@@ -2,12 +2,15 @@
 
 import math
 
+import numpy as np
 import pytest
 
+from mbd_sim.dynamics.equations import derive
 from mbd_sim.errors import MechanismError
 from mbd_sim.load import parse_mechanism
 from mbd_sim.mechanism.actuators import CoordinatePort, LinePort
 from mbd_sim.mechanism_file.override import value_of
+from test.generators.changed_sections import changed_files, loaded_or_refused
 
 TEXT = """
 mechanism: text
@@ -122,6 +125,30 @@ def test_actuators_can_be_repeated_and_their_values_have_keys():
     mechanism = parse_mechanism(text)
     assert [a.name for a in mechanism.actuators] == ["m_shoulder", "m_rail"]
     assert value_of(mechanism, "actuators.m_rail.effort_limit") == 7.0
+
+
+SECTION = f"""
+  lift: {{{OIL}, between: [arm, box], retracted: 0.2, leakage: 1e-12, pressures: [1 bar, 2 bar], command: {{opening: 0.1}}}}
+  push: {{{AIR}, joint: rail, exponent: 1.3, delay: 3 ms, servo: {{controls: position, kp: 5 m^-1, sample_rate: 500 Hz}}}}
+  turn: {{{DC}, joint: shoulder, gear_ratio: 3, inductance: 1 mH, voltage_limit: 24 V, efficiency: 0.9, friction: 0.1}}
+  slide: {{{DC}, joint: sleeve.displacement, lead: 5 mm, control: effort, current_limit: 2 A, rotor_inertia: 1e-5}}
+  spin: {{type: effort, joint: sleeve.angle, torque_speed: [[0, 3 N*m], [20 rad/s, 0]], command: {{effort: 0.1}}}}
+  draw: {{type: effort, between: [box, ball], effort_limit: 9 N, servo: {{controls: velocity, kp: 3, ki: 2, kd: 1, limit: 5,
+    velocity_feedforward: 1, tracking_time: 50 ms, rate_limit: 2, sample_rate: 100 Hz}}}}
+"""
+
+
+def test_random_sections_load_or_say_what_is_wrong_and_where():
+    text = TEXT.replace("axis: [1, 0, 0]}", "axis: [1, 0, 0], position: 0.3}").strip()
+    lines = text.replace("  it: ENTRY", SECTION.strip("\n")).splitlines()
+    section = range(lines.index("actuators:") + 1, len(lines))
+
+    def use(mechanism):
+        assert np.isfinite(derive(mechanism).start_state).all()
+
+    assert loaded_or_refused(lines, section, "actuators", use)
+    loaded = [loaded_or_refused(one, section, "actuators", use) for one in changed_files(lines, section, 150, seed=15)]
+    assert 0 < loaded.count(True) < 75
 
 
 def test_a_joint_with_an_actuator_is_not_cut():
