@@ -49,7 +49,8 @@ if TYPE_CHECKING:
     from mbd_sim.notebook.runs import RunPicture
     from mbd_sim.recording.run_recorder import RunRecorder
     from mbd_sim.simulation.compiled_model import Model
-    from mbd_sim.simulation.ensemble import Ensemble, EnsembleEnergies
+    from mbd_sim.simulation.ensemble import Ensemble
+    from mbd_sim.simulation.ensemble_state import EnsembleEnergies
     from mbd_sim.simulation.motions import PartMotion
     from mbd_sim.simulation.sensor_model import SensorReading
     from mbd_sim.simulation.simulation import Simulation
@@ -111,7 +112,8 @@ _MODULES = {
     "mbd_sim.notebook.runs": ("RunPicture",),
     "mbd_sim.recording.run_recorder": ("RunRecorder",),
     "mbd_sim.simulation.compiled_model": ("Model",),
-    "mbd_sim.simulation.ensemble": ("Ensemble", "EnsembleEnergies"),
+    "mbd_sim.simulation.ensemble": ("Ensemble",),
+    "mbd_sim.simulation.ensemble_state": ("EnsembleEnergies",),
     "mbd_sim.simulation.motions": ("PartMotion",),
     "mbd_sim.simulation.sensor_model": ("SensorReading",),
     "mbd_sim.simulation.simulation": ("Simulation",),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -69,9 +70,15 @@ class MemberGroups:
     (groups, n, lanes), so that one component of all members of a group is contiguous.
     """
 
-    def __init__(self, count: int, lanes: int, sizes: Mapping[str, int], advance: Advance) -> None:
-        """Allocate the arrays for `count` members; `sizes` has the number of components of each array."""
-        self.count, self._lanes, self._advance = count, lanes, advance
+    def __init__(
+        self, count: int, lanes: int, sizes: Mapping[str, int], advance: Advance, threaded_from: int = 0
+    ) -> None:
+        """Allocate the arrays for `count` members.
+
+        :param sizes: the number of components of each array.
+        :param threaded_from: the steps of all members together from which on threads are used.
+        """
+        self.count, self._lanes, self._advance, self._threaded_from = count, lanes, advance, threaded_from
         groups = -(-count // lanes)
         self._arrays = {name: np.zeros((groups, size, lanes)) for name, size in sizes.items()}
 
@@ -86,15 +93,28 @@ class MemberGroups:
         padded = np.concatenate([rows, np.repeat(rows[-1:], array.shape[0] * self._lanes - self.count, axis=0)])
         array[:] = padded.reshape(array.shape[0], self._lanes, -1).transpose(0, 2, 1)
 
-    def shares(self, threads: int) -> list[range]:
-        """The groups, divided among threads as evenly as possible."""
-        groups = len(self._arrays["y"])
-        cuts = np.linspace(0, groups, min(threads, groups) + 1).astype(int).tolist()
-        return [range(start, end) for start, end in pairwise(cuts)]
+    def put_members(self, name: str, members: NDArray[np.intp], rows: Array) -> None:
+        """Set an array for some members, from one row for each of them."""
+        groups, lanes = np.divmod(members, self._lanes)
+        self._arrays[name][groups, :, lanes] = rows
 
-    def advance(self, first: int, h: float, steps: int, groups: range) -> None:
-        """Advance some groups by a number of steps of size h in s, beginning with step `first`."""
-        self._advance(self._arrays, first, h, steps, groups)
+    def advance(self, first: int, h: float, steps: int, threads: int) -> None:
+        """Advance all members by a number of steps of size h in s, beginning with step `first`.
+
+        The groups are divided among threads as evenly as possible.
+        """
+        groups = len(self._arrays["y"])
+        if steps * self.count < self._threaded_from:
+            threads = 1
+        cuts = np.linspace(0, groups, min(threads, groups) + 1).astype(int).tolist()
+        shares = [range(start, end) for start, end in pairwise(cuts)]
+        if len(shares) == 1:
+            self._advance(self._arrays, first, h, steps, shares[0])
+            return
+        with ThreadPoolExecutor(len(shares)) as pool:
+            tasks = [pool.submit(self._advance, self._arrays, first, h, steps, share) for share in shares]
+            for task in tasks:
+                task.result()
 
 
 def advance_lanes(kernel: MemberKernel) -> Advance:

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 from mbd_sim.gym.environment import MechanismEnv
 from mbd_sim.gym.tasks import TASKS, register_tasks
+from mbd_sim.gym.vector_environment import MechanismVectorEnv
 
-__all__ = ["TASKS", "MechanismEnv", "register_tasks"]
+__all__ = ["TASKS", "MechanismEnv", "MechanismVectorEnv", "register_tasks"]
 
 register_tasks()

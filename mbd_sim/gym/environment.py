@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.errors import CommandError, DivergedError, listed, nearest
-from mbd_sim.geometry.pose import Array
+from mbd_sim.errors import DivergedError
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.simulation import Simulation
 
 try:
     import gymnasium
-    from gymnasium import spaces
+
+    from mbd_sim.gym.agent_interface import AgentInterface, with_limits
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError(
         "mbd_sim.gym needs gymnasium: pip install gymnasium, or mbd_sim[gym].", name=error.name
@@ -90,17 +90,13 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         self.render_mode, self._render_size = render_mode, render_size
         self._animation: Animation | None = None
         self.metadata = self.metadata | {"render_fps": round(1.0 / (frame_skip * self.simulation.step_size))}
-        self.actuated = tuple(record.coordinate_names if actuated is None else actuated)
-        limits = self._limits(effort_limits or {}).astype(np.float32)
-        self._indices = [record.coordinate_names.index(name) for name in self.actuated]
-        self._efforts = np.zeros(self.simulation.u.size)
-        self._angles = _angles(record, self.simulation) if trigonometric else np.zeros(self.simulation.q.size, bool)
+        sim = self.simulation
+        limits = with_limits(sim.coordinate_names, sim.effort_map.limits, effort_limits or {})
+        sim.effort_map.limit(limits)
+        self._agent = AgentInterface(record, sim.model, limits, actuated, trigonometric)
+        self.actuated = self._agent.actuated
+        self.action_space, self.observation_space = self._agent.action_space, self._agent.observation_space
         self._actions = 0
-        self.action_space = spaces.Box(-limits, limits, dtype=np.float32)
-        turning = np.count_nonzero(self._angles)
-        bounds = np.full(self._observation().size, np.inf)
-        bounds[self._angles.size - turning : self._angles.size + turning] = 1.0
-        self.observation_space = spaces.Box(-bounds, bounds, dtype=np.float64)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -130,13 +126,7 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
 
         :raises CommandError: the action has another shape, or a value that is not finite.
         """
-        values = np.asarray(action, dtype=float)
-        if values.shape != (len(self.actuated),):
-            raise CommandError(
-                f"the action has the shape {values.shape}. Give one effort for each of: {listed(self.actuated)}."
-            )
-        self._efforts[self._indices] = np.clip(values, self.action_space.low, self.action_space.high)
-        self.simulation.set_efforts(self._efforts)
+        self.simulation.set_efforts(self._agent.efforts(action))
         info: dict[str, Any] = {}
         try:
             self.simulation.step(self.frame_skip)
@@ -159,31 +149,4 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         return self._animation.frame(self.simulation.poses())
 
     def _observation(self) -> Observation:
-        q, u, angles = self.simulation.q, self.simulation.u, self._angles
-        return np.concatenate([q[~angles], np.cos(q[angles]), np.sin(q[angles]), u])
-
-    def _limits(self, given: Mapping[str, float]) -> Array:
-        """The effort limits of the actuated coordinates; the given ones are also set in the simulation."""
-        names = self.simulation.coordinate_names
-        for name in (*self.actuated, *given):
-            if name not in names:
-                raise ValueError(f"there is no coordinate '{name}'. {nearest(name, names)}")
-        limits = self.simulation.effort_map.limits
-        for name, limit in given.items():
-            limits[names.index(name)] = limit
-        found = np.array([limits[names.index(name)] for name in self.actuated])
-        if unlimited := [name for name, limit in zip(self.actuated, found, strict=True) if not np.isfinite(limit)]:
-            raise ValueError(
-                f"the effort of {listed(unlimited)} has no limit. Give joints an 'effort_limit', or the environment "
-                f"'effort_limits'."
-            )
-        return found
-
-
-def _angles(mechanism: Mechanism, simulation: Simulation) -> NDArray[np.bool_]:
-    """Which of the coordinates q (nq,) are angles."""
-    angles = np.zeros(simulation.q.size, dtype=bool)
-    for name, joint in mechanism.joints.items():
-        if not joint.drive and joint.kind.quaternion is None:
-            angles[simulation.model.layout.q[name]] = [coordinate.rotation for coordinate in joint.kind.coordinates]
-    return angles
+        return self._agent.observation(self.simulation.q, self.simulation.u)

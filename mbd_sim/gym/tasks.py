@@ -1,14 +1,21 @@
-"""Ready-made learning tasks, registered with Gymnasium as `mbd_sim/NAME-v0`."""
+"""Ready-made learning tasks, registered with Gymnasium as `mbd_sim/NAME-v0`.
+
+Rewards and ends of episodes are functions of one simulation, or of all members of an ensemble: the last axis of their
+arrays counts coordinates.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Protocol
 
 import gymnasium
+import numpy as np
+from numpy.typing import NDArray
 
-from mbd_sim.gym.environment import Action
-from mbd_sim.simulation.simulation import Simulation
+from mbd_sim.geometry.pose import Array
+
+Efforts = NDArray[np.floating[Any]]
 
 EPISODE = 500  # actions: 10 s
 RAIL = 1.8  # m, half the length of the rail
@@ -16,36 +23,52 @@ LEAN = 0.3  # rad from upright, beyond which the pendulum has fallen
 SPEED = 6.0  # rad/s, the desired speed of the four-bar's crank
 
 
-def upright(sim: Simulation, action: Action) -> float:
+class Run(Protocol):
+    """A `Simulation` with q (nq,), or an `Ensemble` with q (k, nq)."""
+
+    @property
+    def q(self) -> Array:
+        """The generalized coordinates."""
+        ...
+
+    @property
+    def u(self) -> Array:
+        """The generalized speeds."""
+        ...
+
+
+def upright(sim: Run, action: Efforts) -> Any:
     """1 if the pendulum stands upright at rest in the middle of the rail, 0 if it hangs."""
-    up = 0.5 * (1.0 - math.cos(sim.q[1]))
-    return float(up - 0.1 * sim.q[0] ** 2 - 0.001 * sim.u[1] ** 2 - 0.0005 * action[0] ** 2)
+    q, u = sim.q, sim.u
+    up = 0.5 * (1.0 - np.cos(q[..., 1]))
+    return up - 0.1 * q[..., 0] ** 2 - 0.001 * u[..., 1] ** 2 - 0.0005 * action[..., 0] ** 2
 
 
-def off_the_rail(sim: Simulation) -> bool:
+def off_the_rail(sim: Run) -> Any:
     """Whether the cart has left the rail."""
-    return bool(abs(sim.q[0]) > RAIL)
+    return abs(sim.q[..., 0]) > RAIL
 
 
-def alive(sim: Simulation, action: Action) -> float:
+def alive(sim: Run, action: Efforts) -> Any:
     """1 for each action."""
-    return 1.0
+    return np.ones(action.shape[:-1])
 
 
-def fallen(sim: Simulation) -> bool:
+def fallen(sim: Run) -> Any:
     """Whether the pendulum has fallen or the cart has left the rail."""
-    return off_the_rail(sim) or abs(math.remainder(sim.q[1] - math.pi, 2.0 * math.pi)) > LEAN
+    return off_the_rail(sim) | (abs(np.remainder(sim.q[..., 1], 2.0 * math.pi) - math.pi) > LEAN)
 
 
-def height(sim: Simulation, action: Action) -> float:
+def height(sim: Run, action: Efforts) -> Any:
     """The height of the tip, from -1 to 1, minus a cost of fast motion."""
-    lower = sim.q[0] + sim.q[1]
-    return float(-0.5 * (math.cos(sim.q[0]) + math.cos(lower)) - 0.0005 * (sim.u[0] ** 2 + sim.u[1] ** 2))
+    q, u = sim.q, sim.u
+    up = -0.5 * (np.cos(q[..., 0]) + np.cos(q[..., 0] + q[..., 1]))
+    return up - 0.0005 * (u[..., 0] ** 2 + u[..., 1] ** 2)
 
 
-def speed_error(sim: Simulation, action: Action) -> float:
+def speed_error(sim: Run, action: Efforts) -> Any:
     """Minus the squared relative error of the crank's speed, minus a cost of the effort."""
-    return float(-((sim.u[0] / SPEED - 1.0) ** 2) - 1e-5 * action[0] ** 2)
+    return -((sim.u[..., 0] / SPEED - 1.0) ** 2) - 1e-5 * action[..., 0] ** 2
 
 
 TASKS: dict[str, dict[str, Any]] = {
@@ -75,5 +98,10 @@ def register_tasks() -> None:
     """Register the tasks for `gymnasium.make` and `make_vec`; repeated calls have no effect."""
     for name, task in TASKS.items():
         if (known := f"mbd_sim/{name}-v0") not in gymnasium.registry:
-            entry = "mbd_sim.gym.environment:MechanismEnv"
-            gymnasium.register(known, entry, max_episode_steps=EPISODE, kwargs=task)
+            gymnasium.register(
+                known,
+                "mbd_sim.gym.environment:MechanismEnv",
+                vector_entry_point="mbd_sim.gym.vector_environment:MechanismVectorEnv",
+                max_episode_steps=EPISODE,
+                kwargs=task,
+            )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
 from operator import index
 from pathlib import Path
-from typing import ClassVar, NamedTuple, NoReturn, Self, Unpack
+from typing import NoReturn, Self, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,28 +29,18 @@ from mbd_sim.simulation.argument_checks import require_finite, step_at, step_cou
 from mbd_sim.simulation.compiled_model import Model, build_model
 from mbd_sim.simulation.contact_events import ContactStepper
 from mbd_sim.simulation.ensemble_contacts import advance_through_events, member_contacts, settle_members
+from mbd_sim.simulation.ensemble_state import EnsembleState
 from mbd_sim.simulation.ensemble_variants import Change, Variants
 from mbd_sim.simulation.member_failures import divergence_of_member
 from mbd_sim.simulation.options import EnsembleOptions
-from mbd_sim.simulation.read_only import ReadOnlyAttributes, read_only
-from mbd_sim.simulation.snapshot import EnsembleSnapshot, MemberFailure, RunLayout, require_same_layout
+from mbd_sim.simulation.snapshot import MemberFailure
+from mbd_sim.simulation.time_dependence import time_dependence
 
+ENOUGH = 2_000_000  # instructions of all members together from which on threads save time
 RUN_CHUNK = 2000  # steps between two calls of `progress` in `run`
 
 
-class EnsembleEnergies(NamedTuple):
-    """The energy audit with an array (k,) for each entry, in J: see `Energies`."""
-
-    kinetic: Array
-    potential: Array
-    dissipated: Array
-    work_applied: Array
-    work_drives: Array
-    total: Array
-    residual: Array
-
-
-class Ensemble(ReadOnlyAttributes):
+class Ensemble(EnsembleState):
     """k members of one mechanism, advanced by the same fixed step: eight to a vector, shared among threads.
 
     Arrays have one row for each member: `q` (k, nq), `u` (k, nv). A member takes the same operations as a `Simulation`
@@ -62,15 +52,6 @@ class Ensemble(ReadOnlyAttributes):
     >>> rods.q.shape
     (3, 2)
     """
-
-    REMEDIES: ClassVar[Mapping[str, str]] = {
-        **dict.fromkeys(("q", "u"), "Call reset(q=…, u=…) to start from given coordinates and speeds."),
-        **dict.fromkeys(
-            ("state", "alive", "steps", "time", "t"),
-            "Call reset() to return to time zero, or restore(…) to continue from a snapshot.",
-        ),
-        **dict.fromkeys(("step_size", "mechanism", "model"), "Build a new Ensemble with it."),
-    }
 
     def __init__(
         self,
@@ -125,61 +106,6 @@ class Ensemble(ReadOnlyAttributes):
         """
         return cls(load_mechanism(mechanism), members, **options)
 
-    def __len__(self) -> int:
-        return self._groups.count
-
-    @property
-    def steps(self) -> int:
-        """Steps since time zero."""
-        return self._steps
-
-    @property
-    def time(self) -> float:
-        """Simulated time in s."""
-        return self.steps * self.step_size
-
-    @property
-    def state(self) -> Array:
-        """The integrated states (k, n): q, u, and the energies of the audit."""
-        return self._groups.get("y")
-
-    @property
-    def _inputs(self) -> Array:
-        return self._groups.get("inputs", self._all_inputs)
-
-    def _put_inputs(self, inputs: Array) -> None:
-        """Set the inputs (k, m); a history of earlier steps becomes empty."""
-        self._groups.put("inputs", np.pad(inputs, ((0, 0), (0, self.model.history_size))))
-
-    @property
-    def q(self) -> Array:
-        """A copy of the generalized coordinates (k, nq), which cannot be written."""
-        return read_only(self.state[:, self.model.q_range])
-
-    @property
-    def u(self) -> Array:
-        """A copy of the generalized speeds (k, nv), which cannot be written."""
-        return read_only(self.state[:, self.model.u_range])
-
-    @property
-    def alive(self) -> NDArray[np.bool_]:
-        """Whether the state of each member (k,) has stayed finite."""
-        return np.asarray(self._groups.get("alive")[:, 0] != 0.0)
-
-    @property
-    def error_estimates(self) -> Array:
-        """The error estimate of each member (k,): see `Simulation.error_estimate`."""
-        return self._groups.get("estimates")[:, 0]
-
-    @property
-    def energies(self) -> EnsembleEnergies:
-        """The energy audit of each member, in J."""
-        rows = [
-            self.model.energies(self.time, y, start, inputs)
-            for y, start, inputs in zip(self.state, self._start_energies, self._inputs, strict=True)
-        ]
-        return EnsembleEnergies(*np.array(rows).T)
-
     def reset(self, q: Array | None = None, u: Array | None = None) -> None:
         """Return to time zero and the start states, or to the given ones (k, nq) and (k, nv); zero the efforts.
 
@@ -189,8 +115,48 @@ class Ensemble(ReadOnlyAttributes):
         :raises CommandError: a member is inside an obstacle.
         :raises EventError: the contacts of a member have no solution; nothing is changed in all these cases.
         """
-        states = self._starts.copy()
-        inputs = self._inputs
+        everyone = np.arange(len(self))
+        states, inputs, energies = self._started(everyone, q, u)
+        self._groups.put("y", states)
+        self._put_inputs(inputs)
+        self._groups.put("estimates", np.zeros((len(self), 1)))
+        self._groups.put("alive", np.ones((len(self), 1)))
+        self._steps, self._failures, self._start_energies = 0, {}, energies
+
+    def restart(
+        self, members: Sequence[int] | NDArray[np.intp], q: Array | None = None, u: Array | None = None
+    ) -> None:
+        """Return some members to their start states, or to given ones (n, nq) and (n, nv), while the time goes on.
+
+        That begins a new run of these members, because it requires that nothing depends on the time. See `reset`.
+
+        :param members: (n,) their indices, each once.
+        :raises ValueError: see `reset`; or the motion depends on the time.
+        :raises IndexError: there is no such member.
+        :raises CommandError: see `reset`.
+        :raises EventError: see `reset`.
+        """
+        if (reason := self._time_dependence) is not None:
+            raise ValueError(f"members cannot start again by themselves, because {reason}. Use reset().")
+        some = np.arange(len(self))[np.asarray(members, dtype=np.intp)]
+        if not some.size:
+            return
+        states, inputs, energies = self._started(some, q, u)
+        self._groups.put_members("y", some, states)
+        self._groups.put_members("inputs", some, np.pad(inputs, ((0, 0), (0, self.model.history_size))))
+        self._groups.put_members("estimates", some, np.zeros((some.size, 1)))
+        self._groups.put_members("alive", some, np.ones((some.size, 1)))
+        self._start_energies[some] = energies
+        for member in some.tolist():
+            self._failures.pop(member, None)
+
+    @cached_property
+    def _time_dependence(self) -> str | None:
+        return time_dependence(self.model)
+
+    def _started(self, members: NDArray[np.intp], q: Array | None, u: Array | None) -> tuple[Array, Array, Array]:
+        """States (n, m), inputs and energies of some members at their start, see `reset`."""
+        states, inputs = self._starts[members], self._inputs[members]
         inputs[:, self._effort_inputs] = 0.0
         for given, where, symbol in ((q, self.model.q_range, "q"), (u, self.model.u_range, "u")):
             if given is not None:
@@ -200,39 +166,11 @@ class Ensemble(ReadOnlyAttributes):
             for y, values in zip(states, inputs[:, self._value_inputs], strict=True):
                 self.model.normalize(y)
                 self.model.project(y, values)
-        for member, (y, row) in enumerate(zip(states, inputs, strict=True)):
+        for member, y, row in zip(members.tolist(), states, inputs, strict=True):
             self.model.hold_start(y, row, self._variants.mechanism_of(member))
         energies = [self.model.energies(0.0, y, 0.0, row).total for y, row in zip(states, inputs, strict=True)]
-        settle_members(self.model, self._contacts, states, inputs)
-        self._groups.put("y", states)
-        self._put_inputs(inputs)
-        self._groups.put("estimates", np.zeros((len(self), 1)))
-        self._groups.put("alive", np.ones((len(self), 1)))
-        self._steps, self._failures, self._start_energies = 0, {}, np.array(energies)
-
-    def snapshot(self) -> EnsembleSnapshot:
-        """Everything that the rest of the runs depends on: states, time, efforts, values and the audit."""
-        groups, estimates = self._groups, self.error_estimates
-        states, inputs, energies = groups.get("y"), groups.get("inputs"), self._start_energies.copy()
-        failures = dict(self._failures)
-        return EnsembleSnapshot(self._run_layout, states, self.steps, inputs, energies, estimates, self.alive, failures)
-
-    @property
-    def _run_layout(self) -> RunLayout:
-        return RunLayout(self.mechanism.name, self.model.coordinate_names, (), (), self.step_size, len(self))
-
-    def restore(self, snapshot: EnsembleSnapshot) -> None:
-        """Continue from a snapshot of the same runs, bit for bit.
-
-        :raises ValueError: it is a snapshot of other runs; nothing is changed then.
-        """
-        require_same_layout(snapshot.layout, self._run_layout)
-        self._groups.put("y", snapshot.state)
-        self._groups.put("inputs", snapshot.inputs)
-        self._groups.put("estimates", snapshot.error_estimates[:, None])
-        self._groups.put("alive", snapshot.alive[:, None].astype(float))
-        self._steps, self._start_energies = snapshot.steps, snapshot.start_energies.copy()
-        self._failures = dict(snapshot.failures)
+        settle_members(self.model, self._contacts, members, states, inputs)
+        return states, inputs, np.array(energies)
 
     def sensors(self) -> NoReturn:
         """Refused: members have no sensors, which do not influence the motion either.
@@ -270,6 +208,26 @@ class Ensemble(ReadOnlyAttributes):
             raise CommandError("an effort is not finite. Give finite numbers.")
         self._groups.put("inputs", np.clip(new, -self._limits, self._limits), self._effort_inputs)
 
+    @property
+    def effort_limits(self) -> Array:
+        """A copy of the largest absolute efforts (k, nv) in N and N·m."""
+        return self._limits.copy()
+
+    def set_effort_limits(self, limits: Array) -> None:
+        """Replace the largest absolute efforts (k, nv) in N and N·m, or (nv,) for all, from the next command on.
+
+        :raises ValueError: wrong shape, or a limit that is negative or not a number.
+        """
+        new = np.broadcast_to(np.asarray(limits, dtype=float), self._limits.shape).copy()
+        if not np.all(new >= 0.0):
+            raise ValueError("a limit of an effort is negative or not a number.")
+        self._limits = new
+
+    @property
+    def start_states(self) -> Array:
+        """A copy of the states (k, n) at which the members start: see `state`."""
+        return self._starts.copy()
+
     def set_commands(self, commands: Sequence[Mapping[str, Command]]) -> None:
         """Command the actuators of each member, one mapping for each: see `Simulation.set_commands`.
 
@@ -290,14 +248,7 @@ class Ensemble(ReadOnlyAttributes):
         :raises ValueError: n is negative.
         """
         n, alive = step_count(n), self.alive
-        shares = self._groups.shares(self._threads)
-        if len(shares) == 1:
-            self._groups.advance(self.steps, self.step_size, n, shares[0])
-        else:
-            with ThreadPoolExecutor(len(shares)) as pool:
-                tasks = [pool.submit(self._groups.advance, self.steps, self.step_size, n, share) for share in shares]
-                for task in tasks:
-                    task.result()
+        self._groups.advance(self.steps, self.step_size, n, self._threads)
         lost = np.flatnonzero(alive & ~self.alive).tolist()
         if lost:
             inputs = self._inputs
@@ -340,4 +291,4 @@ def _member_groups(model: Model, count: int, contacts: Sequence[ContactStepper])
         return MemberGroups(count, 1, sizes, advance_one_by_one(model.kernel))
     equations = model.equations
     kernel = compile_members(equations.rates, equations.project, model.method, equations.core.stop, model.between_steps)
-    return MemberGroups(count, kernel.lanes, sizes, advance_lanes(kernel))
+    return MemberGroups(count, kernel.lanes, sizes, advance_lanes(kernel), ENOUGH // model.kernel.instructions)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mbd_sim.compiler.ensemble_kernel import Advance
 from mbd_sim.errors import CommandError
 from mbd_sim.geometry.pose import Array
@@ -21,18 +24,21 @@ def member_contacts(model: Model, variants: Variants, count: int) -> tuple[Conta
     return tuple(contact_stepper(model, variants.mechanism_of(member)) for member in range(count))
 
 
-def settle_members(model: Model, contacts: Sequence[ContactStepper], states: Array, inputs: Array) -> None:
-    """Find the modes of the members at time zero, in place, with impacts where contacts approach.
+def settle_members(
+    model: Model, contacts: Sequence[ContactStepper], members: NDArray[np.intp], states: Array, inputs: Array
+) -> None:
+    """Find the modes of some members at time zero, in place, with impacts where contacts approach.
 
-    :param states: (k, n), and `inputs` (k, m).
+    :param contacts: of all members.
+    :param states: (k, n), and `inputs` (k, m), of these members.
     :raises CommandError: a member is inside an obstacle.
     :raises EventError: contacts without a solution; both errors name the member.
     """
-    for member, contact in enumerate(contacts):
-        contact.events.clear()
+    for member, y, row in zip(members.tolist() if contacts else (), states, inputs, strict=False):
+        contacts[member].events.clear()
         try:
-            require_outside(model, 0.0, states[member], inputs[member])
-            contact.settle(0.0, states[member], inputs[member])
+            require_outside(model, 0.0, y, row)
+            contacts[member].settle(0.0, y, row)
         except (CommandError, EventError) as error:
             raise type(error)(f"member {member}: {error}") from error
 

@@ -1,0 +1,106 @@
+"""What an agent observes of a mechanism, and the efforts that it can apply: the same for one environment and many."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from mbd_sim.errors import CommandError, listed, nearest
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.simulation.compiled_model import Model
+
+
+class AgentInterface:
+    """Actions and observations of a mechanism, with their spaces.
+
+    An action is an effort (N or N·m) for each `actuated` coordinate, within its limit. An observation is (q without
+    angles, cos of angles, sin of angles, u), in SI units.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        model: Model,
+        limits: Array,
+        actuated: Sequence[str] | None = None,
+        trigonometric: bool = True,
+    ) -> None:
+        """Find the actuated coordinates, all by default, and the angles.
+
+        :param limits: (nv,) the largest absolute efforts in N or N·m.
+        :param trigonometric: observe cos and sin of angles instead of the angles.
+        :raises ValueError: an unknown coordinate, or an effort without a limit.
+        """
+        names = model.coordinate_names
+        self.actuated = tuple(names if actuated is None else actuated)
+        require_coordinates(names, self.actuated)
+        self._indices, self._count = [names.index(name) for name in self.actuated], len(names)
+        most = limits[self._indices].astype(np.float32)
+        if unlimited := [name for name, limit in zip(self.actuated, most, strict=True) if not np.isfinite(limit)]:
+            raise ValueError(
+                f"the effort of {listed(unlimited)} has no limit. Give joints an 'effort_limit', or the environment "
+                f"'effort_limits'."
+            )
+        self._angles = _angles(mechanism, model) if trigonometric else np.zeros(model.layout.nq, bool)
+        self.action_space = spaces.Box(-most, most, dtype=np.float32)
+        turning = np.count_nonzero(self._angles)
+        bounds = np.full(model.layout.nq + turning + model.layout.nv, np.inf)
+        bounds[self._angles.size - turning : self._angles.size + turning] = 1.0
+        self.observation_space = spaces.Box(-bounds, bounds, dtype=np.float64)
+
+    def observation(self, q: Array, u: Array) -> Array:
+        """The observation (n,) of a state, or those (k, n) of k states."""
+        turning = q[..., self._angles]
+        return np.concatenate([q[..., ~self._angles], np.cos(turning), np.sin(turning), u], axis=-1)
+
+    def efforts(self, action: Any, members: tuple[int, ...] = ()) -> Array:
+        """The efforts (nv,) of an action (actuated,), clipped to the limits.
+
+        :param members: () for one environment, (k,) for k of them: the same axis comes first in action and efforts.
+        :raises CommandError: the action has another shape.
+        """
+        values = np.asarray(action, dtype=float)
+        if values.shape != (*members, len(self.actuated)):
+            raise CommandError(
+                f"the action has the shape {values.shape}. Give one effort for each of: {listed(self.actuated)}"
+                f"{f', in {members[0]} rows' if members else ''}."
+            )
+        efforts = np.zeros((*members, self._count))
+        efforts[..., self._indices] = np.clip(values, self.action_space.low, self.action_space.high)
+        return efforts
+
+
+def with_limits(names: Sequence[str], limits: Array, given: Mapping[str, float]) -> Array:
+    """The limits (…, nv) of efforts, of which the given ones replace those of their coordinates.
+
+    :raises ValueError: an unknown coordinate.
+    """
+    require_coordinates(names, given)
+    limits = limits.copy()
+    for name, limit in given.items():
+        limits[..., names.index(name)] = limit
+    return limits
+
+
+def require_coordinates(names: Sequence[str], given: Sequence[str] | Mapping[str, Any]) -> None:
+    """Refuse names of coordinates that do not exist.
+
+    :raises ValueError: it suggests the nearest one.
+    """
+    for name in given:
+        if name not in names:
+            raise ValueError(f"there is no coordinate '{name}'. {nearest(name, names)}")
+
+
+def _angles(mechanism: Mechanism, model: Model) -> NDArray[np.bool_]:
+    """Which of the coordinates q (nq,) are angles."""
+    angles = np.zeros(model.layout.nq, dtype=bool)
+    for name, joint in mechanism.joints.items():
+        if not joint.drive and joint.kind.quaternion is None:
+            angles[model.layout.q[name]] = [coordinate.rotation for coordinate in joint.kind.coordinates]
+    return angles

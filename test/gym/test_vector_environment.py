@@ -1,0 +1,119 @@
+"""Many environments at once: the same bits as Gymnasium's vectors of single ones, and ends of episodes by each mode."""
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+from mbd_sim import CommandError, Ensemble
+from mbd_sim.gym import TASKS, MechanismEnv, MechanismVectorEnv
+from mbd_sim.gym.tasks import upright
+
+ENVS, ACTIONS = 9, 25  # one more than a vector
+
+
+def still(members, actions):
+    return np.zeros(len(actions))
+
+
+def single(task, horizon):
+    return lambda: MechanismEnv(**TASKS[task], horizon=horizon)
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+@pytest.mark.parametrize("task", TASKS)
+def test_each_environment_is_the_single_one_bit_for_bit_over_several_episodes(task, mode):
+    alone = SyncVectorEnv([single(task, 10)] * ENVS, autoreset_mode=mode)
+    together = MechanismVectorEnv(num_envs=ENVS, **TASKS[task], max_episode_steps=10, autoreset_mode=mode)
+    assert together.single_action_space == alone.single_action_space
+    assert together.observation_space == alone.observation_space
+    assert together.metadata["autoreset_mode"] == mode
+    assert np.array_equal(alone.reset(seed=3)[0], together.reset(seed=3)[0])
+    random = np.random.default_rng(1)
+    for _ in range(ACTIONS):
+        actions = random.uniform(-20.0, 20.0, (ENVS, 1)).astype(np.float32)
+        *expected, infos = alone.step(actions)
+        *found, own = together.step(actions)
+        for one, other in zip(expected, found, strict=True):
+            assert np.array_equal(one, other)
+        if "final_obs" in infos:
+            assert np.array_equal(own["_final_obs"], infos["_final_obs"])
+            ends = np.flatnonzero(own["_final_obs"])
+            assert all(np.array_equal(own["final_obs"][end], infos["final_obs"][end]) for end in ends)
+    alone.close()
+
+
+def test_gymnasium_makes_it_by_name():
+    envs = gymnasium.make_vec("mbd_sim/CartPendulumSwingUp-v0", num_envs=3, vectorization_mode="vector_entry_point")
+    assert isinstance(envs.unwrapped, MechanismVectorEnv) and envs.unwrapped.max_episode_steps == 500
+    observations, _ = envs.reset(seed=7)
+    assert observations in envs.observation_space
+    envs.close()
+
+
+def test_environments_have_values_of_their_own():
+    lengths = [{"parts.pendulum.mass": mass} for mass in (0.1, 0.3)]
+    envs = MechanismVectorEnv("cart_pendulum", lengths, ["rail"], reward=upright, trigonometric=False)
+    envs.reset()
+    seen = envs.step(np.full((2, 1), 5.0, dtype=np.float32))[0]
+    members = Ensemble.from_file("cart_pendulum", lengths)
+    members.set_efforts({"rail": 5.0})
+    members.step(20)
+    assert np.array_equal(seen, np.hstack([members.q, members.u]))
+    assert not np.array_equal(seen[0], seen[1])
+
+
+def test_without_autoreset_the_named_ones_begin_again():
+    envs = MechanismVectorEnv(
+        "double_pendulum",
+        4,
+        reward=still,
+        max_episode_steps=2,
+        autoreset_mode=AutoresetMode.DISABLED,
+        start={"q": [0.5, 0.0]},
+    )
+    first, _ = envs.reset()
+    moves = np.zeros((4, 2), dtype=np.float32)
+    envs.step(moves)
+    *_, truncated, _ = envs.step(moves)
+    assert truncated.all()
+    before = envs.step(moves)[0]
+    after, _ = envs.reset(options={"reset_mask": np.array([False, True, False, False])})
+    assert np.array_equal(after[1], first[1]) and np.array_equal(after[[0, 2, 3]], before[[0, 2, 3]])
+    assert envs.episode_times.tolist() == pytest.approx([0.06, 0.0, 0.06, 0.06])
+
+
+def test_one_that_becomes_infinite_ends_alone_and_begins_again():
+    envs = MechanismVectorEnv("double_pendulum", 3, reward=still)
+    envs.reset(options={"u": [[0.0, 0.0], [1e200, 0.0], [0.0, 0.0]]})
+    moves = np.zeros((3, 2), dtype=np.float32)
+    observations, _, terminated, _, infos = envs.step(moves)
+    assert terminated.tolist() == infos["diverged"].tolist() == [False, True, False]
+    assert np.all(np.isfinite(observations))
+    *_, terminated, _, infos = envs.step(moves)
+    assert not terminated.any() and infos == {}
+    assert envs.ensemble.alive.all()
+
+
+def test_starts_without_a_seed_differ():
+    envs = MechanismVectorEnv("double_pendulum", 2, reward=still, start_noise=0.1)
+    first, _ = envs.reset()
+    second, _ = envs.reset()
+    assert len({row.tobytes() for row in (*first, *second)}) == 4
+
+
+def test_mistakes_are_refused():
+    with pytest.raises(ValueError, match=r"depends on the time.*'sync'"):
+        MechanismVectorEnv("moving_support_pendulum", 2, reward=still)
+    envs = MechanismVectorEnv("cart_pendulum", 2, ["rail"], reward=lambda members, actions: 0.0)
+    envs.reset()
+    with pytest.raises(CommandError, match=r"shape \(1,\).* for each of: rail, in 2 rows"):
+        envs.step(np.zeros(1))
+    with pytest.raises(ValueError, match=r"reward returned the shape \(\) for 2 environments"):
+        envs.step(np.zeros((2, 1)))
+    with pytest.raises(ValueError, match="3 seeds for 2"):
+        envs.reset(seed=[1, 2, 3])
+    with pytest.raises(ValueError, match="reset_mask is int64"):
+        envs.reset(options={"reset_mask": np.array([0, 1])})
+    with pytest.raises(CommandError, match="not finite"):
+        envs.step(np.full((2, 1), np.nan))
