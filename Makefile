@@ -64,6 +64,7 @@ $(DOCS)/ready: setup.py docs/setup_venv
 
 bench: setup $(BENCH)/ready
 	$(BIN)/python benchmarks/startup.py
+	$(BENCH)/bin/python -m benchmarks.environments
 	$(BENCH)/bin/python -m benchmarks.contacts
 	$(BENCH)/bin/python -m benchmarks $(ARGS)
 

@@ -172,3 +172,46 @@ def test_members_pass_flat_positions_each_at_its_own_time():
         single.run(2.0)
         assert single.q[0] > 2.0 * np.pi, "it has lain flat"
         assert np.array_equal(ensemble.state[member], single.state)
+
+
+@pytest.mark.parametrize("method", ["adams11", "rk4", "gauss4"])
+def test_members_that_start_again_move_as_at_first(method):
+    swing, some = Ensemble.from_file("double_rod", 10, method=method), [1, 9]
+    swing.set_efforts({"elbow": np.linspace(0.0, 2.0, 10)})
+    swing.step(40)
+    first = swing.state
+    swing.restart(some)
+    assert swing.steps == 40
+    assert np.array_equal(np.delete(swing.state, some, axis=0), np.delete(first, some, axis=0))
+    swing.step(60)
+    alone = Ensemble.from_file("double_rod", 1, method=method)
+    alone.step(60)
+    assert np.array_equal(swing.state[some], np.repeat(alone.state, 2, axis=0))  # without efforts
+    assert np.max(abs(swing.energies.residual[some])) < 1e-6
+
+
+def test_members_cannot_start_again_where_the_time_matters():
+    with pytest.raises(ValueError, match=r"a drive, a force .* depends on the time\. Use reset"):
+        Ensemble.from_file("moving_support_pendulum", 2).restart([1])
+    with pytest.raises(ValueError, match="actuators sample"):
+        Ensemble.from_file("motor_drive", 2).restart([1])
+    swing = Ensemble.from_file("double_rod", 2)
+    before = swing.state
+    with pytest.raises(IndexError):
+        swing.restart([2])
+    swing.restart([])
+    assert np.array_equal(swing.state, before)
+
+
+def test_limits_of_efforts_can_be_replaced():
+    swing = Ensemble.from_file("double_rod", 3)
+    swing.set_effort_limits(np.array([1.0, 0.5]))
+    swing.set_efforts({"elbow": 2.0})
+    limited = Ensemble.from_file("double_rod", 3)
+    limited.set_efforts({"elbow": 0.5})
+    for members in (swing, limited):
+        members.step(5)
+    assert np.array_equal(swing.state, limited.state)
+    assert np.array_equal(swing.effort_limits, np.tile([1.0, 0.5], (3, 1)))
+    with pytest.raises(ValueError, match="negative"):
+        swing.set_effort_limits(np.array([1.0, -1.0]))
