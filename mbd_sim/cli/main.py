@@ -9,6 +9,7 @@ from typing import Protocol
 
 from mbd_sim import __version__
 from mbd_sim.cli import (
+    c_code,
     check,
     convert,
     export,
@@ -55,6 +56,7 @@ COMMANDS: dict[str, Command] = {  # in the order of --help
     "export": export,
     "urdf": urdf,
     "convert": convert,
+    "c-code": c_code,
     "list": list_mechanisms,
     "schema": schema,
 }

@@ -1,4 +1,4 @@
-"""The options that set up a run of a mechanism: `--set`, `--start` and `--effort`."""
+"""The options that set up a run of a mechanism, `--set`, `--start` and `--effort`, or its export as code."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import argparse
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from mbd_sim.cli.common import split_assignment
+from mbd_sim.cli.common import add_mechanism, add_method_and_step, print_notes, split_assignment
 from mbd_sim.errors import InputError, nearest
 
 if TYPE_CHECKING:
+    from mbd_sim.c_code.exported_model import ExportedModel
     from mbd_sim.mechanism.records import Mechanism
     from mbd_sim.simulation.simulation import Simulation
 
@@ -35,6 +36,44 @@ def add_start(parser: argparse._ActionsContainer) -> None:
         metavar="JOINT=VALUE",
         help="constant effort on a joint, in N or N·m; repeatable",
     )
+
+
+def add_export(parser: argparse.ArgumentParser) -> None:
+    """Declare what is exported as code: see `exported_model`."""
+    add_mechanism(parser)
+    add_method_and_step(parser, "from the file")
+    add_set(parser, "change a value of the mechanism file, such as joints.elbow.position='30 deg'; repeatable")
+    parser.add_argument(
+        "--parameter",
+        action="append",
+        default=[],
+        metavar="KEY",
+        help="a number of the file that stays variable, such as l or parts.rod.mass; repeatable",
+    )
+    parser.add_argument(
+        "--wrench", action="append", default=[], metavar="PART", help="a part on which forces can act; repeatable"
+    )
+
+
+def exported_model(options: argparse.Namespace) -> ExportedModel:
+    """The mechanism that the options describe, traced for code; what is left out is printed as notes.
+
+    :raises MechanismError: it cannot be exported, see `export_model`.
+    """
+    from mbd_sim.c_code.exported_model import export_model
+    from mbd_sim.load import load_mechanism
+    from mbd_sim.mechanism_file.override import with_values
+
+    mechanism, changes = load_mechanism(options.mechanism), changes_of(options.changes)
+    model = export_model(
+        with_values(mechanism, changes) if changes else mechanism,
+        method=options.method,
+        step=options.step,
+        parameters=options.parameter,
+        wrenches=options.wrench,
+    )
+    print_notes(model.remarks)
+    return model
 
 
 def changes_of(assignments: Iterable[str]) -> dict[str, Any]:

@@ -68,7 +68,7 @@ _TERNARY: dict[int, Build3] = {
     SUBTRACT_PRODUCT: lambda low, x, y, z: low.builder.fma(low.builder.fneg(x), y, z),
 }
 # Functions of the C library, on which their last bits depend. Only expressions, friction and powers need them.
-_LIBRARY: dict[int, str] = {
+LIBRARY: dict[int, str] = {
     ca.OP_EXP: "exp",
     ca.OP_LOG: "log",
     ca.OP_TAN: "tan",
@@ -155,8 +155,8 @@ class _Lowering:
                 work[target[0]] = _BINARY[operation](self, work[source[0]], work[source[1]])
             elif operation in _TERNARY:
                 work[target[0]] = _TERNARY[operation](self, *(work[index] for index in source))
-            elif operation in _LIBRARY:
-                work[target[0]] = self.library(_LIBRARY[operation], *(work[index] for index in source))
+            elif operation in LIBRARY:
+                work[target[0]] = self.library(LIBRARY[operation], *(work[index] for index in source))
             else:
                 raise NotImplementedError(f"no kernel instruction for CasADi operation {operation}")
 

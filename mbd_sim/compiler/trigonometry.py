@@ -20,14 +20,14 @@ from mbd_sim.compiler.ir_types import (
 )
 from mbd_sim.compiler.simd_builder import LaneBuilder, lanes_of, new_builder
 
-_LARGEST = 2.0**20 * 1.5707963267948966
-_TWO_OVER_PI = 6.36619772367581382433e-01
-_ROUNDER = 6755399441055744.0  # 1.5 * 2**52: adding it rounds to the nearest integer, which is then in the low bits
-_HALF_PI = 1.57079632673412561417e00  # the first 33 bits of pi/2
-_HALF_PI_NEXT = 6.07710050630396597660e-11  # the next 33 bits
-_HALF_PI_TAIL = 2.02226624879595063154e-21  # the next 53 bits
-_HALF_PI_LAST = 1.0085854035872483e-37  # and the next 53
-_SINE = (
+LARGEST = 2.0**20 * 1.5707963267948966
+TWO_OVER_PI = 6.36619772367581382433e-01
+ROUNDER = 6755399441055744.0  # 1.5 * 2**52: adding it rounds to the nearest integer, which is then in the low bits
+HALF_PI = 1.57079632673412561417e00  # the first 33 bits of pi/2
+HALF_PI_NEXT = 6.07710050630396597660e-11  # the next 33 bits
+HALF_PI_TAIL = 2.02226624879595063154e-21  # the next 53 bits
+HALF_PI_LAST = 1.0085854035872483e-37  # and the next 53
+SINE = (
     1.66666666666666324348e-01,
     -8.33333333332248946124e-03,
     1.98412698298579493134e-04,
@@ -35,7 +35,7 @@ _SINE = (
     2.50507602534068634195e-08,
     -1.58969099521155010221e-10,
 )
-_COSINE = (
+COSINE = (
     4.16666666666666019037e-02,
     -1.38888888888741095749e-03,
     2.48015872894767294178e-05,
@@ -67,25 +67,25 @@ def _function(module: Module, lanes: int) -> Function:
     common, rare = function.append_basic_block("common"), function.append_basic_block("rare")
     size = b.intrinsic("llvm.fabs", x)
     if isinstance(b, LaneBuilder):
-        is_rare = b.any_lane(b.fcmp_unordered(">=", size, number(_LARGEST)))
+        is_rare = b.any_lane(b.fcmp_unordered(">=", size, number(LARGEST)))
         b.cbranch(is_rare, rare, common, weights=(1, 1_000_000))
     else:
-        b.cbranch(b.fcmp_ordered("<", size, number(_LARGEST)), common, rare, weights=(1_000_000, 1))
+        b.cbranch(b.fcmp_ordered("<", size, number(LARGEST)), common, rare, weights=(1_000_000, 1))
 
     b.position_at_end(rare)
     values = _one_by_one(module, b, x) if isinstance(b, LaneBuilder) else _by_library(module, b, x)
     b.ret(b.insert_value(b.insert_value(undefined(pair), values[0], 0), values[1], 1))
 
     b.position_at_end(common)
-    shifted = b.fma(x, number(_TWO_OVER_PI), number(_ROUNDER))
-    quarters = b.fsub(shifted, number(_ROUNDER))
+    shifted = b.fma(x, number(TWO_OVER_PI), number(ROUNDER))
+    quarters = b.fsub(shifted, number(ROUNDER))
     quadrant = b.bitcast(shifted, INT)
-    head = b.fma(quarters, number(-_HALF_PI), x)  # exact, like `second`
-    second = b.fmul(quarters, number(_HALF_PI_NEXT))
-    tail = b.fma(quarters, number(_HALF_PI_TAIL), second)
+    head = b.fma(quarters, number(-HALF_PI), x)  # exact, like `second`
+    second = b.fmul(quarters, number(HALF_PI_NEXT))
+    tail = b.fma(quarters, number(HALF_PI_TAIL), second)
     r = b.fsub(head, tail)
-    lost = b.fma(quarters, number(_HALF_PI_TAIL), b.fsub(second, tail))
-    low = b.fma(quarters, number(_HALF_PI_LAST), lost)
+    lost = b.fma(quarters, number(HALF_PI_TAIL), b.fsub(second, tail))
+    low = b.fma(quarters, number(HALF_PI_LAST), lost)
     rest = b.fsub(low, b.fsub(b.fsub(head, r), tail))
     sine, cosine = _kernel_sine(b, r, rest), _kernel_cosine(b, r, rest)
     swap = b.trunc(quadrant, BOOL)
@@ -126,7 +126,7 @@ def _kernel_sine(b: IRBuilder, x: Value, y: Value) -> Value:
     z = b.fmul(x, x)
     w = b.fmul(z, z)
     rest = b.fma(b.fmul(number(-0.5), z), y, y)
-    return b.fsub(x, b.fma(b.fmul(z, x), _polynomial(b, z, w, _SINE), rest))
+    return b.fsub(x, b.fma(b.fmul(z, x), _polynomial(b, z, w, SINE), rest))
 
 
 def _kernel_cosine(b: IRBuilder, x: Value, y: Value) -> Value:
@@ -135,4 +135,4 @@ def _kernel_cosine(b: IRBuilder, x: Value, y: Value) -> Value:
     w = b.fmul(z, z)
     one = b.fma(number(-0.5), z, number(1.0))
     lost = b.fma(number(-0.5), z, b.fsub(number(1.0), one))
-    return b.fadd(one, b.fma(w, _polynomial(b, z, w, _COSINE), b.fma(x, y, lost)))
+    return b.fadd(one, b.fma(w, _polynomial(b, z, w, COSINE), b.fma(x, y, lost)))

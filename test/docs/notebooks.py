@@ -2,6 +2,8 @@
 
 import re
 import shlex
+import shutil
+import subprocess
 from pathlib import Path
 
 from mbd_sim.cli.main import main
@@ -47,12 +49,14 @@ def snippets(text):
 
 
 def execute_snippet(language, code):
-    """Run a snippet: a mechanism is written to a file of its name, and command lines of `mbd_sim` are executed."""
+    """Run a snippet: a mechanism and a C program are written to files; commands `mbd_sim` and `gcc` are executed."""
     if language == "yaml" and (name := re.match(r"mechanism: (\w+)\n", code)):
         Path(f"{name[1]}.yaml").write_text(code, encoding="utf-8")
         assert main(["check", f"{name[1]}.yaml"]) == 0
     elif language == "python" and "rclpy" not in code and "Lockstep" not in code:
         exec(code, {"__name__": "__main__"})
+    elif language == "c":
+        Path("main.c").write_text(code, encoding="utf-8")
     elif language == "sh":
         for line in code.replace("\\\n", " ").splitlines():
             words = shlex.split(line, comments=True)
@@ -60,3 +64,5 @@ def execute_snippet(language, code):
                 words += ["--time", "0.1"]  # pictures take long
             if words[:1] == ["mbd_sim"] and not any(word in line for word in WINDOWS):
                 assert main([*words[1:], "--quiet"] if words[1] in QUIET else words[1:]) == 0, line
+            elif words[:1] in (["gcc"], ["./swing"]) and shutil.which("gcc"):
+                subprocess.run(words, check=True)

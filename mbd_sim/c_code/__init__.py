@@ -1,0 +1,1 @@
+"""The equations of motion and the steps of a mechanism as C code without dependencies."""

@@ -1,0 +1,160 @@
+"""An exported model as a C99 module: a header with its structures and functions, and a source without dependencies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from mbd_sim import __version__
+from mbd_sim.c_code.c_functions import c_function, literal
+from mbd_sim.c_code.c_steps import StepParts, moving_ranges, sample_functions, step_function
+from mbd_sim.c_code.c_texts import (
+    DECLARATIONS,
+    DEFINITIONS,
+    FLAGS,
+    HEADER,
+    PROJECTION,
+    PUBLIC_STEP,
+    SIZES,
+    STEP_COMMENT,
+    STEP_DECLARATION,
+)
+from mbd_sim.c_code.exported_model import ExportedModel
+from mbd_sim.c_code.sine_cosine import sine_cosine_text
+from mbd_sim.c_code.variables import Variable
+from mbd_sim.compiler.instruction_list import Instructions
+from mbd_sim.compiler.schedule import arranged
+
+_NONE = Variable("unused", "", "", "nothing: C has no empty structures")
+
+
+def c_module(model: ExportedModel) -> Mapping[str, str]:
+    """The texts of `NAME.h` and `NAME.c`, by file name.
+
+    :raises NotImplementedError: an expression has an operation that kernels do not support either.
+    """
+    head = HEADER.format(
+        name=model.name,
+        mechanism=_comment(model.mechanism.name),
+        description=_comment(model.mechanism.description),
+        version=__version__,
+        hash=model.hash,
+        changes=_changes(model),
+        flags=FLAGS,
+    )
+    return {f"{model.name}.h": head + _header(model), f"{model.name}.c": head + _source(model)}
+
+
+def _changes(model: ExportedModel) -> str:
+    changes = {key: str(value) for key, value in model.mechanism.source.changes.items()}
+    listed = ", ".join(f"{key} = {value}" for key, value in changes.items())
+    return _comment(f", with {listed}" if listed else "")
+
+
+def _comment(text: str) -> str:
+    """A text as it can stand in a comment."""
+    return " ".join(text.replace("*/", "* /").replace("/*", "/ *").split())
+
+
+def _header(model: ExportedModel) -> str:
+    guard = f"{model.name.upper()}_H"
+    structures = "\n\n".join(
+        _structure(f"{model.name}_{kind}", about, variables)
+        for kind, about, variables in (
+            (
+                "state",
+                "The state y: coordinates, speeds, states of actuators, and energies of the audit.",
+                model.states,
+            ),
+            ("inputs", "What acts from outside during a step.", model.inputs),
+            ("parameters", "Numbers of the mechanism that may be changed between steps.", model.parameters),
+            ("outputs", "What is computed from a state on request.", model.output_variables),
+        )
+    )
+    steps = "\n".join(STEP_DECLARATION.format(name=model.name, method=method.name) for method in model.methods)
+    declared = DECLARATIONS.format(
+        name=model.name,
+        NAME=model.name.upper(),
+        step=literal(model.step),
+        method=model.methods[0].name,
+        structures=structures,
+        steps=STEP_COMMENT + steps,
+    )
+    guards = f'#ifndef {guard}\n#define {guard}\n\n#include <stdint.h>\n\n#ifdef __cplusplus\nextern "C" {{\n#endif\n'
+    return f"{guards}{declared}\n#ifdef __cplusplus\n}}\n#endif\n\n#endif\n"
+
+
+def _structure(name: str, about: str, variables: Sequence[Variable]) -> str:
+    fields = [
+        f"    double {one.field}; /* {_comment(one.description)}{f', {one.unit}' if one.unit else ''} */"
+        for one in variables or (_NONE,)
+    ]
+    return "\n".join([f"/* {about} */", "typedef struct {", *fields, f"}} {name};"])
+
+
+def _source(model: ExportedModel) -> str:
+    between, equations = model.between_steps, model.equations
+    held = frozenset[int]() if between is None else between.held
+    parts = StepParts(
+        reports_margin=equations.rates.n_out() > 1,
+        projects=equations.project is not None,
+        samples=between is not None,
+        ranges=moving_ranges(len(model.states), held),
+    )
+    margin = ("margin",) if parts.reports_margin else ()
+    functions = [
+        "/* y' of the equations of motion. */\n"
+        + c_function(arranged(equations.rates), "rates", ("t", "y", "in"), ("out", *margin), ("t",)),
+    ]
+    if equations.project is not None:
+        projected = arranged(equations.project, fused=False)
+        functions += [_with_inputs(projected, "projection"), PROJECTION]
+    if between is not None:
+        functions.append(sample_functions(between))
+    functions += [step_function(method, parts) for method in model.methods]
+    functions += [
+        "/* The numbers of the equations that depend on the parameters. */\n"
+        + c_function(model.values, "values", ("p",), ("out",)),
+        "/* What is computed from a state on request. */\n"
+        + c_function(model.outputs, "outputs_of", ("t", "y", "in", "p"), ("out",), ("t",)),
+        _definitions(model, parts),
+    ]
+    functions += [PUBLIC_STEP.format(name=model.name, method=method.name) for method in model.methods]
+    if any("sine_cosine(" in function for function in functions):
+        functions.insert(0, sine_cosine_text())
+    includes = f'#include "{model.name}.h"\n\n#include <math.h>\n#include <string.h>\n'
+    sizes = SIZES.format(size=len(model.states), given=max(1, equations.inputs.size), inputs=len(model.inputs))
+    contraction = "#ifdef __clang__\n#pragma STDC FP_CONTRACT OFF\n#endif\n"
+    return f"{includes}\n{contraction}\n{sizes}\n" + "\n\n".join(functions) + "\n"
+
+
+def _with_inputs(function: Instructions, name: str) -> str:
+    """A function of (t, y) or (t, y, inputs) as C of (t, y, in)."""
+    return c_function(function, name, ("t", "y", "in"), ("out",), ("t",))
+
+
+def _definitions(model: ExportedModel, parts: StepParts) -> str:
+    name = model.name
+
+    def start(kind: str, variables: Sequence[Variable]) -> str:
+        """The assignment of the start values of a structure."""
+        return "\n".join(f"    {kind}->{one.field} = {literal(one.start)};" for one in variables or (_NONE,))
+
+    return DEFINITIONS.format(
+        name=name,
+        method=model.methods[0].name,
+        start="\n".join(
+            start(kind, variables)
+            for kind, variables in (
+                ("state", model.states),
+                ("inputs", model.inputs),
+                ("parameters", model.parameters),
+            )
+        ),
+        input_size=max(1, len(model.inputs)),
+        inputs=len(model.inputs),
+        parameter_size=max(1, len(model.parameters)),
+        output_size=max(1, len(model.output_variables)),
+        margin=", &margin" if parts.reports_margin else "",
+        declared_margin="    double margin;\n" if parts.reports_margin else "",
+        project="    project_in_place(t, y, in);" if parts.projects else "    (void)t;\n    (void)in;",
+    )

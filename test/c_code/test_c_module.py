@@ -1,0 +1,179 @@
+"""Exported C code, compiled by gcc, takes the steps of the simulation to the bit."""
+
+import re
+
+import numpy as np
+import pytest
+
+from mbd_sim import Simulation
+from mbd_sim.c_code.exported_model import export_model
+from mbd_sim.errors import MechanismError
+from mbd_sim.load import load_mechanism, parse_mechanism
+from test.c_code.compiled import CompiledModule, compiled
+
+STEPS = 400
+LIBRARY = {"sin", "cos", "sincos", "exp", "log", "tan", "asin", "acos", "atan", "atan2", "tanh", "pow", "fma",
+           "memcpy", "memset"}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [
+        ("double_rod", "rk4"),
+        ("double_rod", "tsitouras8"),
+        ("four_bar", "tsitouras8"),  # a loop: projection, and stages of ill-conditioned steps
+        ("rolling_disc", "rk4"),  # rolling, and a quaternion
+        ("gas_engine", "rk4"),  # powers of the C library
+    ],
+)
+def test_steps_have_the_bits_of_the_simulation(name, method):
+    code = compiled(name)
+    code.start()
+    simulation = Simulation(code.model.mechanism, method=method)
+    assert np.array_equal(code.y, simulation.y)
+    for index in range(STEPS):
+        if index == STEPS // 2 and not simulation.command_map.names:
+            effort = 0.3
+            code.inputs[0] = effort
+            simulation.set_efforts({simulation.model.coordinate_names[0]: effort})
+        assert code.step(method, index, simulation.step_size)
+        simulation.step()
+    assert np.array_equal(code.y, simulation.y)
+
+
+def test_delayed_commands_and_sampled_controllers_wait_as_in_the_simulation():
+    text = """
+mechanism: delayed
+parts:
+  arm: {mass: 1 kg, inertia: [0.1, 0.1, 0.1], center: [0, 0, -0.2 m]}
+joints:
+  pin: {type: revolute, between: [ground, arm], axis: [0, 1, 0]}
+actuators:
+  drive:
+    type: effort
+    joint: pin
+    delay: 5 ms
+    servo: {controls: position, kp: 3, kd: 0.5, ki: 0.2, sample_rate: 250 Hz, rate_limit: 2 rad/s}
+integrator: {step: 1 ms, method: rk4}
+"""
+    mechanism = parse_mechanism(text)
+    code, simulation = CompiledModule(mechanism), Simulation(mechanism)
+    for index in range(100):
+        if index == 13:
+            simulation.set_commands({"drive": 0.4})
+            code.inputs[:] = simulation.inputs
+        assert code.step("rk4", index, 1e-3)
+        simulation.step()
+    assert np.array_equal(code.y, simulation.y)
+    assert simulation.q[0] != 0.0
+
+
+def test_outputs_are_those_of_the_simulation():
+    code = compiled("four_bar")
+    code.start()
+    simulation = Simulation(code.model.mechanism, method="rk4")
+    for index in range(50):
+        code.step("rk4", index, simulation.step_size)
+        simulation.step()
+    outputs = code.outputs(simulation.time)
+    assert outputs["kinetic_energy"] == simulation.energies.kinetic
+    assert outputs["potential_energy"] == simulation.energies.potential
+    points = sorted({name.rpartition(".")[0].rpartition(".")[0] for name in outputs if "." in name})
+    assert points
+    for point in points:
+        there = simulation.point(point)
+        position = [outputs[f"{point}.{letter}.position"] for letter in "xyz"]
+        velocity = [outputs[f"{point}.{letter}.velocity"] for letter in "xyz"]
+        assert np.allclose(position, there.position, rtol=0, atol=1e-15)
+        assert np.allclose(velocity, there.velocity, rtol=0, atol=1e-14)
+    accelerations = code.rates(simulation.time)[simulation.model.u_range]
+    assert np.allclose(accelerations, simulation.u_rates, rtol=1e-13, atol=1e-13)
+
+
+def test_drives_are_outputs():
+    code = compiled("moving_support_pendulum")
+    code.start()
+    simulation = Simulation(code.model.mechanism)
+    (name,) = simulation.model.driven_names
+    drive = simulation.drives()[name]
+    outputs = code.outputs(0.0)
+    found = [outputs[f"{name}.{what}"] for what in ("position", "velocity", "effort")]
+    assert np.allclose(found, [drive.position, drive.velocity, drive.force], rtol=1e-14, atol=1e-14)
+
+
+def test_parameters_change_the_motion_as_in_the_file():
+    code = compiled("double_rod", parameters=("l", "m"))
+    code.start()
+    assert code.p.tolist() == [1.0, 1.0]
+    code.p[:] = 0.8, 1.7
+    simulation = Simulation(code.model.mechanism, method="rk4", parameters={"l": 0.8, "m": 1.7})
+    for index in range(STEPS):
+        code.step("rk4", index, simulation.step_size)
+        simulation.step()
+    assert np.allclose(code.y, simulation.y, rtol=0, atol=1e-13)
+    assert code.outputs(0.0)["lower.tip.z.position"] == pytest.approx(
+        simulation.point("lower.tip").position[2], abs=1e-13
+    )
+
+
+def test_wrenches_act_on_parts():
+    code = compiled("double_rod", wrenches=("lower",))
+    code.start()
+    simulation = Simulation(code.model.mechanism, method="rk4", wrenches=["lower"])
+    simulation.set_wrench("lower", force=[3.0, 0.0, 1.0])
+    names = [variable.field for variable in code.model.inputs]
+    code.inputs[names.index("wrench_lower_force_x")], code.inputs[names.index("wrench_lower_force_z")] = 3.0, 1.0
+    for index in range(100):
+        code.step("rk4", index, simulation.step_size)
+        simulation.step()
+    assert np.array_equal(code.y, simulation.y)
+
+
+def test_the_module_needs_nothing_but_the_library_of_mathematics():
+    needed = set(re.findall(r"^ +U (\w+)", compiled("gas_engine").symbols.stdout, re.MULTILINE))
+    assert needed
+    assert needed <= LIBRARY
+
+
+def test_a_state_that_would_not_stay_finite_is_kept():
+    code = compiled("double_rod")
+    code.start()
+    code.inputs[0] = 1e308
+    before = code.y.copy()
+    results = [code.step("rk4", index, 1e3) for index in range(3)]
+    assert results == [0, 0, 0]
+    assert np.array_equal(code.y, before)
+
+
+def test_the_text_is_the_same_each_time_and_says_how_it_was_made():
+    mechanism = load_mechanism("double_rod")
+    first, second = CompiledModule(mechanism), CompiledModule(mechanism)
+    assert first.files == second.files
+    assert first.model.hash in first.files["double_rod.c"]
+
+
+def test_names_become_distinct_identifiers_and_comments_stay_comments():
+    text = """
+mechanism: odd_names
+description: A text */ that would end a comment.
+parameters: {double: 2 kg}
+parts:
+  a: {mass: double, inertia: [1, 1, 1]}
+  b: {mass: 1 kg, inertia: [1, 1, 1]}
+joints:
+  pin_x: {type: revolute, between: [ground, a], axis: [0, 1, 0]}
+  pin: {type: planar, between: [a, b], axis: [0, 1, 0]}
+"""
+    code = CompiledModule(parse_mechanism(text), parameters=("double",))
+    assert [variable.field for variable in code.model.states[:2]] == ["q_pin_x", "q_pin_x_2"]
+    assert code.p.tolist() == [2.0]
+
+
+def test_one_sided_elements_are_refused_with_the_reason():
+    with pytest.raises(MechanismError, match=r"events.*joints\.slide\.limits.*compliant"):
+        export_model(load_mechanism("stops"))
+
+
+def test_implicit_methods_are_refused():
+    with pytest.raises(MechanismError, match=r"gauss6 cannot be exported.*tsitouras8"):
+        export_model(load_mechanism("double_rod"), method="gauss6")
