@@ -10,6 +10,7 @@ from pydantic_core import ErrorDetails
 from mbd_sim.errors import InputError, Problem, listed, nearest, quoted
 from mbd_sim.mechanism.source import Location, Source
 from mbd_sim.mechanism_file.json_schema import PydanticLocation, known_keys, known_types, list_length
+from mbd_sim.mechanism_file.likely_mistakes import remedy_for_key, remedy_for_type
 from mbd_sim.mechanism_file.spelling import NAME_PATTERN, as_written
 
 # Other words that users may write for a type.
@@ -30,7 +31,9 @@ def problem_of(source: Source, details: ErrorDetails) -> Problem:
     leaf = str(loc[-1]) if loc else ""
     match kind:
         case "extra_forbidden":
-            return source.problem(location, f"unknown key {quoted(leaf)}", nearest(leaf, known_keys(loc[:-1])))
+            known = known_keys(loc[:-1])
+            remedy = remedy_for_key(location, known) or nearest(leaf, known)
+            return source.problem(location, f"unknown key {quoted(leaf)}", remedy)
         case "missing" | "too_long" if isinstance(value, list):
             where = loc[:-1] if kind == "missing" else loc
             message = f"has {_count(len(value))}, not {list_length(where)}"
@@ -58,8 +61,8 @@ def _unknown_type(source: Source, location: Location, loc: PydanticLocation, val
     tag = value.get("type") if isinstance(value, dict) else None
     if tag is None:
         return source.problem(where, "has no value", nearest("", types))
-    remedy = nearest(str(tag), types)
-    if isinstance(tag, str) and tag in _SYNONYMS:
+    remedy = remedy_for_type(location, str(tag)) or nearest(str(tag), types)
+    if isinstance(tag, str) and _SYNONYMS.get(tag) in types:
         remedy = f"Did you mean '{_SYNONYMS[tag]}'? Valid: {listed(types)}."
     return source.problem(where, f"unknown type {quoted(tag)}", remedy)
 
@@ -85,6 +88,8 @@ def _wording(kind: str, loc: PydanticLocation, value: object) -> tuple[str, str]
             return "must be a list", _list_form(loc)
         case "model_type" | "model_attributes_type" | "dict_type" if loc[-1:] == ("mapping",):
             return "must be a list or a mapping", _list_form((*loc[:-1], "list"))
+        case "model_type" | "model_attributes_type" | "dict_type" if loc[:1] == ("actuators",) and loc[-1] == "command":
+            return "must be a mapping of channels to values", "Write for example '{position: 0.5}' or '{effort: 2}'."
         case "model_type" | "model_attributes_type" | "dict_type":
             keys = known_keys(loc)
             remedy = f"Its keys: {listed(keys)}." if keys else "Write 'name: value'."

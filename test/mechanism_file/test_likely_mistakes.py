@@ -1,0 +1,55 @@
+"""Mistakes that new users make, and the remedies that name what to write instead."""
+
+import pytest
+
+from mbd_sim.errors import MechanismError
+from mbd_sim.load import parse_mechanism
+from mbd_sim.mechanism_file.json_schema import known_types
+from mbd_sim.mechanism_file.likely_mistakes import _TYPES
+
+FILE = """mechanism: first
+parts: {rod: {shape: {type: rod, to: [0, 0, 1], mass: 1}, points: {tip: [0, 0, 1]}}}
+joints: {hip: {type: revolute, between: [ground, rod], axis: [0, 1, 0]IN_JOINT}}
+SECTION
+"""
+IN_JOINT = {
+    "effort: 5": "joints.hip.effort: unknown key 'effort'. An effort that acts is an entry of forces, '{type: effort,",
+    "servo: {kp: 3}": "A motor is an entry of actuators: '{type: effort, joint: …}' or '{type: dc_motor, …}'.",
+    "limits: {lower: 0, upper: 1, velocity: 3}": "Write 'velocity_limit' in the joint itself.",
+    "max_effort: 3": "Did you mean 'effort_limit'?",
+}
+SECTIONS = {
+    "sensors: {a: {type: imu, joint: hip}}": "unknown key 'joint'. Name where it is: 'at: part' or 'at: part.point'.",
+    "sensors: {a: {type: encoder, at: rod, counts: 9}}": "unknown key 'at'. It measures a joint: write 'joint: …'.",
+    "sensors: {a: {type: current, joint: hip}}": "Name a DC motor: 'actuator: …'.",
+    "sensors: {a: {type: imu, at: rod, noise: 1}}": "Give it for a quantity: 'angular_velocity: {noise_density: …}'.",
+    "sensors: {a: {type: tachometer, joint: hip, noise: 1}}": "Write 'noise_density': the standard deviation",
+    "sensors: {a: {type: accelerometer, at: rod, gyro: 1}}": "unknown key 'gyro'. Valid: at, bias",
+    "sensors: {a: {type: gyro, at: rod}}": "unknown type 'gyro'. Did you mean 'imu'?",
+    "sensors: {a: {type: point, at: rod}}": "unknown type 'point'. Valid: accelerometer",
+    "actuators: {a: {type: effort, joint: hip, kp: 3}}": "A servo is a key of an actuator: '{type: effort, joint: …, servo",
+    "actuators: {a: {type: position, joint: hip}}": "A servo is a key of an actuator",
+    "actuators: {a: {type: effort, joint: hip, command: 3}}": "mapping of channels to values (got 3). Write for example",
+    "actuators: {a: {type: effort, joint: hip, servo: {mode: position, kp: 1}}}": "Write 'controls: position'",
+    "forces: {a: {type: force, at: rod, force: 3}}": "unknown key 'force'. Write 'vector: [x, y, z]'; along a line",
+    "motor: {}": "motor: unknown key 'motor'. Motors and servos are entries of 'actuators'.",
+}
+
+
+@pytest.mark.parametrize(
+    ("line", "text", "remedy"),
+    [(3, FILE.replace("IN_JOINT", f", {key}").replace("SECTION", ""), remedy) for key, remedy in IN_JOINT.items()]
+    + [(4, FILE.replace("IN_JOINT", "").replace("SECTION", key), remedy) for key, remedy in SECTIONS.items()],
+    ids=[*IN_JOINT, *SECTIONS],
+)
+def test_a_likely_mistake_has_a_remedy_that_names_the_right_place(line, text, remedy):
+    with pytest.raises(MechanismError) as caught:
+        parse_mechanism(text, "file.yaml")
+    assert remedy in str(caught.value)
+    assert {problem.line for problem in caught.value.problems} == {line}
+
+
+@pytest.mark.parametrize("section", _TYPES)
+def test_a_type_that_has_a_remedy_is_unknown(section):
+    known = known_types((section, "name"))
+    assert known and not {word for words in _TYPES[section] for word in words} & set(known)
