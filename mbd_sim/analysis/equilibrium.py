@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
-from mbd_sim.analysis.linearization import ZERO_EIGENVALUE, linearize, rate_derivatives
+from mbd_sim.analysis.linearization import ZERO_EIGENVALUE, linearize
 from mbd_sim.dynamics.assembly import close_loops, null_space
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.dynamics.equations import Equations
+from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.geometry.pose import Array
 
 ATTEMPTS, ITERATIONS = 12, 80
@@ -68,12 +69,13 @@ def _scattered(constraints: ConstraintFunctions, q: Array, random: np.random.Gen
 def _balanced(equations: Equations, q: Array) -> Array | None:
     """The configuration (nq,) near q without accelerations, by Gauss–Newton, or None if there is none."""
     constraints, (nq, nv) = equations.constraints, (equations.layout.nq, equations.layout.nv)
-    derivatives, at_rest = rate_derivatives(equations), np.zeros(nv)
-    states = np.zeros(equations.core.stop - nq - nv)
     all_free, inputs = np.ones(nv, dtype=bool), equations.inputs_without_commands
 
+    def at_rest(q: Array) -> Array:
+        return np.concatenate([q, np.zeros(equations.start_state.size - nq)])
+
     def accelerations(q: Array) -> Array:
-        y = np.concatenate([q, at_rest, np.zeros(equations.start_state.size - nq - nv)])
+        y = at_rest(q)
         return np.array(equations.rates.call([0.0, y, inputs])[0]).ravel()[nq : nq + nv]
 
     best, least, scale = None, math.inf, 1.0
@@ -91,8 +93,7 @@ def _balanced(equations: Equations, q: Array) -> Array | None:
         if size < least:
             best, least = q, size
         free = null_space(constraints.gradient(0.0, q))
-        by_state, _, n = (np.array(value) for value in derivatives(0.0, q, at_rest, states, inputs))
-        slope = by_state[:nv, :nq] @ n @ free
+        slope = evaluated(equations.derivatives, 0.0, at_rest(q), inputs)[:nv, :nv].T @ free
         step = -free @ np.linalg.lstsq(slope, remaining, rcond=1e-10)[0]
         step *= min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
         q = constraints.displaced(q, step)

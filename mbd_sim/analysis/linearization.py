@@ -6,23 +6,19 @@ Contacts stay in the modes that are among the inputs: closed gaps and sticking f
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 
-from mbd_sim.analysis.contact_motion import ContactMotion
-from mbd_sim.dynamics.assembly import null_space
-from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
+from mbd_sim.analysis.small_motion import small_motion
 from mbd_sim.dynamics.equations import Equations
-from mbd_sim.errors import MechanismError, Problem, listed
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import channel_names
 
 ZERO_EIGENVALUE = 1e-4  # 1/s; smaller eigenvalues are zeros that round-off has split
 UNDAMPED = 1e-12  # damping ratios of round-off
-DIFFERENCE = 1e-6  # m or rad, the displacement of finite differences
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +29,9 @@ class Linearization:
     `a` is (n, n), `b` (n, nv) and `by_commands` (n, m), found by exact differentiation. A displacement p changes the
     coordinates by N `displacements` p, with q' = N u and `displacements` (nv, k); w changes the speeds by `speeds` w,
     with `speeds` (nv, l). Without constraints both matrices are the identity, so that p is the change of q (along the
-    speeds) and w that of u. Where friction sticks, l < k: what sticks can be displaced, but does not move.
+    speeds) and w that of u. About a moving state these directions are those of the moment; only small rotations of
+    spherical and free joints are about axes that turn with the part. Where friction sticks, l < k: what sticks can be
+    displaced, but does not move.
 
     `states` are the names of s, such as `drive.current`, and `commands` those of c, such as `drive.voltage`, in their
     order and in SI units. Drives that follow commands move on as they do at the state: neither their states nor their
@@ -83,93 +81,28 @@ def linearize(
     :raises MechanismError: an actuator changes only between steps: it is sampled, delayed, or has a rate limit.
     :raises MbdSimError: a contact is about to change, so that there is no linearization.
     """
-    _require_continuous(equations)
     given = (equations.inputs_without_commands if inputs is None else inputs).copy()
     given[equations.inputs.efforts] = efforts
     nq, nv = equations.layout.nq, equations.layout.nv
-    s = equations.start_state[nq + nv : equations.core.stop] if states is None else states
-    constraints = equations.constraints.with_values(given[equations.inputs.values])
-    gradient, holonomic = constraints.gradient(t, q), constraints.holonomic
-    if equations.has_contact(given):
-        motion = ContactMotion(equations).at(t, q, u, s, given)
-        by_state, by_inputs, n = motion.by_state, motion.by_inputs, motion.n
-        gradient = np.vstack([gradient, motion.gradient])
-        holonomic, slopes = np.concatenate([holonomic, motion.holonomic]).astype(bool), motion.slopes @ n
-    else:
-        by_state, by_inputs, n = (np.array(value) for value in rate_derivatives(equations)(t, q, u, s, given))
-        slopes = np.zeros((0, nv))
-    displacements = null_space(gradient[holonomic])
-    speeds = null_space(gradient)
-    if not len(gradient):
-        displacements = speeds = np.eye(nv)
-    # The speeds that satisfy the displaced constraints are not only combinations of the free directions.
-    required = _speed_changes(constraints, t, q, u, displacements, gradient, slopes)
-    to_p, to_w = np.linalg.pinv(displacements), np.linalg.pinv(speeds)
-    by_q, by_u, by_s = np.split(by_state, [nq, nq + nv], axis=1)
-    rates = np.hstack([by_q @ n @ displacements + by_u @ required, by_u @ speeds, by_s])  # of (u, s) by (p, w, s)
-    kinematic = np.hstack([to_p @ required, to_p @ speeds, np.zeros((len(to_p), len(s)))])
-    a = np.vstack([kinematic, to_w @ rates[:nv], rates[nv:]])
-    b = np.vstack([np.zeros((len(to_p), by_inputs.shape[1])), to_w @ by_inputs[:nv], by_inputs[nv:]])
+    y = equations.start_state.copy()
+    y[:nq], y[nq : nq + nv] = q, u
+    if states is not None:
+        y[nq + nv : equations.core.stop] = states
+    return linearize_at(equations, t, y, given)
+
+
+def linearize_at(
+    equations: Equations, t: float, y: Array, inputs: Array, derivatives: Callable[[], Array] | None = None
+) -> Linearization:
+    """Linearize about a state y that satisfies the constraints, see `linearize`.
+
+    :param derivatives: `Equations.derivatives` in this state, by default evaluated by CasADi.
+    """
+    small, nv = small_motion(equations, t, y, inputs, derivatives), equations.layout.nv
     actuators = equations.mechanism.actuators
-    names = equations.actuator_layout.core_names(actuators), channel_names(actuators)
-    by_commands = b[:, nv : nv + len(names[1])]  # those of drives follow, and change only the drives' accelerations
-    return Linearization(a, b[:, :nv], displacements, speeds, by_commands, *names)
-
-
-def rate_derivatives(equations: Equations) -> ca.Function:
-    """(t, q, u, s, inputs) -> derivatives of (u', s') by (q, u, s) and by efforts and commands, and N with q' = N u.
-
-    s are the states of actuators on which rates depend; commands follow the efforts.
-    """
-    nq, nv, core = equations.layout.nq, equations.layout.nv, equations.core
-    t, q, u, inputs = ca.SX.sym("t"), ca.SX.sym("q", nq), ca.SX.sym("u", nv), ca.SX.sym("e", equations.inputs.size)
-    s = ca.SX.sym("s", core.stop - nq - nv)
-    y = ca.vertcat(q, u, s, ca.SX.zeros(equations.start_state.size - core.stop))
-    all_rates = equations.rates.call([t, y, inputs])[0]
-    rates = all_rates[core]
-    by_inputs = ca.jacobian(rates, inputs)[:, equations.inputs.acting]
-    outputs = [ca.jacobian(rates, ca.vertcat(q, u, s)), by_inputs, ca.jacobian(all_rates[:nq], u)]
-    return ca.Function("derivatives", [t, q, u, s, inputs], [ca.densify(output) for output in outputs])
-
-
-def _require_continuous(equations: Equations) -> None:
-    """Refuse actuators that change between steps only.
-
-    :raises MechanismError: they are named.
-    """
-    layout = equations.actuator_layout
-    actuators = zip(equations.mechanism.actuators, layout.slots, strict=True)
-    names = [actuator.name for actuator, slots in actuators if slots.changes_between_steps]
-    if names:
-        message = f"{equations.mechanism.name} cannot be linearized, because actuators change only between steps"
-        remedy = "Leave out 'sample_rate', 'delay' and 'rate_limit' for a linearization."
-        raise MechanismError([Problem(f"{message}: {listed(names)}", remedy)])
-
-
-def _speed_changes(
-    constraints: ConstraintFunctions,
-    t: float,
-    q: Array,
-    u: Array,
-    displacements: Array,
-    gradient: Array,
-    contact_slopes: Array,
-) -> Array:
-    """The changes of the speeds (nv, k) for each displacement with which the constraints still hold.
-
-    :param gradient: (m, nv) of the constraints, and of contacts after them.
-    :param contact_slopes: the derivatives (contacts, nv) of the contacts' rates by displacements.
-    """
-    if not len(gradient) or not (u.any() or contact_slopes.any()):
-        return np.zeros((len(u), displacements.shape[1]))
-    columns = []
-    for direction in displacements.T:
-        ahead, behind = (constraints.displaced(q, sign * DIFFERENCE * direction) for sign in (1.0, -1.0))
-        errors = [constraints.gradient(t, moved) @ u + constraints.drift(t, moved) for moved in (ahead, behind)]
-        slope = (errors[0] - errors[1]) / (2.0 * DIFFERENCE)
-        slope = np.concatenate([slope, contact_slopes @ direction])
-        columns.append(-np.linalg.lstsq(gradient, slope, rcond=None)[0])
-    return np.array(columns).T
+    states, commands = equations.actuator_layout.core_names(actuators), channel_names(actuators)
+    b, by_commands = small.b[:, :nv], small.b[:, nv : nv + len(commands)]
+    return Linearization(small.a, b, small.displacements, small.speeds, by_commands, states, commands)
 
 
 def modes(linearization: Linearization) -> list[Mode]:

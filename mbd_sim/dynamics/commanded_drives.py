@@ -37,7 +37,13 @@ def driven_motion(link: Link, t: ca.SX, q: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     """The positions, velocities and accelerations (n,) of a driven joint at time t and coordinates q (nq,)."""
     drive = link.joint.drive
     if not isinstance(drive, CommandedDrive):
-        return time_functions(drive, t)
+        values, rates, accelerations = time_functions(drive, t)
+        if (change := link.disturbance) is not None:
+            since = t - change.at
+            values += change.position + since * (change.velocity + 0.5 * since * change.acceleration)
+            rates += change.velocity + since * change.acceleration
+            accelerations += change.acceleration
+        return values, rates, accelerations
     position, velocity, acceleration = ca.vertsplit(q[link.drive])
     return position, velocity, acceleration
 

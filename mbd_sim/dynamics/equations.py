@@ -44,6 +44,7 @@ from mbd_sim.dynamics.mass_matrix_check import require_definite, require_indepen
 from mbd_sim.dynamics.measurements import Measurements
 from mbd_sim.dynamics.multipliers import ConstraintSolver, typical_diagonal
 from mbd_sim.dynamics.reactions import joint_reactions, wrenches_of_multipliers
+from mbd_sim.dynamics.state_derivatives import rate_derivatives
 from mbd_sim.dynamics.state_projection import projected_state
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.dynamics.time_functions import require_smooth
@@ -154,6 +155,11 @@ class Equations:
         """The wrenches across the joints; traced when they are first read."""
         return self.trace_reactions()
 
+    @cached_property
+    def derivatives(self) -> ca.Function:
+        """(t, y, inputs) -> the derivatives of rates and of constraints, see `rate_derivatives`."""
+        return rate_derivatives(self)
+
     def joint_linearization(self) -> JointLinearization:
         """The linearized forces within joints, for methods that treat only these implicitly."""
         return self.trace_joint_linearization()
@@ -169,19 +175,22 @@ def derive(
     loaded: Sequence[str] = (),
     parameters: SymbolicParameters | None = None,
     step: float | None = None,
+    *,
+    disturb: bool = False,
 ) -> Equations:
     """Trace the equations of a mechanism.
 
     :param loaded: parts on which external wrenches act.
     :param parameters: the numbers of the mechanism that are inputs; none by default.
     :param step: in s, for sampled servos and delayed commands; by default that of the mechanism.
+    :param disturb: whether the inputs include changes of the motion of drives and of ground, see `disturbances`.
     :raises MechanismError: the mass matrix is singular at the start, a spring has no direction there, a drive has no
         velocity or acceleration, the constraints cannot be satisfied, or the step does not divide the period of a
         servo or a delay, or a cam cannot be followed; joints, springs, constraints, actuators and cams are named.
     """
     require_smooth(mechanism)
     require_followable_cams(mechanism)
-    traced = trace(mechanism, loaded, parameters, step)
+    traced = trace(mechanism, loaded, parameters, step, disturb=disturb)
     contacts = None
     if has_one_sided(mechanism):
         # Contacts are imported only where they are needed: their modules take a fifth of the time of a start.

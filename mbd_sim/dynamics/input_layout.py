@@ -12,6 +12,7 @@ import numpy as np
 from mbd_sim.geometry.pose import Array
 
 WRENCH_SIZE = 15  # the numbers of an `ExternalWrench`
+UNDRIVEN = 4  # disturbances besides those of drives: their time, and the acceleration of ground
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +35,8 @@ class InputLayout:
     """The slices of the inputs: the efforts (nv,), `WRENCH_SIZE` numbers for each loaded part, then the values.
 
     Mechanisms with actuators have their commands before the values. Those with one-sided elements also have the
-    `contact` numbers, see `ContactLayout`.
+    `contact` numbers, see `ContactLayout`. The last of the values are the `disturbances`, if there are any, see
+    `mbd_sim.dynamics.disturbances`.
     """
 
     nv: int
@@ -42,6 +44,7 @@ class InputLayout:
     value_count: int = 0
     contact_count: int = 0
     command_count: int = 0
+    disturbance_count: int = 0
 
     @property
     def efforts(self) -> slice:
@@ -61,8 +64,27 @@ class InputLayout:
 
     @property
     def acting(self) -> list[int]:
-        """The indices of the efforts, then of the commands."""
-        return [*range(self.nv), *range(self.commands.start, self.commands.stop)]
+        """The indices of efforts, commands, the force and the couple on each loaded part, and disturbances."""
+        spans = [self.efforts, self.commands, *self.forces.values(), self.disturbances]
+        return [index for span in spans for index in range(span.start, span.stop)]
+
+    @property
+    def forces(self) -> Mapping[str, slice]:
+        """The force and the couple in ground's axes on each loaded part."""
+        return {part: slice(span.start, span.start + 6) for part, span in self.wrenches.items()}
+
+    @property
+    def disturbances(self) -> slice:
+        """The disturbances, among the values."""
+        return slice(self.values.stop - self.disturbance_count, self.values.stop)
+
+    @property
+    def drive_disturbances(self) -> list[tuple[int, int, int]]:
+        """The indices of the changes of position, velocity and acceleration of each coordinate driven by time."""
+        if not self.disturbance_count:
+            return []
+        count, first = (self.disturbance_count - UNDRIVEN) // 3, self.disturbances.start
+        return [(first + number, first + count + number, first + 2 * count + number) for number in range(count)]
 
     @property
     def values(self) -> slice:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
 from mbd_sim.dynamics.joint_motions import JointAxes
@@ -17,6 +18,16 @@ ROUND_OFF = 1e-15  # relative to a component, or to the largest component if the
 
 
 @dataclass(frozen=True, eq=False)
+class Disturbance:
+    """Changes of position, velocity and acceleration (n,) of a joint that is driven by time, at a time `at` in s."""
+
+    position: ca.SX
+    velocity: ca.SX
+    acceleration: ca.SX
+    at: ca.SX
+
+
+@dataclass(frozen=True, eq=False)
 class Link:
     """A part and its inboard joint.
 
@@ -24,7 +35,7 @@ class Link:
     frame, and `axes` are expressed in the joint's frame. `X_LB` places the part's frame in the link's frame.
     `inertia` (6, 6) is about the link's origin; it includes a third of the mass of each spring with mass between the
     part and ground. `q` and `u` are the slices of the joint's coordinates and speeds, and `drive` is that of the states
-    of a commanded drive in q.
+    of a commanded drive in q. Links of disturbed equations have a `disturbance` of their drive.
     """
 
     joint: Joint
@@ -36,6 +47,7 @@ class Link:
     q: slice
     u: slice
     drive: slice
+    disturbance: Disturbance | None = None
 
 
 @dataclass(frozen=True, eq=False)

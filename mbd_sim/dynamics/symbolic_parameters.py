@@ -101,7 +101,7 @@ _UNREAD: Mapping[type, tuple[str, ...]] = {
     ),
     Part: ("inertia", "points", "shapes"),  # the inertia is read from the link
     Joint: ("position", "velocity", "fixed_in_assembly", "fixed_speeds", "effort_limit", "compliance"),
-    Link: ("q", "u"),
+    Link: ("q", "u", "disturbance"),
     Actuator: ("start",),
     Cylinder: ("pressures",),
     **dict.fromkeys(get_args(AnySensor), ("name", "sampling", "errors")),

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
 
 from mbd_sim.dynamics.actuator_layout import ActuatorLayout, actuator_layout
 from mbd_sim.dynamics.commanded_drives import drive_rates
+from mbd_sim.dynamics.disturbances import disturbance_count, disturbed, with_room
 from mbd_sim.dynamics.drive_commands import drive_command_count, drive_command_slices, require_resolved
 from mbd_sim.dynamics.energy import audit_states, kinetic_energy
 from mbd_sim.dynamics.input_layout import InputLayout
@@ -91,19 +92,25 @@ def trace(
     loaded: Sequence[str] = (),
     parameters: SymbolicParameters | None = None,
     step: float | None = None,
+    *,
+    disturb: bool = False,
 ) -> TracedMechanism:
     """Introduce the symbols and trace poses, velocities and the kinetic energy.
 
     :param loaded: parts on which external wrenches act.
     :param parameters: the numbers of the mechanism that are inputs; none by default.
     :param step: in s; by default that of the mechanism.
+    :param disturb: whether the inputs include changes of the motion of drives and of ground, see `disturbances`.
     :raises MechanismError: the step does not divide the period of a servo, or a delay, or is too long for a drive.
     """
     parameters = parameters or varying_parameters(equation_data(mechanism), ())
+    disturbances = disturbance_count(mechanism) if disturb else 0
+    parameters = with_room(parameters, disturbances)
     symbolic, links = with_symbols(mechanism, parameters)
+    symbolic, links = disturbed(symbolic, links, parameters.symbols[len(parameters.base) - disturbances :])
     layout = coordinate_layout(mechanism)
     nq, nv = layout.nq, layout.nv
-    input_layout = InputLayout(nv, tuple(loaded), len(parameters.base))
+    input_layout = InputLayout(nv, tuple(loaded), len(parameters.base), disturbance_count=disturbances)
     step = step or mechanism.step
     actuators = actuator_layout(symbolic, nq + nv, input_layout.values.start, step)
     drive_commands = drive_command_slices(mechanism, input_layout.values.start + actuators.command_count)
@@ -119,11 +126,7 @@ def trace(
     if rotors is not None:
         kinetic += 0.5 * ca.dot(rotors, u**2)
     inputs = ca.vertcat(efforts, commands, parameters.symbols)
-    from_drives = ca.SX(nq, 1)
-    for link in links:
-        if isinstance(link.joint.drive, CommandedDrive):
-            given = inputs[drive_commands[link.joint.name]]
-            from_drives[link.drive] = drive_rates(link.joint.drive, q[link.drive], given)
+    from_drives = _rates_of_drives(links, q, inputs, drive_commands)
     return TracedMechanism(
         numeric=mechanism,
         mechanism=symbolic,
@@ -144,3 +147,12 @@ def trace(
         rotor_inertia=rotors,
         step=step,
     )
+
+
+def _rates_of_drives(links: Sequence[Link], q: ca.SX, inputs: ca.SX, commands: Mapping[str, slice]) -> ca.SX:
+    """The rates (nq,) of the states of commanded drives, with zeros for all other coordinates."""
+    rates = ca.SX(q.shape[0], 1)
+    for link in links:
+        if isinstance(link.joint.drive, CommandedDrive):
+            rates[link.drive] = drive_rates(link.joint.drive, q[link.drive], inputs[commands[link.joint.name]])
+    return rates

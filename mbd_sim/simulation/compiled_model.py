@@ -152,7 +152,7 @@ class Model(ActuatedModel, ContactingModel):
     @cached_property
     def on_request(self) -> RequestedFunctions:
         """Kinematics of points and terms of the equations of motion, each compiled when it is first read."""
-        return RequestedFunctions(self.equations.measurements)
+        return RequestedFunctions(self.equations)
 
     @cached_property
     def _motion_readers(self) -> MotionReaders:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
@@ -16,6 +17,8 @@ from mbd_sim.simulation.step_advice import step_advice
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.linearization import Linearization
+
+COMPILED = 15_000  # instructions of derivatives up to which they are compiled, within about a second
 
 
 class Readings(RunState):
@@ -100,7 +103,15 @@ class Readings(RunState):
 
     def reactions(self) -> Mapping[str, Reaction]:
         """The force and the moment that each joint transmits."""
-        return self.model.reactions(self.time, self._memory.y, self._memory.inputs)
+        if not self._has_plain_reactions:
+            return self.model.reactions(self.time, self._memory.y, self._memory.inputs)
+        read, names = self._compiled_reactions
+        return {name: Reaction(row[:3], row[3:]) for name, row in zip(names, read(), strict=True)}
+
+    @cached_property
+    def _has_plain_reactions(self) -> bool:
+        """Whether reactions follow from the equations alone, without contacts and redundant joints."""
+        return self.model.contact is None and not self.model.load_sharing.indeterminacy
 
     def contacts(self) -> Mapping[str, ContactState]:
         """Each one-sided element and each compliant contact by name: its gap, normal force, friction and state.
@@ -145,8 +156,22 @@ class Readings(RunState):
         :raises MechanismError: an actuator is sampled or delayed, or has a rate limit.
         :raises MbdSimError: a contact is about to change, so that the motion has no derivatives.
         """
-        from mbd_sim.analysis.linearization import linearize
+        from mbd_sim.analysis.linearization import linearize_at
 
-        model, (y, inputs) = self.model, (self._memory.y, self._memory.inputs)
-        efforts, states = inputs[model.equations.inputs.efforts], y[model.u_range.stop : model.equations.core.stop]
-        return linearize(model.equations, y[model.q_range], y[model.u_range], efforts, self.time, inputs, states)
+        equations, memory = self.model.equations, self._memory
+        return linearize_at(equations, self.time, memory.y, memory.inputs, self._derivatives)
+
+    @cached_property
+    def _derivatives(self) -> Callable[[], Array] | None:
+        """The compiled derivatives of the equations in this state; None if compiling them would take too long."""
+        function = self.model.equations.derivatives
+        if function.n_instructions() > COMPILED:
+            return None
+        arrays, columns = (self._memory.y, self._memory.inputs), function.size1_out(0)
+        return self.model.on_request.derivatives().bound(self._memory.clock, arrays, (-1, columns))
+
+    @cached_property
+    def _compiled_reactions(self) -> tuple[Callable[[], Array], list[str]]:
+        """The loads of the joints (joints, 6), and the names of these."""
+        arrays, names = (self._memory.y, self._memory.inputs), [*self.mechanism.joints, *self.mechanism.closing]
+        return self.model.on_request.reactions().bound(self._memory.clock, arrays, (len(names), 6)), names

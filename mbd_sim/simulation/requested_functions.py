@@ -9,15 +9,15 @@ import casadi as ca
 
 from mbd_sim.compiler.bound_call import CompiledFunction
 from mbd_sim.dynamics.dynamics_terms import DynamicsTerm
+from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.frame_functions import FrameQuantity
-from mbd_sim.dynamics.measurements import Measurements
 
 
 class RequestedFunctions:
-    """The compiled functions of `Measurements`; the simulations of one model share them."""
+    """The compiled functions of equations and of their `Measurements`; the simulations of one model share them."""
 
-    def __init__(self, measurements: Measurements) -> None:
-        self._measurements, self._lock = measurements, Lock()
+    def __init__(self, equations: Equations) -> None:
+        self._equations, self._measurements, self._lock = equations, equations.measurements, Lock()
         self._found: dict[tuple[str | None, str], CompiledFunction] = {}
 
     def frame(self, part: str | None, quantity: FrameQuantity) -> CompiledFunction:
@@ -31,6 +31,14 @@ class RequestedFunctions:
     def momentum(self) -> CompiledFunction:
         """(t, y, inputs) -> the linear momentum, and the angular one about ground's origin."""
         return self._compiled(("", "momentum"), lambda: self._measurements.momentum)
+
+    def reactions(self) -> CompiledFunction:
+        """(t, y, inputs) -> the force and the moment (joints, 6) across each joint, see `joint_reactions`."""
+        return self._compiled(("", "reactions"), lambda: self._equations.reactions)
+
+    def derivatives(self) -> CompiledFunction:
+        """(t, y, inputs) -> the derivatives of the rates and of the constraints, see `rate_derivatives`."""
+        return self._compiled(("", "derivatives"), lambda: self._equations.derivatives)
 
     def _compiled(self, key: tuple[str | None, str], trace: Callable[[], ca.Function]) -> CompiledFunction:
         with self._lock:

@@ -147,3 +147,34 @@ def test_a_wrench_is_part_of_the_linearization():
     sim.set_wrench("rod", force=[0.0, 0.0, -5.0], at=[0.0, 0.0, -length])
     (mode,) = modes(sim.linearize())
     assert 2 * np.pi * mode.frequency == pytest.approx(np.sqrt((m * G / 2 + 5.0) / (m * length / 3)), rel=1e-12)
+
+
+SPUN_TOP = """
+mechanism: top
+parts: {top: {mass: 2, center: [0, 0, 0.3], inertia: {xx: 0.05, yy: 0.05, zz: 0.04}}}
+joints: {pivot: {type: spherical, between: [ground, top], angular_velocity: [0, 0, 40]}}
+"""
+
+
+def test_a_sleeping_top_in_axes_that_turn_with_it():
+    """I λ² - i C Ω λ - m g h = 0 for a tilt in fixed axes (Lagrange's top); in the part's own, λ is less by i Ω."""
+    sim = Simulation.from_text(SPUN_TOP)
+    inertia, spin = 0.05 + 2 * 0.3**2, 40.0
+    fixed = np.roots([inertia, -1j * 0.04 * spin, -2 * G * 0.3])
+    exact = [sign(value - 1j * spin) for value in fixed for sign in (np.conj, np.positive)]
+    found = [value for value in np.linalg.eigvals(sim.linearize().a) if abs(value) > 1.0]
+    assert np.sort_complex(found) == pytest.approx(np.sort_complex(exact), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["double_rod", "four_bar"])
+def test_compiled_derivatives_and_reactions_are_those_of_the_equations(name):
+    sim = Simulation.from_file(name)
+    sim.run(0.2)
+    equations = sim.model.equations
+    one, other = sim.linearize(), linearize(equations, sim.q, sim.u, sim.efforts, sim.time)
+    assert one.a == pytest.approx(other.a, rel=1e-12, abs=1e-11) and one.b == pytest.approx(other.b, rel=1e-12)
+    expected = sim.model.reactions(sim.time, sim.y, sim.inputs)
+    assert list(sim.reactions()) == list(expected)
+    for joint, reaction in sim.reactions().items():
+        assert reaction.force == pytest.approx(expected[joint].force, rel=1e-12, abs=1e-11)
+        assert reaction.moment == pytest.approx(expected[joint].moment, rel=1e-12, abs=1e-11)

@@ -1,0 +1,149 @@
+"""Small motions about a state along the directions that constraints and contacts leave free.
+
+With q' = N u, small changes of the variables are ξ = (ν, δu, s, further ones): displacements ν, which change q by N ν,
+changes of speed, and changes of the states of actuators. The further ones are given: inputs, and the motion of drives.
+Constraints Φ(q, t) = 0 and G u + b = 0 leave
+
+    ν = D p + P g,    δu = R p + S w + T g,
+
+with the given changes g. D and S span the null spaces of the holonomic rows of G, and of all of them; P, R and T are
+the least solutions of the differentiated constraints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mbd_sim.analysis.contact_motion import ContactMotion
+from mbd_sim.dynamics.assembly import null_space
+from mbd_sim.dynamics.equations import Equations
+from mbd_sim.dynamics.evaluation import evaluated
+from mbd_sim.dynamics.state_derivatives import derivative_layout, frame_turning
+from mbd_sim.errors import MechanismError, Problem, listed
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.drives import STATES
+
+
+@dataclass(frozen=True, eq=False)
+class SmallMotion:
+    """x' = A x + B g with x = (p, w, s): the given changes g are those of `acting` and `drives` in `DerivativeLayout`.
+
+    `directions` (variables, n + given) are the changes of all variables with x and g, or None where constraints leave
+    everything free: then x and g are these variables. `drive_rates` (drive states, variables) are the derivatives of
+    the rates of commanded drives.
+    """
+
+    a: Array
+    b: Array
+    displacements: Array
+    speeds: Array
+    directions: Array | None
+    drive_rates: Array
+
+    def along(self, derivatives: Array) -> tuple[Array, Array]:
+        """The derivatives of quantities (k, variables) by x (k, n) and by g (k, given)."""
+        found = derivatives if self.directions is None else derivatives @ self.directions
+        return found[:, : len(self.a)], found[:, len(self.a) :]
+
+
+def small_motion(
+    equations: Equations, t: float, y: Array, inputs: Array, derivatives: Callable[[], Array] | None = None
+) -> SmallMotion:
+    """The small motions about a state y (n,) that satisfies the constraints.
+
+    :param derivatives: `Equations.derivatives` in this state, by default evaluated by CasADi.
+    :raises MechanismError: an actuator changes only between steps: it is sampled, delayed, or has a rate limit.
+    :raises MbdSimError: a contact is about to change, so that there is no linearization.
+    """
+    _require_continuous(equations)
+    nq, nv, core = equations.layout.nq, equations.layout.nv, equations.core
+    columns = derivative_layout(equations)
+    found = evaluated(equations.derivatives, t, y, inputs).T if derivatives is None else derivatives()
+    states, drives = core.stop - core.start, STATES * len(equations.layout.drives)
+    rates, drive_rates, constrained = found[:states], found[states : states + drives], found[states + drives :]
+    holonomic = equations.constraints.holonomic
+    if equations.has_contact(inputs):
+        motion = ContactMotion(equations).at(t, y[:nq], y[nq : nq + nv], y[nq + nv : core.stop], inputs)
+        rates = rates.copy()
+        rates[:, columns.displacements] = motion.by_state[:, :nq] @ motion.n
+        rates[:, nv : nv + states] = motion.by_state[:, nq:]
+        rates[:, columns.acting] = motion.by_inputs
+        closed = np.zeros((len(motion.gradient), columns.size))
+        closed[:, columns.displacements], closed[:, columns.speeds] = motion.slopes @ motion.n, motion.gradient
+        constrained = np.vstack([constrained, closed])
+        holonomic = np.concatenate([holonomic, motion.holonomic]).astype(bool)
+    free = np.zeros((nv, columns.size))  # ν' = δu - ω × ν
+    free[:, columns.speeds] = np.eye(nv)
+    for span, (x, y_, z) in frame_turning(equations, y[nq : nq + nv]):
+        free[span, span] = [[0.0, z, -y_], [-z, 0.0, x], [y_, -x, 0.0]]
+    if not len(constrained):
+        return _split(np.vstack([free, rates]), 2 * nv + states - nv, np.eye(nv), np.eye(nv), None, drive_rates)
+    gradient = constrained[:, columns.speeds]
+    displacements, speeds = null_space(gradient[holonomic]), null_space(gradient)
+    directions = _directions(equations, constrained, holonomic, displacements, speeds)
+    moving = np.vstack([displacements.T @ free, speeds.T @ rates[:nv], rates[nv:]])
+    size = displacements.shape[1] + speeds.shape[1] + states - nv
+    return _split(moving @ directions, size, displacements, speeds, directions, drive_rates)
+
+
+def _split(
+    both: Array, size: int, displacements: Array, speeds: Array, directions: Array | None, drive_rates: Array
+) -> SmallMotion:
+    return SmallMotion(both[:, :size], both[:, size:], displacements, speeds, directions, drive_rates)
+
+
+def _directions(
+    equations: Equations, constrained: Array, holonomic: Array, displacements: Array, speeds: Array
+) -> Array:
+    """The changes (variables, n + given) of all variables with x and with what is given.
+
+    :param constrained: the derivatives (m, variables) of G u + b.
+    """
+    columns, nv = derivative_layout(equations), equations.layout.nv
+    gradient = constrained[:, columns.speeds]
+    given = slice(columns.acting.start, columns.size)
+    k, own = displacements.shape[1], displacements.shape[1] + speeds.shape[1]
+    rest = columns.size - 2 * nv  # states of actuators, and what is given
+    found = np.zeros((columns.size, own + rest))
+    found[columns.displacements, :k], found[columns.speeds, k:own] = displacements, speeds
+    found[2 * nv :, own:] = np.eye(rest)
+    positions = _position_derivatives(equations, constrained)[:, given]
+    if positions.any():
+        found[columns.displacements, -positions.shape[1] :] = _least(gradient[holonomic], -positions[holonomic])
+    remaining = constrained @ found
+    remaining[:, k:own] = 0.0  # round-off
+    if remaining.any():
+        found[columns.speeds] += _least(gradient, -remaining)
+    return found
+
+
+def _position_derivatives(equations: Equations, constrained: Array) -> Array:
+    """The derivatives of Φ by what is given: those by the position of a drive are those of G u + b by its speed."""
+    columns, found = derivative_layout(equations), np.zeros_like(constrained)
+    for position, speed, _ in equations.inputs.drive_disturbances:
+        index = columns.acting.start + equations.inputs.acting.index(position)
+        found[:, index] = constrained[:, columns.acting.start + equations.inputs.acting.index(speed)]
+    for first in range(columns.drives.start, columns.drives.stop, STATES):
+        found[:, first] = constrained[:, first + 1]
+    return found
+
+
+def _least(matrix: Array, right: Array) -> Array:
+    return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0])
+
+
+def _require_continuous(equations: Equations) -> None:
+    """Refuse actuators that change between steps only.
+
+    :raises MechanismError: they are named.
+    """
+    layout = equations.actuator_layout
+    actuators = zip(equations.mechanism.actuators, layout.slots, strict=True)
+    names = [actuator.name for actuator, slots in actuators if slots.changes_between_steps]
+    if names:
+        message = f"{equations.mechanism.name} cannot be linearized, because actuators change only between steps"
+        remedy = "Leave out 'sample_rate', 'delay' and 'rate_limit' for a linearization."
+        raise MechanismError([Problem(f"{message}: {listed(names)}", remedy)])
