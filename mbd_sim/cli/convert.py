@@ -1,33 +1,72 @@
-"""`mbd_sim convert`: a URDF as a mechanism file."""
+"""`mbd_sim convert`: a mechanism in another format."""
 
 from __future__ import annotations
 
 import argparse
+import sys
+from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import add_mechanism
 
-HELP = "print a URDF, or a mechanism file that extends one, as one self-contained mechanism file"
-DESCRIPTION = "Print a URDF, or a mechanism file that extends one, as one self-contained mechanism file in YAML."
+if TYPE_CHECKING:
+    from mbd_sim.mechanism.records import Mechanism
+
+HELP = "print a mechanism in another format: as a self-contained mechanism file, URDF or MJCF"
+DESCRIPTION = (
+    "Print a mechanism in another format. A URDF, MJCF or SDF, or a mechanism file that extends a URDF, becomes one "
+    "self-contained mechanism file in YAML; with --to, any mechanism becomes URDF or MJCF. What the other format "
+    "cannot express is listed in the file and printed to standard error."
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     add_mechanism(parser)
     parser.add_argument(
-        "--base", choices=["fixed", "free"], help="how the root link of the URDF is attached to ground (default: fixed)"
+        "--to", choices=["yaml", "urdf", "mjcf"], default="yaml", help="format to write (default: yaml)"
+    )
+    parser.add_argument(
+        "--base",
+        choices=["fixed", "free"],
+        help="how the root link of a URDF or SDF is attached to ground (default: fixed; SDF: as the file says)",
     )
     parser.add_argument("--expand", action="store_true", help="write out the entries that are repeated with 'for'")
 
 
 def execute(options: argparse.Namespace) -> int:
-    """Print the mechanism file."""
+    """Print the file.
+
+    :raises CommandError: `--expand` with another format.
+    """
+    from mbd_sim.errors import CommandError
     from mbd_sim.load import load_mechanism
 
-    source = load_mechanism(options.mechanism, options.base).source
+    if options.expand and options.to != "yaml":
+        raise CommandError("--expand writes out entries of a mechanism file: it has no effect with --to.")
+    mechanism = load_mechanism(options.mechanism, options.base)
+    if options.to != "yaml":
+        return _write(mechanism, options.to)
+    source = mechanism.source
     if options.expand and source.template is not None:
         from mbd_sim.mechanism_file.yaml_writer import yaml_text
 
         print(yaml_text(source.data), end="")
         return 0
     print(source.text, end="")
+    return 0
+
+
+def _write(mechanism: Mechanism, to: str) -> int:
+    """Print a mechanism in another format, and to standard error what is left out."""
+    if to == "urdf":
+        from mbd_sim.urdf.urdf_writer import to_urdf
+
+        print(to_urdf(mechanism))
+        return 0
+    from mbd_sim.mjcf.mjcf_writer import to_mjcf
+
+    written = to_mjcf(mechanism)
+    print(written.text, end="")
+    for note in written.left_out:
+        print(f"note: not in this file: {note}", file=sys.stderr)
     return 0

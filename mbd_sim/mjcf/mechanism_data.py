@@ -60,7 +60,7 @@ class MechanismData:
     def _add_point(self, part: str, pose: Pose, wanted: str) -> str:
         holder = self.sections["ground"] if part == GROUND else self.sections["parts"][part]
         points = holder.setdefault("points", {})
-        name, turned = unique_name(wanted, points), rotated(pose)
+        name, turned = unique_name(valid_names([wanted], "point")[wanted], points), rotated(pose)
         points[name] = {"at": rows(pose.position), **turned} if turned else rows(pose.position)
         return f"{part}.{name}"
 

@@ -32,7 +32,7 @@ class MujocoOracle:
 
     def accelerations(self, q, u, efforts, commands=()):
         """u' (nv,) without constraints, or with those that are in equilibrium."""
-        self._forward(q, u, efforts, commands)
+        self.forward(q, u, efforts, commands)
         return self.data.qacc_smooth.copy()
 
     def constrained(self, q, u, efforts, commands=()):
@@ -56,10 +56,10 @@ class MujocoOracle:
         """J (m, nv) of the equalities at the coordinates that constant speeds reach."""
         moved = np.array(q, dtype=float)
         self.mujoco.mj_integratePos(self.model, moved, u, time)
-        self._forward(moved, u, np.zeros(len(u)), ())
+        self.forward(moved, u, np.zeros(len(u)), ())
         return self.data.efc_J.reshape(-1, self.model.nv)[: self.data.ne].copy()
 
-    def _forward(self, q, u, efforts, commands):
+    def forward(self, q, u, efforts, commands):
         data = self.data
         data.qpos[:], data.qvel[:], data.qfrc_applied[:] = q, u, efforts
         data.ctrl[:] = 0.0
