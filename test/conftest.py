@@ -20,8 +20,8 @@ from mbd_sim.compiler.machine_code import LONG
 from mbd_sim.mechanism_file.library import shipped
 from test import shared_builds
 
-# Folders whose tests build many mechanisms and take few steps: level 0 compiles them in half the time, without starting
-# a process. The kernels of all other folders are those that users run; test/compiler compares the two.
+# Folders whose tests build many mechanisms and take few steps: level 0 compiles them in a tenth of the time, without
+# starting a process. The kernels of all other folders are those that users run; test/compiler compares the two.
 QUICKLY_COMPILED = {"analysis", "drawing", "dynamics", "mechanism", "mechanism_file", "physics", "simulation", "viewer"}
 LONG_RUNS = Path(__file__).parent / "physics" / "benchmarks"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mbd_sim.compiler.ir import Value
 from mbd_sim.compiler.ir_types import DOUBLE, element, integer, number
-from mbd_sim.compiler.ir_vectors import UNROLLED, Index, copy, for_each, load, store
+from mbd_sim.compiler.ir_vectors import Index, copy, for_each, load, store
 from mbd_sim.compiler.simd_builder import LaneBuilder
 from mbd_sim.compiler.step_emitter import StepEmitter
 from mbd_sim.integrators.adams import Adams
@@ -72,7 +72,7 @@ class AdamsHistory:
     def _equal(self, size: int, kept: Value, present: Value) -> Value:
         """Whether two arrays, of at least one number if they are small, are equal."""
         b, one = self._emitter.b, number(1.0)
-        if 0 < size <= UNROLLED:
+        if 0 < size <= b.unrolled:
             same = [b.fcmp_ordered("==", load(b, kept, i), load(b, present, i)) for i in range(size)]
             while len(same) > 1:
                 same = [b.and_(*pair) for pair in zip(same[::2], same[1::2], strict=False)] + same[len(same) & ~1 :]

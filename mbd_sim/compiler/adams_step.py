@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from mbd_sim.compiler.adams_history import AdamsHistory
 from mbd_sim.compiler.ir import Value
 from mbd_sim.compiler.ir_types import DOUBLE, number
-from mbd_sim.compiler.ir_vectors import Index, copy, for_each, load, store, total, weighted
+from mbd_sim.compiler.ir_vectors import Index, copy, for_each, load, loop, store, total, weighted
 from mbd_sim.compiler.runge_kutta_step import ExplicitStep
 from mbd_sim.compiler.simd_builder import LaneBuilder
 from mbd_sim.compiler.step_emitter import EmitStep, Prepare, StepEmitter
@@ -147,7 +147,10 @@ class _AdamsStep:
                 smallest = b.select(b.fcmp_ordered("<", error, smallest), error, smallest)
             self._add_error(smallest)
 
-        for_each(b, emitter.system.size, component)
+        if emitter.system.rates.is_inlined:
+            for_each(b, emitter.system.size, component)
+        else:  # with longer rates, the time of a loop is not noticed in a step, but compiling the sums without one is
+            loop(b, 0, emitter.system.size, component)
 
     def _wait_after(self, failed: Value, taken: Value) -> None:
         """Begin a new history after an attempt that failed, and wait, ever longer as more of them fail.

@@ -13,6 +13,9 @@ from typing import NamedTuple, TypeAlias
 
 Type: TypeAlias = str  # as LLVM writes it: double, i64, ptr, <8 x double>
 
+ALWAYS_INLINE = "alwaysinline"
+UNROLLED = 40  # components up to which operations on state vectors are unrolled into registers
+
 VOID, BOOL, POINTER = "void", "i1", "ptr"
 
 
@@ -77,6 +80,11 @@ class Function:
         self.numbers = count()  # of values and blocks
         module.add(name, self)
 
+    @property
+    def is_inlined(self) -> bool:
+        """Whether it is inlined wherever it is called."""
+        return ALWAYS_INLINE in self.attributes
+
     def append_basic_block(self, name: str) -> Block:
         """A new block after all others."""
         self.blocks.append(Block(self, f"{name}.{next(self.numbers)}"))
@@ -93,10 +101,15 @@ class Function:
 
 
 class Module:
-    """The functions and variables that are compiled together, by name."""
+    """The functions and variables that are compiled together, by name.
 
-    def __init__(self, triple: str) -> None:
-        self.triple = triple
+    If it is `fast`, which takes longer to compile, small functions are inlined. Operations on vectors of up to
+    `unrolled` components are unrolled, and those on longer ones are loops.
+    """
+
+    def __init__(self, triple: str, *, fast: bool = True) -> None:
+        self.triple, self.fast = triple, fast
+        self.unrolled = UNROLLED if fast else 0
         self.functions: dict[str, Function] = {}
         self._variables: dict[str, Type] = {}
 

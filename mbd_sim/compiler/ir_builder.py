@@ -12,10 +12,11 @@ _LIKELY = {None: None, True: (99, 1), False: (1, 99)}
 
 
 class IRBuilder:
-    """Writes instructions at the end of a block."""
+    """Writes instructions at the end of a block; `unrolled`: see `Module`."""
 
     def __init__(self, block: Block) -> None:
         self.position_at_end(block)
+        self.unrolled = self.module.unrolled
 
     def position_at_end(self, block: Block) -> None:
         """Continue in another block."""

@@ -15,8 +15,6 @@ from mbd_sim.compiler.ir_types import (
     number,
 )
 
-UNROLLED = 40  # components up to which operations on state vectors are unrolled into registers
-
 NONE: frozenset[int] = frozenset()
 
 Index: TypeAlias = int | Value
@@ -58,7 +56,7 @@ def for_each(b: IRBuilder, size: int, body: Callable[[Index], object], still: fr
 
     Components in `still` need it not; where there are few, they are left out.
     """
-    if size <= UNROLLED:
+    if size <= b.unrolled:
         for index in range(size):
             if index not in still:
                 body(index)

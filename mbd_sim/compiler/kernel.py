@@ -148,7 +148,7 @@ def emit_system(
 ) -> System:
     """Emit the functions of a system for `lanes` members at once; `program` are the arranged rates."""
     reports_conditioning = rates.n_out() > 1
-    inline = instruction_count(program) * method.stages <= INLINED
+    inline = module.fast and instruction_count(program) * method.stages <= INLINED
     emitted = None
     if projection is not None:
         emitted = lower(module, arranged(projection, fused=False), inline=not reports_conditioning, lanes=lanes)
@@ -162,7 +162,7 @@ def emit_system(
         samples=emit_samples(module, between_steps, lanes),
         held=frozenset() if between_steps is None else between_steps.held,
         unread=frozenset() if between_steps is None else between_steps.unread,
-        in_registers=lanes == 1 and instruction_count(program) <= FEW,
+        in_registers=module.fast and lanes == 1 and instruction_count(program) <= FEW,
         inputs_size=rates.nnz_in(2),
     )
 

@@ -19,7 +19,7 @@ from mbd_sim.compiler.instruction_list import (
     Instructions,
     instructions_of,
 )
-from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType, Module, Value
+from mbd_sim.compiler.ir import ALWAYS_INLINE, POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import (
     DOUBLE,
@@ -113,7 +113,7 @@ def lower(module: Module, function: Instructions, inline: bool, lanes: int = 1) 
 def _define(module: Module, name: str, arguments: int, inline: bool, lanes: int) -> tuple[Function, IRBuilder]:
     function = Function(module, FunctionType(VOID, [POINTER] * arguments), name)
     function.linkage = "internal"
-    function.attributes = ["alwaysinline" if inline else "noinline", "nounwind"]
+    function.attributes = [ALWAYS_INLINE if inline else "noinline", "nounwind"]
     function.noalias = True
     return function, new_builder(function.append_basic_block("entry"), lanes)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mbd_sim.compiler.ir import BOOL, Function, FunctionType, Module, Value, undefined, vector_of
+from mbd_sim.compiler.ir import ALWAYS_INLINE, BOOL, Function, FunctionType, Module, Value, undefined, vector_of
 from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import (
     DOUBLE,
@@ -61,7 +61,7 @@ def _function(module: Module, lanes: int) -> Function:
     pair = f"{{{real}, {real}}}"
     function = Function(module, FunctionType(pair, [real]), name)
     function.linkage = "internal"
-    function.attributes = ["alwaysinline", "nounwind"]
+    function.attributes = [ALWAYS_INLINE if module.fast else "noinline", "nounwind"]
     b = new_builder(function.append_basic_block("entry"), lanes)
     x = function.args[0]
     common, rare = function.append_basic_block("common"), function.append_basic_block("rare")
@@ -102,7 +102,7 @@ def _by_library(module: Module, b: IRBuilder, x: Value) -> list[Value]:
 
 def _one_by_one(module: Module, b: LaneBuilder, x: Value) -> list[Value]:
     scalar = _function(module, 1)
-    scalar.attributes.remove("alwaysinline")
+    scalar.attributes = ["nounwind"]
     pairs = [b.call(scalar, [b.lane(x, index)]) for index in range(b.lanes)]
     return [b.gathered([b.extract_value(pair, index, DOUBLE) for pair in pairs]) for index in (0, 1)]
 
