@@ -52,6 +52,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help=f"sampling interval of the results in seconds (default: TIME / {SAMPLES})",
     )
+    parser.add_argument(
+        "--quantity",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="also report a quantity of each run: its last, least, most and root-mean-square values; repeatable. "
+        "NAME: such as reactions.elbow.force, points.lower.tip.z, drives.crank.force, energies.kinetic, "
+        "velocities.elbow, losses.friction, or events.impact for the number of impacts",
+    )
     add_method_and_step(parser, "from the file")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write a table with a row per run: .parquet or .csv")
     parser.add_argument(
@@ -59,7 +68,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--plot", type=Path, metavar="PICTURE", help="plot one result against the varied values")
     parser.add_argument(
-        "--show", metavar="RESULT", help="result to plot, such as elbow.most (default: the first coordinate's maximum)"
+        "--show",
+        metavar="RESULT",
+        help="result to plot, such as elbow.most or reactions.elbow.force.most (default: the first coordinate's "
+        "maximum)",
     )
     parser.add_argument(
         "--scheduler",
@@ -75,6 +87,7 @@ def execute(options: argparse.Namespace) -> int:
     from mbd_sim.load import load_mechanism
     from mbd_sim.packages import require_packages
     from mbd_sim.sweep.execution import sweep
+    from mbd_sim.sweep.quantities import named_quantities
     from mbd_sim.sweep.result_tables import require_suffix, write
     from mbd_sim.sweep.sweep_picture import draw, require_column
     from mbd_sim.sweep.sweep_plan import plan, variation
@@ -96,9 +109,11 @@ def execute(options: argparse.Namespace) -> int:
         method=options.method,
         step=options.step,
         histories=options.histories is not None,
+        quantities=tuple(dict.fromkeys(options.quantity)),
     )
     shown = options.show or f"{mechanism.coordinate_names[0]}.most"
-    require_column(result_names(mechanism), shown)
+    named_quantities(mechanism, settings.quantities)
+    require_column(result_names(mechanism, settings.quantities), shown)
     work = chunks(planned.changes(0, len(planned.values)))
     began = time.perf_counter()
     with ProgressBar("runs", options.quiet, total=len(planned.values), amount=COUNT) as progress:

@@ -29,7 +29,7 @@ from mbd_sim.simulation.argument_checks import require_finite, step_at, step_cou
 from mbd_sim.simulation.compiled_model import Model, build_model
 from mbd_sim.simulation.contact_events import ContactStepper
 from mbd_sim.simulation.ensemble_contacts import advance_through_events, member_contacts, settle_members
-from mbd_sim.simulation.ensemble_state import EnsembleState
+from mbd_sim.simulation.ensemble_readings import EnsembleReadings
 from mbd_sim.simulation.ensemble_variants import Change, Variants
 from mbd_sim.simulation.member_failures import divergence_of_member
 from mbd_sim.simulation.options import EnsembleOptions
@@ -40,7 +40,7 @@ ENOUGH = 2_000_000  # instructions of all members together from which on threads
 RUN_CHUNK = 2000  # steps between two calls of `progress` in `run`
 
 
-class Ensemble(EnsembleState):
+class Ensemble(EnsembleReadings):
     """k members of one mechanism, advanced by the same fixed step: eight to a vector, shared among threads.
 
     Arrays have one row for each member: `q` (k, nq), `u` (k, nv). A member takes the same operations as a `Simulation`

@@ -15,6 +15,8 @@ from mbd_sim.load import parse_mechanism
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.contact_events import EventError
 from mbd_sim.simulation.ensemble import Ensemble
+from mbd_sim.sweep.quantities import coordinates, named_quantities
+from mbd_sim.sweep.statistics import Statistics, column_names
 from mbd_sim.sweep.sweep_plan import EFFORT
 
 CHUNK = 256  # runs
@@ -27,7 +29,7 @@ class Settings:
     """The settings of all runs, which can be sent to another machine: the mechanism is the `text` of its file.
 
     The runs end at `until` in s. The coordinates are sampled every `every` s, for their extremes and, with
-    `histories`, for the table of histories.
+    `histories`, for the table of histories; so are `quantities`, see `mbd_sim.sweep.quantities`.
     """
 
     text: str
@@ -37,6 +39,7 @@ class Settings:
     method: str | None = None
     step: float | None = None
     histories: bool = False
+    quantities: tuple[str, ...] = ()
 
     def mechanism(self) -> Mechanism:
         """The mechanism that is built from the text."""
@@ -76,7 +79,7 @@ def compute(settings: Settings, chunk: Chunk, threads: int | None = 1) -> Result
         return _together(settings, mechanism, chunk, threads)
     except (MechanismError, CommandError, EventError) as error:
         if len(chunk.changes) == 1:
-            return _missing(mechanism, chunk, error)
+            return _missing(mechanism, settings.quantities, chunk, error)
     single_runs = (Chunk(chunk.first + index, [change]) for index, change in enumerate(chunk.changes))
     return joined(compute(settings, run, threads) for run in single_runs)
 
@@ -101,12 +104,14 @@ def _together(settings: Settings, mechanism: Mechanism, chunk: Chunk, threads: i
     _set_efforts(ensemble, chunk)
     steps, every = round(settings.until / ensemble.step_size), max(1, round(settings.every / ensemble.step_size))
     names = ensemble.model.coordinate_names
-    at = _coordinates(ensemble)
+    at = coordinates(ensemble)
     least, most, samples = at.copy(), at.copy(), [at]
+    statistics = Statistics(named_quantities(mechanism, settings.quantities), ensemble)
     while ensemble.steps < steps:
         ensemble.step(min(every, steps - ensemble.steps))
-        at = _coordinates(ensemble)
+        at = coordinates(ensemble)
         least, most = np.minimum(least, at), np.maximum(most, at)
+        statistics.sample()
         if settings.histories:
             samples.append(at)
     table = _head(chunk)
@@ -116,6 +121,7 @@ def _together(settings: Settings, mechanism: Mechanism, chunk: Chunk, threads: i
         columns = (at[:, index], ensemble.u[:, index], least[:, index], most[:, index])
         table |= dict(zip((f"{name}.{suffix}" for suffix in _SUFFIXES), columns, strict=True))
     table |= {name: getattr(energies, name) for name in _ENERGIES} | {"error_estimate": ensemble.error_estimates}
+    table |= statistics.columns()
     times = np.minimum(np.arange(len(samples)) * every, steps) * ensemble.step_size
     return Results(table, _histories(chunk, names, times, samples) if settings.histories else {})
 
@@ -124,10 +130,10 @@ _SUFFIXES = ("position", "velocity", "least", "most")
 _ENERGIES = ("kinetic", "potential", "dissipated", "work_applied", "work_drives", "total", "residual")
 
 
-def result_names(mechanism: Mechanism) -> list[str]:
+def result_names(mechanism: Mechanism, quantities: Sequence[str] = ()) -> list[str]:
     """The names of the columns with the results of a run."""
     columns = [f"{name}.{suffix}" for name in mechanism.coordinate_names for suffix in _SUFFIXES]
-    return [*columns, *_ENERGIES, "error_estimate"]
+    return [*columns, *_ENERGIES, "error_estimate", *column_names(quantities)]
 
 
 def _head(chunk: Chunk) -> Table:
@@ -138,9 +144,9 @@ def _head(chunk: Chunk) -> Table:
     return table
 
 
-def _missing(mechanism: Mechanism, chunk: Chunk, error: MbdSimError) -> Results:
+def _missing(mechanism: Mechanism, quantities: Sequence[str], chunk: Chunk, error: MbdSimError) -> Results:
     table = _head(chunk) | {"finite": np.array([False])}
-    table |= {name: np.array([np.nan]) for name in result_names(mechanism)}
+    table |= {name: np.array([np.nan]) for name in result_names(mechanism, quantities)}
     return Results(table, {}, [f"run {chunk.first}: {error}"])
 
 
@@ -149,13 +155,6 @@ def _set_efforts(ensemble: Ensemble, chunk: Chunk) -> None:
     if efforts:
         rows = {name.removeprefix(EFFORT): np.array([change[name] for change in chunk.changes]) for name in efforts}
         ensemble.set_efforts(rows)
-
-
-def _coordinates(ensemble: Ensemble) -> Array:
-    """The coordinates (runs, nv): see `Model.coordinates`."""
-    if not ensemble.model.quaternions:
-        return ensemble.q
-    return np.array([ensemble.model.coordinates(y) for y in ensemble.state])
 
 
 def _histories(chunk: Chunk, names: Sequence[str], times: Array, samples: Sequence[Array]) -> Table:
