@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from mbd_sim.appearance.joint_geometry import axis_frame, joint_radius
+from mbd_sim.appearance.joint_geometry import joint_radius
 from mbd_sim.geometry.pose import Pose
+from mbd_sim.geometry.rotation import aligning_z
 from mbd_sim.mechanism.actuators import CoordinatePort
 from mbd_sim.mechanism.force_elements import Bushing, Damper, Spring
+from mbd_sim.mechanism.joint_types import JointCoordinate
 from mbd_sim.mechanism.laws import Varying
 from mbd_sim.mechanism.records import Joint, Mechanism
 
-AXIAL = ("revolute", "prismatic", "cylindrical", "screw")
 BUSHING_RADIUS = 0.022  # relative to the mechanism's size
 
 
@@ -30,28 +31,33 @@ def has_cylinder(element: Spring | Damper) -> bool:
     return element.damping != 0.0 or (isinstance(element, Spring) and isinstance(element.law, Varying))
 
 
-def driven_joints(mechanism: Mechanism) -> Iterator[tuple[str, Joint, str]]:
-    """The name of each actuator and effort on a coordinate, its joint, and the coordinate.
-
-    Only coordinates about or along the only axis of a joint have a symbol.
-    """
-    axial = [joint for joint in mechanism.joints.values() if joint.type in AXIAL]
-    owners = {label: joint for joint in axial for label in joint.motion_names}
+def driven_coordinates(mechanism: Mechanism) -> Iterator[tuple[str, Joint, JointCoordinate]]:
+    """The name of each actuator and effort on a coordinate, its joint, and the coordinate."""
+    owners = {
+        name: (joint, coordinate)
+        for joint in mechanism.joints.values()
+        for name, coordinate in zip(joint.motion_names, joint.kind.coordinates, strict=True)
+    }
     at = [(a.name, a.port.coordinate) for a in mechanism.actuators if isinstance(a.port, CoordinatePort)]
     at += [(effort.name, effort.coordinate) for effort in mechanism.efforts]
     for name, coordinate in at:
-        if coordinate in owners:
-            yield name, owners[coordinate], coordinate
+        yield name, *owners[coordinate]
 
 
-def motor_housing(mechanism: Mechanism, joint: Joint, size: float) -> Housing:
-    """The housing of a motor, beside a joint on its axis, on the part that carries the joint.
+def coordinate_frame(joint: Joint, coordinate: JointCoordinate) -> tuple[str, Pose]:
+    """A frame of a joint whose z axis is the direction of a coordinate: its part, and its pose there."""
+    side, part = (joint.child_pose, joint.child) if coordinate.on_child else (joint.parent_pose, joint.parent)
+    return part, Pose(side.position, side.rotation @ aligning_z(joint.direction(coordinate)))
+
+
+def motor_housing(mechanism: Mechanism, joint: Joint, coordinate: JointCoordinate, size: float) -> Housing:
+    """The housing of a motor, beside a joint on the axis of a coordinate, on the part in whose axes that is fixed.
 
     :param size: the length in m of the mechanism.
     """
-    frame, radius = axis_frame(joint), joint_radius(mechanism, joint, size)
+    (part, frame), radius = coordinate_frame(joint, coordinate), joint_radius(mechanism, joint, size)
     center = frame.position - 4.0 * radius * frame.rotation[:, 2]
-    return Housing(joint.parent, Pose(center, frame.rotation), 4.0 * radius, 1.8 * radius)
+    return Housing(part, Pose(center, frame.rotation), 4.0 * radius, 1.8 * radius)
 
 
 def bushing_ring(bushing: Bushing, size: float) -> Housing:

@@ -10,7 +10,7 @@ import numpy as np
 from visualization_msgs.msg import Marker
 
 from mbd_sim.appearance import palette
-from mbd_sim.appearance.drives import bushing_ring, driven_joints, motor_housing, shown_bushings
+from mbd_sim.appearance.drives import bushing_ring, driven_coordinates, motor_housing, shown_bushings
 from mbd_sim.appearance.joint_geometry import axis_frame, joint_radius
 from mbd_sim.appearance.mesh_files import resource_uri
 from mbd_sim.appearance.polylines import circle
@@ -139,11 +139,14 @@ def joint_markers(mechanism: Mechanism, joint: Joint, size: float) -> list[PartM
 
 
 def drive_markers(mechanism: Mechanism, size: float) -> list[PartMarker]:
-    """A housing on the axis of each joint with a motor or an effort, and a ring for each bushing.
+    """A housing on the axis of each coordinate with a motor or an effort, and a ring for each bushing.
 
     :param size: the length in m of the mechanism.
     """
-    housings = [("actuators", motor_housing(mechanism, joint, size)) for _, joint, _ in driven_joints(mechanism)]
+    housings = [
+        ("actuators", motor_housing(mechanism, joint, coordinate, size))
+        for _, joint, coordinate in driven_coordinates(mechanism)
+    ]
     housings += [("bushings", bushing_ring(bushing, size)) for bushing in shown_bushings(mechanism)]
     markers = []
     for namespace, (part, pose, length, radius) in housings:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from mbd_sim.appearance import palette
-from mbd_sim.appearance.drives import Housing, bushing_ring, driven_joints, motor_housing, shown_bushings
+from mbd_sim.appearance.drives import Housing, bushing_ring, driven_coordinates, motor_housing, shown_bushings
 from mbd_sim.viewer import entity_paths, rerun_shapes
 from mbd_sim.viewer.entity import Entity, LoggedItems
 from mbd_sim.viewer.part_poses import PartPoses
@@ -14,10 +14,10 @@ from mbd_sim.viewer.scene_description import SceneDescription
 
 
 def drive_entities(scene: SceneDescription) -> Iterator[Entity]:
-    """A housing on the axis of each joint with a motor or an effort, and a ring for each bushing."""
+    """A housing on the axis of each coordinate with a motor or an effort, and a ring for each bushing."""
     mechanism, size = scene.mechanism, scene.extent.size
-    for name, joint, _ in driven_joints(mechanism):
-        yield _HousingEntity("actuators", name, motor_housing(mechanism, joint, size), palette.DRIVEN)
+    for name, joint, coordinate in driven_coordinates(mechanism):
+        yield _HousingEntity("actuators", name, motor_housing(mechanism, joint, coordinate, size), palette.DRIVEN)
     for bushing in shown_bushings(mechanism):
         yield _HousingEntity("bushings", bushing.name, bushing_ring(bushing, size), palette.DAMPER)
 

@@ -1,9 +1,11 @@
 """Motors, efforts and bushings on the sheet."""
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 
-from mbd_sim.appearance.drives import driven_joints, has_cylinder
+from mbd_sim.appearance.drives import coordinate_frame, driven_coordinates, has_cylinder
 from mbd_sim.drawing.drive_symbols import AWAY, LETTER, MOTOR, drive_paths
 from mbd_sim.drawing.projection import Page, view_of
 from mbd_sim.load import parse_mechanism
@@ -55,9 +57,38 @@ def test_a_bushing_is_a_ring_at_its_first_point(page):
         assert radii == pytest.approx(radii[0])
 
 
-def test_coordinates_without_an_axis_have_no_symbol():
-    forces = "forces: {a: {type: effort, coordinate: free.x, effort: 1}, b: {type: effort, coordinate: pin, effort: 1}}"
-    assert [name for name, _, _ in driven_joints(parse_mechanism(TEXT + forces))] == ["b"]
+PLANAR = TEXT.replace(
+    "free: {type: free, between: [ground, ball]",
+    "plane: {type: planar, between: [ground, ball], axis: [0, 1, 0], x_axis: [1, 0, 0]",
+)
+SEVERAL = TEXT.replace("[ground, ball]", "[ground, ball], position: [0.5, 0, 2]")
+
+
+@pytest.mark.parametrize("coordinate, direction", [("free.x", [1, 0, 0]), ("free.z", [0, 0, 1])])
+def test_an_effort_on_one_of_several_coordinates_is_an_arrow_at_the_moved_part(page, coordinate, direction):
+    mechanism = parse_mechanism(SEVERAL + f"forces: {{e: {{type: effort, coordinate: {coordinate}, effort: 1}}}}")
+    line, _ = drive_paths(page, mechanism, Simulation(mechanism).poses())
+    along = line.points[-1] - line.points[0]
+    expected = page.direction(np.array(direction, dtype=float))
+    assert along @ expected == pytest.approx(np.hypot(*along) * np.hypot(*expected))
+    assert np.hypot(*(line.points.mean(axis=0) - page.project(np.array([0.5, 0.0, 2.0])))) < 20.0
+
+
+def test_symbols_at_one_joint_do_not_cover_each_other(page):
+    names = ("plane.x", "plane.y", "plane.angle")
+    actuators = "".join(f"m{n}: {{type: effort, joint: {name}}}, " for n, name in enumerate(names[:2]))
+    forces = "".join(f"e{n}: {{type: effort, coordinate: {name}, effort: 1}}, " for n, name in enumerate(names))
+    mechanism = parse_mechanism(PLANAR + f"actuators: {{{actuators}}}\nforces: {{{forces}}}\n")
+    paths = drive_paths(page, mechanism, Simulation(mechanism).poses())
+    centers = [path.points.mean(axis=0) for path in paths if path.closed]
+    assert min(np.hypot(*(a - b)) for a, b in combinations(centers, 2)) > 2.0
+
+
+def test_the_housing_of_a_coordinate_is_on_its_axis():
+    mechanism = parse_mechanism(PLANAR + "actuators: {m: {type: effort, joint: plane.y}}")
+    ((_, joint, coordinate),) = driven_coordinates(mechanism)
+    part, frame = coordinate_frame(joint, coordinate)
+    assert part == "ground" and frame.rotation[:, 2] == pytest.approx([0.0, 0.0, -1.0])
 
 
 @pytest.mark.parametrize("law, shown", [("x.velocity", True), ("x**3", False)])

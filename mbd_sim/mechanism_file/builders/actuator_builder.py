@@ -77,8 +77,9 @@ def _coordinate(location: Location, joint: Joint, port: CoordinatePort, context:
         message = f"'{joint.name}' is driven: its drive alone prescribes the motion"
         context.report(where, message, "Remove 'drive' from the joint, or the actuator.")
     elif joint.kind.quaternion is not None:
-        message = f"'{joint.name}' is {joint.type}: an actuator needs a coordinate that is an angle or a length"
-        context.report(where, message, "Use three revolute joints, or command efforts.")
+        message = f"'{joint.name}' is {joint.type}: an actuator needs a joint whose coordinates are angles or lengths"
+        remedy = "Act 'between' two points, use several joints, or command the efforts of the coordinates directly."
+        context.report(where, message, remedy)
     else:
         return port
     return None
