@@ -24,6 +24,7 @@ _KEYS: Mapping[str, Mapping[Words, str]] = {
         ("effort", "torque", "force"): "An effort that acts is an entry of forces, '{type: effort, coordinate: …, "
         "effort: …}', or if it is commanded, of actuators, '{type: effort, joint: …}'. The largest is 'effort_limit'.",
         ("motor", "actuator", "servo", "controller", "pid"): _MOTOR,
+        ("drive",): "It has none: use prismatic and revolute joints in a row, with parts of mass 0 between them.",
         ("sensor", "encoder", "imu"): "A sensor is an entry of sensors: '{type: encoder, joint: …, counts: …}'.",
     },
     "limits": {

@@ -269,6 +269,28 @@ def test_mistakes_in_a_drive_are_reported_with_a_remedy(drive, problem):
         derive(parse_mechanism(ARM.format(drive=drive)))
 
 
+IN_A_ROW = """
+mechanism: table
+parts: {slide: {mass: 0}, turned: {mass: 1, inertia: [1, 1, 1]}}
+joints:
+  along: {type: prismatic, between: [ground, slide], axis: [0, 0, 1], drive: {command: position, bandwidth: 20}}
+  about: {type: revolute, between: [slide, turned], axis: [0, 0, 1], drive: {command: velocity, bandwidth: 20}}
+"""
+
+
+@pytest.mark.parametrize("drive", ["{command: position, bandwidth: 5}", "[2*t, {command: velocity, bandwidth: 5}]"])
+def test_joints_of_several_coordinates_name_the_joints_to_use_instead(drive):
+    joints = f"joints: {{j: {{type: cylindrical, between: [ground, turned], axis: [0, 0, 1], drive: {drive}}}}}\n"
+    with pytest.raises(
+        MechanismError, match=r"joints\.j\.drive: only drives of joints with one coordinate .* in a row"
+    ):
+        parse_mechanism("mechanism: m\nparts: {turned: {mass: 1, inertia: [1, 1, 1]}}\n" + joints)
+    simulation = Simulation.from_text(IN_A_ROW)
+    simulation.set_commands({"along": 0.5, "about": 2.0})
+    simulation.run(until=2.0)
+    assert simulation.drives()["along"].position == pytest.approx(0.5, abs=1e-9)
+
+
 def test_drives_that_contradict_each_other_are_refused():
     text = LOOP.format(**dict.fromkeys(STATES, "{command: position, bandwidth: 20}"))
     text = text.replace(

@@ -30,7 +30,13 @@ from mbd_sim.mechanism_file.schema.base_schema import (
     TorsionStiffness3,
     Vector,
 )
-from mbd_sim.mechanism_file.schema.drive_schema import AngleDrive, AngleOfTime, LengthDrive, LengthOfTime
+from mbd_sim.mechanism_file.schema.drive_schema import (
+    NOT_COMMANDED,
+    AngleDrive,
+    AngleOfTime,
+    LengthDrive,
+    LengthOfTime,
+)
 from mbd_sim.mechanism_file.schema.law_schema import (
     ForceCurveSpec,
     LinearFrictionSpec,
@@ -201,7 +207,7 @@ class CylindricalJointSpec(DriveableJointSpec):
     rest: tuple[Length, Angle] = (0.0, 0.0)
     damping: tuple[LinearDamping, TorsionDamping] = (0.0, 0.0)
     limits: tuple[LengthLimitsSpec | None, AngleLimitsSpec | None] | None = None
-    drive: tuple[LengthOfTime, AngleOfTime] | None = None
+    drive: Annotated[tuple[LengthOfTime, AngleOfTime] | None, NOT_COMMANDED] = None
 
 
 class UniversalJointSpec(DriveableJointSpec):
@@ -215,7 +221,7 @@ class UniversalJointSpec(DriveableJointSpec):
     rest: tuple[Angle, Angle] = (0.0, 0.0)
     damping: tuple[TorsionDamping, TorsionDamping] = (0.0, 0.0)
     limits: tuple[AngleLimitsSpec | None, AngleLimitsSpec | None] | None = None
-    drive: tuple[AngleOfTime, AngleOfTime] | None = None
+    drive: Annotated[tuple[AngleOfTime, AngleOfTime] | None, NOT_COMMANDED] = None
 
 
 class PlanarJointSpec(DriveableJointSpec):
@@ -233,14 +239,7 @@ class PlanarJointSpec(DriveableJointSpec):
     rest: tuple[Length, Length, Angle] = (0.0, 0.0, 0.0)
     damping: tuple[LinearDamping, LinearDamping, TorsionDamping] = (0.0, 0.0, 0.0)
     limits: tuple[LengthLimitsSpec | None, LengthLimitsSpec | None, AngleLimitsSpec | None] | None = None
-    drive: (
-        tuple[
-            LengthOfTime,
-            LengthOfTime,
-            AngleOfTime,
-        ]
-        | None
-    ) = None
+    drive: Annotated[tuple[LengthOfTime, LengthOfTime, AngleOfTime] | None, NOT_COMMANDED] = None
 
 
 class TurningJointSpec(JointSpec):
