@@ -46,17 +46,25 @@ class AgentInterface:
                 f"the effort of {listed(unlimited)} has no limit. Give joints an 'effort_limit', or the environment "
                 f"'effort_limits'."
             )
-        self._angles = _angles(mechanism, model) if trigonometric else np.zeros(model.layout.nq, bool)
+        angles = _angles(mechanism, model) if trigonometric else np.zeros(model.layout.nq, bool)
+        self._others, self._angles = np.flatnonzero(~angles), np.flatnonzero(angles)
         self.action_space = spaces.Box(-most, most, dtype=np.float32)
-        turning = np.count_nonzero(self._angles)
-        bounds = np.full(model.layout.nq + turning + model.layout.nv, np.inf)
-        bounds[self._angles.size - turning : self._angles.size + turning] = 1.0
+        self._least, self._most = (bound.astype(float) for bound in (self.action_space.low, self.action_space.high))
+        self._cosines = slice(self._others.size, self._others.size + self._angles.size)
+        self._sines = slice(self._cosines.stop, self._cosines.stop + self._angles.size)
+        bounds = np.full(self._sines.stop + model.layout.nv, np.inf)
+        bounds[self._cosines] = bounds[self._sines] = 1.0
         self.observation_space = spaces.Box(-bounds, bounds, dtype=np.float64)
 
     def observation(self, q: Array, u: Array) -> Array:
         """The observation (n,) of a state, or those (k, n) of k states."""
-        turning = q[..., self._angles]
-        return np.concatenate([q[..., ~self._angles], np.cos(turning), np.sin(turning), u], axis=-1)
+        q, u = np.asarray(q), np.asarray(u)
+        found = np.empty((*q.shape[:-1], self._sines.stop + u.shape[-1]))
+        found[..., : self._cosines.start] = q[..., self._others]
+        angles = q[..., self._angles]
+        found[..., self._cosines], found[..., self._sines] = np.cos(angles), np.sin(angles)
+        found[..., self._sines.stop :] = u
+        return found
 
     def efforts(self, action: Any, members: tuple[int, ...] = ()) -> Array:
         """The efforts (nv,) of an action (actuated,), clipped to the limits.
@@ -71,7 +79,7 @@ class AgentInterface:
                 f"{f', in {members[0]} rows' if members else ''}."
             )
         efforts = np.zeros((*members, self._count))
-        efforts[..., self._indices] = np.clip(values, self.action_space.low, self.action_space.high)
+        efforts[..., self._indices] = np.minimum(np.maximum(values, self._least), self._most)
         return efforts
 
 

@@ -39,7 +39,7 @@ class Run(Protocol):
 
 def upright(sim: Run, action: Efforts) -> Any:
     """1 if the pendulum stands upright at rest in the middle of the rail, 0 if it hangs."""
-    q, u = sim.q, sim.u
+    q, u = np.asarray(sim.q), np.asarray(sim.u)
     up = 0.5 * (1.0 - np.cos(q[..., 1]))
     return up - 0.1 * q[..., 0] ** 2 - 0.001 * u[..., 1] ** 2 - 0.0005 * action[..., 0] ** 2
 
@@ -61,7 +61,7 @@ def fallen(sim: Run) -> Any:
 
 def height(sim: Run, action: Efforts) -> Any:
     """The height of the tip, from -1 to 1, minus a cost of fast motion."""
-    q, u = sim.q, sim.u
+    q, u = np.asarray(sim.q), np.asarray(sim.u)
     up = -0.5 * (np.cos(q[..., 0]) + np.cos(q[..., 0] + q[..., 1]))
     return up - 0.0005 * (u[..., 0] ** 2 + u[..., 1] ** 2)
 
