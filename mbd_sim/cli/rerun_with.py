@@ -12,6 +12,7 @@ from mbd_sim.cli.common import (
     add_method_and_step,
     add_quiet,
 )
+from mbd_sim.cli.plot_options import add_plot_style, chosen_style
 from mbd_sim.cli.recorded_run import SET_HELP, add_run, recorded_run
 from mbd_sim.cli.setup_options import add_set, changes_of
 from mbd_sim.errors import InputError
@@ -34,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_set(parser, SET_HELP)
     add_method_and_step(parser, "as recorded")
     parser.add_argument("--plot", type=Path, metavar="PICTURE", help="plot both runs: .png, .svg, .pdf or .html")
+    add_plot_style(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the changed run to an .mcap file")
     add_quiet(parser)
 
@@ -45,6 +47,7 @@ def execute(options: argparse.Namespace) -> int:
     changes = changes_of(options.changes)
     if not (changes or options.method or options.step):
         raise InputError("rerun-with: no change is given", "Give --set KEY=VALUE, --method or --step.")
+    chosen_style(options, options.plot)
     if options.plot is not None:
         require_suffix(options.plot, PLOT_SUFFIXES)
         require_plot_packages(options.plot)
@@ -55,6 +58,7 @@ def execute(options: argparse.Namespace) -> int:
 
 def _recompute(path: Path, options: argparse.Namespace, changes: dict[str, float | str]) -> None:
     from mbd_sim.playback.changed_run_plot import plot_changed_run
+    from mbd_sim.playback.run_table import coordinate_units
     from mbd_sim.recording.changed_run import compute_changed_run
     from mbd_sim.recording.changed_run_file import ChangedRunFile
     from mbd_sim.recording.reader import open_recording
@@ -73,7 +77,8 @@ def _recompute(path: Path, options: argparse.Namespace, changes: dict[str, float
     change = ", ".join(_descriptions(options, changes))
     if options.plot is not None:
         title = f"{recomputation.simulation.mechanism.name}: {Path(options.recording).name}"
-        plot_changed_run(options.plot, run, title, change)
+        units = coordinate_units(recomputation.simulation.mechanism)
+        plot_changed_run(options.plot, run, title, change, units, chosen_style(options, options.plot))
     written = [path for path in (options.plot, options.out) if path is not None]
     name = options.recording if len(files) == 1 else str(file.path)
     print(_summary(run, name, file.problem, change, written))

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import COUNT, ProgressBar, print_undrawn_meshes, read_run_table
+from mbd_sim.cli.plot_options import add_plot_style, chosen_style
 
 if TYPE_CHECKING:
     from mbd_sim.geometry.pose import Pose
@@ -30,6 +31,7 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--plot", type=Path, metavar="FILE", help="plot energies, joints and residual: .png, .svg, .pdf or .html"
     )
+    add_plot_style(group)
     group.add_argument("--animate", type=Path, metavar="FILE", help="draw the motion: .gif, .webp, .mp4 or .html")
     group.add_argument(
         "--trace",
@@ -75,6 +77,7 @@ class RunOutputs:
         if options.out is not None:
             plot_files.require_suffix(options.out, (RECORDING, *table_export.SUFFIXES))
             table_export.require_packages_for(options.out)
+        self._style = chosen_style(options, options.plot)
         if options.plot is not None:
             plot_files.require_suffix(options.plot, plot_files.PLOT_SUFFIXES)
             plot_files.require_plot_packages(options.plot)
@@ -163,7 +166,7 @@ class RunOutputs:
             self.written.append(f"{options.out}: {len(table)} rows of {columns} columns")
         if options.plot is not None:
             chosen = panels(table)
-            run_plots.draw(options.plot, table, chosen)
+            run_plots.draw(options.plot, table, chosen, self._style)
             titles = ", ".join(dict.fromkeys(panel.title.lower() for panel in chosen))
             self.written.append(f"{options.plot}: {titles}")
 

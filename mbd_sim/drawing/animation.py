@@ -38,6 +38,7 @@ class Animation:
         height: int = 400,
         configurations: Sequence[Mapping[str, Pose]] | None = None,
         traces: Sequence[str] = (),
+        margin: float = MARGIN,
     ) -> None:
         """Frames of `width` times `height` pixels.
 
@@ -45,6 +46,7 @@ class Animation:
             allow.
         :param traces: points, `part.point`, and parts, which stand for their ends, whose paths through all frames so
             far are drawn.
+        :param margin: the size of the window relative to that of the parts and points in it; symbols reach beyond them.
         :raises InputError: there is no such part or point.
         """
         self._mechanism, self._size = model.mechanism, np.array([width, height], dtype=float)
@@ -62,7 +64,7 @@ class Animation:
         self._mechanism_size = max(
             float(np.max(np.ptp(projected[0], axis=0))), 1e-9
         )  # symbols are drawn in proportion to it
-        scale = float(np.min(self._size / np.maximum((high - low) * MARGIN, 0.2 * self._mechanism_size)))
+        scale = float(np.min(self._size / np.maximum((high - low) * margin, 0.2 * self._mechanism_size)))
         self._page = Page(self._view, scale)
         self._shift = 0.5 * self._size - 0.5 * (low + high) * scale
 

@@ -21,12 +21,13 @@ from mbd_sim.simulation.simulation import Simulation
 
 SIZE = (320, 240)  # px, the largest picture; blank margins are cut off
 FRAMES, PERIOD = 36, 80  # the most frames, and the time in ms for which each is shown
-COLORS = 12
+COLORS, NEAR_WHITE = 12, 244
 FEWEST = 4  # changes of the picture, without which there is no animation
 LARGEST = 150_000  # bytes of a file; if all frames take more, every other frame is left out
 PACES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)  # seconds of motion for each second of the animation
 STRIDE = 0.15  # of the size of the picture: the most by which a point should move from frame to frame
 MARGIN = 6  # px
+SYMBOLS = 1.4  # size of the picture relative to that of the parts, which symbols of ground and joints exceed
 DESCRIPTION = 0x010E  # tag of Exif
 
 Configuration = Mapping[str, Pose]
@@ -42,7 +43,7 @@ def animate(name: str, folder: Path) -> Path | None:
     """
     simulation = Simulation(load_mechanism(name))
     pace, poses = _followed(simulation)
-    animation = Animation(simulation.model, *SIZE, configurations=poses)
+    animation = Animation(simulation.model, *SIZE, configurations=poses, margin=SYMBOLS)
     frames = cropped([animation.frame(configuration) for configuration in poses])
     if sum(not np.array_equal(one, other) for one, other in itertools.pairwise(frames)) < FEWEST:
         return None
@@ -149,6 +150,9 @@ def encoded(frames: Sequence[Frame], description: str, period: int = PERIOD) -> 
     exif[DESCRIPTION] = description
 
     palette = Image.fromarray(np.vstack(frames[:: max(len(frames) // 4, 1)])).quantize(COLORS, dither=Image.Dither.NONE)
+    colors = np.array(palette.getpalette())[: 3 * COLORS].reshape(-1, 3)
+    colors[colors.min(axis=1) >= NEAR_WHITE] = 255  # the background, which is averaged with the edges of what is drawn
+    palette.putpalette(colors.ravel().tolist())
     images = [
         Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE).convert("RGB") for frame in frames
     ]

@@ -12,6 +12,7 @@ from mbd_sim.drawing.animation_file import FRAME_RATE, write_animation
 from mbd_sim.notebook.views import embedded
 from mbd_sim.playback import run_plots
 from mbd_sim.playback.panels import panels
+from mbd_sim.playback.plot_style import plot_style
 from mbd_sim.playback.run_table import read_table
 from mbd_sim.recording.reader import open_recording
 from mbd_sim.recording.run_recorder import RunRecorder
@@ -42,14 +43,17 @@ class RunPicture:
         return embedded(self.content, self.suffix, self.text, self.width)
 
 
-def plot(simulation: Simulation, until: float, show: Sequence[str] = ()) -> RunPicture:
+def plot(
+    simulation: Simulation, until: float, show: Sequence[str] = (), style: str = "screen", theme: str = "light"
+) -> RunPicture:
     """Run to a time and plot what happened; see `Simulation.plot`."""
+    look = plot_style(Path("run.png"), style, theme)  # a wrong name is reported before the run
     with tempfile.TemporaryDirectory(prefix="mbd_sim_") as folder:
         recording, picture = Path(folder, f"{_file_name(simulation)}.mcap"), Path(folder, "run.png")
         with RunRecorder(simulation, recording):
             simulation.run(until)
         table = read_table(open_recording(recording))
-        run_plots.draw(picture, table, panels(table, show))
+        run_plots.draw(picture, table, panels(table, show), look)
         content = picture.read_bytes()
     return RunPicture(content, ".png", f"The run of {simulation.mechanism.name} to {until:g} s", PLOT_WIDTH)
 

@@ -24,7 +24,8 @@ _ENERGY_COLORS = {
     "total": (40, 44, 52),
 }
 _ALWAYS_SHOWN = ("kinetic", "potential", "total")
-_EFFORT_LABELS = {"rad": "N·m", "m": "N", "": "SI units"}
+TIME = "time (s)"
+_EFFORT_LABELS = {"rad": "torque (N·m)", "m": "force (N)", "": "effort (SI units)"}
 _DARK: Color = (20, 24, 32)  # mixed with the colors of the scene so that they are visible on white
 
 
@@ -82,7 +83,7 @@ def _energies(table: RunTable) -> Iterator[Panel]:
             for name, color in _ENERGY_COLORS.items()
             if name in _ALWAYS_SHOWN or np.nanmax(np.abs(values[name]), initial=0.0) > 0.0
         )
-        yield Panel("Energies", "time, s", "J", lines)
+        yield Panel("Energies", TIME, "energy (J)", lines)
 
 
 def _joints(table: RunTable) -> Iterator[Panel]:
@@ -90,11 +91,11 @@ def _joints(table: RunTable) -> Iterator[Panel]:
         for unit in dict.fromkeys(table.units):
             lines = tuple(_joint_lines(table, values, unit))
             if lines:
-                yield Panel(title, "time, s", f"{unit}{rate}" if unit else "SI units", lines)
+                yield Panel(title, TIME, _named(title.lower(), unit and unit + rate), lines)
     for unit in dict.fromkeys(table.units):
         lines = tuple(line for line in _joint_lines(table, table.effort, unit) if np.any(line.y != 0.0))
         if lines:
-            yield Panel("Effort", "time, s", _EFFORT_LABELS[unit], lines)
+            yield Panel("Effort", TIME, _EFFORT_LABELS[unit], lines)
 
 
 def _joint_lines(table: RunTable, values: Array, unit: str) -> Iterator[Line]:
@@ -111,14 +112,14 @@ def _phase_portraits(table: RunTable) -> Iterator[Panel]:
             if table.units[index] == unit and not np.all(np.isnan(table.position[:, index] + table.velocity[:, index]))
         )
         if lines:
-            labels = (f"position, {unit}", f"velocity, {unit}/s") if unit else ("position", "velocity")
+            labels = _named("position", unit), _named("velocity", unit and f"{unit}/s")
             yield Panel("Phase portrait", *labels, lines, over_time=False)
 
 
 def _residual(table: RunTable) -> Iterator[Panel]:
     if table.energies is not None:
         line = Line("|residual|", table.times, residual_magnitude(table.energies), palette.RESIDUAL)
-        yield Panel("Energy residual", "time, s", "J", (line,), logarithmic=True)
+        yield Panel("Energy residual", TIME, "|residual| (J)", (line,), logarithmic=True)
 
 
 def _reactions(table: RunTable) -> Iterator[Panel]:
@@ -132,7 +133,7 @@ def _reactions(table: RunTable) -> Iterator[Panel]:
             vectors = [table.requested[f"{REACTION}{joint}.{suffix.format(axis)}"] for axis in "xyz"]
             lines.append(Line(joint, table.times, np.linalg.norm(vectors, axis=0), _joint_color(index)))
         if lines:
-            yield Panel(title, "time, s", unit, tuple(lines))
+            yield Panel(title, TIME, _named(title.split()[-1], unit), tuple(lines))
 
 
 def _sensors(table: RunTable) -> Iterator[Panel]:
@@ -144,7 +145,13 @@ def _sensors(table: RunTable) -> Iterator[Panel]:
                 Line(component or sensor, measurements.times, column, _joint_color(index), gaps)
                 for index, (component, column) in enumerate(zip(measured.components, measured.values.T, strict=True))
             )
-            yield Panel(f"{sensor}: {quantity.replace('_', ' ')}", "time, s", measured.unit or "1", lines)
+            name = quantity.replace("_", " ")
+            yield Panel(f"{sensor}: {name}", TIME, _named(name, measured.unit or "1"), lines)
+
+
+def _named(quantity: str, unit: str) -> str:
+    """The label of an axis."""
+    return f"{quantity} ({unit or 'SI units'})"
 
 
 def _joint_color(index: int) -> Color:

@@ -12,6 +12,7 @@ from mbd_sim.errors import InputError, MbdSimError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.playback.panels import Line, Panel
 from mbd_sim.playback.plot_files import PLOT_SUFFIXES, import_plotly, require_plot_packages, require_suffix
+from mbd_sim.playback.plot_style import STYLES, PlotStyle, template
 from mbd_sim.playback.run_table import RunTable
 
 MAX_LEGEND_LINES = 12
@@ -19,7 +20,7 @@ MAX_POINTS = 20_000  # of a line on a page or in a vector graphic
 MAX_EVENTS = 40
 
 
-def draw(path: Path, table: RunTable, panels: Sequence[Panel]) -> None:
+def draw(path: Path, table: RunTable, panels: Sequence[Panel], style: PlotStyle = STYLES["screen"]) -> None:
     """Draw the panels, one below the other.
 
     :raises MbdSimError: the file has another format or cannot be written, or Plotly is not installed.
@@ -27,47 +28,49 @@ def draw(path: Path, table: RunTable, panels: Sequence[Panel]) -> None:
     require_suffix(path, PLOT_SUFFIXES)
     try:
         if path.suffix == ".html":
-            _write_page(path, table, panels)
+            _write_page(path, table, panels, style)
         else:
-            _draw_picture(path, table, panels)
+            require_plot_packages(path)
+            with style.applied():
+                _draw_picture(path, table, panels, style)
     except InputError:  # already has a remedy
         raise
     except (OSError, ValueError) as error:
         raise MbdSimError(f"{path} cannot be drawn: {error}") from error
 
 
-def _draw_picture(path: Path, table: RunTable, panels: Sequence[Panel]) -> None:
-    require_plot_packages(path)
+def _draw_picture(path: Path, table: RunTable, panels: Sequence[Panel], style: PlotStyle) -> None:
     from matplotlib.figure import Figure
 
-    heights = [2.0 if panel.over_time else 4.0 for panel in panels]
-    figure = Figure(figsize=(9.0, sum(heights) + 0.6), layout="constrained")
-    figure.suptitle(_title(table))
+    heights = [style.panel_height * (1.0 if panel.over_time else 2.0) for panel in panels]
+    figure = Figure(figsize=(style.width, sum(heights) + 0.06 * style.font), layout="constrained")
+    if style.titled:
+        figure.suptitle(_title(table))
     all_axes = figure.subplots(len(panels), 1, squeeze=False, height_ratios=heights)[:, 0]
+    figure.align_ylabels(all_axes)
     first, last = _time_panels(panels)
     for number, (axes, panel) in enumerate(zip(all_axes, panels, strict=True)):
-        for line in panel.lines:
+        for index, line in enumerate(panel.lines):
             x, y = _thinned(line) if path.suffix != ".png" else (line.x, line.y)
-            axes.plot(x, y, color=_hex(line), linewidth=1.2, label=line.name)
-        axes.set(title=panel.title, ylabel=panel.y_label)
-        axes.title.set_fontsize("medium")
-        axes.grid(alpha=0.25)
+            axes.plot(x, y, style.dash(index), color=style.color(line.color), label=line.name)
+        axes.set(title=panel.title if style.titled else "", ylabel=panel.y_label)
+        axes.grid(True)
         if panel.logarithmic:
             axes.set_yscale("log")
         if panel.over_time:
             for time, _ in table.events[:MAX_EVENTS]:
-                axes.axvline(time, color="0.6", linewidth=0.8, linestyle=":")
+                axes.axvline(time, color="0.6", linewidth=0.7 * style.line, linestyle=":")
             if number != first:
                 axes.sharex(all_axes[first])
             axes.tick_params(labelbottom=number == last)
         if number == last or not panel.over_time:
             axes.set_xlabel(panel.x_label)
-        if 1 < len(panel.lines) <= MAX_LEGEND_LINES:
-            axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
-    figure.savefig(path, dpi=110)
+        if len(panel.lines) <= MAX_LEGEND_LINES:
+            style.legend(axes, len(panel.lines))
+    figure.savefig(path, dpi=style.resolution)
 
 
-def _write_page(path: Path, table: RunTable, panels: Sequence[Panel]) -> None:
+def _write_page(path: Path, table: RunTable, panels: Sequence[Panel], style: PlotStyle) -> None:
     graph_objects, subplots = import_plotly()
     heights = [220 if panel.over_time else 440 for panel in panels]
     total = sum(heights)
@@ -87,7 +90,7 @@ def _write_page(path: Path, table: RunTable, panels: Sequence[Panel]) -> None:
                 y=y,
                 name=line.name,
                 mode="lines",
-                line={"color": _hex(line), "width": 1.4},
+                line={"color": style.color(line.color), "width": 1.4},
                 legendgroup=str(number),
                 legendgrouptitle={"text": panel.title},
             )
@@ -99,7 +102,7 @@ def _write_page(path: Path, table: RunTable, panels: Sequence[Panel]) -> None:
         figure.update_xaxes(title_text=label, row=number, col=1, **shared)
         if panel.over_time:
             _add_events(figure, table, number, labeled=number == first)
-    figure.update_layout(title=_title(table), height=total + 120, template="plotly_white", hovermode="x unified")
+    figure.update_layout(title=_title(table), height=total + 120, template=template(style.theme), hovermode="x unified")
     figure.write_html(path, include_plotlyjs=True)
 
 
@@ -126,8 +129,3 @@ def _thinned(line: Line) -> tuple[Array, Array]:
     """Return at most `MAX_POINTS` of a line's points, evenly spaced."""
     stride = -(-len(line.x) // MAX_POINTS)
     return np.asarray(line.x[::stride]), np.asarray(line.y[::stride])
-
-
-def _hex(line: Line) -> str:
-    red, green, blue = line.color
-    return f"#{red:02x}{green:02x}{blue:02x}"

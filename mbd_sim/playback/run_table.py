@@ -11,6 +11,7 @@ import numpy as np
 from mbd_sim.errors import MbdSimError, MechanismError, listed
 from mbd_sim.geometry.pose import Array
 from mbd_sim.load import parse_mechanism
+from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.playback.requested_columns import requested_readers
 from mbd_sim.playback.sensor_columns import SensorMessages, SensorTable
 from mbd_sim.recording import cdr
@@ -196,12 +197,15 @@ def _units(recording: Recording, names: Sequence[str]) -> tuple[str, ...]:
         mechanism = parse_mechanism(recording.mechanism_text, str(recording.path))
     except MechanismError:
         return ("",) * len(names)
+    units = coordinate_units(mechanism)
+    return tuple(units.get(name, "") for name in names)
+
+
+def coordinate_units(mechanism: Mechanism) -> dict[str, str]:
+    """The unit, `rad` or `m`, of each coordinate by its name, also of driven ones."""
     coordinates = [*mechanism.coordinate_names, *mechanism.driven_names]
     kinds = [*entity_paths.free_kinds(mechanism), *entity_paths.driven_kinds(mechanism)]
-    units = {
-        name: "rad" if kind == entity_paths.ANGULAR else "m" for name, kind in zip(coordinates, kinds, strict=True)
-    }
-    return tuple(units.get(name, "") for name in names)
+    return {name: "rad" if kind == entity_paths.ANGULAR else "m" for name, kind in zip(coordinates, kinds, strict=True)}
 
 
 def _by_name(names: tuple[str, ...], given: Iterable[tuple[tuple[str, ...], Array]]) -> Array:

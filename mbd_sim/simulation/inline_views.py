@@ -15,15 +15,17 @@ if TYPE_CHECKING:
 class InlineViews(Stepping):
     """The pictures of a `Simulation`."""
 
-    def plot(self, until: float, show: Sequence[str] = ()) -> RunPicture:
+    def plot(self, until: float, show: Sequence[str] = (), style: str = "screen", theme: str = "light") -> RunPicture:
         """Run to time `until` in s, and return a plot of energies, joints, residual and phase portrait.
 
         :param show: the panels to show; by default all for which there are data, as `mbd_sim plot`.
-        :raises InputError: there is no such panel, or the simulation is being recorded already.
+        :param style: `screen`, `slide` (10 in wide) or `paper` (3.5 in wide, without titles, with dashed lines).
+        :param theme: `light` or `dark`.
+        :raises InputError: there is no such panel, style or theme, or the simulation is being recorded already.
         :raises ValueError: the time is not finite, or is in the past.
         :raises DivergedError: see `advance`.
         """
-        return cast("RunPicture", import_module("mbd_sim.notebook.runs").plot(self, until, show))
+        return cast("RunPicture", import_module("mbd_sim.notebook.runs").plot(self, until, show, style, theme))
 
     def animate(self, until: float, traces: Sequence[str] = ()) -> RunPicture:
         """Run to time `until` in s, and return an animation of the motion.

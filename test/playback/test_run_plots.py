@@ -2,13 +2,18 @@
 
 import re
 import xml.etree.ElementTree as ElementTree
+from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
 
 from mbd_sim.cli.main import main
+from mbd_sim.cli.plot_options import STYLES as STYLE_OPTIONS
+from mbd_sim.cli.plot_options import THEMES as THEME_OPTIONS
+from mbd_sim.errors import InputError
 from mbd_sim.playback.panels import panels
+from mbd_sim.playback.plot_style import STYLES, THEMES, plot_style
 from mbd_sim.playback.run_table import read_table
 from mbd_sim.recording.reader import open_recording
 from test.playback.test_run_table import foreign_bag
@@ -26,9 +31,9 @@ def test_panels_contain_the_table(recording):
     assert {title for title, _ in found} == {
         "Energies", "Position", "Velocity", "Effort", "Energy residual", "Phase portrait",
     }  # fmt: skip
-    (residual,) = found["Energy residual", "J"].lines
+    (residual,) = found["Energy residual", "|residual| (J)"].lines
     assert np.all(residual.y[~np.isnan(residual.y)] > 0.0)
-    for row, line in enumerate(found["Phase portrait", "velocity, rad/s"].lines):
+    for row, line in enumerate(found["Phase portrait", "velocity (rad/s)"].lines):
         kept = ~np.isnan(line.x)
         assert np.count_nonzero(~kept) == len(table.resets)
         np.testing.assert_array_equal(line.x[kept], table.position[:, row])
@@ -41,6 +46,37 @@ def test_a_picture_is_not_empty(recording, tmp_path):
     pixels = imread(path)
     assert min(pixels.shape[:2]) > 500
     assert np.mean(np.any(pixels[..., :3] < 0.9, axis=-1)) > 0.01
+
+
+@pytest.mark.parametrize(("style", "width"), [("screen", 990), ("slide", 1920), ("paper", 1050)])
+def test_a_style_has_one_width(recording, tmp_path, style, width):
+    path = tmp_path / "run.png"
+    arguments = ["plot", str(recording), "--out", str(path), "--show", "residual", "--style", style, "--quiet"]
+    assert main([*arguments, "--theme", "dark"]) == 0
+    pixels = imread(path)
+    assert pixels.shape[1] == width
+    assert pixels[0, 0, :3].max() < 0.1 and pixels[..., :3].max() > 0.8  # light on dark
+
+
+def test_a_paper_has_dashes_and_names_in_place_of_titles(recording):
+    table = read_table(open_recording(recording))
+    (panel,) = panels(table, ["energies"])
+    style = plot_style(Path("run.pdf"), "paper")
+    dashes = [style.dash(number) for number in range(len(panel.lines))]
+    assert len(set(dashes)) == min(len(dashes), 4) and not style.titled
+    assert plot_style(Path("run.pdf")).dash(1) == "-"
+    dark = plot_style(Path("run.pdf"), theme="dark")
+    assert dark.color((40, 44, 52)) != plot_style(Path("run.pdf")).color((40, 44, 52)) == "#282c34"
+
+
+def test_a_style_that_has_no_effect_is_refused(recording, tmp_path, capsys):
+    page = ["plot", str(recording), "--out", str(tmp_path / "run.html"), "--style", "slide", "--quiet"]
+    assert main(page) == 1
+    assert "an HTML page is as wide as its window" in capsys.readouterr().err
+    assert main(["run", "rod_pendulum", "--time", "0.1", "--theme", "dark", "--quiet"]) == 1
+    assert "--theme: nothing is plotted" in capsys.readouterr().err
+    with pytest.raises(InputError, match="Did you mean 'slide'"):
+        plot_style(Path("run.png"), "slides")
 
 
 def test_a_vector_graphic_contains_its_text(recording, tmp_path):
@@ -70,3 +106,7 @@ def test_plots_without_data_are_reported(recording, tmp_path, capsys):
     assert main(["plot", str(bag), "--out", str(tmp_path / "run.png"), "--quiet", "--show", "residual"]) == 1
     assert "contains no data for the plot 'residual'" in capsys.readouterr().err
     assert main(["plot", str(bag), "--out", str(tmp_path / "run.png"), "--quiet"]) == 0
+
+
+def test_the_options_are_the_styles():
+    assert tuple(STYLES) == STYLE_OPTIONS and THEMES == THEME_OPTIONS

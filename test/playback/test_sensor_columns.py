@@ -106,7 +106,7 @@ def test_a_panel_for_each_quantity_is_interrupted_at_a_reset(run, capsys):
     titles = [panel.title for panel in chosen]
     assert "imu: specific force" in titles and "angle: index" in titles and len(titles) == len(set(titles))
     (force,) = [panel for panel in chosen if panel.title == "imu: specific force"]
-    assert [line.name for line in force.lines] == ["x", "y", "z"] and force.y_label == "m/s²"
+    assert [line.name for line in force.lines] == ["x", "y", "z"] and force.y_label == "specific force (m/s²)"
     (line, *_), measured = force.lines, table.sensors["imu"]
     assert len(line.x) == len(measured.times) + 1
     gap = int(np.flatnonzero(np.isnan(line.x))[0])

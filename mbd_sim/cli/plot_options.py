@@ -1,0 +1,38 @@
+"""The options of commands that plot: for what the picture is, and on which ground."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mbd_sim.errors import InputError
+
+if TYPE_CHECKING:
+    from mbd_sim.playback.plot_style import PlotStyle
+
+STYLES, THEMES = ("screen", "slide", "paper"), ("light", "dark")
+
+
+def add_plot_style(parser: argparse._ActionsContainer) -> None:
+    """Declare `--style` and `--theme`."""
+    parser.add_argument(
+        "--style",
+        choices=STYLES,
+        help="width and fonts of the plot: for a screen, a slide (10 in wide) or a column of a paper (3.5 in, without "
+        "titles, with dashes) (default screen)",
+    )
+    parser.add_argument("--theme", choices=THEMES, help="ground of the plot (default light)")
+
+
+def chosen_style(options: argparse.Namespace, path: Path | None) -> PlotStyle:
+    """The style of the plot that goes to `path`.
+
+    :raises InputError: a style is given without a plot, or does not fit the file.
+    """
+    from mbd_sim.playback.plot_style import plot_style
+
+    given = [name for name in ("style", "theme") if getattr(options, name)]
+    if path is None and given:
+        raise InputError(f"{', '.join(f'--{name}' for name in given)}: nothing is plotted", "Give --plot too.")
+    return plot_style(path or Path(), options.style or "screen", options.theme or "light")
