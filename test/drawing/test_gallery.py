@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from mbd_sim.drawing import gallery
+from mbd_sim.drawing.gallery_animation import LARGEST
 from mbd_sim.errors import MbdSimError
 from mbd_sim.mechanism_file.library import shipped
 
@@ -28,6 +29,12 @@ def test_every_mechanism_has_a_readable_picture():
     assert not stale, f"pictures of mechanisms that are not shipped: {', '.join(sorted(stale))}: run `make gallery`"
     for name in shipped():
         assert ElementTree.parse(DOCS / "gallery" / f"{name}.svg").getroot().tag.endswith("svg")
+
+
+def test_animations_are_small():
+    sizes = {path.name: path.stat().st_size for path in (DOCS / "gallery").glob("*.webp")}
+    assert len(sizes) > 60
+    assert max(sizes.values()) <= LARGEST and sum(sizes.values()) < 4e6
 
 
 def test_a_picture_can_be_generated(tmp_path):
