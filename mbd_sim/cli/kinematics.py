@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 from mbd_sim.cli.common import add_mechanism
 
 if TYPE_CHECKING:
+    from mbd_sim.geometry.pose import Array
+    from mbd_sim.kinematic_analysis import DrivenMotion
     from mbd_sim.mechanism.records import Mechanism
 
 HELP = "move drives through ranges: positions, velocities, accelerations, dead points, loads"
@@ -53,6 +55,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="follow the motion through dead points, where the drive turns back, and straight through change points",
     )
+    parser.add_argument(
+        "--sensitivity",
+        action="append",
+        default=[],
+        metavar="KEY",
+        help="a parameter of the file by which positions are differentiated; repeatable",
+    )
+    parser.add_argument(
+        "--tolerance",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="a tolerance ± of a parameter of the file, such as l=0.1mm; repeatable",
+    )
+    parser.add_argument(
+        "--samples", type=int, default=0, metavar="N", help="random samples within the tolerances (default: none)"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="seed of the random samples (default 0)")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write a table: .csv, .parquet or .npz")
     parser.add_argument("--plot", type=Path, metavar="PICTURE", help="draw the motion: .png, .svg or .pdf")
 
@@ -92,10 +112,11 @@ def execute(options: argparse.Namespace) -> int:
     if options.transmission is not None:
         pins = tuple(coupler_and_follower(motion.mechanism, list(drives), text) for text in options.transmission)
     loads = drive_loads(motion) if options.loads else None
-    print(motion_text(motion, options.point, pins, loads))
+    lines, columns = _accuracy(options, mechanism, motion)
+    print(motion_text(motion, options.point, pins, loads, lines))
     if options.out is not None:
         about = {"mechanism": mechanism.name, "drives": ", ".join(options.drive), "speed": str(motion.speed)}
-        write_columns(options.out, motion_columns(motion, options.point, pins, loads), about)
+        write_columns(options.out, motion_columns(motion, options.point, pins, loads) | columns, about)
     if options.plot is not None:
         draw_motion(options.plot, motion, options.point, pins, loads)
     for path in (options.out, options.plot):
@@ -109,3 +130,28 @@ def _print_modes(mechanism: Mechanism, drives: Mapping[str, float]) -> None:
     from mbd_sim.kinematic_analysis.motion_text import modes_text
 
     print(modes_text(mechanism, assembly_modes(mechanism, drives)))
+
+
+def _accuracy(
+    options: argparse.Namespace, mechanism: Mechanism, motion: DrivenMotion
+) -> tuple[list[str], dict[str, Array]]:
+    """Lines and columns about sensitivities and tolerances."""
+    from mbd_sim.errors import InputError
+    from mbd_sim.kinematic_analysis import MotionSensitivity, ToleranceAnalysis
+    from mbd_sim.kinematic_analysis import accuracy_report as report
+    from mbd_sim.kinematic_analysis.prescribed_drives import parameter_value
+
+    lines: list[str] = []
+    columns: dict[str, Array] = {}
+    if options.sensitivity:
+        sensitivity = MotionSensitivity(mechanism, motion, options.sensitivity)
+        lines += report.sensitivity_lines(sensitivity, options.point)
+        columns |= report.sensitivity_columns(sensitivity, options.point)
+    if options.tolerance:
+        given = dict(parameter_value(text, mechanism) for text in options.tolerance)
+        tolerances = ToleranceAnalysis(mechanism, motion, given, samples=options.samples, seed=options.seed)
+        lines += report.tolerance_lines(tolerances, options.point)
+        columns |= report.tolerance_columns(tolerances, options.point)
+    elif options.samples:
+        raise InputError("--samples without tolerances", "Give --tolerance KEY=VALUE.")
+    return lines, columns

@@ -9,7 +9,8 @@
 | `assembly_modes`, `reach` | all configurations at given drives; how far a drive can go |
 | `transmission`, `extremes` | transmission angles; limit positions and extreme angles |
 | `drive_loads` | efforts and reactions by inverse dynamics |
-| `motion_table`, `motion_text`, `motion_picture` | the results as columns, text and pictures |
+| `parametric_motion`, `sensitivity`, `tolerances` | derivatives by parameters of the file; tolerances |
+| `motion_table`, `motion_text`, `motion_picture`, `accuracy_report` | the results as columns, text and pictures |
 """
 
 from __future__ import annotations
@@ -22,17 +23,23 @@ from mbd_sim.kinematic_analysis.kinematic_system import UnreachableError
 from mbd_sim.kinematic_analysis.motion_table import motion_columns
 from mbd_sim.kinematic_analysis.point_motion import PointMotion
 from mbd_sim.kinematic_analysis.reach import ReachableRange, reachable_range
+from mbd_sim.kinematic_analysis.sensitivity import MotionSensitivity, Sensitivity
+from mbd_sim.kinematic_analysis.tolerances import Deviation, ToleranceAnalysis
 from mbd_sim.kinematic_analysis.transmission import CouplerAndFollower, couplers_and_followers
 
 __all__ = [
     "AssemblyModes",
     "CouplerAndFollower",
+    "Deviation",
     "DriveLoads",
     "DrivenMotion",
     "Extreme",
+    "MotionSensitivity",
     "PointMotion",
     "ReachableRange",
+    "Sensitivity",
     "SingularRow",
+    "ToleranceAnalysis",
     "UnreachableError",
     "assembly_modes",
     "couplers_and_followers",

@@ -124,7 +124,7 @@ class KinematicSystem:
 
     def rates(self, q: Array, speeds: Array, accelerations: Array) -> tuple[Array, Array] | None:
         """u (nv,) and u' (nv,) for speeds (n,) and accelerations (n,) of the drives; None at a dead point."""
-        matrix = self._stacked(q)
+        matrix = self.stacked(q)
         left, values, right = np.linalg.svd(matrix, full_matrices=False)
         if values[-1] <= SINGULAR * values[0]:
             return None
@@ -140,7 +140,7 @@ class KinematicSystem:
         u = solved(np.zeros(len(matrix) - len(self.drives)), speeds)
         return u, solved(-self.bias(q, u), accelerations)
 
-    def _stacked(self, q: Array) -> Array:
+    def stacked(self, q: Array) -> Array:
         """G above S in units of `scale`, G divided by the size of the mechanism."""
         selection = np.eye(self.layout.nv)[self.u_driven]
         return np.vstack([self.gradient(q) * self.scale / self.constraints.size, selection])

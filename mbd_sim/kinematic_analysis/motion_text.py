@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -23,9 +23,13 @@ WIDTH = 14  # of its columns
 
 
 def motion_text(
-    motion: DrivenMotion, points: Sequence[str], pins: Sequence[CouplerAndFollower], loads: DriveLoads | None
+    motion: DrivenMotion,
+    points: Sequence[str],
+    pins: Sequence[CouplerAndFollower],
+    loads: DriveLoads | None,
+    further: Iterable[str] = (),
 ) -> str:
-    """The report on a motion. Angles are in degrees, everything else in SI units."""
+    """The report on a motion, with `further` lines. Angles are in degrees, everything else in SI units."""
     lines = [*_head(motion), *_singular(motion), *_limits(motion)]
     for joints in pins:
         least, most = transmission_extremes(motion, joints)
@@ -40,7 +44,7 @@ def motion_text(
     lines += [_row("Advantage", f"{name}: {_advantage(motion, name)}") for name in grounded_outputs(motion)]
     if loads is not None:
         lines += _loads(motion, loads)
-    return "\n".join([*lines, "", *_table(motion, points, loads)])
+    return "\n".join([*lines, *further, "", *_table(motion, points, loads)])
 
 
 def modes_text(mechanism: Mechanism, modes: AssemblyModes) -> str:

@@ -67,6 +67,28 @@ def drive_speed(text: str, mechanism: Mechanism, drives: Sequence[DriveRange]) -
     return speed
 
 
+def parameter_value(text: str, mechanism: Mechanism) -> tuple[str, float]:
+    """The key and the number in SI units of `KEY=VALUE`; the value may have any unit.
+
+    :raises InputError: the text cannot be read.
+    """
+    key, equals, value = (part.strip() for part in text.partition("="))
+    if not key or not equals:
+        raise InputError(f"'{text}' gives no value", "Write for example l=0.1mm.")
+    return key, parameter_number(text, value, mechanism)
+
+
+def parameter_number(text: str, value: str, mechanism: Mechanism) -> float:
+    """The number in SI units of a `value` of any unit, which is part of an argument `text`.
+
+    :raises InputError: it is none.
+    """
+    try:
+        return parse_value(_plain(value), mechanism.parameters, None)
+    except InputError as error:
+        raise InputError(f"{text}: '{value}' {error.message}", error.remedy) from error
+
+
 def position_count(given: Sequence[tuple[DriveRange, int | None]], default: int) -> int:
     """The number of positions of drives that move together.
 
@@ -79,7 +101,7 @@ def position_count(given: Sequence[tuple[DriveRange, int | None]], default: int)
 
 
 def undriven(mechanism: Mechanism, names: Sequence[str]) -> Mechanism:
-    """The mechanism with a coordinate in place of each drive that is among the `names`, at its position at t = 0.
+    """The mechanism at rest, with a coordinate in place of each drive that is among the `names`, where it is at t = 0.
 
     :raises InputError: there is no such coordinate, or it is named twice, or its motion cannot be prescribed.
     :raises MechanismError: something else depends on time.
@@ -89,7 +111,7 @@ def undriven(mechanism: Mechanism, names: Sequence[str]) -> Mechanism:
     for name in names:
         _unit_of(mechanism, name)
     joints = {
-        key: _without_drive(joint) if joint.drive and set(joint.motion_names) & {*names} else joint
+        key: _at_rest(_without_drive(joint) if joint.drive and set(joint.motion_names) & {*names} else joint)
         for key, joint in mechanism.joints.items()
     }
     changed = replace(mechanism, joints=joints)
@@ -156,7 +178,14 @@ def _without_drive(joint: Joint) -> Joint:
         position=np.array(position),
         velocity=np.zeros(count),
         fixed_in_assembly=(True,) * count,
-        fixed_speeds=(False,) * count,
+    )
+
+
+def _at_rest(joint: Joint) -> Joint:
+    return (
+        joint
+        if joint.drive
+        else replace(joint, velocity=np.zeros(joint.kind.nv), fixed_speeds=(False,) * joint.kind.nv)
     )
 
 

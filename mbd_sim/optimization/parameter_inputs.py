@@ -6,7 +6,7 @@ exact.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -53,15 +53,19 @@ class ParameterInputs:
         return ca.vertcat(*(casadi_expression(formula, parameters) for formula in self.points[part, point]))
 
 
-def parameter_inputs(mechanism: Mechanism, keys: Sequence[str]) -> ParameterInputs:
+def parameter_inputs(
+    mechanism: Mechanism, keys: Sequence[str], reduced: Callable[[Mechanism], Mechanism] = with_forces_alone
+) -> ParameterInputs:
     """The numbers of a mechanism as formulas of some parameters.
 
     :param keys: of its file, as for live values.
+    :param reduced: gives the mechanism whose equations are wanted, such as one without forces.
     :raises MechanismError: a key does not exist, or more than numbers depends on its value, or numbers without a short
         formula.
     """
-    data, start = equation_data(mechanism), values_of(mechanism, keys)
-    samples = number_samples(lambda changes: with_forces_alone(with_values(mechanism, changes)), start, _numbers)
+    whole, mechanism, start = mechanism, reduced(mechanism), values_of(mechanism, keys)
+    data = equation_data(mechanism)
+    samples = number_samples(lambda changes: reduced(with_values(whole, changes)), start, _numbers)
     problems = [_problem(mechanism, key, f"cannot be an input: {reason}") for key, reason in samples.built_in.items()]
     if problems:
         raise MechanismError(problems)

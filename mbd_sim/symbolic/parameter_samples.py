@@ -38,9 +38,10 @@ def number_samples(changed: Changed, start: Mapping[str, float | None], numbers:
     :param start: the values that it has at the keys.
     :param numbers: gives the numbers (n,) of a mechanism.
     """
-    kept, built_in, data = list[str](), dict[str, str](), equation_data(changed({}))
+    kept, built_in, unchanged = list[str](), dict[str, str](), changed({})
+    data, given = equation_data(unchanged), numbers(unchanged)
     for key, value in start.items():
-        reason = _reason(changed, data, key, value)
+        reason = _reason(changed, data, lambda other: not np.array_equal(numbers(other), given), key, value)
         if reason is None:
             kept.append(key)
         elif reason:
@@ -59,8 +60,10 @@ def number_samples(changed: Changed, start: Mapping[str, float | None], numbers:
     return NumberSamples((), np.zeros(0), Samples((), (np.zeros((1, 0)), one[None, :])), built_in)
 
 
-def _reason(changed: Changed, data: EquationData, key: str, value: float | None) -> str | None:
-    """Why a key cannot be a symbol; empty if the equations do not depend on it, None if it can be one."""
+def _reason(
+    changed: Changed, data: EquationData, differs: Callable[[Mechanism], bool], key: str, value: float | None
+) -> str | None:
+    """Why a key cannot be a symbol; empty if no number depends on it, None if it can be one."""
     if value is None:
         return "it is not a number"
     for factor in RANGES[1:]:
@@ -71,7 +74,7 @@ def _reason(changed: Changed, data: EquationData, key: str, value: float | None)
             continue
         except StructureError as error:
             return str(error)
-        return None if len(found.base) else ""
+        return None if len(found.base) or differs(other) else ""
     return "no other values fit"
 
 
