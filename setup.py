@@ -105,6 +105,8 @@ setup(
     ],
     extras_require={
         "gym": ["gymnasium>=1.0"],
+        # Linear systems as objects of python-control.
+        "control": ["control>=0.10"],
         # In a ROS 2 installation these come from the system instead.
         "ros": [
             "ros-jazzy-rclpy>=7.1,<8",
@@ -139,6 +141,7 @@ setup(
         "test": [
             "argcomplete>=3.1",
             "av>=12",
+            "control>=0.10",
             "dask[distributed]>=2024.1",
             "gymnasium>=1.0",
             "hypothesis>=6.100",

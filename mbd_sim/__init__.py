@@ -14,8 +14,8 @@ This page has the whole Python interface, apart from the learning environments i
   `Reaction`, `PartMotion`, `SensorReading`, `Pose`; the compiled equations without a state: `Model`
 - pictures of a simulation's run, in notebooks and as files: `Simulation.plot`, `Simulation.animate`, `RunPicture`
 - recordings of a simulation's run: `Simulation.recording`, `RunRecorder`
-- analyses: `linearize`, `Linearization`, `modes`, `Mode`, `equilibrium`, `lqr`, `InverseDynamics`, `inertia_split`,
-  `InertiaSplit`
+- analyses: `linearize`, `Linearization`, `modes`, `Mode`, `StateSpace`, `equilibrium`, `lqr`, `InverseDynamics`,
+  `inertia_split`, `InertiaSplit`
 - positions without masses: `Kinematics`
 - equations as formulas: `symbolic_equations`, `SymbolicEquations`, `to_latex`
 - errors: `MbdSimError` and its subclasses
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from mbd_sim.analysis.kinematics import Kinematics
     from mbd_sim.analysis.linearization import Linearization, Mode, linearize, modes
     from mbd_sim.analysis.regulator import lqr
+    from mbd_sim.analysis.state_space import StateSpace
     from mbd_sim.geometry.pose import Pose
     from mbd_sim.load import load_mechanism, parse_mechanism
     from mbd_sim.mechanism.records import Mechanism
@@ -85,6 +86,7 @@ __all__ = [
     "RunRecorder",
     "SensorReading",
     "Simulation",
+    "StateSpace",
     "SymbolicEquations",
     "Violation",
     "__version__",
@@ -106,6 +108,7 @@ _MODULES = {
     "mbd_sim.analysis.kinematics": ("Kinematics",),
     "mbd_sim.analysis.linearization": ("Linearization", "Mode", "linearize", "modes"),
     "mbd_sim.analysis.regulator": ("lqr",),
+    "mbd_sim.analysis.state_space": ("StateSpace",),
     "mbd_sim.geometry.pose": ("Pose",),
     "mbd_sim.load": ("load_mechanism", "parse_mechanism"),
     "mbd_sim.mechanism.records": ("Mechanism",),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.dynamics.equations import Equations
+from mbd_sim.errors import MbdSimError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 
@@ -58,18 +59,46 @@ class LoadSharing:
         """
         if not self.indeterminacy:
             return None
-        of_reactions, of_drives, gradient = (np.array(part) for part in self._equations.load_paths(t, y, inputs))
-        stresses, weights, own = self._self_stresses(gradient, of_drives), self._weights, self._own_rows
-        effects = weights[:, None] * (of_reactions @ stresses)
-        loads = weights * self._given_reactions(t, y, inputs).ravel()
-        if len(own):
-            effects = np.vstack([effects, stresses[own]])
-            loads = np.concatenate([loads, self._given_multipliers(t, y, inputs)[own]])
-        components = np.linalg.lstsq(effects, -loads, rcond=None)[0]
-        if np.max(np.abs(effects @ components), initial=0.0) <= ROUND_OFF * np.max(np.abs(loads), initial=0.0):
+        of_reactions, stresses = self._indeterminate(t, y, inputs)
+        loads, multipliers = self._given_reactions(t, y, inputs).ravel(), self._given_multipliers(t, y, inputs)
+        components, is_round_off = self._components(of_reactions, stresses, loads, multipliers)
+        if is_round_off:
             return None
         added = stresses @ components
         return added, (of_reactions @ added).reshape(-1, 6)
+
+    def shared_changes(self, t: float, y: Array, inputs: Array, reactions: Array, multipliers: Array) -> Array:
+        """Changes (6 joints, n) of the reactions, from those that the equations of motion give.
+
+        :param reactions: (6 joints, n) of the equations, joint by joint.
+        :param multipliers: (m, n) of the equations.
+        :raises MbdSimError: redundant joints share the load in this state, so that the changes depend on their place.
+        """
+        if self._added(t, y, inputs) is not None:
+            raise MbdSimError(
+                f"the reactions of '{self._mechanism.name}' are not linearized, because redundant joints share the "
+                "load in this state. Leave out redundant constraints, or choose other outputs."
+            )
+        of_reactions, stresses = self._indeterminate(t, y, inputs)
+        components = self._components(of_reactions, stresses, reactions, multipliers)[0]
+        return np.asarray(reactions + of_reactions @ stresses @ components)
+
+    def _indeterminate(self, t: float, y: Array, inputs: Array) -> tuple[Array, Array]:
+        """The reactions (6 joints, m) by unit multipliers, and the `_self_stresses` (m, k)."""
+        of_reactions, of_drives, gradient = (np.array(part) for part in self._equations.load_paths(t, y, inputs))
+        return of_reactions, self._self_stresses(gradient, of_drives)
+
+    def _components(
+        self, of_reactions: Array, stresses: Array, reactions: Array, multipliers: Array
+    ) -> tuple[Array, bool]:
+        """The self-stress (k, …) that minimizes the sum for given loads, and whether it is zero or round-off."""
+        weights, own = self._weights, self._own_rows
+        effects, loads = weights[:, None] * (of_reactions @ stresses), (weights * reactions.T).T
+        if len(own):
+            effects, loads = np.vstack([effects, stresses[own]]), np.concatenate([loads, multipliers[own]])
+        components: Array = np.linalg.lstsq(effects, -loads, rcond=None)[0].astype(float)
+        size = ROUND_OFF * np.max(np.abs(loads), initial=0.0)
+        return components, bool(np.max(np.abs(effects @ components), initial=0.0) <= size)
 
     def _self_stresses(self, gradient: Array, of_drives: Array) -> Array:
         """An orthonormal basis (m, k) of the multipliers that change neither the motion nor the forces of drives.

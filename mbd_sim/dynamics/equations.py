@@ -160,6 +160,17 @@ class Equations:
         """(t, y, inputs) -> the derivatives of rates and of constraints, see `rate_derivatives`."""
         return rate_derivatives(self)
 
+    def disturbed(self, loaded: tuple[str, ...]) -> Equations:
+        """The same equations with disturbances among the inputs, and wrenches on these parts as well; traced once."""
+        parts = tuple(dict.fromkeys((*self.inputs.loaded, *loaded)))
+        if parts not in self._disturbed:
+            self._disturbed[parts] = derive(self.mechanism, parts, self.parameters, self.step, disturb=True)
+        return self._disturbed[parts]
+
+    @cached_property
+    def _disturbed(self) -> dict[tuple[str, ...], Equations]:
+        return {}
+
     def joint_linearization(self) -> JointLinearization:
         """The linearized forces within joints, for methods that treat only these implicitly."""
         return self.trace_joint_linearization()

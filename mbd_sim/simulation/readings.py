@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ from mbd_sim.simulation.step_advice import step_advice
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.linearization import Linearization
+    from mbd_sim.analysis.state_space import StateSpace
 
 COMPILED = 15_000  # instructions of derivatives up to which they are compiled, within about a second
 
@@ -160,6 +161,28 @@ class Readings(RunState):
 
         equations, memory = self.model.equations, self._memory
         return linearize_at(equations, self.time, memory.y, memory.inputs, self._derivatives)
+
+    def state_space(self, inputs: Iterable[str] | None = None, outputs: Iterable[str] | None = None) -> StateSpace:
+        """x' = A x + B i, o = C x + D i for small changes about this state, with chosen inputs and outputs.
+
+        A name also stands for all names that begin with it and a dot: `points.rod` for `points.rod.position.x` and so
+        on. Inputs and outputs are listed in docs/linear_analysis.md.
+
+        >>> from mbd_sim import Simulation
+        >>> system = Simulation.from_file("double_rod").state_space(["efforts.shoulder"], ["points.lower.acceleration"])
+        >>> system.outputs
+        ('points.lower.acceleration.x', 'points.lower.acceleration.y', 'points.lower.acceleration.z')
+
+        :param inputs: by default all efforts and commands.
+        :param outputs: by default the positions of all coordinates.
+        :raises CommandError: there is no such input or output, or it has no derivatives in this state.
+        :raises MechanismError: an actuator is sampled or delayed, or has a rate limit.
+        :raises MbdSimError: a contact is about to change, so that the motion has no derivatives.
+        """
+        from mbd_sim.analysis.state_space import state_space
+
+        memory, mechanism = self._memory, self._live.mechanism
+        return state_space(self.model.equations, mechanism, self.time, memory.y, memory.inputs, inputs, outputs)
 
     @cached_property
     def _derivatives(self) -> Callable[[], Array] | None:
