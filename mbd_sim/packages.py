@@ -17,8 +17,8 @@ DISTRIBUTIONS = {  # by the name of the module, where it is another one
     "yaml": "pyyaml",
 }
 NEEDED = (  # by this package; any of them may be missing where pip has not installed it
-    *("av", "casadi", "control", "gymnasium", "llvmlite", "matplotlib", "mcap", "numpy", "pandas", "pint", "plotly", "pyarrow"),
-    *("pydantic", "rich", "rosbags", "scipy", "sympy", "zstandard"),
+    *("av", "casadi", "control", "gymnasium", "llvmlite", "matplotlib", "mcap", "numpy", "pandas", "pint", "plotly"),
+    *("pyarrow", "pydantic", "rich", "rosbags", "scipy", "sympy", "zstandard"),
     *DISTRIBUTIONS,
 )
 _ROS_MODULES = ("rclpy", "ament_index_python", "rosidl_runtime_py")

@@ -94,7 +94,8 @@ def test_a_pendulum_on_a_cart():
 
 
 def test_python_control_and_scipy_have_the_same_system():
-    control, signal = pytest.importorskip("control"), pytest.importorskip("scipy.signal")
+    pytest.importorskip("control")
+    signal = pytest.importorskip("scipy.signal")
     system = Simulation.from_text(CART).state_space(
         ["efforts.rail", "base.x"], ["joints.hinge.position", "sensors.imu"]
     )

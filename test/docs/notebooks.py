@@ -60,7 +60,7 @@ def execute_snippet(language, code):
     elif language == "sh":
         for line in code.replace("\\\n", " ").splitlines():
             words = shlex.split(line, comments=True)
-            if "--animate" in words:
+            if "--animate" in words and words[1] == "run":
                 words += ["--time", "0.1"]  # pictures take long
             if words[:1] == ["mbd_sim"] and not any(word in line for word in WINDOWS):
                 assert main([*words[1:], "--quiet"] if words[1] in QUIET else words[1:]) == 0, line

@@ -15,6 +15,7 @@ PAGES = [
     README,
     THEORY,
     ROOT / "docs/kinematic_analysis.md",
+    ROOT / "docs/linear_analysis.md",
     ROOT / "docs/mjcf_sdf.md",
     *sorted(path for path in (ROOT / "docs" / "how_to").glob("*.md") if path.name != "index.md"),
 ]
