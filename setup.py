@@ -136,8 +136,8 @@ setup(
         ],
         # Sweeps: tables, and parallel runs.
         "sweep": ["dask[distributed]>=2024.1", "pyarrow>=14"],
-        # Real robots, and Pinocchio as the reference for their accelerations; without them those tests are skipped.
-        "robots": ["example-robot-data>=4", "pin>=3"],
+        # Real robots, and Pinocchio and Drake as references for accelerations; without them those tests are skipped.
+        "robots": ["drake>=1.30", "example-robot-data>=4", "pin>=3"],
         "test": [
             "argcomplete>=3.1",
             "av>=12",

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 def load_mechanism(mechanism: str | Path, base: Base | None = None) -> Mechanism:
     """Load a mechanism file, a URDF, an MJCF or an SDF, given by its path, or a shipped mechanism by its name.
 
-    :param base: whether the root link of a URDF is `fixed` to ground, the default, or `free`.
+    :param base: whether the root link of a URDF is `fixed` to ground, the default, or `free`; the same for models of an
+        SDF that are not attached to the world, and are free by default.
     :raises MechanismError: with every problem of the file, each with its line and a remedy.
     """
     path = find(mechanism)
@@ -78,6 +79,10 @@ def _xml_source(text: str, file: str, base: Base | None) -> Source:
             message = "an MJCF says itself how its bodies are attached to the world"
             raise MechanismError([Problem(message, "Leave out the base.", key="base", value=quoted(base), file=file)])
         return mjcf_source(text, file)
+    if tag == "sdf":
+        from mbd_sim.sdf.sdf_reader import sdf_source
+
+        return sdf_source(text, file, base)
     from mbd_sim.urdf.robot_reader import urdf_source
 
     return urdf_source(text, file, base)

@@ -342,7 +342,7 @@ def test_problems_of_the_mechanism_have_the_line_of_the_urdf():
     [
         ("<robot><link></robot>", "r.urdf:1: not valid XML: mismatched tag"),
         ("<robot>\n<link name='a' name='b'/></robot>", "r.urdf:2: not valid XML: duplicate attribute"),
-        ("<sdf/>", "this is SDF, not URDF (got <sdf>). A URDF's root element is <robot>."),
+        ("<sdf/>", "has no <link>"),
         ("<mujoco/>", "has no <body>"),
         ("<html/>", "this is not URDF"),
         ("<robot/>", "robot: has no <link>"),

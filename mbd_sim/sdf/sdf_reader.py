@@ -1,0 +1,261 @@
+"""An SDF as the source of a mechanism: its links and joints become parts and joints, its frames points.
+
+Links that no joint connects to the world fly freely, as in Gazebo, unless their model is static.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mbd_sim.geometry.pose import Pose
+from mbd_sim.mechanism.records import GROUND
+from mbd_sim.mechanism.source import Location, Origin, Source
+from mbd_sim.mechanism_file.file_limits import file_error
+from mbd_sim.mechanism_file.yaml_writer import yaml_text
+from mbd_sim.sdf.couplings import gearbox_of, mimics_of
+from mbd_sim.sdf.frame_graph import Node, Scope, key_of, link_of, world_pose
+from mbd_sim.sdf.joints import GEARBOX, joint_of
+from mbd_sim.sdf.links import part_of, rotated
+from mbd_sim.sdf.scopes import FRAMES, ScopeReader
+from mbd_sim.sdf.values import Values
+from mbd_sim.urdf.robot_reader import Base
+from mbd_sim.urdf.value_reader import Reading, rows, unique_name, valid_names
+from mbd_sim.urdf.xml_elements import Element, parse_xml
+
+MOST = 1000  # elements of a kind in the list of what was left out
+WORLD_GRAVITY = [0.0, 0.0, -9.8]  # of the specification
+GRAVITY = [0.0, 0.0, -9.81]
+QUIET = ("static", "pose", "self_collide", "allow_auto_disable", "enable_wind")  # of models, without effect here
+
+
+def sdf_source(text: str, file: str, base: Base | None = None) -> Source:
+    """An SDF as the source of a mechanism file, with the origins of its values.
+
+    Problems of single elements are among its `problems`, with which `validate` refuses it. Its `notes` list everything
+    that was left out.
+
+    :param base: `fixed` or `free`, of models that are not attached to the world; `free` by default.
+    :raises MechanismError: the text is not XML or not SDF, or frames or included models do not exist.
+    """
+    root = parse_xml(text, file)
+    if root.tag != "sdf":
+        shown = f"<{root.tag[:60]}>"
+        raise file_error(file, root.line, "this is not SDF", "An SDF's root element is <sdf>.", value=shown)
+    worlds = root.all("world")
+    if len(worlds) > 1:
+        raise file_error(file, worlds[1].line, "has several worlds", "Keep one of them.", key=key_of(worlds[1]))
+    return _Reader(root, worlds[0] if worlds else root, file, base).source()
+
+
+class _Reader:
+    """The frames of an SDF, and their conversion to the data of a mechanism file."""
+
+    def __init__(self, root: Element, world: Element, file: str, base: Base | None) -> None:
+        self.reading, self.root, self.world, self.base = Reading(file, MOST), root, world, base or "free"
+        self.values = Values(self.reading)
+        self.scope = Scope(file, world)
+        ScopeReader(self.values).fill(self.scope, world)
+        self.links: list[Node] = []
+        self.joints: list[Node] = []
+        self.frames: list[Node] = []
+        self.static: set[int] = set()  # id of links in static models
+        self._collect(self.scope, static=False)
+        self.part_names = self._names(self.links, "link")
+        self.joint_names = self._names(self.joints, "joint")
+        self.origins: dict[Location, Origin] = {}
+        self.data: dict[str, dict[str, Any]] = {"ground": {}, "parts": {}, "joints": {}, "constraints": {}}
+
+    def source(self) -> Source:
+        """The data, and the origins of its values."""
+        if not self.links and not self.reading.problems:
+            raise file_error(
+                self.reading.file, self.world.line, "has no <link>", "Add a model.", key=key_of(self.world)
+            )
+        for link in self.links:
+            name, key = self.part_names[id(link)], key_of(link.element)
+            self.data["parts"][name] = part_of(self.values, link.element, key)
+            self.origins["parts", name] = self.reading.origin(link.element, key)
+        for joint in self.joints:
+            self._add_joint(joint)
+        self._add_bases()
+        self._add_couplings()
+        for frame in self.frames:
+            self._point(link_of(frame), world_pose(frame), frame.name, always=True)
+        self._note_rest()
+        models = [*self.scope.of_kind("model")]
+        name = models[0].name if len(models) == 1 else self.world.attributes.get("name") or "world"
+        sections = {key: entries for key, entries in self.data.items() if entries}
+        content = {"mechanism": valid_names([name], "model")[name], **self._gravity(), **sections}
+        source = Source(
+            content, file=self.reading.file, problems=self.reading.problems, origins=self.origins, format="SDF"
+        )
+        source.notes = self.reading.notes
+        if not source.problems:
+            source.text = yaml_text(source.data, [f"From {Path(self.reading.file).name}.", *source.notes])
+        return source
+
+    def _collect(self, scope: Scope, static: bool) -> None:
+        for node in scope.nodes.values():
+            match node.kind:
+                case "link":
+                    self.links.append(node)
+                    self.static |= {id(node)} if static else set()
+                case "joint" if static:
+                    self.reading.leave_out_at("joints of static models", node.element, key_of(node.element))
+                case "joint":
+                    self.joints.append(node)
+                case "frame":
+                    self.frames.append(node)
+                case _ if node.inner is not None:
+                    flag = self.values.flag(node.element, "static", key_of(node.element))
+                    self._collect(node.inner, static or flag)
+
+    def _names(self, nodes: list[Node], kind: str) -> dict[int, str]:
+        """A valid name for each frame: its own, with those of its models where there are several."""
+        alone = len([*self.scope.of_kind("model")]) == 1
+        written = []
+        for node in nodes:
+            path, owner = [node.name], node.scope.owner
+            while owner is not None:
+                path.insert(0, owner.name)
+                owner = owner.scope.owner
+            written.append("::".join(path[1:] if alone and len(path) > 1 else path))
+        names = valid_names(written, kind)
+        for old, new in names.items():
+            if old != new:
+                self.reading.leave_out("names that are not valid here, as old → new", f"{old} → {new}")
+        return {id(node): names[name] for node, name in zip(nodes, written, strict=True)}
+
+    def _end(self, joint: Node, tag: str) -> Node | None:
+        """The link at an end of a joint; None is the world."""
+        key = f"{key_of(joint.element)}.{tag}"
+        name, element = self.values.text(joint.element, tag), joint.element.first(tag)
+        if element is None or not name:
+            raise file_error(joint.element.file, joint.element.line, f"<{tag}> is missing", "Add it.", key=key)
+        return link_of(joint.scope.require(name, element, key))
+
+    def _add_joint(self, joint: Node) -> None:
+        if joint.element.attributes.get("type") == GEARBOX:
+            return
+        parent, child = self._end(joint, "parent"), self._end(joint, "child")
+        own, key = self.joint_names[id(joint)], key_of(joint.element)
+        if parent is child:
+            self.reading.report(joint.element, key, "connects a link with itself", "Name two links.")
+            return
+        version = joint_version(joint) or self.root.attributes.get("version", "1.7")
+        record = joint_of(self.values, joint, old_axes=version in ("1.0", "1.1", "1.2", "1.3", "1.4"))
+        place = world_pose(joint)
+        between = [self._point(parent, place, own), self._point(child, place, own)]
+        self.data["joints"][own] = {"type": record.pop("type"), "between": between, **record}
+        self.origins["joints", own] = self.reading.origin(joint.element, key)
+
+    def _point(self, link: Node | None, place: Pose, wanted: str, always: bool = False) -> str:
+        """The name of a point of a link, or of the world, at a pose in the world; of the part alone at its own pose."""
+        part = GROUND if link is None else self.part_names[id(link)]
+        pose = place if link is None else world_pose(link).inverse() @ place
+        rotation = _clean(pose.rotation)
+        pose = Pose(_clean(pose.position), rotation)
+        if not always and not np.any(pose.position) and not np.any(rotation != np.eye(3)):
+            return part
+        holder = self.data["ground"] if link is None else self.data["parts"][part]
+        points = holder.setdefault("points", {})
+        name, turned = unique_name(valid_names([wanted], "point")[wanted], points), rotated(pose)
+        points[name] = {"at": rows(pose.position), **turned} if turned else rows(pose.position)
+        return f"{part}.{name}"
+
+    def _add_bases(self) -> None:
+        """Attach each group of links that joints connect, but not to the world, by its first link."""
+        groups = self._groups()
+        for group in groups:
+            names = [*self.joint_names.values(), *self.data["joints"]]
+            for link in group if id(group[0]) in self.static else group[:1]:
+                part, place = self.part_names[id(link)], world_pose(link)
+                name = unique_name("base" if len(groups) == len(group) == 1 else f"{part}_base", names)
+                names.append(name)
+                if id(link) in self.static or self.base == "fixed":
+                    record: dict[str, Any] = {"type": "fixed", "between": [self._point(None, place, part), part]}
+                else:
+                    record = {"type": "free", "between": [GROUND, part]}
+                    record |= {"position": rows(place.position)} if np.any(place.position) else {}
+                    turned = rotated(Pose(place.position, _clean(place.rotation)))
+                    record |= {"orientation": turned["rotate"]} if turned else {}
+                self.data["joints"][name] = record
+                self.origins["joints", name] = self.reading.origin(link.element, key_of(link.element))
+
+    def _groups(self) -> list[list[Node]]:
+        """The links that are not connected to the world, in groups that joints connect."""
+        group = {id(link): {id(link)} for link in self.links}
+        grounded: set[int] = set()
+        for joint in self.joints:
+            if joint.element.attributes.get("type") == GEARBOX:
+                continue
+            ends = [end for tag in ("parent", "child") if (end := self._end(joint, tag)) is not None]
+            if len(ends) == 1:
+                grounded.add(id(ends[0]))
+            elif group[id(ends[0])] is not group[id(ends[1])]:
+                merged = group[id(ends[0])] | group[id(ends[1])]
+                group |= dict.fromkeys(merged, merged)
+        found: list[list[Node]] = []
+        seen: set[int] = set()
+        for link in self.links:
+            members = group[id(link)]
+            if id(link) in seen:
+                continue
+            seen |= members
+            if not members & grounded or id(link) in self.static:
+                found.append([one for one in self.links if id(one) in members])
+        return found
+
+    def _add_couplings(self) -> None:
+        names = {id(joint): self.joint_names[id(joint)] for joint in self.joints}
+        for joint in self.joints:
+            own = names[id(joint)]
+            if joint.element.attributes.get("type") == GEARBOX:
+                found = gearbox_of(self.values, joint, self.joints, names, self._end)
+                entries = [] if found is None else [(own, found)]
+            else:
+                entries = [(f"{own}_mimic", one) for one in mimics_of(self.values, joint, names)]
+            for name, record in entries:
+                unique = unique_name(name, self.data["constraints"])
+                self.data["constraints"][unique] = record
+                self.origins["constraints", unique] = self.reading.origin(joint.element, key_of(joint.element))
+
+    def _note_rest(self) -> None:
+        for element in self.root.children if self.world is not self.root else ():
+            if element is not self.world:
+                self.reading.leave_out_at(f"<{element.tag}> beside the world", element, key_of(element))
+        scopes = [self.scope]
+        while scopes:
+            scope = scopes.pop(0)
+            scopes += [node.inner for node in scope.nodes.values() if node.inner is not None]
+            for element in scope.element.children:
+                if element.tag not in (*FRAMES, *QUIET) and not (scope is self.scope and element.tag == "gravity"):
+                    self.reading.leave_out_at(f"<{element.tag}>", element, key_of(element))
+
+    def _gravity(self) -> dict[str, list[float]]:
+        if self.world is self.root:
+            return {}
+        given = self.values.numbers(self.world, "gravity", key_of(self.world), 3)
+        if given is None:
+            self.reading.leave_out("gravity that is not given, and has the value of the specification", "9.8 m/s²")
+        gravity = given or WORLD_GRAVITY
+        return {} if gravity == GRAVITY else {"gravity": gravity}
+
+
+def joint_version(joint: Node) -> str:
+    """The version of the file from which a model was included; empty for the main file."""
+    scope: Scope | None = joint.scope
+    while scope is not None:
+        if version := scope.element.attributes.get("sdf_version"):
+            return version
+        scope = scope.outer
+    return ""
+
+
+def _clean(array: Any) -> Any:
+    """Numbers within rounding of whole ones as these, so that frames that coincide are found to."""
+    nearest_whole = np.round(array)
+    return np.where(np.abs(array - nearest_whole) <= 4e-16, nearest_whole, array) + 0.0
