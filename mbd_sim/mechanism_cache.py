@@ -1,7 +1,7 @@
 """Mechanism files that were read before: loaded from the cache on disk, without the schema and its libraries.
 
 A mechanism is found by its text, the name of its file, and the version of this package and of what it is built with. It
-is stored only if it depends on no other file.
+is stored only if it depends on no other file. So is what else needs the schema at every start.
 """
 
 from __future__ import annotations
@@ -11,11 +11,14 @@ import pickle
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from mbd_sim import disk_cache
 from mbd_sim.mechanism.records import Mechanism
+
+T = TypeVar("T")
 
 
 def cached_mechanism(text: str, file: str, base: str | None, parse: Callable[[], Mechanism]) -> Mechanism:
@@ -23,17 +26,26 @@ def cached_mechanism(text: str, file: str, base: str | None, parse: Callable[[],
 
     :param text: all that `parse` reads, unless the file names another one; `file` and `base` as in `parse_mechanism`.
     """
+    return cached(parse, "mechanism", text, file, base or "", keep=lambda mechanism: mechanism.source.text == text)
+
+
+def cached(compute: Callable[[], T], *contents: str, keep: Callable[[T], bool] = lambda result: True) -> T:
+    """The result of a computation, or an equal one from the cache.
+
+    :param contents: everything that the result depends on, but the versions.
+    :param keep: whether a result may be stored.
+    """
     if disk_cache.folder() is None:
-        return parse()
-    key = disk_cache.key("mechanism", text, file, base or "", _versions())
+        return compute()
+    key = disk_cache.key(*contents, _versions())
     stored = disk_cache.load(key)
     if stored is not None:
-        mechanism: Mechanism = pickle.loads(stored)  # noqa: S301  # as safe as the kernels there, which are executed
-        return mechanism
-    mechanism = parse()
-    if mechanism.source.text == text:
-        disk_cache.store(key, pickle.dumps(mechanism))
-    return mechanism
+        found: T = pickle.loads(stored)  # noqa: S301  # as safe as the kernels there, which are executed
+        return found
+    result = compute()
+    if keep(result):
+        disk_cache.store(key, pickle.dumps(result))
+    return result
 
 
 @functools.cache

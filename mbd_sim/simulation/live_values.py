@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
+import pickle
 from collections.abc import Mapping, Sequence
 from copy import copy
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.dynamics.cam_check import require_followable_cams
 from mbd_sim.dynamics.symbolic_parameters import (
@@ -17,6 +22,7 @@ from mbd_sim.dynamics.symbolic_parameters import (
 from mbd_sim.errors import CommandError, MechanismError, Problem, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism_cache import cached
 from mbd_sim.mechanism_file.override import matching, value_of, values_of, with_values
 from mbd_sim.simulation.efforts import EffortMap
 
@@ -48,23 +54,9 @@ class LiveValues:
         """
         self._mechanism = mechanism
         base = equation_data(mechanism)
-        keys = [
-            (key, "*" in name) for name in names for key in (matching(mechanism, [name]) if "*" in name else [name])
-        ]
-        values = values_of(mechanism, [key for key, _ in keys])
-        found: dict[str, EquationData] = {}
-        problems: list[Problem] = []
-        for key, is_match in keys:
-            try:
-                found[key] = _probed(mechanism, key, values[key], base)
-            except StructureError as error:
-                if not is_match:
-                    remedy = "Change the file and start again."
-                    problems.append(Problem(f"cannot change during a run: {error}", remedy, key=key))
-        if problems:
-            raise MechanismError(problems)
-        self.current: dict[str, float] = {key: values[key] or 0.0 for key in found}
-        self.values: SymbolicParameters = varying_parameters(base, list(found.values()))
+        found = _found(mechanism, names, base)
+        self.current: dict[str, float] = found.current
+        self.values = SymbolicParameters(base, found.indices, found.columns, found.values)
         self._changed, self._changed_with = mechanism, self.current
 
     def copy(self) -> LiveValues:
@@ -139,6 +131,44 @@ def require_closed(changes: Mapping[str, float], gap: float, before: float) -> N
         raise CommandError(
             f"{', '.join(changes)}: this would open the loops by {gap:.3g}. Start again with the new value."
         )
+
+
+class _LiveNumbers(NamedTuple):
+    """The live values at the start by key, and `indices`, `columns` and values as in `SymbolicParameters`."""
+
+    current: dict[str, float]
+    indices: NDArray[np.intp]
+    columns: NDArray[np.intp]
+    values: Array
+
+
+def _found(mechanism: Mechanism, names: Sequence[str], base: EquationData) -> _LiveNumbers:
+    """The live values of these names, from the cache if they were searched for before: see `LiveValues`."""
+    source = mechanism.source
+    if not names or source.changed:
+        return _searched(mechanism, names, base)
+    equations = hashlib.sha256(pickle.dumps((base.free, base.fixed))).hexdigest()
+    texts = source.text, source.file, equations, *names
+    return cached(lambda: _searched(mechanism, names, base), "live values", *texts)
+
+
+def _searched(mechanism: Mechanism, names: Sequence[str], base: EquationData) -> _LiveNumbers:
+    keys = [(key, "*" in name) for name in names for key in (matching(mechanism, [name]) if "*" in name else [name])]
+    values = values_of(mechanism, [key for key, _ in keys])
+    found: dict[str, EquationData] = {}
+    problems: list[Problem] = []
+    for key, is_match in keys:
+        try:
+            found[key] = _probed(mechanism, key, values[key], base)
+        except StructureError as error:
+            if not is_match:
+                remedy = "Change the file and start again."
+                problems.append(Problem(f"cannot change during a run: {error}", remedy, key=key))
+    if problems:
+        raise MechanismError(problems)
+    parameters = varying_parameters(base, list(found.values()))
+    current = {key: values[key] or 0.0 for key in found}
+    return _LiveNumbers(current, parameters.indices, parameters.columns, parameters.base)
 
 
 def _probed(mechanism: Mechanism, key: str, value: float | None, base: EquationData) -> EquationData:
