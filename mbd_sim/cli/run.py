@@ -31,7 +31,9 @@ DESCRIPTION = (
 
 SHOWN_RATE = 60.0  # states per simulated second that go to the viewer
 CHUNK = 20_000  # steps per call without a viewer
-FLUSH_INTERVAL = 10_000  # states after which the run waits for the viewer, so that its queue drops none
+FLUSH_INTERVAL = (
+    10_000  # states and measured quantities after which the run waits for the viewer, so that its queue drops none
+)
 RESIDUAL_LIMIT = 1e-4  # of the largest energy or work, above which the energy residual is worth a warning
 VIOLATION_LIMIT = 1e-6  # m and m/s, above which a violated constraint is worth a warning
 
@@ -78,9 +80,8 @@ def simulate(
     from mbd_sim.viewer import Viewer
 
     viewer = Viewer(simulation.model, rerun, rate=SHOWN_RATE) if rerun else None
-    samplers: list[Sampler] = []
-    if viewer is not None:
-        samplers.append(_ViewerFeed(viewer, simulation))
+    feed = None if viewer is None else _ViewerFeed(viewer, simulation)
+    samplers: list[Sampler] = [] if feed is None else [feed]
     if outputs is not None and outputs.frame_rate:
         samplers.append(_Frames(outputs, simulation))
     last = round(duration / simulation.step_size)
@@ -89,13 +90,19 @@ def simulate(
         with ProgressBar(simulation.mechanism.name, quiet, total=duration, amount=SECONDS) as progress:
             for sampler in samplers:
                 sampler.sample()
+            if feed is not None:
+                feed.measure()
             schedules = [publication_schedule(sampler.rate, simulation.step_size) for sampler in samplers]
             while simulation.steps < last:
                 due = [schedule.next_tick(simulation.steps) for schedule in schedules if schedule]
+                if feed is not None:
+                    due.append(simulation.steps + simulation.steps_to_arrival(CHUNK))
                 began = time.perf_counter()
                 simulation.advance(min(*due, simulation.steps + CHUNK, last) - simulation.steps)
                 seconds_stepping += time.perf_counter() - began
                 progress.show(simulation.time)
+                if feed is not None:
+                    feed.measure()
                 for sampler, schedule in zip(samplers, schedules, strict=True):
                     if schedule and schedule.is_due(simulation.steps):
                         sampler.sample()
@@ -123,14 +130,27 @@ class _ViewerFeed:
     rate = SHOWN_RATE
 
     def __init__(self, viewer: Viewer, simulation: Simulation) -> None:
-        self._viewer, self._simulation, self._shown = viewer, simulation, 0
+        self._viewer, self._simulation, self._waiting = viewer, simulation, 0
 
     def sample(self) -> None:
         simulation = self._simulation
         self._viewer.offer(simulation.time, simulation.state, simulation.inputs.copy(), simulation.energies)
-        self._shown += 1
-        if self._shown % FLUSH_INTERVAL == 0:
+        self._count()
+
+    def measure(self) -> None:
+        """Show the measurements that arrive at the present step."""
+        sensors = self._simulation.sensor_model
+        for number, sample in self._simulation.arrivals:
+            assert sensors is not None
+            reading = sensors.reading(number, sample)
+            self._viewer.measure(self._simulation.time, sensors.sensors[number].name, reading)
+            self._count(len(reading.values))
+
+    def _count(self, items: int = 1) -> None:
+        self._waiting += items
+        if self._waiting >= FLUSH_INTERVAL:
             self._viewer.flush()
+            self._waiting = 0
 
 
 class _Frames:

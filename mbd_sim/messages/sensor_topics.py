@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 from mbd_sim.mechanism.sensors import Encoder
 from mbd_sim.messages.sensor_messages import sensor_writer
 from mbd_sim.messages.topics import for_each_sensor
 from mbd_sim.simulation.compiled_model import Model
-from mbd_sim.simulation.sensor_model import INDEX, SensorModel
+from mbd_sim.simulation.sensor_model import INDEX, SensorModel, SensorReading
 from mbd_sim.simulation.sensor_samples import Arrival
+
+
+class Measured(NamedTuple):
+    """A measurement of a sensor as the message of a topic, and as such."""
+
+    topic: str
+    payload: bytes
+    sensor: str
+    reading: SensorReading
 
 
 class SensorMessages:
@@ -22,11 +32,12 @@ class SensorMessages:
         self.writers = [sensor_writer(sensors, number, frame_prefix) for number in range(len(sensors.sensors))]
         self._delays_ns = [timing.delay * round(step_size * 1e9) for timing in sensors.timings]
 
-    def payload(self, arrival: Arrival, clock_ns: int) -> bytes:
-        """The message of a measurement that arrives at a time in ns; its stamp is the time of the sample."""
-        number, sample = arrival
-        reading = self._sensors.reading(number, sample)
-        return self.writers[number].payload(reading, clock_ns - self._delays_ns[number])
+    def measured(self, arrivals: Sequence[Arrival], clock_ns: int) -> Iterator[Measured]:
+        """The measurements that arrive at a time in ns; the stamp of their messages is the time of the sample."""
+        for number, sample in arrivals:
+            reading = self._sensors.reading(number, sample)
+            payload = self.writers[number].payload(reading, clock_ns - self._delays_ns[number])
+            yield Measured(self.names[number], payload, self._sensors.sensors[number].name, reading)
 
     def rounding(self, number: int, quantity: str) -> float:
         """By how much a value of a sensor may change because the value before rounding changes in its last bits."""
@@ -35,8 +46,3 @@ class SensorMessages:
             return 1.0 if quantity == INDEX else sensor.resolution
         by_name = {one.name: errors for one, errors in zip(sensor.quantities, sensor.errors, strict=True)}
         return by_name[quantity].resolution
-
-    def payloads(self, arrivals: Sequence[Arrival], clock_ns: int) -> Iterator[tuple[str, bytes]]:
-        """The topics and messages of measurements that arrive at a time in ns."""
-        for arrival in arrivals:
-            yield self.names[arrival.sensor], self.payload(arrival, clock_ns)

@@ -200,8 +200,8 @@ class RunRecorder:
         self.states += 1
 
     def _add_measurements(self) -> None:
-        for name, payload in self._sensors.payloads(self._simulation.arrivals, self._clock_ns):
-            self._put(name, payload)
+        for one in self._sensors.measured(self._simulation.arrivals, self._clock_ns):
+            self._put(one.topic, one.payload)
 
     def _put(self, name: str, payload: bytes) -> None:
         if self._closed:

@@ -40,7 +40,7 @@ class SensorComparison:
         arrivals = {arrival.sensor: arrival for arrival in self._recomputation.simulation.arrivals}
         if number not in arrivals:
             raise ReadingError("no measurement arrives at this step")
-        expected = self._messages.payload(arrivals[number], message.time_ns)
+        ((_, expected, *_),) = self._messages.measured([arrivals[number]], message.time_ns)
         if message.payload == expected:
             return []
         if len(message.payload) != len(expected) or message.payload[:4] != expected[:4]:

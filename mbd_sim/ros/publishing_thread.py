@@ -145,8 +145,10 @@ class PublishingThread:
         self.latest = snapshot
         if Due.STATE in snapshot.due or Due.VIEW in snapshot.due:
             self._publish_state(snapshot)
-        for name, payload in self._sensors.payloads(snapshot.arrivals, snapshot.clock_ns):
-            self._send(name, payload, snapshot.clock_ns, snapshot.ticks)
+        for one in self._sensors.measured(snapshot.arrivals, snapshot.clock_ns):
+            self._send(one.topic, one.payload, snapshot.clock_ns, snapshot.ticks)
+            if self.viewer is not None:
+                self.viewer.measure(snapshot.clock_ns * 1e-9, one.sensor, one.reading)
         if Due.MARKERS in snapshot.due:
             self._publish_markers(snapshot)
         if self.recordings is not None:

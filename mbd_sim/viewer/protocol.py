@@ -1,7 +1,7 @@
 """The messages between the simulation's process and the viewer's: a kind, a length, and bytes.
 
-To the viewer: first the scene description and the sink, pickled; then rows of samples as raw numbers, events as
-JSON, and numbered requests to flush what was sent before. Back: lines of JSON.
+To the viewer: first the scene description and the sink, pickled; then rows of samples as raw numbers, events and
+measurements of sensors as JSON, and numbered requests to flush what was sent before. Back: lines of JSON.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import struct
 from typing import IO
 
 HEADER = struct.Struct("<cQ")
-SCENE, ROWS, EVENTS, FLUSH = b"S", b"R", b"E", b"F"
+SCENE, ROWS, EVENTS, MEASUREMENTS, FLUSH = b"S", b"R", b"E", b"M", b"F"
 
 
 def pack(kind: bytes, payload: bytes) -> bytes:

@@ -30,9 +30,11 @@ from mbd_sim.viewer.sinks import ViewerError, checked_sink, is_live
 PERIOD = 0.05  # s between two batches
 BATCH = 500  # samples
 FLUSH_PERIOD = 1.0  # s
+QUATERNION = 4  # numbers
 OPEN_TIMEOUT, CLOSE_TIMEOUT = 60.0, 20.0  # s
 if TYPE_CHECKING:
     from mbd_sim.simulation.compiled_model import Model
+    from mbd_sim.simulation.sensor_model import SensorReading
     from mbd_sim.simulation.state_records import Energies
 
 _log = logging.getLogger(__name__)
@@ -82,8 +84,9 @@ class Viewer:
         self._rate, self._frame, self._motion_time, self._event_filter = rate, -1, -math.inf, EventFilter()
         self._samples: Mailbox[Array] = Mailbox(capacity)
         self._events: Mailbox[tuple[float, EventKind, str]] = Mailbox(capacity)
-        self._writer = RowWriter(model, reactions)
-        options = DisplayOptions(None if traces is None else tuple(traces), trace_time, reactions)
+        self._measurements: Mailbox[tuple[float, str, str, list[float]]] = Mailbox(capacity)
+        self._writer, measures = RowWriter(model, reactions), bool(model.mechanism.sensors)
+        options = DisplayOptions(None if traces is None else tuple(traces), trace_time, reactions, measures)
         self.failure: ViewerError | None = None
         self._reported_by_worker = False
         self._waiting: dict[int, threading.Event] = {}
@@ -123,8 +126,8 @@ class Viewer:
 
     @property
     def dropped(self) -> int:
-        """The number of samples that were discarded before they were sent."""
-        return self._samples.dropped
+        """The number of samples and measurements that were discarded before they were sent."""
+        return self._samples.dropped + self._measurements.dropped
 
     def offer(self, time: float, y: Array, inputs: Array, energies: Energies, motion_time: float | None = None) -> None:
         """Show a state y with its inputs (see `Simulation.inputs`; the efforts are enough) and energies.
@@ -138,6 +141,14 @@ class Viewer:
         if (frame != self._frame or motion_time < self._motion_time) and self.failure is None:
             self._frame, self._motion_time = frame, motion_time
             self._samples.put(self._writer.row(time, motion_time, y, inputs, energies))
+
+    def measure(self, time: float, sensor: str, reading: SensorReading) -> None:
+        """Show a measurement of a sensor at the time in s at which it arrives; returns at once."""
+        if self.failure is None:
+            for quantity, values in reading.values.items():
+                numbers = values.tolist()
+                ordered = [*numbers[1:], numbers[0]] if len(numbers) == QUATERNION else numbers  # as in messages
+                self._measurements.put((time, sensor, quantity, ordered))
 
     def event(self, time: float, event: Event | str) -> None:
         """Add an event to the log at a time in s; of consecutive commands only the first is shown."""
@@ -202,6 +213,8 @@ class Viewer:
                 closing, requested = self._closing, self._flushes
                 while rows := self._samples.take(BATCH):
                     pipe.write(protocol.pack(protocol.ROWS, b"".join(row.data for row in rows)))
+                while measurements := self._measurements.take(BATCH):
+                    pipe.write(protocol.pack(protocol.MEASUREMENTS, json.dumps(measurements).encode()))
                 while events := self._events.take(BATCH):
                     pipe.write(protocol.pack(protocol.EVENTS, json.dumps(events).encode()))
                 if self._waiting or (self._live and time.monotonic() - flushed > FLUSH_PERIOD):

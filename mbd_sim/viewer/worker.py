@@ -11,6 +11,7 @@ import os
 import pickle
 import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from mbd_sim.viewer.rerun_stream import RerunStream
 
 FILE_PERIOD, FILE_BATCH = 1.0, 500_000  # s, bytes: rows for a file are sent when either is reached
+NUMBER = 8  # bytes
 FILE_GROWTH = 0.01  # of the time since the start, by which the period grows
 RERUN_LOG = "warn,re_log_encoding::rrd::file_sink=error"  # Rerun warns of files without a footer
 NICENESS = 10  # so that the simulation comes first where there is not enough processor time for both
@@ -40,7 +42,7 @@ def main() -> int:
 
 
 class RowBatches:
-    """Rows on their way into a stream.
+    """Rows and measurements of sensors on their way into a stream.
 
     Each batch becomes a chunk for every entity, and larger chunks take less space. Therefore rows for a file, which
     nobody watches, are collected: for a second, and for 1 % of the time since the start if that is longer, but not
@@ -50,22 +52,38 @@ class RowBatches:
     def __init__(self, stream: RerunStream, width: int, *, live: bool) -> None:
         self._stream, self._width, self._live = stream, width, live
         self._waiting: list[bytes] = []
+        self._measured: dict[tuple[str, str], list[tuple[float, list[float]]]] = {}  # by sensor and quantity
         self._size, self._start = 0, time.monotonic()
         self._sent = self._start
 
     def add(self, rows: bytes) -> None:
         """Take rows, and send them if it is time."""
         self._waiting.append(rows)
-        self._size += len(rows)
+        self._send_if_due(len(rows))
+
+    def measure(self, measurements: Iterable[tuple[float, str, str, list[float]]]) -> None:
+        """Take measurements of sensors, and send all that waits if it is time."""
+        size = 0
+        for time_s, sensor, quantity, values in measurements:
+            self._measured.setdefault((sensor, quantity), []).append((time_s, values))
+            size += NUMBER * (1 + len(values))
+        self._send_if_due(size)
+
+    def _send_if_due(self, size: int) -> None:
+        self._size += size
         now = time.monotonic()
         period = max(FILE_PERIOD, FILE_GROWTH * (now - self._start))
         if self._live or self._size >= FILE_BATCH or now - self._sent >= period:
             self.send()
 
     def send(self) -> None:
-        """Send all rows that wait."""
+        """Send all rows and measurements that wait."""
         if self._waiting:
             self._stream.send_samples(np.frombuffer(b"".join(self._waiting)).reshape(-1, self._width))
+        for (sensor, quantity), measurements in self._measured.items():
+            times, values = zip(*measurements, strict=True)
+            self._stream.send_measurements(sensor, quantity, np.array(times), np.array(values))
+        self._measured.clear()
         self._waiting, self._size, self._sent = [], 0, time.monotonic()
 
 
@@ -95,6 +113,8 @@ def _run(source: IO[bytes], answers: IO[str]) -> int:
             kind, payload = message
             if kind == protocol.ROWS:
                 batches.add(payload)
+            elif kind == protocol.MEASUREMENTS:
+                batches.measure(json.loads(payload))
             elif kind == protocol.EVENTS:
                 events = json.loads(payload)
                 stream.send_events([LoggedEvent(time, EventKind(kind), text) for time, kind, text in events])

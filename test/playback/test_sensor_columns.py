@@ -136,6 +136,28 @@ def test_rerun_shows_the_measurements_of_a_recorded_run(run):
     assert recorded.static["/sensors/imu/specific_force"]["SeriesLines:names"] == [["x", "y", "z"]]
 
 
+def test_rerun_shows_the_measurements_of_a_run_as_it_is_computed(run, tmp_path):
+    path, *_ = run
+    (tmp_path / "sensed.yaml").write_text(open_recording(path).mechanism_text or "")
+    shown = tmp_path / "live.rrd"
+    assert main(["run", str(tmp_path / "sensed.yaml"), "--time", "0.05", "--rerun", str(shown), "--quiet"]) == 0
+    recorded = Recorded(shown)
+    simulation, found = Simulation.from_file(tmp_path / "sensed.yaml"), {}
+    for _ in range(51):
+        for number, sample in simulation.arrivals:
+            reading = simulation.sensor_model.reading(number, sample)
+            for quantity, values in reading.values.items():
+                ordered = np.roll(values, -1) if quantity == "orientation" else values
+                name = f"/sensors/{simulation.mechanism.sensors[number].name}/{quantity}"
+                found.setdefault(name, []).append((simulation.time, ordered.tolist()))
+        simulation.step()
+    assert found.keys() >= {"/sensors/imu/specific_force", "/sensors/imu/orientation", "/sensors/speed/velocity"}
+    for name, expected in found.items():
+        times, values = zip(*expected, strict=True)
+        np.testing.assert_array_equal(recorded.column(name, "Scalars:scalars"), values)
+        np.testing.assert_allclose(recorded.times(name), times, atol=1e-9)
+
+
 def test_a_run_without_sensors_has_no_such_plot(tmp_path):
     path = tmp_path / "run.mcap"
     simulation = Simulation.from_file("double_rod")

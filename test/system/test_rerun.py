@@ -10,7 +10,7 @@ from test.system.nodes import running
 
 
 def test_a_run_with_rerun_to_a_file_holds_the_scene_and_the_plots(tmp_path: Path) -> None:
-    with running(tmp_path, rerun="run.rrd") as (process, listener):
+    with running(tmp_path, rerun="run.rrd", mechanism="balancing_pendulum") as (process, listener):
         listener.until(lambda: len(listener.states) > 100, "a second of states")
         assert process.end() == 0, process.text
     rerun = str(Path(sys.executable).with_name("rerun"))
@@ -18,7 +18,13 @@ def test_a_run_with_rerun_to_a_file_holds_the_scene_and_the_plots(tmp_path: Path
     printed = subprocess.run(
         [rerun, "rrd", "print", str(tmp_path / "run.rrd")], check=True, capture_output=True, text=True
     ).stdout
-    for entity in ("/world/parts/upper", "/world/parts/lower", "/joints/position", "/energy"):
+    for entity in (
+        "/world/parts/cart",
+        "/world/parts/pendulum",
+        "/joints/position",
+        "/energy",
+        "/sensors/imu/specific_force",
+    ):
         assert entity in printed
 
 
