@@ -51,6 +51,10 @@ def test_every_shipped_mechanism_is_in_the_wheel(wheel):
     assert packed == {path.name for path in (ROOT / "config").rglob("*.yaml")}
 
 
+def test_the_sources_of_fmus_are_in_the_wheel(wheel):
+    assert {"mbd_sim/fmu/sources/fmi3_functions.c", "mbd_sim/fmu/sources/fmi3_types.h"} <= set(wheel.namelist())
+
+
 def test_the_version_is_the_same_everywhere(wheel):
     described = ElementTree.parse(ROOT / "package.xml").getroot()
     cited = re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)[1]

@@ -17,6 +17,8 @@ from mbd_sim.c_code.c_texts import (
     SIZES,
     STEP_COMMENT,
     STEP_DECLARATION,
+    TANGENT,
+    TANGENT_DECLARATION,
 )
 from mbd_sim.c_code.exported_model import ExportedModel
 from mbd_sim.c_code.sine_cosine import sine_cosine_text
@@ -27,9 +29,10 @@ from mbd_sim.compiler.schedule import arranged
 _NONE = Variable("unused", "", "", "nothing: C has no empty structures")
 
 
-def c_module(model: ExportedModel) -> Mapping[str, str]:
+def c_module(model: ExportedModel, *, tangent: bool = False) -> Mapping[str, str]:
     """The texts of `NAME.h` and `NAME.c`, by file name.
 
+    :param tangent: add `NAME_tangent`, the directional derivatives of rates and outputs.
     :raises NotImplementedError: an expression has an operation that kernels do not support either.
     """
     head = HEADER.format(
@@ -41,7 +44,7 @@ def c_module(model: ExportedModel) -> Mapping[str, str]:
         changes=_changes(model),
         flags=FLAGS,
     )
-    return {f"{model.name}.h": head + _header(model), f"{model.name}.c": head + _source(model)}
+    return {f"{model.name}.h": head + _header(model, tangent), f"{model.name}.c": head + _source(model, tangent)}
 
 
 def _changes(model: ExportedModel) -> str:
@@ -55,7 +58,7 @@ def _comment(text: str) -> str:
     return " ".join(text.replace("*/", "* /").replace("/*", "/ *").split())
 
 
-def _header(model: ExportedModel) -> str:
+def _header(model: ExportedModel, tangent: bool) -> str:
     guard = f"{model.name.upper()}_H"
     structures = "\n\n".join(
         _structure(f"{model.name}_{kind}", about, variables)
@@ -79,6 +82,7 @@ def _header(model: ExportedModel) -> str:
         structures=structures,
         steps=STEP_COMMENT + steps,
     )
+    declared += TANGENT_DECLARATION.format(name=model.name) if tangent else ""
     guards = f'#ifndef {guard}\n#define {guard}\n\n#include <stdint.h>\n\n#ifdef __cplusplus\nextern "C" {{\n#endif\n'
     return f"{guards}{declared}\n#ifdef __cplusplus\n}}\n#endif\n\n#endif\n"
 
@@ -91,7 +95,7 @@ def _structure(name: str, about: str, variables: Sequence[Variable]) -> str:
     return "\n".join([f"/* {about} */", "typedef struct {", *fields, f"}} {name};"])
 
 
-def _source(model: ExportedModel) -> str:
+def _source(model: ExportedModel, tangent: bool) -> str:
     between, equations = model.between_steps, model.equations
     held = frozenset[int]() if between is None else between.held
     parts = StepParts(
@@ -119,12 +123,31 @@ def _source(model: ExportedModel) -> str:
         _definitions(model, parts),
     ]
     functions += [PUBLIC_STEP.format(name=model.name, method=method.name) for method in model.methods]
+    functions += _tangent(model) if tangent else []
     if any("sine_cosine(" in function for function in functions):
         functions.insert(0, sine_cosine_text())
     includes = f'#include "{model.name}.h"\n\n#include <math.h>\n#include <string.h>\n'
     sizes = SIZES.format(size=len(model.states), given=max(1, equations.inputs.size), inputs=len(model.inputs))
     contraction = "#ifdef __clang__\n#pragma STDC FP_CONTRACT OFF\n#endif\n"
     return f"{includes}\n{contraction}\n{sizes}\n" + "\n\n".join(functions) + "\n"
+
+
+def _tangent(model: ExportedModel) -> list[str]:
+    arguments = ("t", "y", "u", "p", "d_y", "d_u", "d_p")
+    return [
+        "/* The derivatives of rates and outputs along a direction. */\n"
+        + c_function(model.tangent(), "tangent_of", arguments, ("rate", "out"), ("t",)),
+        TANGENT.format(name=model.name, **_sizes(model)),
+    ]
+
+
+def _sizes(model: ExportedModel) -> dict[str, int]:
+    """The numbers of fields in the structures, at least one."""
+    return {
+        "input_size": max(1, len(model.inputs)),
+        "parameter_size": max(1, len(model.parameters)),
+        "output_size": max(1, len(model.output_variables)),
+    }
 
 
 def _with_inputs(function: Instructions, name: str) -> str:
@@ -150,10 +173,8 @@ def _definitions(model: ExportedModel, parts: StepParts) -> str:
                 ("parameters", model.parameters),
             )
         ),
-        input_size=max(1, len(model.inputs)),
         inputs=len(model.inputs),
-        parameter_size=max(1, len(model.parameters)),
-        output_size=max(1, len(model.output_variables)),
+        **_sizes(model),
         margin=", &margin" if parts.reports_margin else "",
         declared_margin="    double margin;\n" if parts.reports_margin else "",
         project="    project_in_place(t, y, in);" if parts.projects else "    (void)t;\n    (void)in;",

@@ -163,3 +163,29 @@ int {name}_step_{method}({name}_state *state, const {name}_inputs *inputs,
 {{
     return take(step_{method}, state, inputs, parameters, index, (double)index * h, (double)(index + 1) * h, h);
 }}"""
+
+TANGENT_DECLARATION = """
+/* The derivatives of rates and outputs along a direction of states, inputs and parameters. */
+void {name}_tangent(double t, const {name}_state *state, const {name}_inputs *inputs,
+    const {name}_parameters *parameters, const {name}_state *d_state, const {name}_inputs *d_inputs,
+    const {name}_parameters *d_parameters, {name}_state *d_rates, {name}_outputs *d_outputs);
+"""
+
+TANGENT = """\
+void {name}_tangent(double t, const {name}_state *state, const {name}_inputs *inputs,
+    const {name}_parameters *parameters, const {name}_state *d_state, const {name}_inputs *d_inputs,
+    const {name}_parameters *d_parameters, {name}_state *d_rates, {name}_outputs *d_outputs)
+{{
+    double y[SIZE], u[{input_size}], p[{parameter_size}], d_y[SIZE], d_u[{input_size}], d_p[{parameter_size}];
+    double rate[SIZE], out[{output_size}];
+
+    memcpy(y, state, sizeof y);
+    memcpy(u, inputs, sizeof u);
+    memcpy(p, parameters, sizeof p);
+    memcpy(d_y, d_state, sizeof d_y);
+    memcpy(d_u, d_inputs, sizeof d_u);
+    memcpy(d_p, d_parameters, sizeof d_p);
+    tangent_of(t, y, u, p, d_y, d_u, d_p, rate, out);
+    memcpy(d_rates, rate, sizeof rate);
+    memcpy(d_outputs, out, sizeof out);
+}}"""

@@ -74,6 +74,20 @@ class ExportedModel:
         """The SHA-256 hash of the mechanism's file, as hexadecimal digits."""
         return hashlib.sha256(self.mechanism.source.text.encode()).hexdigest()
 
+    def tangent(self) -> ca.Function:
+        """(t, y, inputs, p, dy, d inputs, dp) -> the derivatives of rates and outputs along that direction.
+
+        Here the inputs are those alone, without the numbers that depend on the parameters.
+        """
+        sizes = {"y": len(self.states), "u": len(self.inputs), "p": len(self.parameters)}
+        t, given = ca.SX.sym("t"), [ca.SX.sym(name, size) for name, size in sizes.items()]
+        seeds = [ca.SX.sym(f"d_{name}", size) for name, size in sizes.items()]
+        y, u, p = given
+        inputs = ca.vertcat(u, self.values(p))
+        found = [self.equations.rates.call([t, y, inputs])[0], self.outputs(t, y, inputs, p)]
+        along = [ca.densify(ca.jtimes(value, ca.vertcat(*given), ca.vertcat(*seeds))) for value in found]
+        return ca.Function("tangent", [t, *given, *seeds], along, {"cse": True})
+
 
 def export_model(
     mechanism: Mechanism,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mbd_sim.dynamics.actuator_layout import ENERGIES, FLUID, PRESSURES
 from mbd_sim.dynamics.energy import AUDIT_STATES
@@ -34,7 +34,7 @@ class Variable:
     """A number of a model: a C identifier (`field`), a `name` with dots, an SI `unit` and its value at the start.
 
     The unit is written with `.` for products, and is "" where the file does not say which it is, and "1" for a pure
-    number. `derivative` is the name of the variable of which a state is the derivative, or "".
+    number.
     """
 
     field: str
@@ -42,7 +42,6 @@ class Variable:
     unit: str
     description: str
     start: float = 0.0
-    derivative: str = ""
 
 
 def identifier(name: str) -> str:
@@ -60,7 +59,7 @@ def distinct(variables: Sequence[Variable]) -> tuple[Variable, ...]:
         while field in taken:
             field, number = f"{variable.field}_{number}", number + 1
         taken.add(field)
-        found.append(Variable(field, *list(vars(variable).values())[1:]))
+        found.append(replace(variable, field=field))
     return tuple(found)
 
 

@@ -13,6 +13,7 @@ from mbd_sim.cli import (
     check,
     convert,
     export,
+    fmu,
     kinematics,
     list_mechanisms,
     plot,
@@ -57,6 +58,7 @@ COMMANDS: dict[str, Command] = {  # in the order of --help
     "urdf": urdf,
     "convert": convert,
     "c-code": c_code,
+    "fmu": fmu,
     "list": list_mechanisms,
     "schema": schema,
 }

@@ -19,7 +19,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import GROUND, Mechanism
 from mbd_sim.mechanism_file.override import values_of, with_values
 from mbd_sim.symbolic.exact_numbers import Exact
-from mbd_sim.symbolic.number_formulas import Formula, formulas
+from mbd_sim.symbolic.number_formulas import Formula, Samples, formulas
 from mbd_sim.symbolic.parameter_samples import number_samples
 from mbd_sim.symbolic.symbolic_values import with_forces_alone
 
@@ -72,7 +72,7 @@ def parameter_inputs(
     base, unused = _numbers(mechanism), [key for key in keys if key not in samples.keys]
     if unused:
         raise MechanismError([_problem(mechanism, key, "the equations do not depend on it") for key in unused])
-    found = formulas(samples.samples, np.ones(len(base))) if keys else [_constant(value) for value in base]
+    found = _formulas(samples.samples, base) if keys else [_constant(value) for value in base]
     named = dict(zip([*data.paths, *_further_paths(mechanism)], found, strict=True))
     columns: dict[tuple[Formula, Formula], int] = {}
     indices, column_of = [], []
@@ -89,6 +89,14 @@ def parameter_inputs(
         for key in _points(mechanism)
     }
     return ParameterInputs(tuple(keys), samples.base, numbers, tuple(columns), points)
+
+
+def _formulas(samples: Samples, base: Array) -> list[Formula | int]:
+    """The formula of each number, see `formulas`; those that depend on no parameter are constants."""
+    table = np.vstack([samples.joint[1], *(numbers for _, numbers in samples.slices)])
+    constant = np.all(table == base, axis=0).tolist()
+    found = formulas(samples, np.ones(len(base)))
+    return [_constant(value) if fixed else formula for formula, fixed, value in zip(found, constant, base, strict=True)]
 
 
 def casadi_expression(formula: Formula, parameters: ca.SX) -> ca.SX:
@@ -125,7 +133,8 @@ def _quotient(
 
 def _numbers(mechanism: Mechanism) -> Array:
     moments = [part.mass * part.center for part in mechanism.parts.values()]
-    return np.concatenate([equation_data(mechanism).free, *moments, *_points(mechanism).values()])
+    found = np.concatenate([equation_data(mechanism).free, *moments, *_points(mechanism).values()])
+    return np.where(np.isinf(found), 0.0, found)  # limits that there are not, whatever the parameters
 
 
 def _further_paths(mechanism: Mechanism) -> list[Path]:

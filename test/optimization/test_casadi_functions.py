@@ -12,6 +12,7 @@ from mbd_sim.errors import InputError, MechanismError
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.optimization import casadi_functions
+from mbd_sim.optimization.parameter_inputs import parameter_inputs
 from test.generators.mechanisms import random_state
 
 OPEN = ("double_rod", "cart_pendulum_spring", "triple_rod_torsion", "duffing", "snap_through", "spun_tube_particle",
@@ -137,3 +138,12 @@ joints: {rail: {type: prismatic, between: [ground, p], axis: [cos(alpha), 0, sin
 """
     with pytest.raises(MechanismError, match=r"cannot be an input: .*axis"):
         casadi_functions(parse_mechanism(text), ["alpha"])
+
+
+def test_numbers_that_no_parameter_changes_need_no_short_formula():
+    arm = load_mechanism("six_axis_servo_arm")  # with a composite tool, and efforts without limits
+    inputs = parameter_inputs(arm, ["parts.upper_arm.mass"])
+    assert inputs.values.tolist() == [arm.parts["upper_arm"].mass]
+    assert all(formula.parameters == {0} for formula, _ in inputs.formulas)
+    end = arm.parts["wrist"].points["end"].position
+    assert [formula.value(np.ones((1, 1)))[0] for formula in inputs.points["wrist", "end"]] == end.tolist()
