@@ -119,6 +119,8 @@ setup(
         "mesh": ["contourpy>=1.2", "pillow>=9.1", "pycollada>=0.8", "trimesh>=4.6"],
         # Animations as MP4.
         "video": ["av>=12"],
+        # Dimensions of linkages, identification, LQR.
+        "optimization": ["scipy>=1.11"],
         # The command line in a shell.
         "completion": ["argcomplete>=3.1"],
         # The site: `make docs`.

@@ -8,14 +8,14 @@ from typing import Literal
 
 import numpy as np
 
-from mbd_sim.errors import InputError, nearest
+from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.kinematic_analysis.assembly_modes import modes_at
 from mbd_sim.kinematic_analysis.curve_tracing import TracedCurve, sampled, traced_curve
 from mbd_sim.kinematic_analysis.drive_line import DriveLine
 from mbd_sim.kinematic_analysis.kinematic_system import KinematicSystem
 from mbd_sim.kinematic_analysis.point_motion import PointFunctions, PointMotion
-from mbd_sim.kinematic_analysis.prescribed_drives import coordinate_columns
+from mbd_sim.kinematic_analysis.prescribed_drives import coordinate_columns, coordinate_index
 from mbd_sim.kinematic_analysis.reach import require_reached
 from mbd_sim.kinematic_analysis.singular_points import Kind, SingularPoint
 from mbd_sim.mechanism.records import Mechanism
@@ -124,12 +124,7 @@ class DrivenMotion:
 
         :raises InputError: there is none of this name.
         """
-        if name not in self.names:
-            remedy = nearest(name, self.names)
-            if name in self.mechanism.closing:
-                remedy = f"It closes a loop: write 'cut: true' at another joint of the loop. {remedy}"
-            raise InputError(f"there is no coordinate '{name}'", remedy)
-        return self.names.index(name)
+        return coordinate_index(self.mechanism, name)
 
     def point(self, name: str) -> PointMotion:
         """The path, velocity and acceleration (n, 3) of a point `part.point`, or of the origin of a part.

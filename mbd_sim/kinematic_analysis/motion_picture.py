@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.appearance.polylines import circle
 from mbd_sim.drawing.animation import TRACE_COLORS, TRACE_WIDTH
 from mbd_sim.drawing.composition import Composition, mechanism_sheet
 from mbd_sim.drawing.curve_paths import constraint_curves
 from mbd_sim.drawing.part_outlines import bounding_points
 from mbd_sim.drawing.picture import pixels
 from mbd_sim.drawing.projection import Page, view_of
-from mbd_sim.drawing.sheet import FRONT, SheetPath
+from mbd_sim.drawing.sheet import FRONT, INK, MARKS, SheetPath
 from mbd_sim.errors import InputError, MbdSimError
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.kinematic_analysis.drive_loads import DriveLoads
@@ -31,6 +32,7 @@ SUFFIXES = (".png", ".svg", ".pdf")
 DRAWN = np.array([420.0, 330.0])  # pt, of the mechanism
 RESOLUTION = 180.0  # pixels per inch of the mechanism
 MARGIN = 14.0  # pt
+DOT = 2.4  # pt, radius of a target
 MOST_ADVANTAGE = 20.0  # that is drawn
 DEGREES = 180.0 / np.pi
 
@@ -57,9 +59,12 @@ def draw_motion(
     points: Sequence[str] = (),
     pins: Sequence[CouplerAndFollower] = (),
     loads: DriveLoads | None = None,
+    targets: Array | None = None,
 ) -> None:
     """Draw the motion into a file.
 
+    :param targets: (k, 3) that the first point is to reach, drawn as dots; nan where a component does not matter. Rows
+        are left out that leave open where the dot is.
     :raises InputError: the file has another suffix.
     :raises MbdSimError: it cannot be written.
     """
@@ -72,7 +77,7 @@ def draw_motion(
     figure = Figure(figsize=(11.0, 2.7 * rows + 0.4), layout="constrained")
     grid = figure.add_gridspec(rows, 2)
     picture = figure.add_subplot(grid[0:2, 0])
-    picture.imshow(_mechanism(motion, points), interpolation="antialiased")
+    picture.imshow(_mechanism(motion, points, _dots(motion, points, targets)), interpolation="antialiased")
     picture.set_axis_off()
     figure.suptitle(motion.mechanism.name)
     places = [grid[row, column] for row in range(rows) for column in range(2) if not (column == 0 and row < 2)]
@@ -153,7 +158,17 @@ def _load_panels(motion: DrivenMotion, loads: DriveLoads | None) -> list[_Panel]
     return [*panels, _Panel("Forces on joints", "N", forces)]
 
 
-def _mechanism(motion: DrivenMotion, points: Sequence[str]) -> NDArray[np.uint8]:
+def _dots(motion: DrivenMotion, points: Sequence[str], targets: Array | None) -> Array:
+    """The targets (k, 3) whose place is known, with components in which the point does not move from the point."""
+    if targets is None or not points:
+        return np.zeros((0, 3))
+    path = motion.point(points[0]).position
+    flat = np.ptp(path, axis=0) < 1e-9 * motion.system.constraints.size
+    known = np.where(np.isnan(targets) & flat, path[0], targets)
+    return known[np.all(np.isfinite(known), axis=1)]
+
+
+def _mechanism(motion: DrivenMotion, points: Sequence[str], dots: Array) -> NDArray[np.uint8]:
     """The mechanism in its first configuration, and the paths of points, as pixels."""
     mechanism = motion.mechanism
     poses = {name: PointFunctions(motion.system, name).pose(motion.q[0]) for name in mechanism.parts}
@@ -161,10 +176,14 @@ def _mechanism(motion: DrivenMotion, points: Sequence[str]) -> NDArray[np.uint8]
     view = view_of(mechanism, poses)
     axes = np.column_stack([view.right, view.up])
     own = bounding_points(mechanism, poses) @ axes
-    every = np.vstack([own, *(path @ axes for path in paths)])
+    every = np.vstack([own, dots @ axes, *(path @ axes for path in paths)])
     size = max(float(np.max(np.ptp(own, axis=0))), 1e-9)
     scale = float(np.min((DRAWN - 8.0 * MARGIN) / np.maximum(np.ptp(every, axis=0), 0.2 * size)))
-    sheet = _sheet(Page(view, scale), motion, poses, size, paths)
+    page = Page(view, scale)
+    sheet = _sheet(page, motion, poses, size, paths)
+    for dot in dots:
+        outline = page.project(dot) + DOT * circle(np.linspace(0.0, 2.0 * np.pi, 13))
+        sheet.add(SheetPath(outline, edge=None, fill=INK, closed=True, layer=MARKS))
     low, high = sheet.bounds()
     sheet = sheet.translated(MARGIN - low)
     return pixels(Composition(sheet, np.ceil(high - low + 2.0 * MARGIN)), RESOLUTION)

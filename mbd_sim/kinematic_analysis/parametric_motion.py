@@ -20,7 +20,7 @@ from mbd_sim.dynamics.frame_functions import FrameQuantity, frame_function
 from mbd_sim.errors import InputError, MbdSimError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.kinematic_analysis.kinematic_system import SINGULAR, KinematicSystem
-from mbd_sim.kinematic_analysis.prescribed_drives import coordinate_columns, undriven
+from mbd_sim.kinematic_analysis.prescribed_drives import coordinate_columns, coordinate_index, undriven
 from mbd_sim.mechanism.one_sided import require_two_sided
 from mbd_sim.mechanism.records import GROUND, Mechanism, Part
 from mbd_sim.optimization.parameter_inputs import parameter_inputs
@@ -152,9 +152,14 @@ class ParametricMotion:
         return lambda q, parameters: evaluated(function, q, parameters).ravel()
 
     def coordinate(self, name: str) -> Quantity:
-        """Position, velocity and acceleration (n, 3) of a coordinate, and their derivatives (n, 3, np)."""
-        index = self.system.mechanism.coordinate_names.index(name)
+        """Position, velocity and acceleration (n, 3) of a coordinate, and their derivatives (n, 3, np).
+
+        :raises InputError: there is no such coordinate, or it is a component of a rotation in space.
+        """
+        index = coordinate_index(self.system.mechanism, name)
         column = coordinate_columns(self.system.mechanism)[index]
+        if column < 0:
+            raise InputError(f"'{name}' is a component of a rotation in space", "Take a point of the part.")
         return self._quantity(ca.vertcat(self._q[column], self._u[index], self._a[index]))
 
     @cached_property

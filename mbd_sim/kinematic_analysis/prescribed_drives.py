@@ -149,6 +149,19 @@ def coordinate_columns(mechanism: Mechanism) -> tuple[int, ...]:
     return tuple(found)
 
 
+def coordinate_index(mechanism: Mechanism, name: str) -> int:
+    """The index in u of a coordinate of a mechanism without drives.
+
+    :raises InputError: there is none of this name.
+    """
+    if name not in mechanism.coordinate_names:
+        remedy = nearest(name, mechanism.coordinate_names)
+        if name in mechanism.closing:
+            remedy = f"It closes a loop: write 'cut: true' at another joint of the loop. {remedy}"
+        raise InputError(f"there is no coordinate '{name}'", remedy)
+    return mechanism.coordinate_names.index(name)
+
+
 def _is_scalar(joint: Joint, name: str) -> bool:
     kind = joint.kind
     return kind.quaternion is None or not kind.coordinates[joint.motion_names.index(name)].rotation

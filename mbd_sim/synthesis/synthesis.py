@@ -1,0 +1,230 @@
+"""Parameters of a mechanism that serve a goal best."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from mbd_sim.errors import InputError, MbdSimError, listed
+from mbd_sim.geometry.pose import Array
+from mbd_sim.kinematic_analysis.curve_tracing import sampled, traced_curve
+from mbd_sim.kinematic_analysis.drive_line import DriveLine
+from mbd_sim.kinematic_analysis.kinematic_system import KinematicSystem
+from mbd_sim.kinematic_analysis.reach import require_reached
+from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism_file.override import with_values
+from mbd_sim.packages import require_packages
+from mbd_sim.synthesis.design_problem import DesignProblem
+from mbd_sim.synthesis.goals import Goal, PathGoal
+from mbd_sim.synthesis.minimax import least_peak
+
+Norm = Literal["rms", "peak"]
+MOST_STEPS = 200
+TOLERANCE = 1e-13  # relative change of unknowns and of the sum of squares, at which least squares end
+SAME = 1e-6  # difference of configurations that are the same, in rad or sizes of the mechanism
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """The `values` of the parameters by key, in SI units, their `bounds`, and the `mechanism` with them.
+
+    `deviations` (k,) from the goal are in m, rad, N or N·m; `rms` and `peak` are their root mean square and largest
+    size, `start_rms` and `start_peak` those at the start. `drives` (n,) are the positions of the `drive`, and `offset`
+    is the constant of a function with a free offset. `converged` is False where the search ended after too many steps.
+    """
+
+    values: Mapping[str, float]
+    bounds: Mapping[str, tuple[float, float]]
+    mechanism: Mechanism
+    drive: str
+    deviations: Array
+    start_deviations: Array
+    drives: Array
+    offset: float
+    steps: int
+    converged: bool
+
+    @property
+    def rms(self) -> float:
+        """The root mean square of the deviations."""
+        return _rms(self.deviations)
+
+    @property
+    def peak(self) -> float:
+        """The largest deviation."""
+        return float(np.max(np.abs(self.deviations)))
+
+    @property
+    def start_rms(self) -> float:
+        """The root mean square of the deviations at the start."""
+        return _rms(self.start_deviations)
+
+    @property
+    def start_peak(self) -> float:
+        """The largest deviation at the start."""
+        return float(np.max(np.abs(self.start_deviations)))
+
+
+def synthesize(
+    mechanism: Mechanism,
+    drive: str,
+    goal: Goal,
+    variables: Mapping[str, tuple[float, float]],
+    *,
+    norm: Norm = "rms",
+    most_steps: int = MOST_STEPS,
+) -> Design:
+    """Find parameters between bounds with which a mechanism of one degree of freedom serves a goal best.
+
+    The search starts from the values in the file and ends in an optimum nearby, which need not be the best one of all.
+    Derivatives are exact. The mechanism found can move through all positions of the drive without a dead point; its
+    start positions are those at the first position of the drive.
+
+    :param variables: the bounds (lower, upper) of each parameter, by key of the file, in SI units.
+    :param norm: "rms" minimizes the root mean square of the deviations (SciPy's `least_squares`), "peak" the largest
+        one (`least_peak`).
+    :raises MissingPackageError: SciPy is not installed.
+    :raises InputError: bounds do not contain the values in the file, or a name in the goal does not exist.
+    :raises UnreachableError: the drive does not reach the positions of the goal in the mechanism of the file.
+    :raises MechanismError: a key does not exist, or cannot be a parameter of the equations.
+    :raises MbdSimError: the optimum cannot move through the positions of the drive.
+    """
+    require_packages("scipy", purpose="Synthesis")
+    problem = DesignProblem(mechanism, drive, goal, list(variables))
+    start = problem.start
+    bounds = _bounds(problem, variables, start)
+    problem.begin(_configurations(problem.parametric.system, problem.parametric.system.start, goal.drives))
+    before = problem.deviations(start)
+    if not np.all(np.isfinite(before)):
+        raise MbdSimError(f"{mechanism.name}: a position of the goal is at a dead point of the mechanism at the start.")
+    scales = _scales(start, bounds)
+    if norm == "peak":
+        x, steps, converged = least_peak(problem.deviations, problem.jacobian, start, bounds, scales, most_steps)
+    else:
+        x, steps, converged = _least_squares(problem, start, bounds, most_steps)
+    problem.jacobian(x)
+    _require_movable(problem, x)
+    count = len(variables)
+    values = dict(zip(variables, x[:count].tolist(), strict=True))
+    return Design(
+        values,
+        dict(variables),
+        _with_start(mechanism, problem, values, x, drive),
+        drive,
+        problem.deviations(x),
+        before,
+        problem.drives(x).copy(),
+        float(x[count]) if len(x) == count + 1 and not isinstance(goal, PathGoal) else 0.0,
+        steps,
+        converged,
+    )
+
+
+def _least_squares(
+    problem: DesignProblem, start: Array, bounds: tuple[Array, Array], most_steps: int
+) -> tuple[Array, int, bool]:
+    from scipy.optimize import least_squares  # type: ignore[import-untyped]
+
+    found: Any = least_squares(
+        problem.deviations,
+        start,
+        problem.jacobian,
+        bounds=bounds,
+        x_scale="jac",
+        max_nfev=most_steps,
+        **dict.fromkeys(("xtol", "ftol", "gtol"), TOLERANCE),
+    )
+    return np.asarray(found.x), int(found.nfev), bool(found.status > 0)
+
+
+def _bounds(problem: DesignProblem, variables: Mapping[str, tuple[float, float]], start: Array) -> tuple[Array, Array]:
+    if not variables:
+        raise InputError("no parameter may change", "Give bounds for at least one.")
+    lower, upper = np.full(len(start), -np.inf), np.full(len(start), np.inf)
+    for index, (key, (low, high)) in enumerate(variables.items()):
+        if not low < start[index] < high:
+            message = f"the value {start[index]:.6g} of {key} is not between its bounds {low:.6g} and {high:.6g}"
+            raise InputError(message, "Give wider bounds, or another value in the file.")
+        lower[index], upper[index] = low, high
+    return lower, upper
+
+
+def _scales(start: Array, bounds: tuple[Array, Array]) -> Array:
+    widths = bounds[1] - bounds[0]
+    return np.where(np.isfinite(widths), np.maximum(np.abs(start), 0.1 * np.minimum(widths, 1e300)), 1.0)
+
+
+def _configurations(system: KinematicSystem, q: Array, drives: Array) -> Array:
+    """The configurations (n, nq) at positions of the drive, by motion from the configuration q.
+
+    :raises UnreachableError: the drive does not reach them.
+    """
+    given, found = q[system.q_driven], np.empty((len(drives), len(q)))
+    for end in (np.min(drives), np.max(drives)):
+        rows = np.flatnonzero((drives - given[0]) * (end - given[0]) > 0.0)
+        if not len(rows):
+            continue
+        line = DriveLine(system, given, np.array([end]))
+        curve = traced_curve(line, line.forward(q, 0.0, 1.0), through=False)
+        require_reached(system, line, curve)
+        places = np.where(drives[rows] == end, 1.0, (drives[rows] - given[0]) / (end - given[0]))
+        by_place = {s: one for s, one, _ in sampled(line, curve, np.unique(places))}
+        found[rows] = [by_place[s] for s in places.tolist()]
+    found[drives == given[0]] = q
+    return found
+
+
+def _require_movable(problem: DesignProblem, x: Array) -> None:
+    """Refuse an optimum whose configurations are not those of one motion."""
+    drives, found = problem.drives(x), problem.configurations()
+    system = problem.parametric.at(np.ascontiguousarray(x[: len(problem.parametric.keys)]))
+    try:
+        moved = _configurations(system, found[0], drives)
+    except MbdSimError as error:
+        raise MbdSimError(_broken(system.mechanism, f"it has a dead point in the range ({error})")) from error
+    difference = moved - found
+    difference[:, system.angles] = np.mod(difference[:, system.angles] + np.pi, 2.0 * np.pi) - np.pi
+    if np.max(np.abs(difference)) > SAME * max(1.0, system.constraints.size):
+        raise MbdSimError(_broken(system.mechanism, "its positions are on different branches of the motion"))
+
+
+def _broken(mechanism: Mechanism, why: str) -> str:
+    return (
+        f"{mechanism.name}: the optimum cannot move through the positions of the drive: {why}. "
+        "Give narrower bounds, another start, or more positions."
+    )
+
+
+def _with_start(
+    mechanism: Mechanism, problem: DesignProblem, values: Mapping[str, float], x: Array, drive: str
+) -> Mechanism:
+    """The mechanism with these values and the start positions of the first configuration.
+
+    :raises MbdSimError: its file would be assembled in another mode.
+    """
+    system, first = problem.parametric.system, problem.configurations()[0]
+    changes: dict[str, Any] = dict(values)
+    for name, joint in mechanism.joints.items():
+        if joint.kind.nv == 1 and not joint.drive:
+            changes[f"joints.{name}.position"] = float(first[system.layout.q[name].start])
+            if name != drive:
+                changes[f"joints.{name}.guess"] = True
+    changed = with_values(mechanism, changes)
+    again = KinematicSystem(changed, [drive])
+    q = _configurations(again, again.start, problem.drives(x)[:1])[0]
+    difference = q - first
+    difference[again.angles] = np.mod(difference[again.angles] + np.pi, 2.0 * np.pi) - np.pi
+    if np.max(np.abs(difference)) > SAME * max(1.0, again.constraints.size):
+        joints = listed([name for name, joint in mechanism.joints.items() if joint.kind.nv > 1])
+        raise MbdSimError(
+            f"{mechanism.name}: the file cannot start in the assembly mode of the optimum. Give start positions of "
+            f"{joints or 'its joints'} that select it."
+        )
+    return changed
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
