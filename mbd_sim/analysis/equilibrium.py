@@ -19,25 +19,38 @@ BALANCED = 1e-9  # the acceleration that may remain, relative to that at the fir
 TIMES = (0.0, 0.137, 0.71, 1.9)  # s, at which accelerations are compared
 
 
-def equilibrium(equations: Equations) -> Array | None:
+def equilibrium(equations: Equations, inputs: Array | None = None) -> Array | None:
     """Coordinates (nq,) near the start in which the mechanism can stay at rest, or None if none is found.
 
     From the start and from other configurations around it, Gauss–Newton steps along the free directions reduce the
     accelerations to zero. A stable equilibrium is preferred to an unstable one.
+
+    :param inputs: all inputs of the equations, for efforts, wrenches, commands and live values; by default there are no
+        efforts and wrenches, commands are those at the start, and live values those of the mechanism.
     """
-    constraints, nv = equations.constraints, equations.layout.nv
-    random = np.random.default_rng(2)
+    given, nv = _given(equations, inputs), equations.layout.nv
+    constraints = equations.constraints.with_values(given[equations.inputs.values])
+    random, efforts = np.random.default_rng(2), given[equations.inputs.efforts]
     unstable: list[tuple[float, Array]] = []
     for attempt in range(ATTEMPTS):
-        balanced = _balanced(equations, _scattered(constraints, equations.start.q, random, 2 * attempt))
+        balanced = _balanced(equations, _scattered(constraints, equations.start.q, random, 2 * attempt), given)
         if balanced is None:
             continue
-        rates = np.linalg.eigvals(linearize(equations, balanced, np.zeros(nv), np.zeros(nv)).a).real
+        rates = np.linalg.eigvals(linearize(equations, balanced, np.zeros(nv), efforts, inputs=given).a).real
         growth = float(np.max(rates, initial=0.0))
         if growth < ZERO_EIGENVALUE:
             return balanced
         unstable.append((growth, balanced))
     return min(unstable, key=lambda pair: pair[0])[1] if unstable else None
+
+
+def equilibrium_near(equations: Equations, q: Array, inputs: Array | None = None) -> Array | None:
+    """The equilibrium (nq,) next to coordinates q (nq,), stable or not, or None if none is found: see `equilibrium`."""
+    return _balanced(equations, q, _given(equations, inputs))
+
+
+def _given(equations: Equations, inputs: Array | None) -> Array:
+    return equations.inputs_without_commands if inputs is None else inputs
 
 
 def is_autonomous(equations: Equations) -> bool:
@@ -66,10 +79,10 @@ def _scattered(constraints: ConstraintFunctions, q: Array, random: np.random.Gen
     return q
 
 
-def _balanced(equations: Equations, q: Array) -> Array | None:
+def _balanced(equations: Equations, q: Array, inputs: Array) -> Array | None:
     """The configuration (nq,) near q without accelerations, by Gauss–Newton, or None if there is none."""
-    constraints, (nq, nv) = equations.constraints, (equations.layout.nq, equations.layout.nv)
-    all_free, inputs = np.ones(nv, dtype=bool), equations.inputs_without_commands
+    nq, nv = equations.layout.nq, equations.layout.nv
+    constraints, all_free = equations.constraints.with_values(inputs[equations.inputs.values]), np.ones(nv, dtype=bool)
 
     def at_rest(q: Array) -> Array:
         return np.concatenate([q, np.zeros(equations.start_state.size - nq)])

@@ -107,17 +107,27 @@ def linearize_at(
 
 def modes(linearization: Linearization) -> list[Mode]:
     """The natural modes in the order of their frequency; one for each pair of conjugate eigenvalues."""
-    found = []
-    for value in np.linalg.eigvals(linearization.a):
-        if value.imag < -1e-9 * abs(value):
-            continue
-        size = float(abs(value))
-        oscillates = abs(value.imag) > 1e-7 * max(size, 1e-9)
-        if size < ZERO_EIGENVALUE:
-            found.append(Mode(0.0, 0.0, 0j))
-        elif oscillates:
-            damping = float(-value.real / size)
-            found.append(Mode(size / (2.0 * math.pi), damping if abs(damping) > UNDAMPED else 0.0, complex(value)))
-        else:
-            found.append(Mode(0.0, -math.copysign(1.0, value.real), complex(value.real)))
-    return sorted(found, key=lambda mode: (mode.frequency, abs(mode.eigenvalue), mode.eigenvalue.real))
+    values = np.linalg.eigvals(linearization.a).tolist()
+    return sorted((mode_of(value) for value in values if not is_second_of_pair(value)), key=mode_order)
+
+
+def is_second_of_pair(value: complex) -> bool:
+    """Whether an eigenvalue is the conjugate of another one, which stands for both."""
+    return complex(value).imag < -1e-9 * abs(value)
+
+
+def mode_of(value: complex) -> Mode:
+    """The mode of an eigenvalue in 1/s."""
+    value = complex(value)
+    size = abs(value)
+    if size < ZERO_EIGENVALUE:
+        return Mode(0.0, 0.0, 0j)
+    if abs(value.imag) > 1e-7 * max(size, 1e-9):
+        damping = -value.real / size
+        return Mode(size / (2.0 * math.pi), damping if abs(damping) > UNDAMPED else 0.0, value)
+    return Mode(0.0, -math.copysign(1.0, value.real), complex(value.real))
+
+
+def mode_order(mode: Mode) -> tuple[float, float, float]:
+    """The order of modes."""
+    return mode.frequency, abs(mode.eigenvalue), mode.eigenvalue.real

@@ -9,13 +9,16 @@ from typing import Protocol
 
 from mbd_sim import __version__
 from mbd_sim.cli import (
+    bode,
     c_code,
     check,
     convert,
     export,
     fmu,
     kinematics,
+    linearize,
     list_mechanisms,
+    modes,
     optimize,
     plot,
     recover,
@@ -51,6 +54,9 @@ COMMANDS: dict[str, Command] = {  # in the order of --help
     "sweep": sweep,
     "kinematics": kinematics,
     "optimize": optimize,
+    "linearize": linearize,
+    "modes": modes,
+    "bode": bode,
     "verify": verify,
     "recover": recover,
     "rerun-with": rerun_with,
