@@ -34,7 +34,7 @@ CYLINDERS = {
     "pneumatic cylinder, isothermal": GAS,
     "pneumatic cylinder, polytropic": f"{GAS}, exponent: 1.3",
 }
-MECHANISMS, METHODS = ("double_rod", "six_axis_arm"), ("rk4", "tsitouras8")
+MECHANISMS, METHODS = ("double_rod", "six_axis_arm"), ("rk4", "tsitouras8", "adams11")
 
 
 def with_actuators(name: str, actuator: str) -> str:
@@ -60,7 +60,11 @@ def each(sim: Simulation) -> float:
 
 
 def costs(plain_text: str, texts: Mapping[str, str], method: str) -> tuple[float, dict[str, float]]:
-    """The time of a step without actuators in µs, and with each kind as a multiple of that: medians of ratios."""
+    """The time of a step without actuators in µs, and with each kind as a multiple of that: medians of ratios.
+
+    Kinds that the method does not integrate are left out: `adams11` has no sampled servos.
+    """
+    texts = {kind: text for kind, text in texts.items() if method != "adams11" or "sample_rate" not in text}
     sims = {kind: Simulation.from_text(text, method=method) for kind, text in texts.items()}
     plain = Simulation.from_text(plain_text, method=method)
     times = [(each(plain), {kind: each(sim) for kind, sim in sims.items()}) for _ in range(ROUNDS)]
@@ -79,12 +83,13 @@ def main() -> None:
     }
     cylinders = {kind: with_cylinder(text) for kind, text in CYLINDERS.items()}
     lifts = {(LIFT, method): costs(with_cylinder(""), cylinders, method) for method in METHODS}
-    for title, found in (("on all joints", motors), ("between two points", lifts)):
+    for title, kinds, found in (("on all joints", ACTUATORS, motors), ("between two points", CYLINDERS, lifts)):
         heads = [f"{name}, {method}" for name, method in found]
         print(f"| {title} | " + " | ".join(heads) + " |\n|---|" + "---|" * len(heads))
         print("| none | " + " | ".join(f"{base:.3f} µs" for base, _ in found.values()) + " |")
-        for kind in next(iter(found.values()))[1]:
-            print(f"| {kind} | " + " | ".join(f"{ratios[kind]:.2f}" for _, ratios in found.values()) + " |")
+        for kind in kinds:
+            cells = (f"{ratios[kind]:.2f}" if kind in ratios else "–" for _, ratios in found.values())
+            print(f"| {kind} | " + " | ".join(cells) + " |")
 
 
 if __name__ == "__main__":
