@@ -11,10 +11,10 @@ from mbd_sim.cli.common import add_mechanism
 if TYPE_CHECKING:
     from mbd_sim.mechanism.records import Mechanism
 
-HELP = "print a mechanism in another format: as a self-contained mechanism file, URDF or MJCF"
+HELP = "print a mechanism in another format: as a self-contained mechanism file, URDF, MJCF or SDF"
 DESCRIPTION = (
     "Print a mechanism in another format. A URDF, MJCF or SDF, or a mechanism file that extends a URDF, becomes one "
-    "self-contained mechanism file in YAML; with --to, any mechanism becomes URDF or MJCF. What the other format "
+    "self-contained mechanism file in YAML; with --to, any mechanism becomes URDF, MJCF or SDF. What the other format "
     "cannot express is listed in the file and printed to standard error."
 )
 
@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     add_mechanism(parser)
     parser.add_argument(
-        "--to", choices=["yaml", "urdf", "mjcf"], default="yaml", help="format to write (default: yaml)"
+        "--to", choices=["yaml", "urdf", "mjcf", "sdf"], default="yaml", help="format to write (default: yaml)"
     )
     parser.add_argument(
         "--base",
@@ -63,9 +63,14 @@ def _write(mechanism: Mechanism, to: str) -> int:
 
         print(to_urdf(mechanism))
         return 0
-    from mbd_sim.mjcf.mjcf_writer import to_mjcf
+    if to == "mjcf":
+        from mbd_sim.mjcf.mjcf_writer import to_mjcf
 
-    written = to_mjcf(mechanism)
+        written = to_mjcf(mechanism)
+    else:
+        from mbd_sim.sdf.sdf_writer import to_sdf
+
+        written = to_sdf(mechanism)
     print(written.text, end="")
     for note in written.left_out:
         print(f"note: not in this file: {note}", file=sys.stderr)

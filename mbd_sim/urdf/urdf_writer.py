@@ -76,14 +76,14 @@ def to_urdf(mechanism: Mechanism, control: ControlTopics | None = None) -> str:
 
 def _robot(mechanism: Mechanism) -> Element:
     robot = Element("robot", name=mechanism.name)
-    mimics = _mimics(mechanism)
+    mimics = mimics_of(mechanism)
     if missing := [f"{kind}: {listed(names, max_count=1000)}" for kind, names in _left_out(mechanism, mimics).items()]:
         robot.append(ElementTree.Comment(f" not in this file: {'; '.join(missing)} "))
     ElementTree.SubElement(robot, "link", name=GROUND)
     sensors = [one for one in mechanism.sensors if not isinstance(one, FramelessSensor) and not one.at.is_of_part]
     names = {GROUND, *mechanism.parts, *map(frame_id, sensors)}
     for joint in mechanism.tree_joints():
-        motions = [replace(motion, mimic=mimics.get(motion.name, motion.mimic)) for motion in _motions(joint)]
+        motions = [replace(motion, mimic=mimics.get(motion.name, motion.mimic)) for motion in motions_of(joint)]
         _add_joint(robot, joint, motions, names)
         _add_link(robot, mechanism.parts[joint.outboard])
     for sensor in sensors:
@@ -123,7 +123,7 @@ def floating_joints(mechanism: Mechanism) -> list[FloatingJoint]:
     return found
 
 
-def _motions(joint: Joint) -> list[Motion]:
+def motions_of(joint: Joint) -> list[Motion]:
     """The URDF joints that represent a joint, from its inboard to its outboard side."""
     match joint.type:
         case "fixed":
@@ -168,7 +168,7 @@ def _type(joint: Joint, rotation: int) -> str:
     return "revolute" if joint.limits_of(rotation) and joint.type != "screw" else "continuous"
 
 
-def _mimics(mechanism: Mechanism) -> dict[str, Mimic]:
+def mimics_of(mechanism: Mechanism) -> dict[str, Mimic]:
     """The mimics for constant couplings of two coordinates; no coordinate mimics one that mimics another."""
     found: dict[str, Mimic] = {}
     single = {name for joint in mechanism.joints.values() if joint.axis.any() for name in joint.coordinate_names}
