@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from mbd_sim import __version__
+from mbd_sim.c_code.c_adams import HISTORY, adams_function
 from mbd_sim.c_code.c_functions import c_function, literal
 from mbd_sim.c_code.c_steps import StepParts, moving_ranges, sample_functions, step_function
 from mbd_sim.c_code.c_texts import (
@@ -25,6 +26,8 @@ from mbd_sim.c_code.sine_cosine import sine_cosine_text
 from mbd_sim.c_code.variables import Variable
 from mbd_sim.compiler.instruction_list import Instructions
 from mbd_sim.compiler.schedule import arranged
+from mbd_sim.integrators.adams import Adams
+from mbd_sim.integrators.tableau import Tableau
 
 _NONE = Variable("unused", "", "", "nothing: C has no empty structures")
 
@@ -73,18 +76,34 @@ def _header(model: ExportedModel, tangent: bool) -> str:
             ("outputs", "What is computed from a state on request.", model.output_variables),
         )
     )
-    steps = "\n".join(STEP_DECLARATION.format(name=model.name, method=method.name) for method in model.methods)
+    if any(isinstance(method, Adams) for method in model.methods):
+        structures += "\n\n" + _history(model)
+    steps = "\n".join(STEP_DECLARATION.format(**_step_words(model, method)) for method in model.methods)
     declared = DECLARATIONS.format(
         name=model.name,
         NAME=model.name.upper(),
         step=literal(model.step),
         method=model.methods[0].name,
+        history=_step_words(model, model.methods[0])["history"],
         structures=structures,
         steps=STEP_COMMENT + steps,
     )
     declared += TANGENT_DECLARATION.format(name=model.name) if tangent else ""
     guards = f'#ifndef {guard}\n#define {guard}\n\n#include <stdint.h>\n\n#ifdef __cplusplus\nextern "C" {{\n#endif\n'
     return f"{guards}{declared}\n#ifdef __cplusplus\n}}\n#endif\n\n#endif\n"
+
+
+def _history(model: ExportedModel) -> str:
+    method = next(method for method in model.methods if isinstance(method, Adams))
+    size, given = len(model.states), max(1, model.equations.inputs.size)
+    return HISTORY.format(name=model.name, method=method.name, size=size, given=given, length=method.length)
+
+
+def _step_words(model: ExportedModel, method: Tableau | Adams) -> dict[str, str]:
+    """The names in a step function; those of Adams methods have a further argument."""
+    keeps = isinstance(method, Adams)
+    history = f"{model.name}_history *history, " if keeps else ""
+    return {"name": model.name, "method": method.name, "history": history, "memory": "history" if keeps else "0"}
 
 
 def _structure(name: str, about: str, variables: Sequence[Variable]) -> str:
@@ -114,7 +133,11 @@ def _source(model: ExportedModel, tangent: bool) -> str:
         functions += [_with_inputs(projected, "projection"), PROJECTION]
     if between is not None:
         functions.append(sample_functions(between))
-    functions += [step_function(method, parts) for method in model.methods]
+    for method in sorted(model.methods, key=lambda method: isinstance(method, Adams)):  # which need the others
+        if isinstance(method, Adams):
+            functions.append(adams_function(method, parts, model.name, equations.inputs.size))
+        else:
+            functions.append(step_function(method, parts))
     functions += [
         "/* The numbers of the equations that depend on the parameters. */\n"
         + c_function(model.values, "values", ("p",), ("out",)),
@@ -122,7 +145,7 @@ def _source(model: ExportedModel, tangent: bool) -> str:
         + c_function(model.outputs, "outputs_of", ("t", "y", "in", "p"), ("out",), ("t",)),
         _definitions(model, parts),
     ]
-    functions += [PUBLIC_STEP.format(name=model.name, method=method.name) for method in model.methods]
+    functions += [PUBLIC_STEP.format(**_step_words(model, method)) for method in model.methods]
     functions += _tangent(model) if tangent else []
     if any("sine_cosine(" in function for function in functions):
         functions.insert(0, sine_cosine_text())
@@ -156,15 +179,12 @@ def _with_inputs(function: Instructions, name: str) -> str:
 
 
 def _definitions(model: ExportedModel, parts: StepParts) -> str:
-    name = model.name
-
     def start(kind: str, variables: Sequence[Variable]) -> str:
         """The assignment of the start values of a structure."""
         return "\n".join(f"    {kind}->{one.field} = {literal(one.start)};" for one in variables or (_NONE,))
 
     return DEFINITIONS.format(
-        name=name,
-        method=model.methods[0].name,
+        **_step_words(model, model.methods[0]),
         start="\n".join(
             start(kind, variables)
             for kind, variables in (

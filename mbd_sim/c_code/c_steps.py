@@ -34,35 +34,47 @@ def moving_ranges(size: int, held: Iterable[int]) -> tuple[tuple[int, int], ...]
 
 
 def step_function(method: Tableau, parts: StepParts) -> str:
-    """`static void step_METHOD(int64_t index, double t, double t_next, double h, double *y, const double *in)`."""
+    """`static void advance_METHOD(…)`, a step from known slopes, and `static void step_METHOD(…)`."""
     slopes = [f"k{stage}" for stage in range(1, method.stages + 1)]
-    vectors = ", ".join(f"{name}[SIZE]" for name in ([*slopes, "trial"] if method.stages > 1 else slopes))
+    vectors = ", ".join(f"{name}[SIZE]" for name in [*slopes[1:], "trial"])
+    margin, ignored = (", double margin", ", &ignored") if parts.reports_margin else ("", "")
     lines = [
-        f"/* A step of {method.name}, order {method.order}, from the time t to t_next = t + h. */",
-        f"static void step_{method.name}(",
-        "    int64_t index, double t, double t_next, double h, double *y, const double *in)",
+        f"/* {method.name}, order {method.order}: from the time t to t + h, with the slopes k1 at t. */",
+        f"static void advance_{method.name}(",
+        f"    double t, double h, double *y, const double *in, const double *k1{margin})",
         "{",
         f"    double {vectors};",
-        *(["    double margin, ignored;"] if parts.reports_margin else []),
+        *(["    double ignored;"] if parts.reports_margin else []),
         "    int i;",
         "",
-        "    sample(index, t, y, in);" if parts.samples else "    (void)index;",
+        *(["    memcpy(trial, y, sizeof trial);"] if parts.samples else []),
     ]
-    if method.stages > 1 and parts.samples:
-        lines.append("    memcpy(trial, y, sizeof trial);")
-    for stage, (weights, c) in enumerate(zip(method.a, method.c, strict=True)):
+    for weights, c, into in zip(method.a[1:], method.c[1:], slopes[1:], strict=True):
         time = "t" if c == 0.0 else f"t + {literal(c)} * h"
-        state = "y"
-        if any(weights):
-            state = "trial"
-            lines += _loops(parts, "trial", _stage(weights, slopes))
-            if parts.reports_margin:
-                lines += ["    if (margin < 0.0)", f"        project_in_place({time}, trial, in);"]
-        margin = "" if not parts.reports_margin else ", &margin" if stage == 0 else ", &ignored"
-        lines.append(f"    rates({time}, {state}, in, {slopes[stage]}{margin});")
-    lines += _loops(parts, "y", f"fma(h, {_total(method.b, slopes)}, y[i])")
-    lines.append("    project_in_place(t_next, y, in);" if parts.projects else "    (void)t_next;")
-    return "\n".join([*lines, "}"])
+        lines += _loops(parts, "trial", _stage(weights, slopes))
+        if parts.reports_margin:
+            lines += ["    if (margin < 0.0)", f"        project_in_place({time}, trial, in);"]
+        lines.append(f"    rates({time}, trial, in, {into}{ignored});")
+    lines += _loops(parts, "y", f"fma(h, {weighted_sum(method.b, slopes)}, y[i])")
+    return "\n".join([*lines, "}", "", *_whole_step(method, parts)])
+
+
+def _whole_step(method: Tableau, parts: StepParts) -> list[str]:
+    first, value = (", &margin", ", margin") if parts.reports_margin else ("", "")
+    return [
+        f"static void step_{method.name}(",
+        "    int64_t index, double t, double t_next, double h, double *y, const double *in, void *memory)",
+        "{",
+        "    double k1[SIZE];",
+        *(["    double margin;"] if parts.reports_margin else []),
+        "",
+        "    (void)memory;",
+        "    sample(index, t, y, in);" if parts.samples else "    (void)index;",
+        f"    rates(t, y, in, k1{first});",
+        f"    advance_{method.name}(t, h, y, in, k1{value});",
+        "    project_in_place(t_next, y, in);" if parts.projects else "    (void)t_next;",
+        "}",
+    ]
 
 
 def _loops(parts: StepParts, target: str, value: str) -> list[str]:
@@ -78,13 +90,13 @@ def _stage(weights: Sequence[float], slopes: Sequence[str]) -> str:
     *early, (weight, last) = [(w, k) for w, k in zip(weights, slopes, strict=False) if w]
     start = "y[i]"
     if early:
-        start = f"fma(h, {_total([w for w, _ in early], [k for _, k in early])}, y[i])"
+        start = f"fma(h, {weighted_sum([w for w, _ in early], [k for _, k in early])}, y[i])"
     return f"fma(h * {literal(weight)}, {last}[i], {start})"
 
 
-def _total(weights: Sequence[float], slopes: Sequence[str]) -> str:
+def weighted_sum(weights: Sequence[float], slopes: Sequence[str]) -> str:
     """Σ weight slope, from left to right."""
-    (weight, name), *others = [(w, k) for w, k in zip(weights, slopes, strict=True) if w]
+    (weight, name), *others = [(w, k) for w, k in zip(weights, slopes, strict=False) if w]
     value = f"{name}[i]" if weight == 1.0 else f"{literal(weight)} * {name}[i]"
     for weight, name in others:
         value = f"fma({literal(weight)}, {name}[i], {value})"

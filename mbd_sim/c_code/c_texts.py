@@ -47,7 +47,7 @@ void {name}_output(double t, const {name}_state *state, const {name}_inputs *inp
  * A step of {method} between times t and t_next = t + h of a clock of your own; the number of the step counts only for
  * sampled controllers and delayed commands.
  */
-int {name}_step_between({name}_state *state, const {name}_inputs *inputs,
+int {name}_step_between({name}_state *state, {history}const {name}_inputs *inputs,
     const {name}_parameters *parameters, int64_t index, double t, double t_next, double h);
 """
 
@@ -59,7 +59,7 @@ STEP_COMMENT = """\
 """
 
 STEP_DECLARATION = """\
-int {name}_step_{method}({name}_state *state, const {name}_inputs *inputs,
+int {name}_step_{method}({name}_state *state, {history}const {name}_inputs *inputs,
     const {name}_parameters *parameters, int64_t index, double h);"""
 
 SIZES = """\
@@ -94,9 +94,10 @@ static void collect(const {name}_inputs *inputs, const {name}_parameters *parame
     values(p, in + {inputs});
 }}
 
-typedef void step_function(int64_t index, double t, double t_next, double h, double *y, const double *in);
+typedef void step_function(
+    int64_t index, double t, double t_next, double h, double *y, const double *in, void *memory);
 
-static int take(step_function *step, {name}_state *state, const {name}_inputs *inputs,
+static int take(step_function *step, {name}_state *state, void *memory, const {name}_inputs *inputs,
     const {name}_parameters *parameters, int64_t index, double t, double t_next, double h)
 {{
     double y[SIZE], in[GIVEN], p[{parameter_size}], zero = 0.0;
@@ -104,7 +105,7 @@ static int take(step_function *step, {name}_state *state, const {name}_inputs *i
 
     memcpy(y, state, sizeof y);
     collect(inputs, parameters, in, p);
-    step(index, t, t_next, h, y, in);
+    step(index, t, t_next, h, y, in, memory);
     for (i = 0; i < SIZE; i++)
         zero += 0.0 * y[i];
     if (!(zero == 0.0))
@@ -151,17 +152,19 @@ void {name}_output(double t, const {name}_state *state, const {name}_inputs *inp
     memcpy(outputs, out, sizeof out);
 }}
 
-int {name}_step_between({name}_state *state, const {name}_inputs *inputs,
+int {name}_step_between({name}_state *state, {history}const {name}_inputs *inputs,
     const {name}_parameters *parameters, int64_t index, double t, double t_next, double h)
 {{
-    return take(step_{method}, state, inputs, parameters, index, t, t_next, h);
+    return take(step_{method}, state, {memory}, inputs, parameters, index, t, t_next, h);
 }}"""
 
 PUBLIC_STEP = """\
-int {name}_step_{method}({name}_state *state, const {name}_inputs *inputs,
+int {name}_step_{method}({name}_state *state, {history}const {name}_inputs *inputs,
     const {name}_parameters *parameters, int64_t index, double h)
 {{
-    return take(step_{method}, state, inputs, parameters, index, (double)index * h, (double)(index + 1) * h, h);
+    double t = (double)index * h, t_next = (double)(index + 1) * h;
+
+    return take(step_{method}, state, {memory}, inputs, parameters, index, t, t_next, h);
 }}"""
 
 TANGENT_DECLARATION = """

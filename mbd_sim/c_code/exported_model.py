@@ -24,9 +24,9 @@ from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.errors import MechanismError, Problem
 from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.rotation import unit
-from mbd_sim.integrators.adams import Adams
+from mbd_sim.integrators.adams import ADAMS, Adams
 from mbd_sim.integrators.between_steps import BetweenSteps
-from mbd_sim.integrators.methods import AUTO, METHODS
+from mbd_sim.integrators.methods import METHODS
 from mbd_sim.integrators.tableau import EXPLICIT, Tableau
 from mbd_sim.mechanism.laws import Expressed
 from mbd_sim.mechanism.one_sided import require_two_sided
@@ -37,7 +37,7 @@ from mbd_sim.simulation.method_choice import choose_method, require_method
 from mbd_sim.simulation.wrenches import require_parts
 from mbd_sim.symbolic.symbolic_values import with_forces_alone
 
-ALWAYS = ("rk4", "tsitouras8")  # methods of which every export has a step
+ALWAYS = ("rk4", "tsitouras8")  # methods of which every export has a step; Adams methods need the latter
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class ExportedModel:
     name: str
     mechanism: Mechanism
     equations: Equations
-    methods: tuple[Tableau, ...]
+    methods: tuple[Tableau | Adams, ...]
     step: float
     states: tuple[Variable, ...]
     inputs: tuple[Variable, ...]
@@ -99,7 +99,7 @@ def export_model(
 ) -> ExportedModel:
     """Trace a mechanism for C code.
 
-    :param method: an explicit Runge–Kutta method; by default that of the file.
+    :param method: an explicit method; by default that of the file.
     :param step: in s; by default that of the file.
     :param parameters: keys of numbers of the file that stay variable, as for live values: `l`, `parts.rod.mass`.
     :param wrenches: parts on which forces can act.
@@ -156,7 +156,7 @@ def _parameter(key: str, start: float) -> Variable:
 
 def _methods(
     mechanism: Mechanism, equations: Equations, inputs: Array, asked: str | None, step: float
-) -> tuple[tuple[Tableau, ...], list[str]]:
+) -> tuple[tuple[Tableau | Adams, ...], list[str]]:
     """The chosen method, then those that are always exported.
 
     :raises MechanismError: the method is implicit.
@@ -164,14 +164,11 @@ def _methods(
     name = require_method(mechanism, asked)
     choice = choose_method(mechanism, equations, inputs, name, step)
     method, remarks = choice.method, [choice.remark] if choice.remark else []
-    if isinstance(method, Adams) and name == AUTO:
-        remarks = [f"method {method.otherwise.name} in place of {method.name}, which keeps earlier steps"]
-        method = method.otherwise
-    if not isinstance(method, Tableau):
+    if not isinstance(method, Tableau | Adams):
         message = f"method {method.name} cannot be exported" + (f": {choice.remark}" if choice.remark else "")
         rate = f" with steps of less than {step:g} s" if choice.remark else ""
         raise MechanismError(
-            [Problem(message, f"Choose with --method one of {', '.join(EXPLICIT)}{rate}.", key="method")]
+            [Problem(message, f"Choose with --method one of {', '.join([*EXPLICIT, *ADAMS])}{rate}.", key="method")]
         )
     others = [METHODS[other] for other in ALWAYS if other != method.name]
     return (method, *(other for other in others if isinstance(other, Tableau))), remarks

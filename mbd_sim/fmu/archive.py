@@ -17,6 +17,7 @@ from mbd_sim.c_code.c_module import c_module
 from mbd_sim.c_code.exported_model import ExportedModel
 from mbd_sim.errors import InputError, MbdSimError
 from mbd_sim.fmu.model_description import build_description, model_description
+from mbd_sim.integrators.adams import Adams
 
 COMPILERS = ("gcc", "cc", "clang")
 FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-fvisibility=hidden")
@@ -43,11 +44,12 @@ typedef {name}_state model_state;
 typedef {name}_inputs model_inputs;
 typedef {name}_parameters model_parameters;
 typedef {name}_outputs model_outputs;
+typedef {history} model_history;
 #define model_start {name}_start
 #define model_rates {name}_rates
 #define model_project {name}_project
 #define model_output {name}_output
-#define model_step_between {name}_step_between
+#define model_step_between(state, history, ...) {name}_step_between(state, {passed}__VA_ARGS__)
 #define model_tangent {name}_tangent
 
 #endif
@@ -82,7 +84,7 @@ def platform_tuple() -> str:
 
 def _interface_sources(model: ExportedModel, token: str) -> Mapping[str, str]:
     """The sources of the interface by file name; the `token` identifies the module that they call."""
-    generic = files("mbd_sim.fmu") / "sources"
+    generic, keeps = files("mbd_sim.fmu") / "sources", isinstance(model.methods[0], Adams)
     return {
         "fmi3_model.h": _MODEL_HEADER.format(
             name=model.name,
@@ -94,6 +96,8 @@ def _interface_sources(model: ExportedModel, token: str) -> Mapping[str, str]:
             outputs=len(model.output_variables),
             projects=int(model.equations.project is not None),
             sampled=int(model.between_steps is not None),
+            history=f"{model.name}_history" if keeps else "char",
+            passed="history, " if keeps else "",
         ),
         **{name: (generic / name).read_text("utf-8") for name in ("fmi3_functions.c", "fmi3_types.h")},
     }

@@ -13,6 +13,7 @@ import pytest
 from mbd_sim.c_code.c_module import c_module
 from mbd_sim.c_code.c_texts import FLAGS
 from mbd_sim.c_code.exported_model import export_model
+from mbd_sim.integrators.adams import ADAMS
 from mbd_sim.load import load_mechanism
 
 STRICT = ("-pedantic", "-Wall", "-Wextra", "-Werror")
@@ -37,14 +38,18 @@ class CompiledModule:
             self.symbols = subprocess.run(["nm", "-D", str(self.library)], capture_output=True, text=True, check=True)
         fields = (self.model.states, self.model.inputs, self.model.parameters, self.model.output_variables)
         self.y, self.inputs, self.p, self.out = (np.zeros(max(1, len(variables))) for variables in fields)
+        size, slopes = len(self.y), ADAMS["adams11"].length
+        self.history = np.zeros(5 + len(self.inputs) + self.model.values.nnz_out(0) + (2 + slopes) * size)
         self.start()
 
     def start(self):
+        self.history[:] = 0.0
         self._loaded[f"{self.name}_start"](*map(address, (self.y, self.inputs, self.p)))
 
     def step(self, method, index, h):
         function = self._loaded[f"{self.name}_step_{method}"]
-        arrays = map(address, (self.y, self.inputs, self.p))
+        history = (self.history,) if method in ADAMS else ()
+        arrays = map(address, (self.y, *history, self.inputs, self.p))
         return function(*arrays, ctypes.c_int64(index), ctypes.c_double(h))
 
     def outputs(self, time):

@@ -46,6 +46,7 @@ typedef struct {
     model_state state;
     model_inputs inputs;
     model_parameters parameters;
+    model_history history; /* of methods that use earlier steps */
     double time, origin; /* s; step k of the index begins at origin + k * MODEL_STEP */
     int64_t index;
     int changed; /* whether states or parameters were set since the start */
@@ -642,7 +643,7 @@ EXPORT fmi3Status fmi3GetOutputDerivatives(
 
 static int step(snapshot *now, double from, double to, double h)
 {
-    if (!model_step_between(&now->state, &now->inputs, &now->parameters, now->index, from, to, h))
+    if (!model_step_between(&now->state, &now->history, &now->inputs, &now->parameters, now->index, from, to, h))
         return 0;
     now->index++;
     now->time = to;
