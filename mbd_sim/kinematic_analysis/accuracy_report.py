@@ -8,7 +8,7 @@ import numpy as np
 
 from mbd_sim.geometry.pose import Array
 from mbd_sim.kinematic_analysis.driven_motion import DrivenMotion
-from mbd_sim.kinematic_analysis.motion_table import grounded_outputs, outputs
+from mbd_sim.kinematic_analysis.motion_table import grounded_outputs
 from mbd_sim.kinematic_analysis.prescribed_drives import is_rotation
 from mbd_sim.kinematic_analysis.reach import shown
 from mbd_sim.kinematic_analysis.sensitivity import MotionSensitivity
@@ -49,7 +49,7 @@ def sensitivity_lines(sensitivity: MotionSensitivity, points: Sequence[str]) -> 
     for index, key in enumerate(sensitivity.keys):
         texts = []
         for name in grounded_outputs(motion):
-            if motion.columns[motion.index(name)] >= 0:
+            if name in motion.names:
                 slopes = sensitivity.coordinate(name).position[:, index]
                 texts.append(f"{name} {_peak(motion, slopes)}")
         for name in points:
@@ -62,7 +62,7 @@ def tolerance_lines(tolerances: ToleranceAnalysis, points: Sequence[str]) -> Ite
     """The largest deviations of outputs and points."""
     motion = tolerances.motion
     for name in grounded_outputs(motion):
-        if motion.columns[motion.index(name)] >= 0:
+        if name in motion.names:
             unit = "rad" if is_rotation(motion.mechanism, name) else "m"
             yield from _deviation_lines(motion, name, tolerances.coordinate(name), unit)
     for name in points:
@@ -100,7 +100,7 @@ def _deviation_columns(
 
 
 def _coordinates(motion: DrivenMotion) -> list[str]:
-    return [name for name in outputs(motion) if motion.columns[motion.index(name)] >= 0]
+    return [name for name in motion.outputs if name in motion.names]
 
 
 def _column(motion: DrivenMotion, name: str) -> str:

@@ -74,7 +74,7 @@ def modes_at(system: KinematicSystem, drives: Array) -> AssemblyModes:
             else:
                 found[same] += 1
         starts += BATCH
-        if not modes and starts >= 2 * LEAST:
+        if not modes and starts >= LEAST:
             break
     named = dict(zip(system.drives, drives.tolist(), strict=True))
     if not modes:

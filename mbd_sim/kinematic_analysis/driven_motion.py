@@ -11,11 +11,12 @@ import numpy as np
 from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.kinematic_analysis.assembly_modes import modes_at
+from mbd_sim.kinematic_analysis.closing_joints import ClosingJoint, closing_names
 from mbd_sim.kinematic_analysis.curve_tracing import TracedCurve, sampled, traced_curve
 from mbd_sim.kinematic_analysis.drive_line import DriveLine
 from mbd_sim.kinematic_analysis.kinematic_system import KinematicSystem
 from mbd_sim.kinematic_analysis.point_motion import PointFunctions, PointMotion
-from mbd_sim.kinematic_analysis.prescribed_drives import coordinate_columns, coordinate_index
+from mbd_sim.kinematic_analysis.prescribed_drives import coordinate_columns, coordinate_index, is_rotation
 from mbd_sim.kinematic_analysis.reach import require_reached
 from mbd_sim.kinematic_analysis.singular_points import Kind, SingularPoint
 from mbd_sim.mechanism.records import Mechanism
@@ -69,6 +70,7 @@ class DrivenMotion:
         self.u = self.ratios * (speed * self.direction)[:, None]
         self.u_rates = np.array([empty if one is None else one[1] for one in rates]) * speed**2
         self._points: dict[str, PointMotion] = {}
+        self._closing_joints: dict[str, ClosingJoint] = {}
 
     def __len__(self) -> int:
         return len(self.s)
@@ -107,12 +109,61 @@ class DrivenMotion:
     def coordinate(self, name: str) -> tuple[Array, Array, Array]:
         """The position (n,) of a coordinate, its velocity and its acceleration, in rad or m and s.
 
+        :param name: of a coordinate, or of a revolute or prismatic joint that closes a loop.
         :raises InputError: there is no such coordinate, or it is a component of a rotation in space.
         """
+        self.require_output(name)
+        if name in self.mechanism.closing:
+            return self._closing(name)
         index = self.index(name)
-        if self.columns[index] < 0:
-            raise InputError(f"'{name}' is a component of a rotation in space", "Take a point of the part.")
         return self.q[:, self.columns[index]], self.u[:, index], self.u_rates[:, index]
+
+    def require_output(self, name: str) -> None:
+        """Refuse what has no position of its own.
+
+        :raises InputError: there is no such coordinate, or it is a component of a rotation in space.
+        """
+        if name in self.mechanism.closing:
+            self.closing_joint(name)
+        elif self.columns[self.index(name)] < 0:
+            raise InputError(f"'{name}' is a component of a rotation in space", "Take a point of the part.")
+
+    def _closing(self, name: str) -> tuple[Array, Array, Array]:
+        joint = self.closing_joint(name)
+        positions = np.array([joint.position(q) for q in self.q])
+        if self.is_rotation(name):
+            positions = np.unwrap(positions)
+        rates = np.array([joint.rates(*row) for row in zip(self.q, self.u, self.u_rates, strict=True)])
+        return positions, rates[:, 0], rates[:, 1]
+
+    def closing_joint(self, name: str) -> ClosingJoint:
+        """A revolute or prismatic joint that closes a loop.
+
+        :raises InputError: it is another type of joint.
+        """
+        if name not in self._closing_joints:
+            self._closing_joints[name] = ClosingJoint(self.system, self.mechanism.closing[name])
+        return self._closing_joints[name]
+
+    def is_rotation(self, name: str) -> bool:
+        """Whether a coordinate, or a joint that closes a loop, is measured in rad."""
+        if name in self.mechanism.closing:
+            return self.mechanism.closing[name].type == "revolute"
+        return is_rotation(self.mechanism, name)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """The coordinates that follow the drives: those of the tree, then revolute and prismatic closing joints."""
+        tree = [name for name, column in zip(self.names, self.columns, strict=True) if column >= 0]
+        return tuple(name for name in (*tree, *closing_names(self.mechanism)) if name not in self.system.drives)
+
+    def ratio(self, name: str) -> Array:
+        """The velocity (n,) of a coordinate for a unit speed of the first moving drive; see `ratios`."""
+        if name not in self.mechanism.closing:
+            return self.ratios[:, self.index(name)]
+        joint = self.closing_joint(name)
+        rest = np.zeros(self.system.layout.nv)
+        return np.array([joint.rates(q, u, rest)[0] for q, u in zip(self.q, self.ratios, strict=True)])
 
     @property
     def columns(self) -> tuple[int, ...]:
@@ -145,7 +196,7 @@ class DrivenMotion:
 
         :raises InputError: there is no such coordinate.
         """
-        ratios = self.ratios[:, self.index(output)]
+        ratios = self.ratio(output)
         with np.errstate(divide="ignore"):
             return np.asarray(np.sign(self._unit[self.leading]) / ratios)
 

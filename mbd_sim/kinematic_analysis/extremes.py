@@ -13,6 +13,7 @@ from mbd_sim.kinematic_analysis.transmission import CouplerAndFollower, Transmis
 from mbd_sim.simulation.event_location import first_zero
 
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+STANDSTILL = 1e-12  # velocity of an output, relative to the largest, that is round-off
 ROUNDING = 1e-12  # by which a value between two rows must be more extreme than in them
 SECTIONS = 60  # of the golden section search
 
@@ -33,27 +34,43 @@ def limit_positions(motion: DrivenMotion, output: str) -> tuple[Extreme, ...]:
 
     :raises InputError: there is no such coordinate.
     """
-    index = motion.index(output)
-    column, ratios, found = motion.columns[index], motion.ratios[:, index], []
-    if column < 0:
-        return ()
+    motion.require_output(output)
+    ratios, found = motion.ratio(output).copy(), list[Extreme]()
+    ratios[np.abs(ratios) <= STANDSTILL * np.nanmax(np.abs(ratios), initial=0.0)] = 0.0
     for row in range(len(motion) - 1):
         before, after = float(ratios[row]), float(ratios[row + 1])
-        # A limit position in a row belongs to the interval before it, and to the first one in the first row.
-        if not (before * after < 0.0 or (after == 0.0 and before != 0.0)):
+        begins = row == 0 and before == 0.0 and after != 0.0
+        # A limit position in a row belongs to the interval before it.
+        if not (before * after < 0.0 or (after == 0.0 and before != 0.0) or begins):
             continue
         width, sign = float(motion.s[row + 1] - motion.s[row]), 1.0 if before > 0.0 else -1.0
 
         def slope(part: float, row: int = row, width: float = width, sign: float = sign) -> float:
-            rates = motion.unit_rates(motion.at(row, float(motion.s[row]) + part * width))
-            return float("nan") if rates is None else sign * float(rates[0][index])
+            return sign * _ratio(motion, output, motion.at(row, float(motion.s[row]) + part * width))
 
-        part = 1.0 if after == 0.0 else first_zero(slope, 1.0, sign * before, sign * after, 1e-9)
+        part = 0.0 if begins else 1.0 if after == 0.0 else first_zero(slope, 1.0, sign * before, sign * after, 1e-9)
         s = float(motion.s[row]) + part * width
-        q = motion.at(row, s)
         drive = float(motion.line.drives(s)[motion.leading])
-        found.append(Extreme(float(q[column]), drive, bool((before > 0.0) == (motion.direction[row] > 0.0))))
+        rising = after < 0.0 if begins else before > 0.0
+        greatest = bool(rising == (motion.direction[row] > 0.0))
+        found.append(Extreme(_position(motion, output, motion.at(row, s)), drive, greatest))
     return tuple(found)
+
+
+def _ratio(motion: DrivenMotion, output: str, q: Array) -> float:
+    """The velocity of an output for a unit speed of the drive; nan at a dead point."""
+    rates = motion.unit_rates(q)
+    if rates is None:
+        return float("nan")
+    if output in motion.mechanism.closing:
+        return motion.closing_joint(output).rates(q, *rates)[0]
+    return float(rates[0][motion.index(output)])
+
+
+def _position(motion: DrivenMotion, output: str, q: Array) -> float:
+    if output in motion.mechanism.closing:
+        return motion.closing_joint(output).position(q)
+    return float(q[motion.columns[motion.index(output)]])
 
 
 def transmission_extremes(motion: DrivenMotion, joints: CouplerAndFollower) -> tuple[Extreme, Extreme]:

@@ -22,7 +22,7 @@ from mbd_sim.errors import InputError, MbdSimError
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.kinematic_analysis.drive_loads import DriveLoads
 from mbd_sim.kinematic_analysis.driven_motion import DrivenMotion
-from mbd_sim.kinematic_analysis.motion_table import grounded_outputs, outputs
+from mbd_sim.kinematic_analysis.motion_table import grounded_outputs
 from mbd_sim.kinematic_analysis.point_motion import PointFunctions
 from mbd_sim.kinematic_analysis.prescribed_drives import is_rotation
 from mbd_sim.kinematic_analysis.transmission import CouplerAndFollower, TransmissionAngle
@@ -114,8 +114,7 @@ def _multiples_of(step: float) -> Any:
 def _motion_panels(motion: DrivenMotion, points: Sequence[str]) -> list[_Panel]:
     panels = []
     for angle in (True, False):
-        names = [name for name in outputs(motion) if motion.columns[motion.index(name)] >= 0]
-        names = [name for name in names if is_rotation(motion.mechanism, name) == angle]
+        names = [name for name in motion.outputs if motion.is_rotation(name) == angle]
         if not names:
             continue
         rows = {name: motion.coordinate(name) for name in names}

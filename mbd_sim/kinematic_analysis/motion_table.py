@@ -13,6 +13,8 @@ from mbd_sim.kinematic_analysis.prescribed_drives import is_rotation
 from mbd_sim.kinematic_analysis.transmission import CouplerAndFollower, TransmissionAngle
 from mbd_sim.mechanism.records import GROUND
 
+QUANTITIES = ("position", "velocity", "acceleration")
+
 
 def motion_columns(
     motion: DrivenMotion,
@@ -26,13 +28,15 @@ def motion_columns(
     the drive's. nan where a number is undefined, as velocities are at dead points.
     """
     system, found = motion.system, dict[str, Array]({"time_s": motion.time})
-    for name, column in zip(motion.names, motion.columns, strict=True):
-        unit = "rad" if column < 0 or is_rotation(system.mechanism, name) else "m"
-        index = motion.index(name)
-        if column >= 0:
-            found[f"{name}.position_{unit}"] = motion.q[:, column]
-        found[f"{name}.velocity_{unit}_s"] = motion.u[:, index]
-        found[f"{name}.acceleration_{unit}_s2"] = motion.u_rates[:, index]
+    plain = [*motion.system.drives, *motion.outputs]
+    for name in sorted(plain, key=lambda name: motion.names.index(name) if name in motion.names else len(plain)):
+        unit, quantities = "rad" if motion.is_rotation(name) else "m", motion.coordinate(name)
+        for quantity, suffix, numbers in zip(QUANTITIES, ("", "_s", "_s2"), quantities, strict=True):
+            found[f"{name}.{quantity}_{unit}{suffix}"] = numbers
+    for name, place in zip(motion.names, motion.columns, strict=True):
+        if place < 0:
+            found[f"{name}.velocity_rad_s"] = motion.u[:, motion.index(name)]
+            found[f"{name}.acceleration_rad_s2"] = motion.u_rates[:, motion.index(name)]
     for name in points:
         point = motion.point(name)
         for prefix, values, unit in (
@@ -44,21 +48,17 @@ def motion_columns(
     for joints in pins:
         angle = TransmissionAngle(system, joints)
         found[f"transmission.{joints.pin}_rad"] = np.array([angle(q) for q in motion.q])
-    for name in outputs(motion):
+    for name in motion.outputs:
         found[f"advantage.{name}"] = motion.advantage(name)
     return found if loads is None else found | _load_columns(motion, loads)
 
 
-def outputs(motion: DrivenMotion) -> list[str]:
-    """The coordinates that follow the drives."""
-    return [name for name in motion.names if name not in motion.system.drives]
-
-
 def grounded_outputs(motion: DrivenMotion) -> list[str]:
-    """Those of joints with ground; all of them if there are none."""
-    joints = motion.mechanism.joints.values()
-    grounded = {name for joint in joints if GROUND in (joint.parent, joint.child) for name in joint.motion_names}
-    return [name for name in outputs(motion) if name in grounded] or outputs(motion)
+    """The outputs of joints with ground; all outputs if there are none."""
+    joints = motion.mechanism.all_joints.values()
+    on_ground = [joint for joint in joints if GROUND in (joint.parent, joint.child)]
+    grounded = {name for joint in on_ground for name in (joint.name, *joint.motion_names)}
+    return [name for name in motion.outputs if name in grounded] or list(motion.outputs)
 
 
 def _load_columns(motion: DrivenMotion, loads: DriveLoads) -> dict[str, Array]:

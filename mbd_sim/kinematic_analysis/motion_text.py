@@ -11,9 +11,9 @@ from mbd_sim.kinematic_analysis.assembly_modes import AssemblyModes
 from mbd_sim.kinematic_analysis.drive_loads import DriveLoads
 from mbd_sim.kinematic_analysis.driven_motion import DrivenMotion
 from mbd_sim.kinematic_analysis.extremes import limit_positions, transmission_extremes
-from mbd_sim.kinematic_analysis.motion_table import grounded_outputs, outputs
+from mbd_sim.kinematic_analysis.motion_table import grounded_outputs
 from mbd_sim.kinematic_analysis.prescribed_drives import coordinate_columns, is_rotation
-from mbd_sim.kinematic_analysis.reach import shown
+from mbd_sim.kinematic_analysis.reach import shown, value_shown
 from mbd_sim.kinematic_analysis.transmission import CouplerAndFollower
 from mbd_sim.mechanism.records import Mechanism
 
@@ -92,14 +92,18 @@ def _singular(motion: DrivenMotion) -> Iterator[str]:
 
 
 def _limits(motion: DrivenMotion) -> Iterator[str]:
-    for name in outputs(motion):
+    for name in grounded_outputs(motion):
         found = [
-            f"{'greatest' if one.greatest else 'least'} {shown(motion.mechanism, name, one.value)} at "
+            f"{'greatest' if one.greatest else 'least'} {_shown(motion, name, one.value)} at "
             f"{motion.drive_name} = {shown(motion.mechanism, motion.drive_name, one.drive)}"
             for one in limit_positions(motion, name)
         ]
         if found:
             yield _row("Limit positions", f"{name}: {'; '.join(found)}")
+
+
+def _shown(motion: DrivenMotion, name: str, value: float) -> str:
+    return value_shown(value, rotation=motion.is_rotation(name))
 
 
 def _advantage(motion: DrivenMotion, name: str) -> str:
@@ -113,7 +117,7 @@ def _advantage(motion: DrivenMotion, name: str) -> str:
 
 
 def _advantage_unit(motion: DrivenMotion, name: str) -> str:
-    one, other = (is_rotation(motion.mechanism, key) for key in (name, motion.drive_name))
+    one, other = (motion.is_rotation(key) for key in (name, motion.drive_name))
     return "" if one == other else " N·m/N" if one else " N/(N·m)"
 
 
@@ -133,10 +137,9 @@ def _loads(motion: DrivenMotion, loads: DriveLoads) -> Iterator[str]:
 def _table(motion: DrivenMotion, points: Sequence[str], loads: DriveLoads | None) -> Iterator[str]:
     """Some rows: evenly spaced ones, and all dead and change points."""
     columns = {}
-    for name, column in zip(motion.names, motion.columns, strict=True):
-        if column >= 0:
-            angle = is_rotation(motion.mechanism, name)
-            columns[f"{name} ({'deg' if angle else 'm'})"] = motion.q[:, column] * (180.0 / np.pi if angle else 1.0)
+    for name in (*motion.system.drives, *motion.outputs):
+        angle = motion.is_rotation(name)
+        columns[f"{name} ({'deg' if angle else 'm'})"] = motion.coordinate(name)[0] * (180.0 / np.pi if angle else 1.0)
     for name in points:
         position = motion.point(name).position
         columns |= {f"{name} {axis} (m)": position[:, index] for index, axis in enumerate("xyz")

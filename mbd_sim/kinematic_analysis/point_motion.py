@@ -51,9 +51,15 @@ class PointFunctions:
         """Position, velocity and acceleration (3,) in a state."""
         if self._part == GROUND:
             return self._local, np.zeros(3), np.zeros(3)
-        jacobian = self.jacobian(q)[:3]
-        bias = self._value("bias_acceleration", q, u)[:3]
-        return self._value("pose", q, u)[:3], jacobian @ u, jacobian @ u_rates + bias
+        velocity, acceleration = self.twist(q, u, u_rates)
+        return self._value("pose", q, u)[:3], velocity[:3], acceleration[:3]
+
+    def twist(self, q: Array, u: Array, u_rates: Array) -> tuple[Array, Array]:
+        """Velocity and angular velocity (6,) in a state, and their rates (6,)."""
+        if self._part == GROUND:
+            return np.zeros(6), np.zeros(6)
+        jacobian = self.jacobian(q)
+        return jacobian @ u, jacobian @ u_rates + self._value("bias_acceleration", q, u)
 
     def jacobian(self, q: Array) -> Array:
         """(6, nv): the velocity and the angular velocity for each unit speed."""

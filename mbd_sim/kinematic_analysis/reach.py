@@ -94,6 +94,11 @@ def _interval(system: KinematicSystem) -> str:
 
 def shown(mechanism: Mechanism, name: str, value: float) -> str:
     """A coordinate for people: in degrees or in m."""
-    if is_rotation(mechanism, name):
+    return value_shown(value, rotation=is_rotation(mechanism, name))
+
+
+def value_shown(value: float, *, rotation: bool) -> str:
+    """An angle in rad or a displacement in m for people."""
+    if rotation:
         return f"{round(float(np.degrees(value)), 9) + 0.0:.6g} deg"
     return f"{round(value, 12) + 0.0:.6g} m"

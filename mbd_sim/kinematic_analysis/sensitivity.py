@@ -48,11 +48,10 @@ class MotionSensitivity:
         return self._in_rows(self._derivatives.q)
 
     def coordinate(self, name: str) -> Sensitivity:
-        """Of a coordinate: (n, np) each.
+        """Of a coordinate of the spanning tree: (n, np) each.
 
         :raises InputError: there is no such coordinate, or it is a component of a rotation in space.
         """
-        self.motion.coordinate(name)
         slopes = self._slopes(self.parametric.coordinate(name))
         return Sensitivity(slopes[:, 0], slopes[:, 1], slopes[:, 2])
 

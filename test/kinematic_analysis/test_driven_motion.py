@@ -65,6 +65,33 @@ def test_a_slider_crank_moves_as_its_closed_form():
     assert np.max(np.abs(slider.position[:, 0] - (r * np.cos(angle) + root))) < 1e-14
     assert np.max(np.abs(slider.velocity[:, 0] - 10.0 * slope)) < 1e-12
     assert np.max(np.abs(slider.acceleration[:, 0] - 100.0 * bend)) < 1e-11
+    guide = motion.coordinate("guide")
+    assert (
+        np.max(
+            np.abs(
+                np.array(guide)
+                - [slider.position[:, 0], *(motion_of[:, 0] for motion_of in (slider.velocity, slider.acceleration))]
+            )
+        )
+        < 1e-12
+    )
+    limits = [(one.value, one.drive, one.greatest) for one in limit_positions(motion, "guide")]
+    assert limits == [
+        (pytest.approx(0.8, abs=1e-14), 0.0, True),
+        (pytest.approx(0.4, abs=1e-14), pytest.approx(np.pi, abs=1e-12), False),
+        (pytest.approx(0.8, abs=1e-14), pytest.approx(TURN, abs=1e-12), True),
+    ]
+    with np.errstate(divide="ignore"):
+        assert motion.advantage("guide")[1:18] == pytest.approx(1.0 / slope[1:18], rel=1e-11)
+
+
+def test_the_angle_of_a_joint_that_closes_a_loop_is_the_difference_of_the_others(motion):
+    coordinates = {name: np.array(motion.coordinate(name)) for name in ("motor", "pin", "pivot", "rocker_pin")}
+    expected = coordinates["pivot"] - coordinates["motor"] - coordinates["pin"]
+    difference = coordinates["rocker_pin"] - expected
+    assert np.max(np.abs(difference[1:])) < 1e-12
+    assert np.ptp(difference[0]) < 1e-12 and np.sin(difference[0][0] / 2) == pytest.approx(0.0, abs=1e-13)
+    assert motion.outputs == ("pin", "pivot", "rocker_pin")
 
 
 DOUBLE_ROCKER = {"a": 1.0, "b": 1.0, "c": 1.1, "d": 2.2, "start": 40}
