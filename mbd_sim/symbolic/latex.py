@@ -22,7 +22,9 @@ def to_latex(equations: SymbolicEquations, linearization: SymbolicLinearization 
 
     :param linearization: of the same equations, to be stated after them.
     """
-    linear = [] if linearization is None else linearization_lines(linearization, equations.q, equations.names)
+    linear: list[str] = []
+    if linearization is not None:
+        linear = linearization_lines(linearization, equations.q, equations.multipliers, equations.names)
     lines = [
         rf"% Equations of motion of {equations.mechanism}, by mbd_sim. Needs \usepackage{{amsmath,amssymb}}.",
         *_energy_lines(equations),

@@ -12,20 +12,30 @@ LONGEST_MATRIX = 420  # characters of LaTeX; longer matrices are written entry b
 Names = dict[Any, str]
 
 
-def linearization_lines(linearization: SymbolicLinearization, q: Sequence[Any], names: Names) -> list[str]:
+def linearization_lines(
+    linearization: SymbolicLinearization, q: Sequence[Any], multipliers: Sequence[Any], names: Names
+) -> list[str]:
     """The lines of a document that state the linearized equations, and their characteristic polynomial.
 
     :param q: the coordinates.
+    :param multipliers: those of the constraints.
     """
-    place = ", ".join(
-        f"{names[own]} = {write(value, names)}" for own, value in zip(q, linearization.equilibrium, strict=True)
-    )
+    own = [*zip(q, linearization.equilibrium, strict=True), *zip(multipliers, linearization.loads, strict=True)]
+    place = ", ".join(f"{names[symbol]} = {write(value, names)}" for symbol, value in own)
+    constrained = bool(linearization.loads)
     known = ", ".join(f"${names[symbol]} = {value:.6g}$" for symbol, value in linearization.values.items())
     damped = any(entry != 0 for entry in linearization.damping)
     rate = r"C\, \delta u + " if damped else ""
     equation = rf"M\, \delta \dot{{u}} + {rate}K\, \delta q = \delta \tau"
+    if constrained:
+        equation += r" + G^{T}\, \delta \lambda,\quad G\, \delta u = 0"
     matrices = [("M", linearization.mass), *([("C", linearization.damping)] if damped else [])]
-    rows = [row for name, matrix in [*matrices, ("K", linearization.stiffness)] for row in _rows(name, matrix, names)]
+    bordering = [("G", linearization.gradient)] if constrained else []
+    rows = [
+        row
+        for name, matrix in [*matrices, ("K", linearization.stiffness), *bordering]
+        for row in _rows(name, matrix, names)
+    ]
     lines = [
         rf"Small differences $\delta$ from the equilibrium ${place}$" + (f", where {known}," if known else ""),
         rf"satisfy ${equation}$ with",
@@ -41,10 +51,19 @@ def linearization_lines(linearization: SymbolicLinearization, q: Sequence[Any], 
         *lines,
         "The characteristic polynomial is",
         r"\begin{align*}",
-        rf"  \det \left(M s^{{2}} {'+ C s ' if damped else ''}+ K\right) &= {terms[0]}"
+        rf"  {_determinant(linearization, damped)} &= {terms[0]}"
         + "".join(" \\\\\n  & \\quad {} " + term for term in terms[1:]),
         r"\end{align*}",
     ]
+
+
+def _determinant(linearization: SymbolicLinearization, damped: bool) -> str:
+    """The determinant that is the characteristic polynomial."""
+    matrix = rf"M s^{{2}} {'+ C s ' if damped else ''}+ K"
+    if not linearization.loads:
+        return rf"\det \left({matrix}\right)"
+    factor = r"s\, " if linearization.rolling else ""
+    return rf"\det \begin{{pmatrix}} {matrix} & -G^{{T}} \\ {factor}G & 0 \end{{pmatrix}}"
 
 
 def _rows(name: str, matrix: Any, names: Names) -> list[str]:

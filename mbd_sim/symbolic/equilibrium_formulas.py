@@ -1,0 +1,164 @@
+"""Equilibria as formulas: coordinates, and multipliers of the constraints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from mbd_sim.geometry.pose import Array
+from mbd_sim.symbolic.exact_numbers import Exact, exact
+from mbd_sim.symbolic.symbolic_equations import SymbolicEquations
+
+NEAR = 1e-7  # between an equilibrium in numbers and its formula
+
+Equilibrium = tuple[tuple[Any, ...], tuple[Any, ...], dict[Any, float]]
+
+
+def free_equilibrium(
+    equations: SymbolicEquations, forces: Any, found: Array
+) -> tuple[tuple[Any, ...], dict[Any, float]]:
+    """The coordinates (nv,) at an equilibrium without constraints as formulas, and the numbers of symbols among them.
+
+    :param forces: h - Q (nv,) at rest, which are zero at the equilibrium.
+    :param found: the coordinates (nv,) in numbers.
+    """
+    import sympy as sp
+
+    place = [recognized(float(value)) for value in found]
+    exact_place = dict(zip(equations.q, place, strict=True))
+    if all(sp.simplify(force.subs(exact_place)) == 0 for force in forces):
+        return tuple(place), {}
+    for fixed in (_angles(equations, place), {}):
+        solved = _solved(equations, [force.subs(fixed) for force in forces], fixed, found)
+        if solved is not None:
+            return solved, {}
+    symbols = [sp.Symbol(f"{symbol}_0", real=True) for symbol in equations.q]
+    equations.names.update(
+        {own: f"{{{equations.names[symbol]}}}^{{0}}" for own, symbol in zip(symbols, equations.q, strict=True)}
+    )
+    return tuple(symbols), dict(zip(symbols, map(float, found), strict=True))
+
+
+def _angles(equations: SymbolicEquations, place: Sequence[Any]) -> dict[Any, Any]:
+    """The coordinates whose value is zero or a simple fraction of a turn."""
+    return {q: value for q, value in zip(equations.q, place, strict=True) if not value.is_Float}
+
+
+def _solved(
+    equations: SymbolicEquations, forces: Sequence[Any], fixed: Mapping[Any, Any], found: Array
+) -> tuple[Any, ...] | None:
+    """The solution of the equations of equilibrium that has the values found; None if there is no formula."""
+    import sympy as sp
+
+    unknown = [q for q in equations.q if q not in fixed]
+    left = [force for force in (sp.simplify(force) for force in forces) if force != 0]
+    if not unknown or any(not force.free_symbols & set(unknown) for force in left):
+        return None
+    degree = _degree(left, unknown)
+    if degree > 2 or (degree != 1 and len(unknown) > 1):
+        return None
+    try:
+        solutions = sp.solve(left, unknown, dict=True)
+    except NotImplementedError:
+        return None
+    numbers = {one.symbol: one.value for one in equations.parameters}
+    for solution in solutions:
+        place = [fixed.get(q, solution.get(q, q)) for q in equations.q]
+        if all(not (entry.free_symbols & set(equations.q)) for entry in place):
+            values = [complex(entry.subs(numbers)) for entry in place]
+            if np.allclose(values, found, rtol=NEAR, atol=NEAR):
+                return tuple(place)
+    return None
+
+
+def _degree(forces: Sequence[Any], unknown: Sequence[Any]) -> int:
+    """The total degree in the unknowns, 0 if the forces are not polynomials."""
+    import sympy as sp
+
+    try:
+        return max((sp.Poly(force, *unknown).total_degree() for force in forces), default=0)
+    except sp.PolynomialError:
+        return 0
+
+
+def recognized(value: float) -> Any:
+    """A number as a fraction of a turn if it is one, else as a decimal."""
+    import sympy as sp
+
+    if abs(value) < NEAR:
+        return sp.S.Zero
+    number: Exact = exact(round(value / np.pi * 12.0) / 12.0)
+    if number.ratio and abs(float(number) * np.pi - value) < NEAR:
+        return sp.Rational(number.ratio.numerator, number.ratio.denominator) * sp.pi
+    return sp.Float(value)
+
+
+def constrained_equilibrium(
+    equations: SymbolicEquations, balance: Any, gradient: Any, found: Array, numbers: Mapping[Any, float]
+) -> Equilibrium:
+    """The coordinates (nv,) and the multipliers (m,) at an equilibrium, and the numbers of symbols among them.
+
+    They are formulas where the coordinates are simple fractions of a turn, and at most one follows from a linear or
+    quadratic constraint. Otherwise they are symbols.
+
+    :param balance: h - Q (nv,) at rest, of which Gᵀ λ is equal at the equilibrium.
+    :param gradient: G (m, nv).
+    :param found: the coordinates (nv,) in numbers.
+    :param numbers: the values of all symbols but the multipliers.
+    """
+    place = _place(equations, found, numbers)
+    if place is not None:
+        loads = _loads(equations, balance, gradient, dict(zip(equations.q, place, strict=True)))
+        if loads is not None:
+            return place, loads, {}
+    at = np.array(balance.subs(numbers), dtype=float).ravel(), np.array(gradient.subs(numbers), dtype=float)
+    multipliers = np.linalg.lstsq(at[1].T, at[0], rcond=None)[0]
+    place, loads = _symbols(equations, equations.q), _symbols(equations, equations.multipliers)
+    values = dict(zip((*place, *loads), (*found.tolist(), *multipliers.tolist()), strict=True))
+    return place, loads, values
+
+
+def _place(equations: SymbolicEquations, found: Array, numbers: Mapping[Any, float]) -> tuple[Any, ...] | None:
+    """The coordinates as formulas; None if they have none."""
+    import sympy as sp
+
+    place = dict(zip(equations.q, (recognized(float(value)) for value in found), strict=True))
+    unknown = [q for q, value in place.items() if value.is_Float]
+    known = {q: value for q, value in place.items() if not value.is_Float}
+    positions = [sp.simplify(row.position.subs(known)) for row in equations.rows if row.position is not None]
+    left = [position for position in positions if position != 0]
+    if not unknown:
+        return None if left else tuple(place.values())
+    if len(unknown) > 1 or not left:
+        return None
+    (q,) = unknown
+    if any(not position.is_polynomial(q) or sp.degree(position, q) > 2 for position in left):
+        return None
+    for solution in sp.solve(left, [q], dict=True):
+        value = complex(solution[q].subs(numbers))
+        if abs(value - found[equations.q.index(q)]) < NEAR:
+            return tuple((known | solution)[one] for one in equations.q)
+    return None
+
+
+def _loads(equations: SymbolicEquations, balance: Any, gradient: Any, place: dict[Any, Any]) -> tuple[Any, ...] | None:
+    """The multipliers as formulas; None if nothing balances."""
+    import sympy as sp
+
+    unknown = list(equations.multipliers)
+    left = [sp.simplify(row) for row in (balance - gradient.T * sp.Matrix(unknown)).subs(place)]
+    solutions = sp.solve([row for row in left if row != 0], unknown, dict=True)
+    if len(solutions) != 1 or any(symbol not in solutions[0] for symbol in unknown):
+        return None
+    return tuple(solutions[0][symbol] for symbol in unknown)
+
+
+def _symbols(equations: SymbolicEquations, of: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Symbols for values at the equilibrium."""
+    import sympy as sp
+
+    symbols = tuple(sp.Symbol(f"{symbol}_0", real=True) for symbol in of)
+    equations.names.update({own: f"{{{equations.names[one]}}}^{{0}}" for own, one in zip(symbols, of, strict=True)})
+    return symbols
