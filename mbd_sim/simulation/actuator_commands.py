@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mbd_sim.dynamics.input_layout import InputLayout
-from mbd_sim.errors import CommandError, listed, nearest
+from mbd_sim.errors import CommandError, listed, nearest, quoted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import Actuator, Channel, channel_names
 from mbd_sim.mechanism.drives import CommandedDrive
@@ -60,6 +60,8 @@ class CommandMap:
 
 def _finite(name: str, value: object) -> float:
     try:
+        if isinstance(value, str | bytes):
+            raise TypeError(f"{quoted(value)} is a text")
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:
         raise CommandError(f"the command of {name} is not a number ({error}). Give a number.") from error

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mbd_sim.errors import CommandError, listed, nearest, printable
+from mbd_sim.errors import CommandError, listed, nearest, printable, quoted
 from mbd_sim.geometry.pose import Array
 
 
@@ -65,6 +65,9 @@ class EffortMap:
         """
         merged = current.copy()
         try:
+            given = efforts.values() if isinstance(efforts, Mapping) else efforts
+            if texts := [value for value in given if isinstance(value, str | bytes)]:
+                raise TypeError(f"{quoted(texts[0])} is a text")
             if isinstance(efforts, Mapping):
                 for name, value in efforts.items():
                     merged[self._index_of(name)] = value

@@ -214,6 +214,7 @@ def test_motor_data_can_be_live_values_and_differ_among_members():
         ({"drive": {"effort": 1.0}}, "takes no effort.*voltage"),
         ({"drive": math.nan}, "drive.*finite"),
         ({"drive": "fast"}, "not a number"),
+        ({"drive": "3"}, r"drive\.voltage is not a number \('3' is a text\)"),
     ],
 )
 def test_a_command_that_does_not_fit_is_refused_whole(commands, message):

@@ -230,6 +230,7 @@ class TestEfforts:
             ({"elbow": 1.0, "elbw": 2.0}, "no joint 'elbw'. Did you mean 'elbow'?"),
             ({"elbow": "fast"}, "not a number"),
             (["a", "b"], "not a number"),
+            (["1", "2"], "'1' is a text"),
             ([[1.0, 2.0], [3.0, 4.0]], "not a number"),
         ],
     )
