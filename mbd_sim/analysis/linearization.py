@@ -29,9 +29,10 @@ class Linearization:
     `a` is (n, n), `b` (n, nv) and `by_commands` (n, m), found by exact differentiation. A displacement p changes the
     coordinates by N `displacements` p, with q' = N u and `displacements` (nv, k); w changes the speeds by `speeds` w,
     with `speeds` (nv, l). Without constraints both matrices are the identity, so that p is the change of q (along the
-    speeds) and w that of u. About a moving state these directions are those of the moment; only small rotations of
-    spherical and free joints are about axes that turn with the part. Where friction sticks, l < k: what sticks can be
-    displaced, but does not move.
+    speeds) and w that of u. About a moving state these directions are those of the moment. Small rotations of
+    spherical and free joints that turn are about axes that turn with the part or, if the derivatives are steadier
+    there, about those before the joint: see `mbd_sim.analysis.turning_axes`. Where friction sticks, l < k: what
+    sticks can be displaced, but does not move.
 
     `states` are the names of s, such as `drive.current`, and `commands` those of c, such as `drive.voltage`, in their
     order and in SI units. Drives that follow commands move on as they do at the state: neither their states nor their

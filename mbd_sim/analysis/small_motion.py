@@ -18,10 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbd_sim.analysis.contact_motion import ContactMotion
+from mbd_sim.analysis.turning_axes import steadier_before_joints, turning_of_parts
 from mbd_sim.dynamics.assembly import null_space
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.evaluation import evaluated
-from mbd_sim.dynamics.state_derivatives import derivative_layout, frame_turning
+from mbd_sim.dynamics.state_derivatives import derivative_layout
 from mbd_sim.errors import MechanismError, Problem, listed
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.drives import STATES
@@ -75,10 +76,15 @@ def small_motion(
         closed[:, columns.displacements], closed[:, columns.speeds] = motion.slopes @ motion.n, motion.gradient
         constrained = np.vstack([constrained, closed])
         holonomic = np.concatenate([holonomic, motion.holonomic]).astype(bool)
-    free = np.zeros((nv, columns.size))  # ν' = δu - ω × ν
+    free = np.zeros((nv, columns.size))
     free[:, columns.speeds] = np.eye(nv)
-    for span, (x, y_, z) in frame_turning(equations, y[nq : nq + nv]):
-        free[span, span] = [[0.0, z, -y_], [-z, 0.0, x], [y_, -x, 0.0]]
+    turning = turning_of_parts(equations, y[nq : nq + nv])
+    if turning.any():
+        if steadier_before_joints(equations, t, y, inputs, turning):
+            rates = rates.copy()
+            rates[:nv, columns.speeds] += turning
+        else:
+            free[:, columns.displacements] = -turning
     if not len(constrained):
         return _split(np.vstack([free, rates]), 2 * nv + states - nv, np.eye(nv), np.eye(nv), None, drive_rates)
     gradient = constrained[:, columns.speeds]

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.drives import STATES
 
 if TYPE_CHECKING:
@@ -74,17 +73,3 @@ def derivative_function(
         by_state[:, drives:nq],
     ]
     return ca.Function(name, list(symbols), [ca.densify(ca.horzcat(*columns).T)], {"cse": True})
-
-
-def frame_turning(equations: Equations, u: Array) -> list[tuple[slice, Array]]:
-    """The angular velocities (3,) with which the directions of displacements turn, and where they are among these.
-
-    A displacement of a spherical or free joint is a small rotation δ about the axes of the part that turns with ω: it
-    changes with δ' = δω - ω × δ.
-    """
-    found = []
-    for name, joint in equations.mechanism.joints.items():
-        if joint.kind.quaternion is not None and not joint.drive:
-            stop = equations.layout.u[name].stop
-            found.append((slice(stop - 3, stop), u[stop - 3 : stop]))
-    return found

@@ -9,6 +9,7 @@ from mbd_sim.analysis.linearization import (
     linearize,
     modes,
 )
+from mbd_sim.analysis.turning_axes import steadier_before_joints, turning_of_parts
 from mbd_sim.mechanism_file.override import with_values
 
 G = 9.81
@@ -95,7 +96,10 @@ def test_the_linearization_is_the_derivative_of_the_motion(name):
     efforts = np.zeros(nv)
     linear = linearize(equations, q, u, efforts)
     h = 1e-6
-    k = linear.displacements.shape[1]
+    k, turning = linear.displacements.shape[1], turning_of_parts(equations, u)
+    moving = np.concatenate([q, u, np.zeros(3)])
+    if not turning.any() or not steadier_before_joints(equations, 0.0, moving, efforts, turning):
+        turning = np.zeros((nv, nv))
 
     def speeds_rate(displacement, change):
         moved = constraints.displaced(q, linear.displacements @ displacement)
@@ -105,7 +109,7 @@ def test_the_linearization_is_the_derivative_of_the_motion(name):
             speeds = speeds - np.linalg.pinv(gradient) @ (gradient @ speeds + drift)
         y = np.concatenate([moved, speeds, np.zeros(3)])
         rates = np.array(equations.rates.call([0.0, y, efforts])[0]).ravel()
-        return np.linalg.pinv(linear.speeds) @ rates[len(q) : len(q) + nv]
+        return np.linalg.pinv(linear.speeds) @ (rates[len(q) : len(q) + nv] + turning @ (speeds - u))
 
     size = max(np.max(np.abs(linear.a)), 1.0)
     for column in range(linear.a.shape[1]):
@@ -178,3 +182,16 @@ def test_compiled_derivatives_and_reactions_are_those_of_the_equations(name):
     for joint, reaction in sim.reactions().items():
         assert reaction.force == pytest.approx(expected[joint].force, rel=1e-12, abs=1e-11)
         assert reaction.moment == pytest.approx(expected[joint].moment, rel=1e-12, abs=1e-11)
+
+
+@pytest.mark.parametrize("speed", [0.5, 1.2, 1.4, 3.0])
+def test_a_disc_that_rolls_straight_on_is_stable_if_it_is_fast(speed):
+    """λ² = 4 g/5 r - 12 ω²/5: from ω² = g/3 r on it oscillates. Place, heading and spin are neutral."""
+    sim = Simulation.from_file("rolling_disc")
+    r = sim.mechanism.parameters["r"]
+    sim.reset(q=[0, 0, r, 1, 0, 0, 0], u=[speed, 0, 0, 0, speed / r, 0])
+    exact = np.sqrt(0.8 * G / r - 2.4 * (speed / r) ** 2 + 0j)
+    found = np.linalg.eigvals(sim.linearize().a)
+    found = found[np.argsort(np.abs(found))]
+    assert np.abs(found[:6]) == pytest.approx(np.zeros(6), abs=1e-4)
+    assert np.sort_complex(np.round(found[6:], 12)) == pytest.approx(np.sort_complex([exact, -exact]), rel=1e-9)
