@@ -55,7 +55,10 @@ def _check_robot(robot: Element, file: str) -> None:
     if robot.tag != "robot":
         known = {"sdf": "SDF", "mujoco": "MJCF", "COLLADA": "COLLADA", "gazebo": "SDF"}.get(robot.tag)
         message = f"this is {known}, not URDF" if known else "this is not URDF"
-        raise file_error(file, robot.line, message, "A URDF's root element is <robot>.", value=f"<{robot.tag[:60]}>")
+        remedy = "A URDF's root element is <robot>."
+        if known in ("SDF", "MJCF"):
+            remedy = "Convert it to a mechanism file, which you can edit: mbd_sim convert FILE > FILE.yaml."
+        raise file_error(file, robot.line, message, remedy, value=f"<{robot.tag[:60]}>")
     if not robot.all("link"):
         raise file_error(file, robot.line, "has no <link>", "Add the links and joints of the robot.", key="robot")
 

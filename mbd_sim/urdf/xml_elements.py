@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from mbd_sim.errors import quoted
-from mbd_sim.mechanism_file.file_limits import MAX_BYTES, MAX_DEPTH, MAX_VALUES, file_error
+from mbd_sim.mechanism_file.file_limits import MAX_BYTES, MAX_VALUES, file_error
 
+MAX_NESTING = 200  # levels; a chain of bodies in an MJCF has as many as it has bodies
 _BEGINS_AS_XML = re.compile(r"\ufeff?\s*<(?!<)")
 _SURROGATE = re.compile("[\ud800-\udfff]")
 
@@ -97,8 +98,8 @@ class _Reader:
             raise file_error(
                 self.file, line, f"more than {MAX_VALUES} values", "Remove everything that does not describe the robot."
             )
-        if len(self.open) > MAX_DEPTH:
-            raise file_error(self.file, line, f"nested deeper than {MAX_DEPTH} levels", "Flatten the file.")
+        if len(self.open) > MAX_NESTING:
+            raise file_error(self.file, line, f"nested deeper than {MAX_NESTING} levels", "Flatten the file.")
         element = Element(tag, attributes, line, file=self.file)
         self.open[-1].children.append(element)
         self.open.append(element)

@@ -43,6 +43,17 @@ def test_tendons_and_actuators():
         assert np.max(np.abs(found - exact)) <= 1e-12 * np.max(np.abs(exact))
 
 
+def test_friction_of_a_moving_joint():
+    """MuJoCo's friction is a constraint, of which qacc contains the force; at rest the two differ."""
+    joint = '<joint name="a" axis="0 1 0" frictionloss="0.3"/>'
+    text = f'<mujoco><worldbody><body>{joint}<geom size="0.1" pos="0.2 0 0"/></body></worldbody></mujoco>'
+    _, oracle, own = read(text)
+    for speed in (2.0, -3.0):
+        q, u, none = np.array([0.4]), np.array([speed]), np.zeros(1)
+        oracle.forward(q, u, none, ())
+        assert own(q, u, none) == pytest.approx(oracle.data.qacc, rel=1e-8)
+
+
 @pytest.mark.parametrize("kind", EQUALITIES)
 def test_equalities_are_exact_constraints(kind):
     _, oracle, own = read(LINKS.replace("EQUALITY", EQUALITIES[kind]))

@@ -33,6 +33,11 @@ def test_sites_are_points_and_bodies_without_a_name_get_one():
     assert mechanism.joints["body_2_fixed"].type == "fixed"
 
 
+def test_long_chains_are_read():
+    body = '<body pos="0 0 1"><joint/><geom size="0.1"/>'
+    assert len(parse_mechanism(model(body * 120 + "</body>" * 120)).parts) == 121
+
+
 def test_limits_are_passed_on_in_rad():
     text = model('<body><joint name="k" range="-90 45"/><geom size="1"/></body>')
     (limits,) = parse_mechanism(text).joints["k"].limits

@@ -350,7 +350,7 @@ def test_problems_of_the_mechanism_have_the_line_of_the_urdf():
             '<robot xmlns:xacro="x">\n<xacro:macro name="a"/></robot>',
             "r.urdf:2: xacro:macro: a xacro file is a program",
         ),
-        ("<robot>" + "<a>" * 100 + "</a>" * 100 + "</robot>", "nested deeper than 40 levels"),
+        ("<robot>" + "<a>" * 300 + "</a>" * 300 + "</robot>", "nested deeper than 200 levels"),
         ("<robot>" + "<a/>" * 100_001 + "</robot>", "more than 60000 values"),
         ("<robot>" + " " * 1_000_001 + "</robot>", "longer than 1000000 characters"),
         ("<robot name='\ud800'/>", "U+D800 is not allowed"),
