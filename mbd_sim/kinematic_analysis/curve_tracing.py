@@ -21,6 +21,8 @@ from mbd_sim.kinematic_analysis.singular_points import SingularPoint, change_poi
 FIRST, LONGEST, SHORTEST = 0.02, 0.15, 1e-9  # steps, in rad or sizes of the mechanism
 TURN, SMALL_TURN = 0.2, 0.08  # rad, of the tangent in a step that is accepted, and after which the next one is longer
 MOST_STEPS = 100_000
+FALL = 4.0  # ratio of a margin and its fall in one step, below which it may vanish in the next
+SAME = 1e-6  # of s, within which successive change points are one
 END = 1e-12  # of s, within which a point is at the end of the range
 
 
@@ -71,13 +73,16 @@ def _singular(
         return dead_point(line, before, after)
     crossed = float(before.left @ after.left) * float(before.right @ after.right) < 0.0
     lowest = number > 0 and points[number - 1].margin > before.margin < after.margin
+    if lowest:  # a margin that vanishes falls by about its own size in a step
+        lowest = before.margin < FALL * (max(points[number - 1].margin, after.margin) - before.margin)
     if not (crossed or lowest):
         return None
     low = points[max(number - 1, 0)] if lowest else before
     singular = change_point(line, low, before if lowest else after, after)
-    if singular is None or any(abs(singular.s - other.s) < 1e-6 for _, other in found if other.kind == singular.kind):
+    if singular is None:
         return None
-    return singular
+    again = any(abs(singular.s - other.s) < SAME for place, other in found if place >= number - 2)
+    return None if again else singular
 
 
 def _steps(line: DriveLine, first: CurvePoint, limits: tuple[float, float], through: bool) -> Iterator[CurvePoint]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from mbd_sim.dynamics.assembly import RANK
 from mbd_sim.geometry.pose import Array
-from mbd_sim.kinematic_analysis.kinematic_system import ITERATIONS, ROUNDING, SETTLED, KinematicSystem
+from mbd_sim.kinematic_analysis.kinematic_system import ITERATIONS, SETTLED, KinematicSystem
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class DriveLine:
         system, tangent = self.system, point.tangent
         step = distance * tangent
         q, s = system.displaced(point.q, system.scale * step[:-1]), point.s + step[-1] / self.length
-        moved, last = 0.0, np.inf
+        moved = 0.0
         for _ in range(ITERATIONS):
             matrix = np.vstack([self._matrix(q), tangent])
             right = np.concatenate([-self._residual(q, s), [0.0]])
@@ -90,9 +90,9 @@ class DriveLine:
             moved += size
             if moved > 0.5 * abs(distance):
                 return None
-            if size <= ROUNDING or (size <= SETTLED and size >= 0.5 * last):
+            q, s = system.displaced(q, system.scale * found[:-1]), s + found[-1] / self.length
+            if size <= SETTLED:  # the next step is round-off
                 break
-            q, s, last = system.displaced(q, system.scale * found[:-1]), s + found[-1] / self.length, size
         return self.point(q, s, tangent) if system.is_closed(q) else None
 
     def _matrix(self, q: Array) -> Array:

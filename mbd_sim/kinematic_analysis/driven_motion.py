@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from mbd_sim.kinematic_analysis.drive_line import DriveLine
 from mbd_sim.kinematic_analysis.kinematic_system import KinematicSystem
 from mbd_sim.kinematic_analysis.point_motion import PointFunctions, PointMotion
 from mbd_sim.kinematic_analysis.prescribed_drives import coordinate_columns, coordinate_index, is_rotation
-from mbd_sim.kinematic_analysis.reach import require_reached
+from mbd_sim.kinematic_analysis.reach import require_reached, require_regular
 from mbd_sim.kinematic_analysis.singular_points import Kind, SingularPoint
 from mbd_sim.mechanism.records import Mechanism
 
@@ -225,6 +225,8 @@ def driven_motion(
     :raises InputError: a drive does not exist, or there are not as many as degrees of freedom, or no range.
     :raises MechanismError: the loops cannot be closed, or something depends on time.
     """
+    if dead_points not in get_args(AtDeadPoints):
+        raise InputError(f"dead_points cannot be {dead_points!r}", 'Write "refuse" or "follow".')
     ranges = {name: _range(value) for name, value in drives.items()}
     system = KinematicSystem(mechanism, list(ranges))
     if positions < 2 or not (np.isfinite(speed) and speed >= 0.0):
@@ -235,7 +237,9 @@ def driven_motion(
         raise InputError("no drive moves: start and stop are equal", "Give a range to one of them.")
     first_q, s = _first(system, line, mode, follow=dead_points == "follow")
     sign = 1.0 if s < 1.0 else -1.0
-    curve = traced_curve(line, line.forward(first_q, s, sign), through=dead_points == "follow")
+    first = line.forward(first_q, s, sign)
+    require_regular(system, line, first)
+    curve = traced_curve(line, first, through=dead_points == "follow")
     if dead_points == "refuse":
         require_reached(system, line, curve)
     return DrivenMotion(line, sampled(line, curve, np.linspace(0.0, 1.0, positions)), speed)

@@ -27,8 +27,7 @@ from mbd_sim.mechanism.records import Mechanism
 
 ITERATIONS = 50
 LONGEST = 0.5  # step of Newton's method, rad, or in lengths the size of the mechanism
-ROUNDING = 1e-14  # steps below it are round-off
-SETTLED = 1e-10  # steps below it that no longer shrink are round-off
+SETTLED = 1e-9  # step of Newton's method after which the error, about its square, is round-off
 SINGULAR = 1e-7  # singular value, relative to the largest, at which velocities are not determined
 
 
@@ -101,7 +100,7 @@ class KinematicSystem:
         """
         q = q.copy()
         q[self.q_driven] = drives
-        step, last = np.zeros(self.layout.nv), np.inf
+        step = np.zeros(self.layout.nv)
         dependent = self.dependent
         for _ in range(iterations):
             gaps = self.constraints.position(0.0, q)
@@ -110,10 +109,10 @@ class KinematicSystem:
                 return None
             found = -np.linalg.lstsq(slope, gaps, rcond=RANK)[0] if slope.size else np.zeros(len(dependent))
             size = float(np.max(np.abs(found), initial=0.0))
-            if size <= ROUNDING or (size <= SETTLED and size >= 0.5 * last):
+            step[dependent] = self.scale[dependent] * found * min(1.0, LONGEST / max(size, LONGEST))
+            q = self.displaced(q, step)
+            if size <= SETTLED:  # the next step is round-off
                 break
-            step[dependent] = self.scale[dependent] * found * min(1.0, LONGEST / size)
-            q, last = self.displaced(q, step), size
         return q if self.is_closed(q) else None
 
     def is_closed(self, q: Array) -> bool:
@@ -168,6 +167,8 @@ class KinematicSystem:
         remedy = f"Give ranges for {free} coordinates, of {listed(list(drivable(self.mechanism)))}."
         if free > given:
             remedy = f"Give ranges for {free - given} more of {listed(others)}; a constant one holds a coordinate."
+            if sum(joint.type == "spherical" for joint in self.mechanism.all_joints.values()) > 1:
+                remedy += " A part between two spherical joints can turn idly: replace it by a 'distance' constraint."
         raise InputError(
             f"{self.mechanism.name} has {free} degree{'s' if free != 1 else ''} of freedom, and {given} "
             f"coordinate{'s are' if given != 1 else ' is'} driven",

@@ -8,10 +8,10 @@ import numpy as np
 
 from mbd_sim.errors import InputError
 from mbd_sim.kinematic_analysis.curve_tracing import TracedCurve, traced_curve
-from mbd_sim.kinematic_analysis.drive_line import DriveLine
+from mbd_sim.kinematic_analysis.drive_line import CurvePoint, DriveLine
 from mbd_sim.kinematic_analysis.kinematic_system import KinematicSystem, UnreachableError
 from mbd_sim.kinematic_analysis.prescribed_drives import is_rotation
-from mbd_sim.kinematic_analysis.singular_points import Kind
+from mbd_sim.kinematic_analysis.singular_points import VANISHING, Kind, is_singular
 from mbd_sim.mechanism.records import Mechanism
 
 TURN = 2.0 * np.pi
@@ -55,6 +55,19 @@ def _reach(system: KinematicSystem) -> ReachableRange:
     return ReachableRange(ends[0][0], ends[1][0], ends[0][1], ends[1][1])
 
 
+def require_regular(system: KinematicSystem, line: DriveLine, first: CurvePoint) -> None:
+    """Refuse to begin at a dead point or a change point, where the direction of the motion is not determined.
+
+    :raises UnreachableError: the motion begins at one.
+    """
+    if is_singular(first.margin) or abs(first.pace) < VANISHING:
+        kind = "change point" if is_singular(first.margin) else "dead point"
+        raise UnreachableError(
+            f"{system.mechanism.name}: the motion begins at a {kind}, at {_where(system, line, first.s)}, where its "
+            "direction is not determined. Begin the range beside it."
+        )
+
+
 def require_reached(system: KinematicSystem, line: DriveLine, curve: TracedCurve) -> None:
     """Refuse a range that ends at a dead point or a change point.
 
@@ -65,17 +78,18 @@ def require_reached(system: KinematicSystem, line: DriveLine, curve: TracedCurve
     if not curve.singular:
         raise UnreachableError(f"{system.mechanism.name}: the end of the range cannot be reached. Give a shorter one.")
     point = curve.singular[-1][1]
-    where = ", ".join(
-        f"{name} = {shown(system.mechanism, name, value)}"
-        for name, value in zip(system.drives, line.drives(point.s).tolist(), strict=True)
-    )
-    text = f"{system.mechanism.name}: the drive cannot go on at the {point.kind} at {where}."
+    text = f"{system.mechanism.name}: the drive cannot go on at the {point.kind} at {_where(system, line, point.s)}."
     if len(system.drives) == 1:
         text += " " + _interval(system)
     raise UnreachableError(
         f"{text} Give a range within, or follow the motion through such points with --through-dead-points "
         '(dead_points="follow").'
     )
+
+
+def _where(system: KinematicSystem, line: DriveLine, s: float) -> str:
+    named = zip(system.drives, line.drives(s).tolist(), strict=True)
+    return ", ".join(f"{name} = {shown(system.mechanism, name, value)}" for name, value in named)
 
 
 def _interval(system: KinematicSystem) -> str:

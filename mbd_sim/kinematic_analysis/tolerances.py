@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -60,6 +60,10 @@ class ToleranceAnalysis:
         """
         if not tolerances or not all(np.isfinite(value) and value > 0.0 for value in tolerances.values()):
             raise InputError("tolerances must be positive numbers", "Give at least one, such as 0.1e-3 for 0.1 mm.")
+        if distribution not in get_args(Distribution):
+            raise InputError(
+                f"there is no distribution {distribution!r}", f"Valid: {', '.join(get_args(Distribution))}."
+            )
         if samples < 0 or samples == 1:
             raise InputError(f"{samples} samples have no standard deviation", "Give 0, or at least 2.")
         self.tolerances = np.array(list(tolerances.values()), dtype=float)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -92,6 +92,8 @@ def synthesize(
     :raises MechanismError: a key does not exist, or cannot be a parameter of the equations.
     :raises MbdSimError: the optimum cannot move through the positions of the drive.
     """
+    if norm not in get_args(Norm):
+        raise InputError(f"there is no norm {norm!r}", f"Valid: {', '.join(get_args(Norm))}.")
     require_packages("scipy", purpose="Synthesis")
     problem = DesignProblem(mechanism, drive, goal, list(variables))
     start = problem.start

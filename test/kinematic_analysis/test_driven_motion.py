@@ -134,6 +134,15 @@ def test_a_parallelogram_stops_at_its_change_points_or_stays_a_parallelogram():
     assert np.max(np.abs(motion.coordinate("pivot")[0] - motion.drive)) < 1e-9
 
 
+def test_a_motion_cannot_begin_where_its_direction_is_not_determined():
+    with pytest.raises(
+        UnreachableError, match=r"begins at a change point, at motor = 0 deg.*Begin the range beside it"
+    ):
+        driven_motion(four_bar(0.5, 1.5, 0.5, 1.5, 0, 0), {"motor": (0.0, 1.0)}, dead_points="follow")
+    with pytest.raises(UnreachableError, match=r"begins at a dead point, at motor = 71\.0344 deg"):
+        driven_motion(four_bar(**{**DOUBLE_ROCKER, "start": np.degrees(DEAD)}), {"motor": (DEAD, 0.5)})
+
+
 def test_a_mode_is_chosen_by_its_number():
     modes = [driven_motion(four_bar(), {"motor": (1.0, 2.0)}, 5, mode=number) for number in (1, 2)]
     angles = sorted(np.mod(one.coordinate("pivot")[0][0], TURN) for one in modes)
