@@ -7,26 +7,48 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 from mbd_sim import Simulation
+from mbd_sim.analysis.linearization import linearize_at
 from mbd_sim.urdf.urdf_writer import to_urdf
 
 ROUNDS, CALLS = 31, 3000
 TOOL = "tool"
 NAME = "six_axis_arm"
+LINEARIZED = "double_rod", "six_axis_arm", "four_bar"
 
 
-def microseconds(call: Callable[[], object]) -> float:
+def microseconds(call: Callable[[], object], rounds: int = ROUNDS, calls: int = CALLS) -> float:
     """Processor time in µs of a call: the least of the rounds."""
     best = np.inf
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         began = time.thread_time()
-        for _ in range(CALLS):
+        for _ in range(calls):
             call()
-        best = min(best, (time.thread_time() - began) / CALLS)
+        best = min(best, (time.thread_time() - began) / calls)
     return 1e6 * float(best)
+
+
+def linear_table() -> list[str]:
+    """Rows of a table: `linearize()` and `reactions()`, compiled and evaluated by CasADi's virtual machine."""
+    rows = []
+    for name in LINEARIZED:
+        sim = Simulation.from_file(name)
+        sim.run(until=0.1)
+        equations, model = sim.model.equations, sim.model
+        calls: list[Callable[[], object]] = [
+            sim.linearize,
+            partial(linearize_at, equations, sim.time, sim.y, sim.inputs),
+            sim.reactions,
+            partial(model.reactions, sim.time, sim.y, sim.inputs),
+        ]
+        for call in calls:
+            call()
+        rows.append(f"| {name} | " + " | ".join(f"{microseconds(call, 15, 100):.3g}" for call in calls) + " |")
+    return rows
 
 
 def own_calls(sim: Simulation) -> dict[str, Callable[[], object]]:
@@ -84,6 +106,8 @@ def main() -> None:
     for name, call in own_calls(sim).items():
         other = f"{microseconds(others[name]):.2f}" if name in others else "–"
         print(f"| `{name}` | {microseconds(call):.2f} | {other} |")
+    print("\n| µs | linearize() | by CasADi | reactions() | by CasADi |\n|---|--:|--:|--:|--:|")
+    print("\n".join(linear_table()))
 
 
 if __name__ == "__main__":

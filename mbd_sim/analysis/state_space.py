@@ -134,7 +134,7 @@ def _chosen(names: Iterable[str], possible: Mapping[str, Named], what: str) -> l
     :raises CommandError: there are none.
     """
     found: dict[str, Named] = {}
-    for name in names:
+    for name in [names] if isinstance(names, str) else names:
         own = [name] if name in possible else [other for other in possible if other.startswith(f"{name}.")]
         if not own:
             raise CommandError(f"there is no {what} '{name}'. {nearest(name, possible)}")

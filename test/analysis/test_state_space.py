@@ -60,6 +60,25 @@ def test_the_command_of_a_drive_acts_through_its_filter():
         sim.state_space(["commands.shaker.position", "drives.shaker"])
 
 
+MOTOR = """
+mechanism: motor
+parts: {rotor: {mass: 1, inertia: {xx: 0.01, yy: 0.01, zz: 0.02}}}
+joints: {axle: {type: revolute, between: [ground, rotor], axis: [0, 0, 1]}}
+actuators: {motor: {type: dc_motor, joint: axle, torque_constant: 0.5, resistance: 2, inductance: 0.1}}
+"""
+
+
+def test_the_voltage_of_a_motor():
+    """k / (J s (L s + R) + k²) to the speed, and J s / (…) to the current, which is a state."""
+    names = ["joints.axle.velocity", "actuators.motor.current"]
+    system = Simulation.from_text(MOTOR).state_space("commands.motor.voltage", names)
+    s = 2j * np.pi * FREQUENCIES
+    denominator = 0.02 * s * (0.1 * s + 2) + 0.25
+    found = system.response(FREQUENCIES)[:, :, 0]
+    assert system.states[-1] == "actuators.motor.current"
+    assert found == pytest.approx(np.column_stack([0.5 / denominator, 0.02 * s / denominator]), rel=1e-9)
+
+
 CART = """
 mechanism: cart
 parts:
