@@ -195,7 +195,7 @@ class _Reader:
             ends = [end for tag in ("parent", "child") if (end := self._end(joint, tag)) is not None]
             if len(ends) == 1:
                 grounded.add(id(ends[0]))
-            elif group[id(ends[0])] is not group[id(ends[1])]:
+            elif ends and group[id(ends[0])] is not group[id(ends[1])]:
                 merged = group[id(ends[0])] | group[id(ends[1])]
                 group |= dict.fromkeys(merged, merged)
         found: list[list[Node]] = []

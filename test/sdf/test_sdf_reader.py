@@ -148,6 +148,7 @@ MISTAKES = {
         '<link name="a"><inertial auto="true"/></link>'
     ): r":2: link\[a\]\.inertial\.auto: .* Give <mass> and <inertia>",
     model(X + joint("j", "revolute", "world", "x", "<axis><xyz>0 0 0</xyz></axis>")): r"must not be zero",
+    model(X + joint("j", "revolute", "world", "world")): r"connects a link with itself",
     model(""): r"has no <link>",
     '<sdf version="1.9"><world name="a"/><world name="b"/></sdf>': r"has several worlds",
 }
