@@ -40,6 +40,20 @@ from mbd_sim.symbolic.symbolic_values import with_forces_alone
 ALWAYS = ("rk4", "tsitouras8")  # methods of which every export has a step; Adams methods need the latter
 
 
+_HEADERS = (
+    "math",
+    "stdbool",
+    "stddef",
+    "stdint",
+    "stdio",
+    "stdlib",
+    "string",
+    "fmi3_model",
+    "fmi3_types",
+    "fmi3_functions",
+)
+
+
 @dataclass(frozen=True, eq=False)
 class ExportedModel:
     """A mechanism with the functions that become C code.
@@ -124,7 +138,7 @@ def export_model(
     values = ca.SX(0, 1) if numbers is None else numbers.numbers_at(p)
     starts = [] if numbers is None else numbers.values.tolist()
     return ExportedModel(
-        name=identifier(mechanism.name).lower(),
+        name=_module_name(mechanism),
         mechanism=mechanism,
         equations=equations,
         methods=methods,
@@ -137,6 +151,12 @@ def export_model(
         outputs=outputs,
         remarks=tuple(remarks),
     )
+
+
+def _module_name(mechanism: Mechanism) -> str:
+    """The name of the mechanism in lower case, if its header does not have the name of another one then."""
+    name = identifier(mechanism.name).lower()
+    return f"{name}_mechanism" if name in _HEADERS else name
 
 
 def _start_state(equations: Equations) -> Array:

@@ -156,7 +156,7 @@ def test_the_text_is_the_same_each_time_and_says_how_it_was_made():
 
 def test_names_become_distinct_identifiers_and_comments_stay_comments():
     text = """
-mechanism: odd_names
+mechanism: Math
 description: A text */ that would end a comment.
 parameters: {double: 2 kg}
 parts:
@@ -169,6 +169,7 @@ joints:
     code = CompiledModule(parse_mechanism(text), parameters=("double",))
     assert [variable.field for variable in code.model.states[:2]] == ["q_pin_x", "q_pin_x_2"]
     assert code.p.tolist() == [2.0]
+    assert set(code.files) == {"math_mechanism.h", "math_mechanism.c"}
 
 
 def test_one_sided_elements_are_refused_with_the_reason():
