@@ -7,7 +7,8 @@
 | `drive_line`, `curve_tracing`, `singular_points` | continuation along the drives; dead points and change points |
 | `driven_motion`, `point_motion` | the motion through a range, and of points |
 | `assembly_modes`, `reach` | all configurations at given drives; how far a drive can go |
-| `transmission`, `extremes` | transmission angles; limit positions and extreme angles |
+| `transmission`, `extremes`, `golden_section` | transmission angles; limit positions and extreme angles |
+| `closing_joints` | angles and displacements of joints that close loops |
 | `drive_loads` | efforts and reactions by inverse dynamics |
 | `parametric_motion`, `sensitivity`, `tolerances` | derivatives by parameters of the file; tolerances |
 | `motion_table`, `motion_text`, `motion_picture`, `accuracy_report` | the results as columns, text and pictures |

@@ -9,10 +9,10 @@ import numpy as np
 
 from mbd_sim.geometry.pose import Array
 from mbd_sim.kinematic_analysis.driven_motion import DrivenMotion
+from mbd_sim.kinematic_analysis.golden_section import least_place
 from mbd_sim.kinematic_analysis.transmission import CouplerAndFollower, TransmissionAngle
 from mbd_sim.simulation.event_location import first_zero
 
-GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 STANDSTILL = 1e-12  # velocity of an output, relative to the largest, that is round-off
 ROUNDING = 1e-12  # by which a value between two rows must be more extreme than in them
 SECTIONS = 60  # of the golden section search
@@ -91,23 +91,7 @@ def _extreme(motion: DrivenMotion, values: Array, at: Callable[[int, float], flo
     for first in (row - 1, row):
         if 0 <= first < len(motion) - 1:
             low, high = float(motion.s[first]), float(motion.s[first + 1])
-            s = _least(lambda s, first=first: sign * at(first, s), low, high)  # type: ignore[misc]
+            s = least_place(lambda s, first=first: sign * at(first, s), low, high, SECTIONS)  # type: ignore[misc]
             if sign * (value := at(first, s)) < sign * best - ROUNDING:
                 best, place = value, s
     return Extreme(best, float(motion.line.drives(place)[motion.leading]), greatest)
-
-
-def _least(function: Callable[[float], float], low: float, high: float) -> float:
-    """Where a function is least between two places, by golden section."""
-    one, other = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-    at_one, at_other = function(one), function(other)
-    for _ in range(SECTIONS):
-        if at_one < at_other:
-            high, other, at_other = other, one, at_one
-            one = high - GOLDEN * (high - low)
-            at_one = function(one)
-        else:
-            low, one, at_one = one, other, at_other
-            other = low + GOLDEN * (high - low)
-            at_other = function(other)
-    return 0.5 * (low + high)

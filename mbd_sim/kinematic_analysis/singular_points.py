@@ -14,13 +14,14 @@ import numpy as np
 
 from mbd_sim.geometry.pose import Array
 from mbd_sim.kinematic_analysis.drive_line import CurvePoint, DriveLine
+from mbd_sim.kinematic_analysis.golden_section import least_place
 from mbd_sim.simulation.event_location import first_zero
 
 VANISHING = 1e-6  # margin that counts as zero, at a point found to round-off
 FARTHEST = 0.5  # rad, or sizes of the mechanism, within which a dead point is sought
 NODES = np.array([-1.0, -0.85, -0.6, -0.35, 0.35, 0.6, 0.85, 1.0])  # of the interpolation about a change point
 NEIGHBORHOOD = 0.06  # rad, or sizes of the mechanism, of this interpolation
-GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+SECTIONS = 16  # of the golden section search for the least margin
 
 Kind = Literal["dead point", "change point"]
 
@@ -99,18 +100,7 @@ def _lowest(line: DriveLine, low: CurvePoint, middle: CurvePoint, high: CurvePoi
         found = _at(line, low, high, s)
         return np.inf if found is None else found.margin
 
-    c, d = b - GOLDEN * (b - a), a + GOLDEN * (b - a)
-    at_c, at_d = margin(c), margin(d)
-    for _ in range(16):
-        if at_c < at_d:
-            b, d, at_d = d, c, at_c
-            c = b - GOLDEN * (b - a)
-            at_c = margin(c)
-        else:
-            a, c, at_c = c, d, at_d
-            d = a + GOLDEN * (b - a)
-            at_d = margin(d)
-    return 0.5 * (a + b)
+    return least_place(margin, a, b, SECTIONS)
 
 
 def _at(line: DriveLine, low: CurvePoint, high: CurvePoint, s: float) -> CurvePoint | None:
