@@ -63,12 +63,12 @@ def note_unread(root: Element, reading: Reading) -> None:
                 _bodies(section, reading)
             case "equality" | "actuator":
                 for element in section.children:
-                    _attributes(element, reading, READ["equality"] if section.tag == "equality" else _ACTUATOR)
+                    _leaf(element, reading, READ["equality"] if section.tag == "equality" else _ACTUATOR)
             case "tendon":
                 for element in section.children:
                     _attributes(element, reading, _TENDON)
                     for inner in element.children:
-                        _attributes(inner, reading, {"joint", "coef", "site"})
+                        _leaf(inner, reading, {"joint", "coef", "site"})
             case "default":
                 _defaults(section, reading)
             case "compiler" | "option":
@@ -81,7 +81,7 @@ def note_unread(root: Element, reading: Reading) -> None:
             case "asset":
                 for element in section.children:
                     if element.tag == "mesh":
-                        _attributes(element, reading, READ["mesh"])
+                        _leaf(element, reading, READ["mesh"])
                     else:
                         reading.leave_out_at(f"<{element.tag}>", element, key_of(element))
             case tag:
@@ -96,7 +96,7 @@ def _bodies(element: Element, reading: Reading) -> None:
         _attributes(body, reading, READ[body.tag])
         for child in body.children:
             if child.tag in HANDLED:
-                _attributes(child, reading, READ[child.tag])
+                _leaf(child, reading, READ[child.tag])
             elif child.tag not in (*KEEPS_FRAMES, *GENERATORS):
                 reading.leave_out_at(f"<{child.tag}>", child, key_of(child))
         waiting += reversed([child for child in body.children if child.tag in KEEPS_FRAMES])
@@ -108,11 +108,18 @@ def _defaults(element: Element, reading: Reading) -> None:
         if child.tag == "default":
             _defaults(child, reading)
         elif child.tag in (*HANDLED, *TENDONS, *ACTUATORS, "equality", "mesh"):
-            _attributes(child, reading, READ[child.tag], prefix="default ")
+            _leaf(child, reading, READ[child.tag], prefix="default ")
         elif child.tag == "tendon":
             _attributes(child, reading, _TENDON, prefix="default ")
         else:
             reading.leave_out_at(f"<{child.tag}>", child, f"default {child.tag}")
+
+
+def _leaf(element: Element, reading: Reading, read: set[str], prefix: str = "") -> None:
+    """Of an element in which no other is read."""
+    _attributes(element, reading, read, prefix)
+    for child in element.children:
+        reading.leave_out_at(f"<{child.tag}> of <{element.tag}>", child, prefix + key_of(element))
 
 
 def _attributes(element: Element, reading: Reading, read: set[str], prefix: str = "") -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from mbd_sim.errors import nearest, quoted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.sdf.frame_graph import MODEL, Node, key_of, world_pose
+from mbd_sim.sdf.links import note_unread
 from mbd_sim.sdf.values import Values, direction
 from mbd_sim.urdf.value_reader import rows
 from mbd_sim.urdf.xml_elements import Element
@@ -110,10 +111,10 @@ def _lead(values: Values, joint: Element, key: str) -> float:
 def _coordinate(values: Values, axis: Element, key: str, kind: str) -> dict[str, Any]:
     """Limits, damping, friction and spring of one coordinate."""
     where, record = f"{key}.{axis.tag}", dict[str, Any]()
-    _note(values, axis, where, AXIS_READ)
+    note_unread(values, axis, where, AXIS_READ)
     limit, dynamics = axis.first("limit"), axis.first("dynamics")
     if limit is not None:
-        _note(values, limit, f"{where}.limit", LIMIT_READ)
+        note_unread(values, limit, f"{where}.limit", LIMIT_READ)
         lower = values.bound(limit, "lower", f"{where}.limit", -math.inf)
         upper = values.bound(limit, "upper", f"{where}.limit", math.inf)
         if kind != "continuous" and (lower > -math.inf or upper < math.inf):
@@ -128,7 +129,7 @@ def _coordinate(values: Values, axis: Element, key: str, kind: str) -> dict[str,
             elif value == 0.0:
                 values.reading.leave_out_at(f"{name} limits of 0, taken as unlimited", limit, where)
     if dynamics is not None:
-        _note(values, dynamics, f"{where}.dynamics", DYNAMICS_READ)
+        note_unread(values, dynamics, f"{where}.dynamics", DYNAMICS_READ)
         place = f"{where}.dynamics"
         if stiffness := values.number_from_zero(dynamics, "spring_stiffness", place):
             record["stiffness"] = stiffness
@@ -142,9 +143,3 @@ def _coordinate(values: Values, axis: Element, key: str, kind: str) -> dict[str,
 
 
 FAR = 1e6  # m or rad, the end of a range that has only one
-
-
-def _note(values: Values, element: Element, key: str, read: tuple[str, ...]) -> None:
-    for child in element.children:
-        if child.tag not in read:
-            values.reading.leave_out_at(f"<{child.tag}> of <{element.tag}>", child, key)

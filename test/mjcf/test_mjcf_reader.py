@@ -50,7 +50,7 @@ def test_limits_are_passed_on_in_rad():
 def test_what_is_left_out_is_listed_with_its_line():
     notes = notes_of(
         model(
-            '<light name="sun"/>\n<body name="c" gravcomp="1"><joint springdamper="1 1"/><geom size="1" condim="3"/></body>',
+            '<light name="sun"/>\n<body name="c" gravcomp="1"><joint springdamper="1 1"/><geom size="1" condim="3">\n<plugin/></geom></body>',
             '<sensor><jointpos joint="j"/></sensor>\n<keyframe/>\n<actuator><muscle joint="j"/></actuator>',
         )
     )
@@ -59,9 +59,10 @@ def test_what_is_left_out_is_listed_with_its_line():
         "gravcomp of body: body[c] (line 5)",
         "springdamper of joint: joint (line 5)",
         "condim of geom: geom (line 5)",
-        "<sensor>: sensor (line 7)",
-        "<keyframe>: keyframe (line 8)",
-        "muscle actuators of a form that is not expressed here: muscle (line 9)",
+        "<plugin> of <geom>: geom (line 6)",
+        "<sensor>: sensor (line 8)",
+        "<keyframe>: keyframe (line 9)",
+        "muscle actuators of a form that is not expressed here: muscle (line 10)",
     ):
         assert expected in notes.splitlines()
 

@@ -125,11 +125,14 @@ def test_a_placement_frame_is_what_the_pose_places():
 
 def test_what_is_left_out_is_listed_with_its_line():
     notes = parse_mechanism(
-        model('<link name="x"><sensor name="s"/>\n<collision name="c"/></link>\n<plugin name="p" filename="f"/>')
+        model(
+            '<link name="x"><sensor name="s"/>\n<collision name="c"/><visual name="v"><transparency>1</transparency></visual></link>\n<plugin name="p" filename="f"/>'
+        )
     ).source.notes
     assert "links without <inertial>, which have 1 kg and 1 kg·m² in SDF: link[x] (line 2)" in notes
     assert "<sensor> of links: link[x] (line 2)" in notes
     assert "contacts of <collision>, through which other links pass: link[x] (line 3)" in notes
+    assert "<transparency> of <visual>: link[x].visual (line 3)" in notes
     assert "<plugin>: plugin[p] (line 4)" in notes
 
 
