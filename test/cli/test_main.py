@@ -10,7 +10,9 @@ import pytest
 from mbd_sim import __version__
 from mbd_sim.cli.main import COMMANDS, main
 
-SHARED = {"common", "completion", "plot_options", "recorded_run", "run_outputs", "setup_options"}  # by several commands
+SHARED = {  # by several commands
+    *("common", "completion", "plot_options", "recorded_run", "run_outputs", "setup_options", "working_point"),
+}
 
 FAR = """mechanism: far
 parts: {wheel: {mass: 1, inertia: [1, 1, 1]}}
