@@ -121,6 +121,8 @@ setup(
         "video": ["av>=12"],
         # Dimensions of linkages, identification, LQR.
         "optimization": ["scipy>=1.11"],
+        # Rerun in notebooks.
+        "notebook": ["rerun-sdk[notebook]>=0.38"],
         # The command line in a shell.
         "completion": ["argcomplete>=3.1"],
         # The site: `make docs`.
@@ -159,6 +161,7 @@ setup(
             "pytest>=7.4",
             "pytest-timeout>=2.2",
             "pytest-xdist>=3.5",
+            "rerun-sdk[notebook]>=0.38",
             "ruff>=0.5",
             "scipy>=1.11",
             "trimesh>=4.6",

@@ -42,6 +42,7 @@ rosdoc2_settings = {
 }
 root_doc = "index"
 default_role = "code"
+smartquotes_action = "qe"  # quotes and dots, but no dashes, which would change options such as --set
 nitpicky = False
 
 myst_enable_extensions = ["amsmath", "attrs_inline", "colon_fence", "deflist", "dollarmath"]

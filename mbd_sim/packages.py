@@ -13,6 +13,7 @@ DISTRIBUTIONS = {  # by the name of the module, where it is another one
     "dask": "'dask[distributed]'",
     "distributed": "'dask[distributed]'",
     "rerun": "rerun-sdk",
+    "rerun_notebook": "'rerun-sdk[notebook]'",
     "trimesh": "trimesh pycollada",  # which it needs for COLLADA
     "yaml": "pyyaml",
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib import import_module
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from mbd_sim.simulation.run_steps import Stepping
 
@@ -36,6 +36,18 @@ class InlineViews(Stepping):
         :raises DivergedError: see `advance`.
         """
         return cast("RunPicture", import_module("mbd_sim.notebook.runs").animate(self, until, traces))
+
+    def view(self, until: float) -> Any:
+        """Run to time `until` in s, and return a widget that shows the run, and plots of it, in Rerun.
+
+        The widget loads Rerun's viewer from the network, or, with the environment variable RERUN_NOTEBOOK_ASSET set to
+        `serve-local` before this is called, from this machine.
+
+        :raises MissingPackageError: rerun-notebook is not installed.
+        :raises ValueError: the time is not finite, or is in the past.
+        :raises DivergedError: see `advance`.
+        """
+        return import_module("mbd_sim.notebook.rerun_widget").view(self, until)
 
     def _repr_html_(self) -> str:
         return cast("str", import_module("mbd_sim.notebook.views").simulation_html(self))
