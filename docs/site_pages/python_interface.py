@@ -12,7 +12,7 @@ GROUPS = {
     "Recordings and pictures": ("RunRecorder", "RunPicture"),
     "Many simulations": ("Ensemble", "EnsembleEnergies"),
     "Analyses": (
-        "linearize", "Linearization", "modes", "Mode", "equilibrium", "lqr", "InverseDynamics", "inertia_split", "InertiaSplit",
+        "linearize", "Linearization", "StateSpace", "modes", "Mode", "equilibrium", "lqr", "InverseDynamics", "inertia_split", "InertiaSplit",
     ),
     "Positions without masses": ("Kinematics",),
     "Equations as formulas": ("symbolic_equations", "SymbolicEquations", "to_latex"),

@@ -1,5 +1,7 @@
 """The check of the built site finds what is wrong with a page."""
 
+import re
+import runpy
 import sys
 from pathlib import Path
 
@@ -8,6 +10,8 @@ import pytest
 sys.path.append(str(Path(__file__).resolve().parents[2] / "docs"))
 
 from check_site import main
+
+import mbd_sim
 
 HEAD = '<html><head><meta name="viewport" content="x"><title>t</title></head><body><h1 id="top">T</h1>'
 
@@ -42,6 +46,13 @@ def test_a_sound_site_has_no_problems(tmp_path, capsys):
 )
 def test_a_broken_page_is_reported(tmp_path, capsys, body, problem):
     assert found(tmp_path, capsys, index=body)[0] == problem
+
+
+def test_the_reference_of_the_python_interface_lists_every_public_name():
+    path = Path(__file__).resolve().parents[2] / "docs" / "site_pages" / "python_interface.py"
+    pages = runpy.run_path(str(path))["pages"]()  # without its package, which needs Sphinx
+    listed = set(re.findall(r"^## (\w+)$", "".join(pages.values()), re.MULTILINE))
+    assert set(mbd_sim.__all__) - {"__version__"} <= listed
 
 
 def test_a_page_that_no_other_leads_to_is_reported(tmp_path, capsys):
