@@ -190,9 +190,17 @@ class Model(ActuatedModel, ContactingModel):
 
     def reactions(self, time: float, y: Array, inputs: Array) -> Mapping[str, Reaction]:
         """The load that each joint transmits: the joints of the spanning tree first, then those that close loops."""
-        found = self.load_sharing.reactions(time, y, self.with_contact_forces(time, y, inputs))
+        given = self.with_contact_forces(time, y, inputs)
+        if self.load_sharing.indeterminacy:
+            found = self.load_sharing.reactions(time, y, given)
+        else:
+            found = self._reaction_reader.read("reactions", time, y, given).reshape(-1, 6)
         names = [*self.mechanism.joints, *self.mechanism.closing]
         return {name: Reaction(row[:3], row[3:]) for name, row in zip(names, found, strict=True)}
+
+    @cached_property
+    def _reaction_reader(self) -> CompiledReaders:
+        return CompiledReaders({"reactions": self.equations.reactions})
 
     @cached_property
     def load_sharing(self) -> LoadSharing:
