@@ -23,6 +23,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 LARGEST = 200e6  # bytes of all entries together; beyond, the least recently used are removed
+# Of `LARGEST`. To look at thousands of entries takes as long as to compile a small mechanism. So after an entry smaller
+# than this it is done for one of 16 keys only: the cache may exceed its size by some 16 SMALL.
+SMALL = 1e-3
 _VARIABLE = "MBD_SIM_CACHE"
 
 
@@ -77,7 +80,8 @@ def store(name: str, content: bytes) -> None:
         with _opened(directory), tempfile.NamedTemporaryFile(dir=directory, delete=False) as file:
             file.write(hashlib.sha256(content).digest() + content)
         Path(file.name).replace(directory / name)
-        _prune(directory)
+        if len(content) >= LARGEST * SMALL or name.startswith("0"):
+            _prune(directory)
 
 
 @contextlib.contextmanager

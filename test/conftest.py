@@ -22,7 +22,27 @@ from test import shared_builds
 
 # Folders whose tests build many mechanisms and take few steps: level 0 compiles them in a tenth of the time, without
 # starting a process. The kernels of all other folders are those that users run; test/compiler compares the two.
-QUICKLY_COMPILED = {"analysis", "drawing", "dynamics", "mechanism", "mechanism_file", "physics", "simulation", "viewer"}
+QUICKLY_COMPILED = {
+    "analysis",
+    "appearance",
+    "contact",
+    "docs",
+    "drawing",
+    "dynamics",
+    "gym",
+    "mechanism",
+    "mechanism_file",
+    "notebook",
+    "optimization",
+    "physics",
+    "report",
+    "ros",
+    "sensing",
+    "simulation",
+    "symbolic",
+    "urdf",
+    "viewer",
+}
 LONG_RUNS = Path(__file__).parent / "physics" / "benchmarks"
 
 if "MBD_SIM_TEST_KERNELS" in os.environ:

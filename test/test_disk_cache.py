@@ -175,6 +175,17 @@ def test_those_not_used_for_longest_go_first(folder, monkeypatch):
     assert sorted(path.name for path in folder.iterdir()) == ["a", "c", "d"]
 
 
+def test_after_small_entries_one_of_sixteen_keys_makes_room(folder, monkeypatch):
+    monkeypatch.setattr(disk_cache, "LARGEST", 1000)
+    monkeypatch.setattr(disk_cache, "SMALL", 0.2)
+    for number in range(10, 30):
+        disk_cache.store(f"{number:x}", b"x" * 100)
+    assert len(list(folder.iterdir())) == 20
+    disk_cache.store("0", b"x" * 100)
+    assert len(list(folder.iterdir())) == 1000 // 132
+    assert disk_cache.load("0") is not None
+
+
 def test_a_mechanism_is_compiled_once(folder, monkeypatch):
     first = Simulation.from_file("double_rod")
     monkeypatch.setattr(machine_code, "_compiled", lambda *_: pytest.fail("compiled again"))
