@@ -96,7 +96,6 @@ class Equations:
     poses: ca.Function
     drives: ca.Function
     project: ca.Function | None
-    multipliers: ca.Function
     violation: ca.Function
     rows: tuple[ConstraintRow, ...]
     constraints: ConstraintFunctions
@@ -104,6 +103,7 @@ class Equations:
     start_state: Array
     part_names: tuple[str, ...]
     measurements: Measurements
+    trace_multipliers: Callable[[], ca.Function]
     trace_reactions: Callable[[], ca.Function]
     trace_joint_linearization: Callable[[], JointLinearization]
     trace_load_paths: Callable[[], ca.Function]
@@ -149,6 +149,11 @@ class Equations:
         hold_drives(mechanism, self.layout, self.inputs, y, inputs)
         if self.actuators is not None:
             self.actuators.hold(mechanism.actuators, y, inputs)
+
+    @cached_property
+    def multipliers(self) -> ca.Function:
+        """The multipliers of all rows; traced when they are first read."""
+        return self.trace_multipliers()
 
     @cached_property
     def reactions(self) -> ca.Function:
@@ -310,7 +315,6 @@ def _packaged(
         drives=function("drives", with_inputs, ca.vec(motion.drives)),
         # "settle" is the function's name in compiled kernels, and so part of their keys in the cache.
         project=None if projected is None else function("settle", without_commands, projected),
-        multipliers=function("multipliers", with_inputs, multipliers),
         violation=function("violation", without_commands, violation),
         rows=tuple(constraints.rows),
         constraints=assembly.functions,
@@ -320,6 +324,7 @@ def _packaged(
         measurements=Measurements(
             traced, motion, constraints, partial(_reactions, traced, assembly, motion, multipliers)
         ),
+        trace_multipliers=partial(function, "multipliers", with_inputs, multipliers),
         trace_reactions=partial(_reaction_function, traced, assembly, motion, multipliers),
         trace_joint_linearization=linearized,
         trace_load_paths=partial(_load_paths, traced, assembly.equations),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from mbd_sim.dynamics.constraint_equations import constraint_equations
 from mbd_sim.dynamics.energy import AUDIT_STATES
@@ -16,7 +16,7 @@ from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.tracing import trace
 from mbd_sim.errors import MechanismError
 from mbd_sim.load import load_mechanism, parse_mechanism
-from test.generators.loops import random_mechanisms, state_near_start
+from test.generators.loops import random_mechanisms, state_near_start, with_same_mechanisms
 from test.generators.mechanisms import SHIPPED
 
 
@@ -72,7 +72,7 @@ def check(mechanism, rng, t=0.05):
         assert rate[known] == pytest.approx(expected.ravel()[known], abs=1e-6 * size)
 
 
-@settings(max_examples=15)
+@with_same_mechanisms
 @given(random_mechanisms())
 def test_rows_of_random_mechanisms(drawn):
     text, rng = drawn

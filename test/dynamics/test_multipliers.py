@@ -5,13 +5,13 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.multipliers import GuardedFactors, minimum_degree
 from mbd_sim.errors import MechanismError
 from mbd_sim.load import load_mechanism, parse_mechanism
-from test.generators.loops import random_mechanisms, state_near_start
+from test.generators.loops import random_mechanisms, state_near_start, with_same_mechanisms
 from test.oracles import kane
 
 
@@ -150,7 +150,7 @@ def test_the_projection_changes_positions_by_the_smallest_displacement(name):
     assert np.max(np.abs(violation[:, 0])) <= 1e-8
 
 
-@settings(max_examples=12)
+@with_same_mechanisms
 @given(random_mechanisms())
 def test_multipliers_are_the_forces_that_the_accelerations_require(drawn):
     """M u' - f = Gᵀ λ with the engine's own G, also in mechanisms with redundant rows."""

@@ -13,7 +13,7 @@ from mbd_sim.dynamics.equations import derive
 from mbd_sim.errors import MechanismError
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism import constraints as c
-from test.generators.loops import FREEDOMS, random_mechanisms, state_near_start
+from test.generators.loops import FREEDOMS, random_mechanisms, state_near_start, with_same_mechanisms
 from test.generators.mechanisms import SHIPPED, accelerations, random_state
 from test.oracles import kane
 
@@ -147,7 +147,7 @@ def test_the_power_theorem_on_shipped_mechanisms(name):
 def test_the_power_theorem_on_random_mechanisms():
     done = []
 
-    @settings(max_examples=14)
+    @with_same_mechanisms
     @given(random_mechanisms())
     def compare(drawn):
         text, rng = drawn

@@ -7,6 +7,7 @@ from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
+from hypothesis import seed, settings
 from hypothesis import strategies as st
 
 from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
@@ -21,6 +22,14 @@ FREEDOMS = {"revolute": 1, "prismatic": 1, "screw": 1, "cylindrical": 2, "univer
 FREEDOMS |= {"fixed": 0}
 ROWS = {"distance": 1, "cable": 1, "on_plane": 1, "on_line": 2, "on_surface": 1, "on_curve": 2, "gear": 1, "rack": 1}
 ROWS |= {"coupling": 1, "rolling": 3, "ball": 3, "knife_edge": 1}
+
+
+def with_same_mechanisms(test):
+    """For tests of `random_mechanisms()`: they draw the same ones, which are derived once.
+
+    The seed gives twice as many constraints as most others, of nearly all types.
+    """
+    return settings(max_examples=14)(seed(3)(test))
 
 
 def state_near_start(mechanism, derived, rng, t, distance=0.3):

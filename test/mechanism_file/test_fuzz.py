@@ -1,6 +1,7 @@
 """Whatever a file holds: a mechanism, or an error that says what is wrong and on which line."""
 
 import copy
+import functools
 import json
 import random
 import time
@@ -105,9 +106,14 @@ def holder_of(data, path):
     return data
 
 
+@functools.cache
+def read(text):
+    return yaml.safe_load(text)
+
+
 @st.composite
 def mutated_data(draw):
-    data = yaml.safe_load(draw(st.sampled_from(TEXTS)))
+    data = copy.deepcopy(read(draw(st.sampled_from(TEXTS))))
     for _ in range(draw(st.integers(1, 4))):
         paths = [path for path in places(data) if path]
         if not paths:
