@@ -26,7 +26,7 @@ found = {}
 for name in shipped():
     mechanism = load_mechanism(name)
     if len(mechanism.all_joints) > 6:
-        continue  # chains of what the others have: a third of the time of all
+        continue  # chains of what the others have: a fifth of the time of all
     live = LiveValues(mechanism, LIVE)
     equations = derive(mechanism, tuple(mechanism.parts), live.values)
     functions = [equations.rates, equations.project, equations.energies, equations.multipliers]
