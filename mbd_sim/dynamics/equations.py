@@ -20,17 +20,12 @@ from mbd_sim.dynamics.accelerations import (
     ConstrainedMotion,
     applied_forces,
     audit_rates,
-    coupling_forces,
-    drive_table,
     solve_accelerations,
 )
-from mbd_sim.dynamics.actuator_functions import ActuatorFunctions, actuator_functions, require_within_strokes
+from mbd_sim.dynamics.actuator_functions import ActuatorFunctions
 from mbd_sim.dynamics.actuator_layout import ActuatorLayout
 from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
-from mbd_sim.dynamics.assembly_errors import undefined_constraints
-from mbd_sim.dynamics.body_symbols import flat_pose
 from mbd_sim.dynamics.cam_check import require_followable_cams
-from mbd_sim.dynamics.constraint_equations import ConstraintEquations
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.dynamics.constraint_rows import ConstraintRow
 from mbd_sim.dynamics.distant_springs import DistantSprings, distant_springs
@@ -39,17 +34,16 @@ from mbd_sim.dynamics.energy import AUDIT_STATES, gravitational_potential
 from mbd_sim.dynamics.initial_conditions import AssembledStart, Assembly, assemble
 from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.dynamics.joint_linearization import JointLinearization, joint_linearization
-from mbd_sim.dynamics.links import CoordinateLayout, build_links
-from mbd_sim.dynamics.mass_matrix_check import require_definite, require_independent
+from mbd_sim.dynamics.links import CoordinateLayout
+from mbd_sim.dynamics.load_functions import load_paths, reaction_function, reactions_at
 from mbd_sim.dynamics.measurements import Measurements
 from mbd_sim.dynamics.multipliers import ConstraintSolver, typical_diagonal
-from mbd_sim.dynamics.reactions import joint_reactions, wrenches_of_multipliers
+from mbd_sim.dynamics.regular_start import flat_poses, require_regular_start, start_with_actuators
 from mbd_sim.dynamics.state_derivatives import rate_derivatives
 from mbd_sim.dynamics.state_projection import projected_state
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.dynamics.time_functions import require_smooth
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
-from mbd_sim.dynamics.undefined_forces import StartOfForces, require_defined_forces
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.one_sided import has_one_sided
 from mbd_sim.mechanism.records import Mechanism
@@ -217,7 +211,7 @@ def derive(
     assembly = assemble(traced)
     forces = applied_forces(traced)
     mass_matrix = FactorizedMassMatrix(traced.links, traced.motions, traced.layout.nv, traced.rotor_inertia)
-    _require_regular_start(traced, assembly, forces, mass_matrix)
+    require_regular_start(traced, assembly, forces, mass_matrix)
     constraints = assembly.active
     solver, scales = None, np.zeros(0)
     if constraints.rows:
@@ -235,45 +229,6 @@ def derive(
         contact, motion = dynamics.functions(), dynamics.motion(contacts.given_forces)
     linearized = partial(joint_linearization, traced, constraints, scales, assembly.dependent, forces)
     return _packaged(traced, assembly, forces, solver, motion, y_rates, linearized, contact)
-
-
-def _start_state(traced: TracedMechanism, start: AssembledStart) -> Array:
-    return np.concatenate([start.q, start.u, np.zeros(traced.y.shape[0] - len(start.q) - len(start.u))])
-
-
-def _start_with_actuators(
-    traced: TracedMechanism, start: AssembledStart, forces: AppliedForces
-) -> tuple[Array, ActuatorFunctions | None]:
-    """The start state, with the states of the actuators, and their functions."""
-    y, functions = _start_state(traced, start), actuator_functions(traced, forces.actuators)
-    if functions is not None:
-        functions.hold(traced.numeric.actuators, y)
-        require_within_strokes(traced.numeric, functions, y)
-    return y, functions
-
-
-def _require_regular_start(
-    traced: TracedMechanism, assembly: Assembly, forces: AppliedForces, mass_matrix: FactorizedMassMatrix
-) -> None:
-    """Refuse a start at which a constraint or a force is undefined, or the mass matrix singular."""
-    elements = [ca.densify(forces.elements.lengths), ca.densify(forces.elements.rates)]
-    outputs = [ca.densify(assembly.equations.bias), *elements, mass_matrix.pivots, _flat_poses(traced)]
-    symbols = [traced.state.t, traced.y, traced.parameters.symbols]
-    at_start = ca.Function("at_start", symbols, outputs)
-    values = at_start(0.0, _start_state(traced, assembly.start), traced.parameters.base)
-    bias, lengths, rates, pivots, poses = (np.array(value).ravel() for value in values)
-    if not np.all(finite := np.isfinite(bias)):
-        raise undefined_constraints(traced.numeric, assembly.equations.rows, ~finite)
-    start = StartOfForces(assembly.start.q, assembly.start.u, lengths, rates)
-    require_defined_forces(traced.numeric, start)
-    links = build_links(traced.numeric)
-    require_definite(traced.numeric, links, pivots, poses.reshape(-1, 12))
-    if links:
-        require_independent(traced.numeric, links, assembly.functions.mass_matrix(0.0, assembly.start.q))
-
-
-def _flat_poses(traced: TracedMechanism) -> ca.SX:
-    return ca.densify(ca.vertcat(*map(flat_pose, traced.poses)))
 
 
 def _packaged(
@@ -298,7 +253,7 @@ def _packaged(
     margin = [] if solver is None or solver.margin is None else [ca.densify(solver.margin)]
     projected = projected_state(traced, solver)
     violation = ca.horzcat(constraints.position, constraints.velocity)
-    start, actuators = _start_with_actuators(traced, assembly.start, forces)
+    start, actuators = start_with_actuators(traced, assembly.start, forces)
 
     def function(name: str, inputs: list[ca.SX], *outputs: ca.SX) -> ca.Function:
         return ca.Function(name, inputs, [ca.densify(output) for output in outputs], {"cse": True})
@@ -311,7 +266,7 @@ def _packaged(
         rates=function("rates", with_inputs, y_rates, *margin),
         energies=function("energies", without_commands, ca.vertcat(traced.kinetic_energy, potential)),
         distant_springs=distant_springs(traced, forces.elements.lengths, without_commands),
-        poses=function("poses", without_commands, _flat_poses(traced)),
+        poses=function("poses", without_commands, flat_poses(traced)),
         drives=function("drives", with_inputs, ca.vec(motion.drives)),
         # "settle" is the function's name in compiled kernels, and so part of their keys in the cache.
         project=None if projected is None else function("settle", without_commands, projected),
@@ -322,12 +277,12 @@ def _packaged(
         start_state=start,
         part_names=tuple(link.joint.outboard for link in traced.links),
         measurements=Measurements(
-            traced, motion, constraints, partial(_reactions, traced, assembly, motion, multipliers)
+            traced, motion, constraints, partial(reactions_at, traced, assembly, motion, multipliers)
         ),
         trace_multipliers=partial(function, "multipliers", with_inputs, multipliers),
-        trace_reactions=partial(_reaction_function, traced, assembly, motion, multipliers),
+        trace_reactions=partial(reaction_function, traced, assembly, motion, multipliers),
         trace_joint_linearization=linearized,
-        trace_load_paths=partial(_load_paths, traced, assembly.equations),
+        trace_load_paths=partial(load_paths, traced, assembly.equations),
         core=traced.core,
         step=traced.step,
         contact=contact,
@@ -342,25 +297,3 @@ def _cushions(inputs: list[ca.SX], forces: AppliedForces) -> CushionFunctions | 
     from mbd_sim.dynamics.compliant_contacts import cushion_functions
 
     return cushion_functions(inputs, forces.elements.cushions)
-
-
-def _reactions(traced: TracedMechanism, assembly: Assembly, motion: ConstrainedMotion, multipliers: ca.SX) -> ca.SX:
-    return joint_reactions(traced, motion.transmitted, assembly.equations, multipliers)
-
-
-def _reaction_function(
-    traced: TracedMechanism, assembly: Assembly, motion: ConstrainedMotion, multipliers: ca.SX
-) -> ca.Function:
-    wrenches = _reactions(traced, assembly, motion, multipliers)
-    inputs = [traced.state.t, traced.y, traced.inputs]
-    return ca.Function("reactions", inputs, [ca.densify(wrenches)], {"cse": True})
-
-
-def _load_paths(traced: TracedMechanism, constraints: ConstraintEquations) -> ca.Function:
-    multipliers = ca.SX.sym("multipliers", len(constraints.rows))
-    transmitted = wrenches_of_multipliers(traced, constraints, multipliers)
-    reactions = ca.vec(joint_reactions(traced, transmitted, constraints, multipliers))
-    drives = drive_table(traced, transmitted, coupling_forces(constraints, multipliers))[:, 2]
-    inputs = [traced.state.t, traced.y, traced.inputs]
-    outputs = [ca.jacobian(reactions, multipliers), ca.jacobian(drives, multipliers), constraints.gradient]
-    return ca.Function("load_paths", inputs, [ca.densify(output) for output in outputs], {"cse": True})

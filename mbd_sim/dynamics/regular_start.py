@@ -1,0 +1,61 @@
+"""The start of a mechanism as a state, at which its equations must be regular."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from mbd_sim.dynamics.accelerations import AppliedForces
+from mbd_sim.dynamics.actuator_functions import ActuatorFunctions, actuator_functions, require_within_strokes
+from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
+from mbd_sim.dynamics.assembly_errors import undefined_constraints
+from mbd_sim.dynamics.body_symbols import flat_pose
+from mbd_sim.dynamics.initial_conditions import AssembledStart, Assembly
+from mbd_sim.dynamics.links import build_links
+from mbd_sim.dynamics.mass_matrix_check import require_definite, require_independent
+from mbd_sim.dynamics.tracing import TracedMechanism
+from mbd_sim.dynamics.undefined_forces import StartOfForces, require_defined_forces
+from mbd_sim.geometry.pose import Array
+
+
+def _start_state(traced: TracedMechanism, start: AssembledStart) -> Array:
+    return np.concatenate([start.q, start.u, np.zeros(traced.y.shape[0] - len(start.q) - len(start.u))])
+
+
+def start_with_actuators(
+    traced: TracedMechanism, start: AssembledStart, forces: AppliedForces
+) -> tuple[Array, ActuatorFunctions | None]:
+    """The start state, with the states of the actuators, and their functions."""
+    y, functions = _start_state(traced, start), actuator_functions(traced, forces.actuators)
+    if functions is not None:
+        functions.hold(traced.numeric.actuators, y)
+        require_within_strokes(traced.numeric, functions, y)
+    return y, functions
+
+
+def require_regular_start(
+    traced: TracedMechanism, assembly: Assembly, forces: AppliedForces, mass_matrix: FactorizedMassMatrix
+) -> None:
+    """Refuse a start at which a constraint or a force is undefined, or the mass matrix singular.
+
+    :raises MechanismError: it names what is undefined, or the parts that can move without inertia.
+    """
+    elements = [ca.densify(forces.elements.lengths), ca.densify(forces.elements.rates)]
+    outputs = [ca.densify(assembly.equations.bias), *elements, mass_matrix.pivots, flat_poses(traced)]
+    symbols = [traced.state.t, traced.y, traced.parameters.symbols]
+    at_start = ca.Function("at_start", symbols, outputs)
+    values = at_start(0.0, _start_state(traced, assembly.start), traced.parameters.base)
+    bias, lengths, rates, pivots, poses = (np.array(value).ravel() for value in values)
+    if not np.all(finite := np.isfinite(bias)):
+        raise undefined_constraints(traced.numeric, assembly.equations.rows, ~finite)
+    start = StartOfForces(assembly.start.q, assembly.start.u, lengths, rates)
+    require_defined_forces(traced.numeric, start)
+    links = build_links(traced.numeric)
+    require_definite(traced.numeric, links, pivots, poses.reshape(-1, 12))
+    if links:
+        require_independent(traced.numeric, links, assembly.functions.mass_matrix(0.0, assembly.start.q))
+
+
+def flat_poses(traced: TracedMechanism) -> ca.SX:
+    """The poses of the links, (12,) each, one after the other: see `Equations.poses`."""
+    return ca.densify(ca.vertcat(*map(flat_pose, traced.poses)))
