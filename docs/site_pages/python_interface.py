@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import inspect
 
 import mbd_sim
@@ -18,10 +19,17 @@ GROUPS = {
     "Equations as formulas": ("symbolic_equations", "SymbolicEquations", "to_latex"),
     "Errors": ("MbdSimError", "MechanismError", "CommandError", "DivergedError", "InputError", "NoInertiaError", "Problem"),
 }  # fmt: skip
-GYM = "Learning environments"
+PACKAGES = {
+    "Learning environments": "mbd_sim.gym",
+    "Kinematic analysis": "mbd_sim.kinematic_analysis",
+    "Synthesis of linkages": "mbd_sim.synthesis",
+    "Linear analysis": "mbd_sim.linear_analysis",
+    "Optimization": "mbd_sim.optimization",
+}
 INDEX = """# Python
 
-The whole public interface is in `mbd_sim`, apart from the learning environments in `mbd_sim.gym`. Units are SI and vectors have three components
+The public interface is in `mbd_sim`; what one task needs is in packages of their own, such as `mbd_sim.gym` and `mbd_sim.kinematic_analysis`.
+Units are SI and vectors have three components
 in the axes of ground unless the text says otherwise. No page of it needs ROS.
 """
 
@@ -35,7 +43,11 @@ def pages() -> dict[str, str]:
     if public != grouped:
         raise ValueError(f"list in GROUPS of {__file__}, or remove from it: {sorted(public ^ grouped)}")
     written = {f"python/{_file(group)}.md": _page(group, "mbd_sim", names) for group, names in GROUPS.items()}
-    written[f"python/{_file(GYM)}.md"] = _page(GYM, "mbd_sim.gym", ("MechanismEnv",))
+    for group, package in PACKAGES.items():
+        names = tuple(importlib.import_module(package).__all__)
+        written[f"python/{_file(group)}.md"] = _page(
+            group, package, tuple(n for n in names if n[0].isalpha() and not n.isupper())
+        )
     names = "\n".join(path.removeprefix("python/").removesuffix(".md") for path in written)
     return {"python/index.md": f"{INDEX}\n```{{toctree}}\n:maxdepth: 2\n\n{names}\n```\n", **written}
 

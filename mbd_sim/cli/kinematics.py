@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import add_mechanism
+from mbd_sim.cli.setup_options import add_set, changed_mechanism
 
 if TYPE_CHECKING:
     from mbd_sim.geometry.pose import Array
@@ -33,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a driven coordinate and its range, such as crank=0:360deg, or crank=0:360deg:73 for 73 positions, or a "
         "value at which it is held; repeatable: as many as the mechanism has degrees of freedom",
     )
+    add_set(parser, "change a value of the mechanism file, such as l=0.16 or parts.rod.mass='2 kg'; repeatable")
     parser.add_argument(
         "--speed", default="1", metavar="V", help="of the first drive: rad/s, m/s, or 60rpm (default 1)"
     )
@@ -85,7 +87,6 @@ def execute(options: argparse.Namespace) -> int:
     from mbd_sim.kinematic_analysis.motion_text import motion_text
     from mbd_sim.kinematic_analysis.prescribed_drives import drive_range, drive_speed, position_count
     from mbd_sim.kinematic_analysis.transmission import coupler_and_follower
-    from mbd_sim.load import load_mechanism
     from mbd_sim.playback.plot_files import require_suffix
     from mbd_sim.playback.table_export import SUFFIXES, require_packages_for, write_columns
 
@@ -94,7 +95,7 @@ def execute(options: argparse.Namespace) -> int:
     if options.out is not None:
         require_suffix(options.out, SUFFIXES)
         require_packages_for(options.out)
-    mechanism = load_mechanism(options.mechanism)
+    mechanism = changed_mechanism(options)
     given = [drive_range(text, mechanism) for text in options.drive]
     drives = {one.name: (one.start, one.stop) for one, _ in given}
     count = position_count(given, POSITIONS)

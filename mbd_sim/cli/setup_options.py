@@ -61,12 +61,9 @@ def exported_model(options: argparse.Namespace) -> ExportedModel:
     :raises MechanismError: it cannot be exported, see `export_model`.
     """
     from mbd_sim.c_code.exported_model import export_model
-    from mbd_sim.load import load_mechanism
-    from mbd_sim.mechanism_file.override import with_values
 
-    mechanism, changes = load_mechanism(options.mechanism), changes_of(options.changes)
     model = export_model(
-        with_values(mechanism, changes) if changes else mechanism,
+        changed_mechanism(options),
         method=options.method,
         step=options.step,
         parameters=options.parameter,
@@ -74,6 +71,19 @@ def exported_model(options: argparse.Namespace) -> ExportedModel:
     )
     print_notes(model.remarks)
     return model
+
+
+def changed_mechanism(options: argparse.Namespace) -> Mechanism:
+    """The mechanism with the values of `--set`.
+
+    :raises InputError: an option is not an assignment.
+    :raises MechanismError: with all problems of the file, or of the values.
+    """
+    from mbd_sim.load import load_mechanism
+    from mbd_sim.mechanism_file.override import with_values
+
+    mechanism, changes = load_mechanism(options.mechanism), changes_of(options.changes)
+    return with_values(mechanism, changes) if changes else mechanism
 
 
 def changes_of(assignments: Iterable[str]) -> dict[str, Any]:

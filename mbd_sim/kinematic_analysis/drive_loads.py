@@ -21,8 +21,8 @@ class DriveLoads:
     """What a motion requires, one row for each configuration; nan at dead points and change points.
 
     `efforts` (n,) of each driven coordinate in N·m or N. `reactions` are the `force` (n, 3) in N and the `moment`
-    (n, 3) in N·m that each joint transmits to its second part, about its point there, in ground's axes. The effort of a
-    drive is not part of the reaction of its joint. `power` (n,) is that of all drives in W.
+    (n, 3) in N·m that each joint transmits to its second part, about its point there, in ground's axes; the effort of a
+    drive is part of that of its joint, see `Reaction`. `power` (n,) is that of all drives in W.
     """
 
     efforts: Mapping[str, Array]

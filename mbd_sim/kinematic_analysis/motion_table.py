@@ -66,6 +66,7 @@ def _load_columns(motion: DrivenMotion, loads: DriveLoads) -> dict[str, Array]:
     for name, effort in loads.efforts.items():
         found[f"{name}.effort_{'Nm' if is_rotation(motion.mechanism, name) else 'N'}"] = effort
     for name, reaction in loads.reactions.items():
+        found[f"reaction.{name}.force_N"] = np.linalg.norm(reaction.force, axis=1)
         for quantity, values, unit in (("force", reaction.force, "N"), ("moment", reaction.moment, "Nm")):
             for index, axis in enumerate("xyz"):
                 found[f"reaction.{name}.{quantity}_{axis}_{unit}"] = values[:, index]

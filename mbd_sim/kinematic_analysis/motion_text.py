@@ -125,7 +125,7 @@ def _loads(motion: DrivenMotion, loads: DriveLoads) -> Iterator[str]:
     def peak(values: Array, unit: str) -> str:
         row = int(np.nanargmax(np.abs(values)))
         place = shown(motion.mechanism, motion.drive_name, float(motion.drive[row]))
-        return f"{values[row]:.6g} {unit} at {motion.drive_name} = {place}"
+        return f"{values[row]:.6g} {unit} at {motion.drive_name} = {place}, of {len(motion)} positions"
 
     for name, effort in loads.efforts.items():
         unit = "N·m" if is_rotation(motion.mechanism, name) else "N"

@@ -57,7 +57,9 @@ def read(simulation):
 
     def decoded(name):
         number = numbers[name]
-        payload = messages.payload(arrivals[number], TIME_NS)
+        (measured,) = messages.measured([arrivals[number]], TIME_NS)
+        assert measured.sensor == name
+        payload = measured.payload
         kind = MESSAGE_TYPES[type(simulation.mechanism.sensors[number])]
         return deserialize_message(payload, message_type(kind)), STORE.deserialize_cdr(payload, kind)
 

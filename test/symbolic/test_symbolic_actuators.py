@@ -127,6 +127,7 @@ def test_laws_that_are_too_long_are_left_out():
     assert "too long to be written out" in to_latex(found)
 
 
-def test_mechanisms_with_actuators_are_not_linearized_as_formulas():
-    mechanism = parse_mechanism(ARM.format(actuator=ACTUATORS["effort"]))
+@pytest.mark.parametrize("actuator", ["servo", "delayed"])
+def test_mechanisms_whose_actuators_have_states_are_not_linearized_as_formulas(actuator):
+    mechanism = parse_mechanism(ARM.format(actuator=ACTUATORS[actuator]))
     assert linearized(mechanism, symbolic_equations(mechanism)) is None
