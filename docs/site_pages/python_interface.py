@@ -65,7 +65,9 @@ def _entry(package: str, name: str) -> str:
     if not inspect.isclass(thing):
         return f"## {name}\n\n```{{eval-rst}}\n.. autofunction:: {package}.{name}\n```\n"
     options = (
-        [":show-inheritance:"] if issubclass(thing, Exception) else [":members:", ":inherited-members: Env, tuple"]
+        [":show-inheritance:"]
+        if issubclass(thing, Exception)
+        else [":members:", ":inherited-members: Env, VectorEnv, tuple"]
     )
     return "\n".join(
         [f"## {name}\n", "```{eval-rst}", f".. autoclass:: {package}.{name}", *(f"   {o}" for o in options), "```\n"]

@@ -7,6 +7,7 @@ import json
 from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import add_mechanism, print_undrawn_meshes
+from mbd_sim.cli.setup_options import add_set, changed_mechanism
 
 if TYPE_CHECKING:
     from mbd_sim.errors import NoInertiaError
@@ -19,6 +20,9 @@ DESCRIPTION = "Validate and assemble a mechanism, and report its parts, joints, 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     add_mechanism(parser)
+    add_set(
+        parser, "change a value of the mechanism file, such as l=0.16 or joints.elbow.position='30 deg'; repeatable"
+    )
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
     parser.add_argument(
         "--inertia",
@@ -49,12 +53,11 @@ def execute(options: argparse.Namespace) -> int:
     :raises CommandError: options that have no effect.
     """
     from mbd_sim.errors import CommandError, NoInertiaError
-    from mbd_sim.load import load_mechanism
     from mbd_sim.simulation.simulation import Simulation
 
     if (options.numbers or options.symbols) and not (options.latex and not (options.numbers and options.symbols)):
         raise CommandError("--numbers and --symbols choose what --latex prints: give one of them, with --latex.")
-    mechanism = load_mechanism(options.mechanism)
+    mechanism = changed_mechanism(options)
     try:
         simulation = Simulation(mechanism)
     except NoInertiaError as error:
@@ -86,6 +89,8 @@ def execute(options: argparse.Namespace) -> int:
         print(f"\n{inertia_text(content['inertia'])}")
     if options.cost:
         print(f"\n{cost_text(content['cost'])}")
+    if options.draw:
+        print(f"wrote {options.draw}")
     return 0
 
 
