@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import re
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbd_sim.cli.common import COUNT, ProgressBar, print_undrawn_meshes, read_run_table
+from mbd_sim.cli.common import COUNT, ProgressBar, positive_number, print_undrawn_meshes, read_run_table
 from mbd_sim.cli.plot_options import add_plot_style, chosen_style
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.simulation import Simulation
 
 RECORDING = ".mcap"
+SIZE = 600, 400  # px, of an animation
 
 
 def add_outputs(parser: argparse.ArgumentParser) -> None:
@@ -41,6 +43,15 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
         help="draw the path of a part or part.point; repeatable",
     )
     group.add_argument(
+        "--pace",
+        type=positive_number,
+        metavar="X",
+        help="seconds of motion in each second of the animation: 0.1 for slow motion (default 1)",
+    )
+    group.add_argument(
+        "--size", type=_size, metavar="WxH", help="of the animation in pixels, such as 1280x720 (default 600x400)"
+    )
+    group.add_argument(
         "--rate",
         type=float,
         metavar="HZ",
@@ -57,6 +68,14 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
         default="",
         help="also record the accelerations of coordinates, parts and points (part.point), separated by commas; *: all",
     )
+
+
+def _size(text: str) -> tuple[int, int]:
+    """An argument's width and height."""
+    found = re.fullmatch(r"(\d{2,4})x(\d{2,4})", text)
+    if found is None:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a width and a height of 10 to 9999 pixels, such as 1280x720")
+    return int(found[1]), int(found[2])
 
 
 class RunOutputs:
@@ -84,8 +103,9 @@ class RunOutputs:
         if options.animate is not None:
             plot_files.require_suffix(options.animate, animation_file.SUFFIXES)
             animation_file.require_animation_packages(options.animate)
-        elif options.trace:
-            raise InputError("--trace: nothing is drawn", "Give --animate too.")
+        elif unused := [name for name in ("trace", "pace", "size") if getattr(options, name)]:
+            raise InputError(f"--{unused[0]}: nothing is drawn", "Give --animate too.")
+        self._pace, self._size = options.pace or 1.0, options.size or SIZE
         if not self.records:
             unused = [
                 name for name in ("rate", "reactions", "violation", "poses", "accelerations") if getattr(options, name)
@@ -96,19 +116,34 @@ class RunOutputs:
 
     @property
     def frame_rate(self) -> float:
-        """The frames of the animation per second, 0 for none."""
+        """The samples for the animation per simulated second, 0 for none: frames, and points of traced paths."""
+        from mbd_sim.drawing.animation import TRACE_POINTS
+
+        if self._options.animate is None:
+            return 0.0
+        return self._drawn_rate * (TRACE_POINTS if self._options.trace else 1)
+
+    @property
+    def _drawn_rate(self) -> float:
+        """The frames per simulated second."""
         from mbd_sim.drawing.animation_file import FRAME_RATE
 
-        return FRAME_RATE if self._options.animate is not None else 0.0
+        return FRAME_RATE / self._pace
 
     @contextmanager
     def of(self, simulation: Simulation) -> Iterator[None]:
         """Record the run in this block, then write the files; also if the motion becomes infinite."""
         from mbd_sim.drawing.animation import traced_points
-        from mbd_sim.errors import DivergedError
+        from mbd_sim.errors import DivergedError, InputError
 
         options = self._options
         traced_points(simulation.mechanism, options.trace)  # a wrong name is reported before the run
+        least = self._drawn_rate * self._pace * simulation.step_size
+        if options.pace and options.animate and options.pace < least * (1.0 - 1e-9):
+            raise InputError(
+                f"--pace {options.pace:g}: there are no {self._drawn_rate:g} steps per second to draw",
+                f"Give a pace of {least:g} or more, or a smaller --step.",
+            )
         with tempfile.TemporaryDirectory(prefix="mbd_sim_") as folder:
             keeps = options.out is not None and options.out.suffix == RECORDING
             path = options.out if keeps else Path(folder, f"{simulation.mechanism.name}.mcap".replace("/", "_"))
@@ -175,16 +210,20 @@ class RunOutputs:
         from mbd_sim.drawing.animation_file import Frame, write_animation
 
         options = self._options
-        animation = Animation(
-            simulation.model, configurations=[poses for _, poses in self._frames], traces=options.trace
-        )
-        with ProgressBar("draw", self._options.quiet, total=len(self._frames), amount=COUNT) as progress:
+        width, height = self._size
+        poses = [pose for _, pose in self._frames]
+        animation = Animation(simulation.model, width, height, poses, options.trace)
+        expected = 1 + int((self._frames[-1][0] - self._frames[0][0]) * self._drawn_rate + 1e-6)
+        drawn = 0
+        with ProgressBar("draw", self._options.quiet, total=expected, amount=COUNT) as progress:
 
             def frames() -> Iterator[Frame]:
-                for time, poses in self._frames:
-                    yield animation.frame(poses, f"t = {time:.2f} s")
+                nonlocal drawn
+                for frame in animation.frames(self._frames, self._drawn_rate):
+                    yield frame
+                    drawn += 1
                     progress.advance(1)
 
             write_animation(self._options.animate, frames(), simulation.mechanism.name)
         print_undrawn_meshes(simulation.mechanism)
-        self.written.append(f"{self._options.animate}: {len(self._frames)} frames")
+        self.written.append(f"{self._options.animate}: {drawn} frames")

@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--every",
         type=positive_number,
         metavar="S",
-        help=f"sampling interval of the results in seconds (default: TIME / {SAMPLES})",
+        help=f"sampling interval of the results in seconds, at least one step (default: TIME / {SAMPLES})",
     )
     parser.add_argument(
         "--quantity",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +20,13 @@ from mbd_sim.mechanism.attachments import resolve_reference
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.compiled_model import Model
 
+TRACE_POINTS = 8  # of a traced path for each frame
 SAMPLES = 60  # random configurations from which the window is found
 STROKE = 0.5  # m in each direction, of sliding joints without limits
 MARGIN = 1.12
 TRACE_COLORS = ((208, 58, 50), (124, 77, 190), (20, 136, 110))
 TRACE_WIDTH, TRACE_DOT = 1.6, 3.0  # pt, of the line and of the dot at its end
+NEARLY = 1e-6  # frames by which a time may be early by round-off
 CAPTION_PLACE, CAPTION_SIZE = np.array([60.0, 14.0]), 11.0  # pt
 
 
@@ -50,7 +52,7 @@ class Animation:
         :raises InputError: there is no such part or point.
         """
         self._mechanism, self._size = model.mechanism, np.array([width, height], dtype=float)
-        start = model.poses(0.0, model.start)
+        start = self._start = model.poses(0.0, model.start)
         self._view = view_of(self._mechanism, start)
         axes = np.column_stack([self._view.right, self._view.up])
         self._traced = traced_points(self._mechanism, traces)
@@ -71,24 +73,42 @@ class Animation:
     def frame(self, poses: Mapping[str, Pose], caption: str = "") -> NDArray[np.uint8]:
         """The mechanism with its parts at `poses`, in ground's frame in m: (height, width, 3)."""
         curves = constraint_curves(self._mechanism, poses, self._view)
-        sheet = mechanism_sheet(self._page, self._mechanism, poses, self._mechanism_size, curves)
+        sheet = mechanism_sheet(self._page, self._mechanism, poses, self._mechanism_size, curves, self._start)
         sheet.add(*self._extended_traces(poses))
         sheet = sheet.translated(self._shift)
         if caption:
             sheet.texts.append(SheetText(caption, CAPTION_PLACE, CAPTION_SIZE, GRAY))
         return pixels(Composition(sheet, self._size), POINTS)
 
+    def follow(self, poses: Mapping[str, Pose]) -> None:
+        """Extend the traced paths by poses between two frames."""
+        for path, point in zip(self._paths, self._traced_points(poses), strict=True):
+            path.append(point)
+
+    def frames(self, samples: Sequence[tuple[float, Mapping[str, Pose]]], rate: float) -> Iterator[NDArray[np.uint8]]:
+        """The frames of a motion, `rate` of them for each second of it, with the time as caption.
+
+        :param samples: times in s and poses; those between two frames extend the traced paths.
+        """
+        begin, drawn = samples[0][0], 0
+        for time, poses in samples:
+            if (time - begin) * rate >= drawn - NEARLY:
+                drawn += 1
+                yield self.frame(poses, f"t = {time:.2f} s")
+            else:
+                self.follow(poses)
+
     def _traced_points(self, poses: Mapping[str, Pose]) -> list[Array]:
         return [poses[part].position + poses[part].rotation @ point for part, point in self._traced]
 
     def _extended_traces(self, poses: Mapping[str, Pose]) -> list[SheetPath]:
         """The paths up to this frame."""
+        self.follow(poses)
         drawn = []
-        for number, (path, point) in enumerate(zip(self._paths, self._traced_points(poses), strict=True)):
-            path.append(point)
+        for number, path in enumerate(self._paths):
             color = TRACE_COLORS[number % len(TRACE_COLORS)]
             drawn.append(SheetPath(self._page.project(np.array(path)), edge=color, width=TRACE_WIDTH, layer=FRONT))
-            dot = self._page.project(point) + TRACE_DOT * circle(np.linspace(0.0, 2.0 * np.pi, 13))
+            dot = self._page.project(path[-1]) + TRACE_DOT * circle(np.linspace(0.0, 2.0 * np.pi, 13))
             drawn.append(SheetPath(dot, edge=None, fill=color, closed=True, layer=MARKS))
         return drawn
 

@@ -75,14 +75,22 @@ def compose(mechanism: Mechanism, poses: Mapping[str, Pose], title: str | None =
 
 
 def mechanism_sheet(
-    page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], size: float, curves: Sequence[CurveLine]
+    page: Page,
+    mechanism: Mechanism,
+    poses: Mapping[str, Pose],
+    size: float,
+    curves: Sequence[CurveLine],
+    start: Mapping[str, Pose] | None = None,
 ) -> Sheet:
     """The mechanism alone, without names.
 
     :param size: the length in m of the mechanism, to which the size of symbols is relative.
+    :param start: the poses at which there is room for the supports of ground, which do not move; by default the same.
     """
     sheet, colors = Sheet(), part_colors(mechanism)
     joints = [place_joint(page, mechanism, poses, joint) for joint in mechanism.all_joints.values()]
+    if start is not None:
+        joints = [_supported_as_at(start, page, mechanism, joint) for joint in joints]
     for name, part in mechanism.parts.items():
         sheet.add(*part_paths(page, mechanism, part, poses[name], colors[name]))
     occupied = [np.mean(path.points[:-1], axis=0) for path in sheet.paths if path.particle]
@@ -98,6 +106,12 @@ def mechanism_sheet(
         sheet.add(*mass_center(page, part, poses[name], occupied))
     sheet.add(*force_paths(page, mechanism, poses), *drive_paths(page, mechanism, poses))
     return sheet
+
+
+def _supported_as_at(start: Mapping[str, Pose], page: Page, mechanism: Mechanism, placed: PlacedJoint) -> PlacedJoint:
+    if not placed.grounded:
+        return placed
+    return replace(placed, support_direction=place_joint(page, mechanism, start, placed.joint).support_direction)
 
 
 def _without_depth(path: SheetPath) -> SheetPath:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from mbd_sim.drawing.animation import Animation, traced_points
+from mbd_sim.drawing.animation import TRACE_POINTS, Animation, traced_points
 from mbd_sim.drawing.animation_file import FRAME_RATE, write_animation
 from mbd_sim.notebook.views import embedded
 from mbd_sim.playback import run_plots
@@ -61,17 +61,17 @@ def plot(
 def animate(simulation: Simulation, until: float, traces: Sequence[str] = ()) -> RunPicture:
     """Run to a time and draw the motion; see `Simulation.animate`."""
     traced_points(simulation.mechanism, traces)  # a wrong name is reported before the run
-    begin, poses = simulation.time, [simulation.poses()]
-    times = [begin + number / FRAME_RATE for number in range(1, 1 + int((until - begin) * FRAME_RATE + 1e-9))]
-    for time in times:
-        simulation.run(time)
-        poses.append(simulation.poses())
+    begin, samples = simulation.time, [(simulation.time, simulation.poses())]
+    rate = FRAME_RATE * (TRACE_POINTS if traces else 1)
+    for number in range(1, 1 + int((until - begin) * rate + 1e-9)):
+        simulation.run(begin + number / rate)
+        samples.append((simulation.time, simulation.poses()))
     simulation.run(until)
+    poses = [pose for _, pose in samples]
     animation = Animation(simulation.model, *ANIMATION_SIZE, configurations=poses, traces=traces)
     with tempfile.TemporaryDirectory(prefix="mbd_sim_") as folder:
         path = Path(folder, "run.webp")
-        frames = (animation.frame(pose, f"t = {time:.2f} s") for time, pose in zip([begin, *times], poses, strict=True))
-        write_animation(path, frames, simulation.mechanism.name)
+        write_animation(path, animation.frames(samples, FRAME_RATE), simulation.mechanism.name)
         content = path.read_bytes()
     text = f"{simulation.mechanism.name} in motion, to {until:g} s"
     return RunPicture(content, ".webp", text, ANIMATION_SIZE[0])

@@ -77,6 +77,14 @@ def test_drives_are_in_the_table(run, tmp_path):
         assert effort == drive.force
 
 
+def test_an_animation_has_a_pace_and_a_size(run, tmp_path):
+    options = ["--animate", "run.gif", "--pace", "0.25", "--size", "320x240"]
+    code, printed = run("run", "double_rod", "--time", "0.1", *options)
+    assert code == 0 and "wrote run.gif: 11 frames" in printed
+    with Image.open(tmp_path / "run.gif") as picture:
+        assert (picture.n_frames, picture.size) == (11, (320, 240))
+
+
 @pytest.mark.parametrize("name", ["run.gif", "run.webp", "run.html", "run.mp4"])
 def test_the_motion_is_drawn(run, tmp_path, name):
     if name.endswith("mp4"):
@@ -161,6 +169,8 @@ def test_a_coordinate_of_several_starts_where_it_is_put(run, tmp_path):
         (["run", "double_rod", "--out", "run.txt"], r"run\.txt: this file format is not supported.*\.mcap, \.csv"),
         (["run", "double_rod", "--out", "no/run.csv"], "there is no folder no"),
         (["run", "double_rod", "--trace", "lower"], "Give --animate too"),
+        (["run", "double_rod", "--pace", "0.5"], "--pace: nothing is drawn. Give --animate too"),
+        (["run", "double_rod", "--animate", "run.gif", "--pace", "0.01"], "Give a pace of 0.025 or more"),
         (["run", "double_rod", "--animate", "run.gif", "--trace", "lower.tipp"], "Did you mean 'tip'"),
         (["run", "double_rod", "--animate", "run.avi"], r"Choose one of \.gif, \.webp, \.mp4, \.html"),
         (["run", "double_rod", "--reactions"], r"--reactions: nothing is recorded.*Give --out or --plot"),
