@@ -4,12 +4,14 @@ The site is served on this machine, with a script in each page that reports its 
 other and sends the findings to the server. This needs no package that drives browsers.
 """
 
+import contextlib
 import json
 import os
 import shutil
 import signal
 import subprocess
 import threading
+import time
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -82,19 +84,32 @@ class _Handler(SimpleHTTPRequestHandler):
 
 
 def visited(program, site, pages, profile, timeout=120):
-    """What the browser found on each page."""
+    """What the browser found on each page; None if it did not finish. One that crashes is started again, twice at most."""
     with ThreadingHTTPServer(("127.0.0.1", 0), partial(_Handler, directory=str(site))) as server:
         server.driver = DRIVER.replace("WIDTH", str(WIDTH)).replace("PAGES", json.dumps(pages)).encode()
         server.found, server.finished = None, threading.Event()
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        command = [program, *OPTIONS, f"--user-data-dir={profile}", "--remote-debugging-port=0"]
-        with (profile / "output").open("wb") as output:
-            address = f"http://127.0.0.1:{server.server_port}/driver"
-            process = subprocess.Popen([*command, address], stdout=output, stderr=output, start_new_session=True)
-            try:
-                server.finished.wait(timeout)
-            finally:
-                os.killpg(process.pid, signal.SIGKILL)
-                process.wait()
-                server.shutdown()
+        address = f"http://127.0.0.1:{server.server_port}/driver"
+        for attempt in range(3):
+            if _opened(program, address, profile / str(attempt), server.finished, timeout):
+                break
+        server.shutdown()
         return server.found
+
+
+def _opened(program, address, profile, finished, timeout):
+    """Open a page until it says that it has finished; false if the browser ends before."""
+    profile.mkdir()
+    command = [program, *OPTIONS, f"--user-data-dir={profile}", "--remote-debugging-port=0", address]
+    with (profile / "output").open("wb") as output:
+        process = subprocess.Popen(command, stdout=output, stderr=output, start_new_session=True)
+        try:
+            end = time.monotonic() + timeout
+            while not finished.wait(0.2) and time.monotonic() < end:
+                if process.poll() is not None:
+                    return False
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+    return True
