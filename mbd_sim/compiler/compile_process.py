@@ -66,4 +66,9 @@ def main() -> None:
         ctypes.CDLL(None).prctl(_PARENT_DEATH, signal.SIGKILL)
     text = sys.stdin.buffer.read().decode()
     cpu, features, level = sys.argv[1:]
-    sys.stdout.buffer.write(object_code(text, cpu, features, int(level)))
+    code = object_code(text, cpu, features, int(level))
+    try:
+        sys.stdout.buffer.write(code)
+        sys.stdout.buffer.flush()
+    except BrokenPipeError:  # the caller was interrupted; another attempt to write at the exit would say so
+        os._exit(1)

@@ -92,7 +92,7 @@ def test_goals_succeed_fail_are_refused_replaced_and_canceled(tmp_path: Path, va
         assert not client.send((1.0, [0.5]), path_tolerance=wrong).accepted
         # The weak motor of the hinge cannot follow.
         tight = [JointTolerance(name="hinge", position=0.05)]
-        handle = client.send((0.2, [1.0]), joints=("hinge",), path_tolerance=tight)
+        handle = client.send((0.2, [1.0]), (3.0, [1.0]), joints=("hinge",), path_tolerance=tight)
         status, answer = client.result(handle)
         assert (status, answer.error_code) == (ABORTED, result.PATH_TOLERANCE_VIOLATED)
         assert "the position of 'hinge' is" in answer.error_string
