@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--latex",
         action="store_true",
-        help="print energies, equations of motion and constraints as LaTeX instead of the report (small mechanisms)",
+        help="print energies, equations, constraints and sensors as LaTeX instead of the report (small mechanisms)",
     )
     parser.add_argument(
         "--numbers", action="store_true", help="with --latex: numbers in place of the file's parameters"

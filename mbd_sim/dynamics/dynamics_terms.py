@@ -48,11 +48,11 @@ def term_function(traced: TracedMechanism, constraints: ConstraintEquations, ter
         case "mass_matrix":
             output = mass_matrix(traced)
         case "bias":
-            output = _inertia_forces(traced, zero, _weight(traced))
+            output = _inertia_forces(traced, zero, weight(traced))
         case "coriolis":
             output = _inertia_forces(traced, zero, ca.SX(6, 1))
         case "gravity":
-            output = _inertia_forces(traced, zero, _weight(traced)) - _inertia_forces(traced, zero, ca.SX(6, 1))
+            output = _inertia_forces(traced, zero, weight(traced)) - _inertia_forces(traced, zero, ca.SX(6, 1))
         case "generalized_forces":
             forces = applied_forces(traced)
             output = forces.joints.generalized - along_joints(traced, [-one for one in forces.elements.wrenches])
@@ -98,7 +98,7 @@ def tree_efforts(traced: TracedMechanism, u_rates: ca.SX) -> ca.SX:
     elements = element_forces(traced.mechanism, chain, traced.motions, traced.poses, variables, external)
     along = coordinate_forces(traced.mechanism, variables, state.q, state.q_rates, state.u)
     joints = joint_forces(chain, state.q, state.u, ca.SX(traced.layout.nv, 1), variables, along)
-    accelerations = _link_accelerations(traced, u_rates, _weight(traced))
+    accelerations = link_accelerations(traced, u_rates, weight(traced))
     wrenches = transmitted_wrenches(chain, traced.motions, accelerations, elements.wrenches)
     rotors = ca.SX(traced.layout.nv, 1) if traced.rotor_inertia is None else traced.rotor_inertia
     return rotors * u_rates - joints.generalized + _projected(traced, wrenches)
@@ -114,12 +114,12 @@ def along_joints(traced: TracedMechanism, wrenches: Sequence[ca.SX]) -> ca.SX:
 
 
 def _inertia_forces(traced: TracedMechanism, u_rates: ca.SX, base: ca.SX) -> ca.SX:
-    accelerations = _link_accelerations(traced, u_rates, base)
+    accelerations = link_accelerations(traced, u_rates, base)
     nothing = [ca.SX(6, 1)] * len(traced.links)
     return _projected(traced, transmitted_wrenches(traced.links, traced.motions, accelerations, nothing))
 
 
-def _link_accelerations(traced: TracedMechanism, u_rates: ca.SX, base: ca.SX) -> list[ca.SX]:
+def link_accelerations(traced: TracedMechanism, u_rates: ca.SX, base: ca.SX) -> list[ca.SX]:
     """The spatial acceleration (6,) of each link in L, less that of gravity, with that of ground as `base`."""
     accelerations: list[ca.SX] = []
     for link, motion in zip(traced.links, traced.motions, strict=True):
@@ -129,7 +129,7 @@ def _link_accelerations(traced: TracedMechanism, u_rates: ca.SX, base: ca.SX) ->
     return accelerations
 
 
-def _weight(traced: TracedMechanism) -> ca.SX:
+def weight(traced: TracedMechanism) -> ca.SX:
     """The spatial acceleration (6,) of ground that stands for gravity."""
     return ca.sparsify(ca.vertcat(ca.SX(3, 1), -constant(traced.mechanism.gravity)))
 

@@ -9,11 +9,13 @@ from __future__ import annotations
 from mbd_sim.symbolic.latex import to_latex
 from mbd_sim.symbolic.symbolic_equations import SymbolicEquations, symbolic_equations
 from mbd_sim.symbolic.symbolic_linearization import SymbolicLinearization, linearized
+from mbd_sim.symbolic.symbolic_sensors import SymbolicSensor
 from mbd_sim.symbolic.sympy_model import SympyModel, sympy
 
 __all__ = [
     "SymbolicEquations",
     "SymbolicLinearization",
+    "SymbolicSensor",
     "SympyModel",
     "linearized",
     "symbolic_equations",

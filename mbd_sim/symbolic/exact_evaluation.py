@@ -82,6 +82,12 @@ def exact_polynomial(algebra: Algebra, number: Exact) -> Polynomial:
     return result
 
 
+def exact_expression(value: float) -> Any:
+    """The exact number for which a floating-point number stands, in SymPy."""
+    number = exact(value)
+    return ratio(number.ratio) * sp.sqrt(number.radicand) * sp.pi**number.pi
+
+
 def expression(algebra: Algebra, p: Polynomial) -> Any:
     """A polynomial as a SymPy expression."""
     return sp.Add(

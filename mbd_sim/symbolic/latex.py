@@ -10,6 +10,7 @@ from mbd_sim.symbolic.contact_latex import contact_lines
 from mbd_sim.symbolic.latex_meanings import meanings
 from mbd_sim.symbolic.latex_printer import write
 from mbd_sim.symbolic.linearization_latex import linearization_lines
+from mbd_sim.symbolic.sensor_latex import sensor_lines
 from mbd_sim.symbolic.symbolic_constraints import SymbolicConstraint
 from mbd_sim.symbolic.symbolic_equations import SymbolicEquations
 from mbd_sim.symbolic.symbolic_linearization import SymbolicLinearization
@@ -45,6 +46,7 @@ def to_latex(equations: SymbolicEquations, linearization: SymbolicLinearization 
         *_aligned([([name], [value]) for name, value in entry_rows(equations)]),
         r"\end{align*}",
         *linear,
+        *sensor_lines(equations.sensors, equations.names),
         r"Here",
         r"\begin{itemize}",
         "\n".join(f"  \\item {line}" for line in meanings(equations)).removesuffix(";") + ".",

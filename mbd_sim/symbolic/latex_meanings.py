@@ -10,6 +10,7 @@ from mbd_sim.mechanism.joint_types import JOINT_KINDS
 from mbd_sim.symbolic.actuator_latex import actuator_meanings
 from mbd_sim.symbolic.contact_latex import contact_meanings
 from mbd_sim.symbolic.latex_printer import escaped, plain
+from mbd_sim.symbolic.sensor_latex import sensor_meanings
 from mbd_sim.symbolic.symbolic_constraints import SymbolicConstraint
 from mbd_sim.symbolic.symbolic_coordinates import Coordinate
 from mbd_sim.symbolic.symbolic_equations import SymbolicEquations
@@ -30,7 +31,9 @@ def meanings(equations: SymbolicEquations) -> Iterator[str]:
         listed = ", ".join(rf"\texttt{{{plain(key.removeprefix('parameters.'))}}}" for key in equations.built_in)
         yield f"parameters whose values are built into the equations: {listed};"
     rows = [(c.position or 0) + c.drift + sum(c.gradient) for c in equations.rows]
-    if equations.time in {s for e in (*equations.inertial, *equations.forces, *rows) for s in e.free_symbols}:
+    measured = [value for one in equations.sensors for value in one.values.values()]
+    expressions = (*equations.inertial, *equations.forces, *rows, *measured)
+    if equations.time in {symbol for expression in expressions for symbol in expression.free_symbols}:
         yield r"$t$ is the time, s;"
     if equations.constraints:
         yield (
@@ -40,6 +43,7 @@ def meanings(equations: SymbolicEquations) -> Iterator[str]:
     yield from contact_meanings(equations.contacts, names)
     for _, group in groupby(equations.constraints, lambda constraint: constraint.owner):
         yield _multiplier_meaning(list(group), names)
+    yield from sensor_meanings(equations.sensors)
     if equations.left_out:
         yield f"omitted, as the other rows imply them: {escaped(', '.join(equations.left_out))};"
 

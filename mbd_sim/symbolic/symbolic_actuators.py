@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import casadi as ca
 
@@ -54,6 +54,11 @@ class SymbolicActuator:
     delay: float
     rotation: bool
 
+    @property
+    def state_symbols(self) -> Mapping[str, Any]:
+        """The symbol of each state by its name."""
+        return {state.name: state.symbol for state in self.states}
+
 
 @dataclass(frozen=True, eq=False)
 class TracedActuators:
@@ -96,13 +101,7 @@ def symbolic_actuators(
 
     traced, mechanism = found.traced, found.traced.numeric
     symbols = [_Symbols(actuator, slots, names) for actuator, slots in _pairs(traced)]
-    time, q, u, _, *parameters = inputs
-    y: list[Polynomial] = [*q, *u, *({} for _ in range(traced.y.shape[0] - len(q) - len(u)))]
-    given: list[Polynomial] = [{} for _ in range(traced.inputs.shape[0])]
-    for own in symbols:
-        own.enter(algebra, y, given)
-    if parameters:
-        given[traced.input_layout.values] = parameters[0]
+    time, y, given = state_and_inputs(traced, algebra, inputs, symbols)
     (slopes,) = simplified(mechanism, algebra, found.slopes, [time, y, given])
     samples: dict[int, Any] = {}
     try:
@@ -123,6 +122,44 @@ def symbolic_actuators(
     )
 
 
+class ActuatorSymbols(Protocol):
+    """The symbols of the commands by channel, and of the states by name."""
+
+    @property
+    def commands(self) -> Mapping[Channel, Any]:
+        """Those in effect."""
+
+    @property
+    def state_symbols(self) -> Mapping[str, Any]:
+        """Those that are integrated or held."""
+
+
+def state_and_inputs(
+    traced: TracedMechanism,
+    algebra: Algebra,
+    inputs: Sequence[Sequence[Polynomial]],
+    actuators: Sequence[ActuatorSymbols],
+) -> tuple[Sequence[Polynomial], list[Polynomial], list[Polynomial]]:
+    """The polynomials of t, of the state y, and of the inputs; delayed commands are those in effect.
+
+    :param inputs: the polynomials of t, q, u, the efforts, and the parameters, if there are any.
+    """
+    time, q, u, _, *parameters = inputs
+    y: list[Polynomial] = [*q, *u, *({} for _ in range(traced.y.shape[0] - len(q) - len(u)))]
+    given: list[Polynomial] = [{} for _ in range(traced.inputs.shape[0])]
+    for own, slots in zip(actuators, traced.actuators.slots, strict=True):
+        for channel, symbol in own.commands.items():
+            if channel in slots.states:
+                y[slots.states[channel]] = algebra.symbol(symbol)
+            else:
+                given[slots.commands[channel]] = algebra.symbol(symbol)
+        for state, symbol in own.state_symbols.items():
+            y[slots.states[state]] = algebra.symbol(symbol)
+    if parameters:
+        given[traced.input_layout.values] = parameters[0]
+    return time, y, given
+
+
 def _pairs(traced: TracedMechanism) -> list[tuple[Actuator, ActuatorSlots]]:
     return list(zip(traced.numeric.actuators, traced.actuators.slots, strict=True))
 
@@ -141,30 +178,20 @@ class _Symbols:
         for channel in slots.commands:
             self.commands[channel] = sp.Symbol(f"w_{actuator.name}_{channel}", real=True)
             names[self.commands[channel]] = rf"w_{{\mathrm{{{name},{channel}}}}}"
-        self.states: dict[str, Any] = {}
+        self.state_symbols: dict[str, Any] = {}
         for state in slots.states:
             if state in slots.energies or state in self.commands:
                 continue
-            self.states[state] = sp.Symbol(f"{LETTERS.get(state, 'x')}_{actuator.name}_{state}", real=True)
+            self.state_symbols[state] = sp.Symbol(f"{LETTERS.get(state, 'x')}_{actuator.name}_{state}", real=True)
             further = "" if state in LETTERS else f",{escaped(state)}"
-            names[self.states[state]] = rf"{LETTERS.get(state, 'x')}_{{\mathrm{{{name}{further}}}}}"
-
-    def enter(self, algebra: Algebra, y: list[Polynomial], inputs: list[Polynomial]) -> None:
-        """Put the symbols into the state and the inputs; delayed commands are those in effect."""
-        for channel, symbol in self.commands.items():
-            if channel in self.slots.states:
-                y[self.slots.states[channel]] = algebra.symbol(symbol)
-            else:
-                inputs[self.slots.commands[channel]] = algebra.symbol(symbol)
-        for state, symbol in self.states.items():
-            y[self.slots.states[state]] = algebra.symbol(symbol)
+            names[self.state_symbols[state]] = rf"{LETTERS.get(state, 'x')}_{{\mathrm{{{name}{further}}}}}"
 
     def actuator_with(
         self, law: Any, along: tuple[Any, ...], rates: Mapping[int, Any] | None, samples: Mapping[int, Any], step: float
     ) -> SymbolicActuator:
         """The actuator with its law, and the rates and samples of states by their indices in y, if these are short."""
         states = []
-        for name, symbol in self.states.items() if rates is not None else ():
+        for name, symbol in self.state_symbols.items() if rates is not None else ():
             index = self.slots.states[name]
             sampled = samples.get(index)
             rate = rates[index] if rates is not None and sampled is None else None

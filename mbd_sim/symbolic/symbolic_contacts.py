@@ -106,6 +106,13 @@ def symbolic_contacts(
     return tuple(found)
 
 
+def row_order(contacts: ContactEquations) -> list[int]:
+    """The rows of the equations in the order of those of `symbolic_contacts`."""
+    by_gap = {element.gap: element.rows for element in contacts.frictions if element.gap is not None}
+    of_gaps = [row for gap in range(len(contacts.gaps)) for row in (gap, *by_gap.get(gap, ()))]
+    return of_gaps + [row for element in contacts.frictions if element.gap is None for row in element.rows]
+
+
 def _multiplier(subscript: str, names: dict[Any, str]) -> Any:
     import sympy as sp
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from typing import Any
 
@@ -29,6 +29,7 @@ from mbd_sim.symbolic.symbolic_constraints import (
 from mbd_sim.symbolic.symbolic_contacts import SymbolicContact, contact_function, symbolic_contacts
 from mbd_sim.symbolic.symbolic_coordinates import Coordinate, define_unit_quaternion, symbolic_coordinate
 from mbd_sim.symbolic.symbolic_energies import SymbolicEnergies, energy_function
+from mbd_sim.symbolic.symbolic_sensors import SymbolicSensor, TracedSensors, symbolic_sensors, traced_sensors
 from mbd_sim.symbolic.symbolic_values import ParameterSymbol, SymbolicValues, symbolic_values, with_forces_alone
 
 MAX_SPEEDS = 6
@@ -41,7 +42,7 @@ class SymbolicEquations:
     `names` has the LaTeX of each symbol. `constraints` are the independent rows of G, each with its λ; `left_out` names
     the redundant rows. One-sided elements are the `contacts`, which also have rows of G and multipliers. All numbers
     are in SI units. The `forces` contain the symbols of the efforts of `actuators`. `energies` are None if they are too
-    long to be read. `built_in` names parameters that stay numbers, with the reason.
+    long to be read. `built_in` names parameters that stay numbers, with the reason. `sensors` are what is measured.
     """
 
     mechanism: str
@@ -58,6 +59,7 @@ class SymbolicEquations:
     actuators: tuple[SymbolicActuator, ...] = ()
     parameters: tuple[ParameterSymbol, ...] = ()
     built_in: Mapping[str, str] = field(default_factory=dict)
+    sensors: tuple[SymbolicSensor, ...] = ()
 
     def _repr_latex_(self) -> str:
         """The equations of motion and the constraints as one formula for MathJax."""
@@ -125,6 +127,7 @@ class _Traced:
     derived: Equations | None
     others: list[ca.Function]
     actuators: TracedActuators | None
+    sensors: TracedSensors | None
 
 
 def _traced(mechanism: Mechanism, values: SymbolicValues | None) -> _Traced:
@@ -141,7 +144,8 @@ def _traced(mechanism: Mechanism, values: SymbolicValues | None) -> _Traced:
     if operations > MAX_INSTRUCTIONS:
         raise too_large(mechanism, f"their derivation takes {operations} operations")
     actuators = traced_actuators(mechanism, numbers)
-    return _Traced(lagrange.terms, energy_function(lagrange), derived, others, actuators)
+    sensors = traced_sensors(mechanism, values, derived) if mechanism.sensors else None
+    return _Traced(lagrange.terms, energy_function(lagrange), derived, others, actuators, sensors)
 
 
 def _expressions(mechanism: Mechanism, values: SymbolicValues | None, traced: _Traced) -> SymbolicEquations:
@@ -168,7 +172,7 @@ def _expressions(mechanism: Mechanism, values: SymbolicValues | None, traced: _T
     energies = energies_if_short(mechanism, algebra, traced.energies, [*inputs[:3], *inputs[4:]])
     derived = traced.derived
     actuators = symbolic_actuators(traced.actuators, algebra, inputs, names) if traced.actuators else ()
-    return SymbolicEquations(
+    equations = SymbolicEquations(
         mechanism=mechanism.name,
         coordinates=tuple(c for c in coordinates if c.u),
         time=time,
@@ -184,6 +188,10 @@ def _expressions(mechanism: Mechanism, values: SymbolicValues | None, traced: _T
         parameters=() if values is None else values.symbols,
         built_in={} if values is None else values.built_in,
     )
+    if traced.sensors is None:
+        return equations
+    further = equations.u_rates, equations.multipliers
+    return replace(equations, sensors=symbolic_sensors(traced.sensors, algebra, inputs, actuators, further))
 
 
 def _with_actuators(force: Any, row: int, actuators: Sequence[SymbolicActuator]) -> Any:

@@ -23,6 +23,7 @@ class SympyModel:
       Efforts of actuators are symbols, whose laws are in `equations.actuators`.
     - `Phi` (m, 1): positions of the constraints, which stay zero; of a nonholonomic row NaN.
     - `G` (m, nv), `b` (m, 1): the rates G u + b of the constraints. The rows of one-sided elements come last.
+    - `sensors`: by the name of each sensor that has a formula, the matrix of each quantity, see `SymbolicSensor`.
     """
 
     equations: SymbolicEquations
@@ -42,6 +43,7 @@ class SympyModel:
     Phi: Any
     G: Any
     b: Any
+    sensors: Mapping[str, Mapping[str, Any]]
 
     @property
     def L(self) -> Any:  # noqa: N802
@@ -89,6 +91,7 @@ def sympy(mechanism: Mechanism, parameters: Sequence[str] | None = None) -> Symp
         Phi=_column([sp.nan if row.position is None else row.position for row in rows]),
         G=sp.Matrix(len(rows), nv, [entry for row in rows for entry in row.gradient]),
         b=_column([row.drift for row in rows]),
+        sensors={one.sensor.name: one.values for one in equations.sensors if not one.reason},
     )
 
 

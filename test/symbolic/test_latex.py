@@ -11,6 +11,7 @@ from mbd_sim.cli.main import main
 from mbd_sim.symbolic import to_latex
 from mbd_sim.symbolic.latex import constraint_rows, energy_rows, entry_rows, motion_rows
 from mbd_sim.symbolic.latex_printer import number
+from mbd_sim.symbolic.sensor_latex import sensor_rows
 from test.generators.mechanisms import SHIPPED
 from test.symbolic.test_symbolic_equations import equations_of, small
 
@@ -71,7 +72,10 @@ def test_every_formula_parses(name):
         parse(f"{left} = {right}")
     for formula in re.findall(r"\$([^$]+)\$", text):
         parse(formula)
-    assert text.count(r"\begin{align*}") == text.count(r"\end{align*}") == 3 + bool(equations.constraints)
+    for left, right in sensor_rows(equations.sensors, equations.names):
+        parse(f"{left} = {right}")
+    further = bool(equations.constraints) + bool(equations.sensors)
+    assert text.count(r"\begin{align*}") == text.count(r"\end{align*}") == 3 + further
     assert text.count("{") == text.count("}") and text.count(r"\left") == text.count(r"\right")
 
 

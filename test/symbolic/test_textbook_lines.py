@@ -280,8 +280,8 @@ def test_the_numbers_are_those_of_the_compiled_equations(name):
         assert np.allclose(np.linalg.solve(mass, forces).ravel(), expected, rtol=1e-12, atol=1e-12)
 
 
-def test_the_snippet_of_the_page_runs(capsys):
+def test_the_snippets_of_the_page_run(capsys):
     text = (Path(__file__).parents[2] / "docs" / "symbolic.md").read_text(encoding="utf-8")
-    (snippet,) = re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
-    exec(compile(snippet, "docs/symbolic.md", "exec"), {})
-    assert len(capsys.readouterr().out.splitlines()) >= 3
+    for snippet in re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
+        exec(compile(snippet, "docs/symbolic.md", "exec"), {})
+        assert len(capsys.readouterr().out.splitlines()) >= 2
