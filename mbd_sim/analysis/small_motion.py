@@ -19,11 +19,11 @@ import numpy as np
 
 from mbd_sim.analysis.contact_motion import ContactMotion
 from mbd_sim.analysis.turning_axes import steadier_before_joints, turning_of_parts
+from mbd_sim.dynamics.actuator_layout import require_continuous
 from mbd_sim.dynamics.assembly import null_space
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.dynamics.state_derivatives import derivative_layout
-from mbd_sim.errors import MechanismError, Problem, listed
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.drives import STATES
 
@@ -59,7 +59,7 @@ def small_motion(
     :raises MechanismError: an actuator changes only between steps: it is sampled, delayed, or has a rate limit.
     :raises MbdSimError: a contact is about to change, so that there is no linearization.
     """
-    _require_continuous(equations)
+    require_continuous(equations.mechanism, equations.actuator_layout, "cannot be linearized")
     nq, nv, core = equations.layout.nq, equations.layout.nv, equations.core
     columns = derivative_layout(equations)
     found = evaluated(equations.derivatives, t, y, inputs).T if derivatives is None else derivatives()
@@ -139,17 +139,3 @@ def _position_derivatives(equations: Equations, constrained: Array) -> Array:
 
 def _least(matrix: Array, right: Array) -> Array:
     return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0])
-
-
-def _require_continuous(equations: Equations) -> None:
-    """Refuse actuators that change between steps only.
-
-    :raises MechanismError: they are named.
-    """
-    layout = equations.actuator_layout
-    actuators = zip(equations.mechanism.actuators, layout.slots, strict=True)
-    names = [actuator.name for actuator, slots in actuators if slots.changes_between_steps]
-    if names:
-        message = f"{equations.mechanism.name} cannot be linearized, because actuators change only between steps"
-        remedy = "Leave out 'sample_rate', 'delay' and 'rate_limit' for a linearization."
-        raise MechanismError([Problem(f"{message}: {listed(names)}", remedy)])

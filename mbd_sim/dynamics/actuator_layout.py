@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from mbd_sim.dynamics.spatial_algebra import is_absent, is_finite, is_symbolic
-from mbd_sim.errors import MechanismError, Problem
+from mbd_sim.errors import MechanismError, Problem, listed
 from mbd_sim.mechanism.actuators import Actuator, Channel, DcMotor, Machine
 from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.records import Mechanism
@@ -76,6 +76,19 @@ class ActuatorLayout:
     def size(self) -> int:
         """The number of states."""
         return len(self.core) + len(self.energies) + len(self.held) + len(self.lines)
+
+
+def require_continuous(mechanism: Mechanism, layout: ActuatorLayout, what: str) -> None:
+    """Refuse actuators with states that change only between steps.
+
+    :param layout: of the actuators of the mechanism.
+    :param what: that something is not possible, such as "cannot be linearized".
+    :raises MechanismError: the actuators are named.
+    """
+    actuators = zip(mechanism.actuators, layout.slots, strict=True)
+    if names := [actuator.name for actuator, slots in actuators if slots.changes_between_steps]:
+        message = f"{mechanism.name} {what}, because actuators change only between steps: {listed(names)}"
+        raise MechanismError([Problem(message, "Leave out 'sample_rate', 'delay' and 'rate_limit'.")])
 
 
 def actuator_layout(mechanism: Mechanism, first_state: int, first_command: int, step: float) -> ActuatorLayout:

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, assert_never
 
-from mbd_sim.errors import MechanismError, Problem, listed
 from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.records import Attachment
@@ -181,17 +180,6 @@ def channel_names(takers: Sequence[Actuator | CommandedDrive]) -> tuple[str, ...
 def has_actuator_states(mechanism: Mechanism) -> bool:
     """Whether the motion depends on states of actuators: currents, pressures, integrals, or what a servo holds."""
     return any(actuator.has_states for actuator in mechanism.actuators)
-
-
-def require_no_actuators(mechanism: Mechanism, what: str) -> None:
-    """Refuse what is possible only without actuators.
-
-    :param what: that it is not possible, such as "cannot be printed as formulas".
-    :raises MechanismError: the actuators are named.
-    """
-    if names := [actuator.name for actuator in mechanism.actuators]:
-        message = f"{mechanism.name} {what}, because it has actuators: {listed(names)}"
-        raise MechanismError([Problem(message, "Remove them, and command efforts of the joints.")])
 
 
 def default_command(channel: Channel, position: float) -> float:

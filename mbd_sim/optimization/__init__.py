@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from mbd_sim.optimization.casadi_functions import CasadiFunctions, casadi_functions
 from mbd_sim.optimization.identification import Identification, MeasuredRun, ParameterEstimate, identify
+from mbd_sim.optimization.sensitivities import Derivatives, Sensitivities, SensitivityModel, sensitivities
 from mbd_sim.optimization.trajectories import one_step, trajectory
 
 __all__ = [
     "CasadiFunctions",
+    "Derivatives",
     "Identification",
     "MeasuredRun",
     "ParameterEstimate",
+    "Sensitivities",
+    "SensitivityModel",
     "casadi_functions",
     "identify",
     "one_step",
+    "sensitivities",
     "trajectory",
 ]

@@ -12,30 +12,36 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from mbd_sim.dynamics.actuator_layout import require_continuous
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.errors import InputError, nearest
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.actuators import require_no_actuators
+from mbd_sim.mechanism.actuators import channel_names
 from mbd_sim.mechanism.drives import require_no_commanded_drives
 from mbd_sim.mechanism.one_sided import require_two_sided
 from mbd_sim.mechanism.records import GROUND, Mechanism
 from mbd_sim.optimization.parameter_inputs import ParameterInputs, parameter_inputs
 from mbd_sim.symbolic.symbolic_values import with_forces_alone
 
+REFUSED = "cannot be given as CasADi functions"
+
 
 @dataclass(frozen=True, eq=False)
 class CasadiFunctions:
-    """Functions of the time `t` in s, the state `x` = (q, u) (nx,), the efforts `e` (nv,) and the parameters `p` (np,).
+    """Functions of the time `t` in s, the state `x` (nx,), the efforts `e` (ne,) and the parameters `p` (np,).
 
-    The inputs and outputs of each function are named so; SI units. `parameters` are the keys of p, in order, and
-    `values` (np,) their values in the file; `start` (nx,) is the start state.
+    The inputs and outputs of each function are named so; SI units. x = (q, u), followed by `actuator_states` such as
+    currents. e are the efforts of the `coordinates`, followed by the `commands` of actuators. `parameters` are the keys
+    of p, in order, and `values` (np,) their values in the file; `start` (nx,) is the start state, and `efforts` (ne,)
+    are those before the first command. `equations` are the traced equations, with numbers among their inputs.
     """
 
     mechanism: Mechanism
     parameters: tuple[str, ...]
     values: Array
     start: Array
-    _equations: Equations = field(repr=False)
+    efforts: Array
+    equations: Equations = field(repr=False)
     _inputs: ParameterInputs = field(repr=False)
 
     @property
@@ -43,9 +49,19 @@ class CasadiFunctions:
         """The names of the generalized speeds and efforts (nv,)."""
         return self.mechanism.coordinate_names
 
+    @property
+    def commands(self) -> tuple[str, ...]:
+        """The commands of actuators in e, such as `drive.voltage`, in SI units."""
+        return channel_names(self.mechanism.actuators)
+
+    @property
+    def actuator_states(self) -> tuple[str, ...]:
+        """The states of actuators in x, such as `drive.current`, in SI units."""
+        return self.equations.actuator_layout.core_names(self.mechanism.actuators)
+
     @cached_property
     def f(self) -> ca.Function:
-        """(t, x, e, p) -> `x_dot` (nx,): q' and u'."""
+        """(t, x, e, p) -> `x_dot` (nx,): q', u', and the rates of the states of actuators."""
         return self._function("f", {"x_dot": self._rates}, with_efforts=True)
 
     @cached_property
@@ -55,22 +71,25 @@ class CasadiFunctions:
 
     @cached_property
     def bias(self) -> ca.Function:
-        """(t, x, p) -> `bias` (nv,), with M u' + bias = e + Gᵀ λ: inertial terms less all forces but e."""
+        """(t, x, p) -> `bias` (nv,), with M u' + bias = e + Gᵀ λ: inertial terms less all forces but e.
+
+        With actuators, it includes their efforts without commands.
+        """
         at_zero = [self._t, self._x, ca.SX.zeros(self._e.shape[0], 1), self._p]
-        rates = self.f.call(at_zero)[0][self._equations.layout.nq :]
+        rates = self.f.call(at_zero)[0][self._speeds]
         multipliers = self.multipliers.call(at_zero)[0]
         return self._function("bias", {"bias": self._gradient.T @ multipliers - self._mass @ rates})
 
     @cached_property
     def energies(self) -> ca.Function:
         """(t, x, p) -> `T`, `V` in J; V without springs that are given by expressions."""
-        both = self._call(self._equations.energies)
+        both = self._call(self.equations.energies)
         return self._function("energies", {"T": both[0], "V": both[1]})
 
     @cached_property
     def constraints(self) -> ca.Function:
         """(t, x, p) -> `Phi` (m,), zero for nonholonomic rows, and `Phi_dot` (m,): the rate of Phi, or G u + b."""
-        both = self._call(self._equations.violation)
+        both = self._call(self.equations.violation)
         return self._function("constraints", {"Phi": both[:, 0], "Phi_dot": both[:, 1]})
 
     @cached_property
@@ -81,12 +100,19 @@ class CasadiFunctions:
     @cached_property
     def multipliers(self) -> ca.Function:
         """(t, x, e, p) -> `lambda` (m,)."""
-        return self._function("multipliers", {"lambda": self._call(self._equations.multipliers)}, with_efforts=True)
+        return self._function("multipliers", {"lambda": self._call(self.equations.multipliers)}, with_efforts=True)
+
+    @cached_property
+    def margin(self) -> ca.Function | None:
+        """(t, x, e, p) -> `margin`, negative where constraints are nearly singular; None where they never are."""
+        if self.equations.rates.n_out() < 2:
+            return None
+        return self._function("margin", {"margin": self._call(self.equations.rates, 1)}, with_efforts=True)
 
     @cached_property
     def project(self) -> ca.Function:
         """(t, x, p) -> `x_projected` (nx,): with unit quaternions, and on the constraints as after each step."""
-        project = self._equations.project
+        project = self.equations.project
         after = self._x if project is None else self._call(project)[: len(self.start)]
         return self._function("project", {"x_projected": after})
 
@@ -101,7 +127,7 @@ class CasadiFunctions:
             raise InputError(f"there is no point '{name}'", nearest(name, known))
         position = self._inputs.point_at(part, point, self._p)
         if part != GROUND:
-            pose = self._call(self._equations.poses)[12 * self._equations.part_names.index(part) :][:12]
+            pose = self._call(self.equations.poses)[12 * self.equations.part_names.index(part) :][:12]
             position = pose[:3] + ca.reshape(pose[3:], 3, 3) @ position
         rate = ca.jtimes(position, self._x, self._rates) + ca.jtimes(position, self._t, ca.SX(1))
         return self._function(f"point_{part}_{point}", {"position": position, "velocity": rate})
@@ -116,7 +142,7 @@ class CasadiFunctions:
 
     @cached_property
     def _e(self) -> ca.SX:
-        return ca.SX.sym("e", self._equations.layout.nv)
+        return ca.SX.sym("e", len(self.efforts))
 
     @cached_property
     def _p(self) -> ca.SX:
@@ -124,26 +150,33 @@ class CasadiFunctions:
 
     @cached_property
     def _rates(self) -> ca.SX:
-        return self._call(self._equations.rates)[: len(self.start)]
+        return self._call(self.equations.rates)[: len(self.start)]
 
     @cached_property
     def _gradient(self) -> ca.SX:
-        return ca.jacobian(self._call(self._equations.violation)[:, 1], self._x[self._equations.layout.nq :])
+        return ca.jacobian(self._call(self.equations.violation)[:, 1], self._x[self._speeds])
 
     @cached_property
     def _mass(self) -> ca.SX:
-        kinetic = self._call(self._equations.energies)[0]
-        return ca.hessian(kinetic, self._x)[0][self._equations.layout.nq :, self._equations.layout.nq :]
+        kinetic = self._call(self.equations.energies)[0]
+        return ca.hessian(kinetic, self._x)[0][self._speeds, self._speeds]
 
-    def _call(self, function: ca.Function) -> ca.SX:
-        """The first output of a function of (t, y) or (t, y, inputs)."""
-        equations = self._equations
+    @property
+    def _speeds(self) -> slice:
+        layout = self.equations.layout
+        return slice(layout.nq, layout.nq + layout.nv)
+
+    def _call(self, function: ca.Function, output: int = 0) -> ca.SX:
+        """An output of a function of (t, y) or (t, y, inputs)."""
+        equations = self.equations
         y = ca.vertcat(self._x, ca.SX.zeros(equations.start_state.size - len(self.start), 1))
         inputs = ca.SX(ca.DM(equations.inputs_without_commands))
-        inputs[equations.inputs.efforts] = self._e
+        acting = [*range(equations.layout.nv), *range(equations.inputs.commands.start, equations.inputs.commands.stop)]
+        if acting:
+            inputs[acting] = self._e
         if equations.inputs.value_count:
             inputs[equations.inputs.values] = self._inputs.numbers_at(self._p)
-        return function.call([self._t, y, inputs][: function.n_in()])[0]
+        return function.call([self._t, y, inputs][: function.n_in()])[output]
 
     def _function(self, name: str, outputs: dict[str, ca.SX], *, with_efforts: bool = False) -> ca.Function:
         inputs = {"t": self._t, "x": self._x, **({"e": self._e} if with_efforts else {}), "p": self._p}
@@ -161,14 +194,16 @@ def casadi_functions(mechanism: Mechanism, parameters: Sequence[str] = ()) -> Ca
     """The equations of a mechanism as CasADi functions.
 
     :param parameters: keys of numbers of its file that are the inputs p, as for live values: `l`, `parts.rod.mass`.
-    :raises MechanismError: it has actuators, commanded drives or one-sided elements; or a key does not exist, or cannot
-        be an input.
+    :raises MechanismError: it has commanded drives, one-sided elements, or actuators that change only between steps; or
+        a key does not exist, or cannot be an input.
     """
-    require_no_actuators(mechanism, "cannot be given as CasADi functions")
-    require_no_commanded_drives(mechanism, "cannot be given as CasADi functions")
-    require_two_sided(mechanism, "cannot be given as CasADi functions")
+    require_no_commanded_drives(mechanism, REFUSED)
+    require_two_sided(mechanism, REFUSED)
     mechanism = with_forces_alone(mechanism)
     inputs = parameter_inputs(mechanism, parameters)
     equations = derive(mechanism, parameters=inputs.numbers)
-    start = np.concatenate([equations.start.q, equations.start.u])
-    return CasadiFunctions(mechanism, inputs.keys, inputs.values, start, equations, inputs)
+    require_continuous(mechanism, equations.actuator_layout, REFUSED)
+    start = equations.start_state[: equations.core.stop]
+    at_start = equations.inputs_without_commands
+    efforts = np.concatenate([at_start[equations.inputs.efforts], at_start[equations.inputs.commands]])
+    return CasadiFunctions(mechanism, inputs.keys, inputs.values, start, efforts, equations, inputs)

@@ -26,7 +26,7 @@ def one_step(functions: CasadiFunctions, step: float, method: str = DEFAULT) -> 
     if method not in EXPLICIT:
         raise InputError(f"there is no explicit method '{method}'", nearest(method, EXPLICIT))
     t, x = ca.SX.sym("t"), ca.SX.sym("x", len(functions.start))
-    e, p = ca.SX.sym("e", len(functions.coordinates)), ca.SX.sym("p", len(functions.values))
+    e, p = ca.SX.sym("e", len(functions.efforts)), ca.SX.sym("p", len(functions.values))
     after = _runge_kutta(functions.f, EXPLICIT[method], t, x, e, p, step)
     after = functions.project.call([t + step, after, p])[0]
     return ca.Function("one_step", [t, x, e, p], [after], ["t", "x", "e", "p"], ["x_next"], {"cse": True})
@@ -35,7 +35,7 @@ def one_step(functions: CasadiFunctions, step: float, method: str = DEFAULT) -> 
 def trajectory(functions: CasadiFunctions, steps: int, step: float, method: str = DEFAULT) -> ca.Function:
     """(t0, x0, e, p) -> `x` (nx, steps + 1), the states from x0 at the time t0 on, `step` s apart.
 
-    `e` (nv, steps) are the efforts, constant during each step. `function.factory("name", function.name_in(),
+    `e` (ne, steps) are the efforts, constant during each step. `function.factory("name", function.name_in(),
     ["jac:x:p"])` differentiates it.
 
     :param method: see `one_step`.
@@ -44,7 +44,7 @@ def trajectory(functions: CasadiFunctions, steps: int, step: float, method: str 
     if steps < 1 or not step > 0.0:
         raise InputError(f"{steps} steps of {step} s are no trajectory", "Give at least one step, of a positive size.")
     next_state = one_step(functions, step, method)
-    x0, e = ca.MX.sym("x0", len(functions.start)), ca.MX.sym("e", len(functions.coordinates), steps)
+    x0, e = ca.MX.sym("x0", len(functions.start)), ca.MX.sym("e", len(functions.efforts), steps)
     t0, p = ca.MX.sym("t0"), ca.MX.sym("p", len(functions.values))
     times = t0 + ca.DM([step * index for index in range(steps)]).T
     states = _state_first(next_state).mapaccum(steps)(x0, times, e, ca.repmat(p, 1, steps))

@@ -118,7 +118,7 @@ def test_without_parameters_p_is_empty():
 @pytest.mark.parametrize(
     ("name", "keys", "message"),
     [
-        ("motor_drive", [], "because it has actuators"),
+        ("motor_drive", [], "because actuators change only between steps: drive"),
         ("bounce", [], "one-sided"),
         ("double_rod", ["lenght"], "lenght"),
         ("cart_pendulum_spring", ["joints.pin.position"], "do not depend on it"),
