@@ -18,6 +18,7 @@ from mbd_sim.compiler.ir_vectors import (
     loop,
     store,
 )
+from mbd_sim.compiler.simd_builder import LaneBuilder, new_builder
 
 
 @dataclass(frozen=True)
@@ -32,17 +33,20 @@ class DenseSolver:
     solve: Function
 
 
-def emit_dense_solver(module: Module, size: int, *, counted: bool = False) -> DenseSolver:
-    """Emit both functions for n = `size`, or for any order up to that."""
-    return DenseSolver(_factorize(module, size, counted), _solve(module, size, counted))
+def emit_dense_solver(module: Module, size: int, *, counted: bool = False, lanes: int = 1) -> DenseSolver:
+    """Emit both functions for n = `size`, or for any order up to that.
+
+    With several `lanes` there are as many systems of this order, each with its own order of rows.
+    """
+    return DenseSolver(_factorize(module, size, counted, lanes), _solve(module, size, counted, lanes))
 
 
-def _function(module: Module, name: str, arguments: int, counted: bool) -> tuple[Function, IRBuilder]:
+def _function(module: Module, name: str, arguments: int, counted: bool, lanes: int) -> tuple[Function, IRBuilder]:
     types = [POINTER] * arguments + ([INT] if counted else [])
     function = Function(module, FunctionType(VOID, types), name)
     function.linkage = "internal"
     function.noalias = True
-    return function, IRBuilder(function.append_basic_block("entry"))
+    return function, new_builder(function.append_basic_block("entry"), lanes)
 
 
 def _offset(b: IRBuilder, size: int, row: Index, column: Index) -> Value:
@@ -51,29 +55,20 @@ def _offset(b: IRBuilder, size: int, row: Index, column: Index) -> Value:
     return b.add(row, b.mul(column, integer(size)))
 
 
-def _factorize(module: Module, size: int, counted: bool) -> Function:
-    function, b = _function(module, "factorize", 2, counted)
+def _factorize(module: Module, size: int, counted: bool, lanes: int) -> Function:
+    function, b = _function(module, "factorize", 2, counted, lanes)
     matrix, rows, *counts = function.args
     order: Index = counts[0] if counted else size
-    largest, pivot_row = b.alloca(DOUBLE), b.alloca(INT)
+    largest, pivot_row = b.alloca(DOUBLE), b.alloca(DOUBLE if isinstance(b, LaneBuilder) else INT)
     loop(b, 0, order, lambda i: store(b, b.sitofp(i, DOUBLE), rows, i))
 
     def eliminate(k: Value) -> None:
         following = b.add(k, integer(1))
         b.store(number(-1.0), largest)
-        b.store(k, pivot_row)
-
-        def compare(i: Value) -> None:
-            value = b.intrinsic("llvm.fabs", load(b, matrix, _offset(b, size, i, k)))
-            larger = b.fcmp_ordered(">", value, b.load(largest, typ=DOUBLE))
-            b.store(b.select(larger, value, b.load(largest, typ=DOUBLE)), largest)
-            b.store(b.select(larger, i, b.load(pivot_row, typ=INT)), pivot_row)
-
-        loop(b, k, order, compare)
-        found = b.load(pivot_row, typ=INT)
-        with b.if_then(b.icmp_signed("!=", found, k)):
-            loop(b, 0, order, lambda j: _swap(b, matrix, _offset(b, size, k, j), _offset(b, size, found, j)))
-            _swap(b, rows, k, found)
+        if isinstance(b, LaneBuilder):
+            _exchange_in_lanes(b, size, order, k, matrix, rows, largest, pivot_row)
+        else:
+            _exchange(b, size, order, k, matrix, rows, largest, pivot_row)
         inverse = b.fdiv(number(1.0), load(b, matrix, _offset(b, size, k, k)))
 
         def scale(i: Value) -> None:
@@ -100,12 +95,69 @@ def _factorize(module: Module, size: int, counted: bool) -> Function:
     return function
 
 
-def _solve(module: Module, size: int, counted: bool) -> Function:
-    function, b = _function(module, "solve", 4, counted)
+def _exchange(
+    b: IRBuilder, size: int, order: Index, k: Value, matrix: Value, rows: Value, largest: Value, pivot_row: Value
+) -> None:
+    """Exchange row k with that of the largest entry of column k; `largest` is -1 before."""
+    b.store(k, pivot_row)
+
+    def compare(i: Value) -> None:
+        value = b.intrinsic("llvm.fabs", load(b, matrix, _offset(b, size, i, k)))
+        larger = b.fcmp_ordered(">", value, b.load(largest, typ=DOUBLE))
+        b.store(b.select(larger, value, b.load(largest, typ=DOUBLE)), largest)
+        b.store(b.select(larger, i, b.load(pivot_row, typ=INT)), pivot_row)
+
+    loop(b, k, order, compare)
+    found = b.load(pivot_row, typ=INT)
+    with b.if_then(b.icmp_signed("!=", found, k)):
+        loop(b, 0, order, lambda j: _swap(b, matrix, _offset(b, size, k, j), _offset(b, size, found, j)))
+        _swap(b, rows, k, found)
+
+
+def _exchange_in_lanes(
+    b: LaneBuilder, size: int, order: Index, k: Value, matrix: Value, rows: Value, largest: Value, pivot_row: Value
+) -> None:
+    """The same in each lane, where `pivot_row` is a double; most lanes exchange no rows."""
+    b.store(b.sitofp(k, DOUBLE), pivot_row)
+
+    def compare(i: Value) -> None:
+        value = b.intrinsic("llvm.fabs", load(b, matrix, _offset(b, size, i, k)))
+        larger = b.fcmp_ordered(">", value, b.load(largest, typ=DOUBLE))
+        b.store(b.select(larger, value, b.load(largest, typ=DOUBLE)), largest)
+        b.store(b.select(larger, b.sitofp(i, DOUBLE), b.load(pivot_row, typ=DOUBLE)), pivot_row)
+
+    loop(b, k, order, compare)
+    found = b.load(pivot_row, typ=DOUBLE)
+
+    def exchange_with(i: Value) -> None:
+        here = b.fcmp_ordered("==", found, b.sitofp(i, DOUBLE))
+        with b.if_then(b.any_lane(here)):
+            loop(b, 0, order, lambda j: _swap(b, matrix, _offset(b, size, k, j), _offset(b, size, i, j), here))
+            _swap(b, rows, k, i, here)
+
+    loop(b, b.add(k, integer(1)), order, exchange_with)
+
+
+def _solve(module: Module, size: int, counted: bool, lanes: int) -> Function:
+    function, b = _function(module, "solve", 4, counted, lanes)
     matrix, rows, right, x, *counts = function.args
     order: Index = counts[0] if counted else size
     last = b.sub(counts[0], integer(1)) if counted else integer(size - 1)
-    loop(b, 0, order, lambda i: store(b, load(b, right, b.fptosi(load(b, rows, i), INT)), x, i))
+
+    def gather(i: Value) -> None:
+        """Read the right side of row i from where it was before the exchanges."""
+        row = load(b, rows, i)
+        if not isinstance(b, LaneBuilder):
+            store(b, load(b, right, b.fptosi(row, INT)), x, i)
+            return
+
+        def take(j: Value) -> None:
+            is_row = b.fcmp_ordered("==", row, b.sitofp(j, DOUBLE))
+            store(b, b.select(is_row, load(b, right, j), load(b, x, i)), x, i)
+
+        loop(b, 0, order, take)
+
+    loop(b, 0, order, gather)
 
     def subtract_column(k: Value, first: Index, beyond: Index) -> None:
         factor = load(b, x, k)
@@ -126,7 +178,8 @@ def _solve(module: Module, size: int, counted: bool) -> Function:
     return function
 
 
-def _swap(b: IRBuilder, array: Value, one: Value, other: Value) -> None:
+def _swap(b: IRBuilder, array: Value, one: Value, other: Value, where: Value | None = None) -> None:
+    """Exchange two components, or only in the lanes `where` a condition holds."""
     first, second = load(b, array, one), load(b, array, other)
-    store(b, second, array, one)
-    store(b, first, array, other)
+    store(b, second if where is None else b.select(where, second, first), array, one)
+    store(b, first if where is None else b.select(where, first, second), array, other)

@@ -13,15 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.compiler.adams_history import history_size
-from mbd_sim.compiler.adams_step import adams_step
-from mbd_sim.compiler.kernel import Kernel, emit_system
+from mbd_sim.compiler.kernel import PartialSystem, emit_system, step_of
 from mbd_sim.compiler.machine_code import MachineCode, compile_module, new_module
-from mbd_sim.compiler.runge_kutta_step import explicit_step
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.compiler.stepping import emit_advance_members
-from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.between_steps import BetweenSteps
-from mbd_sim.integrators.tableau import Tableau
+from mbd_sim.integrators.methods import Method
 
 Array = NDArray[np.float64]
 Advance = Callable[[Mapping[str, Array], int, float, int, range], None]
@@ -47,15 +44,16 @@ class MemberKernel:
 def compile_members(
     rates: ca.Function,
     projection: ca.Function | None,
-    method: Tableau | Adams,
-    error_size: int,
+    method: Method,
+    core: slice,
+    partial_system: PartialSystem | None = None,
     between_steps: BetweenSteps | None = None,
     lanes: int = LANES,
 ) -> MemberKernel:
     """Compile y' = rates(t, y, inputs) for groups of members: see `compile_kernel` and `System`."""
     module = new_module()
-    system = emit_system(module, rates, arranged(rates), projection, method, error_size, lanes, between_steps)
-    step = adams_step(method) if isinstance(method, Adams) else explicit_step(method)
+    system = emit_system(module, rates, arranged(rates), projection, method, core.stop, lanes, between_steps)
+    step = step_of(method, rates, core, partial_system)
     size = rates.nnz_in(2)
     emit_advance_members(module, system, step, lanes, size + history_size(method, system.size, size))
     code = compile_module(module)
@@ -123,19 +121,5 @@ def advance_lanes(kernel: MemberKernel) -> Advance:
     def advance(arrays: Mapping[str, Array], first: int, h: float, steps: int, groups: range) -> None:
         addresses = [arrays[name].ctypes.data for name in ("y", "inputs", "estimates", "alive")]
         kernel.advance(*addresses, first, h, steps, groups.start, groups.stop)
-
-    return advance
-
-
-def advance_one_by_one(kernel: Kernel) -> Advance:
-    """Advance each member, in a group by itself, with the kernel of a single simulation."""
-
-    def advance(arrays: Mapping[str, Array], first: int, h: float, steps: int, groups: range) -> None:
-        y, inputs, estimates, alive = (arrays[name] for name in ("y", "inputs", "estimates", "alive"))
-        for group in groups:
-            if alive[group, 0, 0]:
-                addresses = y[group].ctypes.data, inputs[group].ctypes.data
-                finite = kernel.estimating_advance(*addresses, first, h, steps, estimates[group].ctypes.data)
-                alive[group, 0, 0] = float(finite)
 
     return advance

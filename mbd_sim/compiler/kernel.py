@@ -106,7 +106,7 @@ def compile_kernel(
     module = new_module()
     program = arranged(rates)
     system = emit_system(module, rates, program, projection, method, core.stop, between_steps=between_steps)
-    prepare = _step_of(method, rates, core, partial_system)
+    prepare = step_of(method, rates, core, partial_system)
     if one_sided is None:
         advance = emit_advance(module, system, prepare)
     else:
@@ -167,7 +167,8 @@ def emit_system(
     )
 
 
-def _step_of(method: Method, rates: ca.Function, core: slice, partial_system: PartialSystem | None) -> Prepare:
+def step_of(method: Method, rates: ca.Function, core: slice, partial_system: PartialSystem | None) -> Prepare:
+    """What emits the steps of a method: see `compile_kernel`."""
     # What few mechanisms need is imported only for these.
     if isinstance(method, Rosenbrock) and method.joints_only:
         from mbd_sim.compiler.rosenbrock_w_step import rosenbrock_w_step

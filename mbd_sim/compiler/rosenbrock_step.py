@@ -10,6 +10,7 @@ from mbd_sim.compiler.ir_types import local_array, number
 from mbd_sim.compiler.ir_vectors import (
     Index,
     combine,
+    copy,
     for_each,
     load,
     store,
@@ -19,7 +20,8 @@ from mbd_sim.compiler.ir_vectors import (
 from mbd_sim.compiler.linearized_system import Linearized
 from mbd_sim.compiler.lowering import lower
 from mbd_sim.compiler.runge_kutta_step import explicit_step
-from mbd_sim.compiler.step_emitter import Prepare, StepEmitter
+from mbd_sim.compiler.simd_builder import LaneBuilder, lanes_of
+from mbd_sim.compiler.step_emitter import EmitStep, Prepare, StepEmitter
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.integrators.tableau import EXPLICIT
 
@@ -40,10 +42,10 @@ class _RosenbrockStep:
         b, core = emitter.b, linearized.expand.nnz_in(2)
         self._method, self._emitter, self._timeless = method, emitter, linearized.timeless
         self._linearize, self._reduce, self._expand = (
-            lower(b.module, function, inline=False)
+            lower(b.module, function, inline=False, lanes=lanes_of(b))
             for function in (linearized.at, linearized.reduce, linearized.expand)
         )
-        self._solver = emit_dense_solver(b.module, core)
+        self._solver = emit_dense_solver(b.module, core, lanes=lanes_of(b))
         self._increments = [emitter.vector() for _ in range(method.stages)]
         self._trial, self._slopes, self._right, self._time_rates = (emitter.vector() for _ in range(4))
         self._memory, self._matrix = local_array(b, linearized.at.nnz_out(0)), local_array(b, core * core)
@@ -51,6 +53,8 @@ class _RosenbrockStep:
         self._g = emitter.scalar()
         self._emit_estimate = emitter.estimator(method.estimate, self._increments)
         self._explicit = explicit_step(EXPLICIT["rk4"])(emitter) if emitter.system.reports_conditioning else None
+        if isinstance(b, LaneBuilder):
+            self._explicit_y, self._explicit_error = emitter.vector(), emitter.scalar()
 
     def step(self, t: Value) -> None:
         """Emit the step from time t on."""
@@ -59,11 +63,40 @@ class _RosenbrockStep:
         if self._explicit is None:
             self._implicit(t)
             return
+        if isinstance(emitter.b, LaneBuilder):
+            self._members(t, emitter.b, self._explicit)
+            return
         with emitter.b.if_else(emitter.is_ill_conditioned(), likely=False) as (ill_conditioned, otherwise):
             with ill_conditioned:
                 self._explicit(t)
             with otherwise:
                 self._implicit(t)
+
+    def _members(self, t: Value, b: LaneBuilder, explicit: EmitStep) -> None:
+        """Take the step both ways if any member needs RK4, and give each member the one it takes alone."""
+        emitter, size = self._emitter, self._emitter.system.size
+        y, error, explicit_y, explicit_error = emitter.y, emitter.largest_error, self._explicit_y, self._explicit_error
+        condition = emitter.is_ill_conditioned()
+        any_condition = b.any_lane(condition)
+
+        def exchange(one: Value, other: Value, index: Index) -> None:
+            first, second = load(b, one, index), load(b, other, index)
+            store(b, second, one, index)
+            store(b, first, other, index)
+
+        def selected(one: Value, other: Value, index: Index) -> None:
+            store(b, b.select(condition, load(b, one, index), load(b, other, index)), other, index)
+
+        with b.if_then(any_condition, likely=False):
+            copy(b, size, y, explicit_y)
+            copy(b, 1, error, explicit_error)
+            explicit(t)
+            for_each(b, size, lambda i: exchange(y, explicit_y, i))
+            exchange(error, explicit_error, 0)
+        self._implicit(t)
+        with b.if_then(any_condition, likely=False):
+            for_each(b, size, lambda i: selected(explicit_y, y, i))
+            selected(explicit_error, error, 0)
 
     def _implicit(self, t: Value) -> None:
         """Linearize, factorize, and solve for the increment of each stage."""

@@ -9,6 +9,7 @@ from mbd_sim.compiler.ir_types import local_array, number
 from mbd_sim.compiler.ir_vectors import combine, weighted
 from mbd_sim.compiler.lowering import lower
 from mbd_sim.compiler.rosenbrock_step import right_side, stage_slopes
+from mbd_sim.compiler.simd_builder import lanes_of
 from mbd_sim.compiler.step_emitter import Prepare, StepEmitter
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 
@@ -28,7 +29,7 @@ class _RosenbrockWStep:
     def __init__(self, method: Rosenbrock, at: ca.Function, solve: ca.Function, emitter: StepEmitter) -> None:
         b = emitter.b
         self._method, self._emitter = method, emitter
-        self._at, self._solve = (lower(b.module, function, inline=False) for function in (at, solve))
+        self._at, self._solve = (lower(b.module, function, inline=False, lanes=lanes_of(b)) for function in (at, solve))
         self._increments = [emitter.vector() for _ in range(method.stages)]
         self._trial, self._slopes, self._right = (emitter.vector() for _ in range(3))
         self._memory = local_array(b, max(1, at.nnz_out(0)))

@@ -80,7 +80,7 @@ class Model(ActuatedModel, ContactingModel):
             self.between_steps = actuators.between_steps
             readers["actuators"] = actuators.readings
         joints_only = isinstance(self.method, Rosenbrock) and self.method.joints_only
-        partial_system = equations.joint_linearization()[:2] if joints_only else None
+        self.partial_system = equations.joint_linearization()[:2] if joints_only else None
         one_sided = None
         if equations.contact is not None:
             from mbd_sim.simulation.contact_system import one_sided_system
@@ -92,7 +92,7 @@ class Model(ActuatedModel, ContactingModel):
             readers,
             self.method,
             equations.core,
-            partial_system,
+            self.partial_system,
             one_sided,
             self.between_steps,
         )

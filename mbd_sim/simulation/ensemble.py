@@ -15,13 +15,10 @@ from numpy.typing import NDArray
 from mbd_sim.compiler.ensemble_kernel import (
     MemberGroups,
     advance_lanes,
-    advance_one_by_one,
     compile_members,
 )
 from mbd_sim.errors import CommandError, DivergedError, nearest
 from mbd_sim.geometry.pose import Array
-from mbd_sim.integrators.adams import Adams
-from mbd_sim.integrators.tableau import Tableau
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.actuator_commands import Command, CommandMap
@@ -287,8 +284,8 @@ def _member_groups(model: Model, count: int, contacts: Sequence[ContactStepper])
     sizes = {"y": len(model.start), "inputs": len(model.inputs) + model.history_size, "estimates": 1, "alive": 1}
     if contacts:
         return MemberGroups(count, 1, sizes, advance_through_events(contacts))
-    if not isinstance(model.method, Tableau | Adams):  # each member needs its own number of iterations
-        return MemberGroups(count, 1, sizes, advance_one_by_one(model.kernel))
     equations = model.equations
-    kernel = compile_members(equations.rates, equations.project, model.method, equations.core.stop, model.between_steps)
+    kernel = compile_members(
+        equations.rates, equations.project, model.method, equations.core, model.partial_system, model.between_steps
+    )
     return MemberGroups(count, kernel.lanes, sizes, advance_lanes(kernel), ENOUGH // model.kernel.instructions)

@@ -13,10 +13,10 @@ from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.machine_code import compile_module, new_module
 
 
-def solver(size):
-    """x = solve(matrix, right), compiled."""
+def solver(size, lanes=1):
+    """x = solve(matrix, right), compiled; with several lanes, the arrays are as in memory."""
     module = new_module()
-    emitted = emit_dense_solver(module, size)
+    emitted = emit_dense_solver(module, size, lanes=lanes)
     both = Function(module, FunctionType(VOID, [POINTER] * 4), "both")
     matrix, rows, right, x = both.args
     builder = IRBuilder(both.append_basic_block("entry"))
@@ -27,7 +27,8 @@ def solver(size):
     call = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)(code.address("both"))
 
     def solve(matrix, right):
-        own, rows, x = np.asfortranarray(matrix, dtype=float).copy(order="F"), np.empty(size), np.empty(size)
+        own = matrix.copy() if lanes > 1 else np.asfortranarray(matrix, dtype=float).copy(order="F")
+        rows, x = np.empty(right.shape), np.empty(right.shape)
         call(own.ctypes.data, rows.ctypes.data, right.ctypes.data, x.ctypes.data)
         assert code is not None
         return x
@@ -54,3 +55,17 @@ def test_rows_are_exchanged():
 
 def test_a_singular_matrix_gives_what_is_not_finite():
     assert not np.all(np.isfinite(solver(2)(np.ones((2, 2)), np.array([1.0, 2.0]))))
+
+
+def test_each_lane_exchanges_its_own_rows():
+    """The same bits as for one system, whichever rows the others exchange; a singular one spoils no other."""
+    size, lanes, random = 4, 8, np.random.default_rng(2)
+    matrices, right = random.standard_normal((lanes, size, size)), random.standard_normal((lanes, size))
+    matrices[3] = np.eye(size)
+    matrices[5, 2] = matrices[5, 1]
+    alone, together = solver(size), solver(size, lanes)
+    matrix = np.ascontiguousarray(matrices.transpose(2, 1, 0))  # column by column, the lanes of an entry side by side
+    x = together(matrix, np.ascontiguousarray(right.T))
+    for lane in range(lanes):
+        assert np.array_equal(x[:, lane], alone(matrices[lane], right[lane]), equal_nan=True), lane
+    assert not np.all(np.isfinite(x[:, 5]))
