@@ -15,6 +15,7 @@ from mbd_sim.compiler.instruction_list import (
 )
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.dynamics.equations import Equations
+from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.methods import Method
 
 _KINDS = {
@@ -32,15 +33,17 @@ _FREE = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST)
 def cost(equations: Equations, method: Method) -> dict[str, Any]:
     """The instructions of one evaluation of the accelerations, of one projection onto the constraints, and of a step.
 
-    A step takes `evaluations` of the accelerations and one projection; implicit methods take more instructions.
+    A step takes `evaluations` of the accelerations and one projection; implicit methods take more instructions, and so
+    do Adams methods where the motion is not smooth.
     """
+    evaluations = Adams.evaluations if isinstance(method, Adams) else method.stages
     accelerations = _counted(arranged(equations.rates))
     projection = _counted(arranged(equations.project, fused=False)) if equations.project is not None else {}
     return {
         "accelerations": accelerations,
         "back_to_constraints": projection,
-        "evaluations": method.stages,
-        "step": method.stages * sum(accelerations.values()) + sum(projection.values()),
+        "evaluations": evaluations,
+        "step": evaluations * sum(accelerations.values()) + sum(projection.values()),
     }
 
 

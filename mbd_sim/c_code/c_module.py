@@ -96,7 +96,7 @@ def _header(model: ExportedModel, tangent: bool) -> str:
 def _history(model: ExportedModel) -> str:
     method = next(method for method in model.methods if isinstance(method, Adams))
     size, given = len(model.states), max(1, model.equations.inputs.size)
-    return HISTORY.format(name=model.name, method=method.name, size=size, given=given, length=method.length)
+    return HISTORY.format(name=model.name, method=method.name, size=size, given=given, places=2 * method.length)
 
 
 def _step_words(model: ExportedModel, method: Tableau | Adams) -> dict[str, str]:

@@ -10,20 +10,22 @@ from mbd_sim.compiler.step_emitter import StepEmitter
 from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.methods import Method
 
-COUNT, WAIT, PAUSE, NEXT, SIZE, VECTORS = range(6)  # the numbers at the start of a history
+COUNT, HALVES, DIVIDED, WAIT, PAUSE, NEXT, SIZE, VECTORS = range(8)  # the numbers at the start of a history
 
 
 def history_size(method: Method, size: int, inputs_size: int) -> int:
     """The numbers of the history of a method, for a state and inputs of these sizes; 0 for methods without one."""
-    return VECTORS + inputs_size + (2 + method.length) * size if isinstance(method, Adams) else 0
+    return VECTORS + inputs_size + (2 + 2 * method.length) * size if isinstance(method, Adams) else 0
 
 
 class AdamsHistory:
     """The slopes of the last steps, and what they belong to, in memory behind the inputs of the system.
 
-    First are the number `COUNT` of consecutive steps that they come from, the steps to `WAIT` before the next attempt,
+    First are the number `COUNT` of consecutive steps at whose start they are known, the number `HALVES` of those known
+    at a distance of half a step, whether steps are `DIVIDED` into halves, the steps to `WAIT` before the next attempt,
     the `PAUSE` if that fails, and the number `NEXT` and the `SIZE` in s of the step that follows. Then come the state
-    and the inputs at its start, the round-off of that state (see `lost`), and the slopes.
+    and the inputs at its start, the round-off of that state (see `lost`), and the slopes: those at the start of step k
+    have the place 2 k, and those in its middle 2 k + 1, of a ring.
 
     They count as none if that step, its size, the state or an input has changed in the meantime, for example by a
     command. So whoever sets a state or an input need not know of the history.
@@ -31,7 +33,7 @@ class AdamsHistory:
 
     def __init__(self, emitter: StepEmitter, method: Adams) -> None:
         """Allocate the arrays; the emitter's builder must be in the entry block of a function."""
-        self._emitter, self._length = emitter, method.length
+        self._emitter, self._places = emitter, 2 * method.length
         b, size, inputs_size = emitter.b, emitter.system.size, emitter.system.inputs_size
         self._start = element(b, emitter.inputs, inputs_size)
         self._kept_y, self._kept_inputs = element(b, self._start, VECTORS), element(b, self._start, VECTORS + size)
@@ -39,15 +41,18 @@ class AdamsHistory:
         self._first_slope = VECTORS + inputs_size + 2 * size
         self._total = history_size(method, size, inputs_size)
         self._backup = None if isinstance(b, LaneBuilder) else emitter.array(self._total)
-        self.count, self.wait, self.pause, self._changes = (emitter.scalar() for _ in range(4))
-        self._counters = ((self.count, COUNT), (self.wait, WAIT), (self.pause, PAUSE))
+        self.count, self.halves, self.divided = (emitter.scalar() for _ in range(3))
+        self.wait, self.pause, self._changes = (emitter.scalar() for _ in range(3))
+        addresses = (self.count, self.halves, self.divided, self.wait, self.pause)
+        self._counters = tuple(zip(addresses, (COUNT, HALVES, DIVIDED, WAIT, PAUSE), strict=True))
         emitter.begin, emitter.end = self._emit_begin, self._emit_end
 
-    def slopes(self, back: int) -> Value:
-        """The address of the slopes `back` steps ago; those of 0 belong to the start of this step."""
-        b = self._emitter.b
-        place = b.urem(b.add(self._emitter.index, integer(self._length - back)), integer(self._length))
-        size = self._emitter.system.size
+    def slopes(self, halves: Index) -> Value:
+        """The address of the slopes so many `halves` of a step after the start of this step, or before, if negative."""
+        b, size = self._emitter.b, self._emitter.system.size
+        after = integer(halves + self._places) if isinstance(halves, int) else b.add(halves, integer(self._places))
+        twice = b.add(self._emitter.index, self._emitter.index)
+        place = b.urem(b.add(twice, after), integer(self._places))
         return element(b, self._start, b.add(integer(self._first_slope), b.mul(place, integer(size))))
 
     def _emit_begin(self) -> None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-
+from mbd_sim.compiler.adams_error import AdamsError
 from mbd_sim.compiler.adams_history import AdamsHistory
 from mbd_sim.compiler.ir import Value
-from mbd_sim.compiler.ir_types import DOUBLE, number
+from mbd_sim.compiler.ir_builder import IRBuilder
+from mbd_sim.compiler.ir_types import DOUBLE, integer, number
 from mbd_sim.compiler.ir_vectors import Index, copy, for_each, load, loop, store, total, weighted
 from mbd_sim.compiler.runge_kutta_step import ExplicitStep
 from mbd_sim.compiler.simd_builder import LaneBuilder
@@ -15,6 +14,11 @@ from mbd_sim.compiler.step_emitter import EmitStep, Prepare, StepEmitter
 from mbd_sim.integrators.adams import Adams
 
 LONGEST_PAUSE = 63.0  # steps until the next attempt, after many that failed
+NEARLY = 10.0  # errors in units of the tolerance, up to which an attempt that fails now and then changes nothing,
+DIVISIBLE = 1024.0  # those up to which two halves of a step are expected to succeed: halved, an error is 1/2048,
+EASILY = 0.125  # and those up to which halves are no longer needed
+PATIENCE = 16.0  # slopes between two attempts that fail and change nothing
+PROBED_EVERY = 8  # divided steps, a power of two, are attempted at once
 
 
 def adams_step(method: Adams) -> Prepare:
@@ -30,35 +34,183 @@ class _AdamsStep:
     """Emits steps of an Adams method.
 
     A sum of round-off, `lost`, is carried from step to step (Kahan's summation): y + lost is the more accurate state.
+    Conditions are those of each member if the code is for several.
     """
 
     def __init__(self, method: Adams, emitter: StepEmitter) -> None:
         self._method, self._emitter = method, emitter
         self._history, self._otherwise = AdamsHistory(emitter, method), ExplicitStep(method.otherwise, emitter)
+        self._error = AdamsError(method, emitter)
         self._current, self._predicted = emitter.vector(), emitter.vector()  # slopes at both ends of the step
         self._increment, self._partial, self._trial = (emitter.vector() for _ in range(3))
-        self._new, self._lost, self._errors = (emitter.vector() for _ in range(3))
-        self._error, self._taken = emitter.scalar(), emitter.scalar()
+        self._moved, self._left = emitter.vector(), emitter.vector()  # the state of an attempt and its round-off
+        several = isinstance(emitter.b, LaneBuilder)
+        self._new = emitter.vector() if several else self._moved  # the same of those attempts that succeeded
+        self._lost = emitter.vector() if several else self._left
+        self._taken, self._worst = emitter.scalar(), emitter.scalar()
 
     def emit(self, t: Value) -> None:
         """Emit a step of the emitter's y from time t on."""
         emitter, history, b, size = self._emitter, self._history, self._emitter.b, self._emitter.system.size
+        length = number(float(self._method.length))
         emitter.rates(t, emitter.y, self._current, first=True)
-        wait, length = b.load(history.wait, typ=DOUBLE), number(float(self._method.length))
-        with b.if_then(emitter.any(b.fcmp_ordered("<=", wait, length))):
+        wait = self._read(history.wait)
+        with b.if_then(emitter.any(b.fcmp_ordered("<=", wait, number(2.0 * self._method.length)))):
             copy(b, size, self._current, history.slopes(0))
-        b.store(b.fadd(b.load(history.count, typ=DOUBLE), number(1.0)), history.count)
-        tries = b.fcmp_ordered(">=", b.load(history.count, typ=DOUBLE), length)
-        tries = b.and_(tries, b.fcmp_ordered("<=", wait, number(0.0)))
+        for count in (history.count, history.halves):
+            b.store(b.fadd(self._read(count), number(1.0)), count)
+        ready = b.fcmp_ordered("<=", wait, number(0.0))
         if emitter.system.reports_conditioning:
-            tries = b.and_(tries, b.not_(emitter.is_ill_conditioned()))
+            ready = b.and_(ready, b.not_(emitter.is_ill_conditioned()))
+        divided = _is_set(b, history.divided)
+        probes = b.icmp_unsigned("==", b.and_(emitter.index, integer(PROBED_EVERY - 1)), integer(0))
+        at_once = b.and_(ready, b.fcmp_ordered(">=", self._read(history.count), length))
+        at_once = b.and_(at_once, b.or_(b.not_(divided), probes))
+        in_halves = b.and_(b.and_(ready, divided), b.fcmp_ordered(">=", self._read(history.halves), length))
+        tries = b.or_(at_once, in_halves)
         b.store(b.select(tries, number(0.0), b.fsub(wait, number(1.0))), history.wait)
         b.store(number(0.0), self._taken)
         with b.if_then(emitter.any(tries)):
-            self._attempt(t, tries)
-        taken = b.fcmp_ordered("!=", b.load(self._taken, typ=DOUBLE), number(0.0))
+            self._attempts(t, at_once, in_halves)
+        self._complete(t)
+
+    def _read(self, address: Value) -> Value:
+        return self._emitter.b.load(address, typ=DOUBLE)
+
+    def _choose(self, condition: Value, value: Value, address: Value) -> None:
+        """Set a number where a condition holds."""
+        b = self._emitter.b
+        b.store(b.select(condition, value, self._read(address)), address)
+
+    def _attempts(self, t: Value, at_once: Value, in_halves: Value) -> None:
+        """Emit the attempt of the whole step, and then the one in halves."""
+        emitter, b = self._emitter, self._emitter.b
+        with b.if_then(emitter.any(at_once), likely=True):
+            self._attempt(t, at_once, 1)
+        in_halves = b.and_(in_halves, b.not_(_is_set(b, self._taken)))
+        with b.if_then(emitter.any(in_halves)):
+            self._attempt(t, in_halves, 2)
+
+    def _attempt(self, t: Value, active: Value, pieces: int) -> None:
+        """Emit an attempt in one or two pieces, and what follows from its error."""
+        emitter, history, b, size = self._emitter, self._history, self._emitter.b, self._emitter.system.size
+        copy(b, size, emitter.y, self._moved)
+        copy(b, size, history.lost, self._left)
+        b.store(number(0.0), self._worst)
+        if pieces == 1:
+            slopes = [history.slopes(-2 * back) for back in range(self._method.length)]
+            self._piece(t, emitter.h, slopes, active)
+        else:
+            h = b.fmul(number(0.5), emitter.h)
+
+            def piece(index: Value) -> None:
+                fits = b.fcmp_ordered("<=", self._read(self._worst), number(self._method.tolerance))
+                with b.if_then(emitter.any(b.and_(active, fits))):
+                    start = b.fadd(t, b.fmul(b.sitofp(index, DOUBLE), h))
+                    with b.if_then(b.icmp_unsigned("!=", index, integer(0))):
+                        emitter.rates(start, self._moved, self._predicted)
+                        copy(b, size, self._predicted, history.slopes(1))
+                    slopes = [history.slopes(b.sub(index, integer(back))) for back in range(self._method.length)]
+                    self._piece(start, h, slopes, fits)
+
+            loop(b, 0, pieces, piece)
+        self._judge(active, pieces)
+
+    def _piece(self, t: Value, h: Value, slopes: list[Value], counts: Value) -> None:
+        """Emit a step of `_moved` by h; its error becomes the worst if it is, where it `counts`."""
+        b = self._emitter.b
+        self._predict_and_correct(t, h, slopes)
+        error, worst = self._read(self._error.largest), self._read(self._worst)
+        self._choose(b.and_(counts, b.fcmp_ordered(">", error, worst)), error, self._worst)
+
+    def _predict_and_correct(self, t: Value, h: Value, slopes: list[Value]) -> None:
+        """Emit a step of `_moved` by h, whose change by the correction becomes the error."""
+        emitter, method, b, size = self._emitter, self._method, self._emitter.b, self._emitter.system.size
+
+        def predict(i: Index) -> None:
+            increment = b.fmul(h, total(b, weighted(method.predictor, slopes), i))
+            store(b, increment, self._increment, i)
+            store(b, total(b, weighted(method.corrector, slopes), i), self._partial, i)
+            store(b, b.fadd(load(b, self._moved, i), increment), self._trial, i)
+
+        def correct(i: Index) -> None:
+            slope = b.fma(number(method.newest), load(b, self._predicted, i), load(b, self._partial, i))
+            added, before = b.fma(h, slope, load(b, self._left, i)), load(b, self._moved, i)
+            after = b.fadd(before, added)
+            store(b, after, self._moved, i)
+            store(b, b.fsub(added, b.fsub(after, before)), self._left, i)
+            self._error.add(i, b.fma(h, slope, b.fneg(load(b, self._increment, i))))
+
+        for_each(b, size, predict)
+        emitter.rates(b.fadd(t, h), self._trial, self._predicted)
+        self._error.clear()
+        for_each(b, size, correct)
+        self._error.reduce(h, self._predicted, slopes)
+
+    def _judge(self, active: Value, pieces: int) -> None:
+        """Emit whether an attempt succeeded, and how the next steps are taken.
+
+        An attempt at once while steps are divided is a probe; if that fails, it changes nothing. After any other that
+        fails, a new history begins: the slopes may be those of a force with a kink, which differences of lower order
+        no longer see after some steps. Either steps are divided from then on, or there is a pause, which becomes
+        longer as more attempts fail. Only a small error after many attempts that succeeded changes nothing.
+        """
+        emitter, history, b, method = self._emitter, self._history, self._emitter.b, self._method
+        b, history, method, at_once = self._emitter.b, self._history, self._method, pieces == 1
+        error, zero, length = self._read(self._worst), number(0.0), float(method.length)
+        probes = b.and_(active, _is_set(b, history.divided)) if at_once else None
+        limit: Value = number(method.tolerance)
+        if probes is not None:
+            limit = b.select(probes, number(EASILY * method.tolerance), limit)
+        passed = b.and_(active, b.fcmp_ordered("<=", error, limit))
+        self._take(passed)
+        self._choose(passed, zero, history.pause)
+        failed = b.and_(active, b.not_(passed if probes is None else b.or_(passed, probes)))
+        patient = b.and_(failed, b.fcmp_ordered("<=", error, number(NEARLY * method.tolerance)))
+        known = history.count if at_once else history.halves
+        patient = b.and_(patient, b.fcmp_ordered(">=", self._read(known), number(length + PATIENCE)))
+        pauses = failed = b.and_(failed, b.not_(patient))
+        if at_once:
+            divides = b.and_(failed, b.fcmp_ordered("<=", error, number(DIVISIBLE * method.tolerance)))
+            pauses = b.and_(failed, b.not_(divides))
+            self._choose(passed, zero, history.divided)
+            self._choose(divides, number(1.0), history.divided)
+            self._choose(patient, number(length - 1.0), history.count)
+        else:
+            self._choose(passed, b.fadd(self._read(history.halves), number(1.0)), history.halves)
+            self._choose(pauses, zero, history.divided)
+            self._choose(patient, number(length), history.halves)
+        for count in (history.count, history.halves):
+            self._choose(failed, zero, count)
+        pause = self._read(history.pause)
+        longer = b.fadd(b.fadd(pause, pause), number(1.0))
+        longer = b.select(b.fcmp_ordered("<", longer, number(LONGEST_PAUSE)), longer, number(LONGEST_PAUSE))
+        self._choose(pauses, pause, history.wait)
+        self._choose(pauses, longer, history.pause)
+        emitter = self._emitter
+        with b.if_then(emitter.is_estimated):
+            larger = b.and_(passed, b.fcmp_ordered(">", error, self._read(emitter.largest_error)))
+            self._choose(larger, error, emitter.largest_error)
+
+    def _take(self, passed: Value) -> None:
+        """Keep the state of an attempt that succeeded."""
+        b, size = self._emitter.b, self._emitter.system.size
+        self._choose(passed, number(1.0), self._taken)
         if isinstance(b, LaneBuilder):
-            self._complete_members(t, taken)
+            for_each(b, size, lambda i: _store_where(b, passed, load(b, self._moved, i), self._new, i))
+            for_each(b, size, lambda i: _store_where(b, passed, load(b, self._left, i), self._lost, i))
+
+    def _complete(self, t: Value) -> None:
+        """Emit the new state, with the other method where no attempt succeeded."""
+        emitter, history, b, size = self._emitter, self._history, self._emitter.b, self._emitter.system.size
+        taken = _is_set(b, self._taken)
+        halved = b.and_(_is_set(b, history.divided), b.fcmp_ordered("<=", self._read(history.wait), number(0.0)))
+        halved = b.and_(halved, b.not_(taken))
+        if isinstance(b, LaneBuilder):
+            with b.if_then(emitter.any(b.not_(taken))):
+                self._otherwise_in_pieces(t, halved, b.not_(taken))
+            for_each(b, size, lambda i: _store_where(b, taken, load(b, self._new, i), emitter.y, i))
+            for_each(b, size, lambda i: store(b, b.select(taken, load(b, self._lost, i), number(0.0)), history.lost, i))
             return
         with b.if_else(taken) as (then, otherwise):
             with then:
@@ -66,101 +218,40 @@ class _AdamsStep:
                 copy(b, size, self._lost, history.lost)
             with otherwise:
                 for_each(b, size, lambda i: store(b, number(0.0), history.lost, i))
-                self._otherwise.emit(t, self._current)
+                self._otherwise_in_pieces(t, halved, b.not_(taken))
 
-    def _complete_members(self, t: Value, taken: Value) -> None:
-        """The same for a group of members, some of which may need the other method."""
-        emitter, b, size = self._emitter, self._emitter.b, self._emitter.system.size
+    def _otherwise_in_pieces(self, t: Value, halved: Value, counts: Value) -> None:
+        """Emit a step of the other method, in two halves where it is `halved`; where it `counts`, so does its error."""
+        emitter, b, whole = self._emitter, self._emitter.b, self._emitter.h
+        emitter.h = h = b.select(halved, b.fmul(number(0.5), whole), whole)
 
-        def choose(i: Index) -> None:
-            store(b, b.select(taken, load(b, self._new, i), load(b, self._trial, i)), self._new, i)
-            store(b, b.select(taken, load(b, self._lost, i), number(0.0)), self._lost, i)
+        def piece(number_: Value) -> None:
+            is_second = b.icmp_unsigned("!=", number_, integer(0))
+            with b.if_then(is_second):
+                self._slopes_in_the_middle(b.fadd(t, h), halved)
+            start = b.fadd(t, b.fmul(b.sitofp(number_, DOUBLE), h))
+            if not isinstance(b, LaneBuilder):
+                self._otherwise.emit(start, self._current)
+                return
+            largest, moves = self._read(emitter.largest_error), b.or_(b.not_(is_second), halved)
+            self._otherwise.emit(start, self._current, self._trial)
+            self._choose(b.not_(b.and_(counts, moves)), largest, emitter.largest_error)
+            size = emitter.system.size
+            for_each(b, size, lambda i: _store_where(b, moves, load(b, self._trial, i), emitter.y, i))
 
-        with b.if_then(emitter.any(b.not_(taken))):
-            largest = b.load(emitter.largest_error, typ=DOUBLE)
-            self._otherwise.emit(t, self._current, self._trial)
-            b.store(b.select(taken, largest, b.load(emitter.largest_error, typ=DOUBLE)), emitter.largest_error)
-            for_each(b, size, choose)
-        copy(b, size, self._new, emitter.y)
-        copy(b, size, self._lost, self._history.lost)
+        loop(b, 0, b.select(emitter.any(halved), integer(2), integer(1)), piece)
+        emitter.h = whole
 
-    def _attempt(self, t: Value, tries: Value) -> None:
-        """Emit prediction and correction into `_new`, and whether they count into `_taken`."""
-        emitter, method, b, size = self._emitter, self._method, self._emitter.b, self._emitter.system.size
-        slopes = [self._history.slopes(back) for back in range(method.length)]
+    def _slopes_in_the_middle(self, t: Value, halved: Value) -> None:
+        emitter, b, place = self._emitter, self._emitter.b, self._history.slopes(1)
+        emitter.rates(t, emitter.y, self._current)
+        for_each(b, emitter.system.size, lambda i: _store_where(b, halved, load(b, self._current, i), place, i))
+        self._choose(halved, b.fadd(self._read(self._history.halves), number(1.0)), self._history.halves)
 
-        def predict(i: Index) -> None:
-            increment = b.fmul(emitter.h, total(b, weighted(method.predictor, slopes), i))
-            store(b, increment, self._increment, i)
-            store(b, total(b, weighted(method.corrector, slopes), i), self._partial, i)
-            store(b, b.fadd(load(b, emitter.y, i), increment), self._trial, i)
 
-        for_each(b, size, predict)
-        emitter.rates(emitter.stage_time(t, 1.0), self._trial, self._predicted)
-        b.store(number(0.0), self._error)
-        for_each(b, size, self._correct)
-        small, error = self._is_small(), b.load(self._error, typ=DOUBLE)
-        with b.if_then(emitter.any(b.not_(small))):
-            self._reconsider(slopes)
-            b.store(b.select(small, error, b.load(self._error, typ=DOUBLE)), self._error)
-        taken = b.and_(tries, self._is_small())
-        b.store(b.select(taken, number(1.0), number(0.0)), self._taken)
-        self._wait_after(b.and_(tries, b.not_(taken)), taken)
-        with b.if_then(emitter.is_estimated):
-            error, largest = (b.load(address, typ=DOUBLE) for address in (self._error, emitter.largest_error))
-            larger = b.and_(taken, b.fcmp_ordered(">", error, largest))
-            b.store(b.select(larger, error, largest), emitter.largest_error)
+def _is_set(b: IRBuilder, address: Value) -> Value:
+    return b.fcmp_ordered("!=", b.load(address, typ=DOUBLE), number(0.0))
 
-    def _correct(self, i: Index) -> None:
-        emitter, b = self._emitter, self._emitter.b
-        slope = b.fma(number(self._method.newest), load(b, self._predicted, i), load(b, self._partial, i))
-        added, before = b.fma(emitter.h, slope, load(b, self._history.lost, i)), load(b, emitter.y, i)
-        after = b.fadd(before, added)
-        store(b, after, self._new, i)
-        store(b, b.fsub(added, b.fsub(after, before)), self._lost, i)
-        change = b.fma(emitter.h, slope, b.fneg(load(b, self._increment, i)))
-        error = b.fmul(b.intrinsic("llvm.fabs", change), emitter.scale(i))
-        error = b.select(b.fcmp_unordered("uno", error, error), number(math.inf), error)
-        store(b, error, self._errors, i)
-        self._add_error(error)
 
-    def _add_error(self, error: Value) -> None:
-        b = self._emitter.b
-        largest = b.load(self._error, typ=DOUBLE)
-        b.store(b.select(b.fcmp_ordered(">", error, largest), error, largest), self._error)
-
-    def _is_small(self) -> Value:
-        b = self._emitter.b
-        return b.fcmp_ordered("<=", b.load(self._error, typ=DOUBLE), number(self._method.tolerance))
-
-    def _reconsider(self, slopes: Sequence[Value]) -> None:
-        """Take the differences of lower order for the error of a component, where one of them is smaller."""
-        emitter, b = self._emitter, self._emitter.b
-        factor = b.fmul(emitter.h, number(self._method.newest))
-        b.store(number(0.0), self._error)
-
-        def component(i: Index) -> None:
-            smallest, newest, scale = load(b, self._errors, i), load(b, self._predicted, i), emitter.scale(i)
-            for weights in self._method.lower:
-                difference = b.fsub(newest, total(b, weighted(weights, slopes), i))
-                error = b.fmul(b.intrinsic("llvm.fabs", b.fmul(factor, difference)), scale)
-                smallest = b.select(b.fcmp_ordered("<", error, smallest), error, smallest)
-            self._add_error(smallest)
-
-        if emitter.system.rates.is_inlined:
-            for_each(b, emitter.system.size, component)
-        else:  # with longer rates, the time of a loop is not noticed in a step, but compiling the sums without one is
-            loop(b, 0, emitter.system.size, component)
-
-    def _wait_after(self, failed: Value, taken: Value) -> None:
-        """Begin a new history after an attempt that failed, and wait, ever longer as more of them fail.
-
-        The slopes may be those of a force with a kink, of which differences of lower order see less and less.
-        """
-        b, history = self._emitter.b, self._history
-        b.store(b.select(failed, number(0.0), b.load(history.count, typ=DOUBLE)), history.count)
-        pause, wait = (b.load(address, typ=DOUBLE) for address in (history.pause, history.wait))
-        longer = b.fadd(b.fadd(pause, pause), number(1.0))
-        longer = b.select(b.fcmp_ordered("<", longer, number(LONGEST_PAUSE)), longer, number(LONGEST_PAUSE))
-        b.store(b.select(failed, pause, wait), history.wait)
-        b.store(b.select(failed, longer, b.select(taken, number(0.0), pause)), history.pause)
+def _store_where(b: IRBuilder, condition: Value, value: Value, array: Value, i: Index) -> None:
+    store(b, b.select(condition, value, load(b, array, i)), array, i)

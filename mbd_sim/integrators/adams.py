@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 from math import comb
+from typing import ClassVar
 
 from mbd_sim.integrators.estimate import Coefficients
 from mbd_sim.integrators.tableau import EXPLICIT, Tableau
@@ -14,20 +15,22 @@ from mbd_sim.integrators.tableau import EXPLICIT, Tableau
 class Adams:
     """A step y* = y + h Σ p_j f_j, y' = y + h (γ f(t + h, y*) + Σ c_j f_j), where f_j are the slopes j steps ago.
 
-    p are the `predictor` and c the `corrector`, γ is the `newest` of its coefficients. The step is taken by `otherwise`
-    while there are fewer slopes than coefficients, or where the error of y* in a component exceeds `tolerance`
-    (1 + |y|). That error is y' − y* = h γ ∇ᵏ f, the difference of order k of the slopes, k their number. For smooth
-    motions, those of lower order are larger; but the round-off in f grows with k. So the error is taken to be the
-    smallest of y' − y* and h γ (f(t + h, y*) − Σ s_j f_j), for some differences of lower order with coefficients s.
+    p are the `predictor` and c the `corrector`, γ is the `newest` of its coefficients. A step is taken at once, or in
+    two halves from slopes at a distance of h/2, or else by `otherwise`: while there are fewer slopes than coefficients,
+    or where the error of y* in a component exceeds `tolerance` (1 + |y|). That error is y' − y* = h γ ∇ᵏ f, the
+    difference of order k of the slopes, k their number. `differences` are the coefficients s of those of the orders
+    `LOWER`, f(t + h, y*) − Σ s_j f_j, which tell the error from the round-off of f, see `adams_error`.
     `stability_limit` is that of `otherwise`, since y' − y* grows where a step of this method is not stable.
     """
+
+    evaluations: ClassVar[int] = 2  # of the accelerations in a step at once
 
     name: str
     order: int
     predictor: Coefficients
     corrector: Coefficients
     newest: float
-    lower: tuple[Coefficients, ...]
+    differences: tuple[Coefficients, ...]
     tolerance: float
     otherwise: Tableau
 
@@ -38,8 +41,8 @@ class Adams:
 
     @property
     def stages(self) -> int:
-        """The largest number of evaluations of the accelerations in a step: usually there are two."""
-        return self.otherwise.stages + 1
+        """The evaluations of the accelerations in the code of a step, of which few are executed."""
+        return self.otherwise.stages + 4
 
     @property
     def stability_limit(self) -> float:
@@ -47,7 +50,7 @@ class Adams:
         return self.otherwise.stability_limit
 
 
-LOWER = (7, 8)  # orders of differences with less round-off
+LOWER = (3, 4, 5, 6, 7, 8)  # orders of differences with less round-off
 
 
 def adams(name: str, length: int, tolerance: float, otherwise: Tableau) -> Adams:
@@ -59,8 +62,8 @@ def adams(name: str, length: int, tolerance: float, otherwise: Tableau) -> Adams
     newest = weights[length]  # y' − y* = h γ ∇ᵏ f, the difference of order k = `length` of f(t + h, y*) and the slopes
     corrector = [p + (-1) ** (j + 1) * comb(length, j + 1) * newest for j, p in enumerate(predictor)]
     p, c = (tuple(float(value) for value in values) for values in (predictor, corrector))
-    lower = tuple(tuple(float(-((-1) ** j) * comb(k, j)) for j in range(1, k + 1)) for k in LOWER)
-    return Adams(name, length + 1, p, c, float(newest), lower, tolerance, otherwise)
+    differences = tuple(tuple(float(-((-1) ** j) * comb(k, j)) for j in range(1, k + 1)) for k in LOWER)
+    return Adams(name, length + 1, p, c, float(newest), differences, tolerance, otherwise)
 
 
 ADAMS: dict[str, Adams] = {"adams11": adams("adams11", 10, 1e-14, EXPLICIT["tsitouras8"])}

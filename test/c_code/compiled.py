@@ -39,7 +39,7 @@ class CompiledModule:
         fields = (self.model.states, self.model.inputs, self.model.parameters, self.model.output_variables)
         self.y, self.inputs, self.p, self.out = (np.zeros(max(1, len(variables))) for variables in fields)
         size, slopes = len(self.y), ADAMS["adams11"].length
-        self.history = np.zeros(5 + len(self.inputs) + self.model.values.nnz_out(0) + (2 + slopes) * size)
+        self.history = np.zeros(7 + len(self.inputs) + self.model.values.nnz_out(0) + (2 + 2 * slopes) * size)
         self.start()
 
     def start(self):

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from mbd_sim import DivergedError, Ensemble, MechanismError, Simulation
-from mbd_sim.compiler.adams_history import COUNT
+from mbd_sim.compiler.adams_history import COUNT, DIVIDED
 
 METHOD = "adams11"
-NAMES = ("double_rod", "four_bar", "moving_support_pendulum", "heavy_top")
+NAMES = ("double_rod", "four_bar", "moving_support_pendulum", "heavy_top", "slider_crank")
 
 
 def built(name="double_rod", **options):
@@ -104,7 +104,7 @@ forces: {law: {type: effort, coordinate: pin, effort: "sqrt(t_end - t)"}}
     assert same(run, other)
 
 
-@pytest.mark.parametrize("name", ["double_rod", "four_bar"])
+@pytest.mark.parametrize("name", ["double_rod", "four_bar", "slider_crank"])
 def test_members_of_an_ensemble_take_the_same_steps(name):
     ensemble, single = Ensemble.from_file(name, 3, method=METHOD), built(name)
     q, u = (np.tile(array, (3, 1)) for array in (single.q, single.u))
@@ -130,6 +130,34 @@ def test_it_is_refused_where_it_would_always_begin_anew(name, reason):
     with pytest.raises(MechanismError, match=f"{METHOD} cannot treat .*{reason}.*tsitouras8"):
         built(name)
     assert Simulation.from_file(name).model.method.name == "tsitouras8"
+
+
+def test_steps_are_divided_where_the_motion_is_fast_and_only_there():
+    """The piston of a crank at 1 ms: some steps at once, some in halves, and the energy as with `tsitouras8`."""
+    run, other = built("slider_crank"), Simulation.from_file("slider_crank", method="tsitouras8")
+    divided, residuals = [], np.zeros(2)
+    for _ in range(100):
+        run.step(10)
+        other.step(10)
+        divided.append(run.history[DIVIDED])
+        residuals = np.maximum(residuals, [abs(run.energies.residual), abs(other.energies.residual)])
+    assert 10 < sum(divided) < 90
+    assert np.count_nonzero(np.diff(divided)) > 4
+    assert residuals[0] < residuals[1] + 1e-13 * run.energies.kinetic
+
+
+def test_round_off_does_not_divide_steps():
+    """Coordinates of 1000 m, whose round-off in the slopes is a hundred times as large as otherwise."""
+    text = """
+mechanism: far
+parts: {rod: {mass: 1, center: [0, 0, -1], inertia: [0.1, 0.1, 0.1]}, weight: {mass: 1}}
+joints:
+  rail: {type: prismatic, between: [ground, weight], axis: [1, 0, 0], position: 1000 m, stiffness: 50, rest: 1000 m}
+  pin: {type: revolute, between: [weight, rod], axis: [0, 1, 0], position: 1}
+"""
+    run = Simulation.from_text(text, method=METHOD)
+    run.step(3000)
+    assert run.history[COUNT] > 100
 
 
 def test_a_spinning_top_falls_back_and_keeps_the_bits_of_the_other_method():

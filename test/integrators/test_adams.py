@@ -38,7 +38,7 @@ def test_polynomials_are_integrated_exactly(degree):
 
 
 def test_differences_of_lower_order_vanish_for_polynomials():
-    for order, weights in zip(LOWER, METHOD.lower, strict=True):
+    for order, weights in zip(LOWER, METHOD.differences, strict=True):
         for degree in range(order + 1):
             extrapolated = math.fsum(w * (-back) ** degree for back, w in enumerate(weights))
             assert (extrapolated == 1.0**degree) == (degree < order)

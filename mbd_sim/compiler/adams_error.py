@@ -1,0 +1,100 @@
+"""The error of an attempt of an Adams method, told from the round-off of the slopes, as IR."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from mbd_sim.compiler.ir import Value
+from mbd_sim.compiler.ir_types import DOUBLE, number
+from mbd_sim.compiler.ir_vectors import Index, for_each, load, loop, store, total, weighted
+from mbd_sim.compiler.step_emitter import StepEmitter
+from mbd_sim.integrators.adams import Adams
+
+# The largest differences, in units of the tolerance, that are taken for round-off: where they grow with the order, as
+# only those of round-off and of vibrations with h ω > 1 do, and elsewhere.
+GROWING, SHRINKING = 1000.0, 10.0
+
+
+class AdamsError:
+    """The largest error of a component of the predicted state, relative to 1 + |y|.
+
+    It is h γ ∇ᵏ f, but round-off in f, which ∇ᵏ amplifies by up to 2ᵏ, can exceed it by far. For smooth motions, the
+    differences shrink with their order until they reach the round-off, from where on they grow. So the error of a
+    component is the smallest of four: ∇ᵏ, ∇⁸, ∇⁷, and, where ∇ᵏ is not too large for round-off, what ∇ᵏ would be if the
+    differences shrank as those up to order 8, or up to order 6, do.
+    """
+
+    def __init__(self, method: Adams, emitter: StepEmitter) -> None:
+        """Allocate the arrays; the emitter's builder must be in the entry block of a function."""
+        self._method, self._emitter, self._errors = method, emitter, emitter.vector()
+        self.largest = emitter.scalar()
+
+    def clear(self) -> None:
+        """Begin with no error."""
+        self._emitter.b.store(number(0.0), self.largest)
+
+    def add(self, i: Index, change: Value) -> None:
+        """Add a component, whose prediction has changed by so much in the correction."""
+        b = self._emitter.b
+        error = b.fmul(b.intrinsic("llvm.fabs", change), self._emitter.scale(i))
+        error = b.select(b.fcmp_unordered("uno", error, error), number(math.inf), error)
+        store(b, error, self._errors, i)
+        self._add(error)
+
+    def _add(self, error: Value) -> None:
+        b = self._emitter.b
+        largest = b.load(self.largest, typ=DOUBLE)
+        b.store(b.select(b.fcmp_ordered(">", error, largest), error, largest), self.largest)
+
+    def reduce(self, h: Value, newest: Value, slopes: Sequence[Value]) -> None:
+        """Emit, where the error exceeds the tolerance, what it is without round-off.
+
+        :param newest: the slopes of the predicted state, `slopes` are those before.
+        """
+        emitter, b = self._emitter, self._emitter.b
+        small = b.fcmp_ordered("<=", b.load(self.largest, typ=DOUBLE), number(self._method.tolerance))
+        largest = b.load(self.largest, typ=DOUBLE)
+        with b.if_then(emitter.any(b.not_(small))):
+            factor = b.fmul(h, number(self._method.newest))
+            self.clear()
+
+            def component(i: Index) -> None:
+                self._add(self._without_round_off(i, factor, newest, slopes))
+
+            if emitter.system.rates.is_inlined:
+                for_each(b, emitter.system.size, component)
+            else:  # with longer rates, a loop takes no notice, but compiling the sums without one takes time
+                loop(b, 0, emitter.system.size, component)
+            b.store(b.select(small, largest, b.load(self.largest, typ=DOUBLE)), self.largest)
+
+    def _without_round_off(self, i: Index, factor: Value, newest: Value, slopes: Sequence[Value]) -> Value:
+        b, own, scale = self._emitter.b, load(self._emitter.b, self._errors, i), self._emitter.scale(i)
+        slope = load(b, newest, i)
+        sizes = []
+        for weights in self._method.differences:
+            difference = b.fsub(slope, total(b, weighted(weights, slopes), i))
+            sizes.append(b.fmul(b.intrinsic("llvm.fabs", b.fmul(factor, difference)), scale))
+        d3, d4, d5, d6, d7, d8 = sizes
+        tolerance, grows = self._method.tolerance, b.fcmp_ordered(">=", own, d8)
+        limit = b.select(grows, number(GROWING * tolerance), number(SHRINKING * tolerance))
+        expected = self._smaller(self._extrapolated(d8, d7, d6, d5, 1), self._extrapolated(d6, d5, d4, d3, 2))
+        expected = b.select(b.fcmp_ordered("<=", own, limit), expected, own)
+        return self._smaller(expected, self._smaller(d8, self._smaller(d7, own)))
+
+    def _smaller(self, x: Value, y: Value) -> Value:
+        b = self._emitter.b
+        return b.select(b.fcmp_ordered("<", x, y), x, y)
+
+    def _extrapolated(self, a: Value, b: Value, c: Value, d: Value, pairs: int) -> Value:
+        """The size of a difference of so many pairs of orders more than that of size a; b, c, d are of lower orders.
+
+        Two differences that follow each other do not vanish at the same time, so the one that shrinks less counts.
+        """
+        e = self._emitter.b
+        first, second = e.fdiv(a, c), e.fdiv(b, d)
+        decay = e.select(e.fcmp_ordered(">", first, second), first, second)
+        power = e.fmul(decay, decay) if pairs == 2 else decay
+        one, two = e.fmul(a, power), e.fmul(b, e.fmul(power, self._emitter.square_root(decay)))
+        size = e.select(e.fcmp_ordered(">", one, two), one, two)
+        return e.select(e.fcmp_unordered("uno", size, size), number(math.inf), size)
