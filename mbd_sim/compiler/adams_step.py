@@ -156,7 +156,7 @@ class _AdamsStep:
         longer as more attempts fail. Only a small error after many attempts that succeeded changes nothing.
         """
         emitter, history, b, method = self._emitter, self._history, self._emitter.b, self._method
-        b, history, method, at_once = self._emitter.b, self._history, self._method, pieces == 1
+        at_once = pieces == 1
         error, zero, length = self._read(self._worst), number(0.0), float(method.length)
         probes = b.and_(active, _is_set(b, history.divided)) if at_once else None
         limit: Value = number(method.tolerance)
@@ -187,7 +187,6 @@ class _AdamsStep:
         longer = b.select(b.fcmp_ordered("<", longer, number(LONGEST_PAUSE)), longer, number(LONGEST_PAUSE))
         self._choose(pauses, pause, history.wait)
         self._choose(pauses, longer, history.pause)
-        emitter = self._emitter
         with b.if_then(emitter.is_estimated):
             larger = b.and_(passed, b.fcmp_ordered(">", error, self._read(emitter.largest_error)))
             self._choose(larger, error, emitter.largest_error)
