@@ -55,6 +55,11 @@ class CasadiFunctions:
         return channel_names(self.mechanism.actuators)
 
     @property
+    def points(self) -> tuple[str, ...]:
+        """The names of all points, such as `rod.tip`."""
+        return tuple(".".join(key) for key in self._inputs.points)
+
+    @property
     def actuator_states(self) -> tuple[str, ...]:
         """The states of actuators in x, such as `drive.current`, in SI units."""
         return self.equations.actuator_layout.core_names(self.mechanism.actuators)
@@ -123,8 +128,7 @@ class CasadiFunctions:
         """
         part, _, point = name.partition(".")
         if (part, point) not in self._inputs.points:
-            known = [".".join(key) for key in self._inputs.points]
-            raise InputError(f"there is no point '{name}'", nearest(name, known))
+            raise InputError(f"there is no point '{name}'", nearest(name, self.points))
         position = self._inputs.point_at(part, point, self._p)
         if part != GROUND:
             pose = self._call(self.equations.poses)[12 * self.equations.part_names.index(part) :][:12]

@@ -1,38 +1,32 @@
-"""Parameters from measured states, with exact gradients and confidence intervals.
+"""Parameters from measured runs, with exact gradients and confidence intervals.
 
 The measurements are cut into intervals. For each one the trajectory follows from a start state of its own, which is
-unknown too, so that noise in it does no harm. Parameters and start states minimize the sum of the squared deviations
-(output error method; Ljung 1999, sec. 10.2), weighted by the standard deviation of each component of the state, which
-is estimated from the residuals of a first fit.
+unknown too, so that noise in it does no harm. It varies along the directions that constraints and unit quaternions
+leave free. Parameters and start states minimize the sum of the squared deviations (output error method; Ljung 1999,
+sec. 10.2), weighted by the standard deviation of each measured number, which is estimated from the residuals of a
+first fit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
-import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
-from mbd_sim.errors import InputError, MbdSimError
+from mbd_sim.errors import DivergedError, InputError, MbdSimError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.optimization.casadi_functions import CasadiFunctions, casadi_functions
-from mbd_sim.optimization.trajectories import DEFAULT, trajectory
+from mbd_sim.optimization.measured_runs import MeasuredRun, Residuals, measured_runs
+from mbd_sim.optimization.sensitivities import SensitivityModel
+from mbd_sim.optimization.separable_fit import Linearized, column_sizes, eliminated_parts, fit
 from mbd_sim.packages import require_packages
 
 FITS = 2  # with the weights of the data, then with those of the residuals
 SINGULAR = 1e-12  # of the information matrix, relative
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredRun:
-    """States (n + 1, nx), q and then u, measured every `step` s from `start` on; `efforts` (n, nv) between them."""
-
-    step: float
-    states: Array
-    efforts: Array
-    start: float = 0.0
+FREE = 0.5  # a singular value of the projection onto constraints is 0, or at least 1
 
 
 @dataclass(frozen=True)
@@ -47,11 +41,16 @@ class ParameterEstimate:
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """The `estimates` by key, their `covariance` (np, np), and the standard deviations `noise` (nx,) of residuals."""
+    """The `estimates` by key, their `covariance` (np, np), and the standard deviation of each measured number.
+
+    `noise` (c,) are the standard deviations of the residuals of the numbers named in `measured` (c,), in SI units. An
+    orientation has three: small rotations about the axes of the part.
+    """
 
     estimates: Mapping[str, ParameterEstimate]
     covariance: Array
     noise: Array
+    measured: tuple[str, ...]
 
 
 def identify(
@@ -61,157 +60,139 @@ def identify(
     *,
     interval: int = 100,
     confidence: float = 0.95,
-    method: str = DEFAULT,
+    method: str | None = None,
 ) -> Identification:
     """Identify parameters of a mechanism from measured runs.
 
+    :param data: runs that all have the same step, and in which the same is measured.
     :param parameters: keys of its file with first guesses; by default those are the values in the file.
-    :param interval: steps after which the trajectory starts anew.
+    :param interval: steps after which the trajectory starts anew, where states are measured. Runs of which only outputs
+        are measured are not divided.
     :param confidence: the probability that a confidence interval contains the true value, for independent normal noise.
-    :param method: an explicit method, see `one_step`.
+    :param method: of integration, by default that of the mechanism; see `SensitivityModel`.
     :raises MissingPackageError: SciPy is not installed.
     :raises MechanismError: see `casadi_functions`.
     :raises InputError: the measurements do not fit the mechanism.
-    :raises MbdSimError: the mechanism has constraints or quaternions, or the measurements do not determine the
-        parameters.
+    :raises MbdSimError: the measurements do not determine the parameters, or the search does not converge.
     """
     require_packages("scipy", purpose="Identifying parameters")
-    from scipy.stats import t as student  # type: ignore[import-untyped]
+    from scipy.special import stdtrit  # type: ignore[import-untyped]
 
-    functions = casadi_functions(mechanism, list(parameters))
-    runs = [data] if isinstance(data, MeasuredRun) else list(data)
-    _require_fitting(functions, runs, interval)
-    pieces = [piece for run in runs for piece in _pieces(functions, run, interval, method)]
-    guess = np.array(list(parameters.values())) if isinstance(parameters, Mapping) else functions.values
-    values, covariance, noise, freedom = _fitted(pieces, guess)
-    errors, reach = np.sqrt(np.diag(covariance)), float(student.ppf(0.5 + confidence / 2.0, freedom))
+    runs, keys = measured_runs(data), list(parameters)
+    if not keys or interval < 1:
+        raise InputError("there is nothing to identify", "Give parameters, measured runs, and a positive interval.")
+    model = SensitivityModel(mechanism, keys, method=method, step=runs[0].step, by_efforts=False)
+    residuals = [Residuals(model.functions, run) for run in runs]
+    names = residuals[0].names
+    if any(other.names != names or other.run.step != model.step for other in residuals):
+        raise InputError("the runs differ in their steps, or in what is measured", "Identify from runs of one kind.")
+    problem = _Problem(model, residuals, interval)
+    first = list(parameters.values()) if isinstance(parameters, Mapping) else model.functions.values
+    values, parts, freedom = problem.solution(np.array(first, dtype=float))
+    covariance = _covariance(parts)
+    errors, reach = np.sqrt(np.diag(covariance)), float(stdtrit(freedom, 0.5 + confidence / 2.0))
     estimates = {
         key: ParameterEstimate(float(value), float(error), float(value - reach * error), float(value + reach * error))
-        for key, value, error in zip(functions.parameters, values, errors, strict=True)
+        for key, value, error in zip(model.functions.parameters, values, errors, strict=True)
     }
-    return Identification(estimates, covariance, noise)
+    return Identification(estimates, covariance, problem.weights, names)
 
 
-def _fitted(pieces: Sequence[_Piece], guess: Array) -> tuple[Array, Array, Array, int]:
-    """The parameters, their covariance, the noise of each component, and the degrees of freedom of the residuals."""
-    from scipy.optimize import least_squares  # type: ignore[import-untyped]
-
-    unknown = np.concatenate([guess, *(piece.states[:, 0] for piece in pieces)])
-    spread = np.std(np.hstack([piece.states for piece in pieces]), axis=1)
-    weights = noise = np.where(spread > 0.0, spread, 1.0)
-    smallest = 1e-12 * weights
-    tolerances = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-14)
-    for _ in range(FITS):
-        problem = _Problem(pieces, len(guess), weights)
-        found = least_squares(problem.residuals, unknown, problem.jacobian, x_scale="jac", **tolerances)
-        unknown, freedom = found.x, max(found.fun.size - len(found.x), 1)
-        left = found.fun.reshape(-1, len(weights)) * weights
-        noise = np.sqrt(np.sum(left**2, axis=0) * len(weights) / freedom)
-        weights = np.maximum(noise, smallest)
-    information = _Problem(pieces, len(guess), weights).jacobian(unknown)
-    return unknown[: len(guess)], _covariance(information, len(guess)), noise, freedom
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Piece:
-    """Measured `states` (nx, n + 1) of an interval, and the trajectory with its derivatives by x0 and p."""
+    """A part of a run between two steps: its present `start` state, and that which was tried last."""
 
-    start: float
-    states: Array
-    efforts: Array
-    function: ca.Function
-    derivatives: ca.Function
-
-
-def _pieces(functions: CasadiFunctions, run: MeasuredRun, interval: int, method: str) -> list[_Piece]:
-    """The intervals of a run, which share functions."""
-    found: dict[int, tuple[ca.Function, ca.Function]] = {}
-    pieces = []
-    for first in range(0, len(run.efforts), interval):
-        steps = min(interval, len(run.efforts) - first)
-        if steps not in found:
-            function = trajectory(functions, steps, run.step, method)
-            found[steps] = function, _derivatives(function)
-        states, efforts = run.states[first : first + steps + 1].T, run.efforts[first : first + steps].T
-        pieces.append(_Piece(run.start + first * run.step, states, efforts, *found[steps]))
-    return pieces
+    residuals: Residuals
+    first: int
+    last: int
+    start: Array
+    basis: Array
+    tried: tuple[Array, Array] | None = None
 
 
-def _derivatives(function: ca.Function) -> ca.Function:
-    """(t0, x0, e, p) -> the derivatives of all states by the parameters and by the start state, side by side."""
-    t0, x0, e, p = function.mx_in()
-    both = ca.MX.sym("both", p.shape[0] + x0.shape[0])
-    states = function.call([t0, both[p.shape[0] :], e, both[: p.shape[0]]])[0]
-    by_both = ca.Function("by_both", [t0, both, e], [ca.jacobian(ca.vec(states), both)])
-    return ca.Function("derivatives", [t0, x0, e, p], by_both.call([t0, ca.vertcat(p, x0), e]))
-
-
-@dataclass(frozen=True, eq=False)
 class _Problem:
-    """Weighted residuals of parameters (np,) and the start states of all pieces (nx,) each."""
+    """The pieces of all runs, and the present standard deviations `weights` (c,) of what is measured."""
 
-    pieces: Sequence[_Piece]
-    parameters: int
-    weights: Array
+    def __init__(self, model: SensitivityModel, runs: Sequence[Residuals], interval: int) -> None:
+        self._model, self._channels = model, np.zeros(0, dtype=np.intp)
+        self.weights = np.max([run.spread for run in runs], axis=0)
+        self._pieces = []
+        for run in runs:
+            for first, last in pairwise(run.starts(interval)):
+                start = run.first_guess(first)
+                self._pieces.append(_Piece(run, first, last, start, np.zeros((len(start), 0))))
 
-    def residuals(self, unknown: Array) -> Array:
-        """The deviations of all states, one after the other."""
-        p, starts = self._split(unknown)
-        found = [
-            (np.array(piece.function(piece.start, start, piece.efforts, p)) - piece.states) / self.weights[:, None]
-            for piece, start in zip(self.pieces, starts, strict=True)
-        ]
-        return np.concatenate([part.T.ravel() for part in found])
+    def solution(self, guess: Array) -> tuple[Array, Sequence[Linearized], int]:
+        """The parameters, the weighted residuals there, and their degrees of freedom."""
+        smallest = 1e-12 * self.weights
+        values = guess
+        for _ in range(FITS):
+            values, parts = fit(self._linearized, self._commit, values)
+            freedom = self._reweigh(parts, smallest)
+        present = self._linearized(values, None)
+        assert present is not None
+        return values, present, freedom
 
-    def jacobian(self, unknown: Array) -> Array:
-        """Their derivatives."""
-        p, starts = self._split(unknown)
-        rows = []
-        for index, (piece, start) in enumerate(zip(self.pieces, starts, strict=True)):
-            by_both = np.array(piece.derivatives(piece.start, start, piece.efforts, p))
-            by_both /= np.tile(self.weights, piece.states.shape[1])[:, None]
-            block = np.zeros((len(by_both), len(unknown)))
-            block[:, : self.parameters] = by_both[:, : self.parameters]
-            first = self.parameters + index * len(self.weights)
-            block[:, first : first + len(self.weights)] = by_both[:, self.parameters :]
-            rows.append(block)
-        return np.vstack(rows)
+    def _reweigh(self, parts: Sequence[Linearized], smallest: Array) -> int:
+        left = np.concatenate([part.residuals for part in parts]) * self.weights[self._channels]
+        ranks = sum(one.rank for one in eliminated_parts(parts))
+        freedom = max(int(len(left) - ranks - parts[0].by_shared.shape[1]), 1)
+        squares = np.bincount(self._channels, left**2, len(self.weights))
+        counts = np.bincount(self._channels, minlength=len(self.weights))
+        noise = np.sqrt(squares / np.maximum(counts, 1) * len(left) / freedom)
+        self.weights = np.maximum(noise, smallest)
+        return freedom
 
-    def _split(self, unknown: Array) -> tuple[Array, Array]:
-        return unknown[: self.parameters], unknown[self.parameters :].reshape(len(self.pieces), -1)
+    def _commit(self) -> None:
+        for piece in self._pieces:
+            assert piece.tried is not None
+            piece.start, piece.basis = piece.tried
+
+    def _linearized(self, values: Array, changes: Sequence[Array] | None) -> Sequence[Linearized] | None:
+        found, channels = [], []
+        for index, piece in enumerate(self._pieces):
+            start = piece.start if changes is None else piece.start + piece.basis @ changes[index]
+            try:
+                part, own = self._piece(piece, values, start)
+            except (DivergedError, InputError):
+                return None
+            found.append(part)
+            channels.append(own)
+        self._channels = np.concatenate(channels)
+        return found
+
+    def _piece(self, piece: _Piece, values: Array, start: Array) -> tuple[Linearized, NDArray[np.intp]]:
+        own = piece.residuals
+        rows = own.rows[(own.rows >= piece.first) & (own.rows <= piece.last)]
+        if piece.last < own.rows[-1]:
+            rows = rows[rows < piece.last]  # the last one belongs to the next piece
+        wanted = sorted({0, *(rows - piece.first).tolist()})
+        time = own.run.start + piece.first * own.run.step
+        schedule = own.schedule(piece.first, piece.last)
+        found = self._model.at_steps(wanted, schedule, t0=time, x0=start, parameters=values, points=own.points)
+        assert found.dx.by_start is not None
+        directions, sizes, _ = np.linalg.svd(found.dx.by_start[0])
+        piece.tried = found.x[0].copy(), directions[:, sizes > FREE]
+        kept = found if len(wanted) == len(rows) else found.at(slice(1, None))
+        residuals, by_shared, by_own, channels = own.of(rows, kept, piece.tried[1])
+        weights = self.weights[channels]
+        return Linearized(residuals / weights, by_shared / weights[:, None], by_own / weights[:, None]), channels
 
 
-def _covariance(jacobian: Array, count: int) -> Array:
-    """The covariance of the first `count` unknowns, for residuals with the variance one.
+def _covariance(parts: Sequence[Linearized]) -> Array:
+    """The covariance of the parameters, for residuals with the variance one.
 
     :raises MbdSimError: the information matrix is singular.
     """
-    sizes = np.linalg.norm(jacobian, axis=0)
-    if np.any(sizes == 0.0):
+    if np.any(np.all([np.all(part.by_shared == 0.0, axis=0) for part in parts], axis=0)):
         raise MbdSimError("The measurements do not depend on one of the parameters. Leave it out.")
-    scaled = jacobian / sizes
+    sizes = column_sizes(parts)
+    scaled = np.vstack([one.by_shared for one in eliminated_parts(parts)]) / sizes
     values = np.linalg.svd(scaled, compute_uv=False)
-    if values[-1] ** 2 <= SINGULAR * values[0] ** 2:
+    if values[-1] ** 2 <= SINGULAR * max(values[0] ** 2, 1.0):
         raise MbdSimError(
             "The measurements do not determine the parameters: some change together without changing the motion. "
             "Leave one of them out, or measure a motion with known efforts."
         )
-    inverse = np.linalg.inv(scaled.T @ scaled)[:count, :count]
-    return np.asarray(inverse / np.outer(sizes[:count], sizes[:count]))
-
-
-def _require_fitting(functions: CasadiFunctions, runs: Sequence[MeasuredRun], interval: int) -> None:
-    nx, nv = len(functions.start), len(functions.coordinates)
-    if functions.G.size1_out(0) or nx != 2 * nv:
-        raise MbdSimError(
-            f"{functions.mechanism.name}: parameters of mechanisms with constraints, spherical or free joints cannot "
-            "be identified from states."
-        )
-    if not functions.parameters or not runs or interval < 1:
-        raise InputError("there is nothing to identify", "Give parameters, measured runs, and a positive interval.")
-    for run in runs:
-        if run.states.shape != (len(run.efforts) + 1, nx) or run.efforts.shape[1:] != (nv,):
-            wanted = f"states of the shape (n + 1, {nx}) and efforts of the shape (n, {nv})"
-            raise InputError(
-                f"measured are states {run.states.shape} and efforts {run.efforts.shape}", f"Give {wanted}."
-            )
+    inverse = np.linalg.inv(scaled.T @ scaled)
+    return np.asarray(inverse / np.outer(sizes, sizes))

@@ -37,10 +37,12 @@ class Derivatives:
     by_start: Array | None
     by_efforts: Array | None
 
-    def rows(self, rows: slice) -> Derivatives:
-        """The derivatives of some of the numbers, as views."""
-        start, efforts = (None if found is None else found[:, rows] for found in (self.by_start, self.by_efforts))
-        return Derivatives(self.by_parameters[:, rows], start, efforts)
+    def of(self, numbers: slice, times: slice = slice(None)) -> Derivatives:
+        """The derivatives of some of the numbers, at some of the times, as views."""
+        start, efforts = (
+            None if found is None else found[times, numbers] for found in (self.by_start, self.by_efforts)
+        )
+        return Derivatives(self.by_parameters[times, numbers], start, efforts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +62,12 @@ class Sensitivities:
     _nq: int = field(repr=False)
     _nv: int = field(repr=False)
 
+    def at(self, times: slice) -> Sensitivities:
+        """The same at some of the times, as views."""
+        points = {name: (place[times], own.of(slice(None), times)) for name, (place, own) in self.points.items()}
+        dx = self.dx.of(slice(None), times)
+        return Sensitivities(self.parameters, self.t[times], self.x[times], dx, points, self._nq, self._nv)
+
     @property
     def q(self) -> Array:
         """The coordinates (n, nq)."""
@@ -73,12 +81,12 @@ class Sensitivities:
     @property
     def dq(self) -> Derivatives:
         """The derivatives of q."""
-        return self.dx.rows(slice(0, self._nq))
+        return self.dx.of(slice(0, self._nq))
 
     @property
     def du(self) -> Derivatives:
         """The derivatives of u."""
-        return self.dx.rows(slice(self._nq, self._nq + self._nv))
+        return self.dx.of(slice(self._nq, self._nq + self._nv))
 
 
 class SensitivityModel:
@@ -148,30 +156,55 @@ class SensitivityModel:
         x = _numbers("x0", own.start if x0 is None else x0)
         p = _numbers("parameters", own.values if parameters is None else parameters)
         self._require_shapes(steps, every, x, e, p)
-        x, by_x, by_p = self._kernel.consistent(t0, x, p)
-        results = sorted({*range(0, steps + 1, every), steps})
+        schedule = [(number * (steps // len(e)), effort) for number, effort in enumerate(e)]
+        return self.at_steps(
+            sorted({*range(0, steps + 1, every), steps}), schedule, t0=t0, x0=x, parameters=p, points=points
+        )
+
+    def at_steps(
+        self,
+        results: Sequence[int],
+        schedule: Sequence[tuple[int, Array]],
+        *,
+        t0: float,
+        x0: Array,
+        parameters: Array,
+        points: Sequence[str] = (),
+    ) -> Sensitivities:
+        """The same after some numbers of steps, under efforts that change at any step.
+
+        :param results: increasing, from 0 on; the last one is the end.
+        :param schedule: the efforts (ne,), each with the number of steps after which it acts, from 0 on.
+        """
+        x, by_x, by_p = self._kernel.consistent(t0, x0, parameters)
         t = t0 + self.step * np.array(results)
-        x, dx = self._integrated(t0, (x, by_x, by_p), e, p, results)
-        at = {name: self._point(name, t, x, dx, p) for name in points}
-        layout = own.equations.layout
-        return Sensitivities(own.parameters, t, x, dx, at, layout.nq, layout.nv)
+        x, dx = self._integrated(t0, (x, by_x, by_p), schedule, parameters, results)
+        at = {name: self._point(name, t, x, dx, parameters) for name in points}
+        layout = self.functions.equations.layout
+        return Sensitivities(self.functions.parameters, t, x, dx, at, layout.nq, layout.nv)
 
     def _integrated(
-        self, t0: float, start: tuple[Array, Array, Array], e: Array, p: Array, results: Sequence[int]
+        self,
+        t0: float,
+        start: tuple[Array, Array, Array],
+        schedule: Sequence[tuple[int, Array]],
+        p: Array,
+        results: Sequence[int],
     ) -> tuple[Array, Derivatives]:
         """The states and their derivatives after some numbers of steps, from 0 to the end."""
-        kernel, count = self._kernel, len(e)
-        hold = results[-1] // count
-        memory, found = kernel.memory(t0, e[0], p), np.empty((len(results), kernel.nx * (1 + kernel.columns)))
+        kernel, changes = self._kernel, dict(schedule)
+        memory = kernel.memory(t0, changes[0], p)
+        found = np.empty((len(results), kernel.nx * (1 + kernel.columns)))
         memory.x[:], by_x, memory.columns[:, kernel.parameters] = start
         memory.columns[:, kernel.starts] = by_x[:, : kernel.starts.stop]
         found[0] = memory.z
         row, chains = 1, [np.eye(kernel.starts.stop)]  # for each interval, the derivatives of the state at its start
-        for before, after in pairwise(sorted({*results, *range(0, results[-1] + 1, hold)})):
-            if before and before % hold == 0:
-                memory.efforts[:] = e[before // hold]
+        bounds = sorted({*results, *(step for step in changes if step < results[-1])})
+        for before, after in pairwise(bounds):
+            if before and before in changes:
+                memory.efforts[:] = changes[before]
                 if self.by_efforts:
-                    chains.append(np.hstack(_chained(kernel, memory.columns, chains[-1])))
+                    chains.append(np.concatenate(_chained(kernel, memory.columns, chains[-1]), axis=1))
                     memory.columns[:, kernel.starts], memory.columns[:, kernel.efforts] = np.eye(kernel.nx), 0.0
             if not memory.advance(before, self.step, after - before):
                 times = f"between t = {t0 + before * self.step:g} s and {t0 + after * self.step:g} s"
@@ -180,10 +213,12 @@ class SensitivityModel:
             if after == results[row]:
                 found[row] = memory.z
                 row += 1
-        return found[:, : kernel.nx], self._derivatives(found, results, chains, hold, e.shape)
+        # A result where the efforts change belongs to the interval before.
+        intervals = np.maximum(np.searchsorted(list(changes), results) - 1, 0)
+        return found[:, : kernel.nx], self._derivatives(found, intervals, chains, (len(schedule), len(changes[0])))
 
     def _derivatives(
-        self, found: Array, results: Sequence[int], chains: Sequence[Array], hold: int, shape: tuple[int, ...]
+        self, found: Array, intervals: Array, chains: Sequence[Array], shape: tuple[int, int]
     ) -> Derivatives:
         """All derivatives, from those by the state at the start of each interval and by its efforts."""
         kernel, nx = self._kernel, self._kernel.nx
@@ -192,9 +227,8 @@ class SensitivityModel:
         if not self.by_efforts:
             return Derivatives(by_parameters, columns[:, :, kernel.starts] if self.by_start else None, None)
         by_start, by_efforts = np.empty((len(found), nx, nx)), np.zeros((len(found), nx, *shape))
-        interval = np.maximum((np.array(results) - 1) // hold, 0)  # a result at a bound belongs to the one before it
         for number, chain in enumerate(chains):
-            rows = interval == number
+            rows = intervals == number
             earlier, own = _chained(kernel, columns[rows], chain)
             by_start[rows] = earlier[:, :, :nx]
             by_efforts[rows, :, :number] = earlier[:, :, nx:].reshape(len(own), nx, number, shape[1])

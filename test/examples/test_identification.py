@@ -8,7 +8,7 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.examples.identification.excite import multisine
-from mbd_sim.examples.identification.identify import identify, main, read
+from mbd_sim.examples.identification.identify import identified, main, read
 from test.examples.programs import beside, lockstep
 from test.waiting import PATIENCE
 
@@ -27,7 +27,7 @@ def recording(tmp_path_factory):
 def test_the_truth_is_found_from_a_recorded_run(recording, capsys):
     run = read(recording)
     assert len(run.ticks) > 280 and len(run.efforts) > 280
-    found = identify(run, {"inertia": 0.02, "damping": 0.06})
+    found = identified([run], {"inertia": 0.02, "damping": 0.06}, 0.5).estimates
     assert found["inertia"].value == pytest.approx(0.015, rel=1e-6)
     assert found["damping"].value == pytest.approx(0.04, rel=1e-6)
     assert main([str(recording), "damping=0.1"]) == 0
@@ -50,7 +50,7 @@ def test_a_recording_may_begin_under_an_effort(tmp_path):
         simulation.step(500)
     run = read(tmp_path / "run.mcap")
     assert [efforts.tolist() for _, efforts in run.efforts] == [[0.5]]
-    assert identify(run, {"damping": 0.06})["damping"].value == pytest.approx(0.04, rel=1e-6)
+    assert identified([run], {"damping": 0.06}, 0.5).estimates["damping"].value == pytest.approx(0.04, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_noise_spoils_it_little(recording):
     noisy = dataclasses.replace(
         run, q=run.q + rng.normal(scale=1e-3, size=run.q.shape), u=run.u + rng.normal(scale=5e-3, size=run.u.shape)
     )
-    for name, parameter in identify(noisy, {"inertia": 0.016, "damping": 0.038}).items():
+    for name, parameter in identified([noisy], {"inertia": 0.016, "damping": 0.038}, 0.5).estimates.items():
         assert parameter.value == pytest.approx({"inertia": 0.015, "damping": 0.04}[name], rel=0.01)
         assert 1e-4 < parameter.error / parameter.value < 0.01
 

@@ -17,6 +17,9 @@ def test_the_snippets_of_the_page(capsys):
     assert "from upright" in capsys.readouterr().out
     truth = {"mc": 1.0, "m": 0.2, "l": 0.8}
     assert all(abs(one.value - truth[key]) < 4 * one.error for key, one in values["found"].estimates.items())
+    lengths = {"crank": 0.5, "coupler": 1.4}
+    assert all(abs(one.value - lengths[key]) < 4 * one.error for key, one in values["lengths"].estimates.items())
+    assert values["found"].estimates["l"].error < 0.02 and values["lengths"].estimates["crank"].error < 1e-3
     sim = values["sim"]
     assert abs(sim.q[0]) < 0.05 and abs(sim.q[1] - np.pi) < 0.01
     replayed = Simulation.from_file("cart_pendulum")  # with the forces of the swing-up between the knots

@@ -1,8 +1,7 @@
 """`ros2 run mbd_sim example_identify run.mcap inertia=0.03 damping=0.01`: identifies parameters from a recording.
 
-The recording holds the states, and the efforts with the steps at which they took effect. The mechanism is simulated
-with guessed parameters over short intervals, each from a recorded state on, and the guesses are improved until the
-simulation agrees with the recording (output error with the Gauss-Newton method; Ljung 1999, sec. 10.2).
+The recording holds the states, and the efforts with the steps at which they took effect: what `identify` of
+`mbd_sim.optimization` needs.
 """
 
 from __future__ import annotations
@@ -10,27 +9,24 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from mcap.reader import make_reader
+from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
-from mbd_sim.errors import MbdSimError, nearest
+from mbd_sim.errors import MbdSimError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.load import parse_mechanism
+from mbd_sim.optimization import Identification, MeasuredRun, identify
 from mbd_sim.simulation.events import RESTARTS, parse_event
-from mbd_sim.simulation.simulation import Simulation
 
 WORDS = "recordings of the same mechanism, and a guess for each parameter to identify"
-MAX_ITERATIONS, CONVERGED = 30, 1e-7  # relative change of the parameters at which the search ends
-NOISE_LIMIT = 1e-3  # the same where noise and finite differences allow no further improvement
-DIFFERENCE = 1e-4  # relative step of the finite differences
 TYPES = {"joint_states": JointState, "applied_efforts": Float64MultiArray, "events": String}
 
 
@@ -41,20 +37,10 @@ class Run:
     text: str
     method: str
     step: float
-    ticks: Array
+    ticks: NDArray[np.int64]
     q: Array
     u: Array
     efforts: list[tuple[int, Array]]
-
-
-class ParameterEstimate(NamedTuple):
-    """An identified parameter and its standard error; noise in the intervals' initial states makes it too small."""
-
-    value: float
-    error: float
-
-
-Estimates = dict[str, ParameterEstimate]
 
 
 def read(path: str | Path) -> Run:
@@ -89,91 +75,27 @@ def read(path: str | Path) -> Run:
     return Run(text, about["method"], float.fromhex(about["step"]), np.array(ticks), np.array(q), np.array(u), efforts)
 
 
-def identify(runs: Run | Sequence[Run], guess: Mapping[str, float], interval: float = 0.5) -> Estimates:
-    """Improve guessed parameters until simulations over intervals (s) from recorded states on match the recordings.
+def measured(run: Run) -> MeasuredRun:
+    """A recorded run as `identify` takes it: nan at the steps whose states were not recorded."""
+    steps = run.ticks - run.ticks[0]
+    states = np.full((steps[-1] + 1, run.q.shape[1] + run.u.shape[1]), np.nan)
+    states[steps] = np.hstack([run.q, run.u])
+    efforts = np.zeros((steps[-1], run.u.shape[1]))
+    for tick, values in run.efforts:
+        efforts[max(tick - run.ticks[0], 0) :] = values
+    return MeasuredRun(run.step, states, efforts, start=float(run.ticks[0]) * run.step)
 
-    Several runs must be of the same mechanism, method and step.
 
-    :raises MbdSimError: an unknown parameter, one that is built into the equations such as a length, or guesses from
-        which the search does not converge.
+def identified(runs: Sequence[Run], guess: Mapping[str, float], piece: float) -> Identification:
+    """The parameters from recordings that are cut into pieces (s), each from a start state of its own on.
+
+    :raises MbdSimError: the recordings are of different mechanisms, or see `identify`.
     """
-    runs = [runs] if isinstance(runs, Run) else list(runs)
     run = runs[0]
     if any((other.text, other.method, other.step) != (run.text, run.method, run.step) for other in runs):
         raise MbdSimError("the recordings differ in mechanism, method or step. Give recordings of the same mechanism.")
-    mechanism, keys = parse_mechanism(run.text), [f"parameters.{name}" for name in guess]
-    for name in guess:
-        if name not in mechanism.parameters:
-            raise MbdSimError(f"the mechanism has no parameter '{name}'. {nearest(name, mechanism.parameters)}")
-    simulation = Simulation(mechanism, method=run.method, step=run.step, live=keys)
-    recorded = [np.hstack([one.q, one.u]) for one in runs]
-    scale = np.std(np.concatenate(recorded), axis=0)
-    scale[scale == 0.0] = 1.0
-
-    def residuals(values: Array) -> Array:
-        simulation.set_live(dict(zip(keys, values.tolist(), strict=True)))
-        errors = [
-            (_predicted(simulation, one, interval) - q_u) / scale for one, q_u in zip(runs, recorded, strict=True)
-        ]
-        return np.concatenate([error.ravel() for error in errors])
-
-    values, errors = _least_squares(residuals, np.array(list(guess.values()), dtype=float))
-    return {name: ParameterEstimate(*pair) for name, *pair in zip(guess, values.tolist(), errors.tolist(), strict=True)}
-
-
-def _least_squares(residuals: Callable[[Array], Array], values: Array) -> tuple[Array, Array]:
-    """The parameters that minimize the sum of squared residuals, and their standard errors.
-
-    Levenberg-Marquardt iteration on the logarithms of the parameters, so that none changes its sign.
-
-    :raises MbdSimError: no convergence.
-    """
-    current, damping = residuals(values), 1e-3
-    for _ in range(MAX_ITERATIONS):
-        jacobian = np.column_stack(
-            [(residuals(values * (1 + DIFFERENCE * e)) - current) / DIFFERENCE for e in np.eye(len(values))]
-        )
-        normal = jacobian.T @ jacobian
-        remaining = float(np.max(np.abs(np.linalg.lstsq(jacobian, current, rcond=None)[0])))
-        while damping < 1e9:
-            change = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), jacobian.T @ current)
-            candidate = values * np.exp(np.clip(change, -1.0, 1.0))
-            tried = residuals(candidate)
-            if tried @ tried <= current @ current:
-                break
-            damping *= 10.0
-        else:
-            candidate, tried = values, current
-        stuck = candidate is values
-        values, current, damping = candidate, tried, damping / 10.0
-        if remaining < (NOISE_LIMIT if stuck else CONVERGED):
-            variance = current @ current / max(current.size - len(values), 1)
-            return values, np.sqrt(variance * np.diag(np.linalg.pinv(normal))) * np.abs(values)
-        if stuck:
-            break
-    raise MbdSimError("the search for the parameters did not converge. Use better guesses, or shorter intervals.")
-
-
-def _predicted(simulation: Simulation, run: Run, interval: float) -> Array:
-    """The states (n, 2 nv) of a simulation that restarts from the recorded state every `interval` seconds."""
-    simulation.reset(run.q[0], run.u[0])
-    changes = iter([*run.efforts, (sys.maxsize, np.zeros(0))])
-    next_tick, next_efforts = next(changes)
-    efforts, start, tick, states = np.zeros(simulation.u.size), -sys.maxsize, int(run.ticks[0]), []
-    for recorded_tick, q, u in zip(run.ticks.tolist(), run.q, run.u, strict=True):
-        while tick < recorded_tick:
-            while next_tick <= tick:
-                efforts, (next_tick, next_efforts) = next_efforts, next(changes)
-                simulation.set_efforts(efforts)
-            until = min(recorded_tick, next_tick)
-            simulation.step(until - tick)
-            tick = until
-        states.append(np.concatenate([simulation.q, simulation.u]))
-        if (recorded_tick - start) * run.step >= interval:
-            start = recorded_tick
-            simulation.reset(q, u)
-            simulation.set_efforts(efforts)
-    return np.array(states)
+    data, interval = [measured(one) for one in runs], max(round(piece / run.step), 1)
+    return identify(parse_mechanism(run.text), data, guess, interval=interval, method=run.method)
 
 
 def recordings_and_guesses(words: Sequence[str]) -> tuple[list[str], dict[str, float]]:
@@ -205,7 +127,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         paths, guess = recordings_and_guesses(options.words)
         runs = [read(path) for path in paths]
-        estimates = identify(runs, guess, options.piece)
+        estimates = identified(runs, guess, options.piece).estimates
         truth = parse_mechanism(runs[0].text).parameters
     except (MbdSimError, ValueError, OSError) as error:
         print(f"example_identify: {error}", file=sys.stderr)
