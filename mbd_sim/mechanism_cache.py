@@ -7,6 +7,7 @@ is stored only if it depends on no other file. So is what else needs the schema 
 from __future__ import annotations
 
 import functools
+import os
 import pickle
 import sys
 from collections.abc import Callable
@@ -37,7 +38,7 @@ def cached(compute: Callable[[], T], *contents: str, keep: Callable[[T], bool] =
     """
     if disk_cache.folder() is None:
         return compute()
-    key = disk_cache.key(*contents, _versions())
+    key = disk_cache.key(*contents, versions())
     stored = disk_cache.load(key)
     if stored is not None:
         found: T = pickle.loads(stored)  # noqa: S301  # as safe as the kernels there, which are executed
@@ -49,11 +50,16 @@ def cached(compute: Callable[[], T], *contents: str, keep: Callable[[T], bool] =
 
 
 @functools.cache
-def _versions() -> str:
+def versions() -> str:
     """Python, NumPy, whose arrays the records contain, and the state of every module of this package."""
-    package = Path(__file__).parent
-    modules = []
-    for path in sorted(package.rglob("*.py")):
-        state = path.stat()
-        modules.append(f"{path} {state.st_mtime_ns} {state.st_size}")
-    return "\n".join([sys.version, np.__version__, *modules])
+    modules: list[str] = []
+    folders = [str(Path(__file__).parent)]
+    while folders:
+        with os.scandir(folders.pop()) as entries:
+            for entry in entries:
+                if entry.name.endswith(".py"):
+                    state = entry.stat()
+                    modules.append(f"{entry.path} {state.st_mtime_ns} {state.st_size}")
+                elif "." not in entry.name and entry.is_dir():
+                    folders.append(entry.path)
+    return "\n".join([sys.version, np.__version__, *sorted(modules)])

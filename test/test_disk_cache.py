@@ -199,7 +199,7 @@ def test_other_processors_have_kernels_of_their_own(folder, monkeypatch):
     Simulation.from_file("rod_pendulum")
     monkeypatch.setattr(machine_code.llvm, "get_host_cpu_name", lambda: "x86-64")
     Simulation.from_file("rod_pendulum")
-    assert len(list(folder.iterdir())) == 3  # two kernels, and the file that was read
+    assert len(list(folder.iterdir())) == 5  # two kernels and models, and the file that was read
 
 
 def test_another_process_finds_it_and_gets_the_same_bits(folder):
@@ -211,7 +211,7 @@ def test_another_process_finds_it_and_gets_the_same_bits(folder):
         for _ in range(2)
     ]
     assert answers[0] == answers[1]
-    assert len(list(folder.iterdir())) == 2  # the kernel, and the file that was read
+    assert len(list(folder.iterdir())) == 3  # the kernel, the model, and the file that was read
 
 
 def test_processes_that_store_at_once_do_no_harm(folder):

@@ -65,7 +65,7 @@ def test_text_file_name_and_versions_distinguish(folder, monkeypatch):
     assert parse_mechanism(PENDULUM.replace("0.5", "0.6")).parameters == {"l": 0.6}
     assert parse_mechanism(PENDULUM, "mine.yaml").source.file == "mine.yaml"
     assert entries(folder) == 3
-    monkeypatch.setattr(mechanism_cache, "_versions", lambda: "another NumPy")
+    monkeypatch.setattr(mechanism_cache, "versions", lambda: "another NumPy")
     parse_mechanism(PENDULUM)
     assert entries(folder) == 4
 
@@ -73,7 +73,7 @@ def test_text_file_name_and_versions_distinguish(folder, monkeypatch):
 def test_a_changed_module_is_another_version(monkeypatch, tmp_path):
     (tmp_path / "module.py").write_text("first = 1")
     monkeypatch.setattr(mechanism_cache, "__file__", str(tmp_path / "mechanism_cache.py"))
-    versions = mechanism_cache._versions.__wrapped__
+    versions = mechanism_cache.versions.__wrapped__
     first = versions()
     assert versions() == first
     (tmp_path / "module.py").write_text("second = 2")

@@ -33,7 +33,8 @@ from mbd_sim.mechanism.one_sided import require_two_sided
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.optimization.parameter_inputs import ParameterInputs, parameter_inputs
 from mbd_sim.simulation.argument_checks import step_size
-from mbd_sim.simulation.method_choice import choose_method, require_method
+from mbd_sim.simulation.method_choice import choose_method
+from mbd_sim.simulation.method_name import require_method
 from mbd_sim.simulation.wrenches import require_parts
 from mbd_sim.symbolic.symbolic_values import with_forces_alone
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from mbd_sim.dynamics.actuator_layout import ENERGIES, FLUID, PRESSURES
-from mbd_sim.dynamics.energy import AUDIT_STATES
+from mbd_sim.dynamics.audit_states import AUDIT_STATES
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import Actuator, CoordinatePort, DcMotor

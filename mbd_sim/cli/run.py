@@ -174,7 +174,7 @@ def _summary(simulation: Simulation, seconds: float, done: str) -> str:
     return "\n".join(
         [
             f"{simulation.mechanism.name}: {simulation.time:g} s in {simulation.steps} steps "
-            f"of {simulation.step_size:g} s ({simulation.model.method.name})",
+            f"of {simulation.step_size:g} s ({simulation.model.method_name})",
             f"  {done + ' in':16s} {seconds:.3g} s: {simulation.time / max(seconds, 1e-9):,.0f} × real time, "
             f"{1e6 * seconds / steps:.3g} µs per step",
             f"  energy residual  {energies.residual:.3g} J of {energies.total:.6g} J total "
@@ -222,7 +222,7 @@ def _accuracy(simulation: Simulation) -> list[str]:
 
 def _constraints(simulation: Simulation) -> list[str]:
     """The violation of loops and constraints, including redundant ones, with a warning if it is too large."""
-    if not simulation.model.equations.rows:
+    if not simulation.model.row_names:
         return []
     position, velocity = simulation.violation
     lines = [f"  constraints      violated by at most {position:.3g} m, {velocity:.3g} m/s (or rad, rad/s)"]

@@ -1,1 +1,12 @@
 """From instruction lists to machine code; nothing here knows mechanics."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mbd_sim.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from mbd_sim.compiler.readers import CompiledReaders as CompiledReaders
+else:
+    __getattr__ = lazy_names(__name__, {"readers": ("CompiledReaders",)})

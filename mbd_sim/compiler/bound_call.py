@@ -9,12 +9,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.compiler.fastcall import callable_of, linked
+from mbd_sim.compiler.fastcall import linked
+from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.ir import POINTER, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import DOUBLE, INT, element, integer
 from mbd_sim.compiler.lowering import lower
-from mbd_sim.compiler.machine_code import compile_module, new_module
+from mbd_sim.compiler.python_callable import callable_of
 
 
 class CompiledFunction:

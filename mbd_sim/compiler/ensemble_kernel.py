@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.compiler.adams_history import history_size
+from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.kernel import PartialSystem, emit_system, step_of
-from mbd_sim.compiler.machine_code import MachineCode, compile_module, new_module
+from mbd_sim.compiler.machine_code import MachineCode
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.compiler.stepping import emit_advance_members
 from mbd_sim.integrators.between_steps import BetweenSteps

@@ -5,28 +5,16 @@ A call through ctypes costs nearly 1 µs, more than the step itself; this call c
 
 from __future__ import annotations
 
-import ctypes
-import functools
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
-
-import llvmlite.binding as llvm
+from collections.abc import Mapping, Sequence
 
 from mbd_sim.compiler.ir import POINTER, VOID, Block, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir_builder import IRBuilder
-from mbd_sim.compiler.ir_types import (
-    DOUBLE,
-    INT,
-    element,
-    integer,
-)
+from mbd_sim.compiler.ir_types import DOUBLE, INT, element, integer
+from mbd_sim.compiler.python_callable import LARGEST, NONE
 
-LARGEST = 2**53  # steps; beyond, time in steps is no longer exact
 RELEASING = 16  # steps from which the interpreter's lock is released; that costs as much as a call
 
-_FASTCALL_WITH_KEYWORDS = 0x0080 | 0x0002
-_NONE = "_Py_NoneStruct"
-_USED = {
+_SIGNATURES = {
     "PyTuple_GetItem": FunctionType(POINTER, [POINTER, INT]),
     "PyBytes_AsString": FunctionType(POINTER, [POINTER]),
     "PyLong_AsLongLong": FunctionType(INT, [POINTER]),
@@ -39,29 +27,9 @@ _USED = {
 }
 
 
-class _MethodDefinition(ctypes.Structure):
-    """CPython's `PyMethodDef`."""
-
-    _fields_ = (
-        ("name", ctypes.c_char_p),
-        ("method", ctypes.c_void_p),
-        ("flags", ctypes.c_int),
-        ("doc", ctypes.c_char_p),
-    )
-
-
-@functools.cache
-def _link() -> None:
-    """Register the addresses of the interpreter's functions with the compiler."""
-    for name in _USED:
-        llvm.add_symbol(name, ctypes.cast(getattr(ctypes.pythonapi, name), ctypes.c_void_p).value)
-    llvm.add_symbol(_NONE, id(None))
-
-
 def linked(module: Module) -> dict[str, Function]:
     """The interpreter's functions that machine code uses, declared in a module."""
-    _link()
-    return {name: Function(module, signature, name) for name, signature in _USED.items()}
+    return {name: Function(module, signature, name) for name, signature in _SIGNATURES.items()}
 
 
 def emit_call(module: Module, advance: Function, roles: Sequence[str]) -> Function:
@@ -74,7 +42,7 @@ def emit_call(module: Module, advance: Function, roles: Sequence[str]) -> Functi
         of `self` is a bytes object with the addresses of the counter, of h, and of these pointers in order.
     """
     python = linked(module)
-    none = module.external(_NONE, "i8")
+    none = module.external(NONE, "i8")
     call = Function(module, FunctionType(POINTER, [POINTER, POINTER, INT, POINTER]), "call")
     own, arguments, count, names = call.args
     blocks = {name: call.append_basic_block(name) for name in ("entry", "given", "known", "doubtful", "run", "other")}
@@ -156,19 +124,3 @@ def _emit_advance(
     result.add_incoming(result_unlocked, end_unlocked)
     result.add_incoming(result_locked, end_locked)
     return result
-
-
-def callable_of(
-    address: int, partner: Callable[..., Any], addresses: Sequence[int], keep_alive: object, name: bytes = b"step"
-) -> Any:
-    """The Python callable of an emitted `call`, or of a `read` of `mbd_sim.compiler.bound_call`, at an address.
-
-    :param partner: the callable that the code calls: with the same arguments where a `call` cannot advance.
-    :param addresses: of the step counter (int64), of the step size (double), and of the pointers that it passes on.
-    :param keep_alive: an object that lives as long as the callable: it refers to the machine code and the arrays.
-    """
-    table = b"".join(value.to_bytes(8, "little") for value in addresses)
-    definition = _MethodDefinition(name, address, _FASTCALL_WITH_KEYWORDS, None)
-    create = ctypes.pythonapi.PyCFunction_NewEx
-    create.restype, create.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p]
-    return create(ctypes.addressof(definition), (table, partner, definition, keep_alive), None)

@@ -1,21 +1,20 @@
-"""A compiled system of differential equations: its steps, and functions of its state."""
+"""A system of differential equations to a kernel: its steps, and functions of its state."""
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias, cast
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, TypeAlias
 
 import casadi as ca
 
 from mbd_sim.compiler.adams_step import adams_step
-from mbd_sim.compiler.fastcall import callable_of, emit_call
+from mbd_sim.compiler.bound_kernel import Kernel, KernelSignature
+from mbd_sim.compiler.fastcall import emit_call
+from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.instruction_list import Instructions
 from mbd_sim.compiler.ir import Module
 from mbd_sim.compiler.lowering import instruction_count, lower
-from mbd_sim.compiler.machine_code import MachineCode, compile_module, new_module
-from mbd_sim.compiler.readers import export, reader
+from mbd_sim.compiler.readers import export
 from mbd_sim.compiler.runge_kutta_step import explicit_step
 from mbd_sim.compiler.samples import emit_samples
 from mbd_sim.compiler.schedule import arranged
@@ -36,51 +35,6 @@ INLINED = 2200  # instructions of all stages together up to which the rates are 
 FEW = 20
 
 PartialSystem: TypeAlias = tuple[ca.Function, ca.Function]
-
-_ADDRESS, _INT, _DOUBLE = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
-_ADVANCE = (_ADDRESS, _ADDRESS, _INT, _DOUBLE, _INT)
-
-
-@dataclass(frozen=True, eq=False)
-class GuardedKernel:
-    """`advance_to_event` and `part_step` as in `emit_guarded_advance`, and `readings(t, y, inputs, out)`.
-
-    See `mbd_sim.dynamics.contact_functions.ContactFunctions`.
-    """
-
-    advance_to_event: Callable[..., int]
-    part_step: Callable[..., None]
-    readings: Callable[..., None]
-
-
-@dataclass(frozen=True, eq=False)
-class Kernel:
-    """The compiled functions of a system.
-
-    `advance(y, inputs, first_step, h, steps)` returns 1, or 0 if the state would not stay finite; `estimating_advance`
-    has a sixth argument, see `emit_advance`. Methods that use earlier steps keep a history behind the inputs, see
-    `history_size`. `readers` take addresses of doubles: those of their inputs, then that of their output;
-    `reads_inputs` says which of them take the inputs of the system. All of them release the interpreter's lock.
-    `instructions` is the number of scalar instructions of one evaluation of the rates. `guarded` are the functions of a
-    system with one-sided rows.
-    """
-
-    advance: Callable[..., int]
-    estimating_advance: Callable[..., int]
-    readers: Mapping[str, Callable[..., None]]
-    reads_inputs: Mapping[str, bool]
-    instructions: int
-    code: MachineCode
-    guarded: GuardedKernel | None = None
-
-    def stepper(
-        self, fallback: Callable[..., None], addresses: Sequence[int], keep_alive: object
-    ) -> Callable[..., None]:
-        """`step(n=1)` as a Python callable with a cheap call: see `emit_call` and `callable_of`."""
-        return cast(
-            Callable[..., None],
-            callable_of(self.code.address("call"), fallback, addresses, (self, keep_alive)),
-        )
 
 
 def compile_kernel(
@@ -116,24 +70,12 @@ def compile_kernel(
     emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
     for name, function in readers.items():
         export(module, f"read_{name}", lower(module, function, inline=True))
-    code = compile_module(module)
-    return Kernel(
-        advance=ctypes.CFUNCTYPE(_INT, *_ADVANCE)(code.address("advance")),
-        estimating_advance=ctypes.CFUNCTYPE(_INT, *_ADVANCE, _ADDRESS)(code.address("estimating_advance")),
-        readers={name: reader(code.address(f"read_{name}"), function) for name, function in readers.items()},
-        reads_inputs={name: function.n_in() > 2 for name, function in readers.items()},
+    signature = KernelSignature(
+        readers={name: function.n_in() for name, function in readers.items()},
         instructions=instruction_count(program),
-        code=code,
-        guarded=None if one_sided is None else _guarded(code),
+        guarded=one_sided is not None,
     )
-
-
-def _guarded(code: MachineCode) -> GuardedKernel:
-    return GuardedKernel(
-        advance_to_event=ctypes.CFUNCTYPE(_INT, *_ADVANCE, _ADDRESS)(code.address("advance_to_event")),
-        part_step=ctypes.CFUNCTYPE(None, _ADDRESS, _ADDRESS, _DOUBLE, _DOUBLE)(code.address("part_step")),
-        readings=ctypes.CFUNCTYPE(None, *[_ADDRESS] * 4)(code.address("read_contacts")),
-    )
+    return Kernel(compile_module(module), signature)
 
 
 def emit_system(

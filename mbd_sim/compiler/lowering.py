@@ -67,6 +67,9 @@ _TERNARY: dict[int, Build3] = {
     MULTIPLY_SUBTRACT: lambda low, x, y, z: low.builder.fma(x, y, low.builder.fneg(z)),
     SUBTRACT_PRODUCT: lambda low, x, y, z: low.builder.fma(low.builder.fneg(x), y, z),
 }
+# Instructions of a function up to which sines are inlined. In longer ones, such as those of more than ten rods, calls
+# save half of the compilation, and as the code is shorter, some percent of each step.
+INLINE_SINES = 1000
 # Functions of the C library, on which their last bits depend. Only expressions, friction and powers need them.
 LIBRARY: dict[int, str] = {
     ca.OP_EXP: "exp",
@@ -93,16 +96,17 @@ def lower(module: Module, function: Instructions, inline: bool, lanes: int = 1) 
     emitted, builder = _define(module, function.name(), inputs + outputs, inline, lanes)
     instructions = instructions_of(function)
     split, by_reciprocal = pieces(len(instructions)), shared_divisions(instructions)
+    inline_sines = len(instructions) <= INLINE_SINES
     if len(split) == 1:
         arguments = emitted.args[:inputs], emitted.args[inputs:]
-        _Lowering(module, builder).run(instructions, by_reciprocal, split[0], *arguments, {})
+        _Lowering(module, builder, inline_sines).run(instructions, by_reciprocal, split[0], *arguments, {})
     else:
         memory = local_array(builder, function.sz_w())
         for piece_number, (piece, saved) in enumerate(zip(split, live_out(instructions, split), strict=True)):
             part, inside = _define(module, f"{function.name()}.{piece_number}", inputs + outputs + 1, False, lanes)
             piece_work = PieceWork(inside, part.args[-1])
             arguments = part.args[:inputs], part.args[inputs:-1]
-            _Lowering(module, inside).run(instructions, by_reciprocal, piece, *arguments, piece_work)
+            _Lowering(module, inside, inline_sines).run(instructions, by_reciprocal, piece, *arguments, piece_work)
             piece_work.save(saved)
             inside.ret_void()
             builder.call(part, [*emitted.args, memory])
@@ -121,8 +125,8 @@ def _define(module: Module, name: str, arguments: int, inline: bool, lanes: int)
 class _Lowering:
     """The emission of a list of instructions, with the values that are computed once and used again."""
 
-    def __init__(self, module: Module, builder: IRBuilder) -> None:
-        self.module: Module = module
+    def __init__(self, module: Module, builder: IRBuilder, inline: bool) -> None:
+        self.module, self._inline = module, inline
         self.builder: IRBuilder = builder
         self._sines_cosines: dict[Value, tuple[Value, Value]] = {}  # by angle
         self._reciprocals: dict[Value, Value] = {}  # by divisor
@@ -178,7 +182,7 @@ class _Lowering:
     def sine_cosine(self, angle: Value) -> tuple[Value, Value]:
         """Sine and cosine of an angle, computed once."""
         if angle not in self._sines_cosines:
-            self._sines_cosines[angle] = sine_cosine(self.module, self.builder, angle)
+            self._sines_cosines[angle] = sine_cosine(self.module, self.builder, angle, self._inline)
         return self._sines_cosines[angle]
 
     def reciprocal(self, divisor: Value) -> Value:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.compiler.bound_kernel import function_of_addresses
+from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType, Module
 from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.lowering import lower
-from mbd_sim.compiler.machine_code import compile_module, new_module
 
 
 class CompiledReaders:
@@ -26,7 +25,8 @@ class CompiledReaders:
             export(module, f"read_{name}", lower(module, function, inline=True))
         self._code = compile_module(module)
         self._functions = {
-            name: reader(self._code.address(f"read_{name}"), function) for name, function in functions.items()
+            name: function_of_addresses(self._code.address(f"read_{name}"), function.n_in() + 1)
+            for name, function in functions.items()
         }
         self._sizes = {name: function.nnz_out(0) for name, function in functions.items()}
 
@@ -69,8 +69,3 @@ def export(module: Module, name: str, function: Function) -> None:
     builder = IRBuilder(exported.append_basic_block("entry"))
     builder.call(function, exported.args)
     builder.ret_void()
-
-
-def reader(address: int, function: ca.Function) -> Any:
-    """The compiled code of a function at an address as a Python callable, which takes addresses."""
-    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * (function.n_in() + function.n_out()))(address)

@@ -45,23 +45,25 @@ COSINE = (
 )
 
 
-def sine_cosine(module: Module, builder: IRBuilder, angle: Value) -> tuple[Value, Value]:
-    """The sine and the cosine of `angle` in rad."""
+def sine_cosine(module: Module, builder: IRBuilder, angle: Value, inline: bool = True) -> tuple[Value, Value]:
+    """The sine and the cosine of `angle` in rad; inlined code takes less time to run, but more to compile."""
     if isinstance(builder, LaneBuilder):
         angle = builder.widened(angle)
-    pair = builder.call(_function(module, lanes_of(builder)), [angle])
+    pair = builder.call(_function(module, lanes_of(builder), inline and module.fast), [angle])
     return builder.extract_value(pair, 0, angle.type), builder.extract_value(pair, 1, angle.type)
 
 
-def _function(module: Module, lanes: int) -> Function:
+def _function(module: Module, lanes: int, inline: bool) -> Function:
     name = "sine_cosine" if lanes == 1 else f"sine_cosine.{lanes}"
+    if module.fast and not inline:
+        name += ".called"
     if name in module.functions:
         return module.functions[name]
     real = DOUBLE if lanes == 1 else vector_of(DOUBLE, lanes)
     pair = f"{{{real}, {real}}}"
     function = Function(module, FunctionType(pair, [real]), name)
     function.linkage = "internal"
-    function.attributes = [ALWAYS_INLINE if module.fast else "noinline", "nounwind"]
+    function.attributes = [ALWAYS_INLINE if inline else "noinline", "nounwind"]
     b = new_builder(function.append_basic_block("entry"), lanes)
     x = function.args[0]
     common, rare = function.append_basic_block("common"), function.append_basic_block("rare")
@@ -101,7 +103,7 @@ def _by_library(module: Module, b: IRBuilder, x: Value) -> list[Value]:
 
 
 def _one_by_one(module: Module, b: LaneBuilder, x: Value) -> list[Value]:
-    scalar = _function(module, 1)
+    scalar = _function(module, 1, module.fast)
     scalar.attributes = ["nounwind"]
     pairs = [b.call(scalar, [b.lane(x, index)]) for index in range(b.lanes)]
     return [b.gathered([b.extract_value(pair, index, DOUBLE) for pair in pairs]) for index in (0, 1)]

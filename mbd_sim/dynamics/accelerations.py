@@ -13,6 +13,7 @@ from mbd_sim.dynamics.commanded_drives import driven_motion
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
 from mbd_sim.dynamics.coordinate_forces import coordinate_forces
 from mbd_sim.dynamics.element_forces import ElementForces, element_forces
+from mbd_sim.dynamics.external_wrenches import external_wrenches
 from mbd_sim.dynamics.joint_forces import JointForces, joint_forces
 from mbd_sim.dynamics.multipliers import ConstraintSolver
 from mbd_sim.dynamics.reactions import transmitted_wrenches
@@ -47,7 +48,7 @@ class ConstrainedMotion:
 
 def applied_forces(traced: TracedMechanism) -> AppliedForces:
     """The forces of joints, force elements, actuators and external wrenches."""
-    state, external = traced.state, traced.input_layout.external_wrenches(traced.inputs)
+    state, external = traced.state, external_wrenches(traced.input_layout, traced.inputs)
     mechanism, links = traced.mechanism, traced.links
     variables = StateVariables(links, state.t, state.q, state.u)
     along = coordinate_forces(mechanism, variables, state.q, state.q_rates, state.u)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from mbd_sim.dynamics.commanded_drives import FASTEST
+from mbd_sim.dynamics.coordinate_layout import CoordinateLayout
 from mbd_sim.dynamics.input_layout import InputLayout
-from mbd_sim.dynamics.links import CoordinateLayout
 from mbd_sim.errors import MechanismError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import default_command

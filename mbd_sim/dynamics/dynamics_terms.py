@@ -16,6 +16,7 @@ from mbd_sim.dynamics.articulated_body import bias_acceleration
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
 from mbd_sim.dynamics.coordinate_forces import coordinate_forces
 from mbd_sim.dynamics.element_forces import element_forces
+from mbd_sim.dynamics.external_wrenches import external_wrenches
 from mbd_sim.dynamics.joint_forces import joint_forces
 from mbd_sim.dynamics.reactions import transmitted_wrenches
 from mbd_sim.dynamics.spatial_algebra import constant, symmetric
@@ -93,7 +94,7 @@ def tree_efforts(traced: TracedMechanism, u_rates: ca.SX) -> ca.SX:
     They are those that actuators and commanded efforts exert together: the efforts among the inputs have no effect.
     """
     chain, state = traced.links, traced.state
-    external = traced.input_layout.external_wrenches(traced.inputs)
+    external = external_wrenches(traced.input_layout, traced.inputs)
     variables = StateVariables(chain, state.t, state.q, state.u)
     elements = element_forces(traced.mechanism, chain, traced.motions, traced.poses, variables, external)
     along = coordinate_forces(traced.mechanism, variables, state.q, state.q_rates, state.u)

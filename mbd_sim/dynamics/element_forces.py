@@ -12,7 +12,7 @@ import numpy as np
 
 from mbd_sim.dynamics.applied_wrenches import AppliedWrenches
 from mbd_sim.dynamics.bushing_forces import apply_bushing
-from mbd_sim.dynamics.input_layout import ExternalWrench
+from mbd_sim.dynamics.external_wrenches import ExternalWrench
 from mbd_sim.dynamics.kinematics import LinkMotion, SymbolicPose
 from mbd_sim.dynamics.law_expressions import elastic, power_law
 from mbd_sim.dynamics.links import Link

@@ -25,16 +25,17 @@ from mbd_sim.dynamics.accelerations import (
 from mbd_sim.dynamics.actuator_functions import ActuatorFunctions
 from mbd_sim.dynamics.actuator_layout import ActuatorLayout
 from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
+from mbd_sim.dynamics.audit_states import AUDIT_STATES
 from mbd_sim.dynamics.cam_check import require_followable_cams
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
 from mbd_sim.dynamics.constraint_rows import ConstraintRow
+from mbd_sim.dynamics.coordinate_layout import CoordinateLayout
 from mbd_sim.dynamics.distant_springs import DistantSprings, distant_springs
 from mbd_sim.dynamics.drive_commands import hold_drives
-from mbd_sim.dynamics.energy import AUDIT_STATES, gravitational_potential
+from mbd_sim.dynamics.energy import gravitational_potential
 from mbd_sim.dynamics.initial_conditions import AssembledStart, Assembly, assemble
 from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.dynamics.joint_linearization import JointLinearization, joint_linearization
-from mbd_sim.dynamics.links import CoordinateLayout
 from mbd_sim.dynamics.load_functions import load_paths, reaction_function, reactions_at
 from mbd_sim.dynamics.measurements import Measurements
 from mbd_sim.dynamics.multipliers import ConstraintSolver, typical_diagonal

@@ -30,7 +30,7 @@ from mbd_sim.dynamics.assembly_errors import (
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations, constraint_equations
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions, constraint_functions
 from mbd_sim.dynamics.constraint_rows import ConstraintRow
-from mbd_sim.dynamics.links import CoordinateLayout
+from mbd_sim.dynamics.coordinate_layout import CoordinateLayout
 from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.constraints import expressions_of

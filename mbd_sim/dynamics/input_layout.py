@@ -6,28 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import casadi as ca
 import numpy as np
 
 from mbd_sim.geometry.pose import Array
 
 WRENCH_SIZE = 15  # the numbers of an `ExternalWrench`
 UNDRIVEN = 4  # disturbances besides those of drives: their time, and the acceleration of ground
-
-
-@dataclass(frozen=True, eq=False)
-class ExternalWrench:
-    """A wrench on a part, in the order in which the inputs hold it.
-
-    `force` (3,) in N and `couple` (3,) in N·m are expressed in ground's axes, `own_force` (3,) and `own_couple` (3,)
-    in the part's axes, with which they rotate. Both forces act at the `point` (3,) in m in the part's frame.
-    """
-
-    force: ca.SX
-    couple: ca.SX
-    own_force: ca.SX
-    own_couple: ca.SX
-    point: ca.SX
 
 
 @dataclass(frozen=True)
@@ -104,10 +88,6 @@ class InputLayout:
     @property
     def _first_value(self) -> int:
         return self.nv + WRENCH_SIZE * len(self.loaded) + self.command_count
-
-    def external_wrenches(self, inputs: ca.SX) -> Mapping[str, ExternalWrench]:
-        """The symbols of the wrench on each loaded part."""
-        return {part: ExternalWrench(*ca.vertsplit(inputs[span], 3)) for part, span in self.wrenches.items()}
 
     def without_commands(self, centers: Sequence[Array], values: Array) -> Array:
         """The inputs (size,) with zero efforts, wrenches and commands.

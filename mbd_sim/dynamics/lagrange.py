@@ -18,10 +18,11 @@ from mbd_sim.dynamics.bushing_forces import bushing_potential
 from mbd_sim.dynamics.compliant_contacts import PlacedFrame, cushion_force
 from mbd_sim.dynamics.constraint_equations import coordinates_by_name
 from mbd_sim.dynamics.constraint_rows import constraint_rows
+from mbd_sim.dynamics.coordinate_layout import coordinate_layout
 from mbd_sim.dynamics.element_forces import damper_force, force_vector, spring_force
 from mbd_sim.dynamics.joint_forces import joint_dissipation, joint_forces
 from mbd_sim.dynamics.kinematics import SymbolicPose, joint_motion, part_poses
-from mbd_sim.dynamics.links import Link, build_links, coordinate_layout
+from mbd_sim.dynamics.links import Link, build_links
 from mbd_sim.dynamics.mass_moments import MassMoments
 from mbd_sim.dynamics.shape_contacts import touch
 from mbd_sim.dynamics.spatial_algebra import constant, is_absent

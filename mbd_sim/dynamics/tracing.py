@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 import casadi as ca
 
 from mbd_sim.dynamics.actuator_layout import ActuatorLayout, actuator_layout
+from mbd_sim.dynamics.audit_states import audit_states
 from mbd_sim.dynamics.commanded_drives import drive_rates
+from mbd_sim.dynamics.coordinate_layout import CoordinateLayout, coordinate_layout
 from mbd_sim.dynamics.disturbances import disturbance_count, disturbed, with_room
 from mbd_sim.dynamics.drive_commands import drive_command_count, drive_command_slices, require_resolved
-from mbd_sim.dynamics.energy import audit_states, kinetic_energy
+from mbd_sim.dynamics.energy import kinetic_energy
 from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.dynamics.kinematics import (
     LinkMotion,
@@ -20,7 +22,7 @@ from mbd_sim.dynamics.kinematics import (
     link_motions,
     part_poses,
 )
-from mbd_sim.dynamics.links import CoordinateLayout, Link, coordinate_layout
+from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.rotors import rotor_inertias
 from mbd_sim.dynamics.symbolic_parameters import (
     SymbolicParameters,

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mbd_sim.dynamics.links import coordinate_layout
+from mbd_sim.dynamics.coordinate_layout import coordinate_layout
 from mbd_sim.errors import InputError, MechanismError, Problem
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.expression import TIME

@@ -10,4 +10,3 @@ from mbd_sim.integrators.tableau import EXPLICIT, Tableau
 Method = Tableau | Rosenbrock | Gauss | Adams
 
 METHODS: dict[str, Method] = {**EXPLICIT, **ADAMS, **ROSENBROCK, **ROSENBROCK_W, **GAUSS}
-AUTO = "auto"  # instead of a name: chosen by the rates of the mechanism

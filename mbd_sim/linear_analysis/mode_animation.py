@@ -47,7 +47,7 @@ def animate_mode(
 def _poses(simulation: Simulation, shape: ModeShape, amplitude: float, phase: float) -> Mapping[str, Pose]:
     model, y, inputs = simulation.model, simulation.state, simulation.inputs
     q = displaced_coordinates(model.equations, y[model.q_range], shape, amplitude, phase)
-    values = inputs[model.equations.inputs.values]
+    values = inputs[model.input_layout.values]
     y[model.q_range] = model.consistent(q, np.zeros(model.layout.nv), values)[0]
     return model.poses(simulation.time, y, inputs)
 

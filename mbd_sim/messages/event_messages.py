@@ -59,13 +59,13 @@ def applied_commands(model: Model) -> EventWriter:
 def start_commands(model: Model) -> bytes:
     """The commands of actuators that act after a reset."""
     message, values = labeled_array(channel_names(model.mechanism.commanded))
-    values[:] = model.inputs[model.equations.inputs.commands]
+    values[:] = model.inputs[model.input_layout.commands]
     return message.payload()
 
 
 def applied_wrenches(model: Model) -> EventWriter:
     """The wrench on one part that acts from the event's step on, labeled with the part."""
-    arrays = {part: labeled_array(wrench_labels(part)) for part in model.equations.inputs.loaded}
+    arrays = {part: labeled_array(wrench_labels(part)) for part in model.input_layout.loaded}
 
     def write(event: Event) -> bytes | None:
         if not isinstance(event.payload, AppliedWrench):

@@ -14,13 +14,15 @@ import casadi as ca
 import numpy as np
 
 from mbd_sim.compiler.adams_history import history_size
-from mbd_sim.compiler.kernel import Kernel, compile_kernel
+from mbd_sim.compiler.bound_kernel import Kernel
+from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array
-from mbd_sim.integrators.methods import AUTO, METHODS, Method
+from mbd_sim.integrators.methods import METHODS, Method
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.optimization.casadi_functions import CasadiFunctions
-from mbd_sim.simulation.method_choice import STIFF, choose_method, require_method
+from mbd_sim.simulation.method_choice import STIFF, choose_method
+from mbd_sim.simulation.method_name import AUTO, require_method
 
 CLOSED = 1e-13  # change of a state by its projection, relative to 1 + |x|, below which it satisfies the constraints
 PROJECTIONS = 50

@@ -90,7 +90,7 @@ class Recomputation:
     def as_recorded(self) -> bool:
         """Whether equations, method and step are those of the recording."""
         same_step = self.simulation.step_size == self._start.step
-        return not self.changes and same_step and self.simulation.model.method.name == self._start.method
+        return not self.changes and same_step and self.simulation.model.method_name == self._start.method
 
     def tick_of(self, message: Message) -> int:
         """Return the tick of a message, from its sequence number and the present tick."""
@@ -211,7 +211,7 @@ class Recomputation:
 
         :raises ValueError: the loops cannot be closed there.
         """
-        simulation, values = self.simulation, self.simulation.model.equations.inputs.values
+        simulation, values = self.simulation, self.simulation.model.input_layout.values
         if len(y) != simulation.y.size and simulation.mechanism.actuators:
             raise ValueError(
                 "with this change the delayed commands of actuators wait for another number of steps, or servos have "

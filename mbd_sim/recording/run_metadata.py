@@ -67,7 +67,7 @@ def run_metadata(
     return {
         "mechanism": mechanism.name,
         "file": mechanism.source.file,
-        "method": simulation.model.method.name,
+        "method": simulation.model.method_name,
         "step": simulation.step_size.hex(),
         "start": _exact(moment.y),
         "inputs": _exact(moment.inputs),
@@ -75,7 +75,7 @@ def run_metadata(
         "first_tick": str(moment.ticks),
         "first_step": str(moment.steps),
         "first_clock": str(moment.clock_ns),
-        "wrenches": json.dumps(simulation.model.equations.inputs.loaded),
+        "wrenches": json.dumps(simulation.model.input_layout.loaded),
         "live": json.dumps({name: value.hex() for name, value in moment.live.items()}),
         **({"samples": _exact_rows(moment.samples)} if len(moment.samples) else {}),
         **({"history": _exact(moment.history)} if len(moment.history) else {}),

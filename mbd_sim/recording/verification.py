@@ -47,7 +47,7 @@ def _verify_file(file: RecordedFile, tolerance: float | None, progress: Callable
     result = Verification(
         path=file.path,
         mechanism=simulation.mechanism.name,
-        method=simulation.model.method.name,
+        method=simulation.model.method_name,
         step=simulation.step_size,
         tolerance=tolerance if tolerance is not None else TOLERANCE if differences else None,
         environment_differences=differences,

@@ -54,7 +54,7 @@ def report(simulation: Simulation) -> dict[str, Any]:
             "coordinates": _position_names(equations, mechanism),
         },
         "integrator": {
-            "method": simulation.model.method.name,
+            "method": simulation.model.method_name,
             "order": simulation.model.method.order,
             "step": simulation.step_size,
             "instructions_per_evaluation": simulation.model.kernel.instructions,

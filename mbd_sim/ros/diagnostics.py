@@ -183,7 +183,7 @@ class Diagnostics:
                 problem = UNKNOWN_ENERGY
             elif not problem and abs(energies.residual) > MAX_RESIDUAL * scale:
                 problem = advice or f"the energy balance is off by {energies.residual:.2e} J: use a smaller step"
-        if snapshot is not None and self.model.equations.rows:
+        if snapshot is not None and self.model.row_names:
             violation = self.model.violation(snapshot.time, snapshot.y, snapshot.inputs)
             values |= {
                 "constraint violation (m)": f"{violation.position:.3e}",

@@ -126,7 +126,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         freedom = simulation.model.degrees_of_freedom
         log.info(
             f"'{simulation.mechanism.name}' is {state}: {freedom} degree{'' if freedom == 1 else 's'} of freedom, "
-            f"method {simulation.model.method.name}, step {simulation.step_size * 1e3:g} ms"
+            f"method {simulation.model.method_name}, step {simulation.step_size * 1e3:g} ms"
         )
         if self._unknown_parameters:
             log.warning(f"unknown parameters are ignored: {listed(self._unknown_parameters)}")

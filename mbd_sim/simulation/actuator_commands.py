@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.errors import CommandError, listed, nearest, quoted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import Actuator, Channel, channel_names
 from mbd_sim.mechanism.drives import CommandedDrive
+
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.input_layout import InputLayout
 
 Command = float | Mapping[Channel, float]
 

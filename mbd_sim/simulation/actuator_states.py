@@ -89,7 +89,7 @@ class CylinderState(NamedTuple):
 AnyActuatorState = ActuatorState | CylinderState
 
 
-def actuator_states(
+def states_of_actuators(
     actuators: Sequence[Actuator], layout: ActuatorLayout, columns: Array, y: Array, inputs: Array
 ) -> dict[str, AnyActuatorState]:
     """Each actuator by name.

@@ -8,7 +8,7 @@ from operator import index
 
 import numpy as np
 
-from mbd_sim.compiler.fastcall import LARGEST
+from mbd_sim.compiler.python_callable import LARGEST
 from mbd_sim.geometry.pose import Array
 
 

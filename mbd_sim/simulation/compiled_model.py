@@ -2,48 +2,39 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Mapping, Sequence
-from functools import cached_property
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbd_sim.compiler.adams_history import history_size
-from mbd_sim.compiler.kernel import compile_kernel
-from mbd_sim.compiler.readers import CompiledReaders
-from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
-from mbd_sim.dynamics.energy import AUDIT_STATES, LOSS_STATES
-from mbd_sim.dynamics.equations import Equations, derive
-from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
+from mbd_sim import compiler, disk_cache, dynamics, integrators, simulation
+from mbd_sim.compiler.bound_kernel import Kernel
+from mbd_sim.dynamics.audit_states import AUDIT_STATES, LOSS_STATES
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.geometry.rotation import rotation_vector, unit
-from mbd_sim.integrators.between_steps import BetweenSteps
-from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.actuated_model import ActuatedModel
 from mbd_sim.simulation.contacting_model import ContactingModel
-from mbd_sim.simulation.method_choice import (
-    MethodChoice,
-    choose_method,
-    require_contact_method,
-    require_method,
-)
-from mbd_sim.simulation.motions import MotionReaders, PartMotion
-from mbd_sim.simulation.requested_functions import RequestedFunctions
+from mbd_sim.simulation.method_name import require_method
+from mbd_sim.simulation.prepared_model import PreparedModel, load_prepared, model_key, store_prepared
 from mbd_sim.simulation.state_records import Energies, Reaction, Violation
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.load_sharing import LoadSharing
+    from mbd_sim.compiler.readers import CompiledReaders
+    from mbd_sim.dynamics.equations import Equations
+    from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
+    from mbd_sim.integrators.between_steps import BetweenSteps
+    from mbd_sim.integrators.methods import Method
     from mbd_sim.simulation.contact_terms import ContactModel
+    from mbd_sim.simulation.motions import MotionReaders, PartMotion
+    from mbd_sim.simulation.requested_functions import RequestedFunctions
 
 UNKNOWN_ENERGY = (
     "the energy balance is unknown: at this elongation the potential of a spring with 'force' is not computed "
     "(docs/mechanism_file.md); the motion is not affected"
 )
-MANY_JOINTS = 10  # from which on the derivation takes a second or more
-
-_log = logging.getLogger(__name__)
 
 
 class Model(ActuatedModel, ContactingModel):
@@ -54,58 +45,47 @@ class Model(ActuatedModel, ContactingModel):
     `method_remark` says why the method was chosen, or that it is unstable; it is empty in ordinary cases.
     """
 
-    def __init__(self, mechanism: Mechanism, equations: Equations, inputs: Array, choice: MethodChoice) -> None:
-        self.mechanism, self.method, self.method_remark = mechanism, choice.method, choice.remark
-        readers = {
-            "energies": equations.energies,
-            "poses": equations.poses,
-            "drives": equations.drives,
-            "violation": equations.violation,
-        }
-        if equations.distant_springs is not None:
-            readers["elongations"] = equations.distant_springs.elongations
-        if equations.contact is not None and equations.contact.places.nnz_out(0):
-            readers["contact_places"] = equations.contact.places
-        self.equations = equations
-        self.layout, self.start, self.part_names = equations.layout, equations.start_state, equations.part_names
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        prepared: PreparedModel,
+        kernel: Kernel,
+        trace: Callable[[], Equations],
+        contact: ContactModel | None = None,
+    ) -> None:
+        """`trace` derives the equations, or returns those that are known."""
+        self.mechanism, self.kernel, self.contact, self._trace = mechanism, kernel, contact, trace
+        self.method_name, self.method_remark = prepared.method, prepared.method_remark
+        self.layout, self.input_layout = prepared.layout, prepared.input_layout
+        self.start, self.inputs, self.history_size = prepared.start, prepared.inputs, prepared.history_size
+        self.part_names, self.row_names, self.rank = prepared.part_names, prepared.row_names, prepared.rank
         self.coordinate_names, self.driven_names = mechanism.coordinate_names, mechanism.driven_names
         self.q_range = slice(0, self.layout.nq)
-        self.inputs = inputs
-        self.history_size = history_size(self.method, len(self.start), len(inputs))
         self.u_range = slice(self.layout.nq, self.layout.nq + self.layout.nv)
         first_loss = len(self.start) - len(AUDIT_STATES) - len(LOSS_STATES)
         self.loss_range = slice(first_loss, first_loss + len(LOSS_STATES))  # with contacts
-        self.between_steps: BetweenSteps | None = None
-        if (actuators := equations.actuators) is not None:
-            self.between_steps = actuators.between_steps
-            readers["actuators"] = actuators.readings
-        joints_only = isinstance(self.method, Rosenbrock) and self.method.joints_only
-        self.partial_system = equations.joint_linearization()[:2] if joints_only else None
-        one_sided = None
-        if equations.contact is not None:
-            from mbd_sim.simulation.contact_system import one_sided_system
-
-            one_sided = one_sided_system(equations, equations.contact)
-        self.kernel = compile_kernel(
-            equations.rates,
-            equations.project,
-            readers,
-            self.method,
-            equations.core,
-            self.partial_system,
-            one_sided,
-            self.between_steps,
-        )
-        self.contact: ContactModel | None = None
-        if equations.contact is not None:
-            from mbd_sim.simulation.contact_terms import ContactModel
-
-            self.contact = ContactModel(equations.contact, equations.inputs, self.kernel)
         self.quaternions = {
             name: self.layout.q[name].start + offset
             for name, joint in mechanism.joints.items()
             if (offset := joint.kind.quaternion) is not None and not joint.drive
         }
+
+    @cached_property
+    def equations(self) -> Equations:
+        """The equations of motion; those of a model from the cache are traced when they are first read."""
+        return self._trace()
+
+    @cached_property
+    def method(self) -> Method:
+        """The method of integration."""
+        return integrators.METHODS[self.method_name]
+
+    @property
+    def between_steps(self) -> BetweenSteps | None:
+        """What changes in the state between steps."""
+        if not self.mechanism.actuators or (actuators := self.equations.actuators) is None:
+            return None
+        return actuators.between_steps
 
     def kernel_inputs(self) -> Array:
         """A copy of the inputs, with memory behind them for what the method keeps of earlier steps: none as yet."""
@@ -114,7 +94,7 @@ class Model(ActuatedModel, ContactingModel):
     @property
     def degrees_of_freedom(self) -> int:
         """The number of independent speeds."""
-        return self.layout.nv - self.equations.start.rank
+        return self.layout.nv - self.rank
 
     def _read(self, name: str, time: float, y: Array, out: Array, inputs: Array | None) -> Array:
         moment, given = np.array([time]), self.inputs if inputs is None else inputs
@@ -125,7 +105,9 @@ class Model(ActuatedModel, ContactingModel):
     def energies(self, time: float, y: Array, start_total: float = 0.0, inputs: Array | None = None) -> Energies:
         """The energy audit at a state; `start_total` is T + V at the start, in J."""
         kinetic, potential = self._read("energies", time, y, np.empty(2), inputs).tolist()
-        if (springs := self.equations.distant_springs) is not None:
+        if "elongations" in self.kernel.readers:
+            springs = self.equations.distant_springs
+            assert springs is not None
             potential += springs.potential(self._read("elongations", time, y, np.empty(len(springs)), inputs))
         work_applied, work_drives, dissipated = y[-len(AUDIT_STATES) :].tolist()
         total = kinetic + potential
@@ -147,16 +129,16 @@ class Model(ActuatedModel, ContactingModel):
     @cached_property
     def sensor_readers(self) -> CompiledReaders:
         """The compiled exact values of each sensor by name, under inputs that contain the contact forces."""
-        return CompiledReaders(self.equations.measurements.sensors(self.equations.actuators))
+        return compiler.CompiledReaders(self.equations.measurements.sensors(self.equations.actuators))
 
     @cached_property
     def on_request(self) -> RequestedFunctions:
         """Kinematics of points and terms of the equations of motion, each compiled when it is first read."""
-        return RequestedFunctions(self.equations)
+        return simulation.RequestedFunctions(self.equations)
 
     @cached_property
     def _motion_readers(self) -> MotionReaders:
-        return MotionReaders(self.equations)
+        return simulation.MotionReaders(self.equations)
 
     def accelerations(self, time: float, y: Array, inputs: Array) -> Array:
         """u' (nv,), then the accelerations of `driven_names`, under all forces, those of contacts included."""
@@ -174,7 +156,7 @@ class Model(ActuatedModel, ContactingModel):
 
     def violation(self, time: float, y: Array, inputs: Array | None = None) -> Violation:
         """The largest violation of the constraints."""
-        out = self._read("violation", time, y, np.zeros((2, len(self.equations.rows))), inputs)
+        out = self._read("violation", time, y, np.zeros((2, len(self.row_names))), inputs)
         return Violation(*np.max(np.abs(out), axis=1, initial=0.0).tolist())
 
     def multipliers(self, time: float, y: Array, inputs: Array) -> Mapping[str, Array]:
@@ -185,7 +167,7 @@ class Model(ActuatedModel, ContactingModel):
         described in `LoadSharing`.
         """
         values = self.load_sharing.multipliers(time, y, self.with_contact_forces(time, y, inputs))
-        names = [str(row.owner[1]) for row in self.equations.rows]
+        names = self.row_names
         return {name: values[[other == name for other in names]] for name in dict.fromkeys(names)}
 
     def reactions(self, time: float, y: Array, inputs: Array) -> Mapping[str, Reaction]:
@@ -200,7 +182,7 @@ class Model(ActuatedModel, ContactingModel):
 
     @cached_property
     def _reaction_reader(self) -> CompiledReaders:
-        return CompiledReaders({"reactions": self.equations.reactions})
+        return compiler.CompiledReaders({"reactions": self.equations.reactions})
 
     @cached_property
     def load_sharing(self) -> LoadSharing:
@@ -215,18 +197,18 @@ class Model(ActuatedModel, ContactingModel):
         :param values: (n,) the live values or ensemble values among the inputs; by default those of the file.
         :raises ValueError: no position near it closes the loops.
         """
-        if not self.equations.rows:
+        if not self.row_names:
             return q, u
         constraints = self.equations.constraints
         if values is not None:
             constraints = constraints.with_values(values)
-        closing = close_loops(constraints, 0.0, q, np.ones(self.layout.nv, dtype=bool))
+        closing = dynamics.close_loops(constraints, 0.0, q, np.ones(self.layout.nv, dtype=bool))
         if not closing.closed:
             raise ValueError(
                 f"no position near these coordinates closes the loops: a gap of {np.max(np.abs(closing.gaps)):.3g} "
                 "remains. Give coordinates closer to a closed configuration."
             )
-        return closing.q, nearest_speeds(constraints, 0.0, closing.q, u)
+        return closing.q, dynamics.nearest_speeds(constraints, 0.0, closing.q, u)
 
     def project(self, y: Array, values: Array | None = None) -> None:
         """Move a state y in place to the nearest one at t = 0 that satisfies the constraints: see `consistent`."""
@@ -270,12 +252,21 @@ def build_model(
     :param step: in s; by default that of the file.
     :raises MechanismError: the method is unknown, or the equations are singular at the start.
     """
-    name = require_method(mechanism, method)
-    if len(mechanism.all_joints) >= MANY_JOINTS:
-        _log.info("deriving the equations of '%s': %d joints", mechanism.name, len(mechanism.all_joints))
-    require_contact_method(mechanism, name)
-    equations = derive(mechanism, loaded, values, step)
-    centers = [mechanism.parts[part].center for part in loaded]
-    inputs = equations.inputs_at_start(centers)
-    choice = choose_method(mechanism, equations, inputs, name, step or mechanism.step)
-    return Model(mechanism, equations, inputs, choice)
+    name, given_step = require_method(mechanism, method), step or mechanism.step
+    trace = partial(_derived, mechanism, tuple(loaded), values, step)
+    key = None
+    if disk_cache.folder() is not None and (values is None or not len(values.base)):
+        key = model_key(mechanism, name, loaded, given_step)
+        if (found := load_prepared(key)) is not None:
+            return Model(mechanism, *found, trace)
+    built = simulation.build(mechanism, name, trace, given_step)
+    if key is not None and simulation.can_be_stored(built.equations):
+        store_prepared(key, built.prepared, built.kernel)
+    contact = simulation.contact_model(built.equations, built.kernel)
+    return Model(mechanism, built.prepared, built.kernel, lambda: built.equations, contact)
+
+
+def _derived(
+    mechanism: Mechanism, loaded: tuple[str, ...], values: SymbolicParameters | None, step: float | None
+) -> Equations:
+    return dynamics.derive(mechanism, loaded, values, step)

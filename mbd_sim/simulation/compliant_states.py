@@ -25,7 +25,7 @@ def compliant_names(contacts: Sequence[Contact]) -> list[str]:
     ]
 
 
-def compliant_states(
+def states_of_compliant_contacts(
     cushions: CushionFunctions, time: float, y: Array, inputs: Array, places: Array
 ) -> Iterator[ContactState]:
     """The state of each compliant contact; `places` (n, 2, 3) are their points and forces.

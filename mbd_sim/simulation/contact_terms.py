@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.compiler.kernel import Kernel
+from mbd_sim.compiler.bound_kernel import Kernel
 from mbd_sim.dynamics.contact_equations import SLIDING, ContactEquations, ContactLayout
 from mbd_sim.dynamics.contact_functions import ContactFunctions
 from mbd_sim.dynamics.evaluation import all_evaluated, evaluated

@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbd_sim.dynamics.equations import Equations
-from mbd_sim.dynamics.evaluation import evaluated
+from mbd_sim import dynamics, simulation
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.contacts import Contact
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.source import Location
-from mbd_sim.simulation.compliant_states import compliant_names, compliant_states
-from mbd_sim.simulation.contact_records import ContactState, with_friction
 from mbd_sim.simulation.state_records import Losses
 
 if TYPE_CHECKING:
+    from mbd_sim.dynamics.compliant_contacts import CushionFunctions
+    from mbd_sim.dynamics.equations import Equations
+    from mbd_sim.mechanism.contacts import Contact
+    from mbd_sim.simulation.contact_records import ContactState
     from mbd_sim.simulation.contact_terms import ContactModel
 
 
@@ -27,9 +27,13 @@ class ContactingModel:
     """
 
     mechanism: Mechanism
-    equations: Equations
     contact: ContactModel | None
     loss_range: slice
+
+    @property
+    def equations(self) -> Equations:
+        """The equations of motion."""
+        raise NotImplementedError
 
     def with_contact_forces(self, time: float, y: Array, inputs: Array) -> Array:
         """The inputs with the forces of contacts, which functions that read forces take from there."""
@@ -49,6 +53,10 @@ class ContactingModel:
         return tuple(contact for contact in self.mechanism.contacts if not contact.rigid)
 
     @property
+    def _cushions(self) -> CushionFunctions | None:
+        return self.equations.cushions if self.compliant_contacts else None
+
+    @property
     def placed_contacts(self) -> tuple[tuple[Location, int | None], ...]:
         """The elements of the contacts that have a place: those of `contact.placed`, then the compliant ones.
 
@@ -63,13 +71,13 @@ class ContactingModel:
 
     def contact_places(self, time: float, y: Array, inputs: Array) -> Array:
         """(n, 2, 3): the points in m of the `placed_contacts`, and their forces in N, in ground's frame."""
-        placed, cushions = 0 if self.contact is None else len(self.contact.placed), self.equations.cushions
+        placed, cushions = 0 if self.contact is None else len(self.contact.placed), self._cushions
         out = np.empty((placed, 2, 3))
         if placed:
             self._read("contact_places", time, y, out, self.with_contact_forces(time, y, inputs))
         if cushions is None:
             return out
-        return np.concatenate([out, evaluated(cushions.places, time, y, inputs).T.reshape(-1, 2, 3)])
+        return np.concatenate([out, dynamics.evaluated(cushions.places, time, y, inputs).T.reshape(-1, 2, 3)])
 
     def contacts(self, time: float, y: Array, inputs: Array) -> dict[str, ContactState]:
         """Each one-sided element by name, then each compliant contact; see `ContactState`."""
@@ -80,18 +88,20 @@ class ContactingModel:
         return found | self._compliant(time, y, inputs, places)
 
     def _compliant(self, time: float, y: Array, inputs: Array, places: Array) -> dict[str, ContactState]:
-        if (cushions := self.equations.cushions) is None:
+        if (cushions := self._cushions) is None:
             return {}
         own = places[len(places) - len(cushions.directions) :]
-        states = compliant_states(cushions, time, y, inputs, own)
-        return dict(zip(compliant_names(self.compliant_contacts), states, strict=True))
+        states = simulation.states_of_compliant_contacts(cushions, time, y, inputs, own)
+        return dict(zip(simulation.compliant_names(self.compliant_contacts), states, strict=True))
 
     def contact_entry_names(self) -> list[str]:
         """The names of the `contact_entries`, such as `floor`, `floor.friction_1`, `floor.friction_2`."""
         names = [] if self.contact is None else self.contact.entry_names()
-        if (cushions := self.equations.cushions) is not None:
-            for name, directions in zip(compliant_names(self.compliant_contacts), cushions.directions, strict=True):
-                names += with_friction(name, directions)
+        if (cushions := self._cushions) is not None:
+            for name, directions in zip(
+                simulation.compliant_names(self.compliant_contacts), cushions.directions, strict=True
+            ):
+                names += simulation.with_friction(name, directions)
         return names
 
     def contact_entries(self, time: float, y: Array, inputs: Array) -> list[tuple[float, float, float]]:
@@ -100,7 +110,7 @@ class ContactingModel:
         One-sided elements come first; friction in joints has no entry of its own besides those of its directions.
         """
         found = [] if self.contact is None else self.contact.entries(time, y, inputs)
-        if self.equations.cushions is not None:
+        if self._cushions is not None:
             for state in self._compliant(time, y, inputs, self.contact_places(time, y, inputs)).values():
                 found += [(state.gap, state.rate, state.normal), *state.friction_entries]
         return found

@@ -8,16 +8,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mbd_sim.dynamics.dynamics_terms import DynamicsTerm
+from mbd_sim import simulation
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.one_sided import two_sided
 from mbd_sim.simulation.argument_checks import finite_vector
 from mbd_sim.simulation.efforts import EffortMap
-from mbd_sim.simulation.moving_points import MovingFrame, MovingPoint
 from mbd_sim.simulation.run_state import RunState
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.inverse_dynamics import InverseDynamics
+    from mbd_sim.dynamics.dynamics_terms import DynamicsTerm
+    from mbd_sim.simulation.moving_points import MovingFrame, MovingPoint
 
 
 class Momentum(NamedTuple):
@@ -47,19 +48,19 @@ class DynamicsReadings(RunState):
 
         :raises InputError: there is no such part or point.
         """
-        return MovingPoint(self.model, self._memory, self._live, name)
+        return simulation.MovingPoint(self.model, self._memory, self._live, name)
 
     def frame(self, name: str) -> MovingFrame:
         """A part, or a point of it with its axes: a `point` with rotation, angular motion and a Jacobian (6, nv).
 
         :raises InputError: there is no such part or point.
         """
-        return MovingFrame(self.model, self._memory, self._live, name)
+        return simulation.MovingFrame(self.model, self._memory, self._live, name)
 
     @cached_property
     def center_of_mass(self) -> MovingPoint:
         """The center of mass of all parts; numbers are nan if they have no mass."""
-        return MovingPoint(self.model, self._memory, self._live, None)
+        return simulation.MovingPoint(self.model, self._memory, self._live, None)
 
     def mass_matrix(self) -> Array:
         """M (nv, nv) of the spanning tree, with the reflected inertia of rotors; kg, kg·m and kg·m²."""
@@ -95,7 +96,7 @@ class DynamicsReadings(RunState):
     @property
     def constraint_names(self) -> tuple[str, ...]:
         """The loop or constraint of each row of G."""
-        return tuple(str(row.owner[1]) for row in self.model.equations.rows)
+        return self.model.row_names
 
     def momentum(self, about: str | Sequence[float] | Array | None = None) -> Momentum:
         """The momentum of all parts.
@@ -124,7 +125,7 @@ class DynamicsReadings(RunState):
         :param efforts: all in order, or some by name; the others stay as they are. None: all as they are.
         :raises CommandError: see `set_efforts`.
         """
-        inputs, span = self._memory.inputs.copy(), self.model.equations.inputs.efforts
+        inputs, span = self._memory.inputs.copy(), self.model.input_layout.efforts
         if efforts is not None:
             inputs[span] = self.effort_map.clamped(self.effort_map.merged(inputs[span], efforts))
         return self.model.accelerations(self.time, self._memory.y, inputs)[: self.model.layout.nv]

@@ -12,6 +12,7 @@ from typing import NoReturn, Self, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim import simulation
 from mbd_sim.compiler.ensemble_kernel import (
     MemberGroups,
     advance_lanes,
@@ -81,7 +82,7 @@ class Ensemble(EnsembleReadings):
         self._starts, values = variants.starts(self.model)
         self._contacts = member_contacts(self.model, variants, len(changes))
         self._groups: MemberGroups = _member_groups(self.model, len(changes), self._contacts)
-        layout = self.model.equations.inputs
+        layout = self.model.input_layout
         self._command_map = CommandMap(mechanism.commanded, layout)
         self._effort_inputs, self._value_inputs = layout.efforts, layout.values
         self._all_inputs = slice(0, layout.size)  # without the history of the method, which follows
@@ -285,7 +286,8 @@ def _member_groups(model: Model, count: int, contacts: Sequence[ContactStepper])
     if contacts:
         return MemberGroups(count, 1, sizes, advance_through_events(contacts))
     equations = model.equations
+    partial = simulation.partial_system(equations, model.method)
     kernel = compile_members(
-        equations.rates, equations.project, model.method, equations.core, model.partial_system, model.between_steps
+        equations.rates, equations.project, model.method, equations.core, partial, model.between_steps
     )
     return MemberGroups(count, kernel.lanes, sizes, advance_lanes(kernel), ENOUGH // model.kernel.instructions)

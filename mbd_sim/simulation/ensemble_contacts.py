@@ -13,8 +13,8 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.contact_events import ContactStepper, EventError
 from mbd_sim.simulation.contact_start import require_outside
+from mbd_sim.simulation.contact_stepping import contact_stepper
 from mbd_sim.simulation.ensemble_variants import Variants
-from mbd_sim.simulation.kernel_memory import contact_stepper
 
 
 def member_contacts(model: Model, variants: Variants, count: int) -> tuple[ContactStepper, ...]:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.dynamics.initial_conditions import rheonomic
+from mbd_sim import simulation
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.compiled_model import Model
 
 if TYPE_CHECKING:
-    from mbd_sim.simulation.contact_events import ContactStepper
+    pass
 
 
 class KernelMemory:
@@ -30,7 +30,9 @@ class KernelMemory:
         :param mechanism: a variant of that of the model with the same equations, see `contact_stepper`.
         """
         self._kernel = model.kernel
-        self.contacts = None if model.contact is None else contact_stepper(model, mechanism or model.mechanism)
+        self.contacts = (
+            None if model.contact is None else simulation.contact_stepper(model, mechanism or model.mechanism)
+        )
         self.y, size = model.start.copy(), len(model.inputs)
         memory = model.kernel_inputs()
         self.inputs, self.history = memory[:size], memory[size:]
@@ -106,24 +108,3 @@ class KernelMemory:
         """
         self.y[:], self.inputs[:], self._counter[0], self._error_estimate[0] = y, inputs, steps, error_estimate
         self.history[:] = history if history is not None and len(history) == len(self.history) else 0.0
-
-
-def contact_stepper(model: Model, mechanism: Mechanism) -> ContactStepper:
-    """The stepper of a model with one-sided rows; contacts come to rest below the `rest_speed` of the mechanism."""
-    from mbd_sim.simulation.contact_events import ContactStepper
-    from mbd_sim.simulation.contact_system import guard_tolerance
-
-    assert model.contact is not None
-
-    def energy(time: float, y: Array, inputs: Array) -> float:
-        return model.energies(time, y, 0.0, inputs).total
-
-    return ContactStepper(
-        model.contact,
-        energy,
-        model.u_range,
-        model.loss_range,
-        mechanism.rest_speed,
-        guard_tolerance(model.equations),
-        rheonomic(mechanism),
-    )

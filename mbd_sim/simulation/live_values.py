@@ -6,25 +6,21 @@ import hashlib
 import pickle
 from collections.abc import Mapping, Sequence
 from copy import copy
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.dynamics.cam_check import require_followable_cams
-from mbd_sim.dynamics.symbolic_parameters import (
-    EquationData,
-    StructureError,
-    SymbolicParameters,
-    equation_data,
-    varying_parameters,
-)
+from mbd_sim import dynamics
 from mbd_sim.errors import CommandError, MechanismError, Problem, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_cache import cached
 from mbd_sim.mechanism_file.override import matching, value_of, values_of, with_values
 from mbd_sim.simulation.efforts import EffortMap
+
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.symbolic_parameters import EquationData, SymbolicParameters
 
 LARGEST_GAP = 1e-6  # violation of the constraints that a change of live values may leave, m or 1
 _PROBE_FACTORS = (1.01, 0.99)  # applied to a value to find the numbers that depend on it
@@ -47,16 +43,19 @@ class LiveValues:
     """The live values of a mechanism by their keys in its file, see `with_values`; `current` are in SI units."""
 
     def __init__(self, mechanism: Mechanism, names: Sequence[str]) -> None:
-        """Find the numbers of the equations that depend on the named values.
+        """Find the numbers of the equations that depend on the named values: the `parameters`, None without names.
 
         :param names: keys, or patterns such as `joints.*.damping`, which stand for those matches that can be live.
         :raises MechanismError: a key does not exist, or its value is built into the equations.
         """
         self._mechanism = mechanism
-        base = equation_data(mechanism)
-        found = _found(mechanism, names, base)
-        self.current: dict[str, float] = found.current
-        self.values = SymbolicParameters(base, found.indices, found.columns, found.values)
+        self.current: dict[str, float] = {}
+        self.parameters: SymbolicParameters | None = None
+        if names:
+            base = dynamics.equation_data(mechanism)
+            found = _found(mechanism, names, base)
+            self.current = found.current
+            self.parameters = dynamics.SymbolicParameters(base, found.indices, found.columns, found.values)
         self._changed, self._changed_with = mechanism, self.current
 
     def copy(self) -> LiveValues:
@@ -97,13 +96,14 @@ class LiveValues:
         current = {**self.current, **{key: float(value) for key, value in changes.items()}}
         try:
             changed = with_values(self._mechanism, current)
-            require_followable_cams(changed)
-            inputs = self.values.checked_values_in(equation_data(changed))
+            dynamics.require_followable_cams(changed)
+            values = self.parameters or dynamics.varying_parameters(dynamics.equation_data(self._mechanism), ())
+            inputs = values.checked_values_in(dynamics.equation_data(changed))
         except MechanismError as error:
             raise CommandError(
                 "; ".join(f"{p.key}: {p.message}. {p.remedy}".strip() for p in error.problems)
             ) from error
-        except StructureError as error:
+        except dynamics.StructureError as error:
             raise CommandError(f"{', '.join(changes)}: {error}. Change the file and start again.") from error
         return PreparedValues(dict(changes), current, inputs, changed)
 
@@ -145,7 +145,7 @@ class _LiveNumbers(NamedTuple):
 def _found(mechanism: Mechanism, names: Sequence[str], base: EquationData) -> _LiveNumbers:
     """The live values of these names, from the cache if they were searched for before: see `LiveValues`."""
     source = mechanism.source
-    if not names or source.changed:
+    if source.changed:
         return _searched(mechanism, names, base)
     equations = hashlib.sha256(pickle.dumps((base.free, base.fixed))).hexdigest()
     texts = source.text, source.file, equations, *names
@@ -160,13 +160,13 @@ def _searched(mechanism: Mechanism, names: Sequence[str], base: EquationData) ->
     for key, is_match in keys:
         try:
             found[key] = _probed(mechanism, key, values[key], base)
-        except StructureError as error:
+        except dynamics.StructureError as error:
             if not is_match:
                 remedy = "Change the file and start again."
                 problems.append(Problem(f"cannot change during a run: {error}", remedy, key=key))
     if problems:
         raise MechanismError(problems)
-    parameters = varying_parameters(base, list(found.values()))
+    parameters = dynamics.varying_parameters(base, list(found.values()))
     current = {key: values[key] or 0.0 for key in found}
     return _LiveNumbers(current, parameters.indices, parameters.columns, parameters.base)
 
@@ -177,17 +177,17 @@ def _probed(mechanism: Mechanism, key: str, value: float | None, base: EquationD
     :raises StructureError: the value is not a number, is built into the equations, or is not used by them.
     """
     if value is None:
-        raise StructureError("it is not a number")
+        raise dynamics.StructureError("it is not a number")
     probes = [factor * value for factor in _PROBE_FACTORS] if value else list(_PROBES_OF_ZERO)
     refusal = None
     for probe in probes:
         try:
-            numbers = equation_data(with_values(mechanism, {key: probe}))
+            numbers = dynamics.equation_data(with_values(mechanism, {key: probe}))
         except MechanismError as error:
             refusal = error
             continue
-        if not len(varying_parameters(base, [numbers]).base):
-            raise StructureError("the equations of motion do not depend on it")
+        if not len(dynamics.varying_parameters(base, [numbers]).base):
+            raise dynamics.StructureError("the equations of motion do not depend on it")
         return numbers
     assert refusal is not None
-    raise StructureError(f"no value near {value:g} is possible: {refusal.problems[0].message}") from refusal
+    raise dynamics.StructureError(f"no value near {value:g} is possible: {refusal.problems[0].message}") from refusal

@@ -9,7 +9,7 @@ from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.contact_events import EventError
 from mbd_sim.simulation.kernel_memory import KernelMemory
 from mbd_sim.simulation.snapshot import MemberFailure
-from mbd_sim.simulation.step_advice import divergence, step_advice
+from mbd_sim.simulation.step_advice import advice_on_step, divergence
 from mbd_sim.simulation.undefined_expressions import undefined_expression
 
 
@@ -31,5 +31,5 @@ def divergence_of_member(
         return error
     undefined = undefined_expression(model, mechanism, memory, failure.count)
     time = failure.steps * step_size
-    advice = step_advice(model, time, y, failure.inputs, step_size, error_estimate)
+    advice = advice_on_step(model, time, y, failure.inputs, step_size, error_estimate)
     return divergence(model, time, failure.count, step_size, advice, undefined)

@@ -10,16 +10,17 @@ import numpy as np
 
 from mbd_sim.dynamics.cylinders import fastest_rate
 from mbd_sim.dynamics.equations import Equations
-from mbd_sim.errors import MechanismError, Problem, listed, nearest
+from mbd_sim.errors import MechanismError, Problem, listed
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.adams import Adams
-from mbd_sim.integrators.methods import AUTO, METHODS, Method
+from mbd_sim.integrators.methods import METHODS, Method
 from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.mechanism.actuators import CoordinatePort, DcMotor
 from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.one_sided import one_sided_names
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.simulation.spectrum import FastestMode, fastest_mode, fastest_without_joints
+from mbd_sim.simulation.method_name import AUTO
+from mbd_sim.simulation.spectrum import FastestMode, fastest_mode, fastest_without_joints, is_slower
 
 DEFAULT, ONE_STEP, STIFF, STIFF_JOINTS = "adams11", "tsitouras8", "rosenbrock", "rosenbrock_w"
 SLOW = 0.5  # the largest step times rate of what the method for stiff joints treats explicitly
@@ -34,21 +35,6 @@ class MethodChoice:
 
     method: Method
     remark: str = ""
-
-
-def require_method(mechanism: Mechanism, method: str | None) -> str:
-    """The name of the method that was asked for: `method`, or that of the mechanism's file; it may be `auto`.
-
-    :raises MechanismError: there is no such method.
-    """
-    name = method or mechanism.method
-    names = (AUTO, *METHODS)
-    if name in names:
-        return name
-    message, remedy = f"there is no method '{name}'", nearest(name, names)
-    if method:
-        raise MechanismError([Problem(message, remedy, key="method")])
-    raise MechanismError([mechanism.source.problem(("integrator", "method"), message, remedy)])
 
 
 def require_contact_method(mechanism: Mechanism, name: str) -> None:
@@ -81,6 +67,8 @@ def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, nam
     if sampled and isinstance(method, Adams):
         message = f"method {name} cannot treat actuators with a sample_rate or a delay, which act between steps"
         raise MechanismError([Problem(message, f"Use {AUTO} or {ONE_STEP}.", key="integrator.method")])
+    if _is_slow(equations, inputs, MARGIN * method.stability_limit / step):
+        return MethodChoice(method)
     mode = _fastest_at_start(equations, inputs)
     if step * mode.rate <= MARGIN * method.stability_limit:
         return MethodChoice(method)
@@ -92,7 +80,7 @@ def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, nam
         )
         return MethodChoice(method, remark)
     if name == AUTO:
-        chosen = _implicit(equations, inputs, step)
+        chosen = _implicit(equations, inputs, step, mode.rate)
         remark = (
             f"method {chosen} is used: {rates}, and with steps of {step:g} s {default}, the default, is used only up "
             f"to {MARGIN * method.stability_limit / step:.2g}/s. Select another one with 'method'."
@@ -113,7 +101,7 @@ def _is_sampled(equations: Equations) -> bool:
     return between is not None and bool(between.delays or between.samplers)
 
 
-def _implicit(equations: Equations, inputs: Array, step: float) -> str:
+def _implicit(equations: Equations, inputs: Array, step: float, fastest: float) -> str:
     """The method for a stiff mechanism: the cheap one, if only the forces within its joints are stiff.
 
     Equal finite differences cancel up to their error, a small fraction of the fastest rate; so the rest counts as slow
@@ -121,8 +109,14 @@ def _implicit(equations: Equations, inputs: Array, step: float) -> str:
     """
     others = max(fastest_without_joints(equations, 0.0, state, inputs).rate for state in _starts(equations))
     others = max([others, *(mode.rate for mode in _drive_modes(equations, inputs))])
-    fastest = _fastest_at_start(equations, inputs).rate
     return STIFF_JOINTS if step * others <= SLOW or others <= CANCELLATION * fastest else STIFF
+
+
+def _is_slow(equations: Equations, inputs: Array, rate: float) -> bool:
+    """Whether the rates at the start surely do not exceed one in 1/s."""
+    if any(mode.rate > rate for mode in _drive_modes(equations, inputs)):
+        return False
+    return all(is_slower(equations, 0.0, state, inputs, rate) for state in _starts(equations))
 
 
 def _fastest_at_start(equations: Equations, inputs: Array) -> FastestMode:

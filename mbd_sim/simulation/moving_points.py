@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbd_sim.dynamics.frame_functions import FrameQuantity
 from mbd_sim.geometry.pose import Array, Pose, identity_pose
 from mbd_sim.mechanism.records import GROUND
 from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.kernel_memory import KernelMemory
 from mbd_sim.simulation.live_values import LiveValues
 from mbd_sim.simulation.part_motion import named_frame
+
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.frame_functions import FrameQuantity
 
 _POSE = 12
 

@@ -6,18 +6,17 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from mbd_sim import simulation
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
-from mbd_sim.simulation.actuator_states import AnyActuatorState
-from mbd_sim.simulation.contact_records import ContactEvent, ContactObserver, ContactState
-from mbd_sim.simulation.motions import PartMotion
-from mbd_sim.simulation.part_motion import motion_of
 from mbd_sim.simulation.run_state import RunState
 from mbd_sim.simulation.state_records import DriveState, Energies, Losses, Reaction, Violation
-from mbd_sim.simulation.step_advice import step_advice
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.linearization import Linearization
     from mbd_sim.analysis.state_space import StateSpace
+    from mbd_sim.simulation.actuator_states import AnyActuatorState
+    from mbd_sim.simulation.contact_records import ContactEvent, ContactObserver, ContactState
+    from mbd_sim.simulation.motions import PartMotion
 
 COMPILED = 15_000  # instructions of derivatives up to which they are compiled, within about a second
 
@@ -61,7 +60,7 @@ class Readings(RunState):
         :raises InputError: there is no such part or point.
         """
         mechanism = self._live.mechanism
-        return motion_of(self.model, mechanism, frame, self.time, self._memory.y, self._memory.inputs)
+        return simulation.motion_of(self.model, mechanism, frame, self.time, self._memory.y, self._memory.inputs)
 
     @property
     def violation(self) -> Violation:
@@ -76,7 +75,7 @@ class Readings(RunState):
     @property
     def step_advice(self) -> str | None:
         """A sentence that names a better step or method if the step is too large for the mechanism, else None."""
-        return step_advice(
+        return simulation.advice_on_step(
             self.model, self.time, self._memory.y, self._memory.inputs, self.step_size, self.error_estimate
         )
 

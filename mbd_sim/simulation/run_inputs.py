@@ -110,7 +110,7 @@ class RunInputs(Readings, RunReports):
         :raises CommandError: the change would open loops in the present state; nothing is changed then.
         """
         inputs, y = self._memory.inputs.copy(), self.y.copy()
-        inputs[self.model.equations.inputs.values] = prepared.inputs
+        inputs[self.model.input_layout.values] = prepared.inputs
         gap = self.model.violation(self.time, self.y, inputs).position
         require_closed(prepared.changes, gap, self.violation.position)
         before = self.energies.total

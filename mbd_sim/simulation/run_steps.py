@@ -6,12 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack, cast
 
+from mbd_sim import simulation
 from mbd_sim.errors import DivergedError, InputError
 from mbd_sim.simulation.argument_checks import step_at, step_count
 from mbd_sim.simulation.options import RecordingOptions
 from mbd_sim.simulation.readings import Readings
 from mbd_sim.simulation.run_reports import RunListener, RunReports
-from mbd_sim.simulation.step_advice import divergence
 
 if TYPE_CHECKING:
     from mbd_sim import RunRecorder
@@ -39,7 +39,7 @@ class Stepping(Readings, RunReports):
                 from mbd_sim.simulation.undefined_expressions import undefined_expression
 
                 undefined = undefined_expression(self.model, self._live.mechanism, self._memory, part)
-                raise divergence(self.model, self.time, part, self.step_size, self.step_advice, undefined)
+                raise simulation.divergence(self.model, self.time, part, self.step_size, self.step_advice, undefined)
             self._report_contacts()
 
     def advance(self, n: int) -> None:

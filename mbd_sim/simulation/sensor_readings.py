@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbd_sim import simulation
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.run_state import RunState
-from mbd_sim.simulation.sensor_model import SensorModel, SensorReading
-from mbd_sim.simulation.sensor_samples import Arrival, SensorSamples
+
+if TYPE_CHECKING:
+    from mbd_sim.simulation.sensor_model import SensorModel, SensorReading
+    from mbd_sim.simulation.sensor_samples import Arrival, SensorSamples
 
 NO_SAMPLES = np.empty((0, 0))
 
@@ -56,9 +60,9 @@ class SensorReadings(RunState):
         :raises MechanismError: a period or a delay is not a whole number of steps.
         """
         if self.mechanism.sensors:
-            sensors = self.sensor_model = SensorModel(self.model, self.mechanism, self.step_size)
+            sensors = self.sensor_model = simulation.SensorModel(self.model, self.mechanism, self.step_size)
             assert self.model.sensor_readers
-            self._samples = SensorSamples(sensors.timings, sensors.noises, self._memory)
+            self._samples = simulation.SensorSamples(sensors.timings, sensors.noises, self._memory)
 
     def _sampled(self, parts: Iterator[int] | Sequence[int]) -> Iterator[int] | Sequence[int]:
         """Numbers of steps, divided where a sensor measures."""

@@ -8,13 +8,13 @@ from functools import partial
 from pathlib import Path
 from typing import ClassVar, NoReturn, Self, Unpack
 
+from mbd_sim import simulation
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.simulation.actuator_commands import CommandMap
 from mbd_sim.simulation.argument_checks import step_size
 from mbd_sim.simulation.compiled_model import Model, build_model
-from mbd_sim.simulation.contact_start import require_free_start
 from mbd_sim.simulation.dynamics_readings import DynamicsReadings
 from mbd_sim.simulation.efforts import EffortMap
 from mbd_sim.simulation.inline_views import InlineViews
@@ -84,8 +84,9 @@ class Simulation(InlineViews, StateChanges, RunInputs, DynamicsReadings, ReadOnl
         step = step_size(step, mechanism.step)
         require_parts(wrenches, mechanism)
         values = LiveValues(mechanism, live)
-        model = build_model(mechanism, method, wrenches, values.values, step)
-        require_free_start(model)
+        model = build_model(mechanism, method, wrenches, values.parameters, step)
+        if model.contact is not None:
+            simulation.require_free_start(model)
         self._begin(mechanism, model, values, step)
 
     def _begin(self, mechanism: Mechanism, model: Model, live: LiveValues, step: float) -> None:
@@ -93,7 +94,7 @@ class Simulation(InlineViews, StateChanges, RunInputs, DynamicsReadings, ReadOnl
         self.mechanism, self.step_size, self._live = mechanism, step, live
         self.model: Model = model
         memory = self._memory = KernelMemory(self.model, self.step_size)
-        layout = self.model.equations.inputs
+        layout = self.model.input_layout
         self._efforts, self._live_inputs = memory.inputs[layout.efforts], memory.inputs[layout.values]
         self._store_efforts = partial(struct.Struct(f"{len(self._efforts)}d").pack_into, self._efforts.data, 0)
         self.wrench_map = WrenchMap(mechanism, layout)

@@ -7,15 +7,14 @@ from operator import index
 
 import numpy as np
 
+from mbd_sim import simulation
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.actuator_commands import CommandMap
 from mbd_sim.simulation.argument_checks import finite_vector
-from mbd_sim.simulation.contact_start import require_outside
 from mbd_sim.simulation.efforts import EffortMap
 from mbd_sim.simulation.readings import Readings
 from mbd_sim.simulation.run_reports import RunReports
 from mbd_sim.simulation.snapshot import RunLayout, SimulationSnapshot, require_same_layout
-from mbd_sim.simulation.state_values import checked_values, state_with
 
 Coordinates = Sequence[float] | Array | Mapping[str, float]  # in order, or some by name
 
@@ -51,15 +50,17 @@ class StateChanges(Readings, RunReports):
             y[model.q_range] = finite_vector(q, self.q.size, "q")
         if u is not None and not isinstance(u, Mapping):
             y[model.u_range] = finite_vector(u, self.u.size, "u")
-        inputs[model.equations.inputs.values] = self._live_inputs
+        inputs[model.input_layout.values] = self._live_inputs
         model.normalize(y)
         if q is not None or u is not None or not np.array_equal(inputs, model.inputs):
             if positions or speeds:
-                y = state_with(model, 0.0, y, self._live_inputs, checked_values(model, positions, speeds))
+                y = simulation.state_with(
+                    model, 0.0, y, self._live_inputs, simulation.checked_values(model, positions, speeds)
+                )
             else:
                 model.project(y, self._live_inputs)
             model.hold_start(y, inputs)
-            require_outside(model, 0.0, y, inputs)
+            simulation.require_outside(model, 0.0, y, inputs)
         self._memory.load(y, inputs, 0)
         self.start_energy = model.energies(0.0, y, 0.0, inputs).total
         if self._memory.contacts is not None:
@@ -81,7 +82,7 @@ class StateChanges(Readings, RunReports):
 
     @property
     def _run_layout(self) -> RunLayout:
-        loaded = self.model.equations.inputs.loaded
+        loaded = self.model.input_layout.loaded
         names = self.mechanism.name, self.coordinate_names, loaded, tuple(self._live.current)
         return RunLayout(*names, self.step_size)
 
@@ -149,10 +150,10 @@ class StateChanges(Readings, RunReports):
         :raises CommandError: an unknown or driven coordinate, a value that is not finite, loops that cannot be closed
             with these values, or parts inside each other or beyond a stop; nothing is changed then.
         """
-        given = checked_values(self.model, positions or {}, velocities or {})
+        given = simulation.checked_values(self.model, positions or {}, velocities or {})
         inputs, before = self._memory.inputs, self.energies.total
-        y = state_with(self.model, self.time, self.y, inputs[self.model.equations.inputs.values], given)
-        require_outside(self.model, self.time, y, inputs)
+        y = simulation.state_with(self.model, self.time, self.y, inputs[self.model.input_layout.values], given)
+        simulation.require_outside(self.model, self.time, y, inputs)
         self.model.keep_accounts(self.time, self.y, y, inputs)
         after = self.model.energies(self.time, y, 0.0, inputs).total
         self.restore(y, self.steps, start_energy=self.start_energy + after - before)

@@ -61,7 +61,7 @@ def state_with(model: Model, time: float, y: Array, values: Array, given: StateV
     names = model.coordinate_names
     moved = _with_positions(model, y, given.positions)
     moved[model.u_range] = [given.speeds.get(name, old) for name, old in zip(names, y[model.u_range], strict=True)]
-    if not model.equations.rows:
+    if not model.row_names:
         return moved
     constraints = model.equations.constraints.with_values(values)
     fixed = np.array([name in given.positions for name in names])

@@ -24,7 +24,7 @@ MARGIN = 0.5  # the proposed step as a fraction of the largest stable one
 USELESS = 100.0  # a step smaller by more than this factor is not proposed if another method is
 
 
-def step_advice(model: Model, time: float, y: Array, inputs: Array, step: float, estimate: float) -> str | None:
+def advice_on_step(model: Model, time: float, y: Array, inputs: Array, step: float, estimate: float) -> str | None:
     """A sentence that names a better step or method, or None if the estimated error of a step is small enough.
 
     :param step: the step size in s.
@@ -59,7 +59,7 @@ def _may_become_stiff(model: Model) -> bool:
     """Whether there are springs, dampers, friction or stops, or live values, which may be theirs."""
     mechanism = model.mechanism
     elements = (mechanism.two_point_elements, mechanism.bushings, mechanism.efforts, mechanism.potentials)
-    return any(elements) or bool(len(model.equations.parameters.base)) or any(
+    return any(elements) or bool(model.input_layout.value_count) or any(
         np.any(joint.stiffness) or np.any(joint.damping) or joint.spring or joint.damper or joint.friction
         or any(limits is not None and limits.stiffness for limits in joint.limits)
         for joint in mechanism.all_joints.values()
@@ -79,7 +79,7 @@ def divergence(
         return DivergedError(f"{head} {undefined.problem}{also}")
     remedy = advice or f"Use a smaller step than {step:g} s."
     causes = "efforts, stiffnesses, initial values and drives"
-    if model.equations.rows:
+    if model.row_names:
         causes += ", and that the loops can follow the motion"
     return DivergedError(f"{head} {remedy[0].upper()}{remedy[1:]} Otherwise check the {causes}.")
 

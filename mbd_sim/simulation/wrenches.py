@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.errors import CommandError, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
+
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.input_layout import InputLayout
 
 AXES = ("ground", "part")
 

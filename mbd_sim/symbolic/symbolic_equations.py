@@ -9,9 +9,9 @@ from typing import Any
 
 import casadi as ca
 
+from mbd_sim.dynamics.coordinate_layout import coordinate_layout
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
-from mbd_sim.dynamics.links import coordinate_layout
 from mbd_sim.errors import MbdSimError, listed
 from mbd_sim.mechanism.contacts import Cam
 from mbd_sim.mechanism.drives import require_no_commanded_drives

@@ -102,7 +102,7 @@ def describe_scene(model: Model, rows: RowLayout, options: DisplayOptions) -> Sc
         rows=rows,
         nq=model.layout.nq,
         nv=model.layout.nv,
-        wrenches=dict(model.equations.inputs.wrenches),
+        wrenches=dict(model.input_layout.wrenches),
         q=model.layout.q,
         u=model.layout.u,
         quaternions=dict(model.quaternions),
@@ -111,7 +111,7 @@ def describe_scene(model: Model, rows: RowLayout, options: DisplayOptions) -> Sc
         start=model.pose_array(0.0, model.start),
         traces=_traces(mechanism, options.traces),
         constraint_lines=tuple(_constraint_lines(model, extent.normal)),
-        method=model.method.name,
+        method=model.method_name,
         options=options,
     )
 

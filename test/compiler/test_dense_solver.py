@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from mbd_sim.compiler.dense_solver import emit_dense_solver
+from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType
 from mbd_sim.compiler.ir_builder import IRBuilder
-from mbd_sim.compiler.machine_code import compile_module, new_module
 
 
 def solver(size, lanes=1):

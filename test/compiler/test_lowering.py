@@ -11,6 +11,8 @@ import pytest
 from hypothesis import given, settings
 
 from mbd_sim.compiler import lowering
+from mbd_sim.compiler.bound_kernel import function_of_addresses
+from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.instruction_list import (
     Graph,
     InstructionList,
@@ -18,8 +20,7 @@ from mbd_sim.compiler.instruction_list import (
     Output,
 )
 from mbd_sim.compiler.kernel import compile_kernel
-from mbd_sim.compiler.machine_code import compile_module, new_module
-from mbd_sim.compiler.readers import export, reader
+from mbd_sim.compiler.readers import export
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.integrators.methods import METHODS
@@ -126,7 +127,7 @@ def test_fused_operations():
     usual = rng.normal(size=(50, 3)) * 10.0 ** rng.integers(-3, 4, (50, 3))
     cases = np.array([*usual, *product([0.0, -0.0, 1.0, -2.5], repeat=3)])
     for number, expected in enumerate(TERNARY.values()):
-        call = reader(code.address(f"read_{number}"), function)
+        call = function_of_addresses(code.address(f"read_{number}"), function.n_in() + 1)
         for case in cases:
             out = np.empty(1)
             call(case.ctypes.data, out.ctypes.data)

@@ -9,15 +9,22 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from mbd_sim.compiler import lowering
 from mbd_sim.compiler.kernel import compile_kernel
 from mbd_sim.integrators.methods import METHODS
 
 LARGEST = 2.0**20 * math.pi / 2.0
 
 
-@pytest.fixture(scope="module")
-def sine_cosine():
-    """The compiled pair as a function of a float."""
+@pytest.fixture(scope="module", params=[lowering.INLINE_SINES, 0], ids=["inlined", "called"])
+def sine_cosine(request):
+    """The compiled pair as a function of a float, inlined as in short functions, or called as in long ones."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lowering, "INLINE_SINES", request.param)
+        return compiled_pair()
+
+
+def compiled_pair():
     t, y, inputs, x = (ca.SX.sym(name) for name in ("t", "y", "e", "x"))
     rates = ca.Function("rates", [t, y, inputs], [y])
     pair = ca.Function("pair", [x], [ca.vertcat(ca.sin(x), ca.cos(x))])

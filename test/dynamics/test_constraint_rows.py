@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 
+from mbd_sim.dynamics.audit_states import AUDIT_STATES
 from mbd_sim.dynamics.constraint_equations import constraint_equations
-from mbd_sim.dynamics.energy import AUDIT_STATES
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.tracing import trace
 from mbd_sim.errors import MechanismError

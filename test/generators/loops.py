@@ -11,8 +11,8 @@ from hypothesis import seed, settings
 from hypothesis import strategies as st
 
 from mbd_sim.dynamics.assembly import close_loops, nearest_speeds
+from mbd_sim.dynamics.coordinate_layout import coordinate_layout
 from mbd_sim.dynamics.initial_conditions import given_start
-from mbd_sim.dynamics.links import coordinate_layout
 from mbd_sim.geometry import rotation as rot
 from mbd_sim.load import parse_mechanism
 from test.generators.mechanisms import random_trees

@@ -9,8 +9,10 @@ import pytest
 
 from mbd_sim import Ensemble, Simulation
 from mbd_sim.cli.run import simulate
+from mbd_sim.dynamics.equations import derive
 from mbd_sim.errors import DivergedError, MechanismError
-from mbd_sim.load import parse_mechanism
+from mbd_sim.load import load_mechanism, parse_mechanism
+from mbd_sim.simulation.spectrum import fastest_mode, is_slower
 from test.simulation.test_step_advice import RIGID, STIFF
 
 # The inertia of the finger is that of a bead; its friction and damping are those of a gear motor, as in many URDFs.
@@ -90,3 +92,12 @@ def test_other_mechanisms_keep_the_default_without_a_remark():
 def test_an_unknown_method_is_refused_with_the_nearest():
     with pytest.raises(MechanismError, match=r"there is no method 'rosenbrok'.*rosenbrock"):
         Simulation.from_text(RIGID, method="rosenbrok")
+
+
+@pytest.mark.parametrize("name", ["double_rod", "four_bar", "spring_chain", "motor_arm"])
+def test_the_bound_of_rates_agrees_with_eigenvalues(name):
+    equations = derive(load_mechanism(name))
+    at = equations, 0.0, equations.start_state, equations.inputs_without_commands
+    rate = fastest_mode(*at).rate
+    assert is_slower(*at, 1.3 * rate)
+    assert not is_slower(*at, 0.999 * rate)

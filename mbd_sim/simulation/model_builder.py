@@ -1,0 +1,121 @@
+"""Builds models: traces the equations of a mechanism, chooses the method, and compiles the kernel."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+import casadi as ca
+
+from mbd_sim.compiler.adams_history import history_size
+from mbd_sim.compiler.bound_kernel import Kernel
+from mbd_sim.compiler.kernel import PartialSystem, compile_kernel
+from mbd_sim.dynamics.equations import Equations
+from mbd_sim.integrators.methods import Method
+from mbd_sim.integrators.rosenbrock import Rosenbrock
+from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.simulation.method_choice import MethodChoice, choose_method, require_contact_method
+from mbd_sim.simulation.prepared_model import PreparedModel
+
+if TYPE_CHECKING:
+    from mbd_sim.simulation.contact_terms import ContactModel
+
+MANY_JOINTS = 10  # from which on the derivation takes a second or more
+
+_log = logging.getLogger(__name__)
+
+
+class BuiltModel(NamedTuple):
+    """The equations, the data and the kernel of a model."""
+
+    equations: Equations
+    prepared: PreparedModel
+    kernel: Kernel
+
+
+def build(mechanism: Mechanism, method: str, trace: Callable[[], Equations], step: float) -> BuiltModel:
+    """Trace and compile a mechanism.
+
+    :param method: its name, which may be `auto`.
+    :param trace: derives its equations.
+    :param step: in s.
+    :raises MechanismError: the method does not fit, or the equations are singular at the start.
+    """
+    if len(mechanism.all_joints) >= MANY_JOINTS:
+        _log.info("deriving the equations of '%s': %d joints", mechanism.name, len(mechanism.all_joints))
+    require_contact_method(mechanism, method)
+    equations = trace()
+    centers = [mechanism.parts[part].center for part in equations.inputs.loaded]
+    inputs = equations.inputs_at_start(centers)
+    choice = choose_method(mechanism, equations, inputs, method, step)
+    kernel = _kernel(equations, choice)
+    prepared = PreparedModel(
+        method=choice.method.name,
+        method_remark=choice.remark,
+        layout=equations.layout,
+        input_layout=equations.inputs,
+        start=equations.start_state,
+        inputs=inputs,
+        history_size=history_size(choice.method, len(equations.start_state), len(inputs)),
+        part_names=equations.part_names,
+        row_names=tuple(str(row.owner[1]) for row in equations.rows),
+        rank=equations.start.rank,
+        signature=kernel.signature,
+    )
+    return BuiltModel(equations, prepared, kernel)
+
+
+def can_be_stored(equations: Equations) -> bool:
+    """Whether a run needs the equations only on request: contacts and distant springs need them from the start."""
+    return equations.contact is None and equations.distant_springs is None
+
+
+def contact_model(equations: Equations, kernel: Kernel) -> ContactModel | None:
+    """The one-sided elements of a model, if there are any."""
+    if equations.contact is None:
+        return None
+    from mbd_sim.simulation.contact_terms import ContactModel
+
+    return ContactModel(equations.contact, equations.inputs, kernel)
+
+
+def partial_system(equations: Equations, method: Method) -> PartialSystem | None:
+    """What a method solves for instead of all rates, if it treats only the forces within joints implicitly."""
+    joints_only = isinstance(method, Rosenbrock) and method.joints_only
+    return equations.joint_linearization()[:2] if joints_only else None
+
+
+def _kernel(equations: Equations, choice: MethodChoice) -> Kernel:
+    one_sided = None
+    if equations.contact is not None:
+        from mbd_sim.simulation.contact_system import one_sided_system
+
+        one_sided = one_sided_system(equations, equations.contact)
+    return compile_kernel(
+        equations.rates,
+        equations.project,
+        _readers(equations),
+        choice.method,
+        equations.core,
+        partial_system(equations, choice.method),
+        one_sided,
+        None if equations.actuators is None else equations.actuators.between_steps,
+    )
+
+
+def _readers(equations: Equations) -> Mapping[str, ca.Function]:
+    """The functions of the state that are compiled with the steps."""
+    readers = {
+        "energies": equations.energies,
+        "poses": equations.poses,
+        "drives": equations.drives,
+        "violation": equations.violation,
+    }
+    if equations.distant_springs is not None:
+        readers["elongations"] = equations.distant_springs.elongations
+    if equations.contact is not None and equations.contact.places.nnz_out(0):
+        readers["contact_places"] = equations.contact.places
+    if equations.actuators is not None:
+        readers["actuators"] = equations.actuators.readings
+    return readers

@@ -1,0 +1,87 @@
+"""What a run needs of the equations of a mechanism besides its kernel: plain data, which the cache keeps.
+
+A model that is found in the cache traces no equations and compiles nothing. So it needs neither CasADi nor the modules
+that trace and compile, until something is read that few runs need.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import pickle
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from mbd_sim import disk_cache
+from mbd_sim.compiler.bound_kernel import Kernel, KernelSignature
+from mbd_sim.compiler.machine_code import compiler_identity, load_code
+from mbd_sim.dynamics.coordinate_layout import CoordinateLayout
+from mbd_sim.dynamics.input_layout import InputLayout
+from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism_cache import versions
+
+
+class PreparedModel(NamedTuple):
+    """The data of a `Model`: `method` is a name, `row_names` are those of the loop or constraint of each equation.
+
+    `start` is the state (n,) and `inputs` are the inputs (m,) at the start. `history_size` is that of the method, and
+    `rank` that of the constraints at the start.
+    """
+
+    method: str
+    method_remark: str
+    layout: CoordinateLayout
+    input_layout: InputLayout
+    start: Array
+    inputs: Array
+    history_size: int
+    part_names: tuple[str, ...]
+    row_names: tuple[str, ...]
+    rank: int
+    signature: KernelSignature
+
+
+class _Entry(NamedTuple):
+    prepared: PreparedModel
+    code: str  # the key of the object code
+
+
+def model_key(mechanism: Mechanism, method: str, loaded: Sequence[str], step: float) -> str:
+    """The key in the cache of a mechanism's model, without values that are inputs.
+
+    It depends on all records of the mechanism, on the sources of this package, and on the versions and the processor
+    on which equations and machine code depend.
+
+    :param method: its name, which may be `auto`.
+    :param loaded: parts on which external wrenches can act.
+    :param step: in s.
+    """
+    records = hashlib.sha256(pickle.dumps(mechanism)).hexdigest()
+    return disk_cache.key("model", records, method, repr((*loaded,)), step.hex(), versions(), _casadi_version(),
+                          *compiler_identity())  # fmt: skip
+
+
+def load_prepared(key: str) -> tuple[PreparedModel, Kernel] | None:
+    """The data and the kernel of a key, if both are in the cache."""
+    if (stored := disk_cache.load(key)) is None:
+        return None
+    entry: _Entry = pickle.loads(stored)  # noqa: S301  # as safe as the kernels there, which are executed
+    if (code := load_code(entry.code)) is None:
+        return None
+    return entry.prepared, Kernel(code, entry.prepared.signature)
+
+
+def store_prepared(key: str, prepared: PreparedModel, kernel: Kernel) -> None:
+    """Store the data; the kernel is in the cache already."""
+    disk_cache.store(key, pickle.dumps(_Entry(prepared, kernel.code.key)))
+
+
+def _casadi_version() -> str:
+    """The files of CasADi, by which one version differs from another, without importing it."""
+    found = importlib.util.find_spec("casadi")
+    if found is None or found.origin is None:
+        return ""
+    files = sorted(Path(found.origin).parent.glob("*casadi.*"))
+    return " ".join(f"{path} {path.stat().st_mtime_ns} {path.stat().st_size}" for path in files)
