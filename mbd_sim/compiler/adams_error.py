@@ -25,9 +25,11 @@ class AdamsError:
     differences shrank as those up to order 8, or up to order 6, do.
     """
 
-    def __init__(self, method: Adams, emitter: StepEmitter) -> None:
+    def __init__(self, method: Adams, emitter: StepEmitter, *, rare: bool) -> None:
         """Allocate the arrays; the emitter's builder must be in the entry block of a function."""
-        self._method, self._emitter, self._errors = method, emitter, emitter.vector()
+        self._method, self._emitter, self._rare = method, emitter, rare
+        self._errors = emitter.array(emitter.system.size) if rare else emitter.vector()
+        self.start = emitter.array(emitter.system.size) if rare else emitter.y  # of the step
         self.largest = emitter.scalar()
 
     def clear(self) -> None:
@@ -37,7 +39,7 @@ class AdamsError:
     def add(self, i: Index, change: Value) -> None:
         """Add a component, whose prediction has changed by so much in the correction."""
         b = self._emitter.b
-        error = b.fmul(b.intrinsic("llvm.fabs", change), self._emitter.scale(i))
+        error = b.fmul(b.intrinsic("llvm.fabs", change), self._emitter.scale(i, self.start))
         error = b.select(b.fcmp_unordered("uno", error, error), number(math.inf), error)
         store(b, error, self._errors, i)
         self._add(error)
@@ -62,14 +64,14 @@ class AdamsError:
             def component(i: Index) -> None:
                 self._add(self._without_round_off(i, factor, newest, slopes))
 
-            if emitter.system.rates.is_inlined:
+            if emitter.system.rates.is_inlined and not self._rare:
                 for_each(b, emitter.system.size, component)
             else:  # with longer rates, a loop takes no notice, but compiling the sums without one takes time
                 loop(b, 0, emitter.system.size, component)
             b.store(b.select(small, largest, b.load(self.largest, typ=DOUBLE)), self.largest)
 
     def _without_round_off(self, i: Index, factor: Value, newest: Value, slopes: Sequence[Value]) -> Value:
-        b, own, scale = self._emitter.b, load(self._emitter.b, self._errors, i), self._emitter.scale(i)
+        b, own, scale = self._emitter.b, load(self._emitter.b, self._errors, i), self._emitter.scale(i, self.start)
         slope = load(b, newest, i)
         sizes = []
         for weights in self._method.differences:

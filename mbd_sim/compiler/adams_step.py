@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from mbd_sim.compiler.adams_error import AdamsError
+from mbd_sim.compiler.adams_attempt import AdamsAttempt
 from mbd_sim.compiler.adams_history import AdamsHistory
 from mbd_sim.compiler.ir import Value
 from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import DOUBLE, integer, number
-from mbd_sim.compiler.ir_vectors import Index, copy, for_each, load, loop, store, total, weighted
+from mbd_sim.compiler.ir_vectors import Index, copy, for_each, load, loop, store
 from mbd_sim.compiler.runge_kutta_step import ExplicitStep
 from mbd_sim.compiler.simd_builder import LaneBuilder
 from mbd_sim.compiler.step_emitter import EmitStep, Prepare, StepEmitter
@@ -40,14 +40,12 @@ class _AdamsStep:
     def __init__(self, method: Adams, emitter: StepEmitter) -> None:
         self._method, self._emitter = method, emitter
         self._history, self._otherwise = AdamsHistory(emitter, method), ExplicitStep(method.otherwise, emitter)
-        self._error = AdamsError(method, emitter)
-        self._current, self._predicted = emitter.vector(), emitter.vector()  # slopes at both ends of the step
-        self._increment, self._partial, self._trial = (emitter.vector() for _ in range(3))
-        self._moved, self._left = emitter.vector(), emitter.vector()  # the state of an attempt and its round-off
-        several = isinstance(emitter.b, LaneBuilder)
-        self._new = emitter.vector() if several else self._moved  # the same of those attempts that succeeded
-        self._lost = emitter.vector() if several else self._left
-        self._taken, self._worst = emitter.scalar(), emitter.scalar()
+        self._at_once, self._in_halves = (AdamsAttempt(method, emitter, rare=rare) for rare in (False, True))
+        self._current, self._trial = emitter.vector(), emitter.vector()
+        several, attempt = isinstance(emitter.b, LaneBuilder), self._at_once
+        self._new = emitter.vector() if several else attempt.moved  # of an attempt that succeeded
+        self._lost = emitter.vector() if several else attempt.left
+        self._taken = emitter.scalar()
 
     def emit(self, t: Value) -> None:
         """Emit a step of the emitter's y from time t on."""
@@ -84,70 +82,30 @@ class _AdamsStep:
 
     def _attempts(self, t: Value, at_once: Value, in_halves: Value) -> None:
         """Emit the attempt of the whole step, and then the one in halves."""
-        emitter, b = self._emitter, self._emitter.b
+        emitter, history, b = self._emitter, self._history, self._emitter.b
+        places = range(self._method.length)
         with b.if_then(emitter.any(at_once), likely=True):
-            self._attempt(t, at_once, 1)
+            attempt = self._at_once
+            attempt.begin(history.lost)
+            attempt.move(t, emitter.h, [history.slopes(-2 * back) for back in places])
+            self._judge(attempt, at_once)
         in_halves = b.and_(in_halves, b.not_(_is_set(b, self._taken)))
-        with b.if_then(emitter.any(in_halves)):
-            self._attempt(t, in_halves, 2)
-
-    def _attempt(self, t: Value, active: Value, pieces: int) -> None:
-        """Emit an attempt in one or two pieces, and what follows from its error."""
-        emitter, history, b, size = self._emitter, self._history, self._emitter.b, self._emitter.system.size
-        copy(b, size, emitter.y, self._moved)
-        copy(b, size, history.lost, self._left)
-        b.store(number(0.0), self._worst)
-        if pieces == 1:
-            slopes = [history.slopes(-2 * back) for back in range(self._method.length)]
-            self._piece(t, emitter.h, slopes, active)
-        else:
+        with b.if_then(emitter.any(in_halves), likely=False):
+            attempt = self._in_halves
+            attempt.begin(history.lost)
             h = b.fmul(number(0.5), emitter.h)
 
-            def piece(index: Value) -> None:
-                fits = b.fcmp_ordered("<=", self._read(self._worst), number(self._method.tolerance))
-                with b.if_then(emitter.any(b.and_(active, fits))):
+            def half(index: Value) -> None:
+                with b.if_then(emitter.any(b.and_(in_halves, attempt.is_good()))):
                     start = b.fadd(t, b.fmul(b.sitofp(index, DOUBLE), h))
                     with b.if_then(b.icmp_unsigned("!=", index, integer(0))):
-                        emitter.rates(start, self._moved, self._predicted)
-                        copy(b, size, self._predicted, history.slopes(1))
-                    slopes = [history.slopes(b.sub(index, integer(back))) for back in range(self._method.length)]
-                    self._piece(start, h, slopes, fits)
+                        attempt.slopes(start, history.slopes(1))
+                    attempt.move(start, h, [history.slopes(b.sub(index, integer(back))) for back in places])
 
-            loop(b, 0, pieces, piece)
-        self._judge(active, pieces)
+            loop(b, 0, 2, half)
+            self._judge(attempt, in_halves)
 
-    def _piece(self, t: Value, h: Value, slopes: list[Value], counts: Value) -> None:
-        """Emit a step of `_moved` by h; its error becomes the worst if it is, where it `counts`."""
-        b = self._emitter.b
-        self._predict_and_correct(t, h, slopes)
-        error, worst = self._read(self._error.largest), self._read(self._worst)
-        self._choose(b.and_(counts, b.fcmp_ordered(">", error, worst)), error, self._worst)
-
-    def _predict_and_correct(self, t: Value, h: Value, slopes: list[Value]) -> None:
-        """Emit a step of `_moved` by h, whose change by the correction becomes the error."""
-        emitter, method, b, size = self._emitter, self._method, self._emitter.b, self._emitter.system.size
-
-        def predict(i: Index) -> None:
-            increment = b.fmul(h, total(b, weighted(method.predictor, slopes), i))
-            store(b, increment, self._increment, i)
-            store(b, total(b, weighted(method.corrector, slopes), i), self._partial, i)
-            store(b, b.fadd(load(b, self._moved, i), increment), self._trial, i)
-
-        def correct(i: Index) -> None:
-            slope = b.fma(number(method.newest), load(b, self._predicted, i), load(b, self._partial, i))
-            added, before = b.fma(h, slope, load(b, self._left, i)), load(b, self._moved, i)
-            after = b.fadd(before, added)
-            store(b, after, self._moved, i)
-            store(b, b.fsub(added, b.fsub(after, before)), self._left, i)
-            self._error.add(i, b.fma(h, slope, b.fneg(load(b, self._increment, i))))
-
-        for_each(b, size, predict)
-        emitter.rates(b.fadd(t, h), self._trial, self._predicted)
-        self._error.clear()
-        for_each(b, size, correct)
-        self._error.reduce(h, self._predicted, slopes)
-
-    def _judge(self, active: Value, pieces: int) -> None:
+    def _judge(self, attempt: AdamsAttempt, active: Value) -> None:
         """Emit whether an attempt succeeded, and how the next steps are taken.
 
         An attempt at once while steps are divided is a probe; if that fails, it changes nothing. After any other that
@@ -156,14 +114,14 @@ class _AdamsStep:
         longer as more attempts fail. Only a small error after many attempts that succeeded changes nothing.
         """
         emitter, history, b, method = self._emitter, self._history, self._emitter.b, self._method
-        at_once = pieces == 1
-        error, zero, length = self._read(self._worst), number(0.0), float(method.length)
+        error, zero, length = self._read(attempt.worst), number(0.0), float(method.length)
+        at_once = attempt is self._at_once
         probes = b.and_(active, _is_set(b, history.divided)) if at_once else None
         limit: Value = number(method.tolerance)
         if probes is not None:
             limit = b.select(probes, number(EASILY * method.tolerance), limit)
         passed = b.and_(active, b.fcmp_ordered("<=", error, limit))
-        self._take(passed)
+        self._take(attempt, passed)
         self._choose(passed, zero, history.pause)
         failed = b.and_(active, b.not_(passed if probes is None else b.or_(passed, probes)))
         patient = b.and_(failed, b.fcmp_ordered("<=", error, number(NEARLY * method.tolerance)))
@@ -191,13 +149,16 @@ class _AdamsStep:
             larger = b.and_(passed, b.fcmp_ordered(">", error, self._read(emitter.largest_error)))
             self._choose(larger, error, emitter.largest_error)
 
-    def _take(self, passed: Value) -> None:
+    def _take(self, attempt: AdamsAttempt, passed: Value) -> None:
         """Keep the state of an attempt that succeeded."""
         b, size = self._emitter.b, self._emitter.system.size
         self._choose(passed, number(1.0), self._taken)
         if isinstance(b, LaneBuilder):
-            for_each(b, size, lambda i: _store_where(b, passed, load(b, self._moved, i), self._new, i))
-            for_each(b, size, lambda i: _store_where(b, passed, load(b, self._left, i), self._lost, i))
+            for_each(b, size, lambda i: _store_where(b, passed, load(b, attempt.moved, i), self._new, i))
+            for_each(b, size, lambda i: _store_where(b, passed, load(b, attempt.left, i), self._lost, i))
+        elif attempt is not self._at_once:
+            copy(b, size, attempt.moved, self._new)
+            copy(b, size, attempt.left, self._lost)
 
     def _complete(self, t: Value) -> None:
         """Emit the new state, with the other method where no attempt succeeded."""
@@ -243,7 +204,7 @@ class _AdamsStep:
 
     def _slopes_in_the_middle(self, t: Value, halved: Value) -> None:
         emitter, b, place = self._emitter, self._emitter.b, self._history.slopes(1)
-        emitter.rates(t, emitter.y, self._current)
+        emitter.rates_rarely(t, emitter.y, self._current)
         for_each(b, emitter.system.size, lambda i: _store_where(b, halved, load(b, self._current, i), place, i))
         self._choose(halved, b.fadd(self._read(self._history.halves), number(1.0)), self._history.halves)
 

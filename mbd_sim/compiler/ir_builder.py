@@ -180,10 +180,11 @@ class IRBuilder:
         """Set the value at an address."""
         self._lines.append(f"  store {value.type} {value.text}, ptr {pointer.text}")
 
-    def call(self, function: Function, arguments: Sequence[Value]) -> Value:
-        """Call a function."""
+    def call(self, function: Function, arguments: Sequence[Value], *, inline: bool = True) -> Value:
+        """Call a function, which is not inlined here if `inline` is false."""
         result = function.function_type.result
         call = f'call {result} @"{function.name}"({", ".join([f"{a.type} {a.text}" for a in arguments])})'
+        call += "" if inline else " noinline"
         if result != VOID:
             return self.value(result, call)
         self._lines.append(f"  {call}")

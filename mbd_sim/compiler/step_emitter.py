@@ -77,6 +77,7 @@ class StepEmitter:
         self.end: Callable[[Value], None] | None = None
         self._projected = self.vector() if system.projection is not None else None
         self._conditioning, self._ignored = self.scalar(), self.scalar()
+        self._rare = self.scalar(), self.array(system.size), self.array(system.size)
         self._sampled = None if system.samples is None else system.samples.results(b)
 
     def vector(self) -> Value:
@@ -100,6 +101,21 @@ class StepEmitter:
         self.b.store(time, self.time)
         reported = [self._conditioning if first else self._ignored] if self.system.reports_conditioning else []
         self.b.call(self.system.rates, [self.time, state, self.inputs, slopes, *reported])
+
+    def rates_rarely(self, time: Value, state: Value, slopes: Value) -> None:
+        """The same in steps that are rare: without another copy of the code where it is inlined elsewhere.
+
+        Arrays whose address is passed to a call cannot be kept in registers, so those of others are copied.
+        """
+        if not self.system.rates.is_inlined:
+            self.rates(time, state, slopes)
+            return
+        own_time, own_state, own_slopes = self._rare
+        self.b.store(time, own_time)
+        copy(self.b, self.system.size, state, own_state)
+        reported = [self._ignored] if self.system.reports_conditioning else []
+        self.b.call(self.system.rates, [own_time, own_state, self.inputs, own_slopes, *reported], inline=False)
+        copy(self.b, self.system.size, own_slopes, slopes)
 
     def sample(self, step: Value, time: Value, condition: Value | None = None) -> None:
         """Make the changes of y that precede the step of this number; with a `condition`, only where that holds."""
@@ -144,9 +160,9 @@ class StepEmitter:
         """t + c h."""
         return t if c == 0.0 else self.b.fadd(t, self.b.fmul(number(c), self.h))
 
-    def scale(self, index: Index) -> Value:
-        """1 / (1 + |y|) for a component."""
-        size = self.b.intrinsic("llvm.fabs", load(self.b, self.y, index))
+    def scale(self, index: Index, state: Value | None = None) -> Value:
+        """1 / (1 + |y|) for a component of a state, by default the emitter's."""
+        size = self.b.intrinsic("llvm.fabs", load(self.b, self.y if state is None else state, index))
         return self.b.fdiv(number(1.0), self.b.fadd(number(1.0), size))
 
     def estimator(self, estimate: ErrorEstimate, slopes: list[Value]) -> EmitEstimate:
