@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 from mbd_sim.compiler.adams_error import AdamsError
 from mbd_sim.compiler.ir import Value
 from mbd_sim.compiler.ir_types import DOUBLE, number
@@ -65,7 +68,8 @@ class AdamsAttempt:
             self._error.add(i, b.fma(h, slope, b.fneg(load(b, self._increment, i))))
 
         good, size = self.is_good(), emitter.system.size
-        each = (lambda body: loop(b, 0, size, body)) if self._rare else (lambda body: for_each(b, size, body))
+        each: Callable[[Callable[[Value], None]], None]
+        each = partial(loop, b, 0, size) if self._rare else partial(for_each, b, size)
         each(predict)
         evaluate = emitter.rates_rarely if self._rare else emitter.rates
         evaluate(b.fadd(t, h), self._trial, self._predicted)

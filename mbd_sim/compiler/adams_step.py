@@ -18,7 +18,7 @@ NEARLY = 10.0  # errors in units of the tolerance, up to which an attempt that f
 DIVISIBLE = 1024.0  # those up to which two halves of a step are expected to succeed: halved, an error is 1/2048,
 EASILY = 0.125  # and those up to which halves are no longer needed
 PATIENCE = 16.0  # slopes between two attempts that fail and change nothing
-PROBED_EVERY = 8  # divided steps, a power of two, are attempted at once
+PROBED_EVERY = 8  # steps, a power of two: divided steps with such a number are attempted at once first
 
 
 def adams_step(method: Adams) -> Prepare:
