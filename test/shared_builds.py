@@ -64,7 +64,8 @@ def _key(name: str, given: tuple[Any, ...], named: dict[str, Any]) -> bytes | No
         return None  # a file, which may change
     contents = [_content(value) for value in (*given, *named.values())]
     try:
-        return pickle.dumps((name, contents, sorted(named), machine_code.LEVEL))
+        level = machine_code.LEVEL if name == "build_model" else None
+        return pickle.dumps((name, contents, sorted(named), level))
     except Exception:  # pickle raises whatever the objects raise
         return None
 

@@ -9,6 +9,7 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 
+from mbd_sim.dynamics.evaluation import all_evaluated
 from mbd_sim.dynamics.time_functions import function_of
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import unit_or_zero
@@ -173,8 +174,8 @@ def _equation_pair(x: ca.SX, values: ca.SX) -> EquationPair:
     function = ca.Function("pair", [x], [ca.densify(values), ca.densify(ca.jacobian(values, x))])
 
     def pair(point: Array) -> tuple[Array, Array]:
-        results, gradients = function(point)
-        return np.array(results).ravel(), np.array(gradients)
+        results, gradients = all_evaluated(function, point)
+        return results.ravel(), gradients
 
     return pair
 

@@ -23,30 +23,38 @@ def place_labels(sheet: Sheet, names: Sequence[tuple[SheetText, float]]) -> list
     lines, weights = _probes(sheet)
     placed: list[SheetText] = []
     for text, limit in names:
-        best, cost = text, np.inf
-        half = 0.5 * (text.box[1] - text.box[0])
-        for number in range(DIRECTIONS):
-            angle = 2.0 * np.pi * number / DIRECTIONS
-            direction = np.array([np.cos(angle), np.sin(angle)])
-            edge = min(half[0] / max(abs(direction[0]), 1e-9), half[1] / max(abs(direction[1]), 1e-9))
-            for rank, distance in enumerate(DISTANCES):
-                candidate = replace(text, at=text.at + (distance - 6.0 + edge) * direction)
-                price = 1.1 * rank + 0.01 * number + _hidden(candidate, lines, weights, placed)
-                if price < cost:
-                    best, cost = candidate, price
-        if cost <= limit:
-            placed.append(best)
+        offsets, costs = _candidates(0.5 * (text.box[1] - text.box[0]))
+        centers = text.at + offsets
+        costs = costs + _hidden(centers - text.half, centers + text.half, lines, weights, placed)
+        best = int(np.argmin(costs))
+        if costs[best] <= limit:
+            placed.append(replace(text, at=centers[best]))
     return placed
 
 
-def _hidden(text: SheetText, lines: Array, weights: Array, placed: Sequence[SheetText]) -> float:
-    """The cost of a text here: the lines it covers, and other texts."""
-    low, high = text.box[0] - 2.0, text.box[1] + 2.0
-    covered = float(np.sum(weights[np.all((lines > low) & (lines < high), axis=1)])) if len(lines) else 0.0
+def _candidates(half: Array) -> tuple[Array, Array]:
+    """Places (k, 2) for the center of a text of half this size (2,), relative to the named point, and their costs."""
+    offsets, costs = [], []
+    for number in range(DIRECTIONS):
+        angle = 2.0 * np.pi * number / DIRECTIONS
+        direction = np.array([np.cos(angle), np.sin(angle)])
+        edge = min(half[0] / max(abs(direction[0]), 1e-9), half[1] / max(abs(direction[1]), 1e-9))
+        for rank, distance in enumerate(DISTANCES):
+            offsets.append((distance - 6.0 + edge) * direction)
+            costs.append(1.1 * rank + 0.01 * number)
+    return np.array(offsets), np.array(costs)
+
+
+def _hidden(low: Array, high: Array, lines: Array, weights: Array, placed: Sequence[SheetText]) -> Array:
+    """The costs (k,) of the lines and texts that a text with corners `low` and `high` (k, 2) covers."""
+    low, high = low - 2.0, high + 2.0
+    near = np.flatnonzero(np.all((lines > low.min(axis=0)) & (lines < high.max(axis=0)), axis=1))
+    (x, y), weights = lines[near].T, weights[near]
+    inside = (x > low[:, :1]) & (x < high[:, :1]) & (y > low[:, 1:]) & (y < high[:, 1:])
+    covered = np.where(inside, weights, 0.0).sum(axis=1)  # the weights are halves: sums of them are exact in any order
     for other in placed:
         overlap = np.minimum(high, other.box[1]) - np.maximum(low, other.box[0])
-        if np.all(overlap > 0.0):
-            covered += 60.0 + float(np.prod(overlap))
+        covered += np.where(np.all(overlap > 0.0, axis=1), 60.0 + np.prod(overlap, axis=1), 0.0)
     return covered
 
 

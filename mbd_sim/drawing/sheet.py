@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -51,11 +52,15 @@ class SheetText:
     color: Color = INK
     italic: bool = False
 
-    @property
+    @cached_property
+    def half(self) -> Array:
+        """Approximately half the width and the height (2,) of the text in DejaVu Sans."""
+        return 0.5 * np.array([0.61 * self.size * max(len(self.text), 1), 1.1 * self.size])
+
+    @cached_property
     def box(self) -> tuple[Array, Array]:
-        """The approximate corners, lower left (2,) and upper right (2,), of the text in DejaVu Sans."""
-        half = 0.5 * np.array([0.61 * self.size * max(len(self.text), 1), 1.1 * self.size])
-        return self.at - half, self.at + half
+        """The approximate corners, lower left (2,) and upper right (2,), of the text."""
+        return self.at - self.half, self.at + self.half
 
 
 @dataclass(eq=False)

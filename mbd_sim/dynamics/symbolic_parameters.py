@@ -11,7 +11,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import casadi as ca
 import numpy as np
@@ -222,19 +222,34 @@ def _require_same_structure(base: EquationData, other: EquationData) -> None:
 
 def _leaves(record: Any, path: Path, symbolic: bool, found: list[tuple[Path, Any, bool]]) -> None:
     """Append to `found` the path and value of each leaf of nested records, and whether it can be a symbol."""
-    if isinstance(record, Expressed | Curve | Surface):  # whose potential or slopes are computed beforehand
-        found.append((path, record, False))
-    elif dataclasses.is_dataclass(record) and not isinstance(record, type):
-        for name, can_be_symbolic in _read_fields(type(record)):
-            _leaves(getattr(record, name), (*path, name), can_be_symbolic, found)
-    elif isinstance(record, Mapping):
-        for key, value in record.items():
-            _leaves(value, (*path, key), symbolic, found)
-    elif isinstance(record, tuple | list):
-        for index, value in enumerate(record):
-            _leaves(value, (*path, index), symbolic, found)
-    else:
-        found.append((path, record, symbolic and isinstance(record, float | int | np.ndarray)))
+    match _structure(type(record)):
+        case "record":
+            for name, can_be_symbolic in _read_fields(type(record)):
+                _leaves(getattr(record, name), (*path, name), can_be_symbolic, found)
+        case "mapping":
+            for key, value in record.items():
+                _leaves(value, (*path, key), symbolic, found)
+        case "sequence":
+            for index, value in enumerate(record):
+                _leaves(value, (*path, index), symbolic, found)
+        case "number":
+            found.append((path, record, symbolic))
+        case "constant":
+            found.append((path, record, False))
+
+
+@cache
+def _structure(kind: type) -> Literal["record", "mapping", "sequence", "number", "constant"]:
+    """How the equations read values of a type."""
+    if issubclass(kind, Expressed | Curve | Surface):  # whose potential or slopes are computed beforehand
+        return "constant"
+    if dataclasses.is_dataclass(kind):
+        return "record"
+    if issubclass(kind, Mapping):
+        return "mapping"
+    if issubclass(kind, tuple | list):
+        return "sequence"
+    return "number" if issubclass(kind, float | int | np.ndarray) else "constant"
 
 
 @cache

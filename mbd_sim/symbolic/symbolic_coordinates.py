@@ -76,4 +76,4 @@ def define_unit_quaternion(algebra: Algebra, coordinate: Coordinate) -> None:
     if start is None or not coordinate.q:
         return
     w, *vector = (algebra.generator(symbol) for symbol in coordinate.q[start:])
-    algebra.squares[w] = {(): Fraction(1)} | {((number, 2),): Fraction(-1) for number in vector}
+    algebra.define_square(w, {(): Fraction(1)} | {((number, 2),): Fraction(-1) for number in vector})

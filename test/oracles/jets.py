@@ -18,7 +18,7 @@ class Jet:
     def __init__(self, value, first=None, second=None):
         self.d = [np.asarray(value, dtype=float)]
         for derivative in (first, second):
-            self.d.append(np.zeros_like(self.d[0]) if derivative is None else np.asarray(derivative, dtype=float))
+            self.d.append(np.zeros(self.d[0].shape) if derivative is None else np.asarray(derivative, dtype=float))
 
     def __add__(self, other):
         return Jet(*(a + b for a, b in zip(self.d, jet(other).d, strict=True)))

@@ -148,8 +148,9 @@ def motions(mechanism, q, u, u_rate=None, t=0.0):
             position, rotation = joint_jets(joint, q[in_q], u[in_u], u_rate[in_u], t)
             a, b = joint.parent_pose, joint.child_pose
             # the child in the parent's frame: (a) (joint) (b)⁻¹
-            rotation = Jet(a.rotation) @ rotation @ Jet(b.rotation.T)
-            position = Jet(a.position) + Jet(a.rotation) @ position + -(rotation @ Jet(b.position))
+            rotation = rotation.linear(lambda r, a=a, b=b: a.rotation @ r @ b.rotation.T)
+            position = position.linear(lambda p, a=a: a.rotation @ p) + -rotation.linear(lambda r, b=b: r @ b.position)
+            position = Jet(a.position + position.d[0], *position.d[1:])
             inner, outer = joint.parent, joint.child
             if joint.child in frames:
                 position, rotation = -(rotation.transposed @ position), rotation.transposed
@@ -413,6 +414,7 @@ def equations(mechanism, q, u, efforts, t=0.0, driving=None):
     moving = motions(mechanism, q, u, t=t)
     without_speeds = motions(mechanism, q, np.zeros(nv), t=t)
     unit = [motions(mechanism, q, direction, t=t) for direction in np.eye(nv)]
+    speeds = [u, np.zeros(nv), *np.eye(nv)]
     mass, forces = np.zeros((nv, nv)), np.zeros(nv)
     kinetic = 0.0
     spring_forces, potential = joint_forces(mechanism, q, u, efforts, t)
@@ -457,7 +459,9 @@ def equations(mechanism, q, u, efforts, t=0.0, driving=None):
             mass += partial @ partial.T * spring.mass / 3.0
             velocity = _velocity_of(moving, at)[1]
             kinetic += velocity @ velocity * spring.mass / 6.0
-    gradient, bias, errors = constraint_rows(mechanism, q, u, t)
+    gradient, bias, errors = _constraint_rows(
+        mechanism, q, t, zip(speeds, [moving, without_speeds, *unit], strict=True)
+    )
     return Equations(mass, forces, kinetic, potential, gradient, bias, errors)
 
 
@@ -478,16 +482,19 @@ def coordinate_jets(mechanism, q, u, t):
 def constraint_rows(mechanism, q, u, t):
     """G (m, nv) by unit speeds, γ (m,), and the velocities (m,) that should be zero."""
     nv = coordinate_slices(mechanism)[2]
+    cases = [u, np.zeros(nv), *np.eye(nv)]
+    return _constraint_rows(mechanism, q, t, [(speeds, motions(mechanism, q, speeds, t=t)) for speeds in cases])
 
-    def velocities(speeds):
-        rows = constrained_velocities(
-            mechanism, motions(mechanism, q, speeds, t=t), coordinate_jets(mechanism, q, speeds, t), t
-        )
+
+def _constraint_rows(mechanism, q, t, cases):
+    """The same from the motions with the speeds at hand, without speeds, and with each unit speed."""
+
+    def velocities(speeds, moving):
+        rows = constrained_velocities(mechanism, moving, coordinate_jets(mechanism, q, speeds, t), t)
         return [np.concatenate([np.zeros(0), *(np.atleast_1d(row.d[place]) for row in rows)]) for place in (0, 1)]
 
-    value, rate = velocities(u)
-    at_rest = velocities(np.zeros(nv))[0]
-    gradient = np.array([velocities(direction)[0] - at_rest for direction in np.eye(nv)]).reshape(nv, len(at_rest)).T
+    (value, rate), (at_rest, _), *unit = (velocities(speeds, moving) for speeds, moving in cases)
+    gradient = np.array([velocity - at_rest for velocity, _ in unit]).reshape(len(unit), len(at_rest)).T
     return gradient, rate, value
 
 
