@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import add_mechanism
+from mbd_sim.cli.plot_options import add_show, shown_plots
 from mbd_sim.cli.setup_options import add_set, changed_mechanism
 
 if TYPE_CHECKING:
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from mbd_sim.kinematic_analysis import DrivenMotion
     from mbd_sim.mechanism.records import Mechanism
 
+CURVES = "positions", "velocities", "accelerations", "points", "transmission", "advantage", "efforts", "reactions"
 HELP = "move drives through ranges: positions, velocities, accelerations, dead points, loads"
 DESCRIPTION = (
     "Move the drives of a mechanism through their ranges and determine everything else from the constraints: "
@@ -77,12 +79,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, help="seed of the random samples (default 0)")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write a table: .csv, .parquet or .npz")
     parser.add_argument("--plot", type=Path, metavar="PICTURE", help="draw the motion: .png, .svg or .pdf")
+    add_show(parser, ("mechanism", *CURVES))
 
 
 def execute(options: argparse.Namespace) -> int:
     """Analyze the motion, print the report, and write the table and the picture."""
     from mbd_sim.kinematic_analysis import couplers_and_followers, drive_loads, driven_motion, motion_columns
     from mbd_sim.kinematic_analysis.driven_motion import POSITIONS
+    from mbd_sim.kinematic_analysis.motion_panels import require_groups
     from mbd_sim.kinematic_analysis.motion_picture import draw_motion, require_picture_suffix
     from mbd_sim.kinematic_analysis.motion_text import motion_text
     from mbd_sim.kinematic_analysis.prescribed_drives import drive_range, drive_speed, position_count
@@ -90,6 +94,8 @@ def execute(options: argparse.Namespace) -> int:
     from mbd_sim.playback.plot_files import require_suffix
     from mbd_sim.playback.table_export import SUFFIXES, require_packages_for, write_columns
 
+    show = shown_plots(options, options.plot)
+    require_groups(show)
     if options.plot is not None:
         require_picture_suffix(options.plot)
     if options.out is not None:
@@ -119,7 +125,7 @@ def execute(options: argparse.Namespace) -> int:
         about = {"mechanism": mechanism.name, "drives": ", ".join(options.drive), "speed": str(motion.speed)}
         write_columns(options.out, motion_columns(motion, options.point, pins, loads) | columns, about)
     if options.plot is not None:
-        draw_motion(options.plot, motion, options.point, pins, loads)
+        draw_motion(options.plot, motion, options.point, pins, loads, show=show)
     for path in (options.out, options.plot):
         if path is not None:
             print(f"wrote {path}")

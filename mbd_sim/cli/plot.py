@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from mbd_sim.cli.common import add_quiet, read_run_table
-from mbd_sim.cli.plot_options import add_plot_style, chosen_style
+from mbd_sim.cli.plot_options import add_plot_style, add_show, chosen_style, shown_plots
 from mbd_sim.cli.recorded_run import add_run, recorded_run
 
 HELP = "plot energies, joints, residual, measurements and phase portrait of a run"
@@ -19,12 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, required=True, metavar="FILE", help="file to write: .png, .svg, .pdf or .html"
     )
-    parser.add_argument(
-        "--show",
-        metavar="PANELS",
-        default="",
-        help="comma-separated list of energies, joints, residual, reactions, sensors, phase (default: all with data)",
-    )
+    add_show(parser)
     add_plot_style(parser)
     add_quiet(parser)
 
@@ -38,7 +33,7 @@ def execute(options: argparse.Namespace) -> int:
     require_suffix(options.out, PLOT_SUFFIXES)
     require_plot_packages(options.out)
     style = chosen_style(options, options.out)
-    names = [name.strip() for name in options.show.split(",") if name.strip()]
+    names = shown_plots(options, options.out)
     with recorded_run(options.recording, options, reactions="reactions" in names) as path:
         table = read_run_table(path, options.quiet, options.recording)
     chosen = panels(table, names)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from mbd_sim.errors import InputError
 if TYPE_CHECKING:
     from mbd_sim.playback.plot_style import PlotStyle
 
+RUN_PLOTS = "energies", "joints", "residual", "reactions", "sensors", "phase"
 STYLES, THEMES = ("screen", "slide", "paper"), ("light", "dark")
 
 
@@ -23,6 +25,27 @@ def add_plot_style(parser: argparse._ActionsContainer) -> None:
         "titles, with dashes) (default screen)",
     )
     parser.add_argument("--theme", choices=THEMES, help="ground of the plot (default light)")
+
+
+def add_show(parser: argparse._ActionsContainer, plots: Sequence[str] = RUN_PLOTS) -> None:
+    """Declare `--show`."""
+    parser.add_argument(
+        "--show",
+        metavar="PLOTS",
+        default="",
+        help=f"what to plot: a comma-separated list of {', '.join(plots)} (default: all with data)",
+    )
+
+
+def shown_plots(options: argparse.Namespace, path: Path | None) -> list[str]:
+    """The names that `--show` lists.
+
+    :raises InputError: names are given without a plot.
+    """
+    names = [name.strip() for name in options.show.split(",") if name.strip()]
+    if names and path is None:
+        raise InputError("--show: nothing is plotted", "Give --plot too.")
+    return names
 
 
 def chosen_style(options: argparse.Namespace, path: Path | None) -> PlotStyle:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import COUNT, ProgressBar, positive_number, print_undrawn_meshes, read_run_table
-from mbd_sim.cli.plot_options import add_plot_style, chosen_style
+from mbd_sim.cli.plot_options import add_plot_style, add_show, chosen_style, shown_plots
 
 if TYPE_CHECKING:
     from mbd_sim.geometry.pose import Pose
@@ -33,6 +33,7 @@ def add_outputs(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--plot", type=Path, metavar="FILE", help="plot energies, joints and residual: .png, .svg, .pdf or .html"
     )
+    add_show(group)
     add_plot_style(group)
     group.add_argument("--animate", type=Path, metavar="FILE", help="draw the motion: .gif, .webp, .mp4 or .html")
     group.add_argument(
@@ -89,14 +90,15 @@ class RunOutputs:
         """
         from mbd_sim.drawing import animation_file
         from mbd_sim.errors import InputError
-        from mbd_sim.playback import plot_files, table_export
+        from mbd_sim.playback import panels, plot_files, table_export
 
         self._options, self._frames = options, list[tuple[float, Mapping[str, "Pose"]]]()
         self.written: list[str] = []
         if options.out is not None:
             plot_files.require_suffix(options.out, (RECORDING, *table_export.SUFFIXES))
             table_export.require_packages_for(options.out)
-        self._style = chosen_style(options, options.plot)
+        self._style, self._shown = chosen_style(options, options.plot), shown_plots(options, options.plot)
+        panels.require_names(self._shown)
         if options.plot is not None:
             plot_files.require_suffix(options.plot, plot_files.PLOT_SUFFIXES)
             plot_files.require_plot_packages(options.plot)
@@ -175,7 +177,7 @@ class RunOutputs:
         return simulation.recording(
             path,
             rate=options.rate,
-            reactions=options.reactions,
+            reactions=options.reactions or "reactions" in self._shown,
             violation=options.violation,
             poses=poses,
             accelerations=accelerations,
@@ -200,7 +202,7 @@ class RunOutputs:
             columns = table_export.export(options.out, table)
             self.written.append(f"{options.out}: {len(table)} rows of {columns} columns")
         if options.plot is not None:
-            chosen = panels(table)
+            chosen = panels(table, self._shown)
             run_plots.draw(options.plot, table, chosen, self._style)
             titles = ", ".join(dict.fromkeys(panel.title.lower() for panel in chosen))
             self.written.append(f"{options.plot}: {titles}")

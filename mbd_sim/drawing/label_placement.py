@@ -51,7 +51,9 @@ def _hidden(low: Array, high: Array, lines: Array, weights: Array, placed: Seque
     near = np.flatnonzero(np.all((lines > low.min(axis=0)) & (lines < high.max(axis=0)), axis=1))
     (x, y), weights = lines[near].T, weights[near]
     inside = (x > low[:, :1]) & (x < high[:, :1]) & (y > low[:, 1:]) & (y < high[:, 1:])
-    covered = np.where(inside, weights, 0.0).sum(axis=1)  # the weights are halves: sums of them are exact in any order
+    covered: Array = np.where(inside, weights, 0.0).sum(
+        axis=1
+    )  # the weights are halves: sums of them are exact in any order
     for other in placed:
         overlap = np.minimum(high, other.box[1]) - np.maximum(low, other.box[0])
         covered += np.where(np.all(overlap > 0.0, axis=1), 60.0 + np.prod(overlap, axis=1), 0.0)

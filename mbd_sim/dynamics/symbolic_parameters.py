@@ -222,9 +222,10 @@ def _require_same_structure(base: EquationData, other: EquationData) -> None:
 
 def _leaves(record: Any, path: Path, symbolic: bool, found: list[tuple[Path, Any, bool]]) -> None:
     """Append to `found` the path and value of each leaf of nested records, and whether it can be a symbol."""
-    match _structure(type(record)):
+    kind: type = type(record)
+    match _structure(kind):
         case "record":
-            for name, can_be_symbolic in _read_fields(type(record)):
+            for name, can_be_symbolic in _read_fields(kind):
                 _leaves(getattr(record, name), (*path, name), can_be_symbolic, found)
         case "mapping":
             for key, value in record.items():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +21,10 @@ from mbd_sim.errors import InputError, MbdSimError
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.kinematic_analysis.drive_loads import DriveLoads
 from mbd_sim.kinematic_analysis.driven_motion import DrivenMotion
-from mbd_sim.kinematic_analysis.motion_table import grounded_outputs
+from mbd_sim.kinematic_analysis.motion_panels import DEGREES, MECHANISM, MotionPanel, motion_panels
 from mbd_sim.kinematic_analysis.point_motion import PointFunctions
 from mbd_sim.kinematic_analysis.prescribed_drives import is_rotation
-from mbd_sim.kinematic_analysis.transmission import CouplerAndFollower, TransmissionAngle
+from mbd_sim.kinematic_analysis.transmission import CouplerAndFollower
 from mbd_sim.packages import require_packages
 
 SUFFIXES = (".png", ".svg", ".pdf")
@@ -33,15 +32,6 @@ DRAWN = np.array([420.0, 330.0])  # pt, of the mechanism
 RESOLUTION = 180.0  # pixels per inch of the mechanism
 MARGIN = 14.0  # pt
 DOT = 2.4  # pt, radius of a target
-MOST_ADVANTAGE = 20.0  # that is drawn
-DEGREES = 180.0 / np.pi
-
-
-@dataclass(frozen=True, eq=False)
-class _Panel:
-    title: str
-    unit: str
-    lines: Mapping[str, Array]
 
 
 def require_picture_suffix(path: Path) -> None:
@@ -60,36 +50,49 @@ def draw_motion(
     pins: Sequence[CouplerAndFollower] = (),
     loads: DriveLoads | None = None,
     targets: Array | None = None,
+    show: Sequence[str] = (),
 ) -> None:
     """Draw the motion into a file.
 
+    :param show: what is drawn, of `motion_panels.GROUPS`; by default, everything for which there are data.
     :param targets: (k, 3) that the first point is to reach, drawn as dots; nan where a component does not matter. Rows
         are left out that leave open where the dot is.
-    :raises InputError: the file has another suffix.
+    :raises InputError: the file has another suffix, or a name of `show` is unknown or has no data.
     :raises MbdSimError: it cannot be written.
     """
     require_picture_suffix(path)
+    panels = motion_panels(motion, points, pins, loads, show)
     require_packages("matplotlib", purpose="A picture")
     from matplotlib.figure import Figure
 
-    panels = [*_motion_panels(motion, points), *_quality_panels(motion, pins), *_load_panels(motion, loads)]
-    rows = max((len(panels) + 3) // 2, 2)  # the mechanism takes two places
+    with_mechanism = MECHANISM in show or not show
+    places = _places(len(panels), with_mechanism)
+    rows = max(row for row, _ in places) + 1
     figure = Figure(figsize=(11.0, 2.7 * rows + 0.4), layout="constrained")
     grid = figure.add_gridspec(rows, 2)
-    picture = figure.add_subplot(grid[0:2, 0])
-    picture.imshow(_mechanism(motion, points, _dots(motion, points, targets)), interpolation="antialiased")
-    picture.set_axis_off()
+    if with_mechanism:
+        picture = figure.add_subplot(grid[0:2, 0])
+        picture.imshow(_mechanism(motion, points, _dots(motion, points, targets)), interpolation="antialiased")
+        picture.set_axis_off()
+        places = places[2:]
     figure.suptitle(motion.mechanism.name)
-    places = [grid[row, column] for row in range(rows) for column in range(2) if not (column == 0 and row < 2)]
-    for place, panel in zip(places[: len(panels)], panels, strict=True):
-        _draw_panel(figure.add_subplot(place), motion, panel)
+    for place, panel in zip(places, panels, strict=True):
+        _draw_panel(figure.add_subplot(grid[place]), motion, panel)
     try:
         figure.savefig(path, dpi=110)
     except (OSError, ValueError) as error:
         raise MbdSimError(f"{path} cannot be drawn: {error}") from error
 
 
-def _draw_panel(axes: Any, motion: DrivenMotion, panel: _Panel) -> None:
+def _places(panels: int, with_mechanism: bool) -> list[tuple[int, int]]:
+    """The rows and columns of a grid: two, one below the other, of the mechanism, then one of each panel."""
+    if not with_mechanism:
+        return [divmod(number, 2) for number in range(panels)]
+    beside = [(row, 1) for row in range(2)]
+    return [(0, 0), (1, 0), *beside[:panels], *(divmod(number, 2) for number in range(4, panels + 2))]
+
+
+def _draw_panel(axes: Any, motion: DrivenMotion, panel: MotionPanel) -> None:
     angle = is_rotation(motion.mechanism, motion.drive_name)
     x = motion.drive * (DEGREES if angle else 1.0)
     for name, values in panel.lines.items():
@@ -101,60 +104,14 @@ def _draw_panel(axes: Any, motion: DrivenMotion, panel: _Panel) -> None:
     axes.grid(alpha=0.25)
     if angle and np.ptp(x) > 120.0:
         axes.xaxis.set_major_locator(_multiples_of(30.0 if np.ptp(x) <= 240.0 else 60.0))
-    if len(panel.lines) > 1:
-        axes.legend(frameon=False, fontsize="small")
+    if len(panel.lines) > 1 or not any(name in panel.title for name in panel.lines):
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
 
 
 def _multiples_of(step: float) -> Any:
     from matplotlib.ticker import MultipleLocator
 
     return MultipleLocator(step)
-
-
-def _motion_panels(motion: DrivenMotion, points: Sequence[str]) -> list[_Panel]:
-    panels = []
-    for angle in (True, False):
-        names = [name for name in motion.outputs if motion.is_rotation(name) == angle]
-        if not names:
-            continue
-        rows = {name: motion.coordinate(name) for name in names}
-        unit = "rad" if angle else "m"
-        factor = DEGREES if angle else 1.0
-        panels += [
-            _Panel("Positions", "deg" if angle else "m", {name: row[0] * factor for name, row in rows.items()}),
-            _Panel("Velocities", f"{unit}/s", {name: row[1] for name, row in rows.items()}),
-            _Panel("Accelerations", f"{unit}/s²", {name: row[2] for name, row in rows.items()}),
-        ]
-    if points:
-        motions = {name: motion.point(name) for name in points}
-        speeds = {name: np.linalg.norm(one.velocity, axis=1) for name, one in motions.items()}
-        sizes = {name: np.linalg.norm(one.acceleration, axis=1) for name, one in motions.items()}
-        panels += [_Panel("Speeds of points", "m/s", speeds), _Panel("Accelerations of points", "m/s²", sizes)]
-    return panels
-
-
-def _quality_panels(motion: DrivenMotion, pins: Sequence[CouplerAndFollower]) -> list[_Panel]:
-    advantages = {}
-    for name in grounded_outputs(motion):
-        values = motion.advantage(name)
-        advantages[name] = np.where(np.abs(values) <= MOST_ADVANTAGE, values, np.nan)
-    advantage = _Panel(f"Mechanical advantage, up to {MOST_ADVANTAGE:g}", "", advantages)
-    if not pins:
-        return [advantage] if advantages else []
-    angles = {joints.pin: TransmissionAngle(motion.system, joints) for joints in pins}
-    lines = {name: DEGREES * np.array([angle(q) for q in motion.q]) for name, angle in angles.items()}
-    return [_Panel("Transmission angles", "deg", lines), advantage]
-
-
-def _load_panels(motion: DrivenMotion, loads: DriveLoads | None) -> list[_Panel]:
-    if loads is None:
-        return []
-    panels = [
-        _Panel(f"Effort of {name}", "N·m" if is_rotation(motion.mechanism, name) else "N", {name: effort})
-        for name, effort in loads.efforts.items()
-    ]
-    forces = {name: np.linalg.norm(one.force, axis=1) for name, one in loads.reactions.items()}
-    return [*panels, _Panel("Forces on joints", "N", forces)]
 
 
 def _dots(motion: DrivenMotion, points: Sequence[str], targets: Array | None) -> Array:

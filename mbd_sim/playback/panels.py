@@ -26,6 +26,12 @@ _ENERGY_COLORS = {
 _ALWAYS_SHOWN = ("kinetic", "potential", "total")
 TIME = "time (s)"
 _EFFORT_LABELS = {"rad": "torque (N·m)", "m": "force (N)", "": "effort (SI units)"}
+# Titles of the positions, velocities and efforts of a unit, and of the phase portrait, where there are several units.
+_TITLES = {
+    "rad": ("Angle", "Angular velocity", "Torque", "Phase portrait of rotations"),
+    "m": ("Displacement", "Velocity", "Force", "Phase portrait of displacements"),
+    "": ("Position", "Velocity of other coordinates", "Effort", "Phase portrait of other coordinates"),
+}
 _DARK: Color = (20, 24, 32)  # mixed with the colors of the scene so that they are visible on white
 
 
@@ -60,13 +66,22 @@ def panels(table: RunTable, names: Sequence[str] = ()) -> list[Panel]:
 
     :raises InputError: a name is unknown, or the recording has no data for it.
     """
+    require_names(names)
     for name in names:
-        if name not in _BUILDERS:
-            raise InputError(f"--show {name}: there is no such plot", nearest(name, _BUILDERS))
         if not list(_BUILDERS[name](table)):
             raise InputError(f"{table.path}: the recording contains no data for the plot '{name}'")
     found = [panel for name in names or _BUILDERS for panel in _BUILDERS[name](table)]
     return [replace(panel, lines=tuple(_with_gaps(line, table.resets) for line in panel.lines)) for panel in found]
+
+
+def require_names(names: Sequence[str]) -> None:
+    """Refuse names that are not those of groups of panels.
+
+    :raises InputError: there is no such group.
+    """
+    for name in names:
+        if name not in _BUILDERS:
+            raise InputError(f"--show {name}: there is no such plot", nearest(name, _BUILDERS))
 
 
 def _with_gaps(line: Line, rows: Sequence[int]) -> Line:
@@ -91,11 +106,17 @@ def _joints(table: RunTable) -> Iterator[Panel]:
         for unit in dict.fromkeys(table.units):
             lines = tuple(_joint_lines(table, values, unit))
             if lines:
-                yield Panel(title, TIME, _named(title.lower(), unit and unit + rate), lines)
+                yield Panel(_titled(title, table, unit), TIME, _named(title.lower(), unit and unit + rate), lines)
     for unit in dict.fromkeys(table.units):
         lines = tuple(line for line in _joint_lines(table, table.effort, unit) if np.any(line.y != 0.0))
         if lines:
-            yield Panel("Effort", TIME, _EFFORT_LABELS[unit], lines)
+            yield Panel(_titled("Effort", table, unit), TIME, _EFFORT_LABELS[unit], lines)
+
+
+def _titled(title: str, table: RunTable, unit: str) -> str:
+    """The title of a panel of joints; that of its unit where there are several units."""
+    generic = "Position", "Velocity", "Effort", "Phase portrait"
+    return title if len(set(table.units)) == 1 else _TITLES[unit][generic.index(title)]
 
 
 def _joint_lines(table: RunTable, values: Array, unit: str) -> Iterator[Line]:
@@ -113,7 +134,7 @@ def _phase_portraits(table: RunTable) -> Iterator[Panel]:
         )
         if lines:
             labels = _named("position", unit), _named("velocity", unit and f"{unit}/s")
-            yield Panel("Phase portrait", *labels, lines, over_time=False)
+            yield Panel(_titled("Phase portrait", table, unit), *labels, lines, over_time=False)
 
 
 def _residual(table: RunTable) -> Iterator[Panel]:

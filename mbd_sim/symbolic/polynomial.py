@@ -139,9 +139,9 @@ class Algebra:
             whole = tuple((key, int(value) if value.denominator == 1 else value) for key, value in terms)
             self._reductions[monomial] = whole, self.products - before
             return whole
-        terms, products = self._reductions[monomial]
+        known, products = self._reductions[monomial]
         self._count(products)
-        return terms
+        return known
 
     def _count(self, products: int) -> None:
         self.products += products

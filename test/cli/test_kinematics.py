@@ -12,7 +12,9 @@ from mbd_sim.cli.main import main
 def test_report_table_and_picture(tmp_path, capsys):
     table, picture = tmp_path / "motion.csv", tmp_path / "motion.png"
     words = ["--drive", "crank_pivot=0:360deg:37", "--speed", "60rpm", "--point", "coupler.tip", "--modes", "--loads"]
-    assert main(["kinematics", "four_bar", *words, "--out", str(table), "--plot", str(picture)]) == 0
+    assert (
+        main(["kinematics", "four_bar", *words, "--out", str(table), "--plot", str(picture), "--show", "efforts"]) == 0
+    )
     out = capsys.readouterr().out
     assert "Assembly modes      2 at crank_pivot = 0 deg" in out
     assert "crank_pivot from 0 deg to 360 deg, 37 positions, at 6.28319 rad/s" in out
@@ -61,6 +63,13 @@ def test_dead_points_are_marked(tmp_path, capsys, monkeypatch):
         (["--drive", "crank_pivot=0:1", "--point", "coupler.tap"], "Did you mean 'tip'"),
         (["--drive", "crank_pivot=0:1", "--plot", "x.csv"], "is not a picture"),
         (["--drive", "crank_pivot=0:1", "--out", "x.png"], "x.png"),
+        (["--drive", "crank_pivot=0:1", "--show", "positions"], "--show: nothing is plotted. Give --plot too."),
+        (
+            ["--drive", "crank_pivot=0:1", "--plot", "x.png", "--show", "torques"],
+            "--show torques: there is no such plot",
+        ),
+        (["--drive", "crank_pivot=0:1", "--plot", "x.png", "--show", "efforts"], "Give --loads too."),
+        (["--drive", "crank_pivot=0:1", "--plot", "x.png", "--show", "points"], "Name points with --point."),
     ],
 )
 def test_wrong_arguments(words, message, capsys):

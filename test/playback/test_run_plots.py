@@ -9,10 +9,11 @@ import pytest
 from matplotlib.image import imread
 
 from mbd_sim.cli.main import main
+from mbd_sim.cli.plot_options import RUN_PLOTS
 from mbd_sim.cli.plot_options import STYLES as STYLE_OPTIONS
 from mbd_sim.cli.plot_options import THEMES as THEME_OPTIONS
 from mbd_sim.errors import InputError
-from mbd_sim.playback.panels import panels
+from mbd_sim.playback.panels import panels, require_names
 from mbd_sim.playback.plot_style import STYLES, THEMES, plot_style
 from mbd_sim.playback.run_table import read_table
 from mbd_sim.recording.reader import open_recording
@@ -38,6 +39,24 @@ def test_panels_contain_the_table(recording):
         assert np.count_nonzero(~kept) == len(table.resets)
         np.testing.assert_array_equal(line.x[kept], table.position[:, row])
         np.testing.assert_array_equal(line.y[kept], table.velocity[:, row])
+
+
+def test_panels_of_rotations_and_displacements_have_different_titles(tmp_path):
+    recorded = record_run(tmp_path, "cart_pendulum_spring", seconds=0.1, seed=3, commands=2)
+    titles = [panel.title for panel in panels(read_table(open_recording(recorded)))]
+    assert len(titles) == len(set(titles))
+    assert {"Displacement", "Angle", "Velocity", "Angular velocity", "Phase portrait of rotations"} <= set(titles)
+
+
+def test_a_run_is_plotted_as_chosen(tmp_path, capsys):
+    path = tmp_path / "run.svg"
+    run = ["run", "double_rod", "--time", "0.1", "--quiet", "--plot", str(path)]
+    assert main([*run, "--show", "residual,reactions"]) == 0
+    assert f"{path}: energy residual, reaction force, reaction moment" in capsys.readouterr().out
+    assert main([*run, "--show", "reaction"]) == 1
+    assert "there is no such plot. Did you mean 'reactions'" in capsys.readouterr().err
+    assert main([*run[:-2], "--show", "residual"]) == 1
+    assert "--show: nothing is plotted. Give --plot too." in capsys.readouterr().err
 
 
 def test_a_picture_is_not_empty(recording, tmp_path):
@@ -110,3 +129,4 @@ def test_plots_without_data_are_reported(recording, tmp_path, capsys):
 
 def test_the_options_are_the_styles():
     assert tuple(STYLES) == STYLE_OPTIONS and THEMES == THEME_OPTIONS
+    require_names(RUN_PLOTS)
