@@ -24,6 +24,7 @@ from mbd_sim.optimization.parameter_inputs import ParameterInputs, parameter_inp
 from mbd_sim.symbolic.symbolic_values import with_forces_alone
 
 REFUSED = "cannot be given as CasADi functions"
+SMOOTH = "Remove them, or use smooth ones: stops and contacts with a 'stiffness', friction without 'sticking'."
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +203,7 @@ def casadi_functions(mechanism: Mechanism, parameters: Sequence[str] = ()) -> Ca
         a key does not exist, or cannot be an input.
     """
     require_no_commanded_drives(mechanism, REFUSED)
-    require_two_sided(mechanism, REFUSED)
+    require_two_sided(mechanism, REFUSED, SMOOTH)
     mechanism = with_forces_alone(mechanism)
     inputs = parameter_inputs(mechanism, parameters)
     equations = derive(mechanism, parameters=inputs.numbers)

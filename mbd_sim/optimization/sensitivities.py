@@ -92,6 +92,9 @@ class Sensitivities:
 class SensitivityModel:
     """A mechanism compiled for trajectories with derivatives; it can be run for any start, efforts and parameters.
 
+    `functions` are its equations, with the `start`, `efforts` and `values` of the file; `method` is the name of the
+    method of integration, and `step` its step in s.
+
     Start values and parameters are independent of each other: the start state is moved onto the constraints (in the
     metric of the mass matrix, as after each step), and where a length changes, it is moved onto those with this length.
     """
@@ -175,7 +178,12 @@ class SensitivityModel:
 
         :param results: increasing, from 0 on; the last one is the end.
         :param schedule: the efforts (ne,), each with the number of steps after which it acts, from 0 on.
+        :raises InputError: these numbers do not increase from 0, or see `run`.
+        :raises DivergedError: the state became infinite.
         """
+        for name, numbers in (("results", list(results)), ("schedule", [step for step, _ in schedule])):
+            if numbers[:1] != [0] or any(after <= before for before, after in pairwise(numbers)):
+                raise InputError(f"the steps of {name} do not increase from 0", "Give numbers of steps: 0, 10, 20.")
         x, by_x, by_p = self._kernel.consistent(t0, x0, parameters)
         t = t0 + self.step * np.array(results)
         x, dx = self._integrated(t0, (x, by_x, by_p), schedule, parameters, results)

@@ -114,8 +114,9 @@ def test_outputs_alone_determine_parameters():
     assert found.estimates["density"].value == pytest.approx(1.0, rel=1e-9)
 
 
-def test_orientations_are_compared_by_rotations():
+def test_orientations_are_compared_by_rotations(monkeypatch):
     """The height of the mass of a top, from quaternions with noise of 2 mrad about each axis, of any sign and length."""
+    share_models(monkeypatch)
     mechanism, random = load_mechanism("spherical_top"), np.random.default_rng(5)
     sim = Simulation(mechanism, step=STEP)
     states = [np.concatenate([sim.q, sim.u])]
@@ -152,7 +153,8 @@ def test_parameters_that_the_motion_does_not_tell_apart_are_refused():
         identify(load_mechanism("rod_pendulum"), free, ["m", "l"])
 
 
-def test_what_does_not_fit_is_refused():
+def test_what_does_not_fit_is_refused(monkeypatch):
+    share_models(monkeypatch)
     run = run_of("rod_pendulum", 20, [0.5, 0.0])
     with pytest.raises(InputError, match=r"\(n \+ 1, 4\)"):
         identify(load_mechanism("double_rod"), run, ["m"])
