@@ -7,9 +7,10 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
-from mbd_sim.dynamics.evaluation import evaluated
+from mbd_sim.dynamics.evaluation import evaluated, evaluated_for_all
 from mbd_sim.dynamics.kinematics import normalized_quaternions
 from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.geometry.pose import Array
@@ -60,6 +61,53 @@ class ConstraintFunctions:
     def holonomic(self) -> Array:
         """Which of the rows (m,) are holonomic."""
         return self._traced.holonomic
+
+
+class ManyConstraints:
+    """The constraints at t = 0 of many variants, with `values` (k, n) of the symbolic parameters.
+
+    Each function takes rows of numbers and the indices (n,) of the variants to which they belong.
+    """
+
+    def __init__(self, constraints: ConstraintFunctions, values: Array) -> None:
+        self._traced, self._values = constraints._traced, values
+        self.size, self.holonomic = constraints.size, constraints.holonomic
+
+    def position(self, q: Array, which: NDArray[np.intp]) -> Array:
+        """The positions Φ (n, m), of the coordinates of all variants (k, nq) or of some (n, nq)."""
+        return self._rows(self._traced.position, _of(q, which), which)
+
+    def gradient(self, q: Array, which: NDArray[np.intp]) -> Array:
+        """The constraint matrices G (n, m, nv)."""
+        return self._matrices(self._traced.gradient, q, which)
+
+    def drift(self, q: Array, which: NDArray[np.intp]) -> Array:
+        """The drifts b (n, m)."""
+        return self._rows(self._traced.drift, _of(q, which), which)
+
+    def mass_matrix(self, q: Array, which: NDArray[np.intp]) -> Array:
+        """The mass matrices M (n, nv, nv)."""
+        return self._matrices(self._traced.mass_matrix, q, which)
+
+    def branch_checks(self, q: Array, which: NDArray[np.intp]) -> Array:
+        """Numbers (n, c), see `ConstraintFunctions.branch_checks`."""
+        return self._rows(self._traced.branch_checks, _of(q, which), which)
+
+    def displaced(self, q: Array, displacements: Array, which: NDArray[np.intp]) -> Array:
+        """The coordinates (n, nq) after displacements (n, nv)."""
+        return evaluated_for_all(self._traced.displaced, q, displacements, self._values[which])
+
+    def _rows(self, function: ca.Function, q: Array, which: NDArray[np.intp]) -> Array:
+        return evaluated_for_all(function, np.zeros((len(which), 1)), q, self._values[which])
+
+    def _matrices(self, function: ca.Function, q: Array, which: NDArray[np.intp]) -> Array:
+        rows, columns = function.size_out(0)
+        flat = self._rows(function, _of(q, which), which).reshape(len(which), columns, rows)
+        return np.ascontiguousarray(flat.swapaxes(1, 2))
+
+
+def _of(q: Array, which: NDArray[np.intp]) -> Array:
+    return q if len(q) == len(which) else q[which]
 
 
 def constraint_functions(traced: TracedMechanism, constraints: ConstraintEquations) -> ConstraintFunctions:

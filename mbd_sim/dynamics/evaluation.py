@@ -52,3 +52,23 @@ def all_evaluated(function: ca.Function, *arguments: float | Array) -> list[Arra
 def evaluated(function: ca.Function, *arguments: float | Array) -> Array:
     """The first of the results, see `all_evaluated`."""
     return all_evaluated(function, *arguments)[0]
+
+
+GROUP = 64  # rows that are evaluated in one call
+
+
+def evaluated_for_all(function: ca.Function, *arguments: Array) -> Array:
+    """The first result (k, n) of a function for each of k rows (k, …) of its arguments, column by column.
+
+    CasADi's map evaluates the function for one row after the other, so that each gets the bits of a call of its own.
+    """
+    count, size = len(arguments[0]), function.nnz_out(0)
+    padding = -count % GROUP
+    padded = [np.concatenate([rows, np.repeat(rows[-1:], padding, axis=0)]) for rows in arguments]
+    mapped = function.map(GROUP)
+    groups = [
+        all_evaluated(mapped, *(np.ascontiguousarray(rows[first : first + GROUP]) for rows in padded))[0]
+        for first in range(0, count, GROUP)
+    ]
+    flat = [np.ascontiguousarray(group.T).reshape(GROUP, size) for group in groups]
+    return np.concatenate([np.zeros((0, size)), *flat])[:count]

@@ -32,6 +32,7 @@ from mbd_sim.dynamics.constraint_functions import ConstraintFunctions, constrain
 from mbd_sim.dynamics.constraint_rows import ConstraintRow
 from mbd_sim.dynamics.coordinate_layout import CoordinateLayout
 from mbd_sim.dynamics.tracing import TracedMechanism
+from mbd_sim.geometry.batch import of_all
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.constraints import expressions_of
 from mbd_sim.mechanism.drives import commanded_drives
@@ -118,12 +119,18 @@ def _doubtful_loops(assembly: Assembly) -> list[str]:
 
 def given_start(mechanism: Mechanism, layout: CoordinateLayout) -> tuple[Array, Array]:
     """The start coordinates q (nq,) and speeds u (nv,) of the file."""
-    q, u = np.zeros(layout.nq), np.zeros(layout.nv)
+    q, u = given_starts(mechanism, layout, 1)
+    return q[0], u[0]
+
+
+def given_starts(mechanism: Mechanism, layout: CoordinateLayout, count: int) -> tuple[Array, Array]:
+    """The same, (count, nq) and (count, nv), of variants of a mechanism whose numbers are batches."""
+    q, u = np.zeros((count, layout.nq)), np.zeros((count, layout.nv))
     for name, joint in mechanism.joints.items():
-        q[layout.q[name]] = joint.position
-        u[layout.u[name]] = joint.velocity
+        q[:, layout.q[name]] = of_all(joint.position, count)
+        u[:, layout.u[name]] = of_all(joint.velocity, count)
     for name, drive in commanded_drives(mechanism).items():
-        q[layout.drives[name].start] = drive.start
+        q[:, layout.drives[name].start] = of_all(drive.start, count)
     return q, u
 
 

@@ -94,7 +94,7 @@ def _inertia_of_springs(mechanism: Mechanism, part: str, X_LB: Pose) -> Array:
         for end in (spring.first, spring.second):
             if spring.mass and end.part == part:
                 point = _cleaned(X_LB.position + X_LB.rotation @ end.point)
-                total += inertia_matrix(spring.mass / 3.0, point, np.zeros((3, 3)))
+                total = total + inertia_matrix(spring.mass / 3.0, point, np.zeros((3, 3)))
     return total
 
 

@@ -8,6 +8,7 @@ numbers by symbols.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.dynamics.links import Link, build_links
+from mbd_sim.geometry.batch import Batch, of_all
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism import constraints as c
 from mbd_sim.mechanism.actuators import Actuator, DcMotor, EffortMotor, Servo
@@ -165,21 +167,39 @@ class SymbolicParameters:
 
 def equation_data(mechanism: Mechanism) -> EquationData:
     """Read everything that the equations of a mechanism depend on."""
+    paths, free, fixed = _read(mechanism)
+    return EquationData(paths, np.concatenate([np.zeros(0), *free]), fixed)
+
+
+def equation_data_of_variants(mechanism: Mechanism, valid: NDArray[np.bool_]) -> list[EquationData]:
+    """The same for each of the k variants of a mechanism whose numbers are batches.
+
+    :param valid: (k,) of these batches; variants that differ in data that cannot be symbols are marked.
+    """
+    paths, free, fixed = _read(mechanism)
+    for path, leaf in fixed.items():
+        if isinstance(leaf, Batch):
+            leaf.require(np.all((leaf.values == leaf.values[0]).reshape(len(valid), -1), axis=1))
+            fixed[path] = leaf.values[0] if leaf.shape else leaf.values[0].item()
+    columns = [of_all(leaf, len(valid)).reshape(len(valid), -1) for leaf in free]
+    return [EquationData(paths, row, fixed) for row in np.concatenate([np.zeros((len(valid), 0)), *columns], axis=1)]
+
+
+def _read(mechanism: Mechanism) -> tuple[tuple[Path, ...], list[Any], dict[Path, Any]]:
+    """The paths of the numbers that can be symbols, arrays (n,) or batches of these numbers, and the rest by path."""
     paths: list[Path] = []
-    free: list[float] = []
+    free: list[Any] = []
     fixed: dict[Path, Any] = {}
     leaves: list[tuple[Path, Any, bool]] = []
     _leaves((mechanism, tuple(build_links(mechanism))), (), False, leaves)
     for path, leaf, symbolic in leaves:
         if not symbolic:
             fixed[path] = leaf
-        elif isinstance(leaf, np.ndarray):
-            paths += [(*path, index) for index in range(leaf.size)]
-            free += leaf.ravel().tolist()
         else:
-            paths.append(path)
-            free.append(float(leaf))
-    return EquationData(tuple(paths), np.array(free), fixed)
+            is_array = isinstance(leaf, np.ndarray) or (isinstance(leaf, Batch) and leaf.shape)
+            paths += [(*path, index) for index in range(math.prod(leaf.shape))] if is_array else [path]
+            free.append(leaf if isinstance(leaf, Batch) else np.ravel(leaf).astype(float))
+    return tuple(paths), free, fixed
 
 
 def varying_parameters(base: EquationData, others: Sequence[EquationData]) -> SymbolicParameters:
@@ -213,6 +233,8 @@ def with_symbols(mechanism: Mechanism, parameters: SymbolicParameters) -> tuple[
 
 
 def _require_same_structure(base: EquationData, other: EquationData) -> None:
+    if other.paths is base.paths and other.fixed is base.fixed:
+        return
     if other.paths != base.paths:
         raise StructureError("it has different parts, joints or forces")
     for path, leaf in other.fixed.items():
@@ -250,7 +272,7 @@ def _structure(kind: type) -> Literal["record", "mapping", "sequence", "number",
         return "mapping"
     if issubclass(kind, tuple | list):
         return "sequence"
-    return "number" if issubclass(kind, float | int | np.ndarray) else "constant"
+    return "number" if issubclass(kind, float | int | np.ndarray | Batch) else "constant"
 
 
 @cache

@@ -7,19 +7,22 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mbd_sim.geometry.batch import array, per_variant, uniform
 from mbd_sim.geometry.pose import Array
 
 
 def skew(v: Array) -> Array:
     """The matrix (3, 3) of the cross product: `skew(v) @ w` is v × w."""
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    skewed: Array = array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    return skewed
 
 
 def unit(v: Sequence[float] | Array) -> Array:
     """The vector scaled to length 1; very long and very short vectors do not overflow."""
-    array = np.array(v, dtype=float)
-    array /= np.max(np.abs(array))
-    return array / math.sqrt(float(array @ array))
+    scaled = array(v)
+    scaled = scaled / np.max(np.abs(scaled))
+    found: Array = uniform(scaled / np.sqrt(scaled @ scaled))
+    return found
 
 
 def unit_or_zero(v: Array) -> Array:
@@ -28,6 +31,7 @@ def unit_or_zero(v: Array) -> Array:
     return v / length if length > 1e-12 else np.zeros_like(v)
 
 
+@per_variant
 def about(axis: Array, angle: float) -> Array:
     """The rotation matrix (3, 3) about a unit `axis` by `angle` in rad (Rodrigues' formula)."""
     k = skew(axis)
@@ -35,6 +39,7 @@ def about(axis: Array, angle: float) -> Array:
     return rotation
 
 
+@per_variant
 def from_quaternion(quaternion: Array) -> Array:
     """The rotation matrix (3, 3) of a unit quaternion (w, x, y, z)."""
     w, v = quaternion[0], quaternion[1:]
@@ -43,6 +48,7 @@ def from_quaternion(quaternion: Array) -> Array:
     return rotation
 
 
+@per_variant
 def to_quaternion(rotation: Array) -> Array:
     """The unit quaternion (w, x, y, z) with w ≥ 0 of a rotation matrix (3, 3) (Shepperd's method)."""
     r = rotation
@@ -104,6 +110,7 @@ def quaternions(matrices: Array) -> Array:
     return chosen
 
 
+@per_variant
 def aligning_z(axis: Array) -> Array:
     """A rotation matrix (3, 3) that maps z to the unit `axis`; its entries are exact for coordinate axes."""
     if np.count_nonzero(axis) == 1:
@@ -118,6 +125,7 @@ def aligning_z(axis: Array) -> Array:
     return np.column_stack([x, np.cross(axis, x), axis])
 
 
+@per_variant
 def from_rpy(roll: float, pitch: float, yaw: float) -> Array:
     """The matrix (3, 3) of rotations about fixed x by roll, fixed y by pitch, fixed z by yaw, in rad, as in URDF."""
     x, y, z = np.eye(3)

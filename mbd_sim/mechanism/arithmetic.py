@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from mbd_sim.geometry.batch import per_variant
+
 CONSTANTS: dict[str, float] = {"pi": math.pi, "e": math.e}
 HIDEABLE = "e"  # may be the name of a parameter as well, by tradition a coefficient of restitution
 FUNCTIONS: dict[str, tuple[int, Callable[..., float]]] = {
@@ -57,8 +59,8 @@ FORM: Arithmetic = Arithmetic(  # in which every function and every table has th
     look_up=lambda *_: 1.0,
 )
 NUMBERS: Arithmetic = Arithmetic(
-    FUNCTIONS,
-    power=math.pow,
+    {name: (count, per_variant(function)) for name, (count, function) in FUNCTIONS.items()},
+    power=per_variant(math.pow),
     divide=lambda a, b: a / b,
     where=_branch_taken,
     look_up=lambda table, *at: table.at(*at),

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import ast
 import functools
-import math
 import re
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import chain, pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from mbd_sim.errors import InputError, nearest, quoted
+from mbd_sim.geometry.batch import Batch, is_finite
 from mbd_sim.mechanism.arithmetic import ARGUMENTS, CALLABLE, CONSTANTS, FORM, NUMBERS, TABLE, WHERE, Arithmetic
 
 if TYPE_CHECKING:
@@ -128,7 +128,8 @@ def evaluate(text: str, names: Mapping[str, float], tables: Mapping[str, Table] 
     :raises InputError: not arithmetic, an unknown name, or no finite value.
     """
     try:
-        value = float(evaluate_with(text, names, NUMBERS, tables))
+        value = evaluate_with(text, names, NUMBERS, tables)
+        value = value if isinstance(value, Batch) else float(value)
     except ZeroDivisionError as error:
         raise InputError("division by zero", "Check the divisor.") from error
     except InputError:
@@ -137,9 +138,9 @@ def evaluate(text: str, names: Mapping[str, float], tables: Mapping[str, Table] 
         raise InputError("has no finite value", _OUT_OF_RANGE) from error
     except RecursionError as error:
         raise InputError("is nested too deeply", "Split it into parameters.") from error
-    if not math.isfinite(value):
+    if not is_finite(value):
         raise InputError("has no finite value", _OUT_OF_RANGE)
-    return value
+    return cast(float, value)
 
 
 def require_valid(text: str, names: Iterable[str], tables: Mapping[str, Table]) -> None:

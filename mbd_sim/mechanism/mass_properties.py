@@ -6,7 +6,6 @@ are I_xy = -∫ x y dm.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,6 +13,7 @@ import numpy as np
 
 from mbd_sim.errors import InputError
 from mbd_sim.geometry import rotation as rot
+from mbd_sim.geometry.batch import fsum
 from mbd_sim.geometry.pose import Array, Pose
 
 
@@ -47,8 +47,8 @@ def composite(bodies: Sequence[MassProperties]) -> MassProperties:
     """
     if not any(body.mass for body in bodies):
         return MassProperties(0.0, np.zeros(3), np.zeros((3, 3)))
-    mass = math.fsum(body.mass for body in bodies)
-    if mass <= 1e-12 * math.fsum(abs(body.mass) for body in bodies):
+    mass = fsum([body.mass for body in bodies])
+    if mass <= 1e-12 * fsum([abs(body.mass) for body in bodies]):
         raise InputError(f"the holes remove all the mass: {mass:g} kg is left", "Make them smaller or lighter.")
     center = sum((body.mass * body.center for body in bodies), np.zeros(3)) / mass
     inertia = sum((body.about(center) for body in bodies), np.zeros((3, 3)))
@@ -60,11 +60,12 @@ def inertia_defect(inertia: Array) -> str | None:
     if not np.all(np.isfinite(inertia)):
         return None  # the parameters that cause this are reported
     moments = np.linalg.eigvalsh(inertia)
-    slack = 1e-9 * max(float(np.max(np.abs(moments))), 1e-300)
-    text = ", ".join(f"{moment:.6g}" for moment in moments)
+    slack = 1e-9 * max(np.max(np.abs(moments)), 1e-300)
+    defect = None
     if moments[0] < -slack:
-        return f"has a negative principal moment (principal moments {text} kg·m²)"
-    if moments[0] + moments[1] < moments[2] - slack:
-        excess = "the largest principal moment exceeds the sum of the others"
-        return f"violates the triangle inequality: {excess} (principal moments {text} kg·m²)"
-    return None
+        defect = "has a negative principal moment"
+    elif moments[0] + moments[1] < moments[2] - slack:
+        defect = "violates the triangle inequality: the largest principal moment exceeds the sum of the others"
+    if defect is None:
+        return None
+    return f"{defect} (principal moments {', '.join(f'{moment:.6g}' for moment in moments)} kg·m²)"

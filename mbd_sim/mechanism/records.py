@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
+from mbd_sim.geometry.batch import array
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.expression import TimeExpression
@@ -270,4 +271,5 @@ class Mechanism:
             for joint in self.joints.values()
             for _ in joint.coordinate_names
         ]
-        return np.array(limits, dtype=float)
+        found: Array = array(limits)
+        return found

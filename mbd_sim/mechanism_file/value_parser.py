@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Mapping
+from typing import cast
 
 from mbd_sim.errors import InputError, quoted
+from mbd_sim.geometry.batch import Batch, is_finite
 from mbd_sim.mechanism.expression import MAX_LENGTH, evaluate
 from mbd_sim.mechanism_file.units import factor, si_factor
 
@@ -56,7 +57,7 @@ def parse_value(
     """
     if value is None:
         raise InputError("has no value", "Give it a value.")
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
+    if isinstance(value, bool) or not isinstance(value, int | float | str | Batch):
         raise InputError("must be a number", "Write for example 0.5, 30 deg, or l/2.")
     if isinstance(value, str):
         expression, unit = split_unit(value)
@@ -64,8 +65,8 @@ def parse_value(
         if unit:
             number *= _factor(expression, unit, names, si_unit)
     else:
-        number = float(value)
-    if not math.isfinite(number):
+        number = cast(float, value) if isinstance(value, Batch) else float(value)
+    if not is_finite(number):
         raise InputError("must be finite", "Write a number such as 0.5 or 1e6.")
     return number
 

@@ -164,8 +164,9 @@ class Ensemble(EnsembleReadings):
             for y, values in zip(states, inputs[:, self._value_inputs], strict=True):
                 self.model.normalize(y)
                 self.model.project(y, values)
-        for member, y, row in zip(members.tolist(), states, inputs, strict=True):
-            self.model.hold_start(y, row, self._variants.mechanism_of(member))
+        if self.mechanism.commanded:
+            for member, y, row in zip(members.tolist(), states, inputs, strict=True):
+                self.model.hold_start(y, row, self._variants.mechanism_of(member))
         energies = [self.model.energies(0.0, y, 0.0, row).total for y, row in zip(states, inputs, strict=True)]
         settle_members(self.model, self._contacts, members, states, inputs)
         return states, inputs, np.array(energies)

@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from mbd_sim.dynamics.assembly_of_many import start_many
 from mbd_sim.dynamics.cam_check import require_followable_cams
+from mbd_sim.dynamics.constraint_functions import ManyConstraints
 from mbd_sim.dynamics.initial_conditions import start_like
 from mbd_sim.dynamics.symbolic_parameters import (
-    EquationData,
     StructureError,
     SymbolicParameters,
-    equation_data,
     varying_parameters,
 )
 from mbd_sim.errors import MechanismError, Problem
@@ -20,12 +20,13 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.simulation.compiled_model import Model
+from mbd_sim.simulation.variant_batch import FEWEST, build_at_once, first_middle_last, numbers_of
 
 Change = Mapping[str, float | str]
 
 
 class Variants:
-    """One mechanism for each change; members with equal changes share it.
+    """One mechanism for each change, built when it is needed; members with equal changes share it.
 
     `values` are the numbers in which the equations of the variants differ.
     """
@@ -35,25 +36,22 @@ class Variants:
 
         :raises MechanismError: a change does not fit, or the equations differ by more than values.
         """
-        base = equation_data(mechanism)
-        self._mechanisms: list[Mechanism] = []
-        self._numbers: list[EquationData] = []
+        self._mechanism = mechanism
+        self._mechanisms: dict[int, Mechanism] = {}  # those that have been built
         self._variant_of: list[int] = []  # for each member
         known: dict[tuple[tuple[str, float | str], ...], int] = {}
-        for member, change in enumerate(changes):
+        self._changes: list[Change] = []
+        for change in changes:
             key = tuple(sorted(change.items()))
             if key not in known:
-                known[key] = len(self._mechanisms)
-                try:
-                    variant = with_values(mechanism, change) if change else mechanism
-                    require_followable_cams(variant)
-                except MechanismError as error:
-                    raise _of_member(member, error) from error
-                self._mechanisms.append(variant)
-                self._numbers.append(equation_data(variant) if change else base)
+                known[key] = len(known)
+                self._changes.append(change)
             self._variant_of.append(known[key])
+        at_once = build_at_once(mechanism, self._changes, self._built)
+        self._numbers = [at_once[number] or numbers_of(self._built(number)) for number in range(len(self._changes))]
         try:
-            self.values: SymbolicParameters = varying_parameters(self._numbers[0], self._numbers)
+            data = [numbers.data for numbers in self._numbers]
+            self.values: SymbolicParameters = varying_parameters(data[0], data)
         except StructureError as error:
             message = f"the members cannot share one set of equations: {error}"
             raise MechanismError([Problem(message, "Build a separate ensemble for each such value.")]) from error
@@ -61,32 +59,68 @@ class Variants:
     @property
     def first(self) -> Mechanism:
         """The mechanism of the first member."""
-        return self._mechanisms[0]
+        return self._built(0)
 
     def mechanism_of(self, member: int) -> Mechanism:
         """The mechanism with the values of a member."""
-        return self._mechanisms[self._variant_of[member]]
+        return self._built(self._variant_of[member])
+
+    def _built(self, number: int) -> Mechanism:
+        """A variant by its number, which is built when it is first needed.
+
+        :raises MechanismError: its change does not fit.
+        """
+        if number not in self._mechanisms:
+            change = self._changes[number]
+            try:
+                variant = with_values(self._mechanism, change) if change else self._mechanism
+                require_followable_cams(variant)
+            except MechanismError as error:
+                raise _of_member(self._variant_of.index(number), error) from error
+            self._mechanisms[number] = variant
+        return self._mechanisms[number]
 
     def starts(self, model: Model) -> tuple[Array, Array]:
         """The start states (k, n) and the values (k, m) of the k members.
 
         :raises MechanismError: the loops of a member cannot be closed.
         """
-        equations, states, rows = model.equations, [], []
-        for number, (mechanism, numbers) in enumerate(zip(self._mechanisms, self._numbers, strict=True)):
-            values = self.values.values_in(numbers)
-            constraints = equations.constraints.with_values(values)
-            try:
-                q, u = start_like(mechanism, model.layout, constraints, equations.rows)
-            except MechanismError as error:
-                raise _of_member(self._variant_of.index(number), error) from error
-            states.append(np.concatenate([q, u, np.zeros(len(model.start) - len(q) - len(u))]))
-            rows.append(values)
-        return np.array(states)[self._variant_of], np.array(rows)[self._variant_of]
+        q, u = (np.array([getattr(numbers, name) for numbers in self._numbers]) for name in ("q", "u"))
+        values = np.array([self.values.values_in(numbers.data) for numbers in self._numbers])
+        if model.equations.rows:
+            self._assemble(model, q, u, values)
+        states = np.zeros((len(q), len(model.start)))
+        states[:, model.q_range], states[:, model.u_range] = q, u
+        return states[self._variant_of], values[self._variant_of]
+
+    def _assemble(self, model: Model, q: Array, u: Array, values: Array) -> None:
+        """Close the loops of all variants, in place."""
+        constraints, joints = ManyConstraints(model.equations.constraints, values), self.first.joints.values()
+        waiting = np.ones(len(q), dtype=bool)
+        if len(q) >= FEWEST:
+            fixed_q = np.array([flag for joint in joints for flag in joint.fixed_in_assembly], dtype=bool)
+            fixed_u = np.array([flag for joint in joints for flag in joint.fixed_speeds], dtype=bool)
+            found = start_many(constraints, q, u, fixed_q, fixed_u)
+            done = np.flatnonzero(found.assembled)
+            for number in first_middle_last(done):
+                alone = self._start(model, number, values[number])
+                if not (np.array_equal(found.q[number], alone[0]) and np.array_equal(found.u[number], alone[1])):
+                    done = done[:0]
+            q[done], u[done], waiting[done] = found.q[done], found.u[done], False
+        for number in np.flatnonzero(waiting).tolist():
+            q[number], u[number] = self._start(model, number, values[number])
+
+    def _start(self, model: Model, number: int, values: Array) -> tuple[Array, Array]:
+        """The start of a variant that is assembled by itself."""
+        constraints, rows = model.equations.constraints.with_values(values), model.equations.rows
+        try:
+            return start_like(self._built(number), model.layout, constraints, rows)
+        except MechanismError as error:
+            raise _of_member(self._variant_of.index(number), error) from error
 
     def effort_limits(self) -> Array:
         """The largest absolute effort (k, nv) of each degree of freedom, in N or N·m."""
-        return np.array([mechanism.effort_limits() for mechanism in self._mechanisms])[self._variant_of]
+        return np.array([numbers.effort_limits for numbers in self._numbers])[self._variant_of]
 
 
 def _of_member(member: int, error: MechanismError) -> MechanismError:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from mbd_sim.errors import InputError, Problem
+from mbd_sim.geometry.batch import array
 from mbd_sim.geometry.pose import Pose
 from mbd_sim.mechanism.attachments import PointsByPart, resolve_reference
 from mbd_sim.mechanism.records import Attachment
@@ -52,4 +51,4 @@ class BuildContext:
 def attachment(frame: tuple[str, Pose]) -> Attachment:
     """The origin of a frame of a part."""
     part, pose = frame
-    return Attachment(part, np.array(pose.position))
+    return Attachment(part, array(pose.position))

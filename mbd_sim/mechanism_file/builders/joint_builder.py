@@ -8,6 +8,7 @@ from typing import Any, assert_never
 import numpy as np
 
 from mbd_sim.geometry import rotation as rot
+from mbd_sim.geometry.batch import array
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.expression import TimeExpression
@@ -89,9 +90,7 @@ def joint_bushing(joint: Joint, spec: schema.AnyJointSpec) -> Bushing | None:
             rest = Pose(np.zeros(3), rotation_matrix(rotation))
             stiffness = np.concatenate([np.zeros(3), _per_coordinate(spec, "stiffness", 3)])
         case schema.FreeJointSpec(rest=pose):
-            rest = (
-                Pose(np.zeros(3), np.eye(3)) if pose is None else Pose(np.array(pose.at), rotation_matrix(pose.rotate))
-            )
+            rest = Pose(np.zeros(3), np.eye(3)) if pose is None else Pose(array(pose.at), rotation_matrix(pose.rotate))
             stiffness = _per_coordinate(spec, "stiffness", 6)
         case _:
             return None
@@ -147,12 +146,12 @@ def _start_values(spec: schema.AnyJointSpec) -> tuple[Array, Array]:
         case schema.FixedJointSpec():
             return np.zeros(0), np.zeros(0)
         case schema.SphericalJointSpec():
-            return _quaternion(spec.orientation), np.array(spec.angular_velocity)
+            return _quaternion(spec.orientation), array(spec.angular_velocity)
         case schema.FreeJointSpec():
-            position = np.concatenate([np.array(spec.position), _quaternion(spec.orientation)])
-            return position, np.array([*spec.velocity, *spec.angular_velocity])
+            position = np.concatenate([array(spec.position), _quaternion(spec.orientation)])
+            return position, array([*spec.velocity, *spec.angular_velocity])
         case _:
-            return np.atleast_1d(np.array(spec.position)), np.atleast_1d(np.array(spec.velocity))
+            return _listed(spec.position), _listed(spec.velocity)
 
 
 def _is_given(spec: schema.AnyJointSpec, nv: int, linear: str, angular: str) -> tuple[bool, ...]:
@@ -169,7 +168,14 @@ def _quaternion(orientation: RotationSpec | None) -> Array:
 
 def _per_coordinate(spec: schema.AnyJointSpec, key: str, nv: int) -> Array:
     """A value for each degree of freedom: from a list, from one number for all, or 0."""
-    return np.array(np.broadcast_to(np.array(getattr(spec, key, 0.0), dtype=float), (nv,)))
+    value = getattr(spec, key, 0.0)
+    return _listed(value if isinstance(value, tuple) else (value,) * nv)
+
+
+def _listed(value: Any) -> Array:
+    """An array (n,) of n numbers, or of one."""
+    listed: Array = array(value if isinstance(value, tuple) else (value,))
+    return listed
 
 
 def _drive(name: str, drive: Any) -> tuple[TimeExpression, ...] | CommandedDrive:

@@ -6,9 +6,8 @@ import dataclasses
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from types import MappingProxyType
 
-import numpy as np
-
 from mbd_sim.errors import MechanismError, Problem
+from mbd_sim.geometry.batch import array
 from mbd_sim.geometry.pose import Pose
 from mbd_sim.mechanism.actuators import Actuator
 from mbd_sim.mechanism.attachments import PointsByPart
@@ -80,7 +79,7 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         closing={name: joints[name] for name in tree.closing},
         tree=tree.joints,
         ground_points=elements.ground_points,
-        gravity=np.array(file.gravity),
+        gravity=array(file.gravity),
         method=file.integrator.method,
         step=file.integrator.step,
         rest_speed=file.integrator.rest_speed,

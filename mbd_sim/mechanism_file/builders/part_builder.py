@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from mbd_sim.errors import InputError, Problem
+from mbd_sim.geometry.batch import array
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.mass_properties import MassProperties, inertia_defect
 from mbd_sim.mechanism.records import Mesh, Part
@@ -35,7 +36,7 @@ def build_part(name: str, spec: file_schema.PartSpec, source: Source, problems: 
         points=point_poses(spec.points),
         shapes=tuple(shape_builder.build_shape(shape) for shape in shapes),
         meshes=tuple(
-            Mesh(mesh.file, Pose(np.array(mesh.at), rotation_matrix(mesh.rotate)), mesh.scale, mesh.color)
+            Mesh(mesh.file, Pose(array(mesh.at), rotation_matrix(mesh.rotate)), mesh.scale, mesh.color)
             for mesh in spec.meshes
         ),
     )
@@ -44,9 +45,9 @@ def build_part(name: str, spec: file_schema.PartSpec, source: Source, problems: 
 def point_poses(points: Mapping[str, Any]) -> dict[str, Pose]:
     """The poses of named points in the frame of their part."""
     return {
-        name: Pose(np.array(point.at), rotation_matrix(point.rotate))
+        name: Pose(array(point.at), rotation_matrix(point.rotate))
         if isinstance(point, base_schema.PointSpec)
-        else Pose(np.array(point), np.eye(3))
+        else Pose(array(point), np.eye(3))
         for name, point in points.items()
     }
 
@@ -70,7 +71,7 @@ def _given_properties(
             where = (*location, "shape") if spec.shape else (*location, "shapes", index)
             remedy = "Remove the shape's mass: if the part gives its inertia, its shapes are only drawn."
             problems.append(source.problem(where, "gives a mass although the part gives its inertia", remedy))
-    return MassProperties(spec.mass or 0.0, np.array(spec.center or (0.0, 0.0, 0.0)), _inertia_matrix(spec.inertia))
+    return MassProperties(spec.mass or 0.0, array(spec.center or (0.0, 0.0, 0.0)), _inertia_matrix(spec.inertia))
 
 
 def _computed_properties(
@@ -104,11 +105,13 @@ def _inertia_matrix(spec: file_schema.InertiaSpec | tuple[float, float, float] |
     if spec is None:
         return np.zeros((3, 3))
     if isinstance(spec, tuple):
-        return np.diag(spec)
-    return np.array(
+        moments: Array = np.diag(array(spec))
+        return moments
+    matrix: Array = array(
         [
             [spec.xx, spec.xy, spec.xz],
             [spec.xy, spec.yy, spec.yz],
             [spec.xz, spec.yz, spec.zz],
         ]
     )
+    return matrix

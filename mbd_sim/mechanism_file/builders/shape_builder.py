@@ -11,6 +11,7 @@ import numpy as np
 
 from mbd_sim.errors import InputError
 from mbd_sim.geometry import rotation as rot
+from mbd_sim.geometry.batch import array, distance, fsum
 from mbd_sim.geometry.pose import Pose
 from mbd_sim.mechanism.mass_properties import MassProperties, composite
 from mbd_sim.mechanism.records import Shape
@@ -43,7 +44,7 @@ def _axial_moments(radius: float, length: float, factor: float) -> tuple[float, 
 def _solid(shape: file_schema.AnyShapeSpec) -> _Solid:
     match shape:
         case file_schema.RodSpec(start=a, end=b):
-            length = math.dist(a, b)
+            length = distance(a, b)
             return _Solid(1, length, _box_moments(0.0, 0.0, length))
         case file_schema.DiscSpec(radius=r):
             return _Solid(2, math.pi * r * r, _axial_moments(r, 0.0, 0.5))
@@ -67,12 +68,12 @@ def _solid(shape: file_schema.AnyShapeSpec) -> _Solid:
 def pose_of(shape: file_schema.AnyShapeSpec) -> Pose:
     """The center and the axes of a shape in the part's frame; z is the axis of rods and axial shapes."""
     if isinstance(shape, file_schema.RodSpec):
-        start, end = np.array(shape.start), np.array(shape.end)
+        start, end = array(shape.start), array(shape.end)
         return Pose((start + end) / 2.0, rot.aligning_z(rot.unit(tuple(end - start))))
     rotation = rotation_matrix(shape.rotate)
     if isinstance(shape, file_schema.AxialShapeSpec):
         rotation = rotation @ rot.aligning_z(rot.unit(shape.axis))
-    return Pose(np.array(shape.at), rotation)
+    return Pose(array(shape.at), rotation)
 
 
 def build_shape(shape: file_schema.AnyShapeSpec) -> Shape:
@@ -80,7 +81,7 @@ def build_shape(shape: file_schema.AnyShapeSpec) -> Shape:
     size: tuple[float, ...]
     match shape:
         case file_schema.RodSpec(start=a, end=b, radius=r):
-            length = math.dist(a, b)
+            length = distance(a, b)
             size = (length, ROD_RADIUS * length if r is None else r)
         case file_schema.ParticleSpec(radius=r):
             size = (PARTICLE_RADIUS if r is None else r,)
@@ -107,7 +108,7 @@ def of_shapes(shapes: Sequence[file_schema.AnyShapeSpec], mass: float | None) ->
     bodies = []
     for shape, solid, value in zip(shapes, solids, given, strict=True):
         kilograms = value if value is not None else per_measure * solid.measure
-        body = MassProperties(kilograms, np.zeros(3), kilograms * np.diag(solid.moments)).placed(pose_of(shape))
+        body = MassProperties(kilograms, np.zeros(3), kilograms * np.diag(array(solid.moments))).placed(pose_of(shape))
         bodies.append(body.scaled(-1.0) if shape.hole else body)
     return composite(bodies)
 
@@ -130,13 +131,14 @@ def _mass_per_measure(
         message = "cannot share its mass among points, lines, surfaces and solids"
         raise InputError(message, "Give each shape its own.")
     signed = [(-1 if s.hole else 1) * b.measure for s, b, v in zip(shapes, solids, given, strict=True) if v is None]
-    rest = mass - math.fsum((-v if s.hole else v) for s, v in zip(shapes, given, strict=True) if v is not None)
-    total = math.fsum(signed)
+    rest = mass - fsum([(-v if s.hole else v) for s, v in zip(shapes, given, strict=True) if v is not None])
+    total = fsum(signed)
     if rest <= 0.0:
         raise InputError(f"leaves {rest:g} kg for its shapes without mass", "'mass' is the mass of the whole part.")
     if total <= 0.0:
         raise InputError("has holes as large as its material", "Make them smaller.")
-    return rest / total
+    per_measure: float = rest / total
+    return per_measure
 
 
 def _given_mass(shape: file_schema.AnyShapeSpec, solid: _Solid) -> float | None:

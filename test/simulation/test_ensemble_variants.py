@@ -1,0 +1,102 @@
+"""Variants that are built at once against the same ones built by themselves: to the last bit."""
+
+import numpy as np
+import pytest
+
+from mbd_sim import MechanismError
+from mbd_sim.dynamics.initial_conditions import start_like
+from mbd_sim.load import load_mechanism
+from mbd_sim.mechanism_file.override import matching, value_of, with_values
+from mbd_sim.simulation import variant_batch
+from mbd_sim.simulation.compiled_model import build_model
+from mbd_sim.simulation.ensemble_variants import Variants
+from mbd_sim.simulation.variant_batch import FEWEST, build_at_once, numbers_of
+
+VARIED = {
+    "double_rod": ("l", "joints.elbow.damping", "gravity[2]"),
+    "four_bar": ("coupler", "joints.crank_pivot.velocity", "density"),
+    "tumbling": ("parts.body.mass", "joints.flight.angular_velocity[1]"),
+    "stewart": ("m", "r"),
+    "spring_chain": ("forces.first.mass", "forces.first.stiffness"),
+    "universal_pendulum": ("parameters.*",),
+}
+
+
+def changes_of(name, count=FEWEST + 1):
+    mechanism, random = load_mechanism(name), np.random.default_rng(4)
+    keys = [
+        key for pattern in VARIED[name] for key in (matching(mechanism, [pattern]) if "*" in pattern else [pattern])
+    ]
+    keys = [key for key in keys if value_of(mechanism, key)]
+    assert keys
+    return mechanism, [
+        {key: value_of(mechanism, key) * (1.0 + 0.02 * random.normal()) for key in keys} for _ in range(count)
+    ]
+
+
+@pytest.mark.parametrize("name", VARIED)
+def test_numbers_of_all_variants_are_those_of_each(name):
+    mechanism, changes = changes_of(name)
+    found = build_at_once(mechanism, changes, lambda index: with_values(mechanism, changes[index]))
+    for numbers, change in zip(found, changes, strict=True):
+        assert numbers is not None
+        assert numbers.same_as(numbers_of(with_values(mechanism, change)))
+
+
+@pytest.mark.parametrize("name", ["four_bar", "stewart"])
+def test_loops_closed_at_once_are_those_of_each(name):
+    mechanism, changes = changes_of(name)
+    variants = Variants(mechanism, changes)
+    model = build_model(variants.first, None, (), variants.values)
+    states, values = variants.starts(model)
+    assert len(variants._mechanisms) == 3, "the other variants are not built"
+    for state, row, change in zip(states, values, changes, strict=True):
+        constraints = model.equations.constraints.with_values(row)
+        q, u = start_like(with_values(mechanism, change), model.layout, constraints, model.equations.rows)
+        assert np.array_equal(state[model.q_range], q)
+        assert np.array_equal(state[model.u_range], u)
+
+
+def test_variants_for_which_a_decision_is_another_one_are_built_by_themselves():
+    """Without damping, or at the position zero."""
+    mechanism = load_mechanism("double_rod")
+    changes = [{"joints.elbow.damping": 0.1 * index, "joints.elbow.position": 0.3 - 0.1 * index} for index in range(20)]
+    found = build_at_once(mechanism, changes, lambda index: with_values(mechanism, changes[index]))
+    variants = Variants(mechanism, changes)
+    for index, change in enumerate(changes):
+        expected = numbers_of(with_values(mechanism, change))
+        assert variants._numbers[index].same_as(expected)
+        assert found[index] is None or found[index].same_as(expected)
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "wrong", "words"),
+    [
+        ("double_rod", "l", 0.0, r"member 18: a rod needs two different ends"),
+        ("double_rod", "m", float("nan"), r"parameters\.m: member 18: must be finite"),
+        ("double_rod", "joints.elbow.damping", -0.5, r"double_rod.yaml.*damping: member 18: must be at least 0"),
+        ("four_bar", "crank", 5.0, r"member 18: .*remains open"),
+    ],
+)
+def test_an_error_names_the_member_the_file_the_key_and_the_remedy(name, key, wrong, words):
+    mechanism = load_mechanism(name)
+    changes = [{key: wrong if index == 18 else 0.5 + 0.001 * index} for index in range(20)]
+    with pytest.raises(MechanismError, match=words) as raised:
+        variants = Variants(mechanism, changes)
+        variants.starts(build_model(variants.first, None, (), variants.values))
+    assert raised.value.problems[0].remedy
+
+
+def test_should_a_batch_differ_nothing_of_it_is_used(monkeypatch):
+    mechanism, changes = changes_of("double_rod")
+    right = variant_batch._numbers
+
+    def wrong(*args):
+        found = right(*args)
+        found[-1].data.free[0] += 1e-16
+        found[-1].data.free[1] += 1e-3
+        return found
+
+    monkeypatch.setattr(variant_batch, "_numbers", wrong)
+    found = build_at_once(mechanism, changes, lambda index: with_values(mechanism, changes[index]))
+    assert found == [None] * len(changes)
