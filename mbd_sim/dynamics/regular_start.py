@@ -10,6 +10,7 @@ from mbd_sim.dynamics.actuator_functions import ActuatorFunctions, actuator_func
 from mbd_sim.dynamics.articulated_body import FactorizedMassMatrix
 from mbd_sim.dynamics.assembly_errors import undefined_constraints
 from mbd_sim.dynamics.body_symbols import flat_pose
+from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.dynamics.initial_conditions import AssembledStart, Assembly
 from mbd_sim.dynamics.links import build_links
 from mbd_sim.dynamics.mass_matrix_check import require_definite, require_independent
@@ -52,8 +53,22 @@ def require_regular_start(
     require_defined_forces(traced.numeric, start)
     links = build_links(traced.numeric)
     require_definite(traced.numeric, links, pivots, poses.reshape(-1, 12))
-    if links:
-        require_independent(traced.numeric, links, assembly.functions.mass_matrix(0.0, assembly.start.q))
+    if traced.layout.nv:
+        require_independent(traced.numeric, links, start_mass_matrix(traced, assembly.start.q))
+
+
+def start_mass_matrix(traced: TracedMechanism, q: Array) -> Array:
+    """The mass matrix (nv, nv) at t = 0, a column for each speed: M e = ∂/∂u (∂T/∂u) e.
+
+    For a hundred joints that takes a tenth of the time of an expression of all its entries.
+    """
+    u, direction = traced.state.u, ca.SX.sym("e", traced.layout.nv)
+    column = ca.jtimes(ca.gradient(traced.kinetic_energy, u), u, direction)
+    column = ca.substitute(column, u, ca.SX.zeros(u.shape[0], 1))  # which are left in terms that cancel
+    symbols = [traced.state.t, traced.state.q, direction, traced.parameters.symbols]
+    function = ca.Function("column", symbols, [ca.densify(column)])
+    directions = np.eye(traced.layout.nv)
+    return np.column_stack([evaluated(function, 0.0, q, each, traced.parameters.base).ravel() for each in directions])
 
 
 def flat_poses(traced: TracedMechanism) -> ca.SX:

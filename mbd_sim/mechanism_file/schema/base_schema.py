@@ -50,6 +50,7 @@ class Spec(BaseModel):
         extra="forbid",
         frozen=True,
         arbitrary_types_allowed=False,
+        defer_build=True,
         model_title_generator=lambda model: model.__name__.removesuffix(SUFFIX),
     )
 
