@@ -7,6 +7,8 @@ is stored only if it depends on no other file. So is what else needs the schema 
 from __future__ import annotations
 
 import functools
+import hashlib
+import importlib.util
 import os
 import pickle
 import sys
@@ -63,3 +65,21 @@ def versions() -> str:
                 elif "." not in entry.name and entry.is_dir():
                     folders.append(entry.path)
     return "\n".join([sys.version, np.__version__, *sorted(modules)])
+
+
+def records_digest(mechanism: Mechanism) -> str:
+    """A digest of all records of a mechanism, by which results that depend on it are found.
+
+    Equal mechanisms may have different digests, but different ones never have equal digests.
+    """
+    return hashlib.sha256(pickle.dumps(mechanism)).hexdigest()
+
+
+@functools.cache
+def casadi_version() -> str:
+    """The files of CasADi, by which one version differs from another, without importing it."""
+    found = importlib.util.find_spec("casadi")
+    if found is None or found.origin is None:
+        return ""
+    files = sorted(Path(found.origin).parent.glob("*casadi.*"))
+    return " ".join(f"{path} {path.stat().st_mtime_ns} {path.stat().st_size}" for path in files)

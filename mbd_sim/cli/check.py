@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mbd_sim.cli.common import add_mechanism, print_undrawn_meshes
 from mbd_sim.cli.setup_options import add_set, changed_mechanism
@@ -53,15 +53,23 @@ def execute(options: argparse.Namespace) -> int:
     :raises CommandError: options that have no effect.
     """
     from mbd_sim.errors import CommandError, NoInertiaError
-    from mbd_sim.simulation.simulation import Simulation
+    from mbd_sim.report.cached_report import cached_report
 
     if (options.numbers or options.symbols) and not (options.latex and not (options.numbers and options.symbols)):
         raise CommandError("--numbers and --symbols choose what --latex prints: give one of them, with --latex.")
     mechanism = changed_mechanism(options)
     try:
-        simulation = Simulation(mechanism)
+        if not (options.draw or options.latex or options.inertia or options.cost):
+            return _print_report(cached_report(mechanism), options)
+        return _report_with_more(mechanism, options)
     except NoInertiaError as error:
         return _without_dynamics(mechanism, error, options)
+
+
+def _report_with_more(mechanism: Mechanism, options: argparse.Namespace) -> int:
+    from mbd_sim.simulation.simulation import Simulation
+
+    simulation = Simulation(mechanism)
     if options.draw:
         from mbd_sim.drawing import draw
 
@@ -71,23 +79,32 @@ def execute(options: argparse.Namespace) -> int:
         print(_latex(simulation.mechanism, options))
         return 0
 
-    from mbd_sim.analysis.instruction_cost import cost, cost_text
-    from mbd_sim.report.inertia_report import inertia_report, inertia_text
+    from mbd_sim.analysis.instruction_cost import cost
+    from mbd_sim.report.inertia_report import inertia_report
     from mbd_sim.report.mechanism_report import report
-    from mbd_sim.report.report_text import report_text
 
     content = report(simulation)
     if options.inertia:
         content["inertia"] = inertia_report(simulation.mechanism.parts, simulation.poses())
     if options.cost:
         content["cost"] = cost(simulation.model.equations, simulation.model.method)
+    return _print_report(content, options)
+
+
+def _print_report(content: dict[str, Any], options: argparse.Namespace) -> int:
+    from mbd_sim.report.report_text import report_text
+
     if options.json:
         print(json.dumps(content, indent=2))
         return 0
     print(report_text(content))
     if options.inertia:
+        from mbd_sim.report.inertia_report import inertia_text
+
         print(f"\n{inertia_text(content['inertia'])}")
     if options.cost:
+        from mbd_sim.analysis.instruction_cost import cost_text
+
         print(f"\n{cost_text(content['cost'])}")
     if options.draw:
         print(f"wrote {options.draw}")

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.requested_functions import RequestedFunctions as RequestedFunctions
     from mbd_sim.simulation.sensor_model import SensorModel as SensorModel
     from mbd_sim.simulation.sensor_samples import SensorSamples as SensorSamples
+    from mbd_sim.simulation.simulation import Simulation as Simulation
     from mbd_sim.simulation.state_values import checked_values as checked_values
     from mbd_sim.simulation.state_values import state_with as state_with
     from mbd_sim.simulation.step_advice import advice_on_step as advice_on_step
@@ -46,6 +47,7 @@ else:
             "requested_functions": ("RequestedFunctions",),
             "sensor_model": ("SensorModel",),
             "sensor_samples": ("SensorSamples",),
+            "simulation": ("Simulation",),
             "state_values": ("checked_values", "state_with"),
             "step_advice": ("advice_on_step", "divergence"),
         },

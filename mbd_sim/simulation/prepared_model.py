@@ -6,11 +6,8 @@ that trace and compile, until something is read that few runs need.
 
 from __future__ import annotations
 
-import hashlib
-import importlib.util
 import pickle
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 from mbd_sim import disk_cache
@@ -20,7 +17,7 @@ from mbd_sim.dynamics.coordinate_layout import CoordinateLayout
 from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.mechanism_cache import versions
+from mbd_sim.mechanism_cache import casadi_version, records_digest, versions
 
 
 class PreparedModel(NamedTuple):
@@ -58,9 +55,10 @@ def model_key(mechanism: Mechanism, method: str, loaded: Sequence[str], step: fl
     :param loaded: parts on which external wrenches can act.
     :param step: in s.
     """
-    records = hashlib.sha256(pickle.dumps(mechanism)).hexdigest()
-    return disk_cache.key("model", records, method, repr((*loaded,)), step.hex(), versions(), _casadi_version(),
-                          *compiler_identity())  # fmt: skip
+    choices = method, repr((*loaded,)), step.hex()
+    return disk_cache.key(
+        "model", records_digest(mechanism), *choices, versions(), casadi_version(), *compiler_identity()
+    )
 
 
 def load_prepared(key: str) -> tuple[PreparedModel, Kernel] | None:
@@ -76,12 +74,3 @@ def load_prepared(key: str) -> tuple[PreparedModel, Kernel] | None:
 def store_prepared(key: str, prepared: PreparedModel, kernel: Kernel) -> None:
     """Store the data; the kernel is in the cache already."""
     disk_cache.store(key, pickle.dumps(_Entry(prepared, kernel.code.key)))
-
-
-def _casadi_version() -> str:
-    """The files of CasADi, by which one version differs from another, without importing it."""
-    found = importlib.util.find_spec("casadi")
-    if found is None or found.origin is None:
-        return ""
-    files = sorted(Path(found.origin).parent.glob("*casadi.*"))
-    return " ".join(f"{path} {path.stat().st_mtime_ns} {path.stat().st_size}" for path in files)

@@ -1,0 +1,21 @@
+"""Reports that were made before, from the cache on disk."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mbd_sim import report, simulation
+from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism_cache import cached, casadi_version, records_digest
+
+
+def cached_report(mechanism: Mechanism) -> dict[str, Any]:
+    """The contents of `report`, found by everything that they depend on; a mechanism is built only if need be.
+
+    :raises MechanismError: see `Simulation`.
+    """
+
+    def made() -> dict[str, Any]:
+        return report.report(simulation.Simulation(mechanism))
+
+    return cached(made, "report", records_digest(mechanism), casadi_version())
