@@ -34,7 +34,7 @@ def cost(equations: Equations, method: Method) -> dict[str, Any]:
     """The instructions of one evaluation of the accelerations, of one projection onto the constraints, and of a step.
 
     A step takes `evaluations` of the accelerations and one projection; implicit methods take more instructions, and so
-    do Adams methods where the motion is not smooth.
+    do Adams methods where the motion is not smooth. Of a Taylor method, this is a step that has no expansion.
     """
     evaluations = Adams.evaluations if isinstance(method, Adams) else method.stages
     accelerations = _counted(arranged(equations.rates))

@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.compiler.adams_history import history_size
+from mbd_sim.compiler.bound_kernel import Kernel
 from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.kernel import PartialSystem, emit_system, step_of
 from mbd_sim.compiler.machine_code import MachineCode
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.compiler.stepping import emit_advance_members
 from mbd_sim.integrators.between_steps import BetweenSteps
-from mbd_sim.integrators.methods import Method
+from mbd_sim.integrators.methods import StepMethod
 
 Array = NDArray[np.float64]
 Advance = Callable[[Mapping[str, Array], int, float, int, range], None]
@@ -45,7 +46,7 @@ class MemberKernel:
 def compile_members(
     rates: ca.Function,
     projection: ca.Function | None,
-    method: Method,
+    method: StepMethod,
     core: slice,
     partial_system: PartialSystem | None = None,
     between_steps: BetweenSteps | None = None,
@@ -122,5 +123,19 @@ def advance_lanes(kernel: MemberKernel) -> Advance:
     def advance(arrays: Mapping[str, Array], first: int, h: float, steps: int, groups: range) -> None:
         addresses = [arrays[name].ctypes.data for name in ("y", "inputs", "estimates", "alive")]
         kernel.advance(*addresses, first, h, steps, groups.start, groups.stop)
+
+    return advance
+
+
+def advance_one_by_one(kernel: Kernel) -> Advance:
+    """Advance each member, in a group by itself, with the kernel of a single simulation."""
+
+    def advance(arrays: Mapping[str, Array], first: int, h: float, steps: int, groups: range) -> None:
+        y, inputs, estimates, alive = (arrays[name] for name in ("y", "inputs", "estimates", "alive"))
+        for group in groups:
+            if alive[group, 0, 0]:
+                addresses = y[group].ctypes.data, inputs[group].ctypes.data
+                finite = kernel.estimating_advance(*addresses, first, h, steps, estimates[group].ctypes.data)
+                alive[group, 0, 0] = float(finite)
 
     return advance

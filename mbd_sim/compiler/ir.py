@@ -112,6 +112,7 @@ class Module:
         self.unrolled = UNROLLED if fast else 0
         self.functions: dict[str, Function] = {}
         self._variables: dict[str, Type] = {}
+        self._tables: dict[str, Sequence[int]] = {}
 
     def add(self, name: str, function: Function) -> None:
         """Add a function.
@@ -131,8 +132,16 @@ class Module:
         self._variables[name] = type_
         return Value(POINTER, f'@"{name}"')
 
+    def table(self, name: str, numbers: Sequence[int]) -> Value:
+        """The address of constant 64-bit integers."""
+        self._tables[name] = numbers
+        return Value(POINTER, f'@"{name}"')
+
     def __str__(self) -> str:
         variables = [f'@"{name}" = external global {type_}' for name, type_ in self._variables.items()]
+        for name, numbers in self._tables.items():
+            entries = ", ".join(f"i64 {entry}" for entry in numbers)
+            variables.append(f'@"{name}" = internal constant [{len(numbers)} x i64] [{entries}]')
         return "\n".join([f'target triple = "{self.triple}"', *variables, *map(str, self.functions.values()), ""])
 
 

@@ -23,8 +23,9 @@ from mbd_sim.compiler.stepping import emit_advance
 from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.between_steps import BetweenSteps
 from mbd_sim.integrators.gauss import Gauss
-from mbd_sim.integrators.methods import Method
+from mbd_sim.integrators.methods import Method, StepMethod
 from mbd_sim.integrators.rosenbrock import Rosenbrock
+from mbd_sim.integrators.taylor import Taylor
 
 if TYPE_CHECKING:
     from mbd_sim.compiler.guarded_system import OneSidedSystem
@@ -60,13 +61,18 @@ def compile_kernel(
     module = new_module()
     program = arranged(rates)
     system = emit_system(module, rates, program, projection, method, core.stop, between_steps=between_steps)
-    prepare = step_of(method, rates, core, partial_system)
-    if one_sided is None:
-        advance = emit_advance(module, system, prepare)
+    if isinstance(method, Taylor):
+        from mbd_sim.compiler.taylor_step import emit_taylor_advance
+
+        if one_sided is not None or system.samples is not None:
+            raise ValueError(f"method {method.name} cannot treat one-sided rows and samples")
+        advance = emit_taylor_advance(module, system, method, rates)
+    elif one_sided is None:
+        advance = emit_advance(module, system, step_of(method, rates, core, partial_system))
     else:
         from mbd_sim.compiler.guarded_system import emit_guarded
 
-        advance = emit_guarded(module, system, program, prepare, one_sided)
+        advance = emit_guarded(module, system, program, step_of(method, rates, core, partial_system), one_sided)
     emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
     for name, function in readers.items():
         export(module, f"read_{name}", lower(module, function, inline=True))
@@ -109,7 +115,7 @@ def emit_system(
     )
 
 
-def step_of(method: Method, rates: ca.Function, core: slice, partial_system: PartialSystem | None) -> Prepare:
+def step_of(method: StepMethod, rates: ca.Function, core: slice, partial_system: PartialSystem | None) -> Prepare:
     """What emits the steps of a method: see `compile_kernel`."""
     # What few mechanisms need is imported only for these.
     if isinstance(method, Rosenbrock) and method.joints_only:

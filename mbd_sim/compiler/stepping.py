@@ -79,19 +79,24 @@ def _emit_steps(
 
     loop(b, 0, steps, one_step)
     b.store(b.load(emitter.largest_error, typ=DOUBLE), estimate)
+    finite = emit_is_finite(b, size, emitter.y, sum_of_zeros)
+    emitter.index = b.add(first, steps)
+    if emitter.end is not None:
+        emitter.end(finite)
+    return finite
+
+
+def emit_is_finite(b: IRBuilder, size: int, y: Value, sum_of_zeros: Value) -> Value:
+    """Emit whether a state is finite; `sum_of_zeros` is the address of a number."""
     zero = number(0.0)
     b.store(zero, sum_of_zeros)
 
     def add_zero(i: int | Value) -> None:
         """Add 0 y, which is NaN if y is not finite."""
-        b.store(b.fadd(b.load(sum_of_zeros, typ=DOUBLE), b.fmul(load(b, emitter.y, i), zero)), sum_of_zeros)
+        b.store(b.fadd(b.load(sum_of_zeros, typ=DOUBLE), b.fmul(load(b, y, i), zero)), sum_of_zeros)
 
     for_each(b, size, add_zero)
-    finite = b.fcmp_ordered("==", b.load(sum_of_zeros, typ=DOUBLE), zero)
-    emitter.index = b.add(first, steps)
-    if emitter.end is not None:
-        emitter.end(finite)
-    return finite
+    return b.fcmp_ordered("==", b.load(sum_of_zeros, typ=DOUBLE), zero)
 
 
 def emit_advance_members(module: Module, system: System, prepare: Prepare, lanes: int, inputs_size: int) -> Function:

@@ -20,8 +20,9 @@ from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.methods import METHODS, Method
 from mbd_sim.integrators.rosenbrock import Rosenbrock
+from mbd_sim.integrators.taylor import Taylor
 from mbd_sim.optimization.casadi_functions import CasadiFunctions
-from mbd_sim.simulation.method_choice import STIFF, choose_method
+from mbd_sim.simulation.method_choice import DEFAULT, STIFF, choose_method
 from mbd_sim.simulation.method_name import AUTO, require_method
 
 CLOSED = 1e-13  # change of a state by its projection, relative to 1 + |x|, below which it satisfies the constraints
@@ -153,11 +154,14 @@ def tangent_method(functions: CasadiFunctions, name: str | None, step: float) ->
     Where that chooses `rosenbrock_w`, it is `rosenbrock` instead.
 
     :raises MechanismError: there is no such method.
-    :raises InputError: the method is `rosenbrock_w`, whose steps use derivatives of some forces only.
+    :raises InputError: the method is `rosenbrock_w`, whose steps use derivatives of some forces only, or `taylor`,
+        which needs series of the derivatives.
     """
     mechanism, equations = functions.mechanism, functions.equations
     name = require_method(mechanism, name)
     method = choose_method(mechanism, equations, equations.inputs_without_commands, name, step).method
+    if isinstance(method, Taylor):
+        raise InputError(f"method {name} has no derivatives", f"Use {DEFAULT}, or another method.")
     if not (isinstance(method, Rosenbrock) and method.joints_only):
         return method
     if name == AUTO:

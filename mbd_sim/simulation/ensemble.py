@@ -16,10 +16,12 @@ from mbd_sim import simulation
 from mbd_sim.compiler.ensemble_kernel import (
     MemberGroups,
     advance_lanes,
+    advance_one_by_one,
     compile_members,
 )
 from mbd_sim.errors import CommandError, DivergedError, nearest
 from mbd_sim.geometry.pose import Array
+from mbd_sim.integrators.taylor import Taylor
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.actuator_commands import Command, CommandMap
@@ -286,6 +288,8 @@ def _member_groups(model: Model, count: int, contacts: Sequence[ContactStepper])
     sizes = {"y": len(model.start), "inputs": len(model.inputs) + model.history_size, "estimates": 1, "alive": 1}
     if contacts:
         return MemberGroups(count, 1, sizes, advance_through_events(contacts))
+    if isinstance(model.method, Taylor):  # each member needs its own expansions
+        return MemberGroups(count, 1, sizes, advance_one_by_one(model.kernel))
     equations = model.equations
     partial = simulation.partial_system(equations, model.method)
     kernel = compile_members(

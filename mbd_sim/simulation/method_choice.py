@@ -15,6 +15,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.methods import METHODS, Method
 from mbd_sim.integrators.rosenbrock import Rosenbrock
+from mbd_sim.integrators.taylor import Taylor
 from mbd_sim.mechanism.actuators import CoordinatePort, DcMotor
 from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.one_sided import one_sided_names
@@ -24,6 +25,7 @@ from mbd_sim.simulation.spectrum import FastestMode, fastest_mode, fastest_witho
 
 DEFAULT, ONE_STEP, STIFF, STIFF_JOINTS = "adams11", "tsitouras8", "rosenbrock", "rosenbrock_w"
 SLOW = 0.5  # the largest step times rate of what the method for stiff joints treats explicitly
+LARGEST_EXPANSION = 2_000_000  # bytes; 100 rods take half of them, and threads have 8 MB of stack
 CANCELLATION = 1e-4  # relative error of the difference of two rates
 # The fraction of a method's stability limit up to which it is chosen: inertias vary with the configuration.
 MARGIN = 0.5
@@ -43,8 +45,9 @@ def require_contact_method(mechanism: Mechanism, name: str) -> None:
     :raises MechanismError: the elements are named.
     """
     names = one_sided_names(mechanism)
-    if names and name != AUTO and isinstance(METHODS[name], Rosenbrock | Adams):
-        able = ", ".join(other for other, method in METHODS.items() if not isinstance(method, Rosenbrock | Adams))
+    unable = Rosenbrock | Adams | Taylor
+    if names and name != AUTO and isinstance(METHODS[name], unable):
+        able = ", ".join(other for other, method in METHODS.items() if not isinstance(method, unable))
         message = f"method {name} cannot treat one-sided elements ({listed(names)})"
         raise MechanismError([Problem(message, f"Use one of {able}.", key="integrator.method")])
 
@@ -59,14 +62,16 @@ def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, nam
 
     :param inputs: of the equations, without any command.
     :param step: in s.
-    :raises MechanismError: the named method cannot treat samples and delays of actuators.
+    :raises MechanismError: the named method cannot treat samples and delays of actuators, or what is not smooth.
     """
     sampled = _is_sampled(equations)
     default = ONE_STEP if one_sided_names(mechanism) or sampled else DEFAULT
     method = METHODS[default if name == AUTO else name]
-    if sampled and isinstance(method, Adams):
+    if sampled and isinstance(method, Adams | Taylor):
         message = f"method {name} cannot treat actuators with a sample_rate or a delay, which act between steps"
         raise MechanismError([Problem(message, f"Use {AUTO} or {ONE_STEP}.", key="integrator.method")])
+    if isinstance(method, Taylor):
+        _require_series(mechanism, equations, method)
     if _is_slow(equations, inputs, MARGIN * method.stability_limit / step):
         return MethodChoice(method)
     mode = _fastest_at_start(equations, inputs)
@@ -93,6 +98,34 @@ def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, nam
         f"Use method {STIFF} or {AUTO}."
     )
     return MethodChoice(method, remark)
+
+
+def _require_series(mechanism: Mechanism, equations: Equations, method: Taylor) -> None:
+    """Refuse forces, laws and energies that have no Taylor series, and mechanisms of too many parts.
+
+    :raises MechanismError: what depends on an operation without a series is named.
+    """
+    from mbd_sim.compiler.series_builder import NotAnalyticError, series_of
+    from mbd_sim.compiler.series_recursion import stack_size
+
+    remedy = f"Use {AUTO} or {DEFAULT}."
+    try:
+        series = series_of(equations.rates)
+    except NotAnalyticError as error:
+        layout, names = equations.layout, mechanism.coordinate_names
+        affected = "the energy account or the state of an actuator"
+        if error.result < layout.nq + layout.nv:
+            affected = f"the motion of {names[max(error.result - layout.nq, 0)]}"
+        message = (
+            f"method {method.name} cannot treat forces and laws that are not smooth: {affected} depends on "
+            f"{error.operation}(…), as of stops, tables, 'where' and lengths along a line"
+        )
+        raise MechanismError([Problem(message, remedy, key="integrator.method")]) from None
+    if (size := stack_size(series, method.order)) > LARGEST_EXPANSION:
+        message = (
+            f"method {method.name} cannot treat so many parts: an expansion would need {size / 1e6:.1f} MB of the stack"
+        )
+        raise MechanismError([Problem(message, remedy, key="integrator.method")])
 
 
 def _is_sampled(equations: Equations) -> bool:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import casadi as ca
 
-from mbd_sim.compiler.adams_history import history_size
 from mbd_sim.compiler.bound_kernel import Kernel
 from mbd_sim.compiler.kernel import PartialSystem, compile_kernel
+from mbd_sim.compiler.method_history import history_size
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.integrators.methods import Method
 from mbd_sim.integrators.rosenbrock import Rosenbrock

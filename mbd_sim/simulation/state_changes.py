@@ -103,7 +103,7 @@ class StateChanges(Readings, RunReports):
             and `live` are of that run too, and stay as they are if they are not given; `live` only names the values
             in `inputs`. Without `inputs`, the state of contacts is found anew from the positions and speeds. `samples`
             are that run's, too; without them, measurements under way are lost unless the time goes on. Nor do runs
-            with method `adams11` go on bit for bit without the `history` of that run.
+            with methods `adams11` and `taylor` go on bit for bit without the `history` of that run.
         :raises ValueError: a snapshot of a different run, no `steps` with a state, wrong length, or a value that is
             not finite; nothing is changed then.
         :raises TypeError: other arguments are given with a snapshot.

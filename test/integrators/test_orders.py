@@ -10,6 +10,7 @@ import pytest
 from mbd_sim import Simulation
 from mbd_sim.integrators.adams import ADAMS
 from mbd_sim.integrators.methods import METHODS
+from mbd_sim.integrators.taylor import TAYLOR
 
 TIMES = {"moving_support_pendulum": 1.6, "heavy_top": 0.04, "four_bar": 0.4, "tube_particles": 0.16}
 # The number of steps until that time. The errors of runs with this many and twice as many steps are compared.
@@ -35,11 +36,12 @@ def state(name, method, steps):
 
 
 @pytest.mark.parametrize("name", TIMES)
-@pytest.mark.parametrize("method", [name for name in METHODS if name not in ADAMS])
+@pytest.mark.parametrize("method", [name for name in METHODS if name not in {**ADAMS, **TAYLOR}])
 def test_order(name, method):
     """Including the energies of the audit, the last three components of the state.
 
-    Adams methods take such long steps as other methods do; see `test_adams` for their order.
+    Adams methods take such long steps as other methods do, and Taylor methods divide them; see `test_adams` and
+    `test_taylor_step` for theirs.
     """
     exact = state(name, "dop853", 2000)
     coarse, fine = (np.max(np.abs(state(name, method, n * STEPS[method]) - exact)) for n in (1, 2))

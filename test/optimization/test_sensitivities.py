@@ -223,6 +223,8 @@ def test_what_has_no_derivatives_is_refused():
         SensitivityModel(load_mechanism("motor_drive"))
     with pytest.raises(InputError, match="rosenbrock_w has no derivatives"):
         SensitivityModel(load_mechanism("double_rod"), method="rosenbrock_w")
+    with pytest.raises(InputError, match="taylor has no derivatives"):
+        SensitivityModel(load_mechanism("double_rod"), method="taylor")
     model = model_of("double_rod")
     for given, message in (
         ({"x0": [0.0]}, r"x0 has the shape \(1,\)"),

@@ -24,7 +24,7 @@ from test.recording.runs import ACTIONS, drive, record_run, rewrite, stepped_nod
 KINDS = {
     "double_rod": "dop853", "four_bar": "dop853", "rolling_disc": "rk4", "moving_support_pendulum": "rk4",
     "spherical_top": "dop853", "tumbling": "gauss4", "stick_slip": "rosenbrock", "duffing": "rosenbrock",
-    "cart_massive_spring": "gauss4", "driveline": "dop853",
+    "cart_massive_spring": "gauss4", "driveline": "dop853", "spherical_pendulum": "taylor", "box_bryan": "taylor",
 }  # fmt: skip
 
 

@@ -1,0 +1,36 @@
+"""The Taylor method as data (Jorba & Zou, *Experimental Mathematics* 14, 2005)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mbd_sim.integrators.tableau import EXPLICIT, Tableau
+
+
+@dataclass(frozen=True)
+class Taylor:
+    """y(t + τ) = Σ c_k τᵏ up to k = `order`, with the Taylor coefficients c_k of the solution at t.
+
+    An expansion holds for as many whole steps as fit into the longest τ with rᵏ τᵏ ≤ `tolerance` at k = `order`, but
+    for `most_steps` at most. r is the largest |c_k|^(1/k) of the last `compared` orders, since in symmetric motions
+    some of them vanish, with |c| = Σ_i |c_i| / (1 + |y_i|). If τ is shorter than a step, the step is divided, into
+    `most_parts` at most. If it is shorter still, or the constraints are ill-conditioned, the step is taken by
+    `otherwise`. `stability_limit` is the largest h |λ| at which it is not: e^(λ τ) has r = |λ| / (k!)^(1/k).
+    """
+
+    name: str
+    order: int
+    tolerance: float
+    otherwise: Tableau
+    stability_limit: float
+    compared: int = 4
+    most_steps: int = 256
+    most_parts: int = 32
+
+    @property
+    def stages(self) -> int:
+        """The evaluations of the accelerations in a step that is taken by `otherwise`."""
+        return self.otherwise.stages
+
+
+TAYLOR: dict[str, Taylor] = {"taylor": Taylor("taylor", 20, 1e-16, EXPLICIT["tsitouras8"], 40.0)}
