@@ -17,7 +17,6 @@ from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.errors import InputError, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import channel_names
-from mbd_sim.mechanism.drives import require_no_commanded_drives
 from mbd_sim.mechanism.one_sided import require_two_sided
 from mbd_sim.mechanism.records import GROUND, Mechanism
 from mbd_sim.optimization.parameter_inputs import ParameterInputs, parameter_inputs
@@ -52,8 +51,8 @@ class CasadiFunctions:
 
     @property
     def commands(self) -> tuple[str, ...]:
-        """The commands of actuators in e, such as `drive.voltage`, in SI units."""
-        return channel_names(self.mechanism.actuators)
+        """The commands of actuators and drives in e, such as `drive.voltage`, in SI units."""
+        return channel_names(self.mechanism.commanded)
 
     @property
     def points(self) -> tuple[str, ...]:
@@ -199,10 +198,9 @@ def casadi_functions(mechanism: Mechanism, parameters: Sequence[str] = ()) -> Ca
     """The equations of a mechanism as CasADi functions.
 
     :param parameters: keys of numbers of its file that are the inputs p, as for live values: `l`, `parts.rod.mass`.
-    :raises MechanismError: it has commanded drives, one-sided elements, or actuators that change only between steps; or
-        a key does not exist, or cannot be an input.
+    :raises MechanismError: it has one-sided elements, or actuators that change only between steps; or a key does not
+        exist, or cannot be an input.
     """
-    require_no_commanded_drives(mechanism, REFUSED)
     require_two_sided(mechanism, REFUSED, SMOOTH)
     mechanism = with_forces_alone(mechanism)
     inputs = parameter_inputs(mechanism, parameters)

@@ -200,6 +200,8 @@ def _component_names(functions: CasadiFunctions) -> list[str]:
                 names[index] = f"joints.{mechanism.joints[joint].motion_names[number]}.position"
             else:
                 names[index] = f"joints.{joint}.orientation.{'xyz '[index - first]}"
+    for joint, span in layout.drives.items():
+        names[span] = [f"drives.{joint}.{state}" for state in ("position", "velocity", "acceleration")]
     speeds = [f"joints.{name}.velocity" for name in functions.coordinates]
     return [*names, *speeds, *(f"actuators.{state}" for state in functions.actuator_states)]
 

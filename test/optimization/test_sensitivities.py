@@ -190,6 +190,40 @@ actuators: {drive: {type: dc_motor, joint: shaft, torque_constant: 0.5, resistan
     assert_close(found.dx.by_parameters, by_resistance)
 
 
+def test_drives_follow_commands_that_are_among_the_efforts():
+    """A load below a trolley: the position, velocity and acceleration of the drive are the last ones of q."""
+    text = """
+mechanism: crane
+parts:
+  trolley: {mass: 20}
+  load: {mass: 5, shape: {type: rod, to: [0, 0, -1.2]}}
+joints:
+  rail:
+    {type: prismatic, between: [ground, trolley], axis: [1, 0, 0], drive: {command: position, bandwidth: 8 rad/s}}
+  rope: {type: revolute, between: [trolley, load], axis: [0, -1, 0], damping: 0.2}
+"""
+    mechanism = parse_mechanism(text)
+    model = SensitivityModel(mechanism, ["joints.rope.damping"], method="verner7", step=0.01)
+    own, efforts = model.functions, np.array([[0.0, 0.6, 0.1], [0.4, -0.3, 0.0]])
+    assert own.commands == ("rail.position", "rail.velocity")
+    found = model.run(40, efforts=efforts, every=20)
+    sim = Simulation(mechanism, method="verner7", step=0.01)
+    for effort, position, velocity in efforts:
+        sim.set_efforts([effort])
+        sim.set_commands({"rail": {"position": position, "velocity": velocity}})
+        sim.step(20)
+    assert_close(found.x[-1], sim.y[:5], 1e-13)
+    by_efforts = differences(lambda e: model.run(40, efforts=e, every=20).x, efforts, 0.01)
+    assert_close(found.dx.by_efforts, by_efforts.reshape(3, 5, 2, 3))
+    p = own.values
+    assert_close(
+        found.dx.by_parameters, differences(lambda p: model.run(40, efforts=efforts, parameters=p, every=20).x, p, 5e-3)
+    )
+    rates = np.array(own.f(0, found.x[-1], efforts[1], p)).ravel()
+    balance = float(own.M(0, found.x[-1], p)) * rates[4] + float(own.bias(0, found.x[-1], p)) - efforts[1, 0]
+    assert abs(balance) < 1e-13
+
+
 def test_a_simulation_gives_its_present_state_efforts_and_live_values():
     sim = Simulation.from_file("rod_pendulum", method="adams11", step=1e-3, live=["m"])
     sim.set_live({"m": 1.7})
