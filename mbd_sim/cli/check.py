@@ -44,6 +44,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         help="with --latex: further numbers of the file as symbols, by their keys or patterns: 'parts.*.mass'",
     )
+    parser.add_argument(
+        "--no-linearization",
+        action="store_true",
+        help="with --latex: without the linearized equations about an equilibrium",
+    )
     parser.add_argument("--cost", action="store_true", help="add the number of instructions per time step, by kind")
 
 
@@ -57,6 +62,8 @@ def execute(options: argparse.Namespace) -> int:
 
     if (options.numbers or options.symbols) and not (options.latex and not (options.numbers and options.symbols)):
         raise CommandError("--numbers and --symbols choose what --latex prints: give one of them, with --latex.")
+    if options.no_linearization and not options.latex:
+        raise CommandError("--no-linearization chooses what --latex prints: give it with --latex.")
     mechanism = changed_mechanism(options)
     try:
         if not (options.draw or options.latex or options.inertia or options.cost):
@@ -120,7 +127,7 @@ def _latex(mechanism: Mechanism, options: argparse.Namespace) -> str:
         further = [key for name in options.symbols for key in (matching(mechanism, [name]) if "*" in name else [name])]
         parameters = [*mechanism.parameters, *further]
     equations = symbolic_equations(mechanism, parameters)
-    return to_latex(equations, linearized(mechanism, equations))
+    return to_latex(equations, None if options.no_linearization else linearized(mechanism, equations))
 
 
 def _without_dynamics(mechanism: Mechanism, error: NoInertiaError, options: argparse.Namespace) -> int:

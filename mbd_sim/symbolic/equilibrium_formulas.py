@@ -3,35 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from mbd_sim.geometry.pose import Array
-from mbd_sim.symbolic.exact_numbers import Exact, exact
+from mbd_sim.mechanism.joint_types import JOINT_KINDS
+from mbd_sim.symbolic.exact_numbers import Exact, exact, in_sympy
 from mbd_sim.symbolic.symbolic_equations import SymbolicEquations
 
 NEAR = 1e-7  # between an equilibrium in numbers and its formula
+LARGEST_DENOMINATOR = 12  # of components of quaternions
 
 Equilibrium = tuple[tuple[Any, ...], tuple[Any, ...], dict[Any, float]]
 
 
 def free_equilibrium(
-    equations: SymbolicEquations, forces: Any, found: Array
+    equations: SymbolicEquations, forces: Any, found: Array, numbers: Mapping[Any, float]
 ) -> tuple[tuple[Any, ...], dict[Any, float]]:
     """The coordinates (nv,) at an equilibrium without constraints as formulas, and the numbers of symbols among them.
 
     :param forces: h - Q (nv,) at rest, which are zero at the equilibrium.
-    :param found: the coordinates (nv,) in numbers.
+    :param found: the coordinates (nq,) in numbers.
+    :param numbers: the values of all symbols.
     """
     import sympy as sp
 
-    place = [recognized(float(value)) for value in found]
+    place = _recognized(equations, found)
     exact_place = dict(zip(equations.q, place, strict=True))
     if all(sp.simplify(force.subs(exact_place)) == 0 for force in forces):
         return tuple(place), {}
     for fixed in (_angles(equations, place), {}):
-        solved = _solved(equations, [force.subs(fixed) for force in forces], fixed, found)
+        solved = _solved(equations, [force.subs(fixed) for force in forces], fixed, found, numbers)
         if solved is not None:
             return solved, {}
     symbols = [sp.Symbol(f"{symbol}_0", real=True) for symbol in equations.q]
@@ -47,7 +51,11 @@ def _angles(equations: SymbolicEquations, place: Sequence[Any]) -> dict[Any, Any
 
 
 def _solved(
-    equations: SymbolicEquations, forces: Sequence[Any], fixed: Mapping[Any, Any], found: Array
+    equations: SymbolicEquations,
+    forces: Sequence[Any],
+    fixed: Mapping[Any, Any],
+    found: Array,
+    numbers: Mapping[Any, float],
 ) -> tuple[Any, ...] | None:
     """The solution of the equations of equilibrium that has the values found; None if there is no formula."""
     import sympy as sp
@@ -63,7 +71,6 @@ def _solved(
         solutions = sp.solve(left, unknown, dict=True)
     except NotImplementedError:
         return None
-    numbers = {one.symbol: one.value for one in equations.parameters}
     for solution in solutions:
         place = [fixed.get(q, solution.get(q, q)) for q in equations.q]
         if all(not (entry.free_symbols & set(equations.q)) for entry in place):
@@ -81,6 +88,23 @@ def _degree(forces: Sequence[Any], unknown: Sequence[Any]) -> int:
         return max((sp.Poly(force, *unknown).total_degree() for force in forces), default=0)
     except sp.PolynomialError:
         return 0
+
+
+def _recognized(equations: SymbolicEquations, found: Array) -> list[Any]:
+    """The coordinates (nq,) as fractions of a turn, those of quaternions as fractions and roots, or as decimals."""
+    import sympy as sp
+
+    numbers = iter(found.tolist())
+    place = []
+    for coordinate in equations.coordinates:
+        start = JOINT_KINDS[coordinate.type].quaternion
+        own = [next(numbers) for _ in coordinate.q]
+        place += [recognized(value) for value in own[:start]]
+        for value in own[start:] if start is not None else ():
+            number = exact(value, NEAR) if abs(value) > NEAR else Exact(Fraction(0))
+            short = number.ratio.denominator <= LARGEST_DENOMINATOR and not number.pi
+            place.append(in_sympy(number) if short else sp.Float(value))
+    return place
 
 
 def recognized(value: float) -> Any:
@@ -124,7 +148,7 @@ def _place(equations: SymbolicEquations, found: Array, numbers: Mapping[Any, flo
     """The coordinates as formulas; None if they have none."""
     import sympy as sp
 
-    place = dict(zip(equations.q, (recognized(float(value)) for value in found), strict=True))
+    place = dict(zip(equations.q, _recognized(equations, found), strict=True))
     unknown = [q for q, value in place.items() if value.is_Float]
     known = {q: value for q, value in place.items() if not value.is_Float}
     positions = [sp.simplify(row.position.subs(known)) for row in equations.rows if row.position is not None]

@@ -10,7 +10,7 @@ import casadi as ca
 import sympy as sp
 
 from mbd_sim.errors import MbdSimError
-from mbd_sim.symbolic.exact_numbers import Exact, exact
+from mbd_sim.symbolic.exact_numbers import Exact, exact, in_sympy
 from mbd_sim.symbolic.polynomial import Algebra, Polynomial
 
 MAX_FACTORED = 12  # terms under a square root up to which it is factored
@@ -84,8 +84,7 @@ def exact_polynomial(algebra: Algebra, number: Exact) -> Polynomial:
 
 def exact_expression(value: float) -> Any:
     """The exact number for which a floating-point number stands, in SymPy."""
-    number = exact(value)
-    return ratio(number.ratio) * sp.sqrt(number.radicand) * sp.pi**number.pi
+    return in_sympy(exact(value))
 
 
 def expression(algebra: Algebra, p: Polynomial) -> Any:

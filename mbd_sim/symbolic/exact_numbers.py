@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 TOLERANCE = 1e-12  # relative
 LARGEST_DENOMINATOR = 1000
+LARGEST_SCALED = 99  # denominator of a number between 1 and 10
 LARGEST_SEARCHED = 10**6  # denominator of a fraction that agrees to rounding
 ROUNDING = 1e-15  # relative
 LARGEST_RADICAND = 10**6
@@ -48,9 +50,23 @@ def exact(value: float, tolerance: float = TOLERANCE) -> Exact:
     return Exact(Fraction(repr(value) if tolerance <= TOLERANCE else f"{value:.11g}"))
 
 
+def in_sympy(number: Exact) -> Any:
+    """An exact number in SymPy."""
+    import sympy as sp
+
+    ratio = sp.Rational(number.ratio.numerator, number.ratio.denominator)
+    return ratio * sp.sqrt(number.radicand) * sp.pi**number.pi
+
+
 def _fraction(value: float, tolerance: float) -> Fraction | None:
-    """A fraction with a small denominator or few decimals, or None."""
-    for near in (Fraction(value).limit_denominator(LARGEST_DENOMINATOR), Fraction(f"{value:.6g}")):
+    """A fraction with a small denominator, perhaps times a power of ten, or with few decimals; or None."""
+    ten = Fraction(10) ** int(f"{value:e}".partition("e")[2])
+    nearest = (
+        Fraction(value).limit_denominator(LARGEST_DENOMINATOR),
+        Fraction(f"{value:.6g}"),
+        (Fraction(value) / ten).limit_denominator(LARGEST_SCALED) * ten,
+    )
+    for near in nearest:
         if abs(float(near) - value) <= tolerance * abs(value):
             return near
     return None

@@ -19,13 +19,13 @@ LONGEST_LINE = 420  # characters of LaTeX, about one line of a page
 
 
 def to_latex(equations: SymbolicEquations, linearization: SymbolicLinearization | None = None) -> str:
-    """LaTeX for a document with `amsmath` and `amssymb`; numbers are in SI units, rounded to six digits.
+    """LaTeX for a document with `amsmath` and `amssymb`; numbers are in SI units, see `latex_printer.number`.
 
     :param linearization: of the same equations, to be stated after them.
     """
     linear: list[str] = []
     if linearization is not None:
-        linear = linearization_lines(linearization, equations.q, equations.multipliers, equations.names)
+        linear = linearization_lines(linearization, equations)
     lines = [
         rf"% Equations of motion of {equations.mechanism}, by mbd_sim. Needs \usepackage{{amsmath,amssymb}}.",
         *_energy_lines(equations),
@@ -51,7 +51,7 @@ def to_latex(equations: SymbolicEquations, linearization: SymbolicLinearization 
         r"\begin{itemize}",
         "\n".join(f"  \\item {line}" for line in meanings(equations)).removesuffix(";") + ".",
         r"\end{itemize}",
-        r"Numbers are in SI units, rounded to six digits.",
+        r"Numbers are in SI units; those that are no short fractions or decimals are rounded to six digits.",
     ]
     return "\n".join(lines)
 

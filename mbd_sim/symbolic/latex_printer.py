@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from typing import Any
 
@@ -11,7 +12,11 @@ _ESCAPES = str.maketrans(
     | {"^": r"\textasciicircum{}", "~": r"\textasciitilde{}", "\\": r"\textbackslash{}"}
     | {"²": "$^2$", "³": "$^3$", "·": r"$\cdot$", "°": r"$^{\circ}$"}
 )
-LARGEST_DENOMINATOR = 100  # of a number written as a fraction
+MOST_DIGITS = 8  # of a decimal that is written as it is
+# Of numbers written as fractions:
+LARGEST_DENOMINATOR = 100
+LARGEST_NUMERATOR = 1000
+LARGEST_PRODUCT = 10_000  # of numerator and denominator, where the latter is larger
 
 
 def write(expression: Any, names: dict[Any, str]) -> str:
@@ -30,20 +35,56 @@ def plain(text: str) -> str:
 
 
 def number(numerator: int, denominator: int) -> str:
-    """A fraction if it is simple and has no short decimal form, else six digits."""
+    """A rational number, exact where that is short: an integer, a decimal or a fraction, perhaps with a power of ten.
+
+    Otherwise it is rounded to six digits.
+    """
+    return exact_number(numerator, denominator) or _decimal(f"{numerator / denominator:.{DIGITS}g}")
+
+
+def exact_number(numerator: int, denominator: int) -> str:
+    """A rational number with all of its digits, or "" where these are many."""
     if denominator == 1 and abs(numerator) < 10**DIGITS:
         return str(numerator)
-    rest = denominator
-    for prime in (2, 5):
-        while rest % prime == 0:
-            rest //= prime
-    simple = denominator in (2, 4) or rest > 1
-    if simple and denominator <= LARGEST_DENOMINATOR and abs(numerator) <= 10 * LARGEST_DENOMINATOR:
-        sign = "-" if numerator < 0 else ""
-        return rf"{sign}\tfrac{{{abs(numerator)}}}{{{denominator}}}"
-    text = f"{numerator / denominator:.{DIGITS}g}"
+    rest, power = _without_tens(denominator)
+    small = abs(numerator) <= LARGEST_NUMERATOR and denominator <= LARGEST_DENOMINATOR
+    if small and (denominator in (2, 4) or rest > 1):
+        return _fraction(numerator, denominator)
+    digits = len(str(abs(numerator) * 10**power // denominator).strip("0")) if rest == 1 else math.inf
+    if digits <= DIGITS:
+        return _decimal(f"{numerator / denominator:.{DIGITS}g}")
+    if abs(numerator) * denominator <= LARGEST_PRODUCT and denominator <= LARGEST_NUMERATOR:
+        return _fraction(numerator, denominator)
+    if digits <= MOST_DIGITS:
+        return _decimal(f"{numerator / denominator:.{MOST_DIGITS}g}")
+    whole = str(numerator * 10**power // (denominator // rest))
+    short = whole.rstrip("0")
+    if rest > 1 and abs(int(short)) <= LARGEST_DENOMINATOR >= rest:
+        return rf"{_fraction(int(short), rest)} \cdot 10^{{{len(whole) - len(short) - power}}}"
+    return ""
+
+
+def _fraction(numerator: int, denominator: int) -> str:
+    return rf"{'-' if numerator < 0 else ''}\tfrac{{{abs(numerator)}}}{{{denominator}}}"
+
+
+def _decimal(text: str) -> str:
     mantissa, _, exponent = text.partition("e")
-    return rf"{mantissa} \cdot 10^{{{int(exponent)}}}" if exponent else mantissa
+    if not exponent:
+        return mantissa
+    power = f"10^{{{int(exponent)}}}"
+    return power if mantissa == "1" else rf"{mantissa} \cdot {power}"
+
+
+def _without_tens(denominator: int) -> tuple[int, int]:
+    """A denominator without its factors 2 and 5, and the power of ten that they divide."""
+    counts = []
+    for prime in (2, 5):
+        count = 0
+        while denominator % prime == 0:
+            denominator, count = denominator // prime, count + 1
+        counts.append(count)
+    return denominator, max(counts)
 
 
 @cache

@@ -6,12 +6,14 @@ import subprocess
 import sys
 
 import pytest
+import sympy as sp
 
 from mbd_sim.cli.main import main
 from mbd_sim.symbolic import to_latex
 from mbd_sim.symbolic.latex import constraint_rows, energy_rows, entry_rows, motion_rows
-from mbd_sim.symbolic.latex_printer import number
+from mbd_sim.symbolic.latex_printer import exact_number, number, write
 from mbd_sim.symbolic.sensor_latex import sensor_rows
+from mbd_sim.symbolic.short_numbers import shortest_numbers
 from test.generators.mechanisms import SHIPPED
 from test.symbolic.test_symbolic_equations import equations_of, small
 
@@ -105,12 +107,36 @@ def test_the_command_prints_equations_and_meanings(capsys):
         ((1, 5), "0.2"),
         ((7, 1), "7"),
         ((123456789, 7), r"1.76367 \cdot 10^{7}"),
-        ((1, 3000000), r"3.33333 \cdot 10^{-7}"),
+        ((1, 3000000), r"\tfrac{1}{3} \cdot 10^{-6}"),
+        ((-1, 750000), r"-\tfrac{4}{3} \cdot 10^{-6}"),
+        ((1, 512), r"\tfrac{1}{512}"),
+        ((1, 300), r"\tfrac{1}{300}"),
+        ((1, 1000000), "10^{-6}"),
+        ((12345678, 10000000), "1.2345678"),
+        ((4 * 10**10, 1), r"4 \cdot 10^{10}"),
         ((355, 113), "3.14159"),
     ],
 )
 def test_numbers_are_fractions_where_they_are_simple(fraction, text):
     assert number(*fraction) == text
+
+
+def test_numbers_are_shortest_also_in_products():
+    m, length = sp.symbols("m l")
+    assert shortest_numbers([(100 * m * length**2 + 1) / 50]) == 2 * (m * length**2 + sp.Rational(1, 100))
+    long = sp.Rational(1, 30 * 10**15) * m * (4 * 10**10 + 25 * 10**14 * length**2)
+    short = shortest_numbers([long, sp.expand(long)])
+    assert sp.expand(short - long) == 0
+    assert all(exact_number(int(one.p), int(one.q)) for one in short.atoms(sp.Rational))
+    assert write(sp.Rational(4, 3) * m / 10**6, {m: "m"}) == r"\tfrac{4}{3} \cdot 10^{-6}\, m"
+
+
+def test_equations_are_printed_without_their_linearization(capsys):
+    assert main(["check", "knife_edge", "--latex", "--no-linearization"]) == 0
+    text = capsys.readouterr().out
+    assert r"\left(\tfrac{1}{12}\, \operatorname{length}^{2} m + \tfrac{4}{3} \cdot 10^{-6}\, m\right)" in text
+    assert r"\delta" not in text and r"M_{33} &=" in text
+    assert main(["check", "knife_edge", "--no-linearization"]) == 1
 
 
 def test_constraints_add_their_multipliers():
