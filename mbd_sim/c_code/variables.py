@@ -29,6 +29,9 @@ _MEANINGS = {
 }
 
 
+_NOMINAL = {"Pa": 1e5, "J": 1.0}  # the least
+
+
 @dataclass(frozen=True)
 class Variable:
     """A number of a model: a C identifier (`field`), a `name` with dots, an SI `unit` and its value at the start.
@@ -42,6 +45,11 @@ class Variable:
     unit: str
     description: str
     start: float = 0.0
+
+    @property
+    def nominal(self) -> float:
+        """The order of magnitude from which tools choose tolerances: 1, but for pressures and their energies."""
+        return max(abs(float(self.start)), _NOMINAL[self.unit]) if self.unit in _NOMINAL else 1.0
 
 
 def identifier(name: str) -> str:

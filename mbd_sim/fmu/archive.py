@@ -34,6 +34,7 @@ _MODEL_HEADER = """\
 #define MODEL_TOKEN "{token}"
 #define MODEL_STEP {step}
 #define MODEL_STATES {states}
+#define MODEL_NOMINALS {nominals} /* of the states */
 #define MODEL_INPUTS {inputs}
 #define MODEL_PARAMETERS {parameters}
 #define MODEL_OUTPUTS {outputs}
@@ -96,6 +97,7 @@ def _interface_sources(model: ExportedModel, token: str) -> Mapping[str, str]:
             outputs=len(model.output_variables),
             projects=int(model.equations.project is not None),
             sampled=int(model.between_steps is not None),
+            nominals=", ".join(repr(state.nominal) for state in model.states),
             history=f"{model.name}_history" if keeps else "char",
             passed="history, " if keeps else "",
         ),

@@ -137,6 +137,8 @@ def _attributes(entry: Entry) -> Iterator[tuple[str, str]]:
         yield "start", repr(float(variable.start))
     if variable.unit in _UNITS:
         yield "unit", variable.unit
+    if variable.nominal != 1.0:
+        yield "nominal", repr(variable.nominal)
     if entry.derivative_of is not None:
         yield "derivative", str(entry.derivative_of)
     yield "description", variable.description

@@ -115,6 +115,27 @@ def test_model_exchange_agrees_to_the_tolerance_of_the_solver(loop):
     assert simulation.model.violation(1.0, found).position < 1e-8
 
 
+def test_pressures_have_nominal_values_and_agree_relative_to_them(tmp_path):
+    """A motion of 0.1 s of a cylinder: the pressures of some MPa agree to 1e-7 of them, not to fractions of a pascal."""
+    lift = Unit(tmp_path, load_mechanism("hydraulic_scissor_lift"))
+    nominals = np.array([state.nominal for state in lift.model.states])
+    declared = {variable.name: variable.nominal for variable in lift.description.modelVariables}
+    pressures = [name for name in lift.names if "pressure" in name]
+    assert [declared[name] for name in pressures] == ["4900000.0", "1000000.0"]
+    with_nominals = lift.instance("ModelExchange", initialized=False)
+    values = (fmpy.fmi3.fmi3Float64 * len(nominals))()
+    with_nominals.getNominalsOfContinuousStates(values, len(nominals))
+    assert np.array_equal(values, nominals) and np.min(nominals) == 1.0
+    with_nominals.freeInstance()
+    result = fmpy.simulate_fmu(
+        lift.extracted, fmi_type="ModelExchange", stop_time=0.1, relative_tolerance=1e-10, output=lift.names
+    )
+    simulation = Simulation(lift.mechanism)
+    simulation.run(until=0.1)
+    found = np.array([result[name][-1] for name in lift.names])
+    assert np.max(np.abs(found - simulation.y) / nominals) < 1e-7
+
+
 def test_parameters_are_tunable(rods):
     result = fmpy.simulate_fmu(
         rods.extracted,
