@@ -10,7 +10,6 @@ import numpy as np
 from mbd_sim.errors import nearest, quoted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.sdf.frame_graph import MODEL, Node, key_of, world_pose
-from mbd_sim.sdf.links import note_unread
 from mbd_sim.sdf.values import Values, direction
 from mbd_sim.urdf.value_reader import rows
 from mbd_sim.urdf.xml_elements import Element
@@ -27,9 +26,6 @@ TYPES = {
 }
 GEARBOX = "gearbox"
 READ = ("pose", "parent", "child", "axis", "axis2", "screw_thread_pitch", "thread_pitch")
-AXIS_READ = ("xyz", "limit", "dynamics", "mimic", "use_parent_model_frame")
-LIMIT_READ = ("lower", "upper", "effort", "velocity")
-DYNAMICS_READ = ("damping", "friction", "spring_reference", "spring_stiffness")
 
 
 def joint_of(values: Values, node: Node, old_axes: bool) -> dict[str, Any]:
@@ -111,10 +107,8 @@ def _lead(values: Values, joint: Element, key: str) -> float:
 def _coordinate(values: Values, axis: Element, key: str, kind: str) -> dict[str, Any]:
     """Limits, damping, friction and spring of one coordinate."""
     where, record = f"{key}.{axis.tag}", dict[str, Any]()
-    note_unread(values, axis, where, AXIS_READ)
     limit, dynamics = axis.first("limit"), axis.first("dynamics")
     if limit is not None:
-        note_unread(values, limit, f"{where}.limit", LIMIT_READ)
         lower = values.bound(limit, "lower", f"{where}.limit", -math.inf)
         upper = values.bound(limit, "upper", f"{where}.limit", math.inf)
         if kind != "continuous" and (lower > -math.inf or upper < math.inf):
@@ -129,7 +123,6 @@ def _coordinate(values: Values, axis: Element, key: str, kind: str) -> dict[str,
             elif value == 0.0:
                 values.reading.leave_out_at(f"{name} limits of 0, taken as unlimited", limit, where)
     if dynamics is not None:
-        note_unread(values, dynamics, f"{where}.dynamics", DYNAMICS_READ)
         place = f"{where}.dynamics"
         if stiffness := values.number_from_zero(dynamics, "spring_stiffness", place):
             record["stiffness"] = stiffness

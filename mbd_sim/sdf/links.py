@@ -42,7 +42,6 @@ def _inertial(values: Values, inertial: Element, key: str) -> dict[str, Any]:
     if inertial.attributes.get("auto", "false") in ("true", "1"):
         message = "an inertia that follows from the collision shapes is not computed"
         values.reading.report(inertial, f"{key}.auto", message, "Give <mass> and <inertia>.")
-    note_unread(values, inertial, key, ("pose", "mass", "inertia"))
     mass = values.number_from_zero(inertial, "mass", key, 1.0)
     tensor, element = np.eye(3), inertial.first("inertia")
     for name, index in PRODUCTS.items() if element is not None else ():
@@ -61,13 +60,6 @@ def _inertial(values: Values, inertial: Element, key: str) -> dict[str, Any]:
     return part
 
 
-def note_unread(values: Values, element: Element, key: str, read: tuple[str, ...]) -> None:
-    """List the elements within one that are not read."""
-    for child in element.children:
-        if child.tag not in read:
-            values.reading.leave_out_at(f"<{child.tag}> of <{element.tag}>", child, key)
-
-
 def _drawn(values: Values, link: Element, key: str) -> list[tuple[str, dict[str, Any]]]:
     """The meshes and shapes of the visual elements, or else the shapes of the collision elements."""
     found: list[tuple[str, dict[str, Any]]] = []
@@ -82,10 +74,6 @@ def _drawn(values: Values, link: Element, key: str) -> list[tuple[str, dict[str,
 
 
 def _shape(values: Values, element: Element, key: str) -> tuple[str, dict[str, Any]] | None:
-    if element.tag == "visual":
-        note_unread(values, element, key, ("pose", "geometry", "material"))
-        for material in element.all("material"):
-            note_unread(values, material, key, ("diffuse",))
     geometry = element.first("geometry")
     form = geometry.children[0] if geometry is not None and geometry.children else None
     if form is None:

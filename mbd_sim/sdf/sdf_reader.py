@@ -18,6 +18,7 @@ from mbd_sim.mechanism_file.yaml_writer import yaml_text
 from mbd_sim.sdf.couplings import gearbox_of, mimics_of
 from mbd_sim.sdf.frame_graph import Node, Scope, key_of, link_of, world_pose
 from mbd_sim.sdf.joints import GEARBOX, joint_of
+from mbd_sim.sdf.left_out import note_unread_attributes, note_unread_values
 from mbd_sim.sdf.links import part_of, rotated
 from mbd_sim.sdf.scopes import FRAMES, ScopeReader
 from mbd_sim.sdf.values import Values
@@ -231,6 +232,9 @@ class _Reader:
         while scopes:
             scope = scopes.pop(0)
             scopes += [node.inner for node in scope.nodes.values() if node.inner is not None]
+            note_unread_attributes(self.reading, scope.element)
+            for node in scope.nodes.values():
+                note_unread_values(self.reading, node)
             for element in scope.element.children:
                 if element.tag not in (*FRAMES, *QUIET) and not (scope is self.scope and element.tag == "gravity"):
                     self.reading.leave_out_at(f"<{element.tag}>", element, key_of(element))

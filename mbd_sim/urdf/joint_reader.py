@@ -33,6 +33,10 @@ def joint_of(reading: Reading, joint: Element, key: str, origins: Origins) -> tu
         record["axis"] = _axis(reading, joint, key, origins)
     if kind in AXIAL:
         record |= _limit(reading, joint, kind, key, origins) | _dynamics(reading, joint, key, origins)
+    elif kind in ("planar", "floating"):
+        for tag in ("limit", "dynamics"):
+            if joint.first(tag):
+                reading.leave_out(f"<{tag}> of {kind} joints", key)
     for tag in ("calibration", "safety_controller"):
         if joint.first(tag):
             reading.leave_out(f"<{tag}>", key)

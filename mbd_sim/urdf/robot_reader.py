@@ -15,7 +15,8 @@ from mbd_sim.mechanism.source import Location, Origin, Source
 from mbd_sim.mechanism_file.file_limits import file_error
 from mbd_sim.mechanism_file.yaml_writer import yaml_text
 from mbd_sim.urdf.joint_reader import joint_of, mimic_of
-from mbd_sim.urdf.link_reader import Origins, color_of, part_of
+from mbd_sim.urdf.link_reader import MOMENTS, Origins, color_of, part_of
+from mbd_sim.urdf.unread import note_unread, read
 from mbd_sim.urdf.value_reader import (
     LONGEST_NAME,
     Reading,
@@ -26,6 +27,28 @@ from mbd_sim.urdf.xml_elements import Element, parse_xml
 
 Base = Literal["fixed", "free"]
 BASE = "base"  # the name of its joint
+# What is read of each element; everything else is listed.
+READ = {
+    "link": read("name type", "inertial", "visual collision"),
+    "inertial": read("", "origin mass inertia"),
+    "origin": read("xyz rpy"),
+    "mass": read("value"),
+    "inertia": read(" ".join(MOMENTS)),
+    **dict.fromkeys(("visual", "collision"), read("name", "origin geometry material")),
+    "geometry": read("", "box cylinder sphere mesh", checked=True),
+    "box": read("size"),
+    "cylinder": read("radius length"),
+    "sphere": read("radius"),
+    "mesh": read("filename scale"),
+    "material": read("name", "color"),
+    "color": read("rgba"),
+    "joint": read("name type", "origin parent child axis limit dynamics mimic", "calibration safety_controller"),
+    **dict.fromkeys(("parent", "child"), read("link")),
+    "axis": read("xyz"),
+    "limit": read("lower upper effort velocity"),
+    "dynamics": read("damping friction"),
+    "mimic": read("joint multiplier offset"),
+}
 WORLDS = (GROUND, "world")  # names of a root link that stands for ground where it has no mass
 XACRO_REMEDY = "Expand it first: xacro robot.urdf.xacro > robot.urdf (the ROS package xacro, or pip install xacro)."
 
@@ -111,6 +134,9 @@ class _Robot:
             if element.tag not in ("link", "joint", "material"):
                 name = element.attributes.get("name") or element.attributes.get("reference") or "without a name"
                 self.reading.leave_out(f"<{element.tag}>", name)
+            else:
+                key = _key(element.tag, element.attributes.get("name", ""))
+                note_unread(self.reading, element, key, READ)
         return Source(
             data=data,
             file=self.reading.file,

@@ -201,6 +201,24 @@ def test_inertias_that_no_body_has_are_used_as_given_and_noted():
     assert parse_mechanism(mechanism.source.text).parts["b"].inertia.tolist() == mechanism.parts["b"].inertia.tolist()
 
 
+def test_unread_attributes_and_elements_are_listed_at_any_depth():
+    inside = """<visual><geometry><box size="1 1 1" shell="1"/></geometry>
+<material name="m"><color rgba="1 0 0 1"/><texture filename="t.png"/></material></visual>"""
+    hinge = """<joint name="j" type="planar"><parent link="a"/><child link="b"/>
+<axis xyz="0 0 1"/><limit effort="1" velocity="1" acceleration="3"/><hardware/></joint>"""
+    notes = parse_mechanism(robot(f'<link name="a" color="red">{inside}</link>', link("b"), hinge)).source.notes
+    found = " ".join(notes)
+    for note in (
+        "color of <link>: link[a] (line ",
+        "shell of <box>: link[a].visual.geometry.box (line ",
+        "<texture> of <material>: link[a].visual.material[m] (line ",
+        "acceleration of <limit>: joint[j].limit (line ",
+        "<hardware> of <joint>: joint[j] (line ",
+        "<limit> of planar joints: joint[j]",
+    ):
+        assert note in found
+
+
 def test_shapes_and_colors():
     inside = """
       <visual><origin xyz="1 0 0" rpy="0 0 0.5"/><geometry><box size="1 2 3"/></geometry><material name="red"/></visual>
