@@ -62,17 +62,17 @@ class MovingPoint:
 
     @property
     def jacobian(self) -> Array:
-        """J (3, nv): the velocity for each unit speed in u."""
+        """J (3, nv): the velocity for each unit speed in u; of a frame (6, nv), with the angular velocity below."""
         return self._read("jacobian")
 
     @property
     def jacobian_rate(self) -> Array:
-        """J' (3, nv), the time derivative of J in the present motion, in 1/s or m/s for each unit speed."""
+        """J', like J (3, nv) or (6, nv): the time derivative of J in the present motion."""
         return self._read("jacobian_rate")
 
     @property
     def bias_acceleration(self) -> Array:
-        """(3,) in m/s²: the acceleration at u' = 0, which is J' u without drives."""
+        """(3,) in m/s²: the acceleration at u' = 0, which is J' u without drives; of a frame (6,), in rad/s² below."""
         return self._read("bias_acceleration")
 
     def _acceleration(self) -> Array:
@@ -149,18 +149,3 @@ class MovingFrame(MovingPoint):
     def angular_acceleration(self) -> Array:
         """(3,) in rad/s², under all present forces."""
         return self._acceleration()[3:]
-
-    @property
-    def jacobian(self) -> Array:
-        """J (6, nv): the velocity and the angular velocity for each unit speed in u."""
-        return self._read("jacobian")
-
-    @property
-    def jacobian_rate(self) -> Array:
-        """J' (6, nv), the time derivative of J in the present motion."""
-        return self._read("jacobian_rate")
-
-    @property
-    def bias_acceleration(self) -> Array:
-        """(6,): acceleration in m/s² and angular acceleration in rad/s² at u' = 0."""
-        return self._read("bias_acceleration")
