@@ -28,6 +28,7 @@ MAX_POLYNOMIAL = 3  # speeds up to which the characteristic polynomial is expand
 MAX_STATES = 2  # of actuators up to which it is
 MAX_ROWS = 2  # constraints up to which it is
 MAX_OPERATIONS = 250  # of the polynomial
+MAX_ENTRIES = 500  # operations of the matrices from which it is expanded
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,14 +93,14 @@ def linearized(mechanism: Mechanism, equations: SymbolicEquations) -> SymbolicLi
     zero = {symbol: sp.S.Zero for symbol, value in commands.items() if value == 0.0}
     at_rest = dict.fromkeys((*equations.u, *equations.efforts), sp.S.Zero) | zero
     place, loads, held, values = _formulas(
-        equations, _Terms(*(matrix.subs(at_rest) for matrix in smooth)), smooth.gradient, found, numbers
+        equations, _Terms(*(matrix.xreplace(at_rest) for matrix in smooth)), smooth.gradient, found, numbers
     )
     used = smooth.forces.subs(zero).free_symbols | smooth.rates.subs(zero).free_symbols
     values = values | {symbol: commands[symbol] for symbol in commands if symbol in used}
     symbols = [state.symbol for one in equations.actuators for state in one.states]
     still = {**at_rest, **dict(zip(equations.q, place, strict=True)), **dict(zip(symbols, held, strict=True))}
     still |= dict(zip(equations.multipliers, loads, strict=True))
-    matrices = [matrix.subs(still) for matrix in _derivatives(equations, smooth, symbols, list(commands))]
+    matrices = [matrix.xreplace(still) for matrix in _derivatives(equations, smooth, symbols, list(commands))]
     if any(matrix.has(sp.Derivative, sp.Subs, sp.nan, sp.zoo) for matrix in matrices):
         return None
     mass, gradient, damping, stiffness, coupling, by_q, by_u, by_s, commanded, commanded_rates = map(_simple, matrices)
@@ -293,6 +294,8 @@ def _polynomial(own: Any, further: Sequence[Any], s: Any, gradient: Any, factor:
     import sympy as sp
 
     right, below, corner = further
+    if sum(int(entry.count_ops()) for matrix in (own, *further, gradient) for entry in matrix) > MAX_ENTRIES:
+        return None
     if own.rows > MAX_POLYNOMIAL or gradient.rows > MAX_ROWS or corner.rows > MAX_STATES:
         return None
     matrix = sp.Matrix(sp.BlockMatrix([[own, right], [below, corner]])) if corner.rows else own
