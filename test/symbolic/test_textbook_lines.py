@@ -14,6 +14,7 @@ from mbd_sim.dynamics.equations import derive
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.symbolic import sympy
+from mbd_sim.symbolic.latex import constraint_rows, motion_rows
 from test.generators.mechanisms import accelerations
 
 HALF, THIRD = sp.Rational(1, 2), sp.Rational(1, 3)
@@ -177,6 +178,9 @@ def test_pendulum_on_a_moving_support():
     (m, l, amplitude, frequency), (phi,), (rate,) = symbols(model, "m l amplitude frequency"), model.q, model.u
     v = amplitude * frequency * cos(frequency * model.t)
     compare(model.T, m * v**2 / 2 + HALF * m * l * v * cos(phi) * rate + m * l**2 / 3 * rate**2 / 2)
+    (g,), support = symbols(model, "g"), HALF * m * l * v.diff(model.t) * cos(phi)
+    own = m * l**2 / 3 * model.u_rates[0] + support + HALF * m * g * l * sin(phi)
+    compare(model.residual + model.efforts, column(own))
 
 
 def test_mass_in_a_rotating_frame():
@@ -278,6 +282,24 @@ def test_the_numbers_are_those_of_the_compiled_equations(name):
         mass, forces = terms(t, q, u, efforts)
         expected = accelerations(engine, q, u, efforts, t)
         assert np.allclose(np.linalg.solve(mass, forces).ravel(), expected, rtol=1e-12, atol=1e-12)
+
+
+def test_the_table_of_the_page_is_what_is_printed():
+    text = (Path(__file__).parents[2] / "docs" / "symbolic.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (?:`(\w+)`[^|]*)? *\| \$[^$|]+\$ \| \$([^$]+)\$ \|$", text, re.MULTILINE)
+    shown, last = {}, ""
+    for name, line in rows:
+        last = name or last
+        shown.setdefault(last, []).append(line)
+    assert len(shown) >= 10
+    for name, lines in shown.items():
+        equations = model_of(name).equations
+        printed = [" = ".join(map(line_of, row)) for row in motion_rows(equations) + constraint_rows(equations)]
+        assert lines == (printed if name != "knife_edge" else printed[3:])
+
+
+def line_of(terms):
+    return " ".join(term if not number or term[0] == "-" else f"+ {term}" for number, term in enumerate(terms))
 
 
 def test_the_snippets_of_the_page_run(capsys):
