@@ -105,11 +105,8 @@ def linearized(mechanism: Mechanism, equations: SymbolicEquations) -> SymbolicLi
         return None
     mass, gradient, damping, stiffness, coupling, by_q, by_u, by_s, commanded, commanded_rates = map(_simple, matrices)
     s, nonholonomic = sp.Symbol("s"), {row.position is None for row in equations.rows}
-    rolling, polynomial = True in nonholonomic, None
-    if len(nonholonomic) < 2:
-        own = mass * s**2 + damping * s + stiffness
-        further = [coupling, -by_q - by_u * s, s * sp.eye(len(symbols)) - by_s]
-        polynomial = _polynomial(own, further, s, gradient, s if rolling else sp.S.One)
+    rolling, blocks = True in nonholonomic, (mass, damping, stiffness, coupling, by_q, by_u, by_s)
+    polynomial = _polynomial(blocks, s, gradient, s if rolling else sp.S.One) if len(nonholonomic) < 2 else None
     return SymbolicLinearization(
         place,
         values,
@@ -286,15 +283,17 @@ def _simple(matrix: Any) -> Any:
     return matrix.applyfunc(short)
 
 
-def _polynomial(own: Any, further: Sequence[Any], s: Any, gradient: Any, factor: Any) -> Any | None:
+def _polynomial(blocks: Sequence[Any], s: Any, gradient: Any, factor: Any) -> Any | None:
     """The determinant of the linearized equations in s, bordered by -Gᵀ and by G times a factor, by powers of s.
 
-    :param own: M s² + C s + K; `further` are the blocks right of it, below it, and in the corner.
+    :param blocks: M, C, K, E, A, B and S, see `SymbolicLinearization`.
     """
     import sympy as sp
 
-    right, below, corner = further
-    if sum(int(entry.count_ops()) for matrix in (own, *further, gradient) for entry in matrix) > MAX_ENTRIES:
+    mass, damping, stiffness, coupling, by_q, by_u, by_s = blocks
+    own = mass * s**2 + damping * s + stiffness
+    right, below, corner = coupling, -by_q - by_u * s, s * sp.eye(by_s.rows) - by_s
+    if sum(int(entry.count_ops()) for matrix in (*blocks, gradient) for entry in matrix) > MAX_ENTRIES:
         return None
     if own.rows > MAX_POLYNOMIAL or gradient.rows > MAX_ROWS or corner.rows > MAX_STATES:
         return None
