@@ -5,6 +5,7 @@
 # make gallery  redraw the pictures and animations of the shipped mechanisms, or of some: make gallery ARGS="four_bar engine"
 # make docs     build the site in docs/_build/html and check every page; NOTEBOOKS=off does not execute its notebooks
 # make bench    measure start-up, and compare speed and accuracy with other simulators: make bench ARGS="--mechanisms four-bar"
+# make figures  write the results of make bench into docs/benchmarks.md and README.md
 # make clean    remove .venv and all build products
 
 VENV := .venv
@@ -14,7 +15,7 @@ DOCS := .venv-docs
 SITE := docs/_build/html
 ARGS ?=
 
-.PHONY: setup run test tests lint style types gallery docs bench clean
+.PHONY: setup run test tests lint style types gallery docs bench figures clean
 
 setup: $(VENV)/ready $(VENV)/interfaces
 
@@ -63,10 +64,10 @@ $(DOCS)/ready: setup.py docs/setup_venv
 	docs/setup_venv $(BIN)/python $(DOCS)
 
 bench: setup $(BENCH)/ready
-	$(BIN)/python benchmarks/startup.py
-	$(BENCH)/bin/python -m benchmarks.environments
-	$(BENCH)/bin/python -m benchmarks.contacts
-	$(BENCH)/bin/python -m benchmarks $(ARGS)
+	$(BENCH)/bin/python -m benchmarks.everything --python $(BIN)/python $(ARGS)
+
+figures: $(BENCH)/ready
+	$(BENCH)/bin/python -m benchmarks.figures
 
 $(BENCH)/ready: setup.py benchmarks/setup_venv
 	benchmarks/setup_venv $(BIN)/python $(BENCH)

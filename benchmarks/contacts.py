@@ -1,10 +1,11 @@
 """Contacts: what steps and events cost, and errors beside MuJoCo's against closed forms.
 
-python -m benchmarks.contacts
+python -m benchmarks.contacts [--rounds 31]
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import statistics
 import time
@@ -16,7 +17,7 @@ from benchmarks.contact_models import SYSTEMS, System, text
 from mbd_sim import Simulation
 from mbd_sim.load import load_mechanism
 
-ROUNDS, STEPS, MANY = 31, 3000, 100
+STEPS, MANY = 3000, 100
 METHODS = ("tsitouras8", "rk4")  # the default of mechanisms with contacts, and a short one
 OPEN = {  # changes that keep everything open
     "bounce": {"h": 1e6},
@@ -63,23 +64,23 @@ def without(name: str, changes: Mapping[str, float], method: str | None = None) 
     return Simulation.from_text(yaml.safe_dump(data, sort_keys=False), set=kept, method=method)
 
 
-def opened() -> None:
+def opened(rounds: int) -> None:
     """Steps with everything open, beside the same mechanism without one-sided elements, by the same method."""
     for method in METHODS:
         print(f"\n| everything open, {method} | µs, `step(1)` | without | ratio ", end="")
         print("| µs, many per call | without | ratio |\n| --- | --: | --: | --: | --: | --: | --: |")
         for name, changes in OPEN.items():
             pair = Simulation.from_file(name, set=changes, method=method), without(name, changes, method)
-            cells = [cell for n in (1, MANY) for cell in compared(pair, n)]
+            cells = [cell for n in (1, MANY) for cell in compared(pair, n, rounds)]
             if pair[0].contact_events:
                 raise RuntimeError(f"{name}: a contact was not open")
             print(f"| {name} | {' | '.join(cells)} |", flush=True)
 
 
-def compared(pair: tuple[Simulation, Simulation], n: int) -> list[str]:
+def compared(pair: tuple[Simulation, Simulation], n: int, rounds: int) -> list[str]:
     """The medians of the times of a step in µs in calls of n steps, and of their ratio, in alternating runs."""
     samples: tuple[list[float], list[float]] = ([], [])
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         for sim, into in zip(pair, samples, strict=True):
             sim.reset()
             into.append(1e6 * each(sim, STEPS, n))
@@ -87,7 +88,7 @@ def compared(pair: tuple[Simulation, Simulation], n: int) -> list[str]:
     return [*(f"{statistics.median(values):.3g}" for values in samples), f"{ratio:.2f}"]
 
 
-def closed() -> None:
+def closed(rounds: int) -> None:
     """Steps with closed contacts."""
     print("\n| closed | contacts | µs, `step(1)` | µs, many per call |\n| --- | --: | --: | --: |")
     for name, at in {**CLOSED, "twenty balls that roll": 0.01}.items():
@@ -98,7 +99,7 @@ def closed() -> None:
         medians = []
         for n in (1, MANY):
             samples = []
-            for _ in range(ROUNDS):
+            for _ in range(rounds):
                 sim.restore(snapshot)
                 samples.append(1e6 * each(sim, 100, n))
             medians.append(statistics.median(samples))
@@ -167,8 +168,11 @@ def mujoco_run(system: System, chosen: bool) -> tuple[str, str]:
 
 def main() -> None:
     """Print the tables."""
-    opened()
-    closed()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rounds", type=int, default=31, help="interleaved samples (default 31)")
+    rounds = parser.parse_args().rounds
+    opened(rounds)
+    closed(rounds)
     events()
     print(f"\nLoad of the machine over the last minute: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores.")
 

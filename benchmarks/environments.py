@@ -1,16 +1,16 @@
 """Vectorized Gymnasium environments: environment steps per second of ours, and of Gymnasium's own ones with MuJoCo.
 
-`python -m benchmarks.environments [environments]`. A cart with a pendulum, in one process each and in several: ours as
-an ensemble, Gymnasium's `InvertedPendulum-v5` in a vector of single environments, in this process or in one per
-processor. Each action lasts two integration steps of 0.02 s in MuJoCo (RK4), and one, two or twenty in ours. The rows
-alternate, and the figures are medians of the rounds.
+`python -m benchmarks.environments [--count 1000] [--rounds 5]`. A cart with a pendulum, in one process each and in
+several: ours as an ensemble, Gymnasium's `InvertedPendulum-v5` in a vector of single environments, in this process or
+in one per processor. Each action lasts two integration steps of 0.02 s in MuJoCo (RK4), and one, two or twenty in ours.
+The rows alternate, and the figures are medians of the rounds.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import statistics
-import sys
 import time
 from collections.abc import Callable
 from typing import Any
@@ -21,7 +21,7 @@ from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv, VectorEnv
 
 from mbd_sim.gym import TASKS, MechanismVectorEnv
 
-ROUNDS, BUDGET = 5, 2.0  # s for each row and round
+BUDGET = 2.0  # s for each row and round
 
 
 def ours(count: int, frame_skip: int, threads: int | None) -> VectorEnv[Any, Any, Any]:
@@ -49,8 +49,13 @@ def steps_per_second(envs: VectorEnv[Any, Any, Any]) -> float:
     return envs.num_envs * calls / (time.perf_counter() - began)
 
 
-def main(count: int = 1000) -> None:
+def main() -> None:
     """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=1000, help="environments (default 1000)")
+    parser.add_argument("--rounds", type=int, default=5, help="interleaved samples (default 5)")
+    options = parser.parse_args()
+    count = options.count
     processors = len(os.sched_getaffinity(0))
     rows: list[tuple[str, Callable[[], VectorEnv[Any, Any, Any]]]] = [
         (f"MechanismVectorEnv, {count}, 1 integration step each", lambda: ours(count, 1, None)),
@@ -62,7 +67,7 @@ def main(count: int = 1000) -> None:
     ]
     envs = [(name, make()) for name, make in rows]
     rates: dict[str, list[float]] = {name: [] for name, _ in rows}
-    for _ in range(ROUNDS):
+    for _ in range(options.rounds):
         for name, env in envs:
             rates[name].append(steps_per_second(env))
     print(f"{processors} processors, load {os.getloadavg()[0]:.1f}\n\n| environments | steps/s | least | most |")
@@ -74,4 +79,4 @@ def main(count: int = 1000) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    main()

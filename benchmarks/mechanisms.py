@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+
+from benchmarks.plan import Plan, plan_of, robot_plan
+from benchmarks.robots import ROBOTS, robot_text
 
 ROD = "{mass: 1, shape: {type: rod, to: [0, 0, -1]}, points: {tip: [0, 0, -1]}}"
 
@@ -25,12 +30,29 @@ def shipped(name: str) -> str:
     return find(name).read_text(encoding="utf-8")
 
 
-MECHANISMS = {
-    "1 rod": lambda: rods(1),
-    "2 rods": lambda: rods(2),
-    "7 rods": lambda: rods(7),
-    "30 rods": lambda: rods(30),
-    "cart+pendulum": lambda: shipped("cart_pendulum_spring"),
-    "four-bar": lambda: shipped("four_bar"),
-    "7-axis arm": lambda: (Path(__file__).parent / "arm.yaml").read_text(encoding="utf-8"),
+MECHANISMS: dict[str, Callable[[], str]] = {
+    "1 rod": partial(rods, 1),
+    "2 rods": partial(rods, 2),
+    "7 rods": partial(rods, 7),
+    "30 rods": partial(rods, 30),
+    "100 rods": partial(rods, 100),
+    "cart+pendulum": partial(shipped, "cart_pendulum_spring"),
+    "four-bar": partial(shipped, "four_bar"),
+    "6-axis arm": partial(shipped, "six_axis_arm"),
+    "7-axis arm": partial((Path(__file__).parent / "arm.yaml").read_text, encoding="utf-8"),
+    **{name: partial(robot_text, name) for name in ROBOTS},
 }
+LARGE = ("100 rods", *ROBOTS)  # of ours, only the default, `rk4` and `tsitouras8` are measured
+SLOW = {"exudyn": ("100 rods",)}  # simulators, and mechanisms that would take them minutes
+
+
+def plan_named(name: str, text: str) -> Plan:
+    """The plan of one of the mechanisms."""
+    return robot_plan(text) if name in ROBOTS else plan_of(text)
+
+
+def left_out(name: str, module: str) -> str:
+    """Why a simulator is not measured on a mechanism; empty if it is."""
+    if name in ROBOTS and module not in ("mbd_sim", "mujoco", "heyoka"):
+        return "reads neither our MJCF nor our equations here"
+    return "takes minutes" if name in SLOW.get(module, ()) else ""

@@ -29,7 +29,8 @@ class Body:
     The body's frame is that of its joint: with q = 0 it lies at `position` (3,) and `rotation` (3, 3), or `quaternion`
     (w, x, y, z), in the frame of the body `parent` (an index, or GROUND), and it rotates about its own z axis, or
     slides along it. `mass` in kg, `center` (3,) in m and `inertia` (3, 3) about it in kg·m² are in the body's
-    frame. The joint has a spring of `stiffness` N/m or N·m/rad with its rest at `rest`.
+    frame. The joint has a spring of `stiffness` N/m or N·m/rad with its rest at `rest`, and a damper
+    of `damping` N·s/m or N·m·s/rad.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Body:
     inertia: Array
     stiffness: float
     rest: float
+    damping: float
 
     def definite_inertia(self, least: float = 1e-13) -> Array:
         """The inertia with `least` kg·m² added where it has none, for simulators that allow no massless directions."""
@@ -69,7 +71,10 @@ class Pin:
 class Plan:
     """A mechanism: `bodies` in the order of the coordinates, each after its parent, and the start state q and u.
 
-    `text` is the mechanism file that it was made from, and `tape` has the same mechanism as equations.
+    `text` is the mechanism file that it was made from, and `tape` has the same mechanism as equations. A robot has no
+    bodies here, but our export of it as `mjcf`, and the names of its hinges and sliders in the order of the
+    coordinates; if it is `floating`, those of its base come first: a position and a unit quaternion, with linear and
+    angular velocity.
     """
 
     name: str
@@ -80,6 +85,24 @@ class Plan:
     q: Array
     u: Array
     tape: Tape
+    mjcf: str = ""
+    names: tuple[str, ...] = ()
+    floating: bool = False
+
+    @property
+    def conservative(self) -> bool:
+        """Whether nothing dissipates energy."""
+        return not any(body.damping for body in self.bodies)
+
+    def random_states(self, count: int) -> list[tuple[Array, Array]]:
+        """Coordinates and speeds with normal distribution, the same at each call."""
+        rng, states = np.random.default_rng(4), []
+        for _ in range(count):
+            q, u = rng.normal(size=len(self.q)), rng.normal(size=len(self.u))
+            if self.floating:
+                q[3:7] /= np.linalg.norm(q[3:7])
+            states.append((q, u))
+        return states
 
 
 def plan_of(text: str) -> Plan:
@@ -109,14 +132,36 @@ def plan_of(text: str) -> Plan:
     return Plan(mechanism.name, text, gravity, tuple(bodies), pins, sim.q.copy(), sim.u.copy(), tape_of(sim))
 
 
+def robot_plan(text: str) -> Plan:
+    """The plan of a tree of hinges and sliders on a fixed or free base, for simulators that read our MJCF or equations.
+
+    :raises ValueError: the mechanism has other joints, loops or constraints.
+    """
+    from mbd_sim import Simulation
+    from mbd_sim.mjcf.mjcf_writer import to_mjcf
+
+    sim = Simulation.from_text(text)
+    mechanism = sim.mechanism
+    if mechanism.closing or mechanism.constraints:
+        raise ValueError(f"{mechanism.name}: only trees are compared by their MJCF, because MuJoCo's loops are soft")
+    moving = [joint for joint in mechanism.joints.values() if joint.type != "fixed"]
+    floating = moving[0].type == "free"
+    names = mechanism.coordinate_names[6:] if floating else mechanism.coordinate_names
+    if set(names) != {joint.name for joint in moving[floating:]}:
+        raise ValueError(f"{mechanism.name}: only hinges and sliders are compared, and a free joint before them")
+    gravity, exported = np.array(mechanism.gravity), to_mjcf(mechanism).text
+    start = (sim.q.copy(), sim.u.copy())
+    return Plan(mechanism.name, text, gravity, (), (), *start, tape_of(sim), exported, tuple(names), floating)
+
+
 def _frames(joint: Joint) -> tuple[Pose, Pose]:
     """The joint's frame with its axis along z, in the axes of the inboard part and in those of the outboard part."""
     from mbd_sim.geometry.pose import Pose
     from mbd_sim.geometry.rotation import aligning_z
 
     simple = joint.type in ("revolute", "prismatic") and not joint.drive
-    if not simple or np.any(joint.damping) or joint.spring or joint.damper or joint.friction:
-        raise ValueError(f"joint '{joint.name}' is more than a hinge or slider with a spring")
+    if not simple or joint.spring or joint.damper or joint.friction:
+        raise ValueError(f"joint '{joint.name}' is more than a hinge or slider with a spring and a damper")
     inboard, outboard, axis = joint.parent_pose, joint.child_pose, joint.axis
     if joint.reversed:
         inboard, outboard, axis = outboard, inboard, -axis
@@ -140,6 +185,7 @@ def _body(joint: Joint, part: Part, parent: int, placed: Pose, frame: Pose) -> B
         inertia=0.5 * (inertia + inertia.T),
         stiffness=float(joint.stiffness[0]),
         rest=float(joint.rest[0]),
+        damping=float(joint.damping[0]),
     )
 
 

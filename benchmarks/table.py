@@ -14,15 +14,16 @@ HEAD = ("", "µs per step, `step(1)`", "µs per step, many per call", "× rk4", 
 
 
 def markdown(results: Sequence[Result], default: str) -> str:
-    """A table of the simulators on one mechanism, with their ratios to ours with `rk4` and with our `default` method.
+    """A table of the simulators on one mechanism, with their ratios to ours with `rk4` and to `default`, a label.
 
     Simulators that cannot be driven step by step are compared with many steps per call.
     """
     times = {result.label: result for result in results}
     lines = [row(HEAD), row(["---", *["--:"] * (len(HEAD) - 1)])]
     for result in results:
-        ratios = [ratio(result, times.get(f"{OURS} {name}")) for name in ("rk4", default)]
+        ratios = [ratio(result, times.get(label)) for label in (f"{OURS} rk4", default)]
         name = f"**{result.label}**" if result.label.startswith(OURS) else result.label
+        name += ", default" if result.label == default else ""
         lines.append(row([
             name, microseconds(result.each), microseconds(result.many), *ratios, scientific(result.error),
             drift(result), scientific(result.violation), seconds(result.setup), seconds(result.again),
@@ -35,8 +36,8 @@ def markdown(results: Sequence[Result], default: str) -> str:
     return "\n".join([*table, *(["", *notes] if notes else [])])
 
 
-def summary(measured: Mapping[str, Sequence[Result]], default: str) -> str:
-    """µs per step of all simulators on all mechanisms, and two ratios; in parentheses for many steps per call."""
+def costs(measured: Mapping[str, Sequence[Result]]) -> str:
+    """µs per step of all simulators on all mechanisms; in parentheses for many steps per call."""
     by_label: dict[str, dict[str, Result]] = {}
     for name, results in measured.items():
         for result in results:
@@ -45,16 +46,12 @@ def summary(measured: Mapping[str, Sequence[Result]], default: str) -> str:
     for label, found in by_label.items():
         cells = [one_time(found.get(name)) for name in measured]
         lines.append(row([f"**{label}**" if label.startswith(OURS) else label, *cells]))
-    for other, own in (("MuJoCo RK4", "rk4"), ("MuJoCo Euler", default)):
-        pairs = [(by_label.get(other, {}).get(name), by_label.get(f"{OURS} {own}", {}).get(name)) for name in measured]
-        ratios = [ratio(a, b) if a else "–" for a, b in pairs]
-        lines.append(row([f"{other} / {OURS} {own}", *ratios]))
     return "\n".join(lines)
 
 
 def one_time(result: Result | None) -> str:
     """The time by single steps if there is one, else by many per call, in parentheses."""
-    if result is None:
+    if result is None or result.many is None:
         return "–"
     return microseconds(result.each) if result.each is not None else f"({microseconds(result.many)})"
 

@@ -1,4 +1,4 @@
-"""The accelerations of a mechanism as a list of scalar operations, for simulators that take equations."""
+"""The rates of a mechanism's state as a list of scalar operations, for simulators that take equations."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ GUARDS: dict[str, Callable[..., Any]] = {
 class Tape:
     """`steps` are (operation, place of the result, places of the arguments), all places in one list of `places`.
 
-    An INPUT has (its index in [q, u],) as arguments, a CONST its value; an OUTPUT is the acceleration with that index.
+    An INPUT has (its index in [q, u],) as arguments, a CONST its value; an OUTPUT is the rate of that entry.
     """
 
     places: int
     steps: tuple[tuple[str, int, tuple[Any, ...]], ...]
 
     def run(self, state: list[Any], sin: Callable[[Any], Any], cos: Callable[[Any], Any]) -> list[Any]:
-        """The accelerations at a state (2 n,) of numbers, or of anything that can be added and multiplied."""
+        """The rates of a state [q, u] of numbers, or of anything that can be added and multiplied."""
         work: list[Any] = [None] * self.places
         outputs: dict[int, Any] = {}
         functions = {**OPERATIONS, "SIN": sin, "COS": cos}
@@ -59,7 +59,7 @@ class Tape:
 
 
 def tape_of(sim: Simulation) -> Tape:
-    """The accelerations without efforts at t = 0.
+    """The rates of [q, u] without efforts at t = 0.
 
     Minima, maxima and comparisons, which guard against singular configurations, are evaluated at the start state: the
     tape is valid only away from such configurations.
@@ -69,7 +69,7 @@ def tape_of(sim: Simulation) -> Tape:
     import casadi as ca
 
     names = {getattr(ca, name): name[3:] for name in dir(ca) if name.startswith("OP_")}
-    rates, count = sim.model.equations.rates, len(sim.u)
+    rates, count = sim.model.equations.rates, sim.model.u_range.stop
     start = np.concatenate([sim.q, sim.u])
     work = [0.0] * rates.sz_w()
     numeric = {**OPERATIONS, **GUARDS, "SIN": math.sin, "COS": math.cos}
@@ -78,18 +78,18 @@ def tape_of(sim: Simulation) -> Tape:
         operation = names[rates.instruction_id(index)]
         target, sources = rates.instruction_output(index), rates.instruction_input(index)
         if operation == "OUTPUT":
-            if target[0] == 0 and count <= target[1] < 2 * count:
-                steps.append(("OUTPUT", target[1] - count, (sources[0],)))
+            if target[0] == 0 and target[1] < count:
+                steps.append(("OUTPUT", target[1], (sources[0],)))
             continue
         into = target[0]
-        if operation == "INPUT" and sources[0] == 1 and sources[1] < 2 * count:
+        if operation == "INPUT" and sources[0] == 1 and sources[1] < count:
             steps.append(("INPUT", into, (sources[1],)))
             work[into] = start[sources[1]]
         elif operation in ("INPUT", "CONST"):
             work[into] = rates.instruction_constant(index) if operation == "CONST" else 0.0
             steps.append(("CONST", into, (work[into],)))
         elif operation not in numeric:
-            raise ValueError(f"{sim.mechanism.name}: the accelerations contain {operation}, which tapes do not support")
+            raise ValueError(f"{sim.mechanism.name}: the equations contain {operation}, which tapes do not support")
         else:
             values = [work[place] for place in sources]
             work[into] = numeric[operation](*values)

@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 
 from benchmarks.engines import OURS, Engine, load
 from benchmarks.judge import END, Judge
+from benchmarks.measure import STEP
 from benchmarks.mechanisms import MECHANISMS
 from benchmarks.plan import Plan, plan_of
 
@@ -23,8 +24,12 @@ PLOTTED = ("2 rods", "7 rods", "four-bar", "7-axis arm")
 COUNTS = (94, 188, 375, 750, 1500, 3000, 6000, 12000, 24000)  # steps in three seconds
 TOLERANCES = (1e-5, 1e-8, 1e-12, None)
 SAMPLES = 5
-COLORS = ("#b0b0b0", "#8c8c8c", "#d62728", "#2ca02c", "#1f77b4", "#ff7f0e", "#9467bd", "#8c564b", "#17becf", "#bcbd22")
-PEERS = {"MuJoCo Euler": ("#000000", "s"), "MuJoCo RK4": ("#000000", "^"), "heyoka": ("#e377c2", "D")}
+COLORS = {
+    "euler": "#b0b0b0", "midpoint": "#8c8c8c", "rk4": "#d62728", "verner7": "#2ca02c", "tsitouras8": "#1f77b4",
+    "dop853": "#ff7f0e", "rosenbrock": "#9467bd", "gauss4": "#8c564b", "gauss6": "#17becf",
+}  # fmt: skip
+OTHER_COLOR = "#bcbd22"
+PEERS = {"MuJoCo Euler": ("#000000", "s"), "MuJoCo RK4": ("#000000", "^"), "heyoka": ("#7f5f00", "D")}
 Point = tuple[float, float]
 
 
@@ -49,9 +54,15 @@ def plots(engines: list[str], file: Path) -> None:
 def panel(place: Axes, name: str, plan: Plan, judge: Judge, engines: list[str]) -> None:
     """One mechanism."""
     ours = load(OURS)
-    for color, method in zip(COLORS, ours.INTEGRATORS, strict=False):
+    default = judge.sim.model.method.name
+    for method in (name for name in ours.INTEGRATORS if name != "rosenbrock_w" and name != default):
         points = list(by_steps(ours.MbdSim, plan, judge, method))
-        draw(place, f"mbd_sim {method}", points, color=color, marker="o", linestyle="-")
+        draw(place, f"mbd_sim {method}", points, color=COLORS.get(method, OTHER_COLOR), marker="o", linestyle="-")
+    # The default above the others, with a star where the step is the usual one.
+    points = list(by_steps(ours.MbdSim, plan, judge, default))
+    draw(place, f"mbd_sim {default} (default)", points, linewidth=3.0, color="#e6007e", marker="o", linestyle="-")
+    usual = list(measured_point(ours.MbdSim(plan, STEP, default), plan, judge, round(END / STEP)))
+    draw(place, "… with steps of 1 ms", usual, markersize=15.0, color="#e6007e", marker="*", linestyle="none")
     if "mujoco" in engines:
         for method in ("Euler", "RK4"):
             color, marker = PEERS[f"MuJoCo {method}"]
@@ -67,10 +78,12 @@ def panel(place: Axes, name: str, plan: Plan, judge: Judge, engines: list[str]) 
     place.spines[["top", "right"]].set_visible(False)
 
 
-def draw(place: Axes, label: str, points: list[Point], **style: str) -> None:
+def draw(place: Axes, label: str, points: list[Point], **style: str | float) -> None:
     """A curve, without points that diverged."""
     kept = [(work, error) for work, error in points if math.isfinite(error) and error < 1.0]
-    place.plot(*zip(*kept, strict=True) if kept else ((), ()), label=label, linewidth=1.4, markersize=4, **style)
+    place.plot(
+        *zip(*kept, strict=True) if kept else ((), ()), label=label, **{"linewidth": 1.4, "markersize": 4.0, **style}
+    )
 
 
 def by_steps(kind: type[Engine], plan: Plan, judge: Judge, method: str) -> Iterator[Point]:

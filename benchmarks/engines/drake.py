@@ -99,6 +99,7 @@ def _plant(plan: Plan, step: float) -> MultibodyPlant:
             _frame(plant, bodies[body.parent], body),
             added.body_frame(),
             np.array([0.0, 0.0, 1.0]),
+            damping=body.damping,
         ))  # fmt: skip
         if body.stiffness:
             spring = PrismaticSpring if body.slides else RevoluteSpring

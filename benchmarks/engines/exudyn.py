@@ -94,12 +94,14 @@ class Exudyn:
 
 def _tree(plan: Plan, node: int) -> items.ObjectKinematicTree:
     kinds = {False: exu.JointType.RevoluteZ, True: exu.JointType.PrismaticZ}
-    sprung = any(body.stiffness for body in plan.bodies)
+    sprung = any(body.stiffness or body.damping for body in plan.bodies)
     control = {}
     if sprung:
         control = {
             "jointPositionOffsetVector": [body.rest for body in plan.bodies],
             "jointPControlVector": [body.stiffness for body in plan.bodies],
+            "jointVelocityOffsetVector": [0.0] * len(plan.bodies),
+            "jointDControlVector": [body.damping for body in plan.bodies],
         }
     return items.ObjectKinematicTree(
         nodeNumber=node,

@@ -21,15 +21,16 @@ class Heyoka:
 
     def __init__(self, plan: Plan, step: float, method: str, tolerance: float | None = None) -> None:
         count, self._step = len(plan.q), step
-        variables = hy.make_vars(*(f"q{index}" for index in range(count)), *(f"u{index}" for index in range(count)))
-        accelerations = [hy.expression(value) if isinstance(value, float) else value for value in plan.tape.run(
+        names = [f"q{index}" for index in range(count)] + [f"u{index}" for index in range(len(plan.u))]
+        variables = hy.make_vars(*names)
+        rates = [hy.expression(value) if isinstance(value, float) else value for value in plan.tape.run(
             variables, hy.sin, hy.cos
         )]  # fmt: skip
-        system = list(zip(variables, [*variables[count:], *accelerations], strict=True))
+        system = list(zip(variables, rates, strict=True))
         options = {} if tolerance is None else {"tol": tolerance}
         compact = len(plan.tape.steps) >= LARGE
         self._taylor = hy.taylor_adaptive(system, np.concatenate([plan.q, plan.u]), compact_mode=compact, **options)
-        self._system = (accelerations, variables)
+        self._system = (rates[count:], variables)
         self._count, self._starts = count, True
 
     def reset(self, q: Array, u: Array) -> None:

@@ -15,6 +15,7 @@ class MbdSim:
 
     def __init__(self, plan: Plan, step: float, method: str) -> None:
         self._sim = Simulation.from_text(plan.text, method=method, step=step)
+        self._efforts = [[effort] * len(plan.u) for effort in (0.0, 1e-12)]  # N or N·m
 
     def reset(self, q: Array, u: Array) -> None:
         """Start from a state."""
@@ -24,6 +25,13 @@ class MbdSim:
         """Take single steps, one call each."""
         step = self._sim.step
         for _ in range(steps):
+            step(1)
+
+    def commanded(self, steps: int) -> None:
+        """Take single steps with new efforts before each, too small to change the motion."""
+        step, command = self._sim.step, self._sim.set_efforts
+        for index in range(steps):
+            command(self._efforts[index & 1])
             step(1)
 
     def many(self, steps: int) -> None:

@@ -26,7 +26,8 @@ class Pinocchio:
         self._springs = np.array([body.stiffness for body in plan.bodies])
         self._rests = np.array([body.rest for body in plan.bodies])
         self._tau = np.zeros(self._model.nv)
-        self._sprung = bool(np.any(self._springs))
+        self._dampers = np.array([body.damping for body in plan.bodies])
+        self._sprung, self._damped = bool(np.any(self._springs)), not plan.conservative
         self._pins, self._pins_data = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
         for constraint in _pins(self._model, plan):
             self._pins.append(constraint)
@@ -67,6 +68,8 @@ class Pinocchio:
     def accelerations(self, q: Array, u: Array) -> Array:
         """Forward dynamics."""
         tau = self._springs * (self._rests - q) if self._sprung else self._tau
+        if self._damped:
+            tau = tau - self._dampers * u
         if not self._closed:
             # `aba` returns its own array, which the next call would overwrite.
             return pin.aba(self._model, self._data, q, u, tau).copy()
