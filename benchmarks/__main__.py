@@ -28,7 +28,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="benchmarks", description="Compare mbd_sim with other simulators.")
     parser.add_argument("--mechanisms", nargs="*", choices=list(MECHANISMS), default=list(MECHANISMS), metavar="NAME")
     parser.add_argument("--engines", nargs="*", choices=list(CLASSES), default=list(CLASSES), metavar="NAME")
-    parser.add_argument("--rounds", type=int, default=11, help="interleaved samples of each stepping loop (default 11)")
+    parser.add_argument("--rounds", type=int, default=9, help="interleaved samples of each stepping loop (default 9)")
     parser.add_argument("--no-fresh", action="store_true", help="take set-up times and memory from the previous run")
     parser.add_argument("--no-plots", action="store_true", help="skip the work-precision plots")
     parser.add_argument("--quick", action="store_true", help="three short samples, no set-up times, no plots: a test")
@@ -64,7 +64,7 @@ def measured_mechanism(
     plan, judge = plan_named(name, text), Judge(text)
     default = judge.sim.model.method.name
     load, today = os.getloadavg()[0], datetime.datetime.now(datetime.UTC).date().isoformat()
-    found = Measured(name, f"{OURS} {default}", today, load, effort.rounds, versions)
+    found = Measured(name, f"{OURS} {default}", today, load, effort.rounds, effort.sample, versions)
     chosen = []
     for candidate in candidates:
         if why := left_out(name, candidate.module):

@@ -9,17 +9,21 @@ is named at the end, and the others are run nevertheless. `python -m benchmarks.
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks.robots import robots_folder
 from benchmarks.saved import FOLDER
 
 ROOT = Path(__file__).resolve().parent.parent
-LIMIT = 1800.0  # s, after which a program is ended
+LOCAL = {"ROS_DOMAIN_ID": "96", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}  # unless the environment has others
+LIMIT = 3600.0  # s, after which a program is ended
 
 
 @dataclass(frozen=True)
@@ -35,11 +39,12 @@ class Program:
 
 PROGRAMS = {
     "comparison": Program("benchmarks", quick=("--quick",)),
-    "startup": Program("benchmarks.startup", quick=("--rounds", "1"), ros=True),
+    "startup": Program("benchmarks.startup", ("--rounds", "5"), quick=("--rounds", "1", "--only", "rod"), ros=True),
     "environments": Program("benchmarks.environments", quick=("--rounds", "1")),
     "contacts": Program("benchmarks.contacts", quick=("--rounds", "1")),
     "kinematics": Program("benchmarks.kinematics"),
     "default_method": Program("benchmarks.default_method", quick=("double_rod", "four_bar", "--rounds", "1"), ros=True),
+    "lockstep": Program("benchmarks.lockstep", quick=("double_pendulum", "200"), ros=True),
     "commands": Program("benchmarks.commands", ros=True, in_test=False),
 }
 
@@ -49,18 +54,18 @@ def run(name: str, program: Program, interpreter: str, arguments: tuple[str, ...
     command = [interpreter, "-m", program.module, *arguments]
     began, lines = time.monotonic(), []
     print(f"\n### {name}\n", flush=True)
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as child:
-        try:
-            for line in child.stdout or ():
-                print(line, end="", flush=True)
-                lines.append(line)
-                if time.monotonic() - began > LIMIT:
-                    return f"{name}: not finished after {LIMIT:g} s"
-        finally:
-            if child.poll() is None and time.monotonic() - began > LIMIT:
-                child.kill()
+    environment = LOCAL | os.environ
+    with subprocess.Popen(command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True) as child:
+        timer = threading.Timer(LIMIT, child.kill)
+        timer.start()
+        for line in child.stdout or ():
+            print(line, end="", flush=True)
+            lines.append(line)
+        child.wait()
+        timer.cancel()
     if child.returncode:
-        return f"{name}: exit status {child.returncode}"
+        late = time.monotonic() - began >= LIMIT
+        return f"{name}: " + (f"not finished after {LIMIT:g} s" if late else f"exit status {child.returncode}")
     FOLDER.mkdir(exist_ok=True)
     file_of(name).write_text("".join(lines), encoding="utf-8")
     return ""
@@ -79,6 +84,8 @@ def failures(options: argparse.Namespace) -> Iterator[str]:
             continue
         extra = tuple(options.compare) if name == "comparison" else ()
         arguments = (*(program.quick if options.quick else program.arguments), *extra)
+        if name == "startup" and (robots := robots_folder()) is not None:
+            arguments += ("--robots", str(robots))
         began = time.monotonic()
         if failure := run(name, program, options.python if program.ros else sys.executable, arguments):
             yield failure

@@ -29,6 +29,7 @@ def summary(measured: Sequence[Measured]) -> dict[str, Any]:
         "measured": latest.measured,
         "load": max(found.load for found in measured),
         "rounds": min(found.rounds for found in measured),
+        "sample": min(found.sample for found in measured),
         "versions": latest.versions,
         "mechanisms": {found.mechanism: _numbers(found) for found in measured},
     }
@@ -74,7 +75,11 @@ def overview(numbers: dict[str, Any]) -> str:
             scientific(found["error"]), scientific(found["euler_error"]), spread(found["rk4_ratio"]),
             microseconds(found["taylor"]), spread(found["taylor_ratio"]),
         ]))  # fmt: skip
-    return "\n".join([*lines, "", LEGEND])
+    when = (
+        f"Measured on {numbers['measured']} with a load of up to {numbers['load']:.1f}: {numbers['rounds']} samples of "
+        f"{numbers['sample']:g} s of simulated time each."
+    )
+    return "\n".join([*lines, "", f"{LEGEND} {when}"])
 
 
 def spread(ratio: Sequence[float] | None) -> str:

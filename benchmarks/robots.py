@@ -10,11 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.metadata import distribution
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+PACKAGE = "example-robot-data"
 FOLDER = "cmeel.prefix/share/example-robot-data/robots"
 POSITION, SPEED = 0.3, 1.0  # rad and rad/s, or m and m/s: the largest of the start
 LEFT_OUT = {"damping", "friction", "limits", "effort_limit", "velocity_limit", "meshes", "shapes"}
@@ -43,8 +45,16 @@ def robot_text(name: str) -> str:
     from mbd_sim import load_mechanism
 
     robot = ROBOTS[name]
-    file = distribution("example-robot-data").locate_file(f"{FOLDER}/{robot.file}")
+    file = distribution(PACKAGE).locate_file(f"{FOLDER}/{robot.file}")
     return started(load_mechanism(str(file), base=robot.base).source.data)
+
+
+def robots_folder() -> Path | None:
+    """The folder of the URDF files, if their package is installed."""
+    try:
+        return Path(str(distribution(PACKAGE).locate_file(FOLDER)))
+    except PackageNotFoundError:
+        return None
 
 
 def started(data: Mapping[str, Any]) -> str:

@@ -17,7 +17,8 @@ class Measured:
     """The results of one mechanism: `default` is the label of our default method there.
 
     `agreement` is the largest relative difference of the accelerations from ours, by simulator, and `left_out` says why
-    a simulator was not measured. `measured` is the date, and `load` that of the machine in the minute before.
+    a simulator was not measured. `measured` is the date, `load` that of the machine in the minute before, and `sample`
+    the simulated time in s of each of the `rounds` samples.
     """
 
     mechanism: str
@@ -25,6 +26,7 @@ class Measured:
     measured: str
     load: float
     rounds: int
+    sample: float
     versions: list[str]
     agreement: dict[str, float] = field(default_factory=dict)
     left_out: dict[str, str] = field(default_factory=dict)

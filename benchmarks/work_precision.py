@@ -23,7 +23,7 @@ from benchmarks.plan import Plan, plan_of
 PLOTTED = ("2 rods", "7 rods", "four-bar", "7-axis arm")
 COUNTS = (94, 188, 375, 750, 1500, 3000, 6000, 12000, 24000)  # steps in three seconds
 TOLERANCES = (1e-5, 1e-8, 1e-12, None)
-SAMPLES = 5
+SAMPLES = 3
 COLORS = {
     "euler": "#b0b0b0", "midpoint": "#8c8c8c", "rk4": "#d62728", "verner7": "#2ca02c", "tsitouras8": "#1f77b4",
     "dop853": "#ff7f0e", "rosenbrock": "#9467bd", "gauss4": "#8c564b", "gauss6": "#17becf",

@@ -32,9 +32,8 @@ def test_the_page_begins_with_the_overview_of_the_summary(numbers):
 
 def timed(label, each, many, error=1e-13):
     samples = {kind: values for kind, values in (("each", each), ("many", many)) if values}
-    found = Result(label, each and each[1], many and many[1], error=error, samples=samples)
-    found.commanded = each and 2.0 * each[1]
-    return found
+    step, call = each[1] if each else None, many[1] if many else None
+    return Result(label, step, call, 2.0 * step if step else None, error, samples=samples)
 
 
 def measured(name="2 rods", error=1e-13):
@@ -46,7 +45,16 @@ def measured(name="2 rods", error=1e-13):
         timed(TAYLOR, [], [0.05, 0.05, 0.05]),
     ]
     return Measured(
-        name, f"{OURS} adams11", "2026-01-02", 0.25, 3, ["mbd_sim 1"], {"mujoco": 1e-15}, {"other": "slow"}, results
+        name,
+        f"{OURS} adams11",
+        "2026-01-02",
+        0.25,
+        3,
+        0.5,
+        ["mbd_sim 1"],
+        {"mujoco": 1e-15},
+        {"other": "slow"},
+        results,
     )
 
 
@@ -65,6 +73,9 @@ def test_an_overview_shows_misses_and_what_is_missing_as_they_are():
     lines = overview(summary([slower, alone])).splitlines()
     assert lines[2].split("|")[3:6] == [" 0.04 ", " **0.20** [0.15–0.30] ", " 1e-13 "]
     assert lines[3] == "| b | 0.2 | – | – | 1e-13 | – | – | – | – |"
+    assert lines[-1].endswith(
+        "Measured on 2026-01-02 with a load of up to 0.2: 3 samples of 0.5 s of simulated time each."
+    )
 
 
 def test_the_sentence_names_the_range_of_ratios_and_errors():
