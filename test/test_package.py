@@ -187,6 +187,7 @@ def test_what_few_runs_need_is_loaded_by_them_alone():
         ],
         "import mbd_sim.ros.sim_node": [
             "mbd_sim.viewer", "mbd_sim.urdf.robot_reader", "mbd_sim.recording.mcap_check", "numpy.polynomial",
+            "casadi", "mbd_sim.dynamics.equations", "mbd_sim.compiler.kernel", "pydantic",
         ],
     }  # fmt: skip
     for statement, names in rare.items():

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 from mbd_sim.lazy_names import lazy_names
 
 if TYPE_CHECKING:
+    from mbd_sim.dynamics.assembly import CONSISTENT as CONSISTENT
     from mbd_sim.dynamics.assembly import close_loops as close_loops
     from mbd_sim.dynamics.assembly import nearest_speeds as nearest_speeds
     from mbd_sim.dynamics.cam_check import require_followable_cams as require_followable_cams
@@ -33,7 +34,7 @@ else:
     __getattr__ = lazy_names(
         __name__,
         {
-            "assembly": ("close_loops", "nearest_speeds"),
+            "assembly": ("CONSISTENT", "close_loops", "nearest_speeds"),
             "cam_check": ("require_followable_cams",),
             "equations": ("derive",),
             "evaluation": ("evaluated",),

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mbd_sim.compiler.readers import CompiledReaders
-from mbd_sim.dynamics.equations import Equations
+from mbd_sim import compiler
 from mbd_sim.geometry.pose import Array, Pose
+
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.equations import Equations
 
 
 class PartMotion(NamedTuple):
@@ -43,7 +45,7 @@ class MotionReaders:
     def __init__(self, equations: Equations) -> None:
         """Compile the functions; this takes as long as for the kernel of the mechanism."""
         functions = {name: getattr(equations.measurements, name) for name in ("accelerations", "part_motions")}
-        self._readers, self._part_names = CompiledReaders(functions), equations.part_names
+        self._readers, self._part_names = compiler.CompiledReaders(functions), equations.part_names
 
     def accelerations(self, time: float, y: Array, inputs: Array) -> Array:
         """The accelerations of the coordinates, then of the driven ones."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mbd_sim.dynamics.equations import Equations
 from mbd_sim.geometry.pose import Array
+
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.equations import Equations
 
 SQUARINGS = 6  # of a matrix, to estimate its eigenvalues: ‖A⁶⁴‖^(1/64) is within some percent of the largest
 

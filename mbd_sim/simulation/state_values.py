@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mbd_sim.dynamics.assembly import CONSISTENT, close_loops, nearest_speeds
+from mbd_sim import dynamics
 from mbd_sim.errors import CommandError, listed, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.compiled_model import Model
@@ -66,9 +66,9 @@ def state_with(model: Model, time: float, y: Array, values: Array, given: StateV
     constraints = model.equations.constraints.with_values(values)
     fixed = np.array([name in given.positions for name in names])
     q = moved[model.q_range]
-    closure = close_loops(constraints, time, q, ~fixed)
+    closure = dynamics.close_loops(constraints, time, q, ~fixed)
     if not closure.closed:
-        free = close_loops(constraints, time, q, np.ones(len(names), dtype=bool))
+        free = dynamics.close_loops(constraints, time, q, np.ones(len(names), dtype=bool))
         closed = moved.copy()
         closed[model.q_range] = free.q
         found = dict(zip(names, model.coordinates(closed), strict=True))
@@ -81,11 +81,11 @@ def state_with(model: Model, time: float, y: Array, values: Array, given: StateV
         closure = free
     moved[model.q_range] = closure.q
     fixed = np.array([name in given.speeds for name in names])
-    u = nearest_speeds(constraints, time, closure.q, moved[model.u_range], fixed)
+    u = dynamics.nearest_speeds(constraints, time, closure.q, moved[model.u_range], fixed)
     gradient, drift = constraints.gradient(time, closure.q), constraints.drift(time, closure.q)
     sizes = np.linalg.norm(gradient, axis=1) * np.linalg.norm(u) + np.abs(drift) + constraints.size * 1e-3
-    if np.any(np.abs(gradient @ u + drift) > CONSISTENT * sizes):
-        u = nearest_speeds(constraints, time, closure.q, moved[model.u_range])
+    if np.any(np.abs(gradient @ u + drift) > dynamics.CONSISTENT * sizes):
+        u = dynamics.nearest_speeds(constraints, time, closure.q, moved[model.u_range])
         found = dict(zip(names, u, strict=True))
         if any(abs(found[name] - value) > ROUNDING * (1.0 + abs(value)) for name, value in given.speeds.items()):
             nearby = ", ".join(f"{name} = {found[name]:.6g}" for name in given.speeds)
