@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from test.system.forked_programs import ForkedProcess
 from test.system.nodes import Listener, SimNodeProcess, new_domain
 from test.waiting import PATIENCE
 
@@ -20,27 +21,25 @@ class Experiment:
     """A simulator, a program beside it, and a listener to both."""
 
     node: SimNodeProcess
-    program: subprocess.Popen
+    program: ForkedProcess | subprocess.Popen
     listener: Listener
     log: Path
 
 
 @contextlib.contextmanager
-def beside(folder: Path, parameters: dict[str, object], name: str, *arguments: str) -> Iterator[Experiment]:
+def beside(
+    folder: Path, parameters: dict[str, object], name: str, *arguments: str, keyboard: bool = False
+) -> Iterator[Experiment]:
     """The module `mbd_sim.examples.NAME` and `sim_node` on a domain of their own, started together.
 
-    Where the program has not ended by itself it is ended by SIGINT, which must succeed.
+    A program that reads a `keyboard` is started by itself, with a pipe. Where the program has not ended by itself it is ended by SIGINT, which must succeed.
     """
     domain = new_domain()
     node = SimNodeProcess(domain, folder, parameters)
     log = folder / f"{name}.log"
     environment = os.environ | {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    command = [sys.executable, "-u", "-m", f"mbd_sim.examples.{name}"]
-    command += ["--ros-args", *(word for argument in arguments for word in ("-p", argument))] if arguments else []
-    with log.open("wb") as stream:
-        program = subprocess.Popen(
-            command, cwd=folder, env=environment, stdin=subprocess.PIPE, stdout=stream, stderr=subprocess.STDOUT
-        )
+    words = ["--ros-args", *(word for argument in arguments for word in ("-p", argument))] if arguments else []
+    program = _started(f"mbd_sim.examples.{name}", words, folder, environment, log, keyboard)
     listener = Listener(domain)
     listener.process = node
     try:
@@ -55,7 +54,20 @@ def beside(folder: Path, parameters: dict[str, object], name: str, *arguments: s
             if process.poll() is None:
                 process.kill()
                 process.wait()
-        program.stdin.close()
+        if keyboard:
+            program.stdin.close()
+
+
+def _started(
+    module: str, words: list[str], folder: Path, environment: dict[str, str], log: Path, keyboard: bool
+) -> ForkedProcess | subprocess.Popen:
+    if not keyboard:
+        return ForkedProcess(module, words, folder, environment, log)
+    command = [sys.executable, "-u", "-m", module, *words]
+    with log.open("wb") as stream:
+        return subprocess.Popen(
+            command, cwd=folder, env=environment, stdin=subprocess.PIPE, stdout=stream, stderr=subprocess.STDOUT
+        )
 
 
 def lockstep(mechanism: str, rate: float) -> dict[str, object]:

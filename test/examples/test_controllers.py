@@ -171,7 +171,9 @@ def test_faster_control_follows_more_closely():
 
 
 def test_keys_and_a_joystick_become_efforts(tmp_path):
-    with beside(tmp_path, {"mechanism": "double_pendulum"}, "teleop.teleop", "effort_step:=0.25") as experiment:
+    with beside(
+        tmp_path, {"mechanism": "double_pendulum"}, "teleop.teleop", "effort_step:=0.25", keyboard=True
+    ) as experiment:
         keyboard, listener = experiment.program, experiment.listener
 
         def press(keys, efforts):
@@ -201,7 +203,9 @@ def test_keys_and_a_joystick_become_efforts(tmp_path):
 
 def test_a_joystick_and_keys_move_joints_with_servos_from_where_they_are(tmp_path):
     simulator = {"mechanism": "six_axis_servo_arm", "start": "base = 0.3, elbow = 0.1"}
-    with beside(tmp_path, simulator, "teleop.teleop", "command:=position", "position_step:=0.2") as experiment:
+    with beside(
+        tmp_path, simulator, "teleop.teleop", "command:=position", "position_step:=0.2", keyboard=True
+    ) as experiment:
         keyboard, listener = experiment.program, experiment.listener
         joystick = listener.node.create_publisher(Joy, "joy", 10)
         listener.until(joystick.get_subscription_count, "matching")
@@ -223,7 +227,9 @@ def test_a_joystick_and_keys_move_joints_with_servos_from_where_they_are(tmp_pat
 
 
 def test_hands_on_a_mechanism_with_a_driven_joint_push_the_others(tmp_path):
-    with beside(tmp_path, {"mechanism": "moving_support_pendulum"}, "teleop.teleop", "effort_step:=0.25") as experiment:
+    with beside(
+        tmp_path, {"mechanism": "moving_support_pendulum"}, "teleop.teleop", "effort_step:=0.25", keyboard=True
+    ) as experiment:
         keyboard, listener = experiment.program, experiment.listener
 
         def pushed():
