@@ -48,7 +48,8 @@ class CommandBuffer:
     """Takes commands in one thread and passes the newest efforts to the stepping thread.
 
     A command is accepted or rejected as a whole. A coordinate for which none has arrived for `timeout` seconds of
-    simulated time (0: no limit) gets the effort zero until the next command for it, whatever others are sent.
+    simulated time (0: no limit) gets the effort zero until the next command for it, whatever others are sent. An effort
+    that is zero already does not expire.
     """
 
     def __init__(
@@ -262,16 +263,20 @@ class CommandBuffer:
                 self._oldest = float(self._last_times.min(initial=np.inf))
                 found.append(DueEfforts(EventKind.COMMAND, self.map.clamped(self._requested)))
             if self.timeout > 0.0 and time - self._oldest >= self.timeout:
-                found.append(self._expire(time - self._last_times >= self.timeout))
+                found += self._expire(time - self._last_times >= self.timeout)
         return found
 
-    def _expire(self, expiring: NDArray[np.bool_]) -> DueEfforts:
+    def _expire(self, expiring: NDArray[np.bool_]) -> list[DueEfforts]:
+        """Set efforts to zero; those that are zero already have nothing that could expire."""
         self._last_times[expiring] = np.inf
         self._oldest = float(self._last_times.min(initial=np.inf))
-        self._lapsed |= expiring
+        changing = expiring & (self._requested != 0.0)
+        if not np.any(changing):
+            return []
+        self._lapsed |= changing
         self.expired += 1
-        self._requested = np.where(expiring, 0.0, self._requested)
-        return DueEfforts(EventKind.EXPIRED, self.map.clamped(self._requested), self._names_of(expiring))
+        self._requested = np.where(changing, 0.0, self._requested)
+        return [DueEfforts(EventKind.EXPIRED, self.map.clamped(self._requested), self._names_of(changing))]
 
     def _names_of(self, flags: NDArray[np.bool_]) -> tuple[str, ...]:
         return tuple(name for name, flag in zip(self.map.names, flags, strict=True) if flag)

@@ -61,7 +61,7 @@ class WrenchBuffer:
     """Takes wrenches in one thread and passes them to the stepping thread.
 
     A wrench is accepted or rejected as a whole; on each part the newest one acts. If none has arrived for a part
-    for `timeout` seconds of simulated time (0: no limit), the wrench on that part is set to zero.
+    for `timeout` seconds of simulated time (0: no limit), the wrench on that part is set to zero, unless it is zero.
     """
 
     def __init__(self, wrench_map: WrenchMap, parts: Sequence[str], timeout: float, frame_prefix: str = "") -> None:
@@ -72,6 +72,7 @@ class WrenchBuffer:
         self._new: dict[str, Wrench] = {}
         self._lock = threading.Lock()
         self._since: dict[str, float] = {}
+        self._acting: dict[str, bool] = {}  # whether the newest wrench on a part is other than zero
 
     @property
     def loaded(self) -> tuple[str, ...]:
@@ -107,10 +108,13 @@ class WrenchBuffer:
             newest, self._new = self._new, {}
         for part, wrench in newest.items():
             self._since[part] = time
+            self._acting[part] = bool(np.any(wrench.force) or np.any(wrench.couple))
             yield DueWrench(EventKind.COMMAND, wrench)
         if self._since and self.timeout > 0.0:
             for part in [part for part, since in self._since.items() if time - since >= self.timeout]:
                 del self._since[part]
+                if not self._acting[part]:
+                    continue
                 self.expired += 1
                 yield DueWrench(EventKind.EXPIRED, Wrench(part, np.zeros(3), np.zeros(3)))
 

@@ -68,6 +68,16 @@ def test_efforts_expire_once_after_the_timeout_and_the_next_command_recovers(buf
     assert (buffer.accepted, buffer.expired) == (2, 1)
 
 
+def test_efforts_that_are_zero_already_do_not_expire(buffer):
+    buffer.by_order([0.0, 2.0, 0.0])
+    buffer.due(0.0)
+    (expired,) = buffer.due(0.5)
+    assert (expired.efforts.tolist(), expired.expired, buffer.lapsed) == ([0.0, 0.0, 0.0], ("knee",), ("knee",))
+    buffer.by_order([0.0, 0.0, 0.0])
+    buffer.due(0.6)
+    assert buffer.due(9.0) == [] and (buffer.lapsed, buffer.expired) == ((), 1)
+
+
 def test_the_efforts_of_a_joint_expire_though_commands_for_another_one_go_on(buffer):
     buffer.by_name(["hip"], [3.0])
     buffer.by_name(["knee"], [2.0])

@@ -71,6 +71,14 @@ def test_a_bad_wrench_is_rejected_whole_and_counted(buffer, frame, point, force,
     assert (buffer.accepted, buffer.rejected) == (0, 1)
 
 
+def test_a_wrench_of_zero_does_not_expire(buffer):
+    buffer.take("upper", None, "", X, NONE)
+    list(buffer.due(0.0))
+    buffer.take("upper", None, "", NONE, NONE)
+    list(buffer.due(0.1))
+    assert list(buffer.due(9.0)) == [] and buffer.expired == 0
+
+
 def test_each_part_has_a_watchdog_of_its_own(buffer):
     buffer.take("upper", None, "", X, NONE)
     list(buffer.due(0.0))
