@@ -171,13 +171,32 @@ def parsed(text: str) -> ast.Expression:
     if len(text) > MAX_EXPANDED:
         raise InputError(f"is longer than {MAX_EXPANDED} characters", "Split it into parameters.")
     if not _TOKENS.fullmatch(text) or re.fullmatch(r"\d+,\d+", text.strip()):
-        raise InputError(_NO_VALUE, "Write decimals with a point." if re.search(r"\d,\d", text) else _EXAMPLES)
+        raise InputError(_NO_VALUE, "Write decimals with a point." if re.search(r"\d,\d", text) else _remedy(text))
     try:
         return ast.parse(text.strip().replace("^", "**"), mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise InputError(_NO_VALUE, _EXAMPLES) from error
+        raise InputError(_NO_VALUE, _remedy(text)) from error
 
 
+def is_cut(text: str) -> bool:
+    """Whether a text has a parenthesis that is not closed, as what YAML leaves of an expression up to a comma."""
+    return text.count("(") > text.count(")")
+
+
+def _remedy(text: str) -> str:
+    """What to write instead of a text that is not an expression."""
+    if is_cut(text):
+        return f"A parenthesis is not closed. {QUOTE_COMMAS}"
+    if "(" in text and (found := _WITH_UNIT.search(text)) is not None:
+        return (
+            f"Numbers inside an expression have no units: in place of {quoted(found[0])}, write the number in SI "
+            "units, or the name of a parameter that has the unit."
+        )
+    return _EXAMPLES
+
+
+QUOTE_COMMAS = 'Between brackets or braces, put an expression with commas in quotes: "where(x > 0, a, b)".'
+_WITH_UNIT = re.compile(r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*(?!(?:and|or)\b)[^\W\d_][^\s,()<>=]*")
 _OUT_OF_RANGE = "Check the numbers in it."
 _NO_VALUE = "not a number, a value with a unit, or an expression"
 _EXAMPLES = "Write for example 0.5, 30 deg, l/2, or ${l/2} mm."

@@ -8,6 +8,7 @@ from typing import Any
 from pydantic_core import ErrorDetails
 
 from mbd_sim.errors import InputError, Problem, listed, nearest, quoted
+from mbd_sim.mechanism.expression import QUOTE_COMMAS, is_cut
 from mbd_sim.mechanism.source import Location, Source
 from mbd_sim.mechanism_file.json_schema import PydanticLocation, known_keys, known_types, list_length
 from mbd_sim.mechanism_file.likely_mistakes import remedy_for_key, remedy_for_type
@@ -37,7 +38,8 @@ def problem_of(source: Source, details: ErrorDetails) -> Problem:
         case "missing" | "too_long" if isinstance(value, list):
             where = loc[:-1] if kind == "missing" else loc
             message = f"has {_count(len(value))}, not {list_length(where)}"
-            return source.problem(location, message, _list_form(where), value)
+            cut = any(isinstance(entry, str) and is_cut(entry) for entry in value)
+            return source.problem(location, message, QUOTE_COMMAS if cut else _list_form(where), value)
         case "missing" if value is None:
             return source.problem(location, "has no value", "Give it a value.")
         case "missing":

@@ -32,6 +32,12 @@ SECTIONS = {
     "actuators: {a: {type: effort, joint: hip, command: 3}}": "mapping of channels to values (got 3). Write for example",
     "actuators: {a: {type: effort, joint: hip, servo: {mode: position, kp: 1}}}": "Write 'controls: position'",
     "forces: {a: {type: force, at: rod, force: 3}}": "unknown key 'force'. Write 'vector: [x, y, z]'; along a line",
+    "forces: {a: {type: force, at: rod, vector: [where(hip > 1, 5, 0), 0, 0]}}": "has 5 values, not 3 (got ['where(hip > 1', 5, "
+    "'0)', 0, 0]). Between brackets or braces, put an expression with commas in quotes: \"where(x > 0, a, b)\".",
+    "forces: {a: {type: effort, coordinate: hip, effort: where(hip > 1, 5, 0)}}": "(got 'where(hip > 1'). A parenthesis is "
+    "not closed. Between brackets or braces, put an expression with commas in quotes",
+    'forces: {a: {type: effort, coordinate: hip, effort: "where(hip > 30 deg, 5 N*m, 0)"}}': "have no units: in place of "
+    "'30 deg', write the number in SI units, or the name of a parameter that has the unit.",
     "motor: {}": "motor: unknown key 'motor'. Motors and servos are entries of 'actuators'.",
 }
 
