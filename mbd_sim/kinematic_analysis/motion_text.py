@@ -20,6 +20,7 @@ from mbd_sim.mechanism.records import Mechanism
 HEAD = 20  # width of the first column
 LINES = 13  # of the table, and more only for singular points
 WIDTH = 14  # of its columns
+JUMP = 0.25  # change from one position to the next, relative to the range of the values, that is remarked
 
 
 def motion_text(
@@ -130,8 +131,25 @@ def _loads(motion: DrivenMotion, loads: DriveLoads) -> Iterator[str]:
     for name, effort in loads.efforts.items():
         unit = "N·m" if is_rotation(motion.mechanism, name) else "N"
         yield _row("Largest effort", f"{name}: {peak(effort, unit)}")
+        yield from _jumps(motion, effort, unit)
     for name, reaction in loads.reactions.items():
         yield _row("Largest force", f"{name}: {peak(np.linalg.norm(reaction.force, axis=1), 'N')}")
+
+
+def _jumps(motion: DrivenMotion, values: Array, unit: str) -> Iterator[str]:
+    """A remark where a value changes so much between two positions that its largest value is uncertain."""
+    changes = np.abs(np.diff(values))
+    span = np.nanmax(values) - np.nanmin(values)
+    if not np.any(changes > JUMP * span):
+        return
+    row = int(np.nanargmax(changes))
+    name = motion.drive_name
+    first, second = (shown(motion.mechanism, name, float(motion.drive[k])) for k in (row, row + 1))
+    yield _row(
+        "",
+        f"it changes by {changes[row]:.6g} {unit} between {name} = {first} and {second}, so that the largest may be "
+        f"missed: take more positions than {len(motion)}, unless it jumps there",
+    )
 
 
 def _table(motion: DrivenMotion, points: Sequence[str], loads: DriveLoads | None) -> Iterator[str]:

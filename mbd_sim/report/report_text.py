@@ -188,6 +188,7 @@ def _mobility(found: dict[str, Any]) -> list[str]:
         )
     if found["closing_joints"]:
         lines.append(f"  loops closed by   {', '.join(found['closing_joints'])}")
+        lines += _assembly_modes(found)
     if counted["redundant"]:
         lines += [f"  redundant         {text}" for text in _grouped(counted["redundant"])]
         degree, stated = counted["static_indeterminacy"], found["stated_compliances"]
@@ -202,6 +203,14 @@ def _mobility(found: dict[str, Any]) -> list[str]:
             verdict = "integrable, so it also restricts positions" if row["integrable"] else "not integrable"
             lines.append(f"  nonholonomic      {row['name']}: {verdict}")
     return lines
+
+
+def _assembly_modes(found: dict[str, Any]) -> list[str]:
+    """The command that lists all configurations in which the loops close, for mechanisms that it accepts."""
+    if not found.get("holonomic") or found["degrees_of_freedom"] < 1:
+        return []
+    drive = f"{found['coordinates'][0]}=VALUE" if found["degrees_of_freedom"] == 1 else "NAME=VALUE …"
+    return [f"  other modes       they may close in other ways too: mbd_sim kinematics FILE --drive {drive} --modes"]
 
 
 def _kind(found: dict[str, Any]) -> str:

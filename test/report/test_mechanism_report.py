@@ -21,6 +21,15 @@ def text_of(angle):
     return report_text(report(Simulation.from_text(PENDULUM.replace("ANGLE", angle))))
 
 
+def test_a_mechanism_with_loops_is_told_how_to_list_its_assembly_modes():
+    """With the coordinate that can be its drive, as the command accepts it."""
+    found = report(Simulation.from_file("four_bar"))
+    assert "mbd_sim kinematics FILE --drive crank_pivot=VALUE --modes\n" in report_text(found)
+    assert "NAME=VALUE … --modes\n" in report_text(found | {"degrees_of_freedom": 2})
+    for without in ({"closing_joints": []}, {"holonomic": False}, {"degrees_of_freedom": 0}):
+        assert "--modes" not in report_text(found | without)
+
+
 def test_angles_are_shown_in_degrees_as_well():
     assert "[1.047] (60°)" in text_of("60 deg")
 
