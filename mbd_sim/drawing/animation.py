@@ -7,11 +7,12 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.appearance.palette import part_colors
 from mbd_sim.appearance.polylines import circle
 from mbd_sim.appearance.trace_points import tip_of
 from mbd_sim.drawing.composition import Composition, mechanism_sheet
 from mbd_sim.drawing.curve_paths import constraint_curves
-from mbd_sim.drawing.part_outlines import bounding_points
+from mbd_sim.drawing.part_outlines import bounding_points, pointer_paths
 from mbd_sim.drawing.picture import POINTS, pixels
 from mbd_sim.drawing.projection import Page, view_of
 from mbd_sim.drawing.sheet import FRONT, GRAY, MARKS, SheetPath, SheetText
@@ -74,6 +75,7 @@ class Animation:
         """The mechanism with its parts at `poses`, in ground's frame in m: (height, width, 3)."""
         curves = constraint_curves(self._mechanism, poses, self._view)
         sheet = mechanism_sheet(self._page, self._mechanism, poses, self._mechanism_size, curves, self._start)
+        sheet.add(*traced_point_paths(self._page, self._mechanism, self._traced, poses))
         sheet.add(*self._extended_traces(poses))
         sheet = sheet.translated(self._shift)
         if caption:
@@ -111,6 +113,19 @@ class Animation:
             dot = self._page.project(path[-1]) + TRACE_DOT * circle(np.linspace(0.0, 2.0 * np.pi, 13))
             drawn.append(SheetPath(dot, edge=None, fill=color, closed=True, layer=MARKS))
         return drawn
+
+
+def traced_point_paths(
+    page: Page, mechanism: Mechanism, traced: Sequence[tuple[str, Array]], poses: Mapping[str, Pose]
+) -> list[SheetPath]:
+    """Bars to traced points that lie beside the shapes of their parts, see `traced_points`."""
+    colors = part_colors(mechanism)
+    return [
+        path
+        for name, point in traced
+        if name in mechanism.parts
+        for path in pointer_paths(page, mechanism.parts[name], point, poses[name], colors[name])
+    ]
 
 
 def traced_points(mechanism: Mechanism, names: Sequence[str]) -> list[tuple[str, Array]]:

@@ -26,6 +26,9 @@ HEADER = """# Gallery
 
 The shipped mechanisms in their start positions. `make gallery` writes this page and its pictures from the files.
 `mbd_sim run NAME --rerun spawn` shows a mechanism in motion, `mbd_sim check NAME` prints its analysis.
+
+The `limits` of a joint alone do not stop its motion: they are passed on to viewers and controllers, and a cart goes on
+beyond the end of its rail. With `stiffness` or `restitution` they are [stops](mechanism_file.md#stops-and-friction).
 """
 
 

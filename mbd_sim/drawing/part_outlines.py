@@ -27,6 +27,8 @@ from mbd_sim.mechanism.records import (
     Shape,
 )
 
+POINTER = 0.4  # width of the bar to a traced point, relative to that of other bars
+POINTER_TOLERANCE = 1e-6  # relative distance up to which a point lies on a shape
 ROD_TOLERANCE = 1e-6  # relative; largest deviation of a slide from the rod that guides it
 
 
@@ -55,6 +57,30 @@ def part_paths(page: Page, mechanism: Mechanism, part: Part, pose: Pose, color: 
                 )
             )
     return [*paths, dot(page.project(center), color, page.depth(center))]
+
+
+def pointer_paths(page: Page, part: Part, point: Array, pose: Pose, color: Color) -> list[SheetPath]:
+    """A thin bar from the nearest shape of a part to a point (3,) in its frame, unless that lies on a shape."""
+    shapes = [shape for shape in part.shapes if not shape.hole]
+    if not shapes or part.meshes:
+        return []
+    at, gap = min((_nearest(shape, point) for shape in shapes), key=lambda found: found[1])
+    if gap <= POINTER_TOLERANCE * float(np.linalg.norm(point - at) + np.linalg.norm(point)):
+        return []
+    ends = page.project(pose.position + np.array([at, point]) @ pose.rotation.T)
+    depth = 0.0 if page.view.planar else page.depth(pose.position + pose.rotation @ at)
+    edge, fill = outline_color(color), fill_color(color)
+    return [SheetPath(capsule(ends, POINTER * BAR), edge=edge, fill=fill, closed=True, depth=depth)]
+
+
+def _nearest(shape: Shape, point: Array) -> tuple[Array, float]:
+    """The point (3,) of a shape, or of the axis of a rod, next to another point, and the distance of the shape in m."""
+    half, radius = half_sizes(shape), 0.0
+    if shape.kind == "rod":
+        half, radius = np.array([0.0, 0.0, half[2]]), float(shape.size[1])
+    local = shape.pose.rotation.T @ (point - shape.pose.position)
+    inside = np.clip(local, -half, half)
+    return shape.pose.position + shape.pose.rotation @ inside, float(np.linalg.norm(local - inside)) - radius
 
 
 def mass_center(page: Page, part: Part, pose: Pose, occupied: list[Array]) -> list[SheetPath]:

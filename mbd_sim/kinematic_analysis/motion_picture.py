@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.appearance.polylines import circle
-from mbd_sim.drawing.animation import TRACE_COLORS, TRACE_WIDTH
+from mbd_sim.drawing.animation import TRACE_COLORS, TRACE_WIDTH, traced_point_paths, traced_points
 from mbd_sim.drawing.composition import Composition, mechanism_sheet
 from mbd_sim.drawing.curve_paths import constraint_curves
 from mbd_sim.drawing.part_outlines import bounding_points
@@ -67,9 +67,9 @@ def draw_motion(
 
     with_mechanism = MECHANISM in show or not show
     places = _places(len(panels), with_mechanism)
-    rows = max(row for row, _ in places) + 1
-    figure = Figure(figsize=(11.0, 2.7 * rows + 0.4), layout="constrained")
-    grid = figure.add_gridspec(rows, 2)
+    rows, columns = (1 + max(place[axis] for place in places) for axis in (0, 1))
+    figure = Figure(figsize=(5.5 * columns, 2.7 * rows + 0.4), layout="constrained")
+    grid = figure.add_gridspec(rows, columns)
     if with_mechanism:
         picture = figure.add_subplot(grid[0:2, 0])
         picture.imshow(_mechanism(motion, points, _dots(motion, points, targets)), interpolation="antialiased")
@@ -136,7 +136,7 @@ def _mechanism(motion: DrivenMotion, points: Sequence[str], dots: Array) -> NDAr
     size = max(float(np.max(np.ptp(own, axis=0))), 1e-9)
     scale = float(np.min((DRAWN - 8.0 * MARGIN) / np.maximum(np.ptp(every, axis=0), 0.2 * size)))
     page = Page(view, scale)
-    sheet = _sheet(page, motion, poses, size, paths)
+    sheet = _sheet(page, motion, poses, size, points, paths)
     for dot in dots:
         outline = page.project(dot) + DOT * circle(np.linspace(0.0, 2.0 * np.pi, 13))
         sheet.add(SheetPath(outline, edge=None, fill=INK, closed=True, layer=MARKS))
@@ -145,9 +145,18 @@ def _mechanism(motion: DrivenMotion, points: Sequence[str], dots: Array) -> NDAr
     return pixels(Composition(sheet, np.ceil(high - low + 2.0 * MARGIN)), RESOLUTION)
 
 
-def _sheet(page: Page, motion: DrivenMotion, poses: Mapping[str, Pose], size: float, paths: Sequence[Array]) -> Any:
+def _sheet(
+    page: Page,
+    motion: DrivenMotion,
+    poses: Mapping[str, Pose],
+    size: float,
+    points: Sequence[str],
+    paths: Sequence[Array],
+) -> Any:
     curves = constraint_curves(motion.mechanism, poses, page.view)
     sheet = mechanism_sheet(page, motion.mechanism, poses, size, curves)
+    traced = traced_points(motion.mechanism, [name for name in points if "." in name])
+    sheet.add(*traced_point_paths(page, motion.mechanism, traced, poses))
     for number, path in enumerate(paths):
         color = TRACE_COLORS[number % len(TRACE_COLORS)]
         sheet.add(SheetPath(page.project(path), edge=color, width=TRACE_WIDTH, layer=FRONT))
