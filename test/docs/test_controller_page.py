@@ -14,7 +14,7 @@ from test.docs.notebooks import snippets
 from test.system.nodes import Listener, SimNodeProcess, nanoseconds, new_domain
 from test.waiting import PATIENCE
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "how_to" / "controller.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs/how_to/controller.md"
 
 
 def commands(program):
