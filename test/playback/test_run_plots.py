@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from mbd_sim.cli.main import main
@@ -15,6 +17,7 @@ from mbd_sim.cli.plot_options import THEMES as THEME_OPTIONS
 from mbd_sim.errors import InputError
 from mbd_sim.playback.panels import panels, require_names
 from mbd_sim.playback.plot_style import STYLES, THEMES, plot_style
+from mbd_sim.playback.run_plots import _align_labels
 from mbd_sim.playback.run_table import read_table
 from mbd_sim.recording.reader import open_recording
 from test.playback.test_run_table import foreign_bag
@@ -65,6 +68,22 @@ def test_a_picture_is_not_empty(recording, tmp_path):
     pixels = imread(path)
     assert min(pixels.shape[:2]) > 500
     assert np.mean(np.any(pixels[..., :3] < 0.9, axis=-1)) > 0.01
+
+
+def test_labels_of_axes_are_in_one_line_beside_the_widest_number():
+    figure = Figure(layout="constrained")
+    all_axes = figure.subplots(3, 1)
+    for axes, scale in zip(all_axes, (1.0, -1e4, 3e-15), strict=True):
+        axes.plot([1.0, 2.0], [scale, 2.2 * scale])
+        axes.set_ylabel("energy (J)")
+    all_axes[2].set_yscale("log")  # with labels of minor ticks, which are the widest
+    _align_labels(figure, all_axes)
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    figure.draw(renderer)
+    ends = [axes.yaxis.label.get_window_extent(renderer).x1 for axes in all_axes]
+    assert np.ptp(ends) < 0.01
+    numbers = [label for axes in all_axes for label in axes.get_yticklabels(which="both") if label.get_text()]
+    assert 0.0 < min(label.get_window_extent(renderer).x0 for label in numbers) - ends[0] < 10.0
 
 
 @pytest.mark.parametrize(("style", "width"), [("screen", 990), ("slide", 1920), ("paper", 1050)])
