@@ -19,7 +19,7 @@ from benchmarks.plan import Plan
 from benchmarks.report import details
 from benchmarks.saved import Measured
 
-COMPARED = ("rk4", "tsitouras8")  # of our methods, besides the default, where not all are measured
+COMPARED = ("rk4", "tsitouras8", "taylor")  # of our methods, besides the default, where not all are measured
 FRESH = {"mujoco": ("Euler",)}  # methods whose set-up is measured, where not of all
 
 

@@ -42,7 +42,7 @@ MECHANISMS: dict[str, Callable[[], str]] = {
     "7-axis arm": partial((Path(__file__).parent / "arm.yaml").read_text, encoding="utf-8"),
     **{name: partial(robot_text, name) for name in ROBOTS},
 }
-LARGE = ("100 rods", *ROBOTS)  # of ours, only the default, `rk4` and `tsitouras8` are measured
+LARGE = ("100 rods", *ROBOTS)  # of ours, only the default, `rk4`, `tsitouras8` and `taylor` are measured
 SLOW = {"exudyn": ("100 rods",)}  # simulators, and mechanisms that would take them minutes
 
 

@@ -26,7 +26,7 @@ TOLERANCES = (1e-5, 1e-8, 1e-12, None)
 SAMPLES = 3
 COLORS = {
     "euler": "#b0b0b0", "midpoint": "#8c8c8c", "rk4": "#d62728", "verner7": "#2ca02c", "tsitouras8": "#1f77b4",
-    "dop853": "#ff7f0e", "rosenbrock": "#9467bd", "gauss4": "#8c564b", "gauss6": "#17becf",
+    "dop853": "#ff7f0e", "rosenbrock": "#9467bd", "gauss4": "#8c564b", "gauss6": "#17becf", "taylor": "#000080",
 }  # fmt: skip
 OTHER_COLOR = "#bcbd22"
 PEERS = {"MuJoCo Euler": ("#000000", "s"), "MuJoCo RK4": ("#000000", "^"), "heyoka": ("#7f5f00", "D")}

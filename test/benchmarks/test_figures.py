@@ -63,6 +63,10 @@ def test_a_summary_has_ratios_of_samples_of_the_same_round():
     assert found["method"] == "adams11" and found["step"] == 0.2 and found["commanded"] == 0.4
     assert found["euler_ratio"] == [2.0, 1.5, 3.0] and found["rk4_ratio"] == [10.0, 9.5, 11.0]
     assert found["taylor_ratio"] == [0.5, 0.5, 0.5] and found["taylor"] == 0.05
+    series = measured()
+    series.results.append(timed(f"{OURS} taylor", [], [0.02, 0.025, 0.025]))
+    found = summary([series])["mechanisms"]["2 rods"]
+    assert found["free"] == 0.025 and found["taylor_ratio"] == [2.0, 2.0, 2.25]
     assert summary([measured(error=float("inf"))])["mechanisms"]["2 rods"]["error"] is None
 
 
