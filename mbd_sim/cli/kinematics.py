@@ -77,6 +77,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--samples", type=int, default=0, metavar="N", help="random samples within the tolerances (default: none)"
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of the random samples (default 0)")
+    _add_outputs(parser)
+
+
+def _add_outputs(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--column",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="a column of the printed table and of the file, or a pattern such as 'reaction.*.force_N'; repeatable "
+        "(default: positions and efforts are printed, and all columns written)",
+    )
+    parser.add_argument(
+        "--limit",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a limit of the magnitude of a column, in its unit, such as reaction.crank_pin.force_N=500; the status is "
+        "1 if it is exceeded; repeatable",
+    )
     parser.add_argument("--out", type=Path, metavar="FILE", help="write a table: .csv, .parquet or .npz")
     parser.add_argument("--plot", type=Path, metavar="PICTURE", help="draw the motion: .png, .svg or .pdf")
     add_show(parser, ("mechanism", *CURVES))
@@ -85,6 +105,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Analyze the motion, print the report, and write the table and the picture."""
     from mbd_sim.kinematic_analysis import couplers_and_followers, drive_loads, driven_motion, motion_columns
+    from mbd_sim.kinematic_analysis.chosen_columns import chosen_columns, column_limit, exceeded_limits
     from mbd_sim.kinematic_analysis.driven_motion import POSITIONS
     from mbd_sim.kinematic_analysis.motion_panels import require_groups
     from mbd_sim.kinematic_analysis.motion_picture import draw_motion, require_picture_suffix
@@ -94,6 +115,7 @@ def execute(options: argparse.Namespace) -> int:
     from mbd_sim.playback.plot_files import require_suffix
     from mbd_sim.playback.table_export import SUFFIXES, require_packages_for, write_columns
 
+    limits = [column_limit(text) for text in options.limit]
     show = shown_plots(options, options.plot)
     require_groups(show)
     if options.plot is not None:
@@ -120,16 +142,23 @@ def execute(options: argparse.Namespace) -> int:
         pins = tuple(coupler_and_follower(motion.mechanism, list(drives), text) for text in options.transmission)
     loads = drive_loads(motion) if options.loads else None
     lines, columns = _accuracy(options, mechanism, motion)
-    print(motion_text(motion, options.point, pins, loads, lines))
+    chosen, exceeded = None, False
+    if options.out is not None or options.column or limits:
+        columns = motion_columns(motion, options.point, pins, loads) | columns
+        of_limits, exceeded = exceeded_limits(motion, columns, limits)
+        lines += of_limits
+    if options.column:
+        chosen = columns = chosen_columns(columns, options.column)
+    print(motion_text(motion, options.point, pins, loads, lines, chosen))
     if options.out is not None:
         about = {"mechanism": mechanism.name, "drives": ", ".join(options.drive), "speed": str(motion.speed)}
-        write_columns(options.out, motion_columns(motion, options.point, pins, loads) | columns, about)
+        write_columns(options.out, columns, about)
     if options.plot is not None:
         draw_motion(options.plot, motion, options.point, pins, loads, show=show)
     for path in (options.out, options.plot):
         if path is not None:
             print(f"wrote {path}")
-    return 0
+    return 1 if exceeded else 0
 
 
 def _print_modes(mechanism: Mechanism, drives: Mapping[str, float]) -> None:

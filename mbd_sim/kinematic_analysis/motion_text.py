@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -29,8 +29,12 @@ def motion_text(
     pins: Sequence[CouplerAndFollower],
     loads: DriveLoads | None,
     further: Iterable[str] = (),
+    columns: Mapping[str, Array] | None = None,
 ) -> str:
-    """The report on a motion, with `further` lines. Angles are in degrees, everything else in SI units."""
+    """The report on a motion, with `further` lines. Angles are in degrees, everything else in SI units.
+
+    :param columns: those of the table, in the units of their names; by default positions, points and efforts.
+    """
     lines = [*_head(motion), *_singular(motion), *_limits(motion)]
     for joints in pins:
         least, most = transmission_extremes(motion, joints)
@@ -45,7 +49,7 @@ def motion_text(
     lines += [_row("Advantage", f"{name}: {_advantage(motion, name)}") for name in grounded_outputs(motion)]
     if loads is not None:
         lines += _loads(motion, loads)
-    return "\n".join([*lines, *further, "", *_table(motion, points, loads)])
+    return "\n".join([*lines, *further, "", *_table(motion, columns or _usual_columns(motion, points, loads))])
 
 
 def modes_text(mechanism: Mechanism, modes: AssemblyModes) -> str:
@@ -152,8 +156,7 @@ def _jumps(motion: DrivenMotion, values: Array, unit: str) -> Iterator[str]:
     )
 
 
-def _table(motion: DrivenMotion, points: Sequence[str], loads: DriveLoads | None) -> Iterator[str]:
-    """Some rows: evenly spaced ones, and all dead and change points."""
+def _usual_columns(motion: DrivenMotion, points: Sequence[str], loads: DriveLoads | None) -> dict[str, Array]:
     columns = {}
     for name in (*motion.system.drives, *motion.outputs):
         angle = motion.is_rotation(name)
@@ -165,6 +168,11 @@ def _table(motion: DrivenMotion, points: Sequence[str], loads: DriveLoads | None
     if loads is not None:
         for name, effort in loads.efforts.items():
             columns[f"{name} ({'N·m' if is_rotation(motion.mechanism, name) else 'N'})"] = effort
+    return columns
+
+
+def _table(motion: DrivenMotion, columns: Mapping[str, Array]) -> Iterator[str]:
+    """Some rows: evenly spaced ones, and all dead and change points."""
     rows = {int(row) for row in np.linspace(0, len(motion) - 1, min(LINES, len(motion))).round()}
     marks = {one.row: one.kind for one in motion.singular}
     widths = [max(len(name), WIDTH) for name in columns]

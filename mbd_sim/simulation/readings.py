@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.contact_records import ContactEvent, ContactObserver, ContactState
     from mbd_sim.simulation.motions import PartMotion
 
-COMPILED = 15_000  # instructions of derivatives up to which they are compiled, within about a second
+# Instructions of derivatives up to which they are compiled, within about a second. Larger ones would take some seconds,
+# which pay off after ten thousand calls; to compile them then would change the bits of results from call to call.
+COMPILED = 15_000
 
 
 class Readings(RunState):

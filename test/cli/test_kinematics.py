@@ -32,6 +32,28 @@ def test_report_table_and_picture(tmp_path, capsys):
     assert picture.read_bytes()[:4] == b"\x89PNG"
 
 
+def test_columns_and_limits_of_their_magnitudes(tmp_path, capsys):
+    table = tmp_path / "motion.csv"
+    words = ["kinematics", "four_bar", "--drive", "crank_pivot=0:360deg:13", "--out", str(table)]
+    chosen = ["--column", "crank_pivot.position_rad", "--column", "rocker_pivot.velocity*"]
+    limits = ["--limit", "rocker_pivot.velocity_rad_s=0.4", "--limit", "rocker_pivot.position_rad=7"]
+    assert main([*words, *chosen, *limits]) == 1
+    out = capsys.readouterr().out
+    with table.open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    assert list(rows[0]) == ["crank_pivot.position_rad", "rocker_pivot.velocity_rad_s"]
+    speeds = np.abs([float(row["rocker_pivot.velocity_rad_s"]) for row in rows])
+    assert f"rocker_pivot.velocity_rad_s: at most 0.4, exceeded in {np.sum(speeds > 0.4)} of 13 positions" in out
+    assert f"{np.max(speeds):.6g} at crank_pivot = " in out
+    assert "rocker_pivot.position_rad: at most 7, kept: " in out
+    printed = [line.split() for line in out.splitlines()]
+    assert printed[printed.index(list(rows[0])) + 1] == ["0", "-0.5"]
+    assert main([*words, "--limit", "rocker_pivot.position_rad=7"]) == 0
+    for wrong, message in (("--column=rocker_pivot.speed", "no column is called"), ("--limit=x", "gives no limit")):
+        assert main([*words, wrong]) == 1
+        assert message in capsys.readouterr().err
+
+
 def test_dead_points_are_marked(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     lengths = "base: 2.2 m, crank: 1 m, coupler: 1 m, rocker: 1.1 m, density: 1"
