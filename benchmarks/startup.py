@@ -127,8 +127,11 @@ def rows(folder: Path, robots: Path | None) -> list[Row]:
         Row("100 rods to the first step, cold", first_step(files[100]), 3.0, cold=True, rounds=3),
         Row("300 rods to the first step, cold", first_step(files[300]), 10.0, cold=True, rounds=1),
     ]
-    if robots is not None and (files_found := sorted(robots.rglob(HUMANOID))):
-        humanoid = first_step(str(files_found[0]))
+    robot_files = [] if robots is None else sorted(robots.rglob(HUMANOID))
+    if robots is not None and not robot_files:
+        print(f"there is no {HUMANOID} below {robots}: the humanoid is left out", file=sys.stderr)
+    if robot_files:
+        humanoid = first_step(str(robot_files[0].resolve()))
         found += [
             Row("humanoid (URDF) to the first step", humanoid),
             Row("humanoid (URDF) to the first step, cold", humanoid, 1.5, cold=True, rounds=3),
