@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from mbd_sim.lazy_names import lazy_names
 
 if TYPE_CHECKING:
+    from mbd_sim.compiler.bound_call import bound_reader as bound_reader
     from mbd_sim.compiler.readers import CompiledReaders as CompiledReaders
 else:
-    __getattr__ = lazy_names(__name__, {"readers": ("CompiledReaders",)})
+    __getattr__ = lazy_names(__name__, {"bound_call": ("bound_reader",), "readers": ("CompiledReaders",)})

@@ -190,6 +190,10 @@ class IRBuilder:
         self._lines.append(f"  {call}")
         return Value(VOID, "")
 
+    def call_address(self, address: Value, arguments: Sequence[Value]) -> None:
+        """Call a function without a result at an address."""
+        self._lines.append(f"  call void {address.text}({', '.join([f'{a.type} {a.text}' for a in arguments])})")
+
     def phi(self, type_: Type) -> Phi:
         """A value that depends on where its block is reached from; only at the start of a block."""
         value = Phi(type_, f"%v{next(self._numbers)}")

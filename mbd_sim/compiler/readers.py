@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim.compiler.bound_call import Call, Clock, bound_reader
 from mbd_sim.compiler.bound_kernel import function_of_addresses
 from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType, Module
@@ -33,6 +34,11 @@ class CompiledReaders:
     def bound(self, name: str, y_size: int, input_size: int) -> BoundReader:
         """A function with memory of its own, for one thread and many calls."""
         return BoundReader(self, self._functions[name], np.empty(y_size), np.empty(input_size), self._sizes[name])
+
+    def bound_to(self, name: str, clock: Clock, arrays: Sequence[NDArray[np.float64]], rows: int | None = None) -> Call:
+        """A function of arrays that stay where they are: see `bound_reader`."""
+        size = self._sizes[name]
+        return bound_reader(self._code.address(f"read_{name}"), self, clock, arrays, size, (size,), rows)
 
     def read(self, name: str, time: float, y: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
         """The output (n,) of a function, column by column."""

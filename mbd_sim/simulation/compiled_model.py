@@ -22,6 +22,7 @@ from mbd_sim.simulation.state_records import Energies, Reaction, Violation
 
 if TYPE_CHECKING:
     from mbd_sim.analysis.load_sharing import LoadSharing
+    from mbd_sim.compiler.bound_call import Call, Clock
     from mbd_sim.compiler.readers import CompiledReaders
     from mbd_sim.dynamics.equations import Equations
     from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
@@ -104,7 +105,13 @@ class Model(ActuatedModel, ContactingModel):
 
     def energies(self, time: float, y: Array, start_total: float = 0.0, inputs: Array | None = None) -> Energies:
         """The energy audit at a state; `start_total` is T + V at the start, in J."""
-        kinetic, potential = self._read("energies", time, y, np.empty(2), inputs).tolist()
+        return self.audit(self._read("energies", time, y, np.empty(2), inputs), time, y, start_total, inputs)
+
+    def audit(
+        self, energies: Array, time: float, y: Array, start_total: float = 0.0, inputs: Array | None = None
+    ) -> Energies:
+        """The energy audit at a state; `energies` (2,) are what the kernel reads there, and the rest as above."""
+        kinetic, potential = energies.tolist()
         if "elongations" in self.kernel.readers:
             springs = self.equations.distant_springs
             assert springs is not None
@@ -143,6 +150,10 @@ class Model(ActuatedModel, ContactingModel):
     def accelerations(self, time: float, y: Array, inputs: Array) -> Array:
         """u' (nv,), then the accelerations of `driven_names`, under all forces, those of contacts included."""
         return self._motion_readers.accelerations(time, y, self.with_contact_forces(time, y, inputs))
+
+    def bound_accelerations(self, clock: Clock, y: Array, inputs: Array) -> Call:
+        """`accelerations` of arrays that stay where they are, as a fast callable; only without contacts."""
+        return self._motion_readers.bound_accelerations(clock, y, inputs)
 
     def part_motions(self, time: float, y: Array, inputs: Array) -> Mapping[str, PartMotion]:
         """The motion of each part in ground's frame and axes."""

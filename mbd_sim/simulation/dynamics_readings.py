@@ -125,10 +125,27 @@ class DynamicsReadings(RunState):
         :param efforts: all in order, or some by name; the others stay as they are. None: all as they are.
         :raises CommandError: see `set_efforts`.
         """
-        inputs, span = self._memory.inputs.copy(), self.model.input_layout.efforts
-        if efforts is not None:
+        if efforts is None:
+            return self._memory.accelerations()[: self.model.layout.nv]
+        inputs, span = self._given_inputs, self.model.input_layout.efforts
+        inputs[:] = self._memory.inputs
+        if (within := self.effort_map.within(efforts)) is not None:
+            inputs[span] = within
+        else:
             inputs[span] = self.effort_map.clamped(self.effort_map.merged(inputs[span], efforts))
+        if self.model.contact is None:
+            return self._given_accelerations()[: self.model.layout.nv]
         return self.model.accelerations(self.time, self._memory.y, inputs)[: self.model.layout.nv]
+
+    @cached_property
+    def _given_inputs(self) -> Array:
+        """The inputs with efforts that are not applied."""
+        return self._memory.inputs.copy()
+
+    @cached_property
+    def _given_accelerations(self) -> Callable[[], Array]:
+        """The accelerations under these inputs."""
+        return self.model.bound_accelerations(self._memory.clock, self._memory.y, self._given_inputs)
 
     def inverse_dynamics(self, u_rates: Sequence[float] | Array) -> Array:
         """The efforts (nv,) in N and N·m that produce the accelerations `u_rates` (nv,) in this state.

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim import simulation
+from mbd_sim import compiler, simulation
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.compiled_model import Model
@@ -29,7 +30,7 @@ class KernelMemory:
 
         :param mechanism: a variant of that of the model with the same equations, see `contact_stepper`.
         """
-        self._kernel = model.kernel
+        self._kernel, self._model = model.kernel, model
         self.contacts = (
             None if model.contact is None else simulation.contact_stepper(model, mechanism or model.mechanism)
         )
@@ -38,19 +39,27 @@ class KernelMemory:
         self.inputs, self.history = memory[:size], memory[size:]
         self._counter, self._step_size = np.zeros(1, dtype=np.int64), np.array([step_size])
         self._error_estimate = np.zeros(1)
-        self._time, self._readers = np.zeros(1), dict[str, tuple[Callable[..., None], Array, list[int]]]()
+        self._readers: dict[str, Callable[[], Array]] = {}
+        self._accelerations: Callable[[], Array] | None = None
 
-    def read(self, name: str, size: int) -> Array:
-        """The output (size,) of a reader of the kernel at the present state; in the thread that takes the steps."""
-        if name not in self._readers:
-            out = np.empty(size)
+    def read(self, name: str, *shape: int) -> Array:
+        """The output of a reader of the kernel at the present state, row by row; in the thread that takes the steps."""
+        try:
+            return self._readers[name]()
+        except KeyError:
             given = [self.inputs] if self._kernel.reads_inputs[name] else []
-            arrays = [self._time, self.y, *given, out]
-            self._readers[name] = self._kernel.readers[name], out, [array.ctypes.data for array in arrays]
-        function, out, addresses = self._readers[name]
-        self._time[0] = self._counter[0] * self._step_size[0]
-        function(*addresses)
-        return out.copy()
+            address, size = self._kernel.code.address(f"read_{name}"), math.prod(shape)
+            self._readers[name] = compiler.bound_reader(address, self._kernel, self.clock, (self.y, *given), size, shape)
+            return self._readers[name]()
+
+    def accelerations(self) -> Array:
+        """u' (nv,) in the present state, then the accelerations of driven coordinates: see `Model.accelerations`."""
+        if self._accelerations is not None:
+            return self._accelerations()
+        if self._model.contact is not None:
+            return self._model.accelerations(self.steps * self.step_size, self.y, self.inputs)
+        self._accelerations = self._model.bound_accelerations(self.clock, self.y, self.inputs)
+        return self._accelerations()
 
     @property
     def steps(self) -> int:

@@ -11,6 +11,7 @@ from mbd_sim import compiler
 from mbd_sim.geometry.pose import Array, Pose
 
 if TYPE_CHECKING:
+    from mbd_sim.compiler.bound_call import Call, Clock
     from mbd_sim.dynamics.equations import Equations
 
 
@@ -50,6 +51,10 @@ class MotionReaders:
     def accelerations(self, time: float, y: Array, inputs: Array) -> Array:
         """The accelerations of the coordinates, then of the driven ones."""
         return self._readers.read("accelerations", time, y, inputs)
+
+    def bound_accelerations(self, clock: Clock, y: Array, inputs: Array) -> Call:
+        """The same of arrays that stay where they are, as a callable: see `CompiledFunction.bound`."""
+        return self._readers.bound_to("accelerations", clock, (y, inputs))
 
     def parts(self, time: float, y: Array, inputs: Array, poses: Mapping[str, Pose]) -> dict[str, PartMotion]:
         """The motion of each part, with its pose."""

@@ -76,9 +76,8 @@ class MovingPoint:
         return self._read("bias_acceleration")
 
     def _acceleration(self) -> Array:
-        time = self._memory.steps * self._memory.step_size
-        accelerations = self._model.accelerations(time, self._memory.y, self._memory.inputs)
-        return self._read("jacobian") @ accelerations[: self._model.layout.nv] + self._read("bias_acceleration")
+        accelerations = self._memory.accelerations()[: self._model.layout.nv]
+        return self._read("jacobian") @ accelerations + self._read("bias_acceleration")
 
     def _read(self, quantity: FrameQuantity) -> Array:
         if self._values is not self._live.current:

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from mbd_sim import simulation
-from mbd_sim.geometry.pose import Array, Pose, unpack_poses
+from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.simulation.run_state import RunState
 from mbd_sim.simulation.state_records import DriveState, Energies, Losses, Reaction, Violation
 
@@ -34,13 +34,14 @@ class Readings(RunState):
     @property
     def energies(self) -> Energies:
         """The energy audit, in J."""
-        return self.model.energies(self.time, self._memory.y, self.start_energy, self._memory.inputs)
+        memory = self._memory
+        return self.model.audit(memory.read("energies", 2), self.time, memory.y, self.start_energy, memory.inputs)
 
     def poses(self) -> Mapping[str, Pose]:
         """The pose of each part in ground's frame."""
         names = self.model.part_names
-        positions, rotations = unpack_poses(self._memory.read("poses", 12 * len(names)).reshape(-1, 12))
-        return dict(zip(names, map(Pose, positions, rotations), strict=True))
+        rows = self._memory.read("poses", len(names), 4, 3)  # positions, then the columns of the rotations
+        return dict(zip(names, map(Pose, rows[:, 0], rows[:, 1:].swapaxes(1, 2))))  # noqa: B905  # the check of their lengths costs more
 
     @property
     def u_rates(self) -> Array:
@@ -48,7 +49,7 @@ class Readings(RunState):
 
         Those of contacts are included. At an impact they are those after it.
         """
-        return self.model.accelerations(self.time, self._memory.y, self._memory.inputs)[: self.model.layout.nv]
+        return self._memory.accelerations()[: self.model.layout.nv]
 
     def motion(self, frame: str) -> PartMotion:
         """The motion of a part, or of one of its points: pose, velocities and accelerations in ground's axes.
