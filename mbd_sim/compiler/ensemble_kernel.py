@@ -85,13 +85,16 @@ class MemberGroups:
     def get(self, name: str, columns: slice = ALL) -> Array:
         """A copy of some columns of an array with one row for each member."""
         array = self._arrays[name][:, columns]
-        return array.transpose(0, 2, 1).reshape(-1, array.shape[1])[: self.count].copy()
+        rows = np.empty((array.shape[0], self._lanes, array.shape[1]))
+        rows[:] = array.transpose(0, 2, 1)
+        return rows.reshape(-1, array.shape[1])[: self.count]
 
     def put(self, name: str, rows: Array, columns: slice = ALL) -> None:
         """Set some columns of an array from one row for each member."""
         array = self._arrays[name][:, columns]
-        padded = np.concatenate([rows, np.repeat(rows[-1:], array.shape[0] * self._lanes - self.count, axis=0)])
-        array[:] = padded.reshape(array.shape[0], self._lanes, -1).transpose(0, 2, 1)
+        if missing := array.shape[0] * self._lanes - self.count:
+            rows = np.concatenate([rows, np.repeat(rows[-1:], missing, axis=0)])
+        array[:] = rows.reshape(array.shape[0], self._lanes, -1).transpose(0, 2, 1)
 
     def put_members(self, name: str, members: NDArray[np.intp], rows: Array) -> None:
         """Set an array for some members, from one row for each of them."""

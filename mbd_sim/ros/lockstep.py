@@ -29,6 +29,9 @@ from std_srvs.srv import SetBool, Trigger
 from mbd_sim.errors import CommandError, MbdSimError, listed
 from mbd_sim.geometry.pose import Array
 
+# Hz, of what is published at the end of a command's steps in any case; 0 would stop it altogether
+SELDOM = 1e-3
+
 
 class LockstepError(MbdSimError):
     """The simulator does not answer, or refuses a request."""
@@ -87,11 +90,14 @@ class Lockstep:
             "step_on_command": True,
             "step_count": steps,
             "publish_rate": 0.0,  # only the states at the end of a command's steps
+            "clock_rate": SELDOM,  # so is the time
             "command_timeout": 0.0,
             "reset_rewinds_clock": True,
         }
         try:
             self._original_parameters = self._get_parameters(list(lockstep_parameters))
+            if not self._original_parameters["clock_rate"]:
+                del lockstep_parameters["clock_rate"]  # the time is not published at all
             self._call(SetBool, "pause", data=True)
             self._set_parameters(lockstep_parameters)
             for publisher in (self._commands, self._actuators):

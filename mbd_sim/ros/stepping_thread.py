@@ -233,8 +233,9 @@ class SteppingThread:
         return any(f.lag > MAX_LEAD and not f.paused and f._thread.is_alive() for f in self.followers)
 
     def _steps_until_due(self) -> int:
-        """Steps to take at once: those of one wake-up period, and none beyond the next publication or sample."""
-        factor = self.rates.real_time_factor if self.followed is None else 0.0
+        """Steps to take at once: none beyond the next publication or sample, and in real time one wake-up period."""
+        in_real_time = self.followed is None and not self.paused  # paused, steps are taken on request, at full speed
+        factor = self.rates.real_time_factor if in_real_time else 0.0
         steps = max(1, round(WAKE_UP_PERIOD * factor / self.simulation.step_size)) if factor > 0.0 else FAST_BATCH
         return self._output.steps_until_due(self.rates, at_most=self.run.commands.steps_to_sample(self.ticks, steps))
 

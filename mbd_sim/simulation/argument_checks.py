@@ -59,7 +59,7 @@ def finite_vector(values: Sequence[float] | Array, size: int, name: str) -> Arra
     vector = np.array(values, dtype=float)
     if vector.shape != (size,):
         raise ValueError(f"{name} must be a list of {size} values, not an array of shape {vector.shape}.")
-    if not math.isfinite(vector @ vector):  # which is fast, but can overflow
+    if not math.isfinite(sum(vector.tolist())):  # which is fast for few values, but can overflow
         require_finite(vector, name)
     return vector
 

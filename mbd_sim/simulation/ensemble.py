@@ -189,21 +189,21 @@ class Ensemble(EnsembleReadings):
 
         :raises CommandError: wrong shape, an unknown name, or a value that is not finite; nothing is changed then.
         """
-        new = self._groups.get("inputs", self._effort_inputs)
         try:
             if isinstance(efforts, Mapping):
+                new = self._groups.get("inputs", self._effort_inputs)
                 names = list(self.model.coordinate_names)
                 for name, value in efforts.items():
                     if name not in names:
                         raise CommandError(f"there is no joint '{name}'. {nearest(name, names)}")
                     new[:, names.index(name)] = value
             else:
-                new[:] = efforts
+                new = np.broadcast_to(np.asarray(efforts, dtype=float), self._limits.shape)
         except (TypeError, ValueError) as error:
             if isinstance(error, CommandError):
                 raise
             raise CommandError(
-                f"the efforts do not fit {len(self)} members with {new.shape[1]} joints: {error}"
+                f"the efforts do not fit {len(self)} members with {self._limits.shape[1]} joints: {error}"
             ) from error
         if not np.all(np.isfinite(new)):
             raise CommandError("an effort is not finite. Give finite numbers.")

@@ -78,12 +78,12 @@ class EnsembleState(ReadOnlyAttributes):
     @property
     def q(self) -> Array:
         """A copy of the generalized coordinates (k, nq), which cannot be written."""
-        return read_only(self.state[:, self.model.q_range])
+        return read_only(self._groups.get("y", self.model.q_range))
 
     @property
     def u(self) -> Array:
         """A copy of the generalized speeds (k, nv), which cannot be written."""
-        return read_only(self.state[:, self.model.u_range])
+        return read_only(self._groups.get("y", self.model.u_range))
 
     @property
     def alive(self) -> NDArray[np.bool_]:

@@ -49,7 +49,9 @@ class KernelMemory:
         except KeyError:
             given = [self.inputs] if self._kernel.reads_inputs[name] else []
             address, size = self._kernel.code.address(f"read_{name}"), math.prod(shape)
-            self._readers[name] = compiler.bound_reader(address, self._kernel, self.clock, (self.y, *given), size, shape)
+            self._readers[name] = compiler.bound_reader(
+                address, self._kernel, self.clock, (self.y, *given), size, shape
+            )
             return self._readers[name]()
 
     def accelerations(self) -> Array:
