@@ -126,7 +126,7 @@ static void step_{method}(
     halves += 1.0;
     ready = wait <= 0.0{condition};
     tries = ready && divided && halves >= {length};
-    if (ready && count >= {length} && (!divided || index % {probed} == 0)) {{
+    if (ready && count >= {length} && (!divided || ((int)halves & {probed}) == 0)) {{
         tries = 1;
         memcpy(moved, y, sizeof moved);
         memcpy(left, past->lost, sizeof left);
@@ -245,7 +245,7 @@ def adams_function(method: Adams, parts: StepParts, name: str, compared: int) ->
         nearly=literal(NEARLY * tolerance),
         divisible=literal(DIVISIBLE * tolerance),
         patient=literal(method.length + PATIENCE),
-        probed=PROBED_EVERY,
+        probed=2 * PROBED_EVERY - 2,
         names=", ".join(f"d{order}" for order in LOWER),
         differences="\n".join(differences),
         longest=literal(LONGEST_PAUSE),

@@ -6,7 +6,7 @@ from mbd_sim.compiler.adams_attempt import AdamsAttempt
 from mbd_sim.compiler.adams_history import AdamsHistory
 from mbd_sim.compiler.ir import Value
 from mbd_sim.compiler.ir_builder import IRBuilder
-from mbd_sim.compiler.ir_types import DOUBLE, integer, number
+from mbd_sim.compiler.ir_types import DOUBLE, INT, integer, number
 from mbd_sim.compiler.ir_vectors import Index, copy, for_each, load, loop, store
 from mbd_sim.compiler.runge_kutta_step import ExplicitStep
 from mbd_sim.compiler.simd_builder import LaneBuilder
@@ -18,7 +18,7 @@ NEARLY = 10.0  # errors in units of the tolerance, up to which an attempt that f
 DIVISIBLE = 1024.0  # those up to which two halves of a step are expected to succeed: halved, an error is 1/2048,
 EASILY = 0.125  # and those up to which halves are no longer needed
 PATIENCE = 16.0  # slopes between two attempts that fail and change nothing
-PROBED_EVERY = 8  # steps, a power of two: divided steps with such a number are attempted at once first
+PROBED_EVERY = 8  # divided steps, a power of two, one is attempted at once first
 
 
 def adams_step(method: Adams) -> Prepare:
@@ -40,6 +40,7 @@ class _AdamsStep:
     def __init__(self, method: Adams, emitter: StepEmitter) -> None:
         self._method, self._emitter = method, emitter
         self._history, self._otherwise = AdamsHistory(emitter, method), ExplicitStep(method.otherwise, emitter)
+        self._rarely = ExplicitStep(method.otherwise, emitter, rare=True)
         self._at_once, self._in_halves = (AdamsAttempt(method, emitter, rare=rare) for rare in (False, True))
         self._current, self._trial = emitter.vector(), emitter.vector()
         several, attempt = isinstance(emitter.b, LaneBuilder), self._at_once
@@ -61,7 +62,8 @@ class _AdamsStep:
         if emitter.system.reports_conditioning:
             ready = b.and_(ready, b.not_(emitter.is_ill_conditioned()))
         divided = _is_set(b, history.divided)
-        probes = b.icmp_unsigned("==", b.and_(emitter.index, integer(PROBED_EVERY - 1)), integer(0))
+        known = b.and_(b.fptosi(self._read(history.halves), INT), integer(2 * PROBED_EVERY - 2))  # two more a step
+        probes = b.icmp_unsigned("==", known, integer(0))
         at_once = b.and_(ready, b.fcmp_ordered(">=", self._read(history.count), length))
         at_once = b.and_(at_once, b.or_(b.not_(divided), probes))
         in_halves = b.and_(b.and_(ready, divided), b.fcmp_ordered(">=", self._read(history.halves), length))
@@ -167,10 +169,7 @@ class _AdamsStep:
         halved = b.and_(_is_set(b, history.divided), b.fcmp_ordered("<=", self._read(history.wait), number(0.0)))
         halved = b.and_(halved, b.not_(taken))
         if isinstance(b, LaneBuilder):
-            with b.if_then(emitter.any(b.not_(taken))):
-                self._otherwise_in_pieces(t, halved, b.not_(taken))
-            for_each(b, size, lambda i: _store_where(b, taken, load(b, self._new, i), emitter.y, i))
-            for_each(b, size, lambda i: store(b, b.select(taken, load(b, self._lost, i), number(0.0)), history.lost, i))
+            self._complete_members(t, taken, halved)
             return
         with b.if_else(taken) as (then, otherwise):
             with then:
@@ -178,35 +177,44 @@ class _AdamsStep:
                 copy(b, size, self._lost, history.lost)
             with otherwise:
                 for_each(b, size, lambda i: store(b, number(0.0), history.lost, i))
-                self._otherwise_in_pieces(t, halved, b.not_(taken))
+                with b.if_else(halved, likely=False) as (twice, once):
+                    with twice:
+                        self._otherwise_in_halves(t, halved)
+                    with once:
+                        self._otherwise.emit(t, self._current)
 
-    def _otherwise_in_pieces(self, t: Value, halved: Value, counts: Value) -> None:
-        """Emit a step of the other method, in two halves where it is `halved`; where it `counts`, so does its error."""
-        emitter, b, whole = self._emitter, self._emitter.b, self._emitter.h
-        emitter.h = h = b.select(halved, b.fmul(number(0.5), whole), whole)
+    def _complete_members(self, t: Value, taken: Value, halved: Value) -> None:
+        """The same for a group of members, some of which may need the other method."""
+        emitter, b, size = self._emitter, self._emitter.b, self._emitter.system.size
+        once = b.not_(b.or_(taken, halved))
+        with b.if_then(emitter.any(once)):
+            largest = self._read(emitter.largest_error)
+            self._otherwise.emit(t, self._current, self._trial)
+            self._choose(b.not_(once), largest, emitter.largest_error)
+            for_each(b, size, lambda i: _store_where(b, once, load(b, self._trial, i), self._new, i))
+        with b.if_then(emitter.any(halved)):
+            self._otherwise_in_halves(t, halved)
+            for_each(b, size, lambda i: _store_where(b, halved, load(b, emitter.y, i), self._new, i))
+        copy(b, size, self._new, emitter.y)
+        lost = self._history.lost
+        for_each(b, size, lambda i: store(b, b.select(taken, load(b, self._lost, i), number(0.0)), lost, i))
 
-        def piece(number_: Value) -> None:
-            is_second = b.icmp_unsigned("!=", number_, integer(0))
-            with b.if_then(is_second):
-                self._slopes_in_the_middle(b.fadd(t, h), halved)
-            start = b.fadd(t, b.fmul(b.sitofp(number_, DOUBLE), h))
-            if not isinstance(b, LaneBuilder):
-                self._otherwise.emit(start, self._current)
-                return
-            largest, moves = self._read(emitter.largest_error), b.or_(b.not_(is_second), halved)
-            self._otherwise.emit(start, self._current, self._trial)
-            self._choose(b.not_(b.and_(counts, moves)), largest, emitter.largest_error)
-            size = emitter.system.size
-            for_each(b, size, lambda i: _store_where(b, moves, load(b, self._trial, i), emitter.y, i))
+    def _otherwise_in_halves(self, t: Value, halved: Value) -> None:
+        """Emit two half steps of the other method, whose slopes in the middle count where it is `halved`."""
+        emitter, history, b, size = self._emitter, self._history, self._emitter.b, self._emitter.system.size
+        whole, place = emitter.h, history.slopes(1)
+        emitter.h = h = b.fmul(number(0.5), whole)
 
-        loop(b, 0, b.select(emitter.any(halved), integer(2), integer(1)), piece)
+        def half(index: Value) -> None:
+            start = b.fadd(t, b.fmul(b.sitofp(index, DOUBLE), h))
+            with b.if_then(b.icmp_unsigned("!=", index, integer(0))):
+                emitter.rates_rarely(start, emitter.y, self._current)
+                for_each(b, size, lambda i: _store_where(b, halved, load(b, self._current, i), place, i))
+            self._rarely.emit(start, self._current)
+
+        loop(b, 0, 2, half)
+        self._choose(halved, b.fadd(self._read(history.halves), number(1.0)), history.halves)
         emitter.h = whole
-
-    def _slopes_in_the_middle(self, t: Value, halved: Value) -> None:
-        emitter, b, place = self._emitter, self._emitter.b, self._history.slopes(1)
-        emitter.rates_rarely(t, emitter.y, self._current)
-        for_each(b, emitter.system.size, lambda i: _store_where(b, halved, load(b, self._current, i), place, i))
-        self._choose(halved, b.fadd(self._read(self._history.halves), number(1.0)), self._history.halves)
 
 
 def _is_set(b: IRBuilder, address: Value) -> Value:

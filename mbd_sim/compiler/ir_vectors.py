@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TypeAlias
 
 from mbd_sim.compiler.ir import Value
@@ -62,6 +63,16 @@ def for_each(b: IRBuilder, size: int, body: Callable[[Index], object], still: fr
                 body(index)
     else:
         loop(b, 0, size, body)
+
+
+@contextmanager
+def looped(b: IRBuilder) -> Iterator[None]:
+    """Within, operations on vectors of all sizes are loops, which are shorter code."""
+    unrolled, b.unrolled = b.unrolled, 0
+    try:
+        yield
+    finally:
+        b.unrolled = unrolled
 
 
 def copy(b: IRBuilder, size: int, source: Value, target: Value) -> None:

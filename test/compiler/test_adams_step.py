@@ -132,6 +132,18 @@ def test_it_is_refused_where_it_would_always_begin_anew(name, reason):
     assert Simulation.from_file(name).model.method.name == "tsitouras8"
 
 
+def test_a_member_that_starts_anew_takes_the_steps_of_a_new_run():
+    """Wherever in the count of steps that is, also while steps are divided."""
+    ensemble, single = Ensemble.from_file("slider_crank", 2, method=METHOD), built("slider_crank")
+    ensemble.step(13)
+    ensemble.restart([1])
+    ensemble.step(300)
+    single.step(300)
+    assert ensemble.state[1].tobytes() == single.state.tobytes()
+    single.step(13)
+    assert ensemble.state[0].tobytes() == single.state.tobytes()
+
+
 def test_steps_are_divided_where_the_motion_is_fast_and_only_there():
     """The piston of a crank at 1 ms: some steps at once, some in halves, and the energy as with `tsitouras8`."""
     run, other = built("slider_crank"), Simulation.from_file("slider_crank", method="tsitouras8")
