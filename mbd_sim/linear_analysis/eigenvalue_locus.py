@@ -18,6 +18,7 @@ from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.simulation import Simulation
 
 ROUND_OFF = 1e-9  # of a real part, relative to its eigenvalue
+ORDERED = 9  # decimals of imaginary parts, relative to the largest eigenvalue, by which eigenvalues are sorted
 About = Literal["equilibrium", "start"]
 
 
@@ -98,7 +99,8 @@ class _WorkingPoint:
                     raise
                 return np.zeros(0, dtype=complex)
         found = np.linalg.eigvals(simulation.linearize().a).astype(complex)
-        return found[np.lexsort((found.real, found.imag))]
+        size = float(np.max(np.abs(found), initial=0.0)) or 1.0
+        return found[np.lexsort((found.real, np.round(found.imag / size, ORDERED)))]
 
     def _with(self, values: Mapping[str, float]) -> Simulation:
         if self._live is not None:
