@@ -33,14 +33,14 @@ def is_home(state):
 
 
 def test_the_arm_follows_a_trajectory_from_another_process(tmp_path):
-    with beside(tmp_path, OPTIONS, "arm_trajectory.arm_trajectory", "duration:=0.4", "pause:=60.0") as experiment:
+    with beside(tmp_path, OPTIONS, "arm_trajectory.arm_trajectory", "duration:=0.4", "pause:=600.0") as experiment:
         listener = experiment.listener
         publisher = listener.node.create_publisher(JointTrajectory, "joint_trajectory", 10)
         listener.until(lambda: listener.states[-1].position[0] < -0.8, "the motion")
         listener.until(lambda: is_home(listener.states[-1]), "its end")
         publisher.publish(JointTrajectory(joint_names=["base", "elbo"], points=[JointTrajectoryPoint()]))
         listener.until(lambda: "joint_trajectory: message rejected" in experiment.node.text, "the rejection")
-        start = nanoseconds(listener.states[-1].header.stamp) // 10**9 + 6  # 2 s of real time
+        start = nanoseconds(listener.states[-1].header.stamp) // 10**9 + 12  # 4 s of real time
         point = JointTrajectoryPoint(positions=[0.5], time_from_start=Duration(nanosec=200_000_000))
         header = Header(stamp=Time(sec=start))
         publisher.publish(JointTrajectory(header=header, joint_names=["base"], points=[point]))
