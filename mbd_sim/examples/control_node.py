@@ -26,10 +26,30 @@ CONTROL_TOPICS = (
 NEWEST = QoSProfile(depth=1)  # a controller that is late answers the newest state, not an old one
 
 
+class Answered:
+    """Which states of a simulator to answer: each once, and again when it has been repeated twice.
+
+    A paused simulator repeats its state every half second. In lockstep each answer takes steps, so that a second answer
+    to a state, given because the machine was busy for longer than that, would leave the controller one period late
+    from then on. After two repetitions the first answer did not arrive.
+    """
+
+    def __init__(self) -> None:
+        self._last: JointState | None = None
+        self._repetitions = 0
+
+    def accepts(self, state: JointState) -> bool:
+        """Whether to answer this state, which is the next one received."""
+        self._repetitions = self._repetitions + 1 if state == self._last else 0
+        self._last = state
+        return self._repetitions % 2 == 0
+
+
 class ControlNode(Node):  # type: ignore[misc]  # rclpy carries no types
     """Answers each joint state with efforts, so that it runs at the simulator's `publish_rate`.
 
-    The controller's model comes from its parameter `mechanism`, not from the simulator.
+    The first answer waits until there is a simulator that receives it. The controller's model comes from its parameter
+    `mechanism`, not from the simulator.
     """
 
     PARAMETERS: tuple[ParameterSpec, ...]  # with the default of `mechanism`
@@ -40,6 +60,7 @@ class ControlNode(Node):  # type: ignore[misc]  # rclpy carries no types
         self.mechanism = load_mechanism(self.get_parameter("mechanism").value)
         self.names = list(self.mechanism.coordinate_names)
         self._commands = self.create_publisher(JointState, "joint_commands", 10)
+        self._answered = Answered()
 
     def start(self) -> None:
         """Subscribe to the joint states."""
@@ -60,6 +81,8 @@ class ControlNode(Node):  # type: ignore[misc]  # rclpy carries no types
                 f"joint_states lacks {', '.join(missing)}: does the simulator run '{self.mechanism.name}'?",
                 throttle_duration_sec=2.0,
             )
+            return
+        if not (self._commands.get_subscription_count() and self._answered.accepts(state)):
             return
         order = [indices[name] for name in self.names]
         time = state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec

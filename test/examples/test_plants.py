@@ -6,8 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 from scipy.integrate import quad
 from scipy.interpolate import PchipInterpolator
 
@@ -16,7 +14,7 @@ from mbd_sim.examples.engine.engine import Dynamometer
 from mbd_sim.examples.hydraulic_lift.hydraulic_lift import LevelControl
 from mbd_sim.load import load_mechanism
 from mbd_sim.recording.verification import verify
-from test.examples.programs import beside, lockstep
+from test.examples.programs import beside, lockstep, recorded_states
 from test.system.nodes import nanoseconds
 
 RECORDED = {"record": True, "record_dir": "logs"}
@@ -29,24 +27,15 @@ def verified(folder, mechanism):
     return verification
 
 
-def recorded_states(folder, mechanism, rate):
-    """The joint states of the recording by their number; the topic itself may lose some to a busy subscriber."""
-    (path,) = (folder / "logs").glob(f"{mechanism}_*.mcap")
-    with path.open("rb") as stream:
-        messages = make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages(["/joint_states"])
-        states = [content for _, _, _, content in messages]
-    return {round(rate * (state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec)): state for state in states}
-
-
 def test_the_lift_reaches_its_levels_by_commands_of_its_valve_from_another_process(tmp_path):
     options = {**lockstep("hydraulic_scissor_lift", 100), "step_count": 100, **RECORDED}
     with beside(tmp_path, options, "hydraulic_lift.hydraulic_lift", "targets:=[0.5, 0.4]", "period:=3.0") as experiment:
         listener = experiment.listener
         listener.until(lambda: nanoseconds(listener.states[-1].header.stamp) > 6_000_000_000, "both levels")
         assert experiment.node.end(signal.SIGINT) == 0
-    states = recorded_states(tmp_path, "hydraulic_scissor_lift", 100)
-    hinge = list(states[300].name).index("hinge")
-    heights = [1.2 * math.sin(states[count].position[hinge]) for count in (299, 599)]
+    states = recorded_states(tmp_path / "logs")
+    hinge = states[30000].names.index("hinge")
+    heights = [1.2 * math.sin(states[tick].position[hinge]) for tick in (29900, 59900)]
     assert heights == pytest.approx([0.5, 0.4], abs=2e-3)
     assert verified(tmp_path, "hydraulic_scissor_lift").commands["applied_commands"] > 300
 
@@ -80,10 +69,10 @@ def test_the_engine_is_started_and_runs_at_its_speeds(tmp_path):
         listener = experiment.listener
         listener.until(lambda: "runs at 2" in experiment.log.read_text(), "both speeds")
         assert experiment.node.end(signal.SIGINT) == 0
-    states = recorded_states(tmp_path, "engine", 200)
-    means = [np.mean([states[n].velocity[0] for n in range(end - 200, end)]) for end in (699, 1399)]
+    states = recorded_states(tmp_path / "logs")
+    means = [np.mean([states[100 * n].velocity[0] for n in range(end - 200, end)]) for end in (699, 1399)]
     assert means == pytest.approx([300.0, 220.0], rel=0.01)
-    assert states[1].effort[0] == pytest.approx(0.3) and states[1399].effort[0] == pytest.approx(-0.075, abs=0.005)
+    assert states[100].effort[0] == pytest.approx(0.3) and states[139900].effort[0] == pytest.approx(-0.075, abs=0.005)
     assert "runs at 300" in experiment.log.read_text() or "runs at 299" in experiment.log.read_text()
     verified(tmp_path, "engine")
 

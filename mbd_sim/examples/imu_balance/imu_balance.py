@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import sys
+import time
 
 import numpy as np
-from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import SetBool
 
@@ -22,7 +22,8 @@ STATE_COST, EFFORT_COST = np.diag([4.0, 20.0, 2.0, 1.0]), np.array([[0.1]])  # o
 FILTER_TIME = 1.0  # s: below 1/FILTER_TIME in rad/s the tilt is that of gravity, above that of the rate gyro
 SPEED_TIME = 0.02  # s of the low-pass filter for the speed of the cart
 FALLEN = math.radians(50.0)
-START_PERIOD = 0.2  # s of real time between attempts to start the simulator
+START_PERIOD = 0.2  # s of real time between looks for a simulator to start
+ATTEMPT_PERIOD = 5.0  # s of real time between attempts to start it; in lockstep each takes steps
 TOPICS = (
     ("sim_node/sensors/imu", "sensor_msgs/msg/Imu, subscribed: each message is answered with a force"),
     ("sim_node/sensors/wheel", "sensor_msgs/msg/JointState, subscribed: the position of the cart"),
@@ -108,12 +109,13 @@ class ImuBalanceNode(ControlNode):
     def __init__(self) -> None:
         super().__init__("imu_balance")
         self.law = Balance(self.mechanism, self.get_parameter("filter_time").value)
-        self._measured = False
+        self._measured, self._attempted = False, -math.inf
 
     def start(self) -> None:
         """Subscribe to the sensors, and start the simulator."""
-        self.create_subscription(JointState, "sim_node/sensors/wheel", self._on_cart, qos_profile_sensor_data)
-        self.create_subscription(Imu, "sim_node/sensors/imu", self._on_imu, qos_profile_sensor_data)
+        self.create_subscription(JointState, "sim_node/sensors/wheel", self._on_cart, 10)
+        # Reliable: a measurement that is lost in lockstep would be waited for forever.
+        self._imu = self.create_subscription(Imu, "sim_node/sensors/imu", self._on_imu, 10)
         self._pause = self.create_client(SetBool, "sim_node/pause")
         self._starting = self.create_timer(START_PERIOD, self._begin)
         self.get_logger().info(f"balancing '{self.mechanism.name}'")
@@ -123,8 +125,14 @@ class ImuBalanceNode(ControlNode):
         if self._measured:
             self._starting.cancel()
             return
-        if self.get_parameter("resume").value and self._pause.service_is_ready():
+        connected = self._imu.get_publisher_count() and self._commands.get_subscription_count()
+        if not connected or time.monotonic() < self._attempted + ATTEMPT_PERIOD:
+            return
+        if self.get_parameter("resume").value:
+            if not self._pause.service_is_ready():
+                return
             self._pause.call_async(SetBool.Request(data=False))
+        self._attempted = time.monotonic()
         self._send(0.0)
 
     def _on_cart(self, message: JointState) -> None:
