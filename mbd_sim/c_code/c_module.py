@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from mbd_sim import __version__
 from mbd_sim.c_code.c_adams import HISTORY, adams_function
+from mbd_sim.c_code.c_assembly import ASSEMBLY_DECLARATION, assembly_functions
 from mbd_sim.c_code.c_functions import c_function, literal
 from mbd_sim.c_code.c_steps import StepParts, moving_ranges, sample_functions, step_function
 from mbd_sim.c_code.c_texts import (
@@ -32,12 +33,14 @@ from mbd_sim.integrators.tableau import Tableau
 _NONE = Variable("unused", "", "", "nothing: C has no empty structures")
 
 
-def c_module(model: ExportedModel, *, tangent: bool = False) -> Mapping[str, str]:
+def c_module(model: ExportedModel, *, tangent: bool = False, assembly: bool = False) -> Mapping[str, str]:
     """The texts of `NAME.h` and `NAME.c`, by file name.
 
     :param tangent: add `NAME_tangent`, the directional derivatives of rates and outputs.
+    :param assembly: add `NAME_assemble`, the start for changed parameters, even if there are no parameters.
     :raises NotImplementedError: an expression has an operation that kernels do not support either.
     """
+    assembly = assembly or bool(model.parameters)
     head = HEADER.format(
         name=model.name,
         mechanism=_comment(model.mechanism.name),
@@ -47,7 +50,10 @@ def c_module(model: ExportedModel, *, tangent: bool = False) -> Mapping[str, str
         changes=_changes(model),
         flags=FLAGS,
     )
-    return {f"{model.name}.h": head + _header(model, tangent), f"{model.name}.c": head + _source(model, tangent)}
+    return {
+        f"{model.name}.h": head + _header(model, tangent, assembly),
+        f"{model.name}.c": head + _source(model, tangent, assembly),
+    }
 
 
 def _changes(model: ExportedModel) -> str:
@@ -61,7 +67,7 @@ def _comment(text: str) -> str:
     return " ".join(text.replace("*/", "* /").replace("/*", "/ *").split())
 
 
-def _header(model: ExportedModel, tangent: bool) -> str:
+def _header(model: ExportedModel, tangent: bool, assembly: bool) -> str:
     guard = f"{model.name.upper()}_H"
     structures = "\n\n".join(
         _structure(f"{model.name}_{kind}", about, variables)
@@ -88,6 +94,7 @@ def _header(model: ExportedModel, tangent: bool) -> str:
         structures=structures,
         steps=STEP_COMMENT + steps,
     )
+    declared += ASSEMBLY_DECLARATION.format(name=model.name) if assembly else ""
     declared += TANGENT_DECLARATION.format(name=model.name) if tangent else ""
     guards = f'#ifndef {guard}\n#define {guard}\n\n#include <stdint.h>\n\n#ifdef __cplusplus\nextern "C" {{\n#endif\n'
     return f"{guards}{declared}\n#ifdef __cplusplus\n}}\n#endif\n\n#endif\n"
@@ -114,7 +121,7 @@ def _structure(name: str, about: str, variables: Sequence[Variable]) -> str:
     return "\n".join([f"/* {about} */", "typedef struct {", *fields, f"}} {name};"])
 
 
-def _source(model: ExportedModel, tangent: bool) -> str:
+def _source(model: ExportedModel, tangent: bool, assembly: bool) -> str:
     between, equations = model.between_steps, model.equations
     held = frozenset[int]() if between is None else between.held
     parts = StepParts(
@@ -146,6 +153,7 @@ def _source(model: ExportedModel, tangent: bool) -> str:
         _definitions(model, parts),
     ]
     functions += [PUBLIC_STEP.format(**_step_words(model, method)) for method in model.methods]
+    functions += assembly_functions(model, model.start) if assembly else []
     functions += _tangent(model) if tangent else []
     if any("sine_cosine(" in function for function in functions):
         functions.insert(0, sine_cosine_text())

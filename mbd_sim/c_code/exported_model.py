@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from mbd_sim.c_code.start_functions import StartFunctions, start_functions
 from mbd_sim.c_code.variables import (
     Variable,
     actuator_outputs,
@@ -60,8 +61,9 @@ class ExportedModel:
     """A mechanism with the functions that become C code.
 
     `name` is a C identifier. `methods` begins with the one that its file, or the caller, chose; `step` is in s.
-    `values(p)` are the numbers of the equations for the parameters, and `outputs(t, y, inputs, p)` those of
-    `output_variables`. `remarks` say what differs from a simulation, or is left out.
+    `values(p)` are the numbers of the equations for the parameters, `start` is the start for any of them, and
+    `outputs(t, y, inputs, p)` are those of `output_variables`. `remarks` say what differs from a simulation, or is left
+    out.
     """
 
     name: str
@@ -75,6 +77,7 @@ class ExportedModel:
     output_variables: tuple[Variable, ...]
     values: ca.Function
     outputs: ca.Function
+    start: StartFunctions
     remarks: tuple[str, ...]
 
     @property
@@ -128,9 +131,10 @@ def export_model(
     numbers, given = None, mechanism
     if parameters:
         given = with_forces_alone(mechanism)
-        numbers = parameter_inputs(given, parameters)
+        numbers = parameter_inputs(given, parameters, starts=True)
     equations = derive(given, wrenches, None if numbers is None else numbers.numbers, step)
-    inputs = equations.inputs_at_start([given.parts[part].center for part in wrenches])
+    centers = [given.parts[part].center for part in wrenches]
+    inputs = equations.inputs_at_start(centers)
     methods, remarks = _methods(given, equations, inputs, method, step)
     variables, outputs = _outputs(equations, numbers, _knows_potential(mechanism, equations, bool(parameters)), remarks)
     if mechanism.sensors:
@@ -150,6 +154,7 @@ def export_model(
         output_variables=variables,
         values=ca.Function("values", [p], [ca.densify(values)], {"cse": True}),
         outputs=outputs,
+        start=start_functions(equations, numbers, centers),
         remarks=tuple(remarks),
     )
 

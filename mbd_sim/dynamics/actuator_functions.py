@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -72,10 +73,10 @@ class ActuatorFunctions:
     between_steps: BetweenSteps
     base_inputs: Array
 
-    def hold(self, actuators: Sequence[Actuator], y: Array, inputs: Array | None = None) -> None:
+    def hold(self, actuators: Sequence[Actuator], y: Array | ca.SX, inputs: Array | ca.SX | None = None) -> None:
         """Set the states and the commands of all actuators to those before the first command, in place.
 
-        :param y: the state, whose positions are those that position servos hold.
+        :param y: the state, whose positions are those that position servos hold; numbers or symbols.
         :param inputs: by default some that are forgotten.
         """
         inputs = self.base_inputs.copy() if inputs is None else inputs
@@ -83,10 +84,12 @@ class ActuatorFunctions:
             y[states.start : states.stop] = 0.0
         for actuator, slots in zip(actuators, self.layout.slots, strict=True):
             if isinstance(actuator.motor, Cylinder):
-                y[[slots.states[name] for name in PRESSURES]] = actuator.motor.pressures
-        positions, velocities = np.array(self.readings(0.0, y, inputs))[:2]
-        for actuator, slots, x, v in zip(actuators, self.layout.slots, positions, velocities, strict=True):
-            commands = {name: actuator.start.get(name, default_command(name, float(x))) for name in slots.commands}
+                for name, pressure in zip(PRESSURES, actuator.motor.pressures, strict=True):
+                    y[slots.states[name]] = pressure
+        readings = _read(self.readings, 0.0, y, inputs)
+        for number, (actuator, slots) in enumerate(zip(actuators, self.layout.slots, strict=True)):
+            x, v = readings[0, number], readings[1, number]
+            commands = {name: actuator.start.get(name, default_command(name, x)) for name in slots.commands}
             for channel, value in commands.items():
                 inputs[slots.commands[channel]] = value
                 if slots.delay:
@@ -101,17 +104,23 @@ class ActuatorFunctions:
         for index, stored in self.stored(0.0, y, inputs).items():
             y[index] = stored
 
-    def stored(self, time: float, y: Array, inputs: Array) -> dict[int, float]:
+    def stored(self, time: float, y: Array | ca.SX, inputs: Array | ca.SX) -> dict[int, Any]:
         """What each cylinder stores, in J, by the index in y of the state of the account that starts with it."""
         if not any(state in slots.states for slots in self.layout.slots for state in STARTS):
             return {}
-        readings = np.array(self.readings(time, y, inputs))
+        readings = _read(self.readings, time, y, inputs)
         return {
-            slots.states[state]: float(readings[CYLINDER_READINGS.index(reading), actuator])
+            slots.states[state]: readings[CYLINDER_READINGS.index(reading), actuator]
             for actuator, slots in enumerate(self.layout.slots)
             for state, reading in STARTS.items()
             if state in slots.states
         }
+
+
+def _read(readings: ca.Function, time: float, y: Array | ca.SX, inputs: Array | ca.SX) -> Any:
+    """The readings (k, n) as an array, or as expressions of symbols."""
+    found: Any = readings(time, y, inputs)
+    return found if isinstance(found, ca.SX) else np.array(found)
 
 
 def actuator_functions(traced: TracedMechanism, forces: ActuatorForces) -> ActuatorFunctions | None:

@@ -21,7 +21,7 @@ from mbd_sim.mechanism.records import Mechanism
 class ConstraintFunctions:
     """The constraints as functions of time and state, for given `values` of the symbolic parameters."""
 
-    _traced: _TracedFunctions
+    _traced: TracedFunctions
     values: Array
 
     def with_values(self, values: Array) -> ConstraintFunctions:
@@ -51,6 +51,11 @@ class ConstraintFunctions:
     def displaced(self, q: Array, displacement: Array) -> Array:
         """The coordinates (nq,) after a small displacement (nv,) along the speeds, with unit quaternions."""
         return evaluated(self._traced.displaced, q, displacement, self.values).ravel()
+
+    @property
+    def traced(self) -> TracedFunctions:
+        """The same as CasADi functions of (t, q, values), for other languages."""
+        return self._traced
 
     @property
     def size(self) -> float:
@@ -112,10 +117,10 @@ def _of(q: Array, which: NDArray[np.intp]) -> Array:
 
 def constraint_functions(traced: TracedMechanism, constraints: ConstraintEquations) -> ConstraintFunctions:
     """The functions of some constraints, with the values of the mechanism itself."""
-    return ConstraintFunctions(_TracedFunctions(traced, constraints), traced.parameters.base)
+    return ConstraintFunctions(TracedFunctions(traced, constraints), traced.parameters.base)
 
 
-class _TracedFunctions:
+class TracedFunctions:
     """CasADi functions of the state and the parameters, each traced when it is first called."""
 
     def __init__(self, traced: TracedMechanism, constraints: ConstraintEquations) -> None:
@@ -123,28 +128,34 @@ class _TracedFunctions:
 
     @cached_property
     def position(self) -> ca.Function:
+        """See `ConstraintFunctions.position`."""
         return self._of_position("position", self._constraints.position)
 
     @cached_property
     def gradient(self) -> ca.Function:
+        """See `ConstraintFunctions.gradient`."""
         return self._of_position("gradient", self._constraints.gradient)
 
     @cached_property
     def drift(self) -> ca.Function:
+        """See `ConstraintFunctions.drift`."""
         u = self._mechanism.state.u
         return self._of_position("drift", ca.substitute(self._constraints.velocity, u, ca.SX.zeros(u.shape[0], 1)))
 
     @cached_property
     def mass_matrix(self) -> ca.Function:
+        """See `ConstraintFunctions.mass_matrix`."""
         hessian = ca.hessian(self._mechanism.kinetic_energy, self._mechanism.state.u)[0]
         return self._of_position("mass_matrix", hessian)
 
     @cached_property
     def branch_checks(self) -> ca.Function:
+        """See `ConstraintFunctions.branch_checks`."""
         return self._of_position("branch_checks", self._constraints.branch_checks)
 
     @cached_property
     def displaced(self) -> ca.Function:
+        """(q, displacement, values) -> q: see `ConstraintFunctions.displaced`."""
         state = self._mechanism.state
         displacement = ca.SX.sym("d", state.u.shape[0])
         q = state.q + ca.jacobian(state.q_rates, state.u) @ displacement
@@ -152,10 +163,12 @@ class _TracedFunctions:
 
     @cached_property
     def size(self) -> float:
+        """See `ConstraintFunctions.size`."""
         return _size(self._mechanism.numeric)
 
     @cached_property
     def holonomic(self) -> Array:
+        """See `ConstraintFunctions.holonomic`."""
         return np.array([row.position is not None for row in self._constraints.rows], dtype=bool)
 
     def _of_position(self, name: str, expression: ca.SX) -> ca.Function:

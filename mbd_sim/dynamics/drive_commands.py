@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import casadi as ca
+
 from mbd_sim.dynamics.commanded_drives import FASTEST
 from mbd_sim.dynamics.coordinate_layout import CoordinateLayout
 from mbd_sim.dynamics.input_layout import InputLayout
@@ -29,14 +31,15 @@ def drive_command_count(mechanism: Mechanism) -> int:
 
 
 def hold_drives(
-    mechanism: Mechanism, layout: CoordinateLayout, input_layout: InputLayout, y: Array, inputs: Array
+    mechanism: Mechanism, layout: CoordinateLayout, input_layout: InputLayout, y: Array | ca.SX, inputs: Array | ca.SX
 ) -> None:
     """Set the commands of all drives in place to those before the first command: the positions in y, without speed."""
     drives: dict[str, CommandedDrive] = dict(commanded_drives(mechanism))
     first = input_layout.commands.stop - drive_command_count(mechanism)
     for name, span in drive_command_slices(mechanism, first).items():
-        position = float(y[layout.drives[name].start])
-        inputs[span] = [default_command(channel, position) for channel in drives[name].channels]
+        position = y[layout.drives[name].start]
+        for index, channel in enumerate(drives[name].channels, span.start):
+            inputs[index] = default_command(channel, position)
 
 
 def require_resolved(mechanism: Mechanism, step: float) -> None:

@@ -135,11 +135,11 @@ class Equations:
         modes = inputs[self.inputs.contact][layout.modes]
         return bool(np.any(modes[: layout.signs.start] != 0.0))
 
-    def hold(self, mechanism: Mechanism, y: Array, inputs: Array) -> None:
+    def hold(self, mechanism: Mechanism, y: Array | ca.SX, inputs: Array | ca.SX) -> None:
         """Set states and commands of actuators and drives in place to those before the first command.
 
         :param mechanism: this one, or a variant with other start commands.
-        :param y: the state, whose positions are those that are held.
+        :param y: the state, whose positions are those that are held; numbers or symbols.
         """
         hold_drives(mechanism, self.layout, self.inputs, y, inputs)
         if self.actuators is not None:

@@ -39,6 +39,7 @@ _MODEL_HEADER = """\
 #define MODEL_PARAMETERS {parameters}
 #define MODEL_OUTPUTS {outputs}
 #define MODEL_PROJECTS {projects} /* whether states are moved back to constraints or unit quaternions */
+#define MODEL_ASSEMBLES {assembles} /* whether start values follow from parameters, or from each other */
 #define MODEL_SAMPLED {sampled} /* whether something acts between fixed steps */
 
 typedef {name}_state model_state;
@@ -52,6 +53,10 @@ typedef {history} model_history;
 #define model_output {name}_output
 #define model_step_between(state, history, ...) {name}_step_between(state, {passed}__VA_ARGS__)
 #define model_tangent {name}_tangent
+#if MODEL_ASSEMBLES
+#define model_assemble {name}_assemble_given
+#define model_unknown_start {name}_unknown_start
+#endif
 
 #endif
 """
@@ -64,7 +69,7 @@ def write_fmu(model: ExportedModel, path: Path, *, binary: bool = True) -> None:
     :raises InputError: there is no C compiler.
     :raises MbdSimError: it does not compile the sources.
     """
-    module = c_module(model, tangent=True)
+    module = c_module(model, tangent=True, assembly=_assembles(model))
     token = hashlib.sha256("".join(module.values()).encode()).hexdigest()
     sources = {**module, **_interface_sources(model, token)}
     contents: dict[str, bytes] = {"modelDescription.xml": model_description(model, token).encode()}
@@ -75,6 +80,11 @@ def write_fmu(model: ExportedModel, path: Path, *, binary: bool = True) -> None:
     with zipfile.ZipFile(path, "w") as archive:
         for name, content in contents.items():
             archive.writestr(zipfile.ZipInfo(name, _EPOCH), content, zipfile.ZIP_DEFLATED)
+
+
+def _assembles(model: ExportedModel) -> bool:
+    """Whether start values follow from parameters, or from each other."""
+    return bool(model.parameters or model.equations.rows)
 
 
 def platform_tuple() -> str:
@@ -96,6 +106,7 @@ def _interface_sources(model: ExportedModel, token: str) -> Mapping[str, str]:
             parameters=len(model.parameters),
             outputs=len(model.output_variables),
             projects=int(model.equations.project is not None),
+            assembles=int(_assembles(model)),
             sampled=int(model.between_steps is not None),
             nominals=", ".join(repr(state.nominal) for state in model.states),
             history=f"{model.name}_history" if keeps else "char",

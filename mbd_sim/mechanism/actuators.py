@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, assert_never
+from typing import TYPE_CHECKING, Literal, TypeVar, assert_never
 
 from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.drives import CommandedDrive
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 Channel = Literal["position", "velocity", "effort", "voltage", "current", "opening"]
 Control = Literal["effort", "voltage", "current", "opening"]
+Number = TypeVar("Number")  # or a symbol
 
 
 @dataclass(frozen=True)
@@ -182,6 +183,6 @@ def has_actuator_states(mechanism: Mechanism) -> bool:
     return any(actuator.has_states for actuator in mechanism.actuators)
 
 
-def default_command(channel: Channel, position: float) -> float:
+def default_command(channel: Channel, position: Number) -> Number | float:
     """The command before the first one: the position at the start is held, everything else is zero."""
     return position if channel == "position" else 0.0

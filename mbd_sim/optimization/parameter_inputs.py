@@ -7,7 +7,7 @@ exact.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 import casadi as ca
@@ -16,6 +16,8 @@ import numpy as np
 from mbd_sim.dynamics.symbolic_parameters import Path, SymbolicParameters, equation_data
 from mbd_sim.errors import MechanismError, Problem
 from mbd_sim.geometry.pose import Array
+from mbd_sim.mechanism.cylinders import Cylinder
+from mbd_sim.mechanism.drives import commanded_drives
 from mbd_sim.mechanism.records import GROUND, Mechanism
 from mbd_sim.mechanism_file.override import values_of, with_values
 from mbd_sim.symbolic.exact_numbers import Exact
@@ -32,6 +34,9 @@ class ParameterInputs:
 
     `numbers` are symbols of the equations. Each is the quotient of two `formulas` in the parameters. `points` has the
     formulas of the position (3,) of each point, by part and name, in the part's frame.
+
+    `starts` has those of the numbers at the start, by the paths of `start_numbers`; of a number without a short
+    formula, the indices of the parameters on which it depends. It is empty if they were not asked for.
     """
 
     keys: tuple[str, ...]
@@ -39,6 +44,7 @@ class ParameterInputs:
     numbers: SymbolicParameters
     formulas: tuple[tuple[Formula, Formula], ...]
     points: Mapping[tuple[str, str], tuple[Formula, ...]]
+    starts: Mapping[Path, Formula | tuple[int, ...]] = field(default_factory=dict)
 
     def numbers_at(self, parameters: ca.SX) -> ca.SX:
         """The numbers of the equations for parameters (n,)."""
@@ -54,26 +60,38 @@ class ParameterInputs:
 
 
 def parameter_inputs(
-    mechanism: Mechanism, keys: Sequence[str], reduced: Callable[[Mechanism], Mechanism] = with_forces_alone
+    mechanism: Mechanism,
+    keys: Sequence[str],
+    reduced: Callable[[Mechanism], Mechanism] = with_forces_alone,
+    *,
+    starts: bool = False,
 ) -> ParameterInputs:
     """The numbers of a mechanism as formulas of some parameters.
 
     :param keys: of its file, as for live values.
     :param reduced: gives the mechanism whose equations are wanted, such as one without forces.
+    :param starts: whether the numbers at the start are wanted as well; then only they may depend on a parameter.
     :raises MechanismError: a key does not exist, or more than numbers depends on its value, or numbers without a short
         formula.
     """
     whole, mechanism, start = mechanism, reduced(mechanism), values_of(mechanism, keys)
     data = equation_data(mechanism)
-    samples = number_samples(lambda changes: reduced(with_values(whole, changes)), start, _numbers)
+
+    def numbers_of(one: Mechanism) -> Array:
+        found = _numbers(one)
+        return np.concatenate([found, list(start_numbers(one).values())]) if starts else found
+
+    samples = number_samples(lambda changes: reduced(with_values(whole, changes)), start, numbers_of)
     problems = [_problem(mechanism, key, f"cannot be an input: {reason}") for key, reason in samples.built_in.items()]
     if problems:
         raise MechanismError(problems)
-    base, unused = _numbers(mechanism), [key for key in keys if key not in samples.keys]
+    start_paths = list(start_numbers(mechanism)) if starts else []
+    base, unused = numbers_of(mechanism), [key for key in keys if key not in samples.keys]
     if unused:
         raise MechanismError([_problem(mechanism, key, "the equations do not depend on it") for key in unused])
     found = _formulas(samples.samples, base) if keys else [_constant(value) for value in base]
-    named = dict(zip([*data.paths, *_further_paths(mechanism)], found, strict=True))
+    paths = [*data.paths, *_further_paths(mechanism)]
+    named = dict(zip(paths, found[: len(paths)], strict=True))
     columns: dict[tuple[Formula, Formula], int] = {}
     indices, column_of = [], []
     for index, path in enumerate(data.paths):
@@ -88,14 +106,41 @@ def parameter_inputs(
         key: tuple(_quotient(mechanism, keys, named, ("points", *key, axis))[0] for axis in range(3))
         for key in _points(mechanism)
     }
-    return ParameterInputs(tuple(keys), samples.base, numbers, tuple(columns), points)
+    at_start = {
+        path: formula if isinstance(formula, Formula) else _parameters_of(samples.samples, index)
+        for index, (path, formula) in enumerate(zip(start_paths, found[len(paths) :], strict=True), len(paths))
+    }
+    return ParameterInputs(tuple(keys), samples.base, numbers, tuple(columns), points, at_start)
+
+
+def start_numbers(mechanism: Mechanism) -> dict[Path, float]:
+    """The numbers at the start, before loops are closed, in SI units.
+
+    These are positions and velocities of joints, positions of drives that follow commands, commands of actuators before
+    the first one, and pressures of cylinders.
+    """
+    found: dict[Path, float] = {}
+    for name, joint in mechanism.joints.items():
+        for what in ("position", "velocity"):
+            found |= {(what, name, index): float(value) for index, value in enumerate(getattr(joint, what))}
+    found |= {("drive", name): float(drive.start) for name, drive in commanded_drives(mechanism).items()}
+    for actuator in mechanism.actuators:
+        found |= {("command", actuator.name, channel): float(value) for channel, value in actuator.start.items()}
+        if isinstance(actuator.motor, Cylinder):
+            found |= {("pressure", actuator.name, i): float(p) for i, p in enumerate(actuator.motor.pressures)}
+    return found
+
+
+def _parameters_of(samples: Samples, number: int) -> tuple[int, ...]:
+    """The indices of the parameters on which a number depends."""
+    return tuple(index for index, (_, values) in enumerate(samples.slices) if np.ptp(values[:, number]) > 0.0)
 
 
 def _formulas(samples: Samples, base: Array) -> list[Formula | int]:
     """The formula of each number, see `formulas`; those that depend on no parameter are constants."""
     table = np.vstack([samples.joint[1], *(numbers for _, numbers in samples.slices)])
     constant = np.all(table == base, axis=0).tolist()
-    found = formulas(samples, np.ones(len(base)))
+    found = formulas(samples, np.ones(len(base)), decimals=True)
     return [_constant(value) if fixed else formula for formula, fixed, value in zip(found, constant, base, strict=True)]
 
 

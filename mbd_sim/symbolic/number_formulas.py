@@ -79,11 +79,12 @@ class Samples:
     joint: tuple[Array, Array]
 
 
-def formulas(samples: Samples, scales: Array) -> list[Formula | int]:
+def formulas(samples: Samples, scales: Array, *, decimals: bool = False) -> list[Formula | int]:
     """The formula of each number; if there is none with few terms, an index that equal numbers share.
 
     :param scales: (numbers,) the size of the vector or matrix to which a number belongs; what is below its rounding
         is zero.
+    :param decimals: whether coefficients may be other numbers than short exact ones, such as the cosine of an angle.
     """
     known: dict[bytes, Formula | int] = {}
     found: list[Formula | int] = []
@@ -93,24 +94,26 @@ def formulas(samples: Samples, scales: Array) -> list[Formula | int]:
             found.append(Formula(()))
             continue
         if (name := key.tobytes()) not in known:
-            formula = _formula(samples, index)
+            formula = _formula(samples, index, decimals)
             known[name] = len(known) if formula is None else formula
         found.append(known[name])
     return found
 
 
-def _formula(samples: Samples, index: int) -> Formula | None:
+def _formula(samples: Samples, index: int, decimals: bool) -> Formula | None:
     slices = [(parameters, numbers[:, index]) for parameters, numbers in samples.slices]
     parameters, numbers = samples.joint
     y = numbers[:, index]
-    found = _sum_of_products(slices, parameters, y)
+    found = _sum_of_products(slices, parameters, y, decimals)
     if found is None and (np.all(y > 0.0) or np.all(y < 0.0)):
-        square = _sum_of_products([(p, values**2) for p, values in slices], parameters, y**2)
+        square = _sum_of_products([(p, values**2) for p, values in slices], parameters, y**2, decimals)
         found = None if square is None else Formula(square.terms, 1 if y[0] > 0.0 else -1)
     return found
 
 
-def _sum_of_products(slices: Sequence[tuple[Array, Array]], parameters: Array, y: Array) -> Formula | None:
+def _sum_of_products(
+    slices: Sequence[tuple[Array, Array]], parameters: Array, y: Array, decimals: bool
+) -> Formula | None:
     supports = []
     for parameter, (own, values) in enumerate(slices):
         support = _support(parameter, own, values)
@@ -120,23 +123,28 @@ def _sum_of_products(slices: Sequence[tuple[Array, Array]], parameters: Array, y
     if np.prod([len(support) for support in supports]) > MAX_TERMS:
         return None
     terms = [tuple(sorted(factor for part in parts for factor in part)) for parts in product(*supports)]
-    return _fitted(terms, parameters, y)
+    return _fitted(terms, parameters, y, decimals)
 
 
-def _fitted(terms: list[Term], parameters: Array, y: Array) -> Formula | None:
+def _fitted(terms: list[Term], parameters: Array, y: Array, decimals: bool) -> Formula | None:
     """The formula with some of these terms that reproduces a number."""
     if len(terms) + 4 > len(y):
         return None
     for _ in range(2):  # first with all terms, then with those that are left
         columns = np.column_stack([_product(term, parameters) for term in terms])
         sizes = np.max(np.abs(columns), axis=0)
-        coefficients = np.linalg.lstsq(columns / sizes, y, rcond=None)[0]
-        kept = np.abs(coefficients) > NEGLIGIBLE * np.max(np.abs(coefficients))
+        fitted = np.linalg.lstsq(columns / sizes, y, rcond=None)[0]
+        kept = np.abs(fitted) > NEGLIGIBLE * np.max(np.abs(fitted))
         terms = [term for term, keep in zip(terms, kept, strict=True) if keep]
-        values = (coefficients / sizes)[kept]
-    result = Formula(tuple((exact(float(c), FITTED), term) for c, term in zip(values, terms, strict=True)))
+        values = (fitted / sizes)[kept]
     largest = np.max(np.abs(values * sizes[kept]))
-    return result if np.max(np.abs(result.value(parameters) - y)) <= ROUNDING * largest else None
+    short = [exact(value, FITTED) for value in values.tolist()]
+    long = [Exact(Fraction(value)) for value in values.tolist()]
+    for coefficients in (short, long) if decimals else (short,):
+        result = Formula(tuple(zip(coefficients, terms, strict=True)))
+        if np.max(np.abs(result.value(parameters) - y)) <= ROUNDING * largest:
+            return result
+    return None
 
 
 def _support(parameter: int, parameters: Array, y: Array) -> list[Term] | None:

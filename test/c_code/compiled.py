@@ -46,6 +46,14 @@ class CompiledModule:
         self.history[:] = 0.0
         self._loaded[f"{self.name}_start"](*map(address, (self.y, self.inputs, self.p)))
 
+    def assemble(self):
+        return self._loaded[f"{self.name}_assemble"](*map(address, (self.y, self.inputs, self.p)))
+
+    def unknown_start(self):
+        function = self._loaded[f"{self.name}_unknown_start"]
+        function.restype = ctypes.c_char_p
+        return (function(address(self.p), None) or b"").decode()
+
     def step(self, method, index, h):
         function = self._loaded[f"{self.name}_step_{method}"]
         history = (self.history,) if method in ADAMS else ()

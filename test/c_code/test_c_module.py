@@ -119,6 +119,55 @@ def test_parameters_change_the_motion_as_in_the_file():
     )
 
 
+def test_loops_close_for_changed_parameters_as_in_the_file():
+    code = compiled("four_bar", parameters=("crank", "coupler"))
+    code.start()
+    old = code.y.copy()
+    code.p[:] = 0.45, 1.3
+    assert code.assemble() == 1
+    changed = Simulation(code.model.mechanism, parameters={"crank": 0.45, "coupler": 1.3})
+    assert np.max(np.abs(changed.y - old)) > 0.1
+    assert np.allclose(code.y, changed.y, rtol=0, atol=1e-12)
+    code.p[:] = 0.45, 0.1
+    before = code.y.copy()
+    assert code.assemble() == 0  # too short
+    assert np.array_equal(code.y, before)
+
+
+STARTS = """
+mechanism: starts
+parameters: {l: 0.4 m, a: 0.3 rad, b: 0.2, c: 1 rad, v: 2 m/s, w: 1 rad/s}
+parts:
+  arm: {mass: 1 kg, inertia: [0.1, 0.1, 0.1], center: [0, 0, -l/2]}
+joints:
+  slide: {type: prismatic, between: [ground, cart], axis: [1, 0, 0], position: l*sin(c), velocity: 2*v}
+  pin: {type: revolute, between: [cart, arm], axis: [0, 1, 0], position: 2*a, velocity: w*exp(b)}
+actuators:
+  drive:
+    type: effort
+    joint: pin
+    delay: 3 ms
+    servo: {controls: position, kp: 3, kd: 0.5, ki: 0.2, sample_rate: 250 Hz, rate_limit: 2 rad/s}
+integrator: {step: 1 ms, method: rk4}
+""".replace("parts:", "parts:\n  cart: {mass: 1 kg, inertia: [1, 1, 1]}")
+
+
+def test_start_values_follow_from_formulas_or_say_that_there_is_none():
+    mechanism = parse_mechanism(STARTS)
+    code = CompiledModule(mechanism, parameters=("l", "a", "b", "v"), wrenches=("arm",))
+    code.p[:] = 0.5, 0.4, 0.2, 1.5
+    assert code.assemble() == 1
+    changed = Simulation(mechanism, parameters={"l": 0.5, "a": 0.4, "v": 1.5}, wrenches=("arm",))
+    assert changed.q[1] == 0.8
+    assert np.allclose(code.y, changed.y, rtol=0, atol=1e-13)  # with what the servo holds, and the delayed commands
+    count = len(code.inputs)
+    assert np.allclose(code.inputs, changed.inputs[:count], rtol=0, atol=1e-13)
+    assert 0.8 in code.inputs.tolist()  # the position that the servo holds
+    code.p[2] = 0.3
+    assert code.assemble() == -2
+    assert "pin.velocity depends on b" in code.unknown_start()
+
+
 def test_wrenches_act_on_parts():
     code = compiled("double_rod", wrenches=("lower",))
     code.start()

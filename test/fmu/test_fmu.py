@@ -232,6 +232,33 @@ def test_loops_are_closed_from_start_values_or_these_are_refused(loop):
     unit.freeInstance()
 
 
+def test_the_start_follows_changed_parameters(tmp_path, monkeypatch):
+    monkeypatch.setattr(archive, "FLAGS", tuple(flag.replace("-O3", "-O0") for flag in archive.FLAGS))
+    made = Unit(tmp_path, load_mechanism("four_bar"), method="rk4", parameters=["coupler"])
+    simulation, length = Simulation(made.mechanism, parameters={"coupler": 1.3}), made.references["coupler"]
+    crank = made.references["crank_pivot.position"]
+    unit = made.instance(initialized=False)
+    unit.enterInitializationMode(startTime=0.0)
+    unit.setFloat64([length], [1.3])
+    assert np.allclose(made.state(unit), simulation.y, rtol=0, atol=1e-12)  # before the end of the initialization too
+    unit.setFloat64([crank], [1.2])
+    unit.exitInitializationMode()
+    simulation.reset(q={"crank_pivot": 1.2})
+    assert made.state(unit)[0] == 1.2
+    assert np.allclose(made.state(unit), simulation.y, rtol=0, atol=1e-12)
+    unit.freeInstance()
+    messages = []
+    short = fmpy.instantiate_fmu(
+        made.extracted, made.description, "CoSimulation", logger=lambda *given: messages.append(given[-1].decode())
+    )
+    short.enterInitializationMode(startTime=0.0)
+    short.setFloat64([length], [0.1])
+    with pytest.raises(Exception, match="fmi3ExitInitializationMode"):
+        short.exitInitializationMode()
+    assert any("loops do not close" in message for message in messages)
+    short.freeInstance()
+
+
 def test_the_functions_have_the_signatures_of_the_standard(rods):
     headers = Path(fmpy.__file__).parent / "c-code"
     flags = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-Wno-strict-prototypes", "-fsyntax-only"]

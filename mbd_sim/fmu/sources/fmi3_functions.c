@@ -49,7 +49,8 @@ typedef struct {
     model_history history; /* of methods that use earlier steps */
     double time, origin; /* s; step k of the index begins at origin + k * MODEL_STEP */
     int64_t index;
-    int changed; /* whether states or parameters were set since the start */
+    unsigned char given[MODEL_STATES + MODEL_INPUTS]; /* whether a state or an input was set to another value */
+    int changed; /* whether start values have to follow: those of the file at the time 0 do not */
     phase phase;
 } snapshot;
 
@@ -132,6 +133,35 @@ static double projected(snapshot *now)
     return largest;
 }
 
+/* Let start values follow from parameters, and from those that are given. */
+static fmi3Status settle(unit *self)
+{
+    snapshot *now = &self->now;
+    double change = 0.0;
+    int sweep;
+
+    if (!now->changed)
+        return fmi3OK;
+#if MODEL_ASSEMBLES
+    (void)sweep, (void)change;
+    switch (model_assemble(now->time, &now->state, &now->inputs, &now->parameters, now->given)) {
+    case 0:
+        return fail(self, "the loops do not close near these start values: set states nearer to a closed position.");
+    case -1:
+        return fail(self, "the constraints do not allow these speeds at the start: set others, or fewer.");
+    case -2:
+        return fail(self, model_unknown_start(&now->parameters, now->given));
+    }
+#else
+    for (sweep = 0; MODEL_PROJECTS && sweep < SWEEPS; sweep++)
+        change = projected(now);
+    if (!(change <= LARGEST_GAP))
+        return fail(self, "a quaternion at the start is zero: set another one.");
+#endif
+    now->changed = 0;
+    return fmi3OK;
+}
+
 EXPORT const char *fmi3GetVersion(void)
 {
     return "3.0";
@@ -200,6 +230,7 @@ EXPORT fmi3Status fmi3EnterInitializationMode(
     if (self->now.phase != INSTANTIATED)
         return fail(self, "initialization begins only once after instantiation or a reset.");
     self->now.time = self->now.origin = start_time;
+    self->now.changed |= start_time != 0.0;
     self->now.phase = INITIALIZATION;
     return fmi3OK;
 }
@@ -207,15 +238,11 @@ EXPORT fmi3Status fmi3EnterInitializationMode(
 EXPORT fmi3Status fmi3ExitInitializationMode(fmi3Instance instance)
 {
     unit *self = instance;
-    double change = 0.0;
-    int sweep;
 
     if (self->now.phase != INITIALIZATION)
         return fail(self, "there is no initialization to end.");
-    for (sweep = 0; MODEL_PROJECTS && (self->now.changed || self->now.time != 0.0) && sweep < SWEEPS; sweep++)
-        change = projected(&self->now);
-    if (!(change <= LARGEST_GAP))
-        return fail(self, "the loops do not close near these start values: set states nearer to a closed position.");
+    if (settle(self) != fmi3OK)
+        return fmi3Error;
     self->now.phase = self->model_exchange ? EVENT : STEP;
     return fmi3OK;
 }
@@ -254,6 +281,8 @@ EXPORT fmi3Status fmi3GetFloat64(
 
     if (count != sizes)
         return fail(self, "all variables are scalars: give one value for each reference.");
+    if (now->phase == INITIALIZATION && settle(self) != fmi3OK)
+        return fmi3Error;
     for (i = 0; i < count; i++) {
         fmi3ValueReference at = references[i];
         if (at >= BEYOND)
@@ -293,12 +322,13 @@ EXPORT fmi3Status fmi3SetFloat64(
     }
     for (i = 0; i < count; i++) {
         fmi3ValueReference at = references[i];
-        if (at >= FIRST_INPUT && at < FIRST_PARAMETER)
+        if (at >= FIRST_INPUT && at < FIRST_PARAMETER) {
+            now->given[at - FIRST_STATE] |= field(&now->inputs, at - FIRST_INPUT) != values[i];
             set_field(&now->inputs, at - FIRST_INPUT, values[i]);
-        else if (at >= FIRST_PARAMETER && field(&now->parameters, at - FIRST_PARAMETER) != values[i])
+        } else if (at >= FIRST_PARAMETER && field(&now->parameters, at - FIRST_PARAMETER) != values[i])
             set_field(&now->parameters, at - FIRST_PARAMETER, values[i]), now->changed = 1;
         else if (at < FIRST_INPUT && field(&now->state, at - FIRST_STATE) != values[i])
-            set_field(&now->state, at - FIRST_STATE, values[i]), now->changed = 1;
+            set_field(&now->state, at - FIRST_STATE, values[i]), now->given[at - FIRST_STATE] = now->changed = 1;
     }
     return fmi3OK;
 }

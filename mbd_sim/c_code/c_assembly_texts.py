@@ -1,0 +1,267 @@
+"""The start of a mechanism with changed parameters as C text: what `mbd_sim.dynamics.initial_conditions` does.
+
+Loops are closed by Gauss–Newton steps of least norm, and speeds are those of least kinetic energy, as in
+`mbd_sim.dynamics.assembly`, whose tolerances are the same. Instead of singular values, rows are made orthogonal by
+rotations (Hestenes 1958), which finds the same solutions of least norm: Golub & Van Loan, sec. 8.6.3.
+"""
+
+WITHOUT_CONSTRAINTS = """\
+/* The start has no constraints. */
+static int assemble_given(double t, double *y, const double *in, const double *p, const unsigned char *given)
+{{
+    double start[{coordinates}];
+    int i;
+
+    (void)t;
+    (void)in;
+    start_of(p, start);
+    for (i = 0; i < {nq} + {nv}; i++)
+        y[i] = given && given[i] ? y[i] : start[i];
+    return 1;
+}}"""
+
+WITH_CONSTRAINTS = """\
+enum {{ ROWS = {rows}, NQ = {nq}, NV = {nv}, BRANCHES = {branches} }};
+
+static const unsigned char holonomic[] = {{ {holonomic} }};
+static const unsigned char fixed_in_assembly[] = {{ {fixed_in_assembly} }};
+static const unsigned char fixed_speeds[] = {{ {fixed_speeds} }};
+static const int first_of[] = {{ {first} }}; /* in q, of what each speed moves, and how many there are */
+static const int count_of[] = {{ {count} }};
+
+/* Rotate rows of a matrix pairwise until their first `size` columns are orthogonal. */
+static void orthogonalize(double *a, int rows, int size, int width)
+{{
+    int sweep, i, j, k, turned = 1;
+
+    for (sweep = 0; turned && sweep < 60; sweep++) {{
+        turned = 0;
+        for (i = 0; i < rows; i++)
+            for (j = i + 1; j < rows; j++) {{
+                double *one = a + i * width, *other = a + j * width;
+                double aa = 0.0, bb = 0.0, ab = 0.0, zeta, tangent, cosine, sine;
+                for (k = 0; k < size; k++) {{
+                    aa += one[k] * one[k];
+                    bb += other[k] * other[k];
+                    ab += one[k] * other[k];
+                }}
+                if (ab == 0.0 || fabs(ab) <= 1e-16 * sqrt(aa) * sqrt(bb))
+                    continue;
+                turned = 1;
+                zeta = (bb - aa) / (2.0 * ab);
+                tangent = (zeta < 0.0 ? -1.0 : 1.0) / (fabs(zeta) + sqrt(1.0 + zeta * zeta));
+                cosine = 1.0 / sqrt(1.0 + tangent * tangent);
+                sine = cosine * tangent;
+                for (k = 0; k < width; k++) {{
+                    double first = one[k];
+                    one[k] = cosine * first - sine * other[k];
+                    other[k] = sine * first + cosine * other[k];
+                }}
+            }}
+    }}
+}}
+
+static double norm_of(const double *a, int size)
+{{
+    double sum = 0.0;
+    int k;
+
+    for (k = 0; k < size; k++)
+        sum += a[k] * a[k];
+    return sqrt(sum);
+}}
+
+/* Add to x the least solution of a x = b in the sense of least squares; the rows are NV numbers of a and one of b. */
+static void add_least(double *a, int rows, double *x)
+{{
+    double largest = 0.0;
+    int i, k;
+
+    orthogonalize(a, rows, NV, NV + 1);
+    for (i = 0; i < rows; i++)
+        largest = fmax(largest, norm_of(a + i * (NV + 1), NV));
+    for (i = 0; i < rows; i++) {{
+        const double *row = a + i * (NV + 1);
+        double size = norm_of(row, NV);
+        if (size > {rank} * largest)
+            for (k = 0; k < NV; k++)
+                x[k] += row[k] * (row[NV] / size / size);
+    }}
+}}
+
+static int is_closed(double t, const double *q, const double *v, const double *gaps)
+{{
+    double branches[BRANCHES + 1];
+    int i;
+
+    for (i = 0; i < ROWS; i++)
+        if (!(fabs(gaps[i]) <= {closed}))
+            return 0;
+    branch_checks(t, q, v, branches);
+    for (i = 0; i < BRANCHES; i++)
+        if (!(branches[i] > 0.0))
+            return 0;
+    return 1;
+}}
+
+/* Move the coordinates that are not fixed as little as possible so that loops close. */
+static int close_loops(double t, double *q, const double *v, const unsigned char *fixed)
+{{
+    double gaps[ROWS], next_gaps[ROWS], next_q[NQ], g[ROWS * NV], a[ROWS * (NV + 1)], move[NV];
+    int sweep, half, i, k;
+
+    position(t, q, v, gaps);
+    for (sweep = 0; sweep < {iterations}; sweep++) {{
+        double norm = norm_of(gaps, ROWS), most = 0.0;
+        if (norm == 0.0 || !isfinite(norm))
+            break;
+        gradient(t, q, v, g);
+        for (i = 0; i < ROWS; i++) {{
+            for (k = 0; k < NV; k++)
+                a[i * (NV + 1) + k] = holonomic[i] && !fixed[k] ? g[k * ROWS + i] : 0.0;
+            a[i * (NV + 1) + NV] = holonomic[i] ? -gaps[i] : 0.0;
+        }}
+        memset(move, 0, sizeof move);
+        add_least(a, ROWS, move);
+        for (k = 0; k < NV; k++)
+            most = fmax(most, fabs(move[k]));
+        for (k = 0; k < NV; k++)
+            move[k] *= fmin(1.0, {longest} / fmax(most, 1e-300));
+        for (half = 0; half < 12; half++) {{
+            displaced(q, move, v, next_q);
+            position(t, next_q, v, next_gaps);
+            if (norm_of(next_gaps, ROWS) < norm)
+                break;
+            for (k = 0; k < NV; k++)
+                move[k] *= 0.5;
+        }}
+        if (half == 12)
+            break;
+        memcpy(q, next_q, sizeof next_q);
+        memcpy(gaps, next_gaps, sizeof gaps);
+        if (norm_of(gaps, ROWS) > (1.0 - {stalled}) * norm)
+            break;
+    }}
+    return is_closed(t, q, v, gaps);
+}}
+
+/* The speeds that satisfy the constraints with the least kinetic energy of the change from `old`; fixed ones stay. */
+static int fit_speeds(
+    double t, const double *q, double *u, const double *old, const double *v, const unsigned char *fixed)
+{{
+    double mass[NV * NV], axes[NV * 2 * NV], g[ROWS * NV], b[ROWS], rows[(ROWS + NV) * NV], right[ROWS + NV];
+    double a[(ROWS + NV) * (NV + 1)], change[NV], found[NV], along[NV], size, largest = 0.0;
+    int count = ROWS, i, j, k, sweep;
+
+    mass_matrix(t, q, v, mass);
+    gradient(t, q, v, g);
+    drift(t, q, v, b);
+    for (i = 0; i < NV; i++)
+        for (k = 0; k < NV; k++) {{
+            axes[i * 2 * NV + k] = mass[k * NV + i];
+            axes[i * 2 * NV + NV + k] = i == k ? 1.0 : 0.0;
+        }}
+    orthogonalize(axes, NV, NV, 2 * NV);
+    for (i = 0; i < NV; i++)
+        largest = fmax(largest, norm_of(axes + i * 2 * NV, NV));
+    for (i = 0; i < ROWS; i++) {{
+        right[i] = -b[i];
+        for (k = 0; k < NV; k++) {{
+            rows[i * NV + k] = g[k * ROWS + i];
+            right[i] -= g[k * ROWS + i] * old[k];
+        }}
+    }}
+    for (i = 0; i < NV; i++)
+        if (fixed[i]) {{
+            for (k = 0; k < NV; k++)
+                rows[count * NV + k] = i == k ? 1.0 : 0.0;
+            right[count++] = u[i] - old[i];
+        }}
+    memset(change, 0, sizeof change);
+    for (sweep = 0; sweep < 2; sweep++) {{
+        for (i = 0; i < count; i++) {{
+            double *row = a + i * (NV + 1), rest = right[i];
+            for (j = 0; j < NV; j++) {{
+                const double *axis = axes + j * 2 * NV;
+                size = fmax(norm_of(axis, NV), 1e-12 * fmax(largest, 1e-300));
+                row[j] = 0.0;
+                for (k = 0; k < NV; k++)
+                    row[j] += rows[i * NV + k] * axis[NV + k] / sqrt(size);
+            }}
+            for (k = 0; k < NV; k++)
+                rest -= rows[i * NV + k] * change[k];
+            size = norm_of(rows + i * NV, NV) < 1e-12 ? INFINITY : norm_of(row, NV);
+            for (j = 0; j < NV; j++)
+                row[j] /= size;
+            row[NV] = rest / size;
+        }}
+        memset(along, 0, sizeof along);
+        add_least(a, count, along);
+        for (j = 0; j < NV; j++) {{
+            const double *axis = axes + j * 2 * NV;
+            size = fmax(norm_of(axis, NV), 1e-12 * fmax(largest, 1e-300));
+            for (k = 0; k < NV; k++)
+                change[k] += axis[NV + k] * along[j] / sqrt(size);
+        }}
+    }}
+    for (k = 0; k < NV; k++)
+        found[k] = fixed[k] ? u[k] : old[k] + change[k];
+    for (i = 0; i < ROWS; i++) {{
+        double error = b[i];
+        for (k = 0; k < NV; k++)
+            error += rows[i * NV + k] * found[k];
+        size = norm_of(rows + i * NV, NV) * norm_of(found, NV) + fabs(b[i]) + {speed_size};
+        if (!(fabs(error) <= {consistent} * size))
+            return 0;
+    }}
+    memcpy(u, found, sizeof found);
+    return 1;
+}}
+
+/* As the file with these parameters starts, then with the given values at the time t. */
+static int assemble_given(double t, double *y, const double *in, const double *p, const unsigned char *given)
+{{
+    static const unsigned char none[NV];
+    const double *v = in + {inputs};
+    unsigned char fixed[NV], fixed_u[NV];
+    double start[NQ + NV], q[NQ], u[NV], old[NV];
+    int i, k, has = t != 0.0, closed;
+
+    start_of(p, start);
+    for (i = 0; i < NQ + NV; i++)
+        has |= given && given[i];
+    for (i = 0; i < NV; i++)
+        u[i] = fixed_speeds[i] ? start[NQ + i] : 0.0;
+    memset(old, 0, sizeof old);
+    memcpy(q, start, sizeof q);
+    closed = close_loops(0.0, q, v, fixed_in_assembly);
+    if (closed && !fit_speeds(0.0, q, u, old, v, fixed_speeds) && !has)
+        return -1;
+    if (!closed && !has)
+        return 0;
+    if (!closed)
+        memcpy(q, start, sizeof q);
+    if (has) {{
+        for (i = 0; i < NQ; i++)
+            q[i] = given && given[i] ? y[i] : q[i];
+        for (i = 0; i < NV; i++) {{
+            fixed_u[i] = given && given[NQ + i];
+            u[i] = fixed_u[i] ? y[NQ + i] : u[i];
+            fixed[i] = 0;
+            for (k = 0; k < count_of[i]; k++)
+                fixed[i] |= given && given[first_of[i] + k];
+        }}
+        memcpy(old, u, sizeof old);
+        memcpy(start, q, sizeof q);
+        if (!close_loops(t, q, v, fixed)) {{
+            memcpy(q, start, sizeof q);
+            if (!close_loops(t, q, v, none))
+                return 0;
+        }}
+        if (!fit_speeds(t, q, u, old, v, fixed_u) && !fit_speeds(t, q, u, old, v, none))
+            return -1;
+    }}
+    memcpy(y, q, sizeof q);
+    memcpy(y + NQ, u, sizeof u);
+    return 1;
+}}"""
