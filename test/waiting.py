@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-PATIENCE = 120.0  # s; every wait ends as soon as its condition holds, so that this costs nothing where a test passes
+PATIENCE = 300.0  # s; every wait ends as soon as its condition holds, so that this costs nothing where a test passes
 
 
 def wait_until(

@@ -208,7 +208,7 @@ EVENTS = OutputTopic(
     "~/events",
     "std_msgs/msg/String",
     When.EVENT,
-    qos.LATCHED,
+    qos.LATCHED_COMMAND,
     Recorded.VITAL,
     on_event=event_messages.event_texts,
 )

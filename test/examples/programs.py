@@ -11,8 +11,6 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from mbd_sim.recording.cdr import JointStates
-from mbd_sim.recording.reader import open_recording
 from test.system.forked_programs import ForkedProcess
 from test.system.nodes import Listener, SimNodeProcess, new_domain
 from test.waiting import PATIENCE
@@ -82,14 +80,3 @@ def lockstep(mechanism: str, rate: float) -> dict[str, object]:
         "step_count": round(1000 / rate),
         "publish_rate": rate,
     }
-
-
-def recorded_states(folder: Path) -> dict[int, JointStates]:
-    """The joint states of the recording in a folder, by the number of steps before them.
-
-    A node records all of them. Of those that it publishes in lockstep, a listener on a busy machine loses some: the
-    publisher keeps the last ten, and only the controller is waited for.
-    """
-    (path,) = folder.glob("*.mcap")
-    recording = open_recording(path)
-    return {message.sequence: recording.decoded(message) for message in recording.messages(["/joint_states"])}

@@ -14,7 +14,8 @@ from mbd_sim.examples.engine.engine import Dynamometer
 from mbd_sim.examples.hydraulic_lift.hydraulic_lift import LevelControl
 from mbd_sim.load import load_mechanism
 from mbd_sim.recording.verification import verify
-from test.examples.programs import beside, lockstep, recorded_states
+from test.examples.programs import beside, lockstep
+from test.system.growing_recordings import recorded_states
 from test.system.nodes import nanoseconds
 
 RECORDED = {"record": True, "record_dir": "logs"}

@@ -15,6 +15,7 @@ from mbd_sim.recording.recorded_file import (
     RecordedTopic,
 )
 from mbd_sim.ros.replay_player import Player
+from test.waiting import PATIENCE, wait_until
 
 MS = 1_000_000
 
@@ -43,10 +44,7 @@ class RecordingOutput:
         self.ended.set()
 
     def until(self, condition):
-        end = time.monotonic() + 20
-        while not condition():
-            assert time.monotonic() < end, "waited in vain"
-            time.sleep(0.002)
+        wait_until(condition, "what is played", meanwhile=lambda: time.sleep(0.002))
 
 
 def recording(times_ms, own=False, damaged=(), first_ms=0):
@@ -74,7 +72,7 @@ def played(given, **options):
     memory = RecordingOutput()
     player = Player(given, memory, **({"rate": 0.0, "clock_rate": 0.0} | options))
     player.start()
-    assert memory.ended.wait(20)
+    assert memory.ended.wait(PATIENCE)
     player.stop()
     return memory, player
 
@@ -154,7 +152,7 @@ def test_paused_nothing_comes_and_steps_bring_one_time_each():
     memory.until(lambda: shown(memory) == [0, 10, 10, 10])
     player.step(2)
     memory.until(lambda: shown(memory) == [0, 10, 10, 10, 20, 30])
-    assert memory.ended.wait(20)
+    assert memory.ended.wait(PATIENCE)
     player.stop()
     assert player.step() == "the recording has ended"
 
@@ -188,7 +186,7 @@ def test_a_change_of_rate_counts_from_where_it_is():
     player.start()
     memory.until(lambda: shown(memory) == [0, 50])
     player.set_rate(0.0)
-    assert memory.ended.wait(20)
+    assert memory.ended.wait(PATIENCE)
     assert shown(memory) == [0, 50, 100_000]
     player.stop()
 
@@ -201,6 +199,6 @@ def test_damaged_blocks_are_left_out_and_reported_once():
 
 
 def test_as_fast_as_possible_is_much_faster_than_it_was():
-    began = time.perf_counter()
+    began = time.process_time()  # of the thread that plays, too; it does not wait
     _, player = played(recording(range(20_000)), clock_rate=200.0)
-    assert player.duration > 10 * (time.perf_counter() - began)
+    assert player.duration > 10 * (time.process_time() - began)

@@ -1,7 +1,6 @@
 import json
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pyarrow.csv
@@ -9,6 +8,7 @@ import pyarrow.parquet
 import pytest
 
 from mbd_sim.cli.main import main
+from test.waiting import wait_until
 
 RODS = ["sweep", "double_rod", "--quiet", "--time", "0.2", "--method", "rk4"]
 MANY = ["--vary", "l=uniform(0.5, 2)", "--vary", "joints.elbow.position=uniform(0, 90 deg)", "--draws", "600"]
@@ -47,10 +47,7 @@ def cluster(tmp_path_factory):
         for module, *arguments in (scheduler, worker, worker):
             command = [sys.executable, "-m", f"distributed.cli.{module}", *arguments]
             started.append(subprocess.Popen(command, stderr=subprocess.DEVNULL, cwd=place))
-        for _ in range(600):
-            if file.exists() and file.read_text().endswith("}"):
-                break
-            time.sleep(0.1)
+        wait_until(lambda: file.exists() and file.read_text().endswith("}"), "the scheduler")
         yield json.loads(file.read_text())["address"]
     finally:
         for process in reversed(started):

@@ -1,4 +1,4 @@
-"""Recordings that a running node writes: where they begin, what they contain so far, and when they are finished."""
+"""Recordings that a node writes: where they begin, what they contain so far, when they are finished, and their states."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from mcap.records import Metadata
 from mcap.stream_reader import StreamReader
 from std_srvs.srv import SetBool
 
+from mbd_sim.recording.cdr import JointStates
+from mbd_sim.recording.reader import open_recording
 from test.system.nodes import Listener, nanoseconds
 
 STEP_NS, STEPS_PER_STATE = 1_000_000, 10  # of a node with default parameters
@@ -44,3 +46,14 @@ def stop_recording(listener: Listener, folder: Path) -> Path:
     path = folder / answer.message.removesuffix(LATE)
     listener.until(lambda: path.read_bytes().endswith(MAGIC), f"the end of {path.name}")
     return path
+
+
+def recorded_states(folder: Path) -> dict[int, JointStates]:
+    """The joint states of the recording in a folder, by the number of steps before them.
+
+    A node records all of them. Of those that it publishes in lockstep, a listener on a busy machine loses some: the
+    publisher keeps the last ten, and only the controller is waited for.
+    """
+    (path,) = folder.glob("*.mcap")
+    recording = open_recording(path)
+    return {message.sequence: recording.decoded(message) for message in recording.messages(["/joint_states"])}

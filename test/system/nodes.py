@@ -20,7 +20,7 @@ from typing import IO, Any
 import numpy as np
 import rclpy
 from rcl_interfaces.msg import Parameter
-from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -135,7 +135,7 @@ class Listener:
         self.events: list[str] = []
         self.descriptions: list[str] = []
         self.applied: list[list[float]] = []
-        latched = rclpy.qos.QoSProfile(depth=1, durability=rclpy.qos.QoSDurabilityPolicy.TRANSIENT_LOCAL)
+        latched = rclpy.qos.QoSProfile(depth=100, durability=rclpy.qos.QoSDurabilityPolicy.TRANSIENT_LOCAL)
         subscribe = self.node.create_subscription
         subscribe(JointState, "joint_states", self._take_state, 1000)
         subscribe(Float64MultiArray, "energies", self.energies.append, 1000)
@@ -210,9 +210,14 @@ class Listener:
     def descriptor(self, name: str) -> Any:
         return self.call(DescribeParameters, "describe_parameters", names=[name]).descriptors[0]
 
+    def all_matched(self) -> None:
+        """Wait until the node knows all subscriptions: discovery keeps their order, and each call has a new client."""
+        self.call(ListParameters, "list_parameters")
+
     def ready_to_command(self) -> None:
         """Wait until both command topics and the answer topics are matched."""
         self.until(lambda: self.by_order.get_subscription_count() and self.by_name.get_subscription_count(), "matching")
+        self.all_matched()
         self.until(lambda: self.states, "joint states")
 
     def close(self) -> None:

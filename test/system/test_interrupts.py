@@ -72,7 +72,7 @@ def test_a_node_that_compiles_says_so_and_ends_at_once(tmp_path: Path, long_chai
 
 
 def test_a_command_that_compiles_ends_at_once(long_chain: Path) -> None:
-    command = [sys.executable, "-m", "mbd_sim", "run", str(long_chain), "--time", "1"]
+    command = [sys.executable, "-m", "mbd_sim", "run", str(long_chain), "--time", "1e6"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True) as process:
         wait_until(lambda: children(process.pid), "the compiler's process")
         assert interrupted(process) == 130
@@ -88,7 +88,7 @@ ENTRY = "import sys; from mbd_sim.programs import {0}; print('ready', flush=True
 def test_an_interrupt_while_a_program_imports_prints_nothing(tmp_path: Path, program: str, expected: int) -> None:
     kind, _, path = program.partition(".")
     environment = os.environ | {"ROS_DOMAIN_ID": str(new_domain()), "MBD_SIM_CACHE": "off"}
-    arguments = ["run", "stewart", "--time", "100", "--quiet"] if kind == "command" else []
+    arguments = ["run", "stewart", "--time", "1e6", "--quiet"] if kind == "command" else []
     for delay in (0.0, 0.3):
         with subprocess.Popen(
             [sys.executable, "-c", ENTRY.format(kind, path), *arguments],

@@ -61,7 +61,7 @@ def test_the_block_and_the_messages_of_ros2_control_fit(tmp_path: Path) -> None:
         system.commands["shoulder", "position"] = 1.0  # a trajectory controller
         system.commands["hub", "effort"] = 0.02  # an effort controller
         listener.until(lambda: abs(listener.states[-1].position[0] - 1.0) < 1e-3, "the position")
-        assert listener.states[-1].effort[1] == 0.02
+        listener.until(lambda: listener.states[-1].effort[1] == 0.02, "the effort")
         assert "rejected" not in process.text
         system.timer.cancel()  # the controller manager is gone
         listener.until(lambda: listener.states[-1].effort[1] == 0.0, "the watchdog")

@@ -129,16 +129,18 @@ def test_parameters_that_contradict_a_followed_clock_end_the_node(tmp_path: Path
 def test_several_mechanisms_in_one_program_run_on_one_clock_each_in_its_namespace(tmp_path: Path) -> None:
     domain = new_domain()
     mechanisms = "'left=double_rod, right=rod_pendulum'"
-    node = SimNodeProcess(
-        domain, tmp_path, {"mechanisms": mechanisms, "record": True, "record_dir": "logs", "real_time_factor": 0}
-    )
+    options = {"record": True, "record_dir": "logs", "real_time_factor": 0, "start_paused": True}
+    node = SimNodeProcess(domain, tmp_path, {"mechanisms": mechanisms, **options})
     listeners = {name: Listener(domain, name) for name in MECHANISMS}
     for name, listener in listeners.items():
         listener.server, listener.process = f"/{name}/sim_node", node
     left, right = listeners["left"], listeners["right"]
     try:
         for listener in listeners.values():
-            listener.until(lambda listener=listener: len(listener.states) > 50, "states")
+            listener.until(lambda listener=listener: listener.states, "the start state")
+        left.pause(False)
+        for listener in listeners.values():
+            listener.until(lambda listener=listener: nanoseconds(listener.states[-1].header.stamp) > 500e6, "states")
         assert left.node.count_publishers("/clock") == 1
         left.pause(True)
         right.pause(False)

@@ -11,6 +11,7 @@ import rerun.blueprint as rrb
 from mbd_sim import Simulation
 from mbd_sim.viewer import Viewer, ViewerError, rerun_process
 from mbd_sim.viewer.sinks import SinkConnection
+from test.waiting import PATIENCE
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +106,7 @@ def test_the_server_listens_on_this_machine_only_and_accepts_another_viewers_dat
     try:
         assert listeners(web.port) == {"0100007F"}
         assert listeners(data.port) == {"0100007F"}
-        with urllib.request.urlopen(viewer.address, timeout=10) as page:
+        with urllib.request.urlopen(viewer.address, timeout=PATIENCE) as page:
             assert b"rerun" in page.read().lower()
         with Viewer(sim.model, f"connect:{data.hostname}:{data.port}") as second:
             second.offer(sim.time, sim.state, sim.inputs.copy(), sim.energies)

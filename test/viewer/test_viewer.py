@@ -22,6 +22,7 @@ from mbd_sim.viewer.event_log import LoggedEvent
 from mbd_sim.viewer.rerun_stream import RerunStream
 from mbd_sim.viewer.sample_rows import RowWriter
 from mbd_sim.viewer.scene_description import DisplayOptions, describe_scene
+from test.waiting import wait_until
 
 
 class Recorded:
@@ -211,9 +212,7 @@ def test_the_recording_is_complete_when_the_simulation_is_killed(tmp_path):
     done = subprocess.run([sys.executable, "-c", code, path], stdout=subprocess.PIPE, text=True, check=False)
     assert done.returncode == -signal.SIGKILL
     worker = Path(f"/proc/{done.stdout.strip()}")
-    deadline = time.monotonic() + 20.0
-    while worker.exists() and time.monotonic() < deadline:
-        time.sleep(0.02)
+    wait_until(lambda: not worker.exists(), "the end of the worker")
     assert len(Recorded(path).times("/world/parts/rod")) == 100
 
 
