@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +21,25 @@ STALLED = 1e-4  # an iteration that reduces the gap by less than this fraction i
 
 
 @dataclass(frozen=True, eq=False)
+class ClosingStep:
+    """A step from coordinates `q` (nq,): `factor` times that of least norm, or a `displacement` to another guess."""
+
+    q: Array
+    displacement: Array | None
+    factor: float
+
+
+@dataclass(frozen=True, eq=False)
 class LoopClosure:
-    """The coordinates (nq,) with the smallest gap that was found; `gaps` (m,) remain, in m or 1."""
+    """The coordinates (nq,) with the smallest gap that was found; `gaps` (m,) remain, in m or 1.
+
+    The `path` are the steps that led there.
+    """
 
     q: Array
     gaps: Array
     closed: bool
+    path: tuple[ClosingStep, ...] = ()
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -43,14 +56,14 @@ def close_loops(constraints: ConstraintFunctions, t: float, q: Array, free: Arra
         scatter = random.normal(size=len(free)) * free * min(2.0, 0.1 * 1.3**attempt)
         other = _newton(constraints, t, constraints.displaced(q, scatter), free)
         if other.closed or not np.linalg.norm(best.gaps) <= np.linalg.norm(other.gaps):
-            best = other
+            best = replace(other, path=(ClosingStep(q, scatter, 1.0), *other.path))
     return best
 
 
 @np.errstate(over="ignore", invalid="ignore")
 def _newton(constraints: ConstraintFunctions, t: float, q: Array, free: Array) -> LoopClosure:
     """Gauss-Newton with steps of least norm, shortened while the gap would grow or become undefined."""
-    gaps = constraints.position(t, q)
+    gaps, path = constraints.position(t, q), list[ClosingStep]()
     for _ in range(ITERATIONS):
         norm = float(np.linalg.norm(gaps))
         if norm == 0.0:
@@ -61,21 +74,24 @@ def _newton(constraints: ConstraintFunctions, t: float, q: Array, free: Array) -
         step = np.zeros(len(free))
         if slope.size:
             step[free] = -np.linalg.lstsq(slope, gaps[constraints.holonomic], rcond=RANK)[0]
-        step *= min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
+        factor = min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
+        step *= factor
         for _ in range(12):
             next_q = constraints.displaced(q, step)
             next_gaps = constraints.position(t, next_q)
             if np.linalg.norm(next_gaps) < norm:
                 break
             step *= 0.5
+            factor *= 0.5
         else:
             break
+        path.append(ClosingStep(q, None, factor))
         q, gaps = next_q, next_gaps
         if np.linalg.norm(gaps) > (1.0 - STALLED) * norm:
             break
     closed = bool(np.all(np.abs(gaps) <= CLOSED * constraints.size))
     right_branch = bool(np.all(constraints.branch_checks(t, q) > 0.0))
-    return LoopClosure(q, gaps, closed and right_branch)
+    return LoopClosure(q, gaps, closed and right_branch, tuple(path))
 
 
 def undefined_rows(constraints: ConstraintFunctions, t: float, q: Array) -> Array:
@@ -126,15 +142,23 @@ def nearest_speeds(constraints: ConstraintFunctions, t: float, q: Array, u: Arra
 
 def _least_energy_speeds(mass_matrix: Array, rows: Array, right: Array) -> Array:
     """The speeds u of least kinetic energy with rows @ u = `right`, for rows in any units; refined once."""
-    to_unit = _unit_energy_speeds(mass_matrix)
-    scaled = rows @ to_unit
-    sizes = np.linalg.norm(scaled, axis=1)
-    sizes[np.linalg.norm(rows, axis=1) < 1e-12] = np.inf
-    scaled /= sizes[:, None]
+    to_unit, scaled, sizes = scaled_rows(mass_matrix, rows)
     u: Array = np.zeros(len(mass_matrix))
     for _ in range(2):
         u += to_unit @ np.linalg.lstsq(scaled, (right - rows @ u) / sizes, rcond=RANK)[0]
     return u
+
+
+def scaled_rows(mass_matrix: Array, rows: Array) -> tuple[Array, Array, Array]:
+    """Combinations (nv, nv) of speeds with unit energy, and rows (m, nv) in these: of unit length, and their `sizes`.
+
+    Rows that are zero have an infinite size.
+    """
+    to_unit = _unit_energy_speeds(mass_matrix)
+    scaled = rows @ to_unit
+    sizes = np.linalg.norm(scaled, axis=1)
+    sizes[np.linalg.norm(rows, axis=1) < 1e-12] = np.inf
+    return to_unit, scaled / sizes[:, None], sizes
 
 
 def _unit_energy_speeds(mass_matrix: Array) -> Array:

@@ -121,6 +121,11 @@ class CasadiFunctions:
         after = self._x if project is None else self._call(project)[: len(self.start)]
         return self._function("project", {"x_projected": after})
 
+    @cached_property
+    def numbers(self) -> ca.Function:
+        """(p) -> `numbers` (k,), those of the equations that depend on the parameters."""
+        return ca.Function("numbers", [self._p], [ca.densify(self._inputs.numbers_at(self._p))], ["p"], ["numbers"])
+
     def point(self, name: str) -> ca.Function:
         """(t, x, p) -> `position` (3,) and `velocity` (3,) of a point such as "rod.tip", in ground's axes.
 

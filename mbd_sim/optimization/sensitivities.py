@@ -18,6 +18,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.optimization.casadi_functions import CasadiFunctions, casadi_functions
+from mbd_sim.optimization.start_projection import StartProjection
 from mbd_sim.optimization.tangent_kernel import TangentKernel, tangent_method
 from mbd_sim.simulation.simulation import Simulation
 
@@ -95,8 +96,8 @@ class SensitivityModel:
     `functions` are its equations, with the `start`, `efforts` and `values` of the file; `method` is the name of the
     method of integration, and `step` its step in s.
 
-    Start values and parameters are independent of each other: the start state is moved onto the constraints (in the
-    metric of the mass matrix, as after each step), and where a length changes, it is moved onto those with this length.
+    Start values and parameters are independent of each other: the start state is moved onto the constraints as by
+    `Simulation.reset`, and where a length changes, onto those with this length.
     """
 
     def __init__(
@@ -128,7 +129,7 @@ class SensitivityModel:
         chosen = tangent_method(self.functions, method, self.step)
         # Derivatives by efforts of several intervals follow by the chain rule, from those by the state between them.
         self._kernel = TangentKernel(self.functions, chosen, by_start=by_start or by_efforts, by_efforts=by_efforts)
-        self.method = chosen.name
+        self._start, self.method = StartProjection(self.functions), chosen.name
 
     def run(
         self,
@@ -184,7 +185,7 @@ class SensitivityModel:
         for name, numbers in (("results", list(results)), ("schedule", [step for step, _ in schedule])):
             if numbers[:1] != [0] or any(after <= before for before, after in pairwise(numbers)):
                 raise InputError(f"the steps of {name} do not increase from 0", "Give numbers of steps: 0, 10, 20.")
-        x, by_x, by_p = self._kernel.consistent(t0, x0, parameters)
+        x, by_x, by_p = self._start.consistent(t0, x0, parameters)
         t = t0 + self.step * np.array(results)
         x, dx = self._integrated(t0, (x, by_x, by_p), schedule, parameters, results)
         at = {name: self._point(name, t, x, dx, parameters) for name in points}

@@ -25,9 +25,6 @@ from mbd_sim.optimization.casadi_functions import CasadiFunctions
 from mbd_sim.simulation.method_choice import DEFAULT, STIFF, choose_method
 from mbd_sim.simulation.method_name import AUTO, require_method
 
-CLOSED = 1e-13  # change of a state by its projection, relative to 1 + |x|, below which it satisfies the constraints
-PROJECTIONS = 50
-
 
 class TangentKernel:
     """A compiled system (x, S). `method` is that of its steps; the columns of S are `starts`, `efforts`, `parameters`.
@@ -41,15 +38,14 @@ class TangentKernel:
         counts = [self.nx * by_start, len(functions.efforts) * by_efforts, len(functions.values)]
         ends = accumulate(counts, initial=0)
         self.starts, self.efforts, self.parameters = (slice(*pair) for pair in pairwise(ends))
-        rates, projection, self._start = self._traced(by_efforts)
+        rates, projection = self._traced(by_efforts)
         self._kernel = compile_kernel(rates, projection, {}, method)
-        self._projects = projection is not None
         self._history = history_size(method, rates.nnz_in(1), rates.nnz_in(2))
         self.columns = sum(counts)
         self.instructions = self._kernel.instructions
 
-    def _traced(self, by_efforts: bool) -> tuple[ca.Function, ca.Function | None, ca.Function]:
-        """The rates and the projection of z for inputs (time offset, e, p), and (t, x, p) -> P, ∂P/∂x, ∂P/∂p."""
+    def _traced(self, by_efforts: bool) -> tuple[ca.Function, ca.Function | None]:
+        """The rates and the projection of z for inputs (time offset, e, p)."""
         own, nx = self._functions, self.nx
         t, x, offset = ca.SX.sym("t"), ca.SX.sym("x", nx), ca.SX.sym("offset")
         e, p = ca.SX.sym("e", len(own.efforts)), ca.SX.sym("p", len(own.values))
@@ -65,44 +61,11 @@ class TangentKernel:
         if own.margin is not None:
             outputs += own.margin.call([time, x, e, p])
         rates = ca.Function("tangent_rates", arguments, outputs, {"cse": True})
-        projected = own.project.call([time, x, p])[0]
-        start = ca.substitute(projected, offset, ca.SX(0))
-        derivatives = [ca.densify(ca.jacobian(start, symbols)) for symbols in (x, p)]
-        start_function = ca.Function("start", [t, x, p], [start, *derivatives], {"cse": True})
         if own.equations.project is None:
-            return rates, None, start_function
+            return rates, None
+        projected = own.project.call([time, x, p])[0]
         projection = ca.Function("tangent_projection", arguments, [with_derivatives(projected)], {"cse": True})
-        return rates, projection, start_function
-
-    def consistent(self, t: float, x: Array, p: Array) -> tuple[Array, Array, Array]:
-        """The state (nx,) nearest to x that satisfies the constraints, and its derivatives by x and by p.
-
-        The nearest state is that in the metric of the mass matrix. A state that satisfies them stays as it is.
-
-        :raises InputError: there is none near x.
-        """
-        if not self._projects:
-            return x, np.eye(self.nx), np.zeros((self.nx, len(p)))
-        for _ in range(PROJECTIONS):
-            after = np.array(self._functions.project(t, x, p)).ravel()
-            if not np.all(np.isfinite(after)):
-                break
-            if np.all(np.abs(after - x) <= CLOSED * (1.0 + np.abs(x))):
-                return x, *self._repeated(*(np.array(found) for found in self._start(t, x, p)[1:]))
-            x = after
-        raise InputError("no state near the start closes the loops", "Start closer to a closed configuration.")
-
-    def _repeated(self, once_by_x: Array, once_by_p: Array) -> tuple[Array, Array]:
-        """The derivatives of a projection that is repeated, from those of a single one at a state that it keeps.
-
-        A single one projects the speeds before it scales the quaternions, so that it takes two.
-        """
-        by_x, by_p = once_by_x, once_by_p
-        for _ in range(PROJECTIONS):
-            before, by_x, by_p = by_x, once_by_x @ by_x, once_by_x @ by_p + once_by_p
-            if np.max(np.abs(by_x - before), initial=0.0) <= CLOSED * np.max(np.abs(by_x), initial=1.0):
-                break
-        return by_x, by_p
+        return rates, projection
 
     def memory(self, offset: float, e: Array, p: Array) -> TangentMemory:
         """Memory for a run whose step k begins at the time `offset` + k h, under efforts e; all of (x, S) is zero."""

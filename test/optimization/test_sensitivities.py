@@ -81,6 +81,32 @@ def test_derivatives_are_those_of_differences(name):
     assert found.du.by_efforts.shape == (7, len(sim.u), 3, len(own.efforts))
 
 
+@pytest.mark.parametrize("name", ["four_bar", "spherical_top", "rolling_disc"])
+def test_the_start_and_its_derivatives_are_those_of_a_reset(name):
+    """From a state that violates the constraints, so that the derivatives of Newton's steps count too."""
+    model, random = model_of(name), np.random.default_rng(2)
+    own, nq = model.functions, model.functions.equations.layout.nq
+    x0 = own.start + 0.03 * random.normal(size=own.start.size)
+
+    def reset(x, **changes):
+        sim = Simulation.from_file(name, method="rk4", **changes) if changes else at_rest
+        sim.reset(q=x[:nq], u=x[nq:])
+        return np.concatenate([sim.q, sim.u])
+
+    def run(p):
+        return model.run(1, x0=x0, parameters=p).x[0]
+
+    at_rest = Simulation.from_file(name, method="rk4")
+    found = model.run(1, x0=x0)
+    assert_close(found.x[0], reset(x0), 1e-14)
+    assert np.max(np.abs(found.x[0] - x0)) > 1e-3
+    assert_close(found.dx.by_start[0], differences(reset, x0, 2e-3))
+    if own.parameters:
+        p = 1.02 * own.values
+        assert_close(run(p), reset(x0, parameters=dict(zip(own.parameters, p.tolist(), strict=True))), 1e-13)
+        assert_close(found.dx.by_parameters[0], differences(run, own.values, 2e-3))
+
+
 @pytest.mark.parametrize("method", ["rk4", "verner7", "dop853", "adams11", "gauss6", "rosenbrock"])
 def test_each_method_has_the_derivatives_of_its_own_steps(method):
     """Of long steps, whose error is larger than the tolerance, and with `adams11` of some that use earlier ones."""
