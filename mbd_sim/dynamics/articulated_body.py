@@ -3,6 +3,10 @@
 The recursion factorizes the mass matrix once for each position. `FactorizedMassMatrix.solve` then solves with it for
 any generalized forces, at a cost proportional to the number of links between them and ground.
 
+The accelerations of the recursion are [ω'; p''] with the accelerations p'' of the links' origins. Those are spatial
+accelerations plus [0; ω × v], and so they depend on the angular velocities only. The inertias are the regrouped ones of
+`lumped_inertias`.
+
 The net joint force of a joint is u = τ - Sᵀ pᴬ in Featherstone's table 7.1: the generalized forces τ that remain to
 accelerate the joint, after the bias force pᴬ of the links outboard of it.
 """
@@ -15,13 +19,16 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from mbd_sim.dynamics.joint_transforms import inboard_force, inboard_inertia, outboard_motion
 from mbd_sim.dynamics.kinematics import LinkMotion
 from mbd_sim.dynamics.links import Link
+from mbd_sim.dynamics.lumped_inertias import lumped_inertias
 from mbd_sim.dynamics.motion import JointMotion
 from mbd_sim.dynamics.spatial_algebra import (
     SpdFactors,
     constant,
     motion_cross,
+    skew,
     symmetric,
 )
 from mbd_sim.geometry.pose import Array
@@ -54,7 +61,9 @@ class FactorizedMassMatrix:
     ) -> None:
         """Factorize M, or M + diag(`added`) with `added` (nv,), which is zero for free joints."""
         self._links, self._motions, self._nv = links, motions, nv
-        inertias = [constant(link.inertia) for link in links]
+        inertias = lumped_inertias(links)
+        self._inertias = list(inertias)
+        self._squares = [_square(motion.V_WL[:3]) for motion in motions]
         self._joints: dict[int, _EliminatedJoint] = {}
         self.pivots = ca.SX(nv, 1)
         for index in reversed(range(len(links))):
@@ -63,7 +72,7 @@ class FactorizedMassMatrix:
             self._joints[index] = joint
             self.pivots[link.u] = joint.factors.pivots
             if link.parent >= 0:
-                inertias[link.parent] += symmetric(motion.transform.T @ joint.projected_inertia @ motion.transform)
+                inertias[link.parent] += inboard_inertia(link, motion, joint.projected_inertia)
 
     def accelerations(self, forces: ca.SX, wrenches: Sequence[ca.SX], gravity: Array | ca.SX) -> Accelerations:
         """The accelerations under all forces.
@@ -72,13 +81,11 @@ class FactorizedMassMatrix:
         :param wrenches: F_L (6,) = [moment; force] on each link.
         :param gravity: (3,) in m/s², in ground's frame.
         """
-        biases = [
-            ca.sparsify(bias_force(link, motion) - wrench)
-            for link, motion, wrench in zip(self._links, self._motions, wrenches, strict=True)
-        ]
-        bias_accelerations = [bias_acceleration(motion) for motion in self._motions]
+        biases = [ca.sparsify(bias - wrench) for bias, wrench in zip(self._bias_forces(), wrenches, strict=True)]
+        bias_accelerations = self._bias_accelerations()
         net_forces = self._inward(forces, biases, bias_accelerations)
-        return self._outward(net_forces, bias_accelerations, -gravity)
+        motion = self._outward(net_forces, bias_accelerations, -gravity)
+        return Accelerations(motion.u_rates, self._spatial(motion.links))
 
     def applied(
         self, forces: ca.SX, wrenches: Sequence[ca.SX], gravity: Array | ca.SX
@@ -89,13 +96,17 @@ class FactorizedMassMatrix:
         result of `accelerations`. If constraint forces are added first, this saves one pass outward and inward.
         """
         accelerations: list[ca.SX] = []
-        biases: list[ca.SX] = []
         base = _base_acceleration(-gravity)
-        for link, motion, wrench in zip(self._links, self._motions, wrenches, strict=True):
+        for link, motion, bias in zip(self._links, self._motions, self._bias_accelerations(), strict=True):
             inboard = accelerations[link.parent] if link.parent >= 0 else base
-            accelerations.append(ca.sparsify(motion.transform @ inboard + bias_acceleration(motion)))
-            biases.append(ca.sparsify(constant(link.inertia) @ accelerations[-1] + bias_force(link, motion) - wrench))
-        return self._inward(forces, biases, None), accelerations
+            accelerations.append(ca.sparsify(outboard_motion(motion, inboard) + bias))
+        biases = [
+            ca.sparsify(inertia @ acceleration + bias - wrench)
+            for inertia, acceleration, bias, wrench in zip(
+                self._inertias, accelerations, self._bias_forces(), wrenches, strict=True
+            )
+        ]
+        return self._inward(forces, biases, None), self._spatial(accelerations)
 
     def net_joint_forces(self, forces: ca.SX) -> list[ca.SX]:
         """The net joint forces F of generalized forces (nv, k): Σ Fᵀ D⁻¹ F = forcesᵀ M⁻¹ forces."""
@@ -113,6 +124,36 @@ class FactorizedMassMatrix:
         """M⁻¹ forces (nv,) from their net joint forces (., 1), and the accelerations of the links that follow."""
         return self._outward(net_forces, None, np.zeros(3))
 
+    def _bias_forces(self) -> list[ca.SX]:
+        """The wrenches (6,) that the links need at their velocities without acceleration: ω × J ω and ω × (ω × m c)."""
+        return [
+            ca.sparsify(ca.vertcat(_gyroscopic_moment(inertia, square), square @ _mass_moment(inertia)))
+            for inertia, square in zip(self._inertias, self._squares, strict=True)
+        ]
+
+    def _bias_accelerations(self) -> list[ca.SX]:
+        """The accelerations [ω'; p''] (6,) of the links' origins across their joints at u' = 0.
+
+        They are those of the points, unlike spatial accelerations, and so independent of the velocity of any origin.
+        """
+        found = []
+        for link, motion in zip(self._links, self._motions, strict=True):
+            joint, omega, linear = motion.joint, ca.SX(3, 1), ca.SX(3, 1)
+            if link.parent >= 0:
+                omega = ca.sparsify(motion.R_PL.T @ self._motions[link.parent].V_WL[:3])
+                linear = ca.sparsify(motion.R_PL.T @ (self._squares[link.parent] @ motion.p_PL))
+            angular = skew(omega) @ joint.V_FM[:3] + joint.bias[:3]
+            linear = linear + 2.0 * (skew(omega) @ joint.V_FM[3:]) + joint.origin_bias
+            found.append(ca.sparsify(ca.vertcat(angular, linear)))
+        return found
+
+    def _spatial(self, accelerations: Sequence[ca.SX]) -> list[ca.SX]:
+        """The spatial accelerations (6,) of the links, from those of their origins."""
+        return [
+            ca.sparsify(ca.vertcat(one[:3], one[3:] - skew(motion.V_WL[:3]) @ motion.V_WL[3:]))
+            for one, motion in zip(accelerations, self._motions, strict=True)
+        ]
+
     def _inward(
         self, forces: ca.SX, biases: Sequence[ca.SX], bias_accelerations: Sequence[ca.SX] | None
     ) -> list[ca.SX]:
@@ -126,7 +167,7 @@ class FactorizedMassMatrix:
             if link.parent >= 0:
                 bias = None if bias_accelerations is None else bias_accelerations[index]
                 transmitted = joint.transmitted(joint_force, net_forces[index], biases[index], bias)
-                biases[link.parent] = biases[link.parent] + self._motions[index].transform.T @ transmitted
+                biases[link.parent] = biases[link.parent] + inboard_force(self._motions[index], transmitted)
         return [net_forces[index] for index in range(len(self._links))]
 
     def _outward(
@@ -138,7 +179,7 @@ class FactorizedMassMatrix:
         for index, link in enumerate(self._links):
             motion, joint = self._motions[index], self._joints[index]
             inboard = accelerations[link.parent] if link.parent >= 0 else _base_acceleration(base)
-            carried = motion.transform @ inboard
+            carried = outboard_motion(motion, inboard)
             if bias_accelerations is not None:
                 carried = carried + bias_accelerations[index]
             speed_rates = joint.speed_rates(net_forces[index], carried)
@@ -148,8 +189,32 @@ class FactorizedMassMatrix:
 
 
 def _base_acceleration(acceleration: Array | ca.SX) -> ca.SX:
-    """The spatial acceleration (6,) of ground whose origin has this acceleration (3,)."""
+    """The acceleration (6,) of ground, which does not rotate, and whose origin has this acceleration (3,)."""
     return ca.sparsify(ca.vertcat(ca.SX(3, 1), constant(acceleration)))
+
+
+def _square(omega: ca.SX) -> ca.SX:
+    """S (3, 3) with S @ r = ω × (ω × r), as ω ωᵀ less its trace."""
+    x, y, z = omega[0], omega[1], omega[2]
+    products = symmetric(ca.sparsify(omega @ omega.T))
+    products[0, 0], products[1, 1], products[2, 2] = -(y * y + z * z), -(x * x + z * z), -(x * x + y * y)
+    return ca.sparsify(products)
+
+
+def _mass_moment(inertia: ca.SX) -> ca.SX:
+    """m c (3,) in kg·m of the inertia (6, 6) of a rigid body."""
+    return ca.sparsify(ca.vertcat(inertia[2, 4], inertia[0, 5], inertia[1, 3]))
+
+
+def _gyroscopic_moment(inertia: ca.SX, square: ca.SX) -> ca.SX:
+    """ω × J ω (3,) in N·m, from the products of ω in `_square`."""
+    rows = []
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        moment = (inertia[k, k] - inertia[j, j]) * square[j, k]
+        moment += inertia[j, k] * (square[j, j] - square[k, k])
+        rows.append(moment + inertia[i, k] * square[i, j] - inertia[i, j] * square[i, k])
+    return ca.sparsify(ca.vertcat(*rows))
 
 
 def bias_acceleration(motion: LinkMotion) -> ca.SX:

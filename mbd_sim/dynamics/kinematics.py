@@ -19,10 +19,13 @@ class LinkMotion:
     """The motion of a link.
 
     `joint` is that of its inboard joint. `transform` (6, 6) takes motion vectors from the inboard link's frame P to
-    the link's frame L. `V_WL` (6,) = [ω; v] is the link's velocity, expressed in L at its origin.
+    the link's frame L, which is placed in P by `R_PL` (3, 3) and `p_PL` (3,) in m. `V_WL` (6,) = [ω; v] is the link's
+    velocity, expressed in L at its origin.
     """
 
     joint: JointMotion
+    R_PL: ca.SX
+    p_PL: ca.SX
     transform: ca.SX
     V_WL: ca.SX
 
@@ -56,7 +59,7 @@ def link_motions(links: Sequence[Link], t: ca.SX, q: ca.SX, u: ca.SX) -> list[Li
         p_PL = constant(link.X_PF.position) + constant(link.X_PF.rotation) @ joint.p_FM
         transform = motion_transform(R_PL, p_PL)
         inboard = transform @ motions[link.parent].V_WL if link.parent >= 0 else ca.SX(6, 1)
-        motions.append(LinkMotion(joint, transform, ca.sparsify(inboard + joint.V_FM)))
+        motions.append(LinkMotion(joint, R_PL, p_PL, transform, ca.sparsify(inboard + joint.V_FM)))
     return motions
 
 

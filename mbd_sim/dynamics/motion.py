@@ -33,13 +33,23 @@ class PrescribedMotion:
 
 
 @dataclass(frozen=True, eq=False)
+class AxisRotation:
+    """A right-handed rotation about coordinate axis 0, 1 or 2, by its sine and cosine."""
+
+    axis: int
+    sine: ca.SX
+    cosine: ca.SX
+
+
+@dataclass(frozen=True, eq=False)
 class JointMotion:
     """The motion of a joint at coordinates q and speeds u.
 
     `R_FM` (3, 3) and `p_FM` (3,) place the outboard frame in the inboard one. `partial_velocities` (6, nv) times u
     give `V_FM` (6,); `bias` (6,) is the derivative of V_FM in outboard axes at u' = 0; `q_rates` (nq,) is N(q) u.
     For a joint that constrains nothing `inverse` (6, 6) is the inverse of `partial_velocities`, and the recursion need
-    not eliminate the joint. A `prescribed` motion has neither coordinates nor speeds.
+    not eliminate the joint. A `prescribed` motion has neither coordinates nor speeds. `turn` is R_FM where it is a
+    rotation about a coordinate axis. `known_origin_bias` (3,) is `origin_bias` where that is known to be simple.
     """
 
     R_FM: ca.SX
@@ -50,6 +60,15 @@ class JointMotion:
     q_rates: ca.SX
     inverse: ca.SX | None = None
     prescribed: PrescribedMotion | None = None
+    turn: AxisRotation | None = None
+    known_origin_bias: ca.SX | None = None
+
+    @property
+    def origin_bias(self) -> ca.SX:
+        """The acceleration (3,) of M's origin relative to F at u' = 0, in outboard axes."""
+        if self.known_origin_bias is not None:
+            return self.known_origin_bias
+        return ca.sparsify(self.bias[3:] + skew(self.V_FM[:3]) @ self.V_FM[3:])
 
 
 def fixed() -> JointMotion:
@@ -63,7 +82,15 @@ def revolute(axis: Array, q: ca.SX, u: ca.SX) -> JointMotion:
     projection = constant(np.outer(axis, axis))
     R_FM = ca.sparsify(projection + ca.sin(q) * k + ca.cos(q) * (constant(np.eye(3)) - projection))
     s = constant(np.concatenate([axis, np.zeros(3)]))
-    return JointMotion(R_FM, zeros(3), s, s * u, zeros(6), u)
+    return JointMotion(R_FM, zeros(3), s, s * u, zeros(6), u, turn=_axis_rotation(axis, q))
+
+
+def _axis_rotation(axis: Array, q: ca.SX) -> AxisRotation | None:
+    """The rotation by q about a unit vector, if that is a coordinate axis or its opposite."""
+    if np.count_nonzero(axis) != 1:
+        return None
+    index = int(np.argmax(np.abs(axis)))
+    return AxisRotation(index, float(axis[index]) * ca.sin(q), ca.cos(q))
 
 
 def prismatic(axis: Array, q: ca.SX, u: ca.SX) -> JointMotion:
@@ -76,7 +103,7 @@ def helical(axis: Array, lead: float, q: ca.SX, u: ca.SX) -> JointMotion:
     """Rotation by q in rad about a unit `axis`, with a displacement of `lead` m per turn along it."""
     rotation, pitch = revolute(axis, q, u), lead / (2.0 * np.pi)
     s = constant(np.concatenate([axis, pitch * axis]))
-    return JointMotion(rotation.R_FM, constant(pitch * axis) * q, s, s * u, zeros(6), u)
+    return JointMotion(rotation.R_FM, constant(pitch * axis) * q, s, s * u, zeros(6), u, turn=rotation.turn)
 
 
 def spherical(q: ca.SX, u: ca.SX) -> JointMotion:
@@ -98,7 +125,8 @@ def free(q: ca.SX, u: ca.SX) -> JointMotion:
     linear = R_FM.T @ u[:3]
     bias = ca.vertcat(zeros(3), -skew(u[3:]) @ linear)
     V_FM = ca.vertcat(u[3:], linear)
-    return JointMotion(R_FM, q[:3], s, V_FM, ca.sparsify(bias), ca.vertcat(u[:3], quaternion_rate), inverse)
+    q_rates = ca.vertcat(u[:3], quaternion_rate)
+    return JointMotion(R_FM, q[:3], s, V_FM, ca.sparsify(bias), q_rates, inverse, known_origin_bias=zeros(3))
 
 
 def compose(first: JointMotion, second: JointMotion) -> JointMotion:
@@ -146,6 +174,7 @@ def prescribed_motion(motion: JointMotion, speeds: ca.SX, speed_rates: ca.SX) ->
         bias=ca.sparsify(motion.bias + s @ speed_rates),
         q_rates=zeros(0),
         prescribed=PrescribedMotion(s, speeds),
+        turn=motion.turn,
     )
 
 

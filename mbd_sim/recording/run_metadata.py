@@ -17,6 +17,9 @@ import mbd_sim
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.simulation import Simulation
 
+# Increased whenever the equations are traced with other rounding errors. Recordings without this entry have the first.
+FIRST_EQUATIONS, EQUATIONS = "1", "2"
+
 
 @dataclass(frozen=True, slots=True)
 class Moment:
@@ -82,6 +85,7 @@ def run_metadata(
         "coordinates": json.dumps(simulation.coordinate_names),
         "parameters": json.dumps(dict(parameters or {})),
         "mbd_sim": mbd_sim.__version__,
+        "equations": EQUATIONS,
         **_host(),
         "started": datetime.now().astimezone().isoformat(timespec="milliseconds"),
     }

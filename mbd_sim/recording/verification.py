@@ -10,11 +10,11 @@ from mbd_sim.recording.mcap_check import check_file
 from mbd_sim.recording.reader import open_recording
 from mbd_sim.recording.recomputation import Recomputation
 from mbd_sim.recording.recorded_file import RUN_METADATA, RecordedFile
-from mbd_sim.recording.run_metadata import run_metadata
+from mbd_sim.recording.run_metadata import FIRST_EQUATIONS, run_metadata
 from mbd_sim.recording.verification_result import Verification
 
 TOLERANCE = 1e-9  # of 1 + the largest number, from one recorded state to the next, for other machines and versions
-ENVIRONMENT = ("mbd_sim", "casadi", "llvmlite", "numpy", "processor")  # on which the bits may depend
+ENVIRONMENT = ("mbd_sim", "equations", "casadi", "llvmlite", "numpy", "processor")  # on which the bits may depend
 
 
 def verify(
@@ -61,6 +61,7 @@ def _verify_file(file: RecordedFile, tolerance: float | None, progress: Callable
 
 def environment_differences(recorded: Mapping[str, str], present: Mapping[str, str]) -> list[str]:
     """Return how the environment of a recording differs from the present one, as far as bits may depend on it."""
+    recorded = {"equations": FIRST_EQUATIONS, **recorded}
     found = [
         f"{key} {recorded[key]}, here {present[key]}"
         for key in ENVIRONMENT

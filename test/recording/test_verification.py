@@ -16,8 +16,9 @@ from mbd_sim.cli.verify import verify_text
 from mbd_sim.recording import cdr
 from mbd_sim.recording.reader import open_recording
 from mbd_sim.recording.recomputation import Recomputation
+from mbd_sim.recording.recorded_file import RUN_METADATA
 from mbd_sim.recording.run_start import RecomputeError
-from mbd_sim.recording.verification import verify
+from mbd_sim.recording.verification import environment_differences, verify
 from test.recording.runs import ACTIONS, drive, record_run, rewrite, stepped_node, with_bit_flipped
 
 # One of each kind: loops, rolling, drives, quaternions, springs with laws, friction, wrenches on several parts.
@@ -159,6 +160,16 @@ def test_a_recording_of_another_version_is_compared_to_a_tolerance(run, tmp_path
     assert only(small).agrees
     large = rewrite(path, tmp_path / "z.mcap", lambda n, m: with_bit_flipped(m, -51, 4) if n == number else m)
     assert only(large).first.name == "elbow position"
+
+
+def test_a_recording_made_with_earlier_equations_is_compared_to_a_tolerance(run, tmp_path):
+    """Recordings without an entry were made with the first ones; the rounding errors of the present ones differ."""
+    found = only(rewrite(run, tmp_path / "x.mcap", about={"equations": "1"}))
+    assert found.agrees and found.tolerance == 1e-9 and found.environment_differences == ["equations 1, here 2"]
+    recorded = open_recording(run).files[0].metadata[RUN_METADATA]
+    assert environment_differences(recorded, recorded) == []
+    earlier = {key: value for key, value in recorded.items() if key != "equations"}
+    assert environment_differences(earlier, recorded) == ["equations 1, here 2"]
 
 
 @pytest.mark.parametrize("name", ["spherical_top", "tumbling", "four_bar"])
