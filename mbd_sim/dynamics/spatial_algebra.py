@@ -15,7 +15,7 @@ from mbd_sim.geometry.rotation import skew as numeric_skew
 
 def constant(matrix: Array | ca.SX) -> ca.SX:
     """A matrix of numbers, or of numbers and symbols, with its zeros made structural."""
-    return ca.sparsify(matrix if isinstance(matrix, ca.SX) else ca.SX(ca.DM(matrix)))
+    return ca.sparsify(matrix) if isinstance(matrix, ca.SX) else ca.SX(ca.sparsify(ca.DM(matrix)))
 
 
 def is_symbolic(*values: object) -> bool:
