@@ -76,7 +76,7 @@ def test_textbook_mechanisms(text):
     assert check(parse_mechanism(text), np.random.default_rng(2), states=5)
 
 
-@settings(max_examples=50)
+@settings(max_examples=30)
 @given(random_trees())
 def test_random_trees(drawn):
     text, rng = drawn
@@ -144,7 +144,7 @@ def test_random_mechanisms_with_loops_and_constraints():
     """A few contradict their drives, are rigid, or cannot be closed a little later."""
     outcomes = Counter()
 
-    @settings(max_examples=25)
+    @settings(max_examples=15)
     @given(random_mechanisms())
     def compare(drawn):
         text, rng = drawn
@@ -158,8 +158,8 @@ def test_random_mechanisms_with_loops_and_constraints():
             outcomes["refused"] += 1
 
     compare()
-    assert outcomes["compared"] >= 13
-    assert outcomes["refused"] + outcomes["not comparable"] <= 5
+    assert outcomes["compared"] >= 8
+    assert outcomes["refused"] + outcomes["not comparable"] <= 3
 
 
 def long_chain(number):

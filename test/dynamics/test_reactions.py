@@ -89,7 +89,7 @@ def without_massive_springs(text):
 def test_every_part_of_random_mechanisms_obeys_newton_and_euler():
     done = []
 
-    @settings(max_examples=14)
+    @settings(max_examples=9)
     @given(random_mechanisms([*FREEDOMS, "distance"]))
     def compare(drawn):
         text, rng = drawn
@@ -99,7 +99,7 @@ def test_every_part_of_random_mechanisms_obeys_newton_and_euler():
             done.append(False)
 
     compare()
-    assert sum(done) >= 11
+    assert sum(done) >= 7
 
 
 def all_forces_are_known(mechanism):

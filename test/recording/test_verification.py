@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from mbd_sim.cli.main import main
 from mbd_sim.cli.verify import verify_text
@@ -132,7 +133,9 @@ def test_a_missing_command_and_a_wrong_step_are_detected(run, tmp_path):
 
 def test_a_flipped_bit_in_the_file_itself_is_detected(run, tmp_path):
     data = bytearray(run.read_bytes())
-    data[len(data) // 2] ^= 4
+    with run.open("rb") as stream:
+        chunk = max(make_reader(stream).get_summary().chunk_indexes, key=lambda index: index.chunk_length)
+    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 4
     path = tmp_path / "x.mcap"
     path.write_bytes(data)
     found = only(path)

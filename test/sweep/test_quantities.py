@@ -12,9 +12,9 @@ from mbd_sim.sweep.statistics import STATISTICS, column_names
 from mbd_sim.sweep.sweep_runs import Settings, chunks, compute, result_names
 
 
-def swept(name, changes, wanted, until=0.1, every=0.01):
+def swept(name, changes, wanted, until=0.1, every=0.01, method=None):
     source = load_mechanism(name).source
-    settings = Settings(source.text, source.file, until=until, every=every, quantities=tuple(wanted))
+    settings = Settings(source.text, source.file, until=until, every=every, method=method, quantities=tuple(wanted))
     return compute(settings, chunks(changes)[0]).runs
 
 
@@ -83,5 +83,6 @@ def test_names_are_listed_and_a_wrong_one_is_refused():
 def test_a_run_that_cannot_be_built_has_nan_there_too():
     mechanism = load_mechanism("four_bar")
     key = next(iter(mechanism.parameters))
-    found = swept("four_bar", [{key: mechanism.parameters[key]}, {key: 1e3}], ["energies.total"])
+    runs = [{key: mechanism.parameters[key]}, {key: 1e3}]
+    found = swept("four_bar", runs, ["energies.total"], until=0.02, method="rk4")
     assert np.isfinite(found["energies.total.rms"]).tolist() == [True, False]

@@ -61,7 +61,8 @@ def test_runs_that_share_no_equations_are_computed_one_by_one():
 
 
 def test_a_run_that_cannot_be_built_is_reported_and_the_others_continue():
-    found = compute(settings("four_bar"), chunks([{"crank": 0.5}, {"crank": 5.0}, {"crank": 0.4}])[0])
+    short = replace(settings("four_bar", method="rk4"), until=0.05)
+    found = compute(short, chunks([{"crank": 0.5}, {"crank": 5.0}, {"crank": 0.4}])[0])
     assert found.runs["finite"].tolist() == [True, False, True]
     assert np.isnan(found.runs["residual"][1])
     assert len(found.problems) == 1
