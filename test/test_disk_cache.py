@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from mbd_sim import Simulation, disk_cache
+from mbd_sim import CommandError, Simulation, disk_cache, simulation
 from mbd_sim.compiler import machine_code
 
 
@@ -193,6 +193,24 @@ def test_a_mechanism_is_compiled_once(folder, monkeypatch):
     first.step(500)
     second.step(500)
     assert first.state.tobytes() == second.state.tobytes()
+
+
+def test_live_values_of_a_model_from_the_cache_change_its_motion_alike(folder, monkeypatch):
+    live = ("gravity[*]", "joints.*.damping")
+    first = Simulation.from_file("double_rod", live=live)
+    other = Simulation.from_file("double_rod", live=live[:1])
+    assert len(first.inputs) > len(other.inputs)
+    monkeypatch.setattr(simulation, "build", lambda *_: pytest.fail("built again"))
+    second = Simulation.from_file("double_rod", live=live)
+    assert second.live == first.live
+    for each in (first, second, other):
+        each.step(100)
+        each.set_live({"gravity[2]": -3.7})
+        each.step(100)
+    assert first.state.tobytes() == second.state.tobytes()
+    assert first.q == pytest.approx(other.q, rel=1e-12)
+    with pytest.raises(CommandError, match="not a live value"):
+        second.set_live({"parameters.l": 1.0})
 
 
 def test_other_processors_have_kernels_of_their_own(folder, monkeypatch):

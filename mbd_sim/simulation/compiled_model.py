@@ -16,6 +16,7 @@ from mbd_sim.geometry.rotation import rotation_vector, unit
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.actuated_model import ActuatedModel
 from mbd_sim.simulation.contacting_model import ContactingModel
+from mbd_sim.simulation.live_values import LiveParameters
 from mbd_sim.simulation.method_name import require_method
 from mbd_sim.simulation.prepared_model import PreparedModel, load_prepared, model_key, store_prepared
 from mbd_sim.simulation.state_records import Energies, Reaction, Violation
@@ -253,21 +254,25 @@ def build_model(
     mechanism: Mechanism,
     method: str | None = None,
     loaded: Sequence[str] = (),
-    values: SymbolicParameters | None = None,
+    values: SymbolicParameters | LiveParameters | None = None,
     step: float | None = None,
 ) -> Model:
     """Compile a mechanism, with the method of its file or the one named; `auto` chooses one, see `choose_method`.
 
     :param loaded: parts on which external wrenches can act.
-    :param values: numbers of the mechanism that become inputs instead of constants: see `derive`.
+    :param values: numbers of the mechanism that become inputs instead of constants: see `derive`. Only models without
+        such numbers, and those with live ones, come from the cache.
     :param step: in s; by default that of the file.
     :raises MechanismError: the method is unknown, or the equations are singular at the start.
     """
     name, given_step = require_method(mechanism, method), step or mechanism.step
     trace = partial(_derived, mechanism, tuple(loaded), values, step)
+    live = values.digest if isinstance(values, LiveParameters) else ""
     key = None
-    if disk_cache.folder() is not None and (values is None or not len(values.base)):
-        key = model_key(mechanism, name, loaded, given_step)
+    if disk_cache.folder() is not None and (
+        values is None or isinstance(values, LiveParameters) or not len(values.base)
+    ):
+        key = model_key(mechanism, name, loaded, given_step, live)
         if (found := load_prepared(key)) is not None:
             return Model(mechanism, *found, trace)
     built = simulation.build(mechanism, name, trace, given_step)
@@ -278,6 +283,10 @@ def build_model(
 
 
 def _derived(
-    mechanism: Mechanism, loaded: tuple[str, ...], values: SymbolicParameters | None, step: float | None
+    mechanism: Mechanism,
+    loaded: tuple[str, ...],
+    values: SymbolicParameters | LiveParameters | None,
+    step: float | None,
 ) -> Equations:
-    return dynamics.derive(mechanism, loaded, values, step)
+    symbols = values.symbolic if isinstance(values, LiveParameters) else values
+    return dynamics.derive(mechanism, loaded, symbols, step)

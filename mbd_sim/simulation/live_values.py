@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import pickle
 from collections.abc import Mapping, Sequence
 from copy import copy
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ from mbd_sim import dynamics
 from mbd_sim.errors import CommandError, MechanismError, Problem, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.mechanism_cache import cached
+from mbd_sim.mechanism_cache import cached, records_digest
 from mbd_sim.mechanism_file.override import matching, value_of, values_of, with_values
 from mbd_sim.simulation.efforts import EffortMap
 
@@ -39,6 +39,24 @@ class PreparedValues(NamedTuple):
     mechanism: Mechanism
 
 
+class LiveParameters:
+    """The numbers of a mechanism's equations that depend on live values, as symbols when equations are traced."""
+
+    def __init__(self, mechanism: Mechanism, indices: NDArray[np.intp], columns: NDArray[np.intp], base: Array) -> None:
+        """`indices`, `columns` and `base` are those of `SymbolicParameters`."""
+        self._mechanism, self._numbers = mechanism, (indices, columns, base)
+
+    @property
+    def digest(self) -> str:
+        """Equal for the same numbers of the same mechanism."""
+        return hashlib.sha256(b" ".join(array.tobytes() for array in self._numbers)).hexdigest()
+
+    @cached_property
+    def symbolic(self) -> SymbolicParameters:
+        """The symbols, which need CasADi."""
+        return dynamics.SymbolicParameters(dynamics.equation_data(self._mechanism), *self._numbers)
+
+
 class LiveValues:
     """The live values of a mechanism by their keys in its file, see `with_values`; `current` are in SI units."""
 
@@ -50,12 +68,11 @@ class LiveValues:
         """
         self._mechanism = mechanism
         self.current: dict[str, float] = {}
-        self.parameters: SymbolicParameters | None = None
+        self.parameters: LiveParameters | None = None
         if names:
-            base = dynamics.equation_data(mechanism)
-            found = _found(mechanism, names, base)
+            found = _found(mechanism, names)
             self.current = found.current
-            self.parameters = dynamics.SymbolicParameters(base, found.indices, found.columns, found.values)
+            self.parameters = LiveParameters(mechanism, found.indices, found.columns, found.values)
         self._changed, self._changed_with = mechanism, self.current
 
     def copy(self) -> LiveValues:
@@ -97,8 +114,7 @@ class LiveValues:
         try:
             changed = with_values(self._mechanism, current)
             dynamics.require_followable_cams(changed)
-            values = self.parameters or dynamics.varying_parameters(dynamics.equation_data(self._mechanism), ())
-            inputs = values.checked_values_in(dynamics.equation_data(changed))
+            inputs = self._symbolic().checked_values_in(dynamics.equation_data(changed))
         except MechanismError as error:
             raise CommandError(
                 "; ".join(f"{p.key}: {p.message}. {p.remedy}".strip() for p in error.problems)
@@ -106,6 +122,11 @@ class LiveValues:
         except dynamics.StructureError as error:
             raise CommandError(f"{', '.join(changes)}: {error}. Change the file and start again.") from error
         return PreparedValues(dict(changes), current, inputs, changed)
+
+    def _symbolic(self) -> SymbolicParameters:
+        if self.parameters is not None:
+            return self.parameters.symbolic
+        return dynamics.varying_parameters(dynamics.equation_data(self._mechanism), ())
 
     def _remedy(self, key: str) -> str:
         """How a value becomes live, or what the key is meant to be."""
@@ -142,17 +163,15 @@ class _LiveNumbers(NamedTuple):
     values: Array
 
 
-def _found(mechanism: Mechanism, names: Sequence[str], base: EquationData) -> _LiveNumbers:
+def _found(mechanism: Mechanism, names: Sequence[str]) -> _LiveNumbers:
     """The live values of these names, from the cache if they were searched for before: see `LiveValues`."""
-    source = mechanism.source
-    if source.changed:
-        return _searched(mechanism, names, base)
-    equations = hashlib.sha256(pickle.dumps((base.free, base.fixed))).hexdigest()
-    texts = source.text, source.file, equations, *names
-    return cached(lambda: _searched(mechanism, names, base), "live values", *texts)
+    if mechanism.source.changed:
+        return _searched(mechanism, names)
+    return cached(lambda: _searched(mechanism, names), "live values", records_digest(mechanism), *names)
 
 
-def _searched(mechanism: Mechanism, names: Sequence[str], base: EquationData) -> _LiveNumbers:
+def _searched(mechanism: Mechanism, names: Sequence[str]) -> _LiveNumbers:
+    base = dynamics.equation_data(mechanism)
     keys = [(key, "*" in name) for name in names for key in (matching(mechanism, [name]) if "*" in name else [name])]
     values = values_of(mechanism, [key for key, _ in keys])
     found: dict[str, EquationData] = {}

@@ -45,8 +45,8 @@ class _Entry(NamedTuple):
     code: str  # the key of the object code
 
 
-def model_key(mechanism: Mechanism, method: str, loaded: Sequence[str], step: float) -> str:
-    """The key in the cache of a mechanism's model, without values that are inputs.
+def model_key(mechanism: Mechanism, method: str, loaded: Sequence[str], step: float, live: str = "") -> str:
+    """The key in the cache of a mechanism's model.
 
     It depends on all records of the mechanism, on the sources of this package, and on the versions and the processor
     on which equations and machine code depend.
@@ -54,8 +54,9 @@ def model_key(mechanism: Mechanism, method: str, loaded: Sequence[str], step: fl
     :param method: its name, which may be `auto`.
     :param loaded: parts on which external wrenches can act.
     :param step: in s.
+    :param live: a digest of what says which numbers of the equations are inputs.
     """
-    choices = method, repr((*loaded,)), step.hex()
+    choices = method, repr((*loaded,)), step.hex(), live
     return disk_cache.key(
         "model", records_digest(mechanism), *choices, versions(), casadi_version(), *compiler_identity()
     )
