@@ -68,6 +68,15 @@ def is_leaf(node: Node) -> bool:
     return node.operation in _LEAVES
 
 
+def used_nodes(graph: Graph) -> list[int]:
+    """The nodes on which outputs depend, in order."""
+    used = {output.node for output in graph.outputs}
+    for number in reversed(range(len(graph.nodes))):
+        if number in used and not is_leaf(graph.nodes[number]):
+            used.update(graph.nodes[number].operands)
+    return sorted(used)
+
+
 def instructions_of(function: Instructions) -> Sequence[Instruction]:
     """The instructions in order. Those of CasADi are costly to read, so that this is done once for all uses."""
     if isinstance(function, InstructionList):

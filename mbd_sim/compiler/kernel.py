@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 import casadi as ca
@@ -13,7 +13,10 @@ from mbd_sim.compiler.fastcall import emit_call
 from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.instruction_list import Instructions
 from mbd_sim.compiler.ir import Module
+from mbd_sim.compiler.like_operations import Branch
 from mbd_sim.compiler.lowering import instruction_count, lower
+from mbd_sim.compiler.packed_lowering import lower_packed
+from mbd_sim.compiler.packing import Packing, packed
 from mbd_sim.compiler.readers import export
 from mbd_sim.compiler.runge_kutta_step import explicit_step
 from mbd_sim.compiler.samples import emit_samples
@@ -47,6 +50,7 @@ def compile_kernel(
     partial_system: PartialSystem | None = None,
     one_sided: OneSidedSystem | None = None,
     between_steps: BetweenSteps | None = None,
+    like_branches: Sequence[Sequence[Branch]] = (),
 ) -> Kernel:
     """Compile y' = rates(t, y, inputs) with a method of integration: see `System`.
 
@@ -56,11 +60,21 @@ def compile_kernel(
     :param partial_system: for methods with `joints_only`: see `rosenbrock_w_step`.
     :param one_sided: the one-sided rows of the system; without them all of its rows are two-sided.
     :param between_steps: what changes in the state at the start of a step.
+    :param like_branches: groups of branches whose operations may be alike: see `like_operations`.
     """
     core = slice(0, rates.nnz_out(0)) if core is None else core
     module = new_module()
     program = arranged(rates)
-    system = emit_system(module, rates, program, projection, method, core.stop, between_steps=between_steps)
+    system = emit_system(
+        module,
+        rates,
+        program,
+        projection,
+        method,
+        core.stop,
+        between_steps=between_steps,
+        packing=packed(program, like_branches) if module.fast else None,
+    )
     if isinstance(method, Taylor):
         from mbd_sim.compiler.taylor_step import emit_taylor_advance
 
@@ -93,8 +107,12 @@ def emit_system(
     error_size: int,
     lanes: int = 1,
     between_steps: BetweenSteps | None = None,
+    packing: Packing | None = None,
 ) -> System:
-    """Emit the functions of a system for `lanes` members at once; `program` are the arranged rates."""
+    """Emit the functions of a system for `lanes` members at once; `program` are the arranged rates.
+
+    :param packing: of a single member, the operations of the program in packs.
+    """
     reports_conditioning = rates.n_out() > 1
     inline = module.fast and instruction_count(program) * method.stages <= INLINED
     emitted = None
@@ -103,7 +121,9 @@ def emit_system(
     return System(
         size=rates.nnz_out(0),
         error_size=error_size,
-        rates=lower(module, program, inline=inline, lanes=lanes),
+        rates=lower(module, program, inline, lanes)
+        if packing is None
+        else lower_packed(module, program, packing, inline),
         projection=emitted,
         reports_conditioning=reports_conditioning,
         projection_takes_inputs=projection is not None and projection.n_in() > 2,

@@ -31,9 +31,9 @@ from mbd_sim.compiler.simd_builder import LaneBuilder, new_builder
 from mbd_sim.compiler.split_functions import PieceWork, live_out, pieces
 from mbd_sim.compiler.trigonometry import sine_cosine
 
-Build = Callable[["_Lowering", Value], Value]
-Build2 = Callable[["_Lowering", Value, Value], Value]
-Build3 = Callable[["_Lowering", Value, Value, Value], Value]
+Build = Callable[["Lowering", Value], Value]
+Build2 = Callable[["Lowering", Value, Value], Value]
+Build3 = Callable[["Lowering", Value, Value, Value], Value]
 
 _UNARY: dict[int, Build] = {
     ca.OP_ASSIGN: lambda low, x: x,
@@ -93,20 +93,20 @@ def lower(module: Module, function: Instructions, inline: bool, lanes: int = 1) 
     :raises NotImplementedError: the function has an operation that kernels do not support.
     """
     inputs, outputs = function.n_in(), function.n_out()
-    emitted, builder = _define(module, function.name(), inputs + outputs, inline, lanes)
+    emitted, builder = define(module, function.name(), inputs + outputs, inline, lanes)
     instructions = instructions_of(function)
     split, by_reciprocal = pieces(len(instructions)), shared_divisions(instructions)
     inline_sines = len(instructions) <= INLINE_SINES
     if len(split) == 1:
         arguments = emitted.args[:inputs], emitted.args[inputs:]
-        _Lowering(module, builder, inline_sines).run(instructions, by_reciprocal, split[0], *arguments, {})
+        Lowering(module, builder, inline_sines).run(instructions, by_reciprocal, split[0], *arguments, {})
     else:
         memory = local_array(builder, function.sz_w())
         for piece_number, (piece, saved) in enumerate(zip(split, live_out(instructions, split), strict=True)):
-            part, inside = _define(module, f"{function.name()}.{piece_number}", inputs + outputs + 1, False, lanes)
+            part, inside = define(module, f"{function.name()}.{piece_number}", inputs + outputs + 1, False, lanes)
             piece_work = PieceWork(inside, part.args[-1])
             arguments = part.args[:inputs], part.args[inputs:-1]
-            _Lowering(module, inside, inline_sines).run(instructions, by_reciprocal, piece, *arguments, piece_work)
+            Lowering(module, inside, inline_sines).run(instructions, by_reciprocal, piece, *arguments, piece_work)
             piece_work.save(saved)
             inside.ret_void()
             builder.call(part, [*emitted.args, memory])
@@ -114,7 +114,8 @@ def lower(module: Module, function: Instructions, inline: bool, lanes: int = 1) 
     return emitted
 
 
-def _define(module: Module, name: str, arguments: int, inline: bool, lanes: int) -> tuple[Function, IRBuilder]:
+def define(module: Module, name: str, arguments: int, inline: bool, lanes: int) -> tuple[Function, IRBuilder]:
+    """A function of so many addresses that do not overlap, and a builder of it."""
     function = Function(module, FunctionType(VOID, [POINTER] * arguments), name)
     function.linkage = "internal"
     function.attributes = [ALWAYS_INLINE if inline else "noinline", "nounwind"]
@@ -122,7 +123,7 @@ def _define(module: Module, name: str, arguments: int, inline: bool, lanes: int)
     return function, new_builder(function.append_basic_block("entry"), lanes)
 
 
-class _Lowering:
+class Lowering:
     """The emission of a list of instructions, with the values that are computed once and used again."""
 
     def __init__(self, module: Module, builder: IRBuilder, inline: bool) -> None:
@@ -153,18 +154,26 @@ class _Lowering:
                 inverse = self.reciprocal(work[source[0 if operation == ca.OP_INV else 1]])
                 inverted = operation == ca.OP_INV
                 work[target[0]] = inverse if inverted else self.builder.fmul(work[source[0]], inverse)
-            elif operation in _UNARY:
-                work[target[0]] = _UNARY[operation](self, work[source[0]])
-            elif operation in _BINARY:
-                work[target[0]] = _BINARY[operation](self, work[source[0]], work[source[1]])
-            elif operation in _TERNARY:
-                work[target[0]] = _TERNARY[operation](self, *(work[index] for index in source))
-            elif operation in LIBRARY:
-                work[target[0]] = self.library(LIBRARY[operation], *(work[index] for index in source))
             else:
-                raise NotImplementedError(f"no kernel instruction for CasADi operation {operation}")
+                work[target[0]] = self.operation(operation, *[work[index] for index in source])
+
+    def operation(self, operation: int, *operands: Value) -> Value:
+        """Emit an operation that is not a load, a store or a constant.
+
+        :raises NotImplementedError: kernels do not support it.
+        """
+        if operation in _UNARY:
+            return _UNARY[operation](self, *operands)
+        if operation in _BINARY:
+            return _BINARY[operation](self, *operands)
+        if operation in _TERNARY:
+            return _TERNARY[operation](self, *operands)
+        if operation in LIBRARY:
+            return self.library(LIBRARY[operation], *operands)
+        raise NotImplementedError(f"no kernel instruction for CasADi operation {operation}")
 
     def library(self, name: str, *arguments: Value) -> Value:
+        """Call a function of the C library, in each lane."""
         function = self.module.declared(name, DOUBLE, [DOUBLE] * len(arguments))
         b = self.builder
         if isinstance(b, LaneBuilder) and any(argument.type != DOUBLE for argument in arguments):
@@ -192,12 +201,15 @@ class _Lowering:
         return self._reciprocals[divisor]
 
     def select(self, order: str, x: Value, y: Value) -> Value:
+        """The lesser or the greater of two values."""
         return self.builder.select(self.builder.fcmp_ordered(order, x, y), x, y)
 
     def truth(self, condition: Value) -> Value:
+        """1 where a condition holds, otherwise 0."""
         return self.builder.select(condition, number(1.0), number(0.0))
 
     def if_else_zero(self, condition: Value, value: Value) -> Value:
+        """A value where a condition is not 0, otherwise 0."""
         return self.builder.select(self.builder.fcmp_unordered("!=", condition, number(0.0)), value, number(0.0))
 
 

@@ -36,6 +36,7 @@ from mbd_sim.dynamics.energy import gravitational_potential
 from mbd_sim.dynamics.initial_conditions import AssembledStart, Assembly, assemble
 from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.dynamics.joint_linearization import JointLinearization, joint_linearization
+from mbd_sim.dynamics.like_branches import like_branches
 from mbd_sim.dynamics.load_functions import load_paths, reaction_function, reactions_at
 from mbd_sim.dynamics.measurements import Measurements
 from mbd_sim.dynamics.multipliers import ConstraintSolver, typical_diagonal
@@ -73,7 +74,8 @@ class Equations:
 
     With one-sided elements `rates` are those with everything open, and `contact` are their other functions; the forces
     in all other functions include the contact forces among the inputs. With actuators, `actuators` are their functions.
-    `core` are the components of y that rates depend on, after the coordinates. `step` is in s.
+    `core` are the components of y that rates depend on, after the coordinates. `step` is in s. `like_branches` have
+    joints of the same types, see the function of that name.
 
     `cushions` are the functions of compliant contacts; None without these.
 
@@ -103,6 +105,7 @@ class Equations:
     trace_joint_linearization: Callable[[], JointLinearization]
     trace_load_paths: Callable[[], ca.Function]
     core: slice
+    like_branches: Sequence[Sequence[Sequence[tuple[int, int]]]]
     step: float
     contact: ContactFunctions | None = None
     cushions: CushionFunctions | None = None
@@ -285,6 +288,7 @@ def _packaged(
         trace_joint_linearization=linearized,
         trace_load_paths=partial(load_paths, traced, assembly.equations),
         core=traced.core,
+        like_branches=like_branches(traced.links, traced.layout.nq),
         step=traced.step,
         contact=contact,
         cushions=_cushions(with_inputs, forces),

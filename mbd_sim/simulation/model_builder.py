@@ -101,6 +101,7 @@ def _kernel(equations: Equations, choice: MethodChoice) -> Kernel:
         partial_system(equations, choice.method),
         one_sided,
         None if equations.actuators is None else equations.actuators.between_steps,
+        equations.like_branches,
     )
 
 

@@ -17,6 +17,10 @@ from mbd_sim import Simulation, load_mechanism
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.simulation.live_values import LiveValues
 from mbd_sim import disk_cache
+from mbd_sim.compiler.packing import packed
+from mbd_sim.compiler.schedule import arranged
+from mbd_sim.load import parse_mechanism
+from test.generators.legged_robots import legged
 
 LIVE = ["gravity[*]", "parameters.*", "forces.*", "constraints.*"]  # joints have most keys: below, for two mechanisms
 
@@ -45,6 +49,8 @@ for name in ("bead_on_wire", "moving_support_pendulum"):
 sim = Simulation.from_file("four_bar", method="taylor")
 sim.step(200)
 found["four_bar, taylor"] = digest(sim.state.tobytes(), sim.history.tobytes(), keys)
+equations = derive(parse_mechanism(legged()))
+found["legs, packed"] = digest(packed(arranged(equations.rates), equations.like_branches).units)
 print(json.dumps(found))
 """
 

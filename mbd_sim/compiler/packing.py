@@ -1,0 +1,176 @@
+"""Like operations packed into vectors, with one lane for each branch of the mechanism, in an order of all operations.
+
+Each lane takes the same IEEE operation on the same numbers as before. What this saves is mostly code: that of a
+quadruped is twice as long as the instruction cache, and so it is fetched and decoded again in each evaluation.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import casadi as ca
+
+from mbd_sim.compiler.instruction_list import Graph, Instructions, graph_of, instructions_of, is_leaf, used_nodes
+from mbd_sim.compiler.like_operations import SUMS, Branch, Pack, can_exchange, like_operations, saved
+
+SHORTEST = 1000  # instructions that are packed: shorter code is in the cache in any case
+WORTHWHILE = 0.85  # of the operations: how many are left at most
+
+
+class Unit(NamedTuple):
+    """An operation on one node for each lane; leaves have no operands.
+
+    `operands` are, for each operand, the nodes of the lanes, and `negated` whether the signs of these change before.
+    """
+
+    operation: int
+    nodes: Pack
+    operands: tuple[Pack, ...] = ()
+    negated: tuple[tuple[bool, ...], ...] = ()
+
+
+class Packing(NamedTuple):
+    """The operations of a graph in order, in packs and alone."""
+
+    graph: Graph
+    units: Sequence[Unit]
+
+    @property
+    def cost(self) -> int:
+        """The number of operations: of scalars, of vectors, and of those that form vectors and take them apart."""
+        packs = {unit.nodes for unit in self.units if len(unit.nodes) > 1}
+        inside = {node for pack in packs for node in pack}
+        moved: dict[Pack, int] = {}
+        for unit in self.units:
+            for nodes in unit.operands:
+                if len(nodes) > 1 and nodes not in packs:
+                    moved[nodes] = _moves(self.graph, nodes)
+                elif len(nodes) == 1 and nodes[0] in inside:
+                    moved[nodes] = 1
+        return sum(bool(unit.operands) for unit in self.units) + sum(moved.values())
+
+
+def packed(program: Instructions, likes: Sequence[Sequence[Branch]]) -> Packing | None:
+    """Pack the operations of like branches, or None if the code would not become much shorter.
+
+    :param likes: see `like_operations`.
+    """
+    if not likes or len(instructions_of(program)) < SHORTEST:
+        return None
+    graph = graph_of(program)
+    if _divides_twice(graph):
+        return None  # which `lower` would do by one reciprocal
+    packs = like_operations(graph, likes)
+    operations = sum(not is_leaf(graph.nodes[node]) for node in used_nodes(graph))
+    if operations - saved(packs) > WORTHWHILE * operations:
+        return None
+    packing = in_order(graph, packs)
+    return packing if packing.cost <= WORTHWHILE * operations else None
+
+
+def in_order(graph: Graph, packs: Sequence[Pack]) -> Packing:
+    """All nodes that outputs depend on, in packs and alone, each after its operands.
+
+    What is first in the graph comes first. A pack that would have to precede itself is divided.
+    """
+    order = _Order(graph, packs).units
+    pack_of = {node: number for number, nodes in enumerate(order) if len(nodes) > 1 for node in nodes}
+    return Packing(graph, [_unit(graph, nodes, pack_of) for nodes in order])
+
+
+class _Order:
+    """The order of packs and single nodes, `units`."""
+
+    def __init__(self, graph: Graph, packs: Sequence[Pack]) -> None:
+        needed = used_nodes(graph)
+        self._unit_of: dict[int, Pack] = {node: pack for pack in packs for node in pack}
+        self._users: dict[int, list[int]] = {}
+        self._missing: dict[int, int] = {}  # for each node that is not ready, its operands without a place
+        self._unready: dict[Pack, int] = {}  # for each pack without a place, its nodes that are not ready
+        self._ready: list[tuple[int, Pack]] = []
+        self.units: list[Pack] = []
+        for pack in packs:
+            self._unready[pack] = len(pack)
+        for node in needed:
+            operands = () if is_leaf(graph.nodes[node]) else dict.fromkeys(graph.nodes[node].operands)
+            self._missing[node] = len(operands)
+            for operand in operands:
+                self._users.setdefault(operand, []).append(node)
+        for node in needed:
+            if self._missing[node] == 0:
+                self._becomes_ready(node)
+        self._run()
+        for pack in sorted(packs):
+            if pack in self._unready:  # it waits for itself, by way of nodes outside
+                del self._unready[pack]
+                for node in pack:
+                    del self._unit_of[node]
+                    if self._missing[node] == 0:
+                        self._becomes_ready(node)
+                self._run()
+
+    def _becomes_ready(self, node: int) -> None:
+        unit = self._unit_of.get(node)
+        if unit is None:
+            heapq.heappush(self._ready, (node, (node,)))
+            return
+        self._unready[unit] -= 1
+        if self._unready[unit] == 0:
+            del self._unready[unit]
+            heapq.heappush(self._ready, (min(unit), unit))
+
+    def _run(self) -> None:
+        """Place all units that are ready, and those that thereby become ready."""
+        while self._ready:
+            _, unit = heapq.heappop(self._ready)
+            self.units.append(unit)
+            for node in unit:
+                for user in self._users.get(node, ()):
+                    self._missing[user] -= 1
+                    if self._missing[user] == 0:
+                        self._becomes_ready(user)
+
+
+def _unit(graph: Graph, nodes: Pack, pack_of: Mapping[int, int]) -> Unit:
+    """The operation on a pack or on a single node. Operands of the same pack are lined up, and so are constants."""
+    first = graph.nodes[nodes[0]]
+    if is_leaf(first):
+        return Unit(first.operation, nodes)
+    if len(nodes) == 1 or not can_exchange(first):
+        operands = tuple(zip(*(graph.nodes[node].operands for node in nodes), strict=True))
+        return Unit(first.operation, nodes, operands, ((False,) * len(nodes),) * len(operands))
+
+    def place(operand: tuple[int, bool]) -> tuple[bool, int]:
+        return graph.nodes[operand[0]].operation != ca.OP_CONST, pack_of.get(operand[0], -1)
+
+    lanes = []
+    for node in nodes:
+        operation, given, _ = graph.nodes[node]
+        kind, signs = SUMS.get(operation, (operation, (False, False)))
+        if len(given) == 2:
+            lanes.append(sorted(zip(given, signs, strict=True), key=place))
+        else:  # the sign is that of the product, and goes to a constant factor if there is one
+            (one, _), factor = sorted([(given[0], False), (given[1], False)], key=place)
+            lanes.append([(one, signs[0]), factor, (given[2], signs[2])])
+    columns = list(zip(*lanes, strict=True))
+    return Unit(
+        kind,
+        nodes,
+        tuple([tuple([operand for operand, _ in column]) for column in columns]),
+        tuple([tuple([negated for _, negated in column]) for column in columns]),
+    )
+
+
+def _moves(graph: Graph, nodes: Pack) -> int:
+    """The operations that form a vector of scalars; constants are free."""
+    if all(graph.nodes[node].operation == ca.OP_CONST for node in nodes):
+        return 0
+    return 1 if len(set(nodes)) == 1 else len(nodes) - 1
+
+
+def _divides_twice(graph: Graph) -> bool:
+    """Whether two operations divide by the same number."""
+    divisors = [node.operands[-1] for node in graph.nodes if node.operation in (ca.OP_DIV, ca.OP_INV)]
+    return len(set(divisors)) < len(divisors)

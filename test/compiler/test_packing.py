@@ -1,0 +1,81 @@
+"""Packed operations: all of them, each after its operands, in any way of packing."""
+
+from __future__ import annotations
+
+import casadi as ca
+import pytest
+
+from mbd_sim.compiler import packing
+from mbd_sim.compiler.instruction_list import Graph, Node, Output, graph_of, is_leaf, used_nodes
+from mbd_sim.compiler.lowering import instruction_count
+from mbd_sim.compiler.packing import in_order, packed
+from mbd_sim.compiler.schedule import arranged
+from mbd_sim.dynamics.equations import derive
+from mbd_sim.load import parse_mechanism
+from test.generators.legged_robots import legged
+
+
+def require_complete(found):
+    """Each node that is needed is in one unit, after its operands, with its own operands up to their order and signs."""
+    placed = set()
+    for unit in found.units:
+        for lane, node in enumerate(unit.nodes):
+            own = found.graph.nodes[node]
+            if not is_leaf(own):
+                operands = [nodes[lane] for nodes in unit.operands]
+                assert sorted(operands) == sorted(own.operands)
+                assert placed.issuperset(operands)
+        assert placed.isdisjoint(unit.nodes)
+        placed.update(unit.nodes)
+    assert sorted(placed) == used_nodes(found.graph)
+
+
+@pytest.mark.parametrize(("mirrored", "most"), [(False, 0.7), (True, 0.9)])
+def test_four_legs_take_fewer_operations(monkeypatch, mirrored, most):
+    monkeypatch.setattr(packing, "WORTHWHILE", most)
+    equations = derive(parse_mechanism(legged(mirrored=mirrored)))
+    program = arranged(equations.rates)
+    found = packed(program, equations.like_branches)
+    require_complete(found)
+    assert found.cost <= most * instruction_count(program)
+
+
+def test_short_code_and_single_branches_stay_as_they_are(monkeypatch):
+    equations = derive(parse_mechanism(legged(2)))
+    program = arranged(equations.rates)
+    assert packed(program, []) is None
+    monkeypatch.setattr(packing, "SHORTEST", len(program.instructions) + 1)
+    assert packed(program, equations.like_branches) is None
+
+
+def test_code_that_would_not_become_shorter_stays_as_it_is(monkeypatch):
+    x = ca.SX.sym("x", 4)
+    function = ca.Function("f", [x], [ca.vertcat(x[0] * x[1], x[2] * x[3])])
+    monkeypatch.setattr(packing, "SHORTEST", 0)
+    assert packed(function, [[[(0, 0)], [(0, 2)]]]) is None
+
+
+def test_a_pack_that_would_wait_for_itself_is_divided():
+    nodes = [
+        Node(ca.OP_INPUT, (0, 0)),
+        Node(ca.OP_SIN, (0,)),
+        Node(ca.OP_SQ, (1,)),
+        Node(ca.OP_SIN, (2,)),
+        Node(ca.OP_SQ, (3,)),
+    ]
+    found = in_order(Graph(nodes, [Output(4, 0, 0)]), [(1, 3), (2, 4)])
+    require_complete(found)
+    assert [unit.nodes for unit in found.units] == [(0,), (1,), (2,), (3,), (4,)]
+
+
+def test_two_divisions_by_one_number_are_left_to_the_reciprocal(monkeypatch):
+    monkeypatch.setattr(packing, "SHORTEST", 0)
+    x = ca.SX.sym("x", 3)
+    function = ca.Function("f", [x], [ca.vertcat(ca.sin(x[0]) / x[2], ca.sin(x[1]) / x[2])])
+    assert packed(function, [[[(0, 0)], [(0, 1)]]]) is None
+
+
+def test_a_single_node_is_its_own_unit():
+    x = ca.SX.sym("x", 2)
+    graph = graph_of(ca.Function("f", [x], [ca.sin(x[0]) - x[1]]))
+    assert in_order(graph, []).cost == 2
