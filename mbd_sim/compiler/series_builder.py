@@ -10,7 +10,17 @@ from collections.abc import Callable
 
 import casadi as ca
 
-from mbd_sim.compiler.instruction_list import Graph, Instructions, Node, graph_of, is_leaf, zero_components
+from mbd_sim.compiler.instruction_list import (
+    Graph,
+    InstructionList,
+    Instructions,
+    Node,
+    Output,
+    graph_of,
+    is_leaf,
+    zero_components,
+)
+from mbd_sim.compiler.schedule import arranged
 from mbd_sim.compiler.series import Integral, Recurrence, Series, SeriesList, Sum
 
 LARGEST_POWER = 16  # integer exponents up to this one become products, which are analytic at zero too
@@ -25,7 +35,6 @@ class NotAnalyticError(Exception):
 
 
 _NAMES = {
-    ca.OP_FABS: "abs",
     ca.OP_SIGN: "sign",
     ca.OP_FLOOR: "floor",
     ca.OP_CEIL: "ceil",
@@ -41,10 +50,17 @@ _NAMES = {
 def series_of(rates: Instructions) -> SeriesList:
     """The series of y' = rates(t, y, inputs), whose first output are the results 0 …; the last result is 1, t'.
 
-    Divisions guarded by `GuardedFactors` are those of a pivot that is not vanishing.
+    Divisions guarded by `GuardedFactors` are those of a pivot that is not vanishing. The series of |x| holds as long as
+    x keeps its sign, see `turning_points`.
 
     :raises NotAnalyticError: a result is not analytic.
     """
+    graph, builder = _built(rates)
+    results = {o.component: builder.numbers[o.node] for o in graph.outputs if o.result == 0}
+    return SeriesList(builder.series, [*(results[index] for index in range(len(results))), builder.one])
+
+
+def _built(rates: Instructions) -> tuple[Graph, _Builder]:
     graph, still = graph_of(rates), frozenset(zero_components(rates))
     builder = _Builder(graph, still)
     for number in _needed(graph):
@@ -53,8 +69,20 @@ def series_of(rates: Instructions) -> SeriesList:
         except KeyError:
             operation = graph.nodes[number].operation
             raise NotAnalyticError(_NAMES.get(operation, f"number {operation}"), _dependent(graph, number)) from None
-    results = {o.component: builder.numbers[o.node] for o in graph.outputs if o.result == 0}
-    return SeriesList(builder.series, [*(results[index] for index in range(len(results))), builder.one])
+    return graph, builder
+
+
+def turning_points(rates: Instructions) -> InstructionList | None:
+    """(t, y, inputs) -> the x of all |x| on which y' = rates(t, y, inputs) depends; None if there are none."""
+    graph, builder = _built(rates)
+    nodes = [graph.nodes[number] for number in _needed(graph)]
+    operands = dict.fromkeys(node.operands[0] for node in nodes if node.operation == ca.OP_FABS)
+    found = [operand for operand in operands if not builder.is_constant(builder.numbers[operand])]
+    if not found:
+        return None
+    outputs = [Output(number, 0, index) for index, number in enumerate(found)]
+    like = ca.Function("turning", [ca.SX.sym(name) for name in ("t", "y", "inputs")], [ca.SX(1, 1)])
+    return arranged(InstructionList(like, Graph(graph.nodes, outputs), range(len(graph.nodes))))
 
 
 def _needed(graph: Graph) -> list[int]:
@@ -115,7 +143,7 @@ class _Builder:
             self.numbers[number] = self.inverse(self.numbers[pivot])
         else:
             operands = tuple(self.numbers[operand] for operand in node.operands)
-            if all(self._is_constant(operand) for operand in operands):
+            if all(self.is_constant(operand) for operand in operands):
                 self.numbers[number] = self._add(Node(node.operation, operands))
             else:
                 self.numbers[number] = _RULES[node.operation](self, *operands)
@@ -137,14 +165,14 @@ class _Builder:
     def _constant(self, value: float) -> int:
         return self._add(Node(ca.OP_CONST, (), value))
 
-    def _is_constant(self, number: int) -> bool:
+    def is_constant(self, number: int) -> bool:
         return self.series[number].rule is None
 
     def linear(self, operation: int, *terms: tuple[float, int]) -> int:
         return self._add(Node(operation, tuple(number for _, number in terms)), Recurrence(terms))
 
     def product(self, x: int, y: int) -> int:
-        if self._is_constant(y):
+        if self.is_constant(y):
             x, y = y, x
         start = Node(ca.OP_SQ, (x,)) if x == y else Node(ca.OP_MUL, (x, y))
         return self._add(start, Recurrence(sums=(Sum(x, y),)))
@@ -152,7 +180,7 @@ class _Builder:
     def quotient(self, x: int, y: int) -> int:
         """x_k = Σ_j y_j z_{k−j}."""
         start = Node(ca.OP_DIV, (x, y))
-        if self._is_constant(y):
+        if self.is_constant(y):
             return self._add(start, Recurrence(((1.0, x),), divisor=y))
         own = len(self.series)
         return self._add(start, Recurrence(((1.0, x),), (Sum(y, own, first=1, factor=-1.0),), divisor=y))
@@ -167,6 +195,11 @@ class _Builder:
         own = len(self.series)
         rule = Recurrence(((1.0, x),), (Sum(own, own, 1, 1, factor=-1.0),), divisor=own, factor=0.5)
         return self._add(Node(ca.OP_SQRT, (x,)), rule)
+
+    def absolute(self, x: int) -> int:
+        """|x| = sign(x_0) x."""
+        sign = self._add(Node(ca.OP_SIGN, (x,)))
+        return self._add(Node(ca.OP_FABS, (x,)), Recurrence(sums=(Sum(sign, x),)))
 
     def sine(self, x: int) -> int:
         return self._sine_cosine(x)[0]
@@ -250,7 +283,7 @@ class _Builder:
             for _ in range(int(value) - 1):
                 found = self.product(found, x)
             return found
-        if self._is_constant(exponent) and self.series[exponent].start.operation == ca.OP_CONST:
+        if self.is_constant(exponent) and self.series[exponent].start.operation == ca.OP_CONST:
             own = len(self.series)
             sums = (
                 Sum(x, own, first=1, derived=True, factor=value),
@@ -265,7 +298,7 @@ class _Builder:
 
         :raises KeyError: the condition changes.
         """
-        if not self._is_constant(condition):
+        if not self.is_constant(condition):
             raise KeyError(condition)
         factor = self._add(Node(ca.OP_IF_ELSE_ZERO, (condition, self.one)))
         return self._add(Node(ca.OP_IF_ELSE_ZERO, (condition, x)), Recurrence(sums=(Sum(factor, x),)))
@@ -283,6 +316,7 @@ _RULES: dict[int, Callable[..., int]] = {
     ca.OP_DIV: _Builder.quotient,
     ca.OP_INV: _Builder.inverse,
     ca.OP_SQRT: _Builder.root,
+    ca.OP_FABS: _Builder.absolute,
     ca.OP_SIN: _Builder.sine,
     ca.OP_COS: _Builder.cosine,
     ca.OP_TAN: _Builder.tangent,

@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import casadi as ca
 
+from mbd_sim.compiler.instruction_list import InstructionList
 from mbd_sim.compiler.ir import BOOL, POINTER, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import DOUBLE, INT, integer, number
 from mbd_sim.compiler.ir_vectors import Index, copy, for_each, load, store
 from mbd_sim.compiler.lowering import lower
 from mbd_sim.compiler.runge_kutta_step import ExplicitStep
-from mbd_sim.compiler.series_builder import series_of
+from mbd_sim.compiler.series_builder import series_of, turning_points
 from mbd_sim.compiler.series_expansion import expansion
 from mbd_sim.compiler.series_recursion import emit_recursion
 from mbd_sim.compiler.step_emitter import StepEmitter, System
@@ -35,6 +36,7 @@ def emit_taylor_advance(module: Module, system: System, method: Taylor, rates: c
     Steps within an expansion are taken at once, and the state is its polynomial there. It is moved back to the
     constraints where the expansion ends. Estimates are those of each expansion: the last two terms. With functions that
     decay exponentially, an expansion holds for one step at most: its coefficients may say nothing of what follows.
+    With |x| it ends before the step at whose end x has another sign, which the other method takes.
 
     :raises NotAnalyticError: the solution has no series.
     """
@@ -45,14 +47,31 @@ def emit_taylor_advance(module: Module, system: System, method: Taylor, rates: c
         expand = lower(module, expansion(series, system.size, method.order), inline=False)
     if series.has_exponentials:
         method = replace(method, most_steps=1)
+    turning = turning_points(rates)
+    if turning is not None:
+        method = replace(method, most_parts=1)  # so that an expansion ends with a step
     arguments = [POINTER, POINTER, INT, DOUBLE, INT]
     function = Function(module, FunctionType(INT, [*arguments, POINTER]), "estimating_advance")
     function.noalias = True
     _, inputs, _, h, _, _ = function.args
     emitter = StepEmitter(IRBuilder(function.append_basic_block("entry")), system, inputs, h)
-    _TaylorLoop(emitter, method, expand).emit(function)
+    turns = None if turning is None else _Turns(emitter, lower(module, turning, inline=False), _results(turning))
+    _TaylorLoop(emitter, method, expand, turns).emit(function)
     emit_plain_advance(module, function)
     return function
+
+
+def _results(function: InstructionList) -> int:
+    return sum(instruction.operation == ca.OP_OUTPUT for instruction in function.instructions)
+
+
+class _Turns:
+    """A function of (t, y, inputs) with the arguments of |x|, and memory for their values at the start and later."""
+
+    def __init__(self, emitter: StepEmitter, function: Function, size: int) -> None:
+        self.function, self.size = function, size
+        self.before, self.after = emitter.array(size), emitter.array(size)
+        self.steps, self.ends = emitter.b.alloca(INT), emitter.b.alloca(INT)
 
 
 class _TaylorLoop:
@@ -61,8 +80,8 @@ class _TaylorLoop:
     `taken` steps of the call are complete, and `offset` s of the next one, where that is divided.
     """
 
-    def __init__(self, emitter: StepEmitter, method: Taylor, expand: Function) -> None:
-        self._emitter, self._method, self._expand = emitter, method, expand
+    def __init__(self, emitter: StepEmitter, method: Taylor, expand: Function, turns: _Turns | None) -> None:
+        self._emitter, self._method, self._expand, self._turns = emitter, method, expand, turns
         self._history, self._otherwise = TaylorHistory(emitter, method), ExplicitStep(method.otherwise, emitter)
         self._slopes, self._norms = emitter.vector(), emitter.array(method.compared)
         self._offset, self._sum = emitter.scalar(), emitter.scalar()
@@ -121,6 +140,8 @@ class _TaylorLoop:
         b.call(self._expand, [emitter.time, emitter.y, emitter.inputs, self._history.fresh])
         self._measure()
         longest = self._longest()
+        if self._turns is not None:
+            longest = self._before_turns(self._turns, time, longest)
         usable = b.fcmp_ordered(">=", longest, b.fmul(emitter.h, number(1.0 / method.most_parts)))
         usable = b.or_(usable, b.fcmp_ordered(">", offset, number(0.0)))
         if emitter.system.reports_conditioning:
@@ -134,6 +155,39 @@ class _TaylorLoop:
                     self._extend(index, offset, rest, longest)
             with otherwise:
                 self._step_otherwise(index, time)
+
+    def _before_turns(self, turns: _Turns, time: Value, longest: Value) -> Value:
+        """The longest τ; if an argument of |x| changes its sign, half a step more than until the step that it ends."""
+        emitter, b = self._emitter, self._emitter.b
+        b.call(turns.function, [emitter.time, emitter.y, emitter.inputs, turns.before])
+        b.store(integer(0), turns.steps)
+        b.store(integer(0), turns.ends)
+        head, inside, after = (b.append_basic_block(name) for name in ("turns", "turns_inside", "turns_after"))
+        b.branch(head)
+        b.position_at_end(head)
+        following = b.add(b.load(turns.steps, typ=INT), integer(1))
+        tau = b.fmul(b.sitofp(following, DOUBLE), emitter.h)
+        goes_on = b.and_(
+            b.fcmp_ordered("<=", tau, longest), b.icmp_signed("<=", following, integer(self._method.most_steps))
+        )
+        goes_on = b.and_(goes_on, b.icmp_signed("==", b.load(turns.ends, typ=INT), integer(0)))
+        b.cbranch(goes_on, inside, after)
+        b.position_at_end(inside)
+        self._evaluate(self._history.fresh, tau)
+        b.store(b.fadd(time, tau), emitter.time)
+        b.call(turns.function, [emitter.time, emitter.y, emitter.inputs, turns.after])
+        same = Value(BOOL, "true")
+        for index in range(turns.size):
+            product = b.fmul(load(b, turns.before, index), load(b, turns.after, index))
+            same = b.and_(same, b.fcmp_ordered(">", product, number(0.0)))
+        b.store(b.select(same, following, b.load(turns.steps, typ=INT)), turns.steps)
+        b.store(b.select(same, integer(0), integer(1)), turns.ends)
+        b.branch(head)
+        b.position_at_end(after)
+        copy(b, self._count, self._history.fresh, emitter.y)  # the state at the start
+        b.store(time, emitter.time)
+        shorter = b.fmul(b.fadd(b.sitofp(b.load(turns.steps, typ=INT), DOUBLE), number(0.5)), emitter.h)
+        return b.select(b.icmp_signed("==", b.load(turns.ends, typ=INT), integer(0)), longest, shorter)
 
     def _extend(self, index: Value, offset: Value, rest: Value, longest: Value) -> None:
         """Emit the span of an expansion that holds for whole steps, or the end of a divided step."""

@@ -118,7 +118,7 @@ def _require_series(mechanism: Mechanism, equations: Equations, method: Taylor) 
             affected = f"the motion of {names[max(error.result - layout.nq, 0)]}"
         message = (
             f"method {method.name} cannot treat forces and laws that are not smooth: {affected} depends on "
-            f"{error.operation}(…), as of stops, tables, 'where' and lengths along a line"
+            f"{error.operation}(…), as of stops, tables and 'where'"
         )
         raise MechanismError([Problem(message, remedy, key="integrator.method")]) from None
     if (size := stack_size(series, method.order)) > LARGEST_EXPANSION:

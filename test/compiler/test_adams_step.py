@@ -1,47 +1,18 @@
-"""Steps of Adams methods: the same bits however steps are divided, and a new beginning after any change."""
+"""Steps of Adams methods: accuracy, and how they begin; see also `test_method_history`."""
 
 from __future__ import annotations
-
-import pickle
 
 import numpy as np
 import pytest
 
-from mbd_sim import DivergedError, Ensemble, MechanismError, Simulation
+from mbd_sim import Ensemble, MechanismError, Simulation
 from mbd_sim.compiler.adams_history import COUNT, DIVIDED
 
 METHOD = "adams11"
-NAMES = ("double_rod", "four_bar", "moving_support_pendulum", "heavy_top", "slider_crank")
 
 
 def built(name="double_rod", **options):
     return Simulation.from_file(name, method=METHOD, **options)
-
-
-def same(*simulations):
-    return len({s.state.tobytes() + s.history.tobytes() for s in simulations}) == 1
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_steps_may_be_divided_in_any_way(name):
-    at_once, singly, divided = (built(name) for _ in range(3))
-    at_once.step(400)
-    for _ in range(400):
-        singly.step()
-    for n in (1, 9, 10, 11, 30, 139, 200):
-        divided.step(n)
-    assert same(at_once, singly, divided)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_a_run_goes_on_from_a_snapshot_with_the_same_bits(name):
-    run, copy = built(name), built(name)
-    run.step(123)
-    copy.restore(pickle.loads(pickle.dumps(run.snapshot())))
-    assert same(run, copy)
-    run.step(200)
-    copy.step(200)
-    assert same(run, copy)
 
 
 def test_it_takes_two_evaluations_where_the_motion_is_smooth():
@@ -54,73 +25,6 @@ def test_it_takes_two_evaluations_where_the_motion_is_smooth():
     other.step(2)
     assert run.state.tobytes() != other.state.tobytes()
     assert run.state == pytest.approx(other.state, abs=1e-14)
-
-
-@pytest.mark.parametrize("change", ["effort", "wrench", "live", "state", "time", "reset"])
-def test_any_change_begins_a_new_history(change):
-    run = built(wrenches=["lower"] if change == "wrench" else (), live=["gravity[2]"] if change == "live" else ())
-    run.step(50)
-    assert run.history[COUNT] == 50
-    if change == "effort":
-        run.set_efforts([0.1, 0.0])
-    elif change == "wrench":
-        run.set_wrench("lower", force=[0.1, 0.0, 0.0])
-    elif change == "live":
-        run.set_live({"gravity[2]": -9.0})
-    elif change == "state":
-        run.set_state(positions={"shoulder": 0.1})
-    elif change == "time":
-        run.restore(run.state, steps=20, inputs=run.inputs, history=run.history)
-    else:
-        run.reset()
-    run.step(3)
-    assert run.history[COUNT] == 3
-
-
-def test_a_command_that_changes_nothing_keeps_the_history():
-    run, other = built(), built()
-    run.step(50)
-    run.set_efforts([0.0, 0.0])
-    run.step(50)
-    other.step(100)
-    assert same(run, other)
-
-
-def test_a_call_that_fails_leaves_the_history_as_it_was():
-    """An effort law that ends: the same bits up to there as a run that was never asked for more."""
-    text = """
-mechanism: ends
-parameters: {t_end: 0.0505}
-parts: {rod: {mass: 1, center: [0, 0, -1], inertia: [0.1, 0.1, 0.1]}}
-joints: {pin: {type: revolute, between: [ground, rod], axis: [0, 1, 0], position: 1}}
-forces: {law: {type: effort, coordinate: pin, effort: "sqrt(t_end - t)"}}
-"""
-    run, other = (Simulation.from_text(text, method=METHOD) for _ in range(2))
-    run.step(20)
-    other.step(40)
-    with pytest.raises(DivergedError):
-        run.step(100)
-    run.step(20)
-    assert same(run, other)
-
-
-@pytest.mark.parametrize("name", ["double_rod", "four_bar", "slider_crank"])
-def test_members_of_an_ensemble_take_the_same_steps(name):
-    ensemble, single = Ensemble.from_file(name, 3, method=METHOD), built(name)
-    q, u = (np.tile(array, (3, 1)) for array in (single.q, single.u))
-    u[1:] *= [[1.5], [4.0]]
-    ensemble.reset(q, u)
-    snapshot = ensemble.snapshot()
-    for begun in (False, True):
-        if begun:
-            ensemble.restore(snapshot)
-        ensemble.step(150)
-        ensemble.step(150)
-        for member in range(3):
-            single.reset(q[member], u[member])
-            single.step(300)
-            assert single.state.tobytes() == ensemble.state[member].tobytes()
-            assert single.error_estimate == ensemble.error_estimates[member]
 
 
 @pytest.mark.parametrize(
