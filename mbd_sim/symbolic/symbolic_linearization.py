@@ -19,6 +19,7 @@ from mbd_sim.mechanism.joint_types import JOINT_KINDS
 from mbd_sim.mechanism.one_sided import has_one_sided
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.symbolic.actuated_equilibrium import equilibrium_with_states, states_at_rest
+from mbd_sim.symbolic.equation_limits import MAX_OPERATIONS
 from mbd_sim.symbolic.equilibrium_formulas import NEAR, constrained_equilibrium, free_equilibrium
 from mbd_sim.symbolic.short_numbers import shortest_numbers
 from mbd_sim.symbolic.symbolic_coordinates import Coordinate
@@ -27,8 +28,9 @@ from mbd_sim.symbolic.symbolic_equations import SymbolicEquations
 MAX_POLYNOMIAL = 3  # speeds up to which the characteristic polynomial is expanded
 MAX_STATES = 2  # of actuators up to which it is
 MAX_ROWS = 2  # constraints up to which it is
-MAX_OPERATIONS = 250  # of the polynomial
-MAX_ENTRIES = 500  # operations of the matrices from which it is expanded
+MAX_POLYNOMIAL_OPERATIONS = 250
+ROUND_OFF = 1e-13  # of values at an equilibrium in SI units
+MAX_ENTRIES = 250  # operations of the matrices from which it is expanded; with 400 this takes half a minute
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +41,8 @@ class SymbolicLinearization:
     part for quaternions; δs (k,) of the `states` of actuators, δw (c,) of their `commands`.
 
     `equilibrium` has the value of each coordinate (nq,): a formula, or a symbol that satisfies the equations of
-    equilibrium, with its number in `values`; `loads` has those of the multipliers λ (m,), `state_values` those of s.
+    equilibrium, with its number in `values`; where an entry of a matrix would be too long to read, the number itself.
+    `loads` has the values of the multipliers λ (m,), `state_values` those of s.
     `mass` M, `damping` C and `stiffness` K are SymPy matrices (nv, nv), `gradient` is G (m, nv); `damping` includes
     gyroscopic terms, `stiffness` those of a prescribed motion and of the loads. `coupling` is E (nv, k), and
     `state_rates` are A (k, nv), B (k, nv) and S (k, k). `commanded` is W (nv, c), `commanded_rates` V (k, c).
@@ -83,11 +86,9 @@ def linearized(mechanism: Mechanism, equations: SymbolicEquations) -> SymbolicLi
         return None
     derived = derive(mechanism)
     found = _equilibrium(derived, terms.rates.rows > 0)
-    if found is None:
-        return None
-    numbers = _numbers(derived, equations, *found)
-    smooth = _without_kinks(terms, numbers)
-    if smooth is None or any(drift != 0 for drift in terms.drifts):
+    numbers = _numbers(derived, equations, *found) if found else {}
+    smooth = _without_kinks(terms, numbers) if found else None
+    if found is None or smooth is None or any(drift != 0 for drift in terms.drifts):
         return None
     commands = {symbol: numbers[symbol] for one in equations.actuators for symbol in one.commands.values()}
     zero = {symbol: sp.S.Zero for symbol, value in commands.items() if value == 0.0}
@@ -98,15 +99,19 @@ def linearized(mechanism: Mechanism, equations: SymbolicEquations) -> SymbolicLi
     used = smooth.forces.subs(zero).free_symbols | smooth.rates.subs(zero).free_symbols
     values = values | {symbol: commands[symbol] for symbol in commands if symbol in used}
     symbols = [state.symbol for one in equations.actuators for state in one.states]
-    still = {**at_rest, **dict(zip(equations.q, place, strict=True)), **dict(zip(symbols, held, strict=True))}
-    still |= dict(zip(equations.multipliers, loads, strict=True))
+    held_at = zip((*equations.q, *symbols, *equations.multipliers), (*place, *held, *loads), strict=True)
+    still = at_rest | dict(held_at)
     matrices = [matrix.xreplace(still) for matrix in _derivatives(equations, smooth, symbols, list(commands))]
     if any(matrix.has(sp.Derivative, sp.Subs, sp.nan, sp.zoo) for matrix in matrices):
         return None
+    if any(entry.count_ops() > MAX_OPERATIONS for matrix in matrices for entry in matrix):
+        matrices = [_in_numbers(matrix, values) for matrix in matrices]
+        place, loads, held = (tuple(_in_numbers(sp.Matrix([one]), values)) for one in (place, loads, held))
+        values = {}
     mass, gradient, damping, stiffness, coupling, by_q, by_u, by_s, commanded, commanded_rates = map(_simple, matrices)
-    s, nonholonomic = sp.Symbol("s"), {row.position is None for row in equations.rows}
-    rolling, blocks = True in nonholonomic, (mass, damping, stiffness, coupling, by_q, by_u, by_s)
-    polynomial = _polynomial(blocks, s, gradient, s if rolling else sp.S.One) if len(nonholonomic) < 2 else None
+    s, kinds, by_state = sp.Symbol("s"), {row.position is None for row in equations.rows}, (by_q, by_u, by_s)
+    blocks, factor = (mass, damping, stiffness, coupling, *by_state), s if True in kinds else sp.S.One
+    polynomial = _polynomial(blocks, s, gradient, factor) if len(kinds) < 2 else None
     return SymbolicLinearization(
         place,
         values,
@@ -117,14 +122,14 @@ def linearized(mechanism: Mechanism, equations: SymbolicEquations) -> SymbolicLi
         polynomial,
         gradient,
         coupling,
-        (by_q, by_u, by_s),
+        by_state,
         commanded,
         commanded_rates,
         states=tuple(symbols),
         commands=tuple(commands),
         loads=loads,
         state_values=held,
-        rolling=rolling and polynomial is not None,
+        rolling=True in kinds and polynomial is not None,
     )
 
 
@@ -273,6 +278,15 @@ def _side(kink: Any, numbers: Mapping[Any, float]) -> Any | None:
     return None if abs(first - second) < NEAR else kink.args[order[0]]
 
 
+def _in_numbers(matrix: Any, values: Mapping[Any, float]) -> Any:
+    """The matrix with the values of symbols as fractions, and zero in the place of round-off."""
+    import sympy as sp
+
+    found = sp.expand(matrix.xreplace({symbol: sp.Float(value) for symbol, value in values.items()}))
+    floats = found.atoms(sp.Float)
+    return found.xreplace({one: sp.Rational(one) if abs(one) > ROUND_OFF else sp.S.Zero for one in floats})
+
+
 def _simple(matrix: Any) -> Any:
     import sympy as sp
 
@@ -303,4 +317,4 @@ def _polynomial(blocks: Sequence[Any], s: Any, gradient: Any, factor: Any) -> An
         matrix = sp.Matrix(sp.BlockMatrix([[matrix, -border.T], [factor * border, sp.zeros(gradient.rows)]]))
     determinant = sp.expand(matrix.det(method="berkowitz"))
     result = sp.collect(determinant, s, sp.factor)
-    return result if result.count_ops() <= MAX_OPERATIONS else None
+    return result if result.count_ops() <= MAX_POLYNOMIAL_OPERATIONS else None

@@ -9,7 +9,7 @@ import sympy as sp
 from mbd_sim.analysis.linearization import linearize
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.load import load_mechanism, parse_mechanism
-from mbd_sim.symbolic import linearized, symbolic_equations, to_latex
+from mbd_sim.symbolic import linearized, symbolic_equations, symbolic_linearization, to_latex
 
 NAMES = ("rod_pendulum", "double_rod", "cart_pendulum_spring", "rotating_frame_mass", "spun_tube_particle",
          "tube_particles", "snap_through", "van_der_pol", "follower_force", "triple_rod_torsion", "spherical_top")  # fmt: skip
@@ -52,6 +52,15 @@ def compare(mechanism, equations, found):
 @pytest.mark.parametrize("name", NAMES)
 def test_it_agrees_with_the_numerical_one(name):
     compare(*linearization_of(name))
+
+
+def test_numbers_take_the_place_of_an_equilibrium_without_formulas_in_long_entries(monkeypatch):
+    mechanism, equations, formulas = linearization_of("heavy_top")
+    monkeypatch.setattr(symbolic_linearization, "MAX_OPERATIONS", 10)
+    found = linearized(mechanism, equations)
+    assert formulas.values and not found.values
+    assert not {*formulas.values} & set.union(*(matrix.free_symbols for matrix in (found.stiffness, found.mass)))
+    compare(mechanism, equations, found)
 
 
 def test_the_tilted_equilibrium_in_a_spinning_tube():
