@@ -33,7 +33,7 @@ found = {}
 for name in sys.argv[1:]:
     mechanism = load_mechanism(name)
     live = LiveValues(mechanism, LIVE)
-    numbers = live.parameters
+    numbers = live.parameters.symbolic
     equations = derive(mechanism, tuple(mechanism.parts), numbers)
     functions = [equations.rates, equations.project, equations.energies, equations.multipliers]
     found[name] = digest(list(live.current.items()), numbers.base.tobytes(), numbers.columns.tobytes(),
