@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -76,7 +77,7 @@ class Sampling:
 
 
 @dataclass(frozen=True, eq=False)
-class Sensor:
+class Sensor(ABC):
     """What all sensors have in common; `errors` has an entry for each of the `quantities`."""
 
     name: str
@@ -84,9 +85,9 @@ class Sensor:
     errors: tuple[ErrorModel, ...]
 
     @property
+    @abstractmethod
     def quantities(self) -> tuple[Quantity, ...]:
         """What it measures, in order."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,22 +9,16 @@ import numpy as np
 from mbd_sim import simulation
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.simulation.readable_model import ReadableModel
 
 if TYPE_CHECKING:
-    from mbd_sim.dynamics.equations import Equations
     from mbd_sim.simulation.actuator_states import AnyActuatorState
 
 
-class ActuatedModel:
+class ActuatedModel(ReadableModel):
     """The part of a `Model` that concerns actuators."""
 
-    mechanism: Mechanism
     coordinate_names: tuple[str, ...]
-
-    @property
-    def equations(self) -> Equations:
-        """The equations of motion."""
-        raise NotImplementedError
 
     def hold_start(self, y: Array, inputs: Array, mechanism: Mechanism | None = None) -> None:
         """Set states and commands of actuators in place to those before the first command at the positions in y.
@@ -65,6 +59,3 @@ class ActuatedModel:
         assert self.equations.actuators is not None
         rows = self.equations.actuators.readings.size1_out(0)
         return self._read("actuators", time, y, np.empty((len(self.mechanism.actuators), rows)), inputs)
-
-    def _read(self, name: str, time: float, y: Array, out: Array, inputs: Array | None) -> Array:
-        raise NotImplementedError

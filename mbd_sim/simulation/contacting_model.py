@@ -8,32 +8,25 @@ import numpy as np
 
 from mbd_sim import dynamics, simulation
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.source import Location
+from mbd_sim.simulation.readable_model import ReadableModel
 from mbd_sim.simulation.state_records import Losses
 
 if TYPE_CHECKING:
     from mbd_sim.dynamics.compliant_contacts import CushionFunctions
-    from mbd_sim.dynamics.equations import Equations
     from mbd_sim.mechanism.contacts import Contact
     from mbd_sim.simulation.contact_records import ContactState
     from mbd_sim.simulation.contact_terms import ContactModel
 
 
-class ContactingModel:
+class ContactingModel(ReadableModel):
     """The part of a `Model` that concerns one-sided elements and compliant contacts.
 
     `contact` is None without one-sided elements. `loss_range` is that of `Losses` in a state with them.
     """
 
-    mechanism: Mechanism
     contact: ContactModel | None
     loss_range: slice
-
-    @property
-    def equations(self) -> Equations:
-        """The equations of motion."""
-        raise NotImplementedError
 
     def with_contact_forces(self, time: float, y: Array, inputs: Array) -> Array:
         """The inputs with the forces of contacts, which functions that read forces take from there."""
@@ -114,6 +107,3 @@ class ContactingModel:
             for state in self._compliant(time, y, inputs, self.contact_places(time, y, inputs)).values():
                 found += [(state.gap, state.rate, state.normal), *state.friction_entries]
         return found
-
-    def _read(self, name: str, time: float, y: Array, out: Array, inputs: Array | None) -> Array:
-        raise NotImplementedError
