@@ -21,7 +21,8 @@ from mbd_sim.mechanism.records import GROUND, Mechanism, Part, Shape
 from mbd_sim.mjcf.mjcf_document import Written, number, text
 from mbd_sim.sdf.frame_graph import WORLD
 from mbd_sim.sdf.written_joints import Placement, WrittenAxis, WrittenJoint, written_chain, written_closing
-from mbd_sim.urdf.urdf_writer import THICKNESS, mimics_of
+from mbd_sim.urdf.joint_motions import mimics_of
+from mbd_sim.urdf.urdf_writer import THICKNESS
 from mbd_sim.urdf.value_reader import unique_name
 
 Element = ElementTree.Element

@@ -15,7 +15,7 @@ from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import about
 from mbd_sim.mechanism.joint_types import JointType
 from mbd_sim.mechanism.records import Joint
-from mbd_sim.urdf.urdf_writer import Mimic, motions_of
+from mbd_sim.urdf.joint_motions import Mimic, motions_of
 
 NATIVE: Mapping[JointType, str] = {"fixed": "fixed", "spherical": "ball", "universal": "universal", "screw": "screw"}
 
