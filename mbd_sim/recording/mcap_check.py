@@ -20,8 +20,9 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from mbd_sim.recording.data_section import DataSection
 from mbd_sim.recording.definition_check import definition_problem
-from mbd_sim.recording.mcap_contents import DataSection, read_data_section, strictly_read
+from mbd_sim.recording.mcap_contents import read_data_section, strictly_read
 from mbd_sim.recording.mcap_scanner import (
     MAGIC,
     PARSE_ERRORS,

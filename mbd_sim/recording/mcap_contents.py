@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections import Counter
-from dataclasses import dataclass, field
 from typing import TypeVar
 
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
-    AttachmentIndex,
     Channel,
     Chunk,
-    ChunkIndex,
     DataEnd,
     Header,
     McapRecord,
@@ -24,6 +20,7 @@ from mcap.records import (
     Schema,
 )
 
+from mbd_sim.recording.data_section import DataSection, IndexedChunk
 from mbd_sim.recording.definition_check import repair_definitions
 from mbd_sim.recording.mcap_scanner import (
     MAGIC,
@@ -39,7 +36,7 @@ from mbd_sim.recording.mcap_scanner import (
     data_stream,
     scan_records,
 )
-from mbd_sim.recording.mcap_summary import Summary, attachment_index, chunk_index, encoded
+from mbd_sim.recording.mcap_summary import attachment_index, chunk_index, encoded
 from mbd_sim.recording.recorded_file import RUN_METADATA
 
 _SUMMARY_ONLY = {
@@ -47,73 +44,6 @@ _SUMMARY_ONLY = {
 }  # fmt: skip
 _FOOTER = struct.Struct("<QQI")  # start of the summary and of its offsets, checksum
 _Entries = dict[int, list[tuple[int, int]]]  # log time and offset of messages, by channel
-
-
-@dataclass
-class IndexedChunk:
-    """A chunk as its index should describe it, and the number of its messages by channel."""
-
-    index: ChunkIndex
-    counts: dict[int, int]
-
-
-@dataclass
-class DataSection:
-    """The undamaged records of a file; they end at byte `end`.
-
-    `index_problem` is damage that new indexes repair, `content_problem` damage that is confined to one record and
-    cannot be repaired, and `problem` says why the records end before the end of the data section. All are "" if absent.
-    """
-
-    end: int = len(MAGIC)
-    definitions: Definitions = field(default_factory=Definitions)
-    chunks: list[IndexedChunk] = field(default_factory=list)
-    attachments: list[AttachmentIndex] = field(default_factory=list)
-    metadata: list[MetadataIndex] = field(default_factory=list)
-    unchunked: Counter[int] = field(default_factory=Counter)  # number of messages outside of chunks, by channel
-    times: list[int] = field(default_factory=list)  # of the first and the last message outside of chunks
-    index_problem: str = ""
-    content_problem: str = ""
-    problem: str = ""
-    has_header: bool = False
-    crc_agrees: bool = True
-
-    @property
-    def counts(self) -> dict[int, int]:
-        """The number of messages by channel."""
-        total = Counter(self.unchunked)
-        for chunk in self.chunks:
-            total.update(chunk.counts)
-        return dict(total)
-
-    def counts_by_topic(self) -> dict[str, int]:
-        """Return the number of messages by topic."""
-        counts, found = self.counts, Counter[str]()
-        for number, channel in self.definitions.channels.items():
-            found[channel.topic] += counts.get(number, 0)
-        return dict(found)
-
-    def drop_last_chunk(self) -> None:
-        """End before the last chunk."""
-        self.end = self.chunks.pop().index.chunk_start_offset
-
-    def summary(self) -> Summary:
-        """Return the summary of a file that ends here."""
-        indexes = [chunk.index for chunk in self.chunks]
-        filled = [chunk.index for chunk in self.chunks if chunk.counts]
-        starts = [*self.times[:1], *(index.message_start_time for index in filled)]
-        ends = [*self.times[1:], *(index.message_end_time for index in filled)]
-        return Summary(
-            schemas=list(self.definitions.schemas.values()),
-            channels=list(self.definitions.channels.values()),
-            attachments=self.attachments,
-            metadata=self.metadata,
-            chunks=b"".join(encoded(index) for index in indexes),
-            chunk_count=len(indexes),
-            counts=self.counts,
-            first_ns=min(starts, default=0),
-            last_ns=max(ends, default=0),
-        )
 
 
 def read_data_section(data: ByteSource) -> DataSection:

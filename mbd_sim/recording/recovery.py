@@ -14,9 +14,10 @@ from typing import IO
 from mcap.opcode import Opcode
 from mcap.records import Chunk, Header, MessageIndex
 
+from mbd_sim.recording.data_section import DataSection
 from mbd_sim.recording.definition_check import definition_problem
 from mbd_sim.recording.mcap_check import summary_problem
-from mbd_sim.recording.mcap_contents import DataSection, chunk_records, read_data_section
+from mbd_sim.recording.mcap_contents import chunk_records, read_data_section
 from mbd_sim.recording.mcap_scanner import (
     MAGIC,
     MESSAGE_HEADER,
