@@ -16,7 +16,6 @@ from mbd_sim.mechanism_file.quantity import (
     PositiveForce,
     PositiveTorque,
     Quantity,
-    Restitution,
     TorsionDamping,
     TorsionStiffness,
     Velocity,
@@ -30,13 +29,7 @@ from mbd_sim.mechanism_file.schema.base_schema import (
     TorsionStiffness3,
     Vector,
 )
-from mbd_sim.mechanism_file.schema.drive_schema import (
-    NOT_COMMANDED,
-    AngleDrive,
-    AngleOfTime,
-    LengthDrive,
-    LengthOfTime,
-)
+from mbd_sim.mechanism_file.schema.drive_schema import NOT_COMMANDED, AngleDrive, AngleOfTime, LengthDrive, LengthOfTime
 from mbd_sim.mechanism_file.schema.law_schema import (
     ForceCurveSpec,
     LinearFrictionSpec,
@@ -47,55 +40,12 @@ from mbd_sim.mechanism_file.schema.law_schema import (
     TorsionFrictionSpec,
     TorsionPowerSpec,
 )
+from mbd_sim.mechanism_file.schema.limits_schema import AngleLimitsSpec, LengthLimitsSpec
 
 Stiffness6 = tuple[
     LinearStiffness, LinearStiffness, LinearStiffness, TorsionStiffness, TorsionStiffness, TorsionStiffness
 ]
 Damping6 = tuple[LinearDamping, LinearDamping, LinearDamping, TorsionDamping, TorsionDamping, TorsionDamping]
-
-
-class LimitsSpec(Spec):
-    """What both kinds of limits have in common."""
-
-    @model_validator(mode="after")
-    def _ordered(self) -> LimitsSpec:
-        lower, upper = getattr(self, "lower"), getattr(self, "upper")  # noqa: B009  (of the subclasses)
-        if lower >= upper:
-            remedy = "Swap them." if lower > upper else "Give a larger upper limit, or a 'fixed' joint."
-            raise InputError(f"lower {lower:g} is not below upper {upper:g}", remedy)
-        if getattr(self, "damping") and not getattr(self, "stiffness"):  # noqa: B009
-            raise InputError("damping of stops has no effect without stiffness", "Add 'stiffness'.")
-        if getattr(self, "restitution") is not None and getattr(self, "stiffness") is not None:  # noqa: B009
-            raise InputError(
-                "has stiffness and restitution", "Elastic stops have 'stiffness', rigid ones 'restitution': remove one."
-            )
-        return self
-
-
-class AngleLimitsSpec(LimitsSpec):
-    """The range of an angle. With `stiffness` and `damping` its ends are elastic stops.
-
-    With a coefficient of `restitution` they are rigid stops.
-    """
-
-    lower: Angle
-    upper: Angle
-    stiffness: TorsionStiffness | None = None
-    damping: Annotated[float, Quantity("s/rad", at_least=0)] = 0.0
-    restitution: Restitution | None = None
-
-
-class LengthLimitsSpec(LimitsSpec):
-    """The range of a displacement. With `stiffness` and `damping` its ends are elastic stops.
-
-    With a coefficient of `restitution` they are rigid stops.
-    """
-
-    lower: Length
-    upper: Length
-    stiffness: LinearStiffness | None = None
-    damping: Annotated[float, Quantity("s/m", at_least=0)] = 0.0
-    restitution: Restitution | None = None
 
 
 class JointSpec(Spec):
