@@ -15,8 +15,9 @@ import numpy as np
 from mbd_sim.contact.problem import NoSolutionError
 from mbd_sim.errors import DivergedError
 from mbd_sim.geometry.pose import Array
+from mbd_sim.simulation.contact_candidates import RESTING, Forced
 from mbd_sim.simulation.contact_impact import Impact, impact, tangential_impact
-from mbd_sim.simulation.contact_modes import RESTING, Forced, ModeFinder
+from mbd_sim.simulation.contact_modes import ModeFinder
 from mbd_sim.simulation.contact_records import ContactChange, ContactEvent, ContactObserver
 from mbd_sim.simulation.contact_search import EventSearch
 from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, Mask

@@ -5,39 +5,12 @@ Without a jump of speeds, forces are sought that keep the accelerations of all t
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-
 import numpy as np
 
-from mbd_sim.contact.elimination import independent
-from mbd_sim.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
+from mbd_sim.contact.problem import NoSolutionError
 from mbd_sim.geometry.pose import Array
-from mbd_sim.simulation.contact_search import STOPPED
-from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, ContactTerms, Mask
-
-RESTING = 1e-10  # m/s, up to which a speed counts as zero
-YIELDING = 1.0 - 1e-7  # of its limit, that friction bears which has just reached it
-UNMOVED = 1e-9  # acceleration, relative to those without contact forces, that counts as zero
-RESERVES = (0.5, 0.75, 0.9, *(1.0 - 3.0**-k for k in range(3, 15)))  # of limits, tried where friction is shared
-NEAR = 0.95  # of its limit, beyond which shared friction is distributed in another way if possible
-SHARED = 1.0 - 2e-11  # of its limit, that friction bears at most which depends on other sticking friction
-LATE = 0.9  # of all limits, beyond which dependent friction bears as much as it can
-ATTEMPTS, LOAD_ITERATIONS = 20, 200
-
-
-@dataclass(frozen=True)
-class Forced:
-    """What an event has decided: gaps that `open`, and friction elements that begin to slide.
-
-    `yielding` elements have reached their limit; they slide in the direction in which their forces and accelerations
-    agree. Those in `slides` bear their limit in a given direction.
-    """
-
-    open: frozenset[int] = frozenset()
-    yielding: frozenset[int] = frozenset()
-    slides: Mapping[int, tuple[float, ...]] = field(default_factory=dict)
+from mbd_sim.simulation.contact_candidates import ATTEMPTS, NOTHING_FORCED, RESTING, Candidates, Forced, euclidean_norm
+from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, Mask
 
 
 class ModeFinder:
@@ -52,7 +25,7 @@ class ModeFinder:
         limit = np.where(clutches, RESTING, self._touching)
         return np.asarray(readings.gaps <= limit, dtype=bool)
 
-    def find(self, time: float, y: Array, inputs: Array, forced: Forced = Forced()) -> Array:
+    def find(self, time: float, y: Array, inputs: Array, forced: Forced = NOTHING_FORCED) -> Array:
         """The modes (see `ContactLayout.modes`) at a state without approaching contacts.
 
         :raises NoSolutionError: no forces are admissible.
@@ -60,7 +33,7 @@ class ModeFinder:
         inputs = inputs.copy()
         for _ in range(ATTEMPTS):
             readings, terms = self._model.readings(time, y, inputs), self._model.terms(time, y, inputs)
-            state = _Candidates(self._model, readings, terms, self.is_touching(readings), forced)
+            state = Candidates(self._model, readings, terms, self.is_touching(readings), forced)
             modes, wrong = state.solved(self._model.modes(inputs))
             if wrong is not None:
                 forced = wrong
@@ -73,7 +46,7 @@ class ModeFinder:
             forced = Forced(forced.open, forced.yielding, {**forced.slides, **overloaded})
         raise NoSolutionError("the contacts keep changing their states")
 
-    def _at_limits(self, time: float, y: Array, inputs: Array, state: _Candidates, modes: Array) -> Array:
+    def _at_limits(self, time: float, y: Array, inputs: Array, state: Candidates, modes: Array) -> Array:
         """The modes with all dependent friction at its limits, if the other friction at rest is then within its own.
 
         So contacts that share a load slip when it reaches the sum of their limits, and not earlier.
@@ -98,208 +71,5 @@ class ModeFinder:
             guard = found.guards[model.layout.gaps + index]
             if index not in sliding and guard < -1e-9 * scale:
                 force = found.forces[list(rows)]
-                overloaded[index] = tuple((-force / _length(force)).tolist())
+                overloaded[index] = tuple((-force / euclidean_norm(force)).tolist())
         return overloaded
-
-
-class _Candidates:
-    """The contacts that can be closed, and the problem for their forces."""
-
-    def __init__(
-        self, model: ContactModel, readings: ContactReadings, terms: ContactTerms, touching: Mask, forced: Forced
-    ) -> None:
-        self._model, self._readings, self._terms, self._forced = model, readings, terms, forced
-        gaps = model.layout.gaps
-        resting = readings.rates[:gaps] <= RESTING
-        self._touching = [index for index in range(gaps) if touching[index] and resting[index]]
-        self._closable = [index for index in self._touching if index not in forced.open]
-        self._loads = {index: terms.load(index, readings.forces) for index in model.loaded}
-        self._direction: dict[int, Array] = {}
-        self._share = 1.0  # of the limits of friction at rest
-        self._is_late = False  # whether friction that is shared is near its limits in any case
-        self._sticking: list[int] = []
-        for index, (rows, gap) in enumerate(model.frictions):
-            if gap is not None and gap not in self._closable:
-                continue
-            slip = readings.rates[list(rows)]
-            if index in forced.slides:
-                self._direction[index] = np.array(forced.slides[index])
-            elif (speed := _length(slip)) > (RESTING if len(rows) == 1 else STOPPED):
-                self._direction[index] = slip / speed
-            elif terms.sizes[index, 1] > 0.0:
-                self._sticking.append(index)
-
-    def solved(self, before: Array) -> tuple[Array, Forced | None]:
-        """The modes, or what of the forced decisions must be withdrawn.
-
-        :param before: the modes until now, of which the signs of loads may stay.
-
-        :raises NoSolutionError: see `ModeFinder.find`.
-        """
-        for _ in range(ATTEMPTS):
-            forces, rates = self._forces_and_loads()
-            slipping = self._slipping(forces, rates)
-            if not slipping:
-                forces, rates = self._with_reserve(forces, rates)
-                break
-            for index, direction in slipping.items():
-                self._direction[index] = direction
-                self._sticking.remove(index)
-        size = self._unmoved
-        for gap in sorted(self._forced.open & set(self._touching)):
-            if rates[gap] < -size:
-                return np.zeros(0), replace(self._forced, open=self._forced.open - {gap})
-        for index, given in self._forced.slides.items():
-            own = rates[list(self._model.frictions[index][0])]
-            at_rest = _length(self._readings.rates[list(self._model.frictions[index][0])]) <= RESTING
-            if index in self._direction and at_rest and sum((own * given).tolist()) < -size:
-                rest = {other: kept for other, kept in self._forced.slides.items() if other != index}
-                return np.zeros(0), replace(self._forced, slides=rest)
-        return self._modes(forces, rates, size, before), None
-
-    @property
-    def _unmoved(self) -> float:
-        """The acceleration that counts as zero."""
-        return UNMOVED * (1.0 + float(np.max(np.abs(self._terms.free), initial=0.0)))
-
-    def _forces_and_loads(self) -> tuple[Array, Array]:
-        """The same as `_forces`, with the loads of joints that follow from these forces."""
-        for _ in range(LOAD_ITERATIONS):
-            forces, rates = self._forces()
-            loads = {index: self._terms.load(index, forces) for index in self._loads}
-            change = max((abs(loads[index] - load) for index, load in self._loads.items()), default=0.0)
-            self._loads = loads
-            if change <= 1e-14 * max(loads.values(), default=0.0):
-                return forces, rates
-        raise NoSolutionError("friction and the loads on which it depends do not balance")
-
-    def _forces(self) -> tuple[Array, Array]:
-        """λ (rows,) of all rows, and the accelerations (rows,) with them."""
-        model, terms = self._model, self._terms
-        n = model.layout.rows
-        matrix, free = terms.matrix.copy(), terms.free.copy()
-        unit = np.eye(n)  # the forces of all rows by a unit force of each normal row
-        constant = np.zeros(n)
-        for index, direction in self._direction.items():
-            rows, gap = model.frictions[index]
-            size = terms.sizes[index, 0] * self._loads.get(index, 1.0)
-            for row, part in zip(rows, direction.tolist(), strict=True):
-                if gap is None:
-                    constant[row] -= size * part
-                    free += matrix[:, row] * (-size * part)
-                else:
-                    unit[row, gap] -= size * part
-        for index, direction in self._direction.items():
-            rows, gap = model.frictions[index]
-            if gap is not None:
-                for row, part in zip(rows, direction.tolist(), strict=True):
-                    matrix[:, gap] -= terms.matrix[:, row] * (terms.sizes[index, 0] * part)
-        chosen = [*self._closable, *(row for index in self._sticking for row in model.frictions[index][0])]
-        place = {row: position for position, row in enumerate(chosen)}
-        limits = [
-            FrictionLimit(tuple(place[row] for row in rows), None if gap is None else place[gap], self._static(index))
-            for index in self._sticking
-            for rows, gap in [model.frictions[index]]
-        ]
-        normals = [place[gap] for gap in self._closable]
-        solution = contact_forces(ContactProblem(matrix[chosen][:, chosen], free[chosen], normals, limits))
-        forces, rates = constant, free.copy()
-        for row, value in zip(chosen, solution.tolist(), strict=True):
-            forces += unit[:, row] * value
-            rates += matrix[:, row] * value
-        return forces, rates
-
-    def _with_reserve(self, forces: Array, rates: Array) -> tuple[Array, Array]:
-        """Other forces with the same accelerations, with which friction that is shared is further from its limits."""
-        if len(self._sticking) < 2 or not any(self._use(index, forces) > NEAR for index in self._sticking):
-            return forces, rates
-        rows = [row for index in self._sticking for row in self._model.frictions[index][0]]
-        rows += [gap for gap in self._closable if forces[gap] > 0.0]
-        if len(independent(self._terms.matrix, rows)) == len(rows):
-            return forces, rates
-        for share in RESERVES:
-            self._share = share
-            try:
-                found, others = self._forces_and_loads()
-            except NoSolutionError:
-                continue
-            finally:
-                self._share = 1.0
-            if np.max(np.abs(others - rates)) <= self._unmoved:
-                self._is_late = share > LATE
-                return found, others
-        self._is_late = True
-        return forces, rates
-
-    def _use(self, index: int, forces: Array) -> float:
-        """The fraction of its limit that sticking friction bears."""
-        rows, gap = self._model.frictions[index]
-        limit = self._static(index) * (1.0 if gap is None else float(forces[gap]))
-        return _length(forces[list(rows)]) / limit if limit > 0.0 else 0.0
-
-    def _static(self, index: int) -> float:
-        """The limit of an element's friction at rest, for a unit force of its gap if it has one."""
-        limit = float(self._terms.sizes[index, 1] * self._loads.get(index, 1.0)) * self._share
-        return limit * YIELDING if index in self._forced.yielding else limit
-
-    def _slipping(self, forces: Array, rates: Array) -> dict[int, Array]:
-        """Sticking elements that begin to slide, with the direction of that; friction is then at its limit."""
-        found, unmoved = {}, self._unmoved
-        for index in self._sticking:
-            rows, gap = self._model.frictions[index]
-            load = 1.0 if gap is None else forces[gap]
-            force, limit = forces[list(rows)], self._static(index) * load
-            size, acceleration = _length(force), rates[list(rows)]
-            if size >= limit * (1.0 - 1e-9) and (change := _length(acceleration)) > unmoved:
-                found[index] = -force / size if size > 0.0 else acceleration / change
-        return found
-
-    def _modes(self, forces: Array, rates: Array, size: float, before: Array) -> Array:
-        model, layout = self._model, self._model.layout
-        modes = np.zeros(layout.modes.stop)
-        modes[layout.signs] = before[layout.signs]
-        closed = [gap for gap in self._closable if forces[gap] > 0.0 or abs(rates[gap]) <= size]
-        modes[closed] = 1.0
-        active = sorted(closed, key=lambda gap: (-forces[gap], gap))
-        sticking = [index for index in self._sticking if model.frictions[index][1] in (None, *closed)]
-        sticking.sort(key=lambda index: (-_length(forces[list(model.frictions[index][0])]), index))
-        active += [row for index in sticking for row in model.frictions[index][0]]
-        chosen = independent(self._terms.matrix, active)
-        for row in chosen:
-            modes[layout.active.start + row] = 1.0
-        first = layout.direction.start - layout.gaps
-        for index in sticking:
-            rows, gap = model.frictions[index]
-            limit = self._terms.sizes[index, 1] * (1.0 if gap is None else forces[gap])
-            if index in self._loads or limit <= 0.0 or all(row in chosen for row in rows):
-                continue
-            share = [0.0 if row in chosen else -float(forces[row]) / limit for row in rows]
-            size = _length(share)
-            for row, part in zip(rows, share, strict=True):
-                modes[first + row] = part * min(1.0, SHARED / size) if size else 0.0
-        for index, direction in self._direction.items():
-            rows, gap = model.frictions[index]
-            if index in self._loads:
-                modes[layout.active.start + rows[0]] = 1.0
-            if gap is None or gap in closed:
-                for row, part in zip(rows, direction.tolist(), strict=True):
-                    modes[first + row] = part
-        model.set_signs(self._terms, forces, modes)
-        return modes
-
-    def at_limits(self, modes: Array) -> Array | None:
-        """Modes in which elements that depend on others bear all that they can; None if that is not necessary."""
-        if not self._is_late:
-            return None
-        model, layout, loaded = self._model, self._model.layout, modes.copy()
-        for index in self._sticking:
-            rows = model.frictions[index][0]
-            places = [layout.direction.start - layout.gaps + row for row in rows]
-            size = _length(modes[places])
-            if size > 0.0 and not any(modes[layout.active.start + row] for row in rows):
-                loaded[places] = modes[places] * (SHARED / size)
-        return loaded
-
-
-def _length(vector: Sequence[float] | Array) -> float:
-    return math.sqrt(sum(float(value) * float(value) for value in vector))

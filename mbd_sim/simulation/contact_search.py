@@ -11,8 +11,9 @@ import numpy as np
 from mbd_sim.compiler.guarded_stepping import AT_REST, STIFF, TURNING
 from mbd_sim.contact.elimination import solve
 from mbd_sim.geometry.pose import Array
-from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, address
+from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings
 from mbd_sim.simulation.event_location import first_zero
+from mbd_sim.simulation.trial_motion import TrialMotion
 
 STOPPED = 1e-8  # m/s, up to which slip along two directions counts as zero: it turns ever faster as it stops
 STOPPING = 4.0  # of such a slip velocity, by which it may change within a step
@@ -66,48 +67,48 @@ class EventSearch:
         sliding = [index for index in self._model.sliding(self._model.modes(inputs)) if index in self._place]
         if sliding:
             self._turn(self._model.readings(t, y, inputs), inputs, sliding)
-        way = _Way(self._model, y, inputs, t)
-        before = way.readings(0.0)
-        turning = self._turning(way, before, sliding, length)
+        motion = TrialMotion(self._model, y, inputs, t)
+        before = motion.readings(0.0)
+        turning = self._turning(motion, before, sliding, length)
         straight = self._straight(y, inputs, t, length, turning)
-        steady, longest = self._steady(way, before, turning, length) if straight is None else ([], length)
+        steady, longest = self._steady(motion, before, turning, length) if straight is None else ([], length)
         if straight is not None:
-            way = straight
+            motion = straight
         elif steady:
             length = longest
-            way = self._along_fixed(y, inputs, t, length, steady)
+            motion = self._along_fixed(y, inputs, t, length, steady)
         elif turning:
-            length = self._resolved_length(way, before, inputs, sliding, min(length, first_length), t)
-        start, before, after = before, way.readings(0.0), way.readings(length)
+            length = self._resolved_length(motion, before, inputs, sliding, min(length, first_length), t)
+        start, before, after = before, motion.readings(0.0), motion.readings(length)
         if not np.all(np.isfinite(after.guards)):
             raise FloatingPointError
         first, stopped = None, frozenset[int]()
         for index in sliding:  # the motion beyond a stop means nothing
-            if (stop := self._stop(way, index, before, length)) is not None:
+            if (stop := self._stop(motion, index, before, length)) is not None:
                 first, stopped, length = stop, frozenset({index}), stop
-        after = way.readings(length)
+        after = motion.readings(length)
         left_out = ignored | {self._model.layout.gaps + index for index in sliding}
         for index in np.flatnonzero(after.guards < -self._tolerance).tolist():
             if index not in left_out:
-                first = self._earlier(way, _guard(index), first, length)
+                first = self._earlier(motion, _guard(index), first, length)
                 if first == 0.0 and steady and start.guards[index] > self._tolerance:
                     # only with the directions at the end: of a shorter part these are nearer to those at the start
                     return self.stage(y, inputs, t, SHORTENING * length, first_length, ignored)
         for index in self._may_graze(before, after, inputs):
-            first = self._grazing(way, index, first, length)
+            first = self._grazing(motion, index, first, length)
         if first is None:
-            return Stage(length, way.state(length), False, creeps=self._creeps(after, sliding))
-        return Stage(first, way.state(first), True, stopped if first == length else frozenset())
+            return Stage(length, motion.state(length), False, creeps=self._creeps(after, sliding))
+        return Stage(first, motion.state(first), True, stopped if first == length else frozenset())
 
     def _earlier(
-        self, way: _Way, value: Callable[[ContactReadings], float], first: float | None, length: float
+        self, motion: TrialMotion, value: Callable[[ContactReadings], float], first: float | None, length: float
     ) -> float | None:
         """The zero of a value that is negative at the end, if it is earlier than the `first` until now."""
         end = length if first is None else first
-        if end == 0.0 or value(way.readings(end)) >= -self._tolerance:
+        if end == 0.0 or value(motion.readings(end)) >= -self._tolerance:
             return first
-        start, last = value(way.readings(0.0)), value(way.readings(end))
-        return first_zero(lambda s: value(way.readings(s)), end, start, last, self._tolerance)
+        start, last = value(motion.readings(0.0)), value(motion.readings(end))
+        return first_zero(lambda s: value(motion.readings(s)), end, start, last, self._tolerance)
 
     def _may_graze(self, before: ContactReadings, after: ContactReadings, inputs: Array) -> list[int]:
         gaps = self._model.layout.gaps
@@ -115,21 +116,21 @@ class EventSearch:
         turns = (before.rates[:gaps] < 0.0) & (after.rates[:gaps] > 0.0) & (before.gaps > self._tolerance)
         return np.flatnonzero(turns & ~closed & ~self._model.clutches & (after.gaps >= -self._tolerance)).tolist()
 
-    def _grazing(self, way: _Way, index: int, first: float | None, length: float) -> float | None:
+    def _grazing(self, motion: TrialMotion, index: int, first: float | None, length: float) -> float | None:
         """Where a gap that turns within the step becomes zero before that, if that is the first event."""
 
         def rate(s: float) -> float:
-            return -float(way.readings(s).rates[index])
+            return -float(motion.readings(s).rates[index])
 
         lowest = first_zero(rate, length, rate(0.0), rate(length), 0.0)
         if first is not None and first <= lowest:
-            return first if first == 0.0 else self._earlier(way, lambda at: float(at.gaps[index]), first, length)
-        found = self._earlier(way, lambda at: float(at.gaps[index]), lowest, length)
+            return first if first == 0.0 else self._earlier(motion, lambda at: float(at.gaps[index]), first, length)
+        found = self._earlier(motion, lambda at: float(at.gaps[index]), lowest, length)
         return found if found != lowest else first
 
-    def _turning(self, way: _Way, before: ContactReadings, sliding: list[int], length: float) -> list[int]:
+    def _turning(self, motion: TrialMotion, before: ContactReadings, sliding: list[int], length: float) -> list[int]:
         """The elements whose slip changes, or could turn, by much within a length; also those that begin to slide."""
-        found, after = [], way.readings(length)
+        found, after = [], motion.readings(length)
         for index in sliding:
             slip, then, place = self._slip(before, index), self._slip(after, index), self._place[index]
             change, speed = math.hypot(then[0] - slip[0], then[1] - slip[1]), _speed(slip)
@@ -138,29 +139,34 @@ class EventSearch:
                 found.append(index)
         return found
 
-    def _straight(self, y: Array, inputs: Array, t: float, length: float, turning: list[int]) -> _Way | None:
+    def _straight(self, y: Array, inputs: Array, t: float, length: float, turning: list[int]) -> TrialMotion | None:
         """The motion with constant directions of friction, if the slips keep these directions."""
         if not turning:
             return None
         directions = [self._direction(index, inputs) for index in turning]
-        way = self._fixed(y, inputs, t, turning, directions)
+        motion = self._fixed(y, inputs, t, turning, directions)
         for index, direction in zip(turning, directions, strict=True):
             if not _is_straight(
-                direction, self._slip(way.readings(0.0), index), self._slip(way.readings(length), index)
+                direction, self._slip(motion.readings(0.0), index), self._slip(motion.readings(length), index)
             ):
                 return None
-        return way
+        return motion
 
     def _resolved_length(
-        self, way: _Way, before: ContactReadings, inputs: Array, sliding: list[int], length: float, t: float
+        self, motion: TrialMotion, before: ContactReadings, inputs: Array, sliding: list[int], length: float, t: float
     ) -> float:
         """The length of a part of a step in which no slip turns much."""
         shortest = SHORTEST * max(1.0, abs(t))
-        while (shorter := self._resolved(before, way.readings(length), sliding, length)) < length and length > shortest:
+        while length > shortest:
+            shorter = self._resolved(before, motion.readings(length), sliding, length)
+            if shorter >= length:
+                break
             length = max(shorter, shortest)
         return length
 
-    def _steady(self, way: _Way, before: ContactReadings, turning: list[int], length: float) -> tuple[list[int], float]:
+    def _steady(
+        self, motion: TrialMotion, before: ContactReadings, turning: list[int], length: float
+    ) -> tuple[list[int], float]:
         """The elements whose friction turns their slip much faster than it changes, and how long it does."""
         moving = [index for index in turning if _speed(self._slip(before, index)) > AT_REST]
         rates = {index: float(before.turning[self._place[index]]) / STIFF for index in moving}
@@ -168,7 +174,7 @@ class EventSearch:
         if length * fastest <= STEADY:
             return [], length
         brief = BRIEF / fastest
-        soon = way.readings(brief)
+        soon = motion.readings(brief)
         for index in moving:
             slip, then = self._slip(before, index), self._slip(soon, index)
             change = math.hypot(then[0] - slip[0], then[1] - slip[1]) / brief
@@ -176,7 +182,9 @@ class EventSearch:
                 length = min(length, SHORTER * TURNING * _speed(slip) / change)
         return [index for index in moving if length * rates[index] > 1.0] if length * fastest > STEADY else [], length
 
-    def _fixed(self, y: Array, inputs: Array, t: float, elements: list[int], directions: list[list[float]]) -> _Way:
+    def _fixed(
+        self, y: Array, inputs: Array, t: float, elements: list[int], directions: list[list[float]]
+    ) -> TrialMotion:
         """The motion with these constant directions of friction."""
         given = inputs.copy()
         layout, modes = self._model.layout, self._model.modes(given)
@@ -184,23 +192,23 @@ class EventSearch:
         for index, direction in zip(elements, directions, strict=True):
             for row, part in zip(self._model.frictions[index][0], direction, strict=True):
                 modes[first + row] = FIXED * part
-        return _Way(self._model, y, given, t)
+        return TrialMotion(self._model, y, given, t)
 
-    def _along_fixed(self, y: Array, inputs: Array, t: float, length: float, elements: list[int]) -> _Way:
+    def _along_fixed(self, y: Array, inputs: Array, t: float, length: float, elements: list[int]) -> TrialMotion:
         """The motion with constant directions of friction, which are those that the slips have at the end.
 
         That is stable however fast friction turns the slips; these are then so slow that it is accurate as well.
         """
         angles = np.array([math.atan2(*reversed(self._direction(index, inputs))) for index in elements])
 
-        def across(trial: Array) -> tuple[Array, _Way]:
+        def across(trial: Array) -> tuple[Array, TrialMotion]:
             directions = [[math.cos(angle), math.sin(angle)] for angle in trial.tolist()]
-            way = self._fixed(y, inputs, t, elements, directions)
-            slips = [self._slip(way.readings(length), index) for index in elements]
+            motion = self._fixed(y, inputs, t, elements, directions)
+            slips = [self._slip(motion.readings(length), index) for index in elements]
             pairs = zip(slips, directions, strict=True)
-            return np.array([slip[1] * along[0] - slip[0] * along[1] for slip, along in pairs]), way
+            return np.array([slip[1] * along[0] - slip[0] * along[1] for slip, along in pairs]), motion
 
-        found, way = across(angles)
+        found, motion = across(angles)
         for _ in range(NEWTON_STEPS):
             jacobian = np.empty((len(elements), len(elements)))
             for column in range(len(elements)):
@@ -208,10 +216,10 @@ class EventSearch:
                 moved[column] += ANGLE
                 jacobian[:, column] = (across(moved)[0] - found) / ANGLE
             angles = angles - solve(jacobian, found)
-            last, (found, way) = found, across(angles)
+            last, (found, motion) = found, across(angles)
             if not np.max(np.abs(found)) < 0.5 * np.max(np.abs(last)):
                 break
-        return way
+        return motion
 
     def _slip(self, readings: ContactReadings, index: int) -> list[float]:
         rows = self._model.frictions[index][0]
@@ -254,7 +262,7 @@ class EventSearch:
                 share = min(share, max(SHORTER / excess, SHORTENING))
         return share * length
 
-    def _stop(self, way: _Way, index: int, before: ContactReadings, length: float) -> float | None:
+    def _stop(self, motion: TrialMotion, index: int, before: ContactReadings, length: float) -> float | None:
         """Where a slip along two directions stops, or None."""
         rows = list(self._model.frictions[index][0])
         was = before.rates[rows].tolist()
@@ -267,37 +275,9 @@ class EventSearch:
             slip = at.rates[rows].tolist()
             return float(along[0] * slip[0] + along[1] * slip[1])
 
-        if length == 0.0 or (last := forward(way.readings(length))) >= 0.0:
+        if length == 0.0 or (last := forward(motion.readings(length))) >= 0.0:
             return None
-        return first_zero(lambda s: forward(way.readings(s)), length, speed, last, 0.0)
-
-
-class _Way:
-    """The motion from one state on, with all that was computed of it."""
-
-    def __init__(self, model: ContactModel, y: Array, inputs: Array, t: float) -> None:
-        self._model, self._y, self._inputs, self._t = model, y, inputs, t
-        self._states: dict[float, Array] = {0.0: y.copy()}
-        self._readings: dict[float, ContactReadings] = {}
-
-    def state(self, length: float) -> Array:
-        """The state after a length in s."""
-        found = self._states.get(length)
-        if found is None:
-            found = self._y.copy()
-            self._model.kernel.part_step(address(found), address(self._inputs), self._t, length)
-            if not np.isfinite(found).all():
-                raise FloatingPointError
-            self._states[length] = found
-        return found
-
-    def readings(self, length: float) -> ContactReadings:
-        """The readings after a length in s."""
-        found = self._readings.get(length)
-        if found is None:
-            found = self._model.readings(self._t + length, self.state(length), self._inputs)
-            self._readings[length] = found
-        return found
+        return first_zero(lambda s: forward(motion.readings(s)), length, speed, last, 0.0)
 
 
 def _guard(index: int) -> Callable[[ContactReadings], float]:
