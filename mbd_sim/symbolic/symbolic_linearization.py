@@ -19,18 +19,14 @@ from mbd_sim.mechanism.joint_types import JOINT_KINDS
 from mbd_sim.mechanism.one_sided import has_one_sided
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.symbolic.actuated_equilibrium import equilibrium_with_states, states_at_rest
+from mbd_sim.symbolic.characteristic_polynomial import characteristic_polynomial
 from mbd_sim.symbolic.equation_limits import MAX_OPERATIONS
 from mbd_sim.symbolic.equilibrium_formulas import NEAR, constrained_equilibrium, free_equilibrium
 from mbd_sim.symbolic.short_numbers import shortest_numbers
 from mbd_sim.symbolic.symbolic_coordinates import Coordinate
 from mbd_sim.symbolic.symbolic_equations import SymbolicEquations
 
-MAX_POLYNOMIAL = 3  # speeds up to which the characteristic polynomial is expanded
-MAX_STATES = 2  # of actuators up to which it is
-MAX_ROWS = 2  # constraints up to which it is
-MAX_POLYNOMIAL_OPERATIONS = 250
 ROUND_OFF = 1e-13  # of values at an equilibrium in SI units
-MAX_ENTRIES = 250  # operations of the matrices from which it is expanded; with 400 this takes half a minute
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +107,7 @@ def linearized(mechanism: Mechanism, equations: SymbolicEquations) -> SymbolicLi
     mass, gradient, damping, stiffness, coupling, by_q, by_u, by_s, commanded, commanded_rates = map(_simple, matrices)
     s, kinds, by_state = sp.Symbol("s"), {row.position is None for row in equations.rows}, (by_q, by_u, by_s)
     blocks, factor = (mass, damping, stiffness, coupling, *by_state), s if True in kinds else sp.S.One
-    polynomial = _polynomial(blocks, s, gradient, factor) if len(kinds) < 2 else None
+    polynomial = characteristic_polynomial(blocks, s, gradient, factor) if len(kinds) < 2 else None
     return SymbolicLinearization(
         place,
         values,
@@ -295,26 +291,3 @@ def _simple(matrix: Any) -> Any:
         return shortest_numbers([sp.factor_terms(expanded), expanded])
 
     return matrix.applyfunc(short)
-
-
-def _polynomial(blocks: Sequence[Any], s: Any, gradient: Any, factor: Any) -> Any | None:
-    """The determinant of the linearized equations in s, bordered by -Gᵀ and by G times a factor, by powers of s.
-
-    :param blocks: M, C, K, E, A, B and S, see `SymbolicLinearization`.
-    """
-    import sympy as sp
-
-    mass, damping, stiffness, coupling, by_q, by_u, by_s = blocks
-    own = mass * s**2 + damping * s + stiffness
-    right, below, corner = coupling, -by_q - by_u * s, s * sp.eye(by_s.rows) - by_s
-    if sum(int(entry.count_ops()) for matrix in (*blocks, gradient) for entry in matrix) > MAX_ENTRIES:
-        return None
-    if own.rows > MAX_POLYNOMIAL or gradient.rows > MAX_ROWS or corner.rows > MAX_STATES:
-        return None
-    matrix = sp.Matrix(sp.BlockMatrix([[own, right], [below, corner]])) if corner.rows else own
-    if gradient.rows:
-        border = gradient.row_join(sp.zeros(gradient.rows, corner.rows))
-        matrix = sp.Matrix(sp.BlockMatrix([[matrix, -border.T], [factor * border, sp.zeros(gradient.rows)]]))
-    determinant = sp.expand(matrix.det(method="berkowitz"))
-    result = sp.collect(determinant, s, sp.factor)
-    return result if result.count_ops() <= MAX_POLYNOMIAL_OPERATIONS else None
