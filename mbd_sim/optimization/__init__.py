@@ -5,7 +5,8 @@ from __future__ import annotations
 from mbd_sim.optimization.casadi_functions import CasadiFunctions, casadi_functions
 from mbd_sim.optimization.identification import Identification, ParameterEstimate, identify
 from mbd_sim.optimization.measured_runs import MeasuredRun
-from mbd_sim.optimization.sensitivities import Derivatives, Sensitivities, SensitivityModel, sensitivities
+from mbd_sim.optimization.sensitivities import SensitivityModel, sensitivities
+from mbd_sim.optimization.sensitivity_records import Derivatives, Sensitivities
 from mbd_sim.optimization.trajectories import one_step, trajectory
 
 __all__ = [

@@ -14,7 +14,7 @@ from mbd_sim.errors import InputError, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.rotation import skew
 from mbd_sim.optimization.casadi_functions import CasadiFunctions
-from mbd_sim.optimization.sensitivities import Sensitivities
+from mbd_sim.optimization.sensitivity_records import Sensitivities
 
 
 @dataclass(frozen=True, eq=False)
