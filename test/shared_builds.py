@@ -18,6 +18,7 @@ import mbd_sim.simulation.compiled_model
 from mbd_sim.compiler import machine_code
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.mechanism_file.library import shipped
+from mbd_sim.simulation.live_values import LiveParameters
 
 MOST = 380  # mechanisms, models and equations that are kept; those not used for longest go
 BUILDERS = (
@@ -71,7 +72,9 @@ def _key(name: str, given: tuple[Any, ...], named: dict[str, Any]) -> bytes | No
 
 
 def _content(value: Any) -> Any:
-    """A value as the key holds it: of symbolic parameters, which numbers they stand for."""
+    """A value as the key holds it: of symbolic and live parameters, which numbers they stand for."""
+    if isinstance(value, LiveParameters):
+        return value.digest
     if isinstance(value, SymbolicParameters):
         return value.indices.tobytes(), value.columns.tobytes(), value.base.tobytes()
     return value
