@@ -1,7 +1,7 @@
 """Ready-made learning tasks, registered with Gymnasium as `mbd_sim/NAME-v0`.
 
 Rewards and ends of episodes are functions of one simulation, or of all members of an ensemble: the last axis of their
-arrays counts coordinates.
+arrays counts coordinates. They use `np.square`, as `** 2` of a scalar is rounded differently from that of an array.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def upright(sim: Run, action: Efforts) -> Any:
     """1 if the pendulum stands upright at rest in the middle of the rail, 0 if it hangs."""
     q, u = np.asarray(sim.q), np.asarray(sim.u)
     up = 0.5 * (1.0 - np.cos(q[..., 1]))
-    return up - 0.1 * q[..., 0] ** 2 - 0.001 * u[..., 1] ** 2 - 0.0005 * action[..., 0] ** 2
+    return up - 0.1 * np.square(q[..., 0]) - 0.001 * np.square(u[..., 1]) - 0.0005 * np.square(action[..., 0])
 
 
 def off_the_rail(sim: Run) -> Any:
@@ -63,12 +63,12 @@ def height(sim: Run, action: Efforts) -> Any:
     """The height of the tip, from -1 to 1, minus a cost of fast motion."""
     q, u = np.asarray(sim.q), np.asarray(sim.u)
     up = -0.5 * (np.cos(q[..., 0]) + np.cos(q[..., 0] + q[..., 1]))
-    return up - 0.0005 * (u[..., 0] ** 2 + u[..., 1] ** 2)
+    return up - 0.0005 * (np.square(u[..., 0]) + np.square(u[..., 1]))
 
 
 def speed_error(sim: Run, action: Efforts) -> Any:
     """Minus the squared relative error of the crank's speed, minus a cost of the effort."""
-    return -((sim.u[..., 0] / SPEED - 1.0) ** 2) - 1e-5 * action[..., 0] ** 2
+    return -np.square(sim.u[..., 0] / SPEED - 1.0) - 1e-5 * np.square(action[..., 0])
 
 
 TASKS: dict[str, dict[str, Any]] = {
