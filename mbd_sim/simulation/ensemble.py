@@ -162,9 +162,9 @@ class Ensemble(EnsembleReadings):
             if given is not None:
                 rows = np.broadcast_to(np.asarray(given, dtype=float), states[:, where].shape)
                 states[:, where] = require_finite(rows, symbol)
-        if q is not None or u is not None:
-            for y, values in zip(states, inputs[:, self._value_inputs], strict=True):
-                self.model.normalize(y)
+        for y, values in zip(states, inputs[:, self._value_inputs], strict=True):
+            self.model.normalize(y)
+            if q is not None or u is not None:
                 self.model.project(y, values)
         if self.mechanism.commanded:
             for member, y, row in zip(members.tolist(), states, inputs, strict=True):

@@ -27,6 +27,12 @@ def test_members_that_differ_in_their_starts_move_as_single_simulations_bit_for_
         assert ensemble.error_estimates[member] == single.error_estimate
 
 
+@pytest.mark.parametrize("name", ["spherical_top", "rssr"])
+def test_members_start_with_quaternions_of_unit_length_as_single_simulations(name):
+    ensemble, single = Ensemble.from_file(name, 2), Simulation.from_file(name)
+    assert np.array_equal(ensemble.state[1], single.state)
+
+
 def test_members_with_values_of_their_own_move_as_mechanisms_built_with_them():
     changes = [{"l": 0.6}, {"l": 1.0, "m": 3.0}, {"joints.elbow.damping": 0.4}, {"joints.elbow.position": "30 deg"}]
     ensemble = Ensemble.from_file("double_rod", changes)
