@@ -11,6 +11,7 @@ from pathlib import Path
 
 from mbd_sim.messages.recorded_topic import Topic
 from mbd_sim.recording.durable_file import DurableFile
+from mbd_sim.recording.file_sync import FileSync
 from mbd_sim.recording.mcap_writer import DiskNearlyFullError, McapWriter, OutputFile
 from mbd_sim.recording.recording_paths import RecordingError, RecordingPaths
 from mbd_sim.recording.rosbag2_metadata import FileStatistics, bag_text, write_metadata
@@ -21,7 +22,6 @@ MESSAGE_OVERHEAD = 300  # bytes of memory that a queued message takes besides it
 CHUNK_PERIOD = 0.2  # s of real time after which a chunk is written however small it is: the most that a kill can cost
 SHORTEST_FILE = 0.1  # s of real time for which a file is written before it is split because of its size
 METADATA_SHARE = 0.05  # of the time, at most, for updates of rosbag2's metadata at splits
-SYNC_PERIOD = 0.25  # s between requests to write data to the disk: the additional loss at a power failure
 
 _QueuedMessage = tuple[int, bytes, int, int]  # number of the topic, payload, log time in ns, sequence number
 
@@ -71,11 +71,8 @@ class Recorder:
         except OSError as error:
             raise RecordingError(f"cannot record to '{paths.location}': {error.strerror}.") from error
         self._files: list[FileStatistics] = []
-        self._full_files: queue.SimpleQueue[McapWriter | None] = queue.SimpleQueue()  # to be closed
-        self._closing_error: OSError | None = None
-        self._sync_thread = threading.Thread(target=self._sync, name="recorder_sync", daemon=True)
+        self._sync = FileSync(lambda: self._writer)
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
-        self._sync_thread.start()
         self._thread.start()
 
     @property
@@ -178,25 +175,10 @@ class Recorder:
             self._closing = True
             self._queue.put(None)
 
-    def _sync(self) -> None:
-        """Force written data to the disk, and close the files that are complete, until None comes."""
-        while True:
-            try:
-                writer = self._full_files.get(timeout=SYNC_PERIOD)
-            except queue.Empty:
-                self._writer.sync()
-                continue
-            if writer is None:
-                return
-            try:
-                writer.close()
-            except OSError as error:
-                self._closing_error = self._closing_error or OSError(error.errno, error.strerror, str(writer.path))
-
     def _run(self) -> None:
         try:
             self._write_all()
-            self._end_sync()
+            self._sync.finish()
         except DiskNearlyFullError as error:
             self._fail(f"ends: {error}", error, finish=True)
         except OSError as error:
@@ -211,16 +193,6 @@ class Recorder:
             self.finished.set()
             self.ended.set()
 
-    def _end_sync(self) -> None:
-        """Wait until all files are on the disk.
-
-        :raises OSError: the disk refused one.
-        """
-        self._full_files.put(None)
-        self._sync_thread.join()
-        if self._closing_error is not None:
-            raise self._closing_error
-
     def _fail(self, reason: str, error: Exception, *, finish: bool = False) -> None:
         path = error.filename if isinstance(error, OSError) and error.filename else self.path
         self.failure = self.failure or f"recording to '{path}' {reason}"
@@ -228,12 +200,12 @@ class Recorder:
         with contextlib.suppress(OSError):
             if finish:
                 self._finish()
-                self._end_sync()
+                self._sync.finish()
                 return
         lost = self._writer.abandon()
         self.written -= lost
         self._unwritten += lost
-        self._full_files.put(None)
+        self._sync.stop()
         if not self._writer.size:
             self._forget_empty_file()
         elif not self._writer.complete:
@@ -287,14 +259,13 @@ class Recorder:
 
     def _flush(self) -> None:
         self._writer.flush()
-        if self._closing_error is not None:
-            raise self._closing_error
+        self._sync.require_success()
 
     def _begin_file(self, metadata: dict[str, str]) -> None:
         if self._files:
             self._writer.finish()
             following = McapWriter(self.paths.file(len(self._files)), self._topics, self._open_file)
-            self._full_files.put(self._writer)
+            self._sync.close(self._writer)
             self._writer = following
             self.split_count += 1
         statistics = self._writer.statistics
@@ -312,7 +283,7 @@ class Recorder:
         self._writer.finish()
         self._write_bag_metadata()
         self.finished.set()
-        self._full_files.put(self._writer)
+        self._sync.close(self._writer)
 
     def _write_bag_metadata(self) -> None:
         """Update rosbag2's description of the files, if there is one."""
