@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from mbd_sim.errors import listed
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import to_quaternion
 from mbd_sim.mechanism.records import Attachment, Mechanism
 from mbd_sim.mjcf.written_bodies import WrittenBody, WrittenJoint
 
 Element = ElementTree.Element
+
+MOST = 1000  # names of a kind in the list of what is left out
 
 
 def add_element(parent: Element, tag: str, attributes: Mapping[str, str]) -> Element:
@@ -27,6 +30,20 @@ class Written:
 
     text: str
     left_out: tuple[str, ...]
+
+
+def written(root: Element, left_out: Mapping[str, Sequence[str]], *, declaration: bool = False) -> Written:
+    """The file with this root element, and at its beginning a comment on what it does not contain.
+
+    :param left_out: the names of what is left out, by kind.
+    :param declaration: whether the file begins with an XML declaration.
+    """
+    sentences = tuple(f"{kind}: {listed(names, MOST)}" for kind, names in left_out.items())
+    if sentences:
+        # A comment must not contain "--", nor end with "-".
+        root.insert(0, ElementTree.Comment(f" not in this file: {'; '.join(sentences)} ".replace("--", "- -")))
+    ElementTree.indent(root)
+    return Written(ElementTree.tostring(root, encoding="unicode", xml_declaration=declaration) + "\n", sentences)
 
 
 @dataclass(eq=False)

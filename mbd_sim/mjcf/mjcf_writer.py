@@ -9,9 +9,8 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 
-from mbd_sim.errors import listed
 from mbd_sim.mechanism.records import GROUND, Mechanism, Shape
-from mbd_sim.mjcf.mjcf_document import Document, Element, Written, add_element, number, placed, text
+from mbd_sim.mjcf.mjcf_document import Document, Element, Written, add_element, number, placed, text, written
 from mbd_sim.mjcf.written_bodies import WrittenBody, WrittenJoint, written_bodies
 from mbd_sim.mjcf.written_forces import add_actuators, add_elements, attached_parts
 from mbd_sim.mjcf.written_loops import add_constraints, add_loops
@@ -20,7 +19,6 @@ from mbd_sim.urdf.urdf_writer import THICKNESS
 
 LEAST_INERTIA = 1e-14  # kg·m²; MuJoCo refuses moments of 0
 LEAST_MASS = 1e-9  # kg, of bodies that move and have no mass here
-MOST = 1000  # names of a kind in the list of what is left out
 
 
 def to_mjcf(mechanism: Mechanism) -> Written:
@@ -43,12 +41,7 @@ def to_mjcf(mechanism: Mechanism) -> Written:
     add_actuators(document)
     _note_rest(document)
     add_start(document)
-    left_out = tuple(f"{kind}: {listed(names, MOST)}" for kind, names in document.left_out.items())
-    if left_out:
-        # A comment must not contain "--", nor end with "-".
-        root.insert(0, ElementTree.Comment(f" not in this file: {'; '.join(left_out)} ".replace("--", "- -")))
-    ElementTree.indent(root)
-    return Written(ElementTree.tostring(root, encoding="unicode") + "\n", left_out)
+    return written(root, document.left_out)
 
 
 def _add_bodies(document: Document) -> None:

@@ -13,12 +13,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mbd_sim.analysis.kinematics import Kinematics
-from mbd_sim.errors import listed
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.geometry.rotation import to_quaternion
 from mbd_sim.mechanism.constraints import Coupling
 from mbd_sim.mechanism.records import GROUND, Mechanism, Part, Shape
-from mbd_sim.mjcf.mjcf_document import Written, number, text
+from mbd_sim.mjcf.mjcf_document import Written, number, text, written
 from mbd_sim.sdf.frame_graph import WORLD
 from mbd_sim.sdf.written_joints import Placement, WrittenAxis, WrittenJoint, written_chain, written_closing
 from mbd_sim.urdf.joint_motions import mimics_of
@@ -30,7 +29,6 @@ Element = ElementTree.Element
 VERSION = "1.11"
 LEAST_MASS = 1e-9  # kg, of parts without mass, which SDF does not allow
 LEAST_INERTIA = 1e-14  # kg·m², in place of moments of 0
-MOST = 1000  # names of a kind in the list of what is left out
 MOMENTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
 
 
@@ -67,12 +65,7 @@ def to_sdf(mechanism: Mechanism) -> Written:
     _add_joints(document)
     _add_frames(document)
     _note_rest(document)
-    left_out = tuple(f"{kind}: {listed(names, MOST)}" for kind, names in document.left_out.items())
-    if left_out:
-        # A comment must not contain "--", nor end with "-".
-        root.insert(0, ElementTree.Comment(f" not in this file: {'; '.join(left_out)} ".replace("--", "- -")))
-    ElementTree.indent(root)
-    return Written(ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n", left_out)
+    return written(root, document.left_out, declaration=True)
 
 
 def _placement(mechanism: Mechanism) -> Placement:
