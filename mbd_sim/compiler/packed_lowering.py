@@ -18,9 +18,8 @@ from mbd_sim.compiler.like_operations import WIDTHS
 from mbd_sim.compiler.lowering import INLINE_SINES, Lowering, define
 from mbd_sim.compiler.packing import Packing, Unit
 from mbd_sim.compiler.simd_builder import LaneBuilder
+from mbd_sim.compiler.split_functions import pieces
 
-PIECE = 4000  # units of one function
-UNSPLIT = 8000  # units up to which they stay one function
 SIGN = -(2**63)  # the bit of the sign
 
 
@@ -28,7 +27,7 @@ def lower_packed(module: Module, like: Instructions, packing: Packing, inline: b
     """Emit packed operations with the name and the arguments of a function: see `lower`."""
     inputs, outputs = like.n_in(), like.n_out()
     emitted, builder = define(module, like.name(), inputs + outputs, inline, 1)
-    split = _pieces(packing.units)
+    split = [packing.units[piece.start : piece.stop] for piece in pieces(len(packing.units))]
     if len(split) == 1:
         _PackedLowering(module, builder, packing, emitted.args, inputs).run(packing.units)
     else:
@@ -41,12 +40,6 @@ def lower_packed(module: Module, like: Instructions, packing: Packing, inline: b
             builder.call(part, [*emitted.args, memory])
     builder.ret_void()
     return emitted
-
-
-def _pieces(units: Sequence[Unit]) -> Sequence[Sequence[Unit]]:
-    if len(units) <= UNSPLIT:
-        return [units]
-    return [units[first : first + PIECE] for first in range(0, len(units), PIECE)]
 
 
 def _places(units: Sequence[Unit], split: Sequence[Sequence[Unit]]) -> dict[tuple[int, ...], int]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
 
-from mbd_sim.compiler import packed_lowering
+from mbd_sim.compiler import split_functions
 from mbd_sim.compiler.bound_kernel import function_of_addresses
 from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.instruction_list import (
@@ -99,8 +99,8 @@ def test_steps_of_legs():
 def test_pieces_give_the_same_bits(monkeypatch):
     equations = derive(parse_mechanism(legged(2, mirrored=True)))
     whole, *_ = rates_of(equations, 8)
-    monkeypatch.setattr(packed_lowering, "PIECE", 100)
-    monkeypatch.setattr(packed_lowering, "UNSPLIT", 100)
+    monkeypatch.setattr(split_functions, "PIECE", 100)
+    monkeypatch.setattr(split_functions, "UNSPLIT", 100)
     single, cut, _ = rates_of(equations, 8)
     assert single == cut == whole
 
