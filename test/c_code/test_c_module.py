@@ -10,6 +10,7 @@ from mbd_sim.c_code.exported_model import export_model
 from mbd_sim.errors import MechanismError
 from mbd_sim.load import load_mechanism, parse_mechanism
 from test.c_code.compiled import CompiledModule, compiled
+from test.generators.sampled_arm import INTEGRAL, sampled_arm, sampled_drive
 
 STEPS = 400
 LIBRARY = {"sin", "cos", "sincos", "exp", "log", "tan", "asin", "acos", "atan", "atan2", "tanh", "pow", "fma",
@@ -45,21 +46,7 @@ def test_steps_have_the_bits_of_the_simulation(name, method):
 
 
 def test_delayed_commands_and_sampled_controllers_wait_as_in_the_simulation():
-    text = """
-mechanism: delayed
-parts:
-  arm: {mass: 1 kg, inertia: [0.1, 0.1, 0.1], center: [0, 0, -0.2 m]}
-joints:
-  pin: {type: revolute, between: [ground, arm], axis: [0, 1, 0]}
-actuators:
-  drive:
-    type: effort
-    joint: pin
-    delay: 5 ms
-    servo: {controls: position, kp: 3, kd: 0.5, ki: 0.2, sample_rate: 250 Hz, rate_limit: 2 rad/s}
-integrator: {step: 1 ms, method: rk4}
-"""
-    mechanism = parse_mechanism(text)
+    mechanism = parse_mechanism(sampled_arm("delayed", delay="5 ms", more=INTEGRAL))
     code, simulation = CompiledModule(mechanism), Simulation(mechanism)
     for index in range(100):
         if index == 13:
@@ -138,18 +125,12 @@ STARTS = """
 mechanism: starts
 parameters: {l: 0.4 m, a: 0.3 rad, b: 0.2, c: 1 rad, v: 2 m/s, w: 1 rad/s}
 parts:
+  cart: {mass: 1 kg, inertia: [1, 1, 1]}
   arm: {mass: 1 kg, inertia: [0.1, 0.1, 0.1], center: [0, 0, -l/2]}
 joints:
   slide: {type: prismatic, between: [ground, cart], axis: [1, 0, 0], position: l*sin(c), velocity: 2*v}
   pin: {type: revolute, between: [cart, arm], axis: [0, 1, 0], position: 2*a, velocity: w*exp(b)}
-actuators:
-  drive:
-    type: effort
-    joint: pin
-    delay: 3 ms
-    servo: {controls: position, kp: 3, kd: 0.5, ki: 0.2, sample_rate: 250 Hz, rate_limit: 2 rad/s}
-integrator: {step: 1 ms, method: rk4}
-""".replace("parts:", "parts:\n  cart: {mass: 1 kg, inertia: [1, 1, 1]}")
+""" + sampled_drive(delay="3 ms", more=INTEGRAL)
 
 
 def test_start_values_follow_from_formulas_or_say_that_there_is_none():

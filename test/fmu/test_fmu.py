@@ -17,24 +17,13 @@ from mbd_sim.fmu import archive
 from mbd_sim.fmu.archive import write_fmu
 from mbd_sim.fmu.model_description import entries
 from mbd_sim.load import load_mechanism, parse_mechanism
+from test.generators.sampled_arm import sampled_arm
 
 fmpy = pytest.importorskip("fmpy", reason="needs fmpy: pip install fmpy")
 if not shutil.which("gcc"):
     pytest.skip("gcc is not installed", allow_module_level=True)
 
-SAMPLED = """
-mechanism: sampled
-parts:
-  arm: {mass: 1 kg, inertia: [0.1, 0.1, 0.1], center: [0, 0, -0.2 m]}
-joints:
-  pin: {type: revolute, between: [ground, arm], axis: [0, 1, 0]}
-actuators:
-  drive:
-    type: effort
-    joint: pin
-    servo: {controls: position, kp: 3, kd: 0.5, sample_rate: 250 Hz}
-integrator: {step: 1 ms, method: rk4}
-"""
+SAMPLED = sampled_arm("sampled")
 
 
 class Unit:

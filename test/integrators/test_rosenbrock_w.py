@@ -7,7 +7,7 @@ import pytest
 
 from mbd_sim import Simulation, parse_mechanism
 from mbd_sim.integrators.rosenbrock import ROSENBROCK_W
-from test.integrators.test_rosenbrock import classic
+from test.integrators.classic_form import classic, require_l_stable
 
 METHOD = ROSENBROCK_W["rosenbrock_w"]
 
@@ -37,15 +37,7 @@ def test_order_three_for_any_jacobian():
 
 
 def test_it_is_l_stable_and_stiffly_accurate():
-    alpha, gamma, b, _ = classic(METHOD)
-    beta, one = alpha + gamma, np.ones(METHOD.stages)
-
-    def stability(z):
-        return 1.0 + z * b @ np.linalg.solve(np.eye(METHOD.stages) - z * beta, one)
-
-    assert max(abs(stability(1j * y)) for y in np.geomspace(1e-3, 1e4, 500)) < 1.0 + 1e-9
-    assert abs(stability(-1e9)) < 1e-6
-    assert b == pytest.approx(beta[-1], abs=1e-12)
+    require_l_stable(METHOD, np.geomspace(1e-3, 1e4, 500))
 
 
 @pytest.mark.parametrize("text", [ARMS, LOOP], ids=["tree", "loop"])
