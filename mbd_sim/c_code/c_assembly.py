@@ -10,8 +10,8 @@ from mbd_sim.c_code.exported_model import ExportedModel
 from mbd_sim.c_code.start_functions import StartFunctions
 from mbd_sim.dynamics.assembly import CLOSED, CONSISTENT, ITERATIONS, LONGEST_STEP, RANK, STALLED
 
+# The functions of (t, q, parameters) that closing loops and fitting speeds evaluate.
 CONSTRAINTS = ("position", "gradient", "drift", "mass_matrix", "branch_checks")
-
 
 ASSEMBLY_DECLARATION = """
 /*

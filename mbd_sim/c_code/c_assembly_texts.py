@@ -3,6 +3,9 @@
 Loops are closed by Gauss–Newton steps of least norm, and speeds are those of least kinetic energy, as in
 `mbd_sim.dynamics.assembly`, whose tolerances are the same. Instead of singular values, rows are made orthogonal by
 rotations (Hestenes 1958), which finds the same solutions of least norm: Golub & Van Loan, sec. 8.6.3.
+
+The texts are formatted by `mbd_sim.c_code.c_assembly`. Matrices that CasADi's functions return are stored by columns,
+all others by rows.
 """
 
 WITHOUT_CONSTRAINTS = """\

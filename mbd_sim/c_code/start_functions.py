@@ -121,6 +121,7 @@ def _places(equations: Equations) -> dict[Path, int]:
 
 
 def _coordinates(equations: Equations) -> list[tuple[int, int]]:
+    """For each speed, where in q it moves something: its coordinate, or the four numbers of a quaternion."""
     found = []
     for name, joint in equations.mechanism.joints.items():
         q, u = equations.layout.q[name], equations.layout.u[name]

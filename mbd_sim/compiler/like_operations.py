@@ -26,10 +26,10 @@ from mbd_sim.compiler.instruction_list import (
 
 # Of one branch, the inputs that belong to it, by argument and component, in an order that is the same in like branches.
 Branch: TypeAlias = Sequence[tuple[int, ...]]
-Traits: TypeAlias = Sequence[tuple[int, ...]]
+Traits: TypeAlias = Sequence[tuple[int, ...]]  # of each node: DEPTH numbers of its uses, and one of its constants
 Pack: TypeAlias = tuple[int, ...]  # the nodes of the lanes of a vector
 WIDEST, WIDTHS = 4, (2, 4)  # lanes of a vector
-ROUNDS = 2  # of the search: exactly, then by uses
+ROUNDS = 2  # of the search: by operands, then also by uses
 DEPTH = 4  # of the uses that nodes are compared by
 _PAIRS = ((0, 1, 2, 3), (0, 2, 1, 3), (0, 3, 1, 2))  # the three ways in which four branches form two pairs
 # Operations that differ in signs only are alike: x - y is x + (-y), and z - x y is (-x) y + z, to the bit.
@@ -46,6 +46,7 @@ def like_operations(graph: Graph, likes: Sequence[Sequence[Branch]]) -> list[Pac
     """The operations that are alike in four or in two branches.
 
     :param likes: groups of branches that are like each other. A group of more than four is divided.
+    :return: each with a node for each lane; of several ways to divide groups, the one that saves most operations.
     """
     traits = _traits(graph)
     return max((_packs(graph, sets, traits) for sets in _sets(likes)), key=saved)

@@ -3,6 +3,8 @@
 A matrix (6, 6) that transforms motion vectors has blocks that are products of a rotation and a translation. Here both
 are applied one after the other, and inertias are rotated about a coordinate axis without forming products of matrices:
 of their blocks (2, 2) across the axis, only the deviatoric parts change (Featherstone, sec. A.4 and table A.1).
+
+Motion vectors are (angular, linear) and wrenches (moment, force), in SI units.
 """
 
 from __future__ import annotations

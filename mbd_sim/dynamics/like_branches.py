@@ -1,4 +1,4 @@
-"""Branches of the spanning tree that have the same joints, such as four legs, which a kernel computes side by side."""
+"""Branches of the spanning tree that have the same joints, such as four legs; a kernel computes them in vectors."""
 
 from __future__ import annotations
 
@@ -50,6 +50,7 @@ def _moves(link: Link) -> bool:
 
 
 def _components(links: Sequence[Link], outboard: dict[int, list[int]], root: int, nq: int) -> list[tuple[int, int]]:
+    """The arguments and components that belong to the branch from a link outward: see `like_branches`."""
     found, waiting = [], [root]
     while waiting:
         index = waiting.pop()

@@ -25,7 +25,9 @@ from mbd_sim.geometry.rotation import skew
 def lumped_inertias(links: Sequence[Link]) -> list[ca.SX]:
     """The inertias (6, 6) about the links' origins with which the equations of motion are those of the links.
 
-    Numbers are regrouped. The inertia of a link is left as it is if it contains symbols, as is the pose of its joint.
+    Only numbers are regrouped: a link whose inertia, or the pose of whose joint, contains symbols keeps its inertia.
+
+    :param links: from ground outward.
     """
     inertias: list[Array | ca.SX] = [link.inertia for link in links]
     for index in reversed(range(len(links))):

@@ -21,7 +21,7 @@ CLOSED = 1e-13  # change of a state, relative to 1 + |x|, below which it satisfi
 
 
 class StartProjection:
-    """The start states of the trajectories of a mechanism."""
+    """Moves start states onto the constraints of a mechanism; states are (q, u, states of actuators) in SI units."""
 
     def __init__(self, functions: CasadiFunctions) -> None:
         self._functions = functions
@@ -34,6 +34,9 @@ class StartProjection:
         Positions move as little as possible in the coordinates, and speeds with the least kinetic energy. A state that
         satisfies the constraints stays as it is.
 
+        :param t: the time in s.
+        :param p: (np,) the parameters of the functions.
+        :return: the state (nx,), and the derivatives (nx, nx) and (nx, np).
         :raises InputError: no position near x closes the loops.
         """
         by_x, by_p = np.eye(len(x)), np.zeros((len(x), len(p)))
@@ -58,11 +61,15 @@ class StartProjection:
         return x if stays else after, by_x, by_p
 
     def _moved(self, q: Array, displacement: Array, *columns: Array) -> tuple[Array, ...]:
+        """The derivatives of the coordinates after a displacement (nv,) that is constant, from those before it."""
         by_q = self._displaced(q, displacement)[0]
         return tuple(np.array(by_q) @ column for column in columns)
 
     def _stepped(self, t: float, p: Array, step: ClosingStep, by_x: Array, by_p: Array) -> tuple[Array, Array]:
-        """The derivatives after a step, from those before it."""
+        """The derivatives after a step, from those before it.
+
+        With s = −G⁺ Φ, r = Φ + G s and b = G⁺ᵀ s, ds = −G⁺ (dΦ + dG s) − G⁺ G⁺ᵀ dGᵀ r + (1 − G⁺ G) dGᵀ b.
+        """
         q = step.q
         if step.displacement is not None:  # to another guess
             moved = self._moved(q, step.displacement, by_x, by_p)
@@ -87,7 +94,7 @@ class StartProjection:
         return found[0], found[1]
 
     def _speeds(self, t: float, p: Array, u: Array, after: Array, by_x: Array, by_p: Array) -> tuple[Array, Array]:
-        """The derivatives of the speeds v with G v + b = 0 and M (v − u) + Gᵀ μ = 0."""
+        """The derivatives of the speeds v with G v + b = 0 and M (v − u) + Gᵀ μ = 0; u are the speeds before."""
         span = slice(self._nq, self._nq + self._nv)
         q, v = after[: self._nq], after[span]
         mass, gradient = (np.array(each) for each in self._inertia(t, q, p))
@@ -125,6 +132,7 @@ class StartProjection:
         return gaps[chosen], g[chosen, :]
 
     def _constraints(self, t: float, q: Array, p: Array) -> tuple[Array, Array]:
+        """Φ and G of the holonomic rows as numbers."""
         gaps, g = self._gaps(t, q, p)
         return np.array(gaps).ravel(), np.array(g)
 
