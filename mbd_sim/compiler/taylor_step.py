@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import casadi as ca
@@ -11,7 +10,7 @@ from mbd_sim.compiler.instruction_list import InstructionList
 from mbd_sim.compiler.ir import BOOL, POINTER, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import DOUBLE, INT, integer, number
-from mbd_sim.compiler.ir_vectors import Index, copy, for_each, load, store
+from mbd_sim.compiler.ir_vectors import copy, load
 from mbd_sim.compiler.lowering import lower
 from mbd_sim.compiler.runge_kutta_step import ExplicitStep
 from mbd_sim.compiler.series_builder import series_of, turning_points
@@ -19,13 +18,9 @@ from mbd_sim.compiler.series_expansion import expansion
 from mbd_sim.compiler.series_recursion import emit_recursion
 from mbd_sim.compiler.step_emitter import StepEmitter, System
 from mbd_sim.compiler.stepping import emit_is_finite, emit_plain_advance
+from mbd_sim.compiler.taylor_expansion import TaylorExpansion
 from mbd_sim.compiler.taylor_history import TaylorHistory
 from mbd_sim.integrators.taylor import Taylor
-
-# The exponent of a double, and its mantissa as a fraction, as an integer: log2 x + BIAS in units of 1 / UNIT.
-UNIT, BIAS = 2.0**52, 1023.0
-SAFETY = 0.9375  # a power of two from its bits is too large by up to 6.2 %
-
 
 UNROLLED = 1000  # products of an expansion up to which it has no loops over the order
 
@@ -83,7 +78,7 @@ class _TaylorLoop:
     def __init__(self, emitter: StepEmitter, method: Taylor, expand: Function, turns: _Turns | None) -> None:
         self._emitter, self._method, self._expand, self._turns = emitter, method, expand, turns
         self._history, self._otherwise = TaylorHistory(emitter, method), ExplicitStep(method.otherwise, emitter)
-        self._slopes, self._norms = emitter.vector(), emitter.array(method.compared)
+        self._slopes, self._expansion = emitter.vector(), TaylorExpansion(emitter, method)
         self._offset, self._sum = emitter.scalar(), emitter.scalar()
         self._taken, self._count = emitter.b.alloca(INT), emitter.system.size
 
@@ -126,7 +121,7 @@ class _TaylorLoop:
         position = b.add(b.load(history.position, typ=INT), steps)
         b.store(position, history.position)
         b.store(b.add(b.load(self._taken, typ=INT), steps), self._taken)
-        self._evaluate(history.coefficients(), b.fmul(b.sitofp(position, DOUBLE), emitter.h))
+        self._expansion.evaluate(history.coefficients(), b.fmul(b.sitofp(position, DOUBLE), emitter.h))
         with b.if_then(b.icmp_signed("==", steps, left)):
             emitter.project(b.fmul(b.sitofp(b.add(index, steps), DOUBLE), emitter.h), emitter.y)
 
@@ -138,8 +133,8 @@ class _TaylorLoop:
         rest = b.fsub(emitter.h, offset)
         b.store(time, emitter.time)
         b.call(self._expand, [emitter.time, emitter.y, emitter.inputs, self._history.fresh])
-        self._measure()
-        longest = self._longest()
+        self._expansion.measure(self._history.fresh)
+        longest = self._expansion.longest()
         if self._turns is not None:
             longest = self._before_turns(self._turns, time, longest)
         usable = b.fcmp_ordered(">=", longest, b.fmul(emitter.h, number(1.0 / method.most_parts)))
@@ -173,7 +168,7 @@ class _TaylorLoop:
         goes_on = b.and_(goes_on, b.icmp_signed("==", b.load(turns.ends, typ=INT), integer(0)))
         b.cbranch(goes_on, inside, after)
         b.position_at_end(inside)
-        self._evaluate(self._history.fresh, tau)
+        self._expansion.evaluate(self._history.fresh, tau)
         b.store(b.fadd(time, tau), emitter.time)
         b.call(turns.function, [emitter.time, emitter.y, emitter.inputs, turns.after])
         same = Value(BOOL, "true")
@@ -200,10 +195,10 @@ class _TaylorLoop:
                 steps = b.select(b.fcmp_ordered("<", steps, most), steps, most)
                 span = b.fptosi(steps, INT)
                 history.replace(span)
-                self._estimate(b.fmul(b.sitofp(span, DOUBLE), emitter.h))
+                self._expansion.estimate(b.fmul(b.sitofp(span, DOUBLE), emitter.h))
             with otherwise:
-                self._evaluate(history.fresh, rest)
-                self._estimate(rest)
+                self._expansion.evaluate(history.fresh, rest)
+                self._expansion.estimate(rest)
                 self._complete(index)
 
     def _divide(self, index: Value, offset: Value, rest: Value, longest: Value) -> None:
@@ -213,8 +208,8 @@ class _TaylorLoop:
         part = b.select(b.fcmp_ordered(">", longest, least), longest, least)
         ends = b.fcmp_unordered(">=", part, rest)
         part = b.select(ends, rest, part)
-        self._evaluate(self._history.fresh, part)
-        self._estimate(part)
+        self._expansion.evaluate(self._history.fresh, part)
+        self._expansion.estimate(part)
         b.store(b.fadd(offset, part), self._offset)
         with b.if_then(ends):
             self._complete(index)
@@ -235,79 +230,3 @@ class _TaylorLoop:
         b.store(number(0.0), self._offset)
         self._history.clear()
         b.store(b.add(b.load(self._taken, typ=INT), integer(1)), self._taken)
-
-    def _evaluate(self, coefficients: Value, tau: Value) -> None:
-        """Set y to the polynomial at τ: even and odd orders apart, which takes half the time of Horner's scheme."""
-        emitter, order, b = self._emitter, self._method.order, self._emitter.b
-        square = b.fmul(tau, tau)
-
-        def coefficient(k: int, i: Index) -> Value:
-            place = k * self._count + i if isinstance(i, int) else b.add(integer(k * self._count), i)
-            return load(b, coefficients, place)
-
-        def component(i: Index) -> None:
-            halves = []
-            for last in (order - 1, order):
-                value = coefficient(last, i)
-                for k in range(last - 2, 0, -2):
-                    value = b.fma(value, square, coefficient(k, i))
-                halves.append(value)
-            odd, even = halves if order % 2 == 0 else halves[::-1]
-            change = b.fmul(b.fma(even, tau, odd), tau)
-            store(b, b.fadd(coefficient(0, i), change), emitter.y, i)
-
-        for_each(b, self._count, component)
-
-    def _measure(self) -> None:
-        """Set the norms of the last coefficients, that of the highest order first: Σ |c_i| / (1 + |y_i|)."""
-        emitter, method, b = self._emitter, self._method, self._emitter.b
-        zero = number(0.0)
-        for place in range(method.compared):
-            store(b, zero, self._norms, place)
-
-        def component(i: Index) -> None:
-            scale = emitter.scale(i)
-            for place in range(method.compared):
-                k = method.order - place
-                at = k * self._count + i if isinstance(i, int) else b.add(integer(k * self._count), i)
-                size = b.intrinsic("llvm.fabs", load(b, self._history.fresh, at))
-                store(b, b.fma(size, scale, load(b, self._norms, place)), self._norms, place)
-
-        for_each(b, emitter.system.error_size, component)
-
-    def _longest(self) -> Value:
-        """The longest τ in s at which the terms are small enough; not a number if they are infinite.
-
-        Logarithms and powers to the base 2 are read from the bits of doubles, linear between powers of two: by up to
-        0.09 too small, which changes τ by less than 1 %.
-        """
-        method, b = self._method, self._emitter.b
-        rates = []
-        for place in range(method.compared):
-            bits = b.sitofp(b.bitcast(load(b, self._norms, place), INT), DOUBLE)
-            logarithm = b.fsub(b.fmul(bits, number(1.0 / UNIT)), number(BIAS))
-            rates.append(b.fmul(logarithm, number(1.0 / (method.order - place))))
-        largest = rates[0]
-        for rate in rates[1:]:
-            largest = b.select(b.fcmp_ordered(">", rate, largest), rate, largest)
-        exponent = b.fsub(number(math.log2(method.tolerance) / method.order + BIAS), largest)
-        tau = b.bitcast(b.fptosi(b.fmul(exponent, number(UNIT)), INT), DOUBLE)
-        total = load(b, self._norms, 0)
-        for place in range(1, method.compared):
-            total = b.fadd(total, load(b, self._norms, place))
-        finite = b.fcmp_ordered("<", total, number(math.inf))
-        return b.select(finite, b.fmul(tau, number(SAFETY)), number(math.nan))
-
-    def _estimate(self, tau: Value) -> None:
-        """Emit the update of the largest error by that of an expansion at τ: its last two terms."""
-        emitter, order, b = self._emitter, self._method.order, self._emitter.b
-        power, square = None, tau
-        for bit in range((order - 1).bit_length()):
-            if (order - 1) >> bit & 1:
-                power = square if power is None else b.fmul(power, square)
-            square = b.fmul(square, square)
-        assert power is not None
-        error = b.fmul(power, b.fma(tau, load(b, self._norms, 0), load(b, self._norms, 1)))
-        error = b.select(b.fcmp_unordered("uno", error, error), number(math.inf), error)
-        largest = b.load(emitter.largest_error, typ=DOUBLE)
-        b.store(b.select(b.fcmp_ordered(">", error, largest), error, largest), emitter.largest_error)
