@@ -1,15 +1,18 @@
-"""Recordings that a node writes: where they begin, what they contain so far, when they are finished, and their states."""
+"""Recordings that a node writes: where they begin, when they are finished, what they contain and can be computed from."""
 
 from __future__ import annotations
 
 import contextlib
+import json
 from pathlib import Path
 
 from mcap.exceptions import McapError
+from mcap.reader import make_reader
 from mcap.records import Metadata
 from mcap.stream_reader import StreamReader
 from std_srvs.srv import SetBool
 
+from mbd_sim import Simulation, parse_mechanism
 from mbd_sim.recording.cdr import JointStates
 from mbd_sim.recording.reader import open_recording
 from test.system.nodes import Listener, nanoseconds
@@ -57,3 +60,19 @@ def recorded_states(folder: Path) -> dict[int, JointStates]:
     (path,) = folder.glob("*.mcap")
     recording = open_recording(path)
     return {message.sequence: recording.decoded(message) for message in recording.messages(["/joint_states"])}
+
+
+def described_run(path: Path) -> tuple[Simulation, dict[str, str]]:
+    """The simulation that a file alone describes, at the start of its mechanism, and the metadata of the run."""
+    with path.open("rb") as stream:
+        reader = make_reader(stream)
+        (attachment,) = reader.iter_attachments()
+        about = {record.name: record.metadata for record in reader.iter_metadata()}["mbd_sim"]
+    simulation = Simulation(
+        parse_mechanism(attachment.data.decode()),
+        method=about["method"],
+        step=float.fromhex(about["step"]),
+        wrenches=json.loads(about["wrenches"]),
+        live=list(json.loads(about["live"])),
+    )
+    return simulation, about

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import signal
 import subprocess
@@ -20,7 +19,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 from std_msgs.msg import Float64MultiArray
 
-from mbd_sim import Simulation, parse_mechanism
+from test.system.growing_recordings import described_run
 from test.system.nodes import nanoseconds, running
 
 TOPICS = {
@@ -97,17 +96,7 @@ def test_every_received_state_is_recorded_bit_for_bit(run: tuple[Path, list[Any]
 
 def test_the_run_can_be_computed_again_from_the_recording_alone(run: tuple[Path, list[Any]]) -> None:
     path, _ = run
-    with path.open("rb") as stream:
-        reader = make_reader(stream)
-        (attachment,) = reader.iter_attachments()
-        about = {record.name: record.metadata for record in reader.iter_metadata()}["mbd_sim"]
-    simulation = Simulation(
-        parse_mechanism(attachment.data.decode()),
-        method=about["method"],
-        step=float.fromhex(about["step"]),
-        wrenches=json.loads(about["wrenches"]),
-        live=list(json.loads(about["live"])),
-    )
+    simulation, _ = described_run(path)
     ticks = states = 0
     for channel, message, content in decoded(path):
         if channel.topic == "/sim_node/events" and content.data == "reset":

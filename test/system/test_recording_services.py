@@ -13,9 +13,8 @@ from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
-from mbd_sim import Simulation, parse_mechanism
 from mbd_sim.recording.reader import open_recording
-from test.system.growing_recordings import stop_recording, until_recorded
+from test.system.growing_recordings import described_run, stop_recording, until_recorded
 from test.system.nodes import Listener, running
 
 
@@ -23,16 +22,8 @@ def recomputed(path: Path) -> int:
     """Compute one file again, from nothing but itself; how many states agreed, all of them bit for bit."""
     with path.open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-        (attachment,) = reader.iter_attachments()
-        about = {record.name: record.metadata for record in reader.iter_metadata()}["mbd_sim"]
         messages = [(c.topic, m.sequence, content) for _, c, m, content in reader.iter_decoded_messages()]
-    simulation = Simulation(
-        parse_mechanism(attachment.data.decode()),
-        method=about["method"],
-        step=float.fromhex(about["step"]),
-        wrenches=json.loads(about["wrenches"]),
-        live=list(json.loads(about["live"])),
-    )
+    simulation, about = described_run(path)
     energy, history = float.fromhex(about["start_energy"]), exact(about.get("history", "[]"))
     simulation.restore(exact(about["start"]), int(about["first_step"]), exact(about["inputs"]), energy, history=history)
     ticks, states = int(about["first_tick"]), 0
