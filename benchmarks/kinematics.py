@@ -13,12 +13,13 @@ import numpy as np
 
 from mbd_sim import Simulation
 from mbd_sim.analysis.linearization import linearize_at
+from mbd_sim.analysis.load_sharing import LoadSharing
 from mbd_sim.urdf.urdf_writer import to_urdf
 
 ROUNDS, CALLS = 31, 3000
 TOOL = "tool"
 NAME = "six_axis_arm"
-LINEARIZED = "double_rod", "six_axis_arm", "four_bar"
+LINEARIZED = "double_rod", "six_axis_arm", "four_bar", "bennett"
 
 
 def microseconds(call: Callable[[], object], rounds: int = ROUNDS, calls: int = CALLS) -> float:
@@ -38,12 +39,12 @@ def linear_table() -> list[str]:
     for name in LINEARIZED:
         sim = Simulation.from_file(name)
         sim.run(until=0.1)
-        equations, model = sim.model.equations, sim.model
+        equations = sim.model.equations
         calls: list[Callable[[], object]] = [
             sim.linearize,
             partial(linearize_at, equations, sim.time, sim.y, sim.inputs),
             sim.reactions,
-            partial(model.reactions, sim.time, sim.y, sim.inputs),
+            partial(LoadSharing(sim.mechanism, equations).reactions, sim.time, sim.y, np.array(sim.inputs)),
         ]
         for call in calls:
             call()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from itertools import combinations
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.dynamics.equations import Equations
+from mbd_sim.dynamics.load_functions import Loads
 from mbd_sim.errors import MbdSimError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
@@ -32,40 +34,63 @@ class LoadSharing:
     `indeterminacy` is the number of independent self-stresses: loads without any effect on the motion.
     """
 
-    def __init__(self, mechanism: Mechanism, equations: Equations) -> None:
+    def __init__(
+        self, mechanism: Mechanism, equations: Equations, read: Callable[[float, Array, Array], Array] | None = None
+    ) -> None:
+        """`read` evaluates the function of `Equations.load_paths`, which by default CasADi does."""
         self._mechanism, self._equations = mechanism, equations
+        self._read = read
         self.indeterminacy = len(equations.rows) - equations.start.rank
 
     def multipliers(self, t: float, y: Array, inputs: Array) -> Array:
         """λ (m,) of all rows."""
-        multipliers, added = self._given_multipliers(t, y, inputs), self._added(t, y, inputs)
-        return multipliers if added is None else multipliers + added[0]
+        if not self.can_share:
+            return np.array(self._equations.multipliers(t, y, inputs), dtype=float).ravel()
+        loads = self._loads(t, y, inputs)
+        added = self._added(loads)
+        return loads.multipliers if added is None else loads.multipliers + added[0]
 
     def reactions(self, t: float, y: Array, inputs: Array) -> Array:
         """The force and the moment (joints, 6) across each joint, see `joint_reactions`."""
-        reactions, added = self._given_reactions(t, y, inputs), self._added(t, y, inputs)
-        return reactions if added is None else reactions + added[1]
+        if not self.can_share:
+            return np.array(self._equations.reactions(t, y, inputs), dtype=float).T
+        return self.shared_reactions(self._values(t, y, inputs))
 
-    def _given_multipliers(self, t: float, y: Array, inputs: Array) -> Array:
-        return np.array(self._equations.multipliers(t, y, inputs), dtype=float).ravel()
+    def shared_reactions(self, values: Array) -> Array:
+        """`reactions` from the output (size,) of the function of `Equations.load_paths`."""
+        loads = self._equations.load_paths.loads(values)
+        reactions, added = loads.reactions.reshape(-1, 6), self._added(loads)
+        return reactions if added is None else reactions + added[1].reshape(-1, 6)
 
-    def _given_reactions(self, t: float, y: Array, inputs: Array) -> Array:
-        return np.array(self._equations.reactions(t, y, inputs), dtype=float).T
+    @cached_property
+    def can_share(self) -> bool:
+        """Whether redundant joints share load in any state.
 
-    def _added(self, t: float, y: Array, inputs: Array) -> tuple[Array, Array] | None:
-        """The self-stress that minimizes the sum: multipliers (m,) and reactions (joints, 6).
-
-        None if it is zero or round-off, as in a plane linkage under loads in its plane: exact zeros stay zero.
+        They do not if all self-stresses are in idle rows that carry nothing, as in a plane linkage under loads in its
+        plane: see `LoadPaths`. Then the reactions are those that the equations of motion give.
         """
         if not self.indeterminacy:
-            return None
-        of_reactions, stresses = self._indeterminate(t, y, inputs)
-        loads, multipliers = self._given_reactions(t, y, inputs).ravel(), self._given_multipliers(t, y, inputs)
-        components, is_round_off = self._components(of_reactions, stresses, loads, multipliers)
+            return False
+        paths = self._equations.load_paths
+        return self._fixed_stresses is None or not paths.idle_unloaded
+
+    def _values(self, t: float, y: Array, inputs: Array) -> Array:
+        return (self._read or self._equations.load_paths.values)(t, y, inputs)
+
+    def _loads(self, t: float, y: Array, inputs: Array) -> Loads:
+        return self._equations.load_paths.loads(self._values(t, y, inputs))
+
+    def _added(self, loads: Loads) -> tuple[Array, Array] | None:
+        """The self-stress that minimizes the sum: multipliers (m,) and reactions (6 joints,).
+
+        None if it is zero or round-off: exact zeros stay zero.
+        """
+        stresses = self._self_stresses(loads)
+        components, is_round_off = self._components(loads.of_reactions, stresses, loads.reactions, loads.multipliers)
         if is_round_off:
             return None
         added = stresses @ components
-        return added, (of_reactions @ added).reshape(-1, 6)
+        return added, loads.of_reactions @ added
 
     def shared_changes(self, t: float, y: Array, inputs: Array, reactions: Array, multipliers: Array) -> Array:
         """Changes (6 joints, n) of the reactions, from those that the equations of motion give.
@@ -74,19 +99,15 @@ class LoadSharing:
         :param multipliers: (m, n) of the equations.
         :raises MbdSimError: redundant joints share the load in this state, so that the changes depend on their place.
         """
-        if self._added(t, y, inputs) is not None:
+        loads = self._loads(t, y, inputs)
+        if self._added(loads) is not None:
             raise MbdSimError(
                 f"the reactions of '{self._mechanism.name}' are not linearized, because redundant joints share the "
                 "load in this state. Leave out redundant constraints, or choose other outputs."
             )
-        of_reactions, stresses = self._indeterminate(t, y, inputs)
+        of_reactions, stresses = loads.of_reactions, self._self_stresses(loads)
         components = self._components(of_reactions, stresses, reactions, multipliers)[0]
         return np.asarray(reactions + of_reactions @ stresses @ components)
-
-    def _indeterminate(self, t: float, y: Array, inputs: Array) -> tuple[Array, Array]:
-        """The reactions (6 joints, m) by unit multipliers, and the `_self_stresses` (m, k)."""
-        of_reactions, of_drives, gradient = (np.array(part) for part in self._equations.load_paths(t, y, inputs))
-        return of_reactions, self._self_stresses(gradient, of_drives)
 
     def _components(
         self, of_reactions: Array, stresses: Array, reactions: Array, multipliers: Array
@@ -96,24 +117,34 @@ class LoadSharing:
         effects, loads = weights[:, None] * (of_reactions @ stresses), (weights * reactions.T).T
         if len(own):
             effects, loads = np.vstack([effects, stresses[own]]), np.concatenate([loads, multipliers[own]])
-        components: Array = np.linalg.lstsq(effects, -loads, rcond=None)[0].astype(float)
-        size = ROUND_OFF * np.max(np.abs(loads), initial=0.0)
-        return components, bool(np.max(np.abs(effects @ components), initial=0.0) <= size)
+        components: Array = np.asarray(np.linalg.lstsq(effects, -loads, rcond=None)[0], dtype=float)
+        return components, bool(np.abs(effects @ components).max() <= ROUND_OFF * np.abs(loads).max())
 
-    def _self_stresses(self, gradient: Array, of_drives: Array) -> Array:
+    def _self_stresses(self, loads: Loads) -> Array:
         """An orthonormal basis (m, k) of the multipliers that change neither the motion nor the forces of drives.
 
         Its dimension is that of almost all configurations, so that it changes smoothly through singular ones.
-
-        :param gradient: G (m, nv).
-        :param of_drives: (n, m) the forces of drives for unit multipliers.
         """
-        basis = np.linalg.svd(gradient)[0][:, len(gradient) - self.indeterminacy :]
+        basis, of_drives = self._fixed_stresses, loads.of_drives
+        if basis is None:
+            basis = np.linalg.svd(loads.gradient)[0][:, len(loads.gradient) - self.indeterminacy :]
         if not of_drives.size:
             return basis
-        _, sizes, directions = np.linalg.svd(of_drives @ basis)
+        by_stresses = of_drives @ basis
+        if not by_stresses.any():
+            return basis
+        _, sizes, directions = np.linalg.svd(by_stresses)
         rank = int(np.sum(sizes > DETERMINED * np.max(np.abs(of_drives))))
         return np.asarray(basis @ directions[rank:].T)
+
+    @cached_property
+    def _fixed_stresses(self) -> Array | None:
+        """The basis (m, k) of the multipliers without effect on the motion, if these are the multipliers of idle rows.
+
+        None if other rows depend on each other.
+        """
+        idle = self._equations.load_paths.idle
+        return np.eye(len(self._equations.rows))[:, idle] if len(idle) == self.indeterminacy else None
 
     @cached_property
     def _own_rows(self) -> NDArray[np.intp]:

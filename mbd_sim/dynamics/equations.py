@@ -37,7 +37,7 @@ from mbd_sim.dynamics.initial_conditions import AssembledStart, Assembly, assemb
 from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.dynamics.joint_linearization import JointLinearization, joint_linearization
 from mbd_sim.dynamics.like_branches import like_branches
-from mbd_sim.dynamics.load_functions import load_paths, reaction_function, reactions_at
+from mbd_sim.dynamics.load_functions import LoadPaths, load_paths, reaction_function, reactions_at
 from mbd_sim.dynamics.measurements import Measurements
 from mbd_sim.dynamics.multipliers import ConstraintSolver, typical_diagonal
 from mbd_sim.dynamics.regular_start import flat_poses, require_regular_start, start_with_actuators
@@ -103,7 +103,7 @@ class Equations:
     trace_multipliers: Callable[[], ca.Function]
     trace_reactions: Callable[[], ca.Function]
     trace_joint_linearization: Callable[[], JointLinearization]
-    trace_load_paths: Callable[[], ca.Function]
+    trace_load_paths: Callable[[], LoadPaths]
     core: slice
     like_branches: Sequence[Sequence[Sequence[tuple[int, int]]]]
     step: float
@@ -179,8 +179,8 @@ class Equations:
         return self.trace_joint_linearization()
 
     @cached_property
-    def load_paths(self) -> ca.Function:
-        """(t, y, inputs) -> ∂/∂λ of the reactions (6 joints, m) and of the drives' forces (n, m) at fixed u', and G."""
+    def load_paths(self) -> LoadPaths:
+        """The loads and their derivatives by the multipliers; traced when they are first read."""
         return self.trace_load_paths()
 
 
@@ -286,7 +286,7 @@ def _packaged(
         trace_multipliers=partial(function, "multipliers", with_inputs, multipliers),
         trace_reactions=partial(reaction_function, traced, assembly, motion, multipliers),
         trace_joint_linearization=linearized,
-        trace_load_paths=partial(load_paths, traced, assembly.equations),
+        trace_load_paths=partial(load_paths, traced, assembly, motion, multipliers),
         core=traced.core,
         like_branches=like_branches(traced.links, traced.layout.nq),
         step=traced.step,

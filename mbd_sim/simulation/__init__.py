@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from mbd_sim.simulation.contact_start import require_free_start as require_free_start
     from mbd_sim.simulation.contact_start import require_outside as require_outside
     from mbd_sim.simulation.contact_stepping import contact_stepper as contact_stepper
+    from mbd_sim.simulation.load_path_reader import LoadPathReader as LoadPathReader
     from mbd_sim.simulation.model_builder import build as build
     from mbd_sim.simulation.model_builder import can_be_stored as can_be_stored
     from mbd_sim.simulation.model_builder import contact_model as contact_model
@@ -40,6 +41,7 @@ else:
             "compliant_states": ("compliant_names", "states_of_compliant_contacts"),
             "contact_stepping": ("contact_stepper",),
             "contact_start": ("require_free_start", "require_outside"),
+            "load_path_reader": ("LoadPathReader",),
             "model_builder": ("build", "can_be_stored", "contact_model", "partial_system"),
             "motions": ("MotionReaders",),
             "moving_points": ("MovingFrame", "MovingPoint"),

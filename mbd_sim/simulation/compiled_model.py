@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from mbd_sim.integrators.between_steps import BetweenSteps
     from mbd_sim.integrators.methods import Method
     from mbd_sim.simulation.contact_terms import ContactModel
+    from mbd_sim.simulation.load_path_reader import LoadPathReader
     from mbd_sim.simulation.motions import MotionReaders, PartMotion
     from mbd_sim.simulation.requested_functions import RequestedFunctions
 
@@ -185,7 +186,7 @@ class Model(ActuatedModel, ContactingModel):
     def reactions(self, time: float, y: Array, inputs: Array) -> Mapping[str, Reaction]:
         """The load that each joint transmits: the joints of the spanning tree first, then those that close loops."""
         given = self.with_contact_forces(time, y, inputs)
-        if self.load_sharing.indeterminacy:
+        if self.load_sharing.can_share:
             found = self.load_sharing.reactions(time, y, given)
         else:
             found = self._reaction_reader.read("reactions", time, y, given).reshape(-1, 6)
@@ -201,7 +202,12 @@ class Model(ActuatedModel, ContactingModel):
         """How redundant joints and constraints share the load."""
         from mbd_sim.analysis.load_sharing import LoadSharing
 
-        return LoadSharing(self.mechanism, self.equations)
+        return LoadSharing(self.mechanism, self.equations, self.load_paths)
+
+    @cached_property
+    def load_paths(self) -> LoadPathReader:
+        """What load sharing reads of the equations."""
+        return simulation.LoadPathReader(self.equations)
 
     def consistent(self, q: Array, u: Array, values: Array | None = None) -> tuple[Array, Array]:
         """The state (q, u) at t = 0 nearest to a given one that satisfies the constraints.

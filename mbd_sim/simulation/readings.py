@@ -106,15 +106,10 @@ class Readings(RunState):
 
     def reactions(self) -> Mapping[str, Reaction]:
         """The force and the moment that each joint transmits."""
-        if not self._has_plain_reactions:
+        if (compiled := self._compiled_reactions) is None:
             return self.model.reactions(self.time, self._memory.y, self._memory.inputs)
-        read, names = self._compiled_reactions
+        read, names = compiled
         return {name: Reaction(row[:3], row[3:]) for name, row in zip(names, read(), strict=True)}
-
-    @cached_property
-    def _has_plain_reactions(self) -> bool:
-        """Whether reactions follow from the equations alone, without contacts and redundant joints."""
-        return self.model.contact is None and not self.model.load_sharing.indeterminacy
 
     def contacts(self) -> Mapping[str, ContactState]:
         """Each one-sided element and each compliant contact by name: its gap, normal force, friction and state.
@@ -196,7 +191,14 @@ class Readings(RunState):
         return self.model.on_request.derivatives().bound(self._memory.clock, arrays, (-1, columns))
 
     @cached_property
-    def _compiled_reactions(self) -> tuple[Callable[[], Array], list[str]]:
-        """The loads of the joints (joints, 6), and the names of these."""
-        arrays, names = (self._memory.y, self._memory.inputs), [*self.mechanism.joints, *self.mechanism.closing]
-        return self.model.on_request.reactions().bound(self._memory.clock, arrays, (len(names), 6)), names
+    def _compiled_reactions(self) -> tuple[Callable[[], Array], list[str]] | None:
+        """The loads of the joints (joints, 6), and the names of these; None with contacts, or if not compiled."""
+        model, clock, arrays = self.model, self._memory.clock, (self._memory.y, self._memory.inputs)
+        names = [*self.mechanism.joints, *self.mechanism.closing]
+        if model.contact is not None:
+            return None
+        sharing = model.load_sharing
+        if not sharing.can_share:
+            return model.on_request.reactions().bound(clock, arrays, (len(names), 6)), names
+        read = model.load_paths.bound(clock, arrays)
+        return None if read is None else (lambda: sharing.shared_reactions(read()), names)

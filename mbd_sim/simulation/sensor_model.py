@@ -108,7 +108,7 @@ class SensorModel:
     def _load(self, sensor: ForceTorque, time: float, sample: StateSample, exact: Array) -> Array:
         """Force and torque in the axes of the sensor's frame; redundant joints share the load."""
         wrench, to_frame = exact[:6], exact[6:].reshape(3, 3)
-        if self._model.load_sharing.indeterminacy:
+        if self._model.load_sharing.can_share:
             reaction = self._model.reactions(time, sample.y, sample.inputs)[sensor.joint]
             wrench = np.concatenate([reaction.force, reaction.moment])
         return np.concatenate([to_frame @ wrench[:3], to_frame @ wrench[3:]])

@@ -57,6 +57,25 @@ def reactions(sim):
     return np.array([np.concatenate(reaction) for reaction in sim.reactions().values()])
 
 
+def reactions_by_casadi(sim):
+    """The same from the functions of the equations as CasADi evaluates them, with the null space of all rows of G."""
+    model, arguments = sim.model, (sim.time, sim.y, np.array(sim.inputs))
+    equations, sharing = model.equations, model.load_sharing
+    given, multipliers = np.array(equations.reactions(*arguments)), np.array(equations.multipliers(*arguments)).ravel()
+    loads = equations.load_paths.loads(equations.load_paths.values(*arguments))
+    stresses = np.linalg.svd(loads.gradient)[0][:, equations.start.rank :]
+    by_stresses = loads.of_drives @ stresses
+    if by_stresses.size:
+        stresses = stresses @ np.linalg.svd(by_stresses)[2][np.linalg.matrix_rank(by_stresses, tol=1e-9) :].T
+    joints = [*model.mechanism.joints.values(), *model.mechanism.closing.values()]
+    weights = np.array([[np.sqrt(j.compliance)] * 3 + [np.sqrt(j.compliance) / sharing.length] * 3 for j in joints])
+    own = [row.owner[0] == "constraints" for row in equations.rows]
+    to_weighted = np.vstack([weights.reshape(-1, 1) * loads.of_reactions, np.eye(len(own))[own]])
+    weighted = np.concatenate([(weights * given.T).ravel(), multipliers[own]])
+    shares = stresses @ np.linalg.pinv(to_weighted @ stresses) @ -weighted
+    return given.T + (loads.of_reactions @ shares).reshape(-1, 6)
+
+
 def agree(found, expected, tolerance=1e-9):
     assert np.max(np.abs(found - expected)) < tolerance * np.max(np.abs(expected))
 
@@ -70,7 +89,22 @@ def test_the_load_is_shared_as_by_elastic_joints(name):
     assert sim.model.load_sharing.indeterminacy > 0
     for _ in range(3):
         agree(reactions(sim), elastic_reactions(sim))
+        agree(reactions(sim), reactions_by_casadi(sim), 1e-12)
         sim.step(60)
+
+
+@pytest.mark.parametrize(("name", "can_share"), [("four_bar", False), ("scissor_lift", True)])
+def test_the_self_stresses_of_plane_linkages_are_known_without_a_decomposition(name, can_share):
+    """Those of a loop of joints alone carry nothing; the scissor lift also has constraints."""
+    sim = Simulation.from_file(name)
+    sim.step(40)
+    sharing, paths = sim.model.load_sharing, sim.model.equations.load_paths
+    assert len(paths.idle) == sharing.indeterminacy and sharing.can_share == can_share
+    loads = paths.loads(paths.values(sim.time, sim.y, np.array(sim.inputs)))
+    assert not loads.gradient[paths.idle].any()
+    agree(reactions(sim), reactions_by_casadi(sim), 1e-12)
+    of_model = sim.model.reactions(sim.time, sim.y, np.array(sim.inputs)).values()
+    assert np.array([np.concatenate(one) for one in of_model]).tobytes() == reactions(sim).tobytes()
 
 
 CRANKS = """
