@@ -44,7 +44,10 @@ PROGRAMS = {
     "contacts": Program("benchmarks.contacts", quick=("--rounds", "1")),
     "kinematics": Program("benchmarks.kinematics"),
     "default_method": Program("benchmarks.default_method", quick=("double_rod", "four_bar", "--rounds", "1"), ros=True),
-    "lockstep": Program("benchmarks.lockstep", quick=("double_pendulum", "200"), ros=True),
+    "calls": Program("benchmarks.calls"),
+    "sensitivities": Program("benchmarks.sensitivities", ros=True),
+    "sweeps": Program("benchmarks.sweeps", ("2048", "20"), quick=("64", "1"), ros=True),
+    "lockstep": Program("benchmarks.lockstep", ("double_pendulum", "500"), quick=("double_pendulum", "200"), ros=True),
     "commands": Program("benchmarks.commands", ros=True, in_test=False),
 }
 
