@@ -8,6 +8,14 @@ from mbd_sim.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from mbd_sim.compiler.bound_call import bound_reader as bound_reader
+    from mbd_sim.compiler.bounded_write import bounded_writer as bounded_writer
     from mbd_sim.compiler.readers import CompiledReaders as CompiledReaders
 else:
-    __getattr__ = lazy_names(__name__, {"bound_call": ("bound_reader",), "readers": ("CompiledReaders",)})
+    __getattr__ = lazy_names(
+        __name__,
+        {
+            "bound_call": ("bound_reader",),
+            "bounded_write": ("bounded_writer",),
+            "readers": ("CompiledReaders",),
+        },
+    )

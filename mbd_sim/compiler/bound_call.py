@@ -78,7 +78,7 @@ def _bound(
     addresses = [*(array.ctypes.data for array in (*clock, time, *arrays, out)), address]
     copy = out.reshape(shape)[:rows].copy
     keep_alive = (code, owner, *clock, time, *arrays, out)
-    return cast(Call, callable_of(code.address("read"), copy, addresses, keep_alive, b"read"))
+    return cast(Call, callable_of(code.address("read"), copy, addresses, keep_alive, "read()"))
 
 
 @functools.cache

@@ -69,7 +69,9 @@ class Kernel:
         """`step(n=1)` as a Python callable with a cheap call: see `emit_call` and `callable_of`."""
         return cast(
             Callable[..., None],
-            callable_of(self.code.address("call"), fallback, addresses, (self, keep_alive)),
+            callable_of(
+                self.code.address("call"), fallback, addresses, (self, keep_alive), "step(n=1)", fallback.__doc__
+            ),
         )
 
 

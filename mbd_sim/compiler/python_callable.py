@@ -11,6 +11,8 @@ import llvmlite.binding as llvm
 
 LARGEST = 2**53  # steps; beyond, time in steps is no longer exact
 NONE = "_Py_NoneStruct"
+HEAD = object.__basicsize__  # bytes of the head of every object, `PyObject`
+TYPE = HEAD - ctypes.sizeof(ctypes.c_void_p)  # offset of the address of its type
 NAMES = (
     "PyTuple_GetItem",
     "PyBytes_AsString",
@@ -21,6 +23,10 @@ NAMES = (
     "PyEval_SaveThread",
     "PyEval_RestoreThread",
     "Py_IncRef",
+    "PyList_Size",
+    "PyList_GetItem",
+    "PyTuple_Size",
+    "PyFloat_AsDouble",
 )
 
 _FASTCALL_WITH_KEYWORDS = 0x0080 | 0x0002
@@ -46,16 +52,23 @@ def link_interpreter() -> None:
 
 
 def callable_of(
-    address: int, partner: Callable[..., Any], addresses: Sequence[int], keep_alive: object, name: bytes = b"step"
+    address: int,
+    partner: Callable[..., Any],
+    addresses: Sequence[int],
+    keep_alive: object,
+    signature: str,
+    doc: str | None = None,
 ) -> Any:
-    """The Python callable of machine code at an address: a `call` of `emit_call`, or a `read` of `CompiledFunction`.
+    """The Python callable of machine code at an address, see `emit_call`, `CompiledFunction` and `bounded_writer`.
 
     :param partner: the callable that the code calls: with the same arguments where a `call` cannot advance.
     :param addresses: of the step counter (int64), of the step size (double), and of the pointers that it passes on.
     :param keep_alive: an object that lives as long as the callable: it refers to the machine code and the arrays.
+    :param signature: of the callable, as `inspect` and `help` show it: `step(n=1)`, with its docstring.
     """
     table = b"".join(value.to_bytes(8, "little") for value in addresses)
-    definition = _MethodDefinition(name, address, _FASTCALL_WITH_KEYWORDS, None)
+    name, text = signature.partition("(")[0].encode(), f"{signature}\n--\n\n{doc or ''}".encode()
+    definition = _MethodDefinition(name, address, _FASTCALL_WITH_KEYWORDS, text)
     create = ctypes.pythonapi.PyCFunction_NewEx
     create.restype, create.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p]
     return create(ctypes.addressof(definition), (table, partner, definition, keep_alive), None)

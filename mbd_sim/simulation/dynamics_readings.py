@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mbd_sim import simulation
+from mbd_sim import compiler, simulation
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.one_sided import two_sided
 from mbd_sim.simulation.argument_checks import finite_vector
@@ -127,12 +127,9 @@ class DynamicsReadings(RunState):
         """
         if efforts is None:
             return self._memory.accelerations()[: self.model.layout.nv]
-        inputs, span = self._given_inputs, self.model.input_layout.efforts
+        inputs = self._given_inputs
         inputs[:] = self._memory.inputs
-        if (within := self.effort_map.within(efforts)) is not None:
-            inputs[span] = within
-        else:
-            inputs[span] = self.effort_map.clamped(self.effort_map.merged(inputs[span], efforts))
+        self._write_given_efforts(efforts)
         if self.model.contact is None:
             return self._given_accelerations()[: self.model.layout.nv]
         return self.model.accelerations(self.time, self._memory.y, inputs)[: self.model.layout.nv]
@@ -141,6 +138,17 @@ class DynamicsReadings(RunState):
     def _given_inputs(self) -> Array:
         """The inputs with efforts that are not applied."""
         return self._memory.inputs.copy()
+
+    @cached_property
+    def _write_given_efforts(self) -> Callable[..., None]:
+        """Write efforts to these inputs, as `set_efforts` does."""
+        target, efforts = self._given_inputs[self.model.input_layout.efforts], self.effort_map
+
+        def change(given: Mapping[str, float] | Sequence[float] | Array) -> None:
+            target[:] = efforts.clamped(efforts.merged(target, given))
+
+        always = np.ones(1, dtype=np.int64)
+        return compiler.bounded_writer(target, efforts.limits, always, change, "write(efforts)")
 
     @cached_property
     def _given_accelerations(self) -> Callable[[], Array]:

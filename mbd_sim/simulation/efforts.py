@@ -1,11 +1,12 @@
-"""Effort commands: checked as a whole, then clamped to the effort limits of the joints."""
+"""Effort commands: checked as a whole, then clamped to the effort limits of the joints.
+
+Compiled code does the same for arrays, lists and tuples that need no error message: see `bounded_writer`.
+"""
 
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -32,31 +33,11 @@ class EffortMap:
         """Efforts of `names`, with absolute values up to `limits` (nv,); `driven` coordinates take no effort."""
         self.names, self._driven = tuple(names), frozenset(driven)
         self._index = {name: index for index, name in enumerate(self.names)}
-        self._count = len(self.names)
-        self.limit(limits)
+        self.limits = np.array(limits, dtype=float)
 
     def limit(self, limits: Array) -> None:
-        """Set the largest absolute values (nv,) of the efforts from now on."""
-        self.limits = limits
-        self._bounds = np.minimum(limits, sys.float_info.max).tolist()
-
-    def within(self, efforts: Any) -> Sequence[float] | None:
-        """The efforts if they are an array, a list or a tuple of one number each, within all limits; None otherwise.
-
-        This takes a tenth of the time of `merged` and `clamped`, which say what is wrong or do what is necessary.
-        """
-        kind = type(efforts)
-        if kind is np.ndarray:
-            efforts = efforts.tolist()
-        elif kind is not list and kind is not tuple:
-            return None
-        if len(efforts) != self._count:
-            return None
-        for value, bound in zip(efforts, self._bounds):  # noqa: B905  # the check of their lengths costs more
-            if type(value) is not float or not -bound <= value <= bound:
-                return None
-        values: Sequence[float] = efforts
-        return values
+        """Set the largest absolute values (nv,) of the efforts from now on, in place: compiled code reads them."""
+        self.limits[:] = limits
 
     def merged(self, current: Array, efforts: Mapping[str, float] | Sequence[float] | Array) -> Array:
         """The efforts (nv,) after a command; those that it does not name stay as in `current`.
@@ -89,7 +70,8 @@ class EffortMap:
 
     def clamped(self, efforts: Array) -> Array:
         """The efforts within the effort limits of the joints."""
-        return np.clip(efforts, -self.limits, self.limits)
+        clamped: Array = np.copysign(np.minimum(np.abs(efforts), self.limits), efforts)
+        return clamped
 
     def require(self, name: str) -> None:
         """Check that a joint exists and is not driven.

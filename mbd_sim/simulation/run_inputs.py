@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 
+from mbd_sim import compiler
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.actuator_commands import Command, CommandMap
 from mbd_sim.simulation.efforts import EffortMap
@@ -20,16 +22,27 @@ class RunInputs(Readings, RunReports):
     command_map: CommandMap
     wrench_map: WrenchMap
     _efforts: Array
-    _store_efforts: Callable[..., None]
 
     def set_efforts(self, efforts: Mapping[str, float] | Sequence[float] | Array) -> None:
         """Set the efforts (N or N·m) from the next step on, all in order or some by name, clamped to the effort limits.
 
         :raises CommandError: wrong length, an unknown name, or a value that is not finite; nothing is changed then.
         """
-        if self._listener is None and (values := self.effort_map.within(efforts)) is not None:
-            self._store_efforts(*values)
-            return
+        self._write_efforts(efforts)
+
+    @cached_property
+    def _write_efforts(self) -> Callable[..., None]:
+        """Compiled code that does without a listener what `_change_efforts` does, and calls that if it cannot.
+
+        From its first call on, the code also replaces the method that is called on the simulation.
+        """
+        shared = self._efforts, self.effort_map.limits, self._unobserved
+        if type(self).set_efforts is RunInputs.set_efforts:  # a subclass with its own `set_efforts` keeps it
+            method, signature = self.set_efforts, "set_efforts(efforts)"
+            vars(self)["set_efforts"] = compiler.bounded_writer(*shared, method, signature)
+        return compiler.bounded_writer(*shared, self._change_efforts, "write(efforts)")
+
+    def _change_efforts(self, efforts: Mapping[str, float] | Sequence[float] | Array) -> None:
         new = self.effort_map.clamped(self.effort_map.merged(self._efforts, efforts))
         repeated = self._is_repeated(self._efforts, new)
         self._efforts[:] = new

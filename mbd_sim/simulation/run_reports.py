@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.events import (
@@ -35,6 +39,11 @@ class RunReports(SensorReadings):
 
     _listener: RunListener | None = None
     _contacts_seen: int = 0
+
+    @cached_property
+    def _unobserved(self) -> NDArray[np.int64]:
+        """(1,), for compiled code: 1 without a listener, 0 with one."""
+        return np.ones(1, dtype=np.int64)
 
     @property
     def _contact_count(self) -> int:

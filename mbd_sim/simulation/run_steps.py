@@ -93,6 +93,7 @@ class Stepping(Readings, RunReports):
         if listener is not None and self._listener is not None:
             raise InputError("this simulation is being recorded already", "Close the other recording first.")
         self._listener, self._contacts_seen = listener, self._contact_count
+        self._unobserved[0] = listener is None
         if listener is None:
             self._use_compiled_step()
         else:

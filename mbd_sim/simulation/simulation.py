@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import ClassVar, NoReturn, Self, Unpack
 
@@ -96,7 +94,6 @@ class Simulation(InlineViews, StateChanges, RunInputs, DynamicsReadings, ReadOnl
         memory = self._memory = KernelMemory(self.model, self.step_size)
         layout = self.model.input_layout
         self._efforts, self._live_inputs = memory.inputs[layout.efforts], memory.inputs[layout.values]
-        self._store_efforts = partial(struct.Struct(f"{len(self._efforts)}d").pack_into, self._efforts.data, 0)
         self.wrench_map = WrenchMap(mechanism, layout)
         self.command_map = CommandMap(mechanism.commanded, layout)
         self.effort_map = EffortMap(self.model.coordinate_names, mechanism.effort_limits(), self.model.driven_names)
