@@ -50,7 +50,7 @@ def bounded_writer(
 
 @functools.cache
 def _code() -> MachineCode:
-    numpy_interface.require_known_layout()
+    numpy_interface.link_numpy()
     module = new_module()
     call = Function(module, FunctionType(POINTER, [POINTER, POINTER, INT, POINTER]), "write")
     _Emitter(call).emit(module.external(NONE, "i8"))

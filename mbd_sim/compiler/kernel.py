@@ -14,10 +14,9 @@ from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.instruction_list import Instructions
 from mbd_sim.compiler.ir import Module
 from mbd_sim.compiler.like_operations import Branch
-from mbd_sim.compiler.lowering import instruction_count, lower
+from mbd_sim.compiler.lowering import export, instruction_count, lower
 from mbd_sim.compiler.packed_lowering import lower_packed
 from mbd_sim.compiler.packing import Packing, packed
-from mbd_sim.compiler.readers import export
 from mbd_sim.compiler.runge_kutta_step import explicit_step
 from mbd_sim.compiler.samples import emit_samples
 from mbd_sim.compiler.schedule import arranged

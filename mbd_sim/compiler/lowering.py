@@ -114,6 +114,14 @@ def lower(module: Module, function: Instructions, inline: bool, lanes: int = 1) 
     return emitted
 
 
+def export(module: Module, name: str, function: Function) -> None:
+    """Export a function of the module under a name."""
+    exported = Function(module, FunctionType(VOID, [POINTER] * len(function.args)), name)
+    builder = IRBuilder(exported.append_basic_block("entry"))
+    builder.call(function, exported.args)
+    builder.ret_void()
+
+
 def define(module: Module, name: str, arguments: int, inline: bool, lanes: int) -> tuple[Function, IRBuilder]:
     """A function of so many addresses that do not overlap, and a builder of it."""
     function = Function(module, FunctionType(VOID, [POINTER] * arguments), name)

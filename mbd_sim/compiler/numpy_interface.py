@@ -1,6 +1,7 @@
-"""NumPy's C interface for machine code: where the fields of an array lie.
+"""NumPy's C interface for machine code: where the fields of an array lie, and how a new one is made.
 
-See https://numpy.org/doc/stable/reference/c-api/types-and-structures.html, `PyArrayObject` and `PyArray_Descr`.
+See https://numpy.org/doc/stable/reference/c-api/types-and-structures.html for `PyArrayObject` and `PyArray_Descr`, and
+https://numpy.org/doc/stable/reference/c-api/array.html for `PyArray_New`.
 """
 
 from __future__ import annotations
@@ -9,8 +10,12 @@ import ctypes
 import functools
 from importlib import import_module
 
+import llvmlite.binding as llvm
 import numpy as np
 
+from mbd_sim.compiler.ir import POINTER, Value
+from mbd_sim.compiler.ir_builder import IRBuilder
+from mbd_sim.compiler.ir_types import integer
 from mbd_sim.compiler.python_callable import HEAD
 
 # Offsets of `PyArrayObject` and `PyArray_Descr` in bytes.
@@ -21,29 +26,54 @@ ALIGNED = 0x0100  # of the flags
 NATIVE = ord("=")  # of the byte order
 SINGLE, DOUBLE = 11, 12  # of the type number
 
+VERSION, NEW = 0, 93  # of `PyArray_GetNDArrayCVersion` and `PyArray_New` in NumPy's table of functions
 _KNOWN = (0x0100_0009, 0x0200_0000)  # binary interfaces: those of NumPy 1 and 2
-_VERSION = 0  # index of `PyArray_GetNDArrayCVersion` in NumPy's table of functions
+_INT32 = "i32"
 
 
 @functools.cache
-def require_known_layout() -> None:
-    """Check that the fields lie where machine code reads them, as C modules do when they are imported.
+def link_numpy() -> None:
+    """Check that the fields lie where machine code reads them, and register what it calls with the compiler.
 
-    :raises ImportError: this version of NumPy may place them differently.
+    C modules do the same when they are imported.
+
+    :raises ImportError: this version of NumPy may place the fields differently.
     """
-    version = ctypes.CFUNCTYPE(ctypes.c_uint)(_functions()[_VERSION])()
+    functions = _functions()
+    version = ctypes.CFUNCTYPE(ctypes.c_uint)(functions[VERSION])()
     if version not in _KNOWN:
         raise ImportError(
             f"NumPy {np.__version__} has the binary interface {version:#x}, which mbd_sim does not know. "
             "Install an older NumPy: pip install 'numpy<3'."
         )
+    llvm.add_symbol("PyArray_New", functions[NEW])
+    llvm.add_symbol("PyArray_Type", id(np.ndarray))
 
 
-@functools.cache
+def emit_new_array(b: IRBuilder, dimensions: Value, lengths: Value, *, by_columns: bool = False) -> Value:
+    """Emit the creation of an array of doubles with any contents, contiguous in C's or, `by_columns`, Fortran's order.
+
+    :param dimensions: how many, as a 32-bit integer.
+    :param lengths: the address of their lengths as 64-bit integers.
+    :return: the address of the array; null if there is no memory for it.
+    """
+    double, zero, null = Value(_INT32, str(DOUBLE)), Value(_INT32, "0"), Value(POINTER, "null")
+    types = [POINTER, _INT32, POINTER, _INT32, POINTER, POINTER, _INT32, _INT32, POINTER]
+    kind = b.module.external("PyArray_Type", "i8")
+    order = Value(_INT32, "1" if by_columns else "0")
+    given = [kind, dimensions, lengths, double, null, null, zero, order, null]
+    return b.call(b.module.declared("PyArray_New", POINTER, types), given)
+
+
+def emit_data(b: IRBuilder, array: Value) -> Value:
+    """Emit the reading of the address of an array's numbers."""
+    return b.load(b.gep(array, integer(DATA), "i8"), typ=POINTER)
+
+
 def _functions() -> ctypes.Array[ctypes.c_size_t]:
     """The beginning of NumPy's table of functions."""
     core = "numpy._core" if np.lib.NumpyVersion(np.__version__) >= "2.0.0" else "numpy.core"
     capsule = import_module(f"{core}._multiarray_umath")._ARRAY_API
     pointer = ctypes.pythonapi.PyCapsule_GetPointer
     pointer.restype, pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
-    return (ctypes.c_size_t * 1).from_address(pointer(capsule, None))
+    return (ctypes.c_size_t * (NEW + 1)).from_address(pointer(capsule, None))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -23,6 +23,9 @@ NAMES = (
     "PyEval_SaveThread",
     "PyEval_RestoreThread",
     "Py_IncRef",
+    "Py_DecRef",
+    "PyDict_New",
+    "PyDict_SetItem",
     "PyList_Size",
     "PyList_GetItem",
     "PyTuple_Size",
@@ -53,7 +56,7 @@ def link_interpreter() -> None:
 
 def callable_of(
     address: int,
-    partner: Callable[..., Any],
+    partner: object,
     addresses: Sequence[int],
     keep_alive: object,
     signature: str,
@@ -61,7 +64,7 @@ def callable_of(
 ) -> Any:
     """The Python callable of machine code at an address, see `emit_call`, `CompiledFunction` and `bounded_writer`.
 
-    :param partner: the callable that the code calls: with the same arguments where a `call` cannot advance.
+    :param partner: what the code calls, if anything: with the same arguments where a `call` cannot advance.
     :param addresses: of the step counter (int64), of the step size (double), and of the pointers that it passes on.
     :param keep_alive: an object that lives as long as the callable: it refers to the machine code and the arrays.
     :param signature: of the callable, as `inspect` and `help` show it: `step(n=1)`, with its docstring.

@@ -8,12 +8,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.compiler.bound_call import Call, Clock, bound_reader
+from mbd_sim.compiler.bound_call import ALL, Call, Clock, CompiledFunction
 from mbd_sim.compiler.bound_kernel import function_of_addresses
 from mbd_sim.compiler.host_module import compile_module, new_module
-from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType, Module
-from mbd_sim.compiler.ir_builder import IRBuilder
-from mbd_sim.compiler.lowering import lower
+from mbd_sim.compiler.lowering import export, lower
 
 
 class CompiledReaders:
@@ -35,10 +33,10 @@ class CompiledReaders:
         """A function with memory of its own, for one thread and many calls."""
         return BoundReader(self, self._functions[name], np.empty(y_size), np.empty(input_size), self._sizes[name])
 
-    def bound_to(self, name: str, clock: Clock, arrays: Sequence[NDArray[np.float64]], rows: int | None = None) -> Call:
-        """A function of arrays that stay where they are: see `bound_reader`."""
-        size = self._sizes[name]
-        return bound_reader(self._code.address(f"read_{name}"), self, clock, arrays, size, (size,), rows)
+    def bound_to(self, name: str, clock: Clock, arrays: Sequence[NDArray[np.float64]], rows: slice = ALL) -> Call:
+        """A function of arrays that stay where they are: see `CompiledFunction.bound`."""
+        function = CompiledFunction(self._code.address(f"read_{name}"), self, self._sizes[name])
+        return function.bound(clock, arrays, (function.size,), rows)
 
     def read(self, name: str, time: float, y: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
         """The output (n,) of a function, column by column."""
@@ -67,11 +65,3 @@ class BoundReader:
         self._time[0], self._y[:], self._inputs[:] = time, y, inputs
         self._function(*self._addresses)
         return self._out
-
-
-def export(module: Module, name: str, function: Function) -> None:
-    """Export a function of the module under a name."""
-    exported = Function(module, FunctionType(VOID, [POINTER] * len(function.args)), name)
-    builder = IRBuilder(exported.append_basic_block("entry"))
-    builder.call(function, exported.args)
-    builder.ret_void()

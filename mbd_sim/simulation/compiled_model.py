@@ -154,8 +154,8 @@ class Model(ActuatedModel, ContactingModel):
         return self._motion_readers.accelerations(time, y, self.with_contact_forces(time, y, inputs))
 
     def bound_accelerations(self, clock: Clock, y: Array, inputs: Array) -> Call:
-        """`accelerations` of arrays that stay where they are, as a fast callable; only without contacts."""
-        return self._motion_readers.bound_accelerations(clock, y, inputs)
+        """u' (nv,) of arrays that stay where they are, as a fast callable; only without contacts."""
+        return self._motion_readers.bound_accelerations(clock, y, inputs, self.layout.nv)
 
     def part_motions(self, time: float, y: Array, inputs: Array) -> Mapping[str, PartMotion]:
         """The motion of each part in ground's frame and axes."""

@@ -126,12 +126,12 @@ class DynamicsReadings(RunState):
         :raises CommandError: see `set_efforts`.
         """
         if efforts is None:
-            return self._memory.accelerations()[: self.model.layout.nv]
+            return self._memory.accelerations()
         inputs = self._given_inputs
         inputs[:] = self._memory.inputs
         self._write_given_efforts(efforts)
         if self.model.contact is None:
-            return self._given_accelerations()[: self.model.layout.nv]
+            return self._given_accelerations()
         return self.model.accelerations(self.time, self._memory.y, inputs)[: self.model.layout.nv]
 
     @cached_property

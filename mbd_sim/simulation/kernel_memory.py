@@ -15,7 +15,7 @@ from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.compiled_model import Model
 
 if TYPE_CHECKING:
-    pass
+    from mbd_sim.compiler import CompiledFunction
 
 
 class KernelMemory:
@@ -47,26 +47,31 @@ class KernelMemory:
         try:
             return self._readers[name]()
         except KeyError:
-            given = [self.inputs] if self._kernel.reads_inputs[name] else []
-            address, size = self._kernel.code.address(f"read_{name}"), math.prod(shape)
-            self._readers[name] = compiler.bound_reader(
-                address, self._kernel, self.clock, (self.y, *given), size, shape
-            )
+            self._readers[name] = self.reader(name, math.prod(shape)).bound(self.clock, self.arguments(name), shape)
             return self._readers[name]()
 
+    def reader(self, name: str, size: int) -> CompiledFunction:
+        """A reader of the kernel, of which the output has some size."""
+        return compiler.CompiledFunction(self._kernel.code.address(f"read_{name}"), self._kernel, size)
+
+    def arguments(self, name: str) -> tuple[Array, ...]:
+        """The arguments of a reader besides the time."""
+        return (self.y, self.inputs) if self._kernel.reads_inputs[name] else (self.y,)
+
     def accelerations(self) -> Array:
-        """u' (nv,) in the present state, then the accelerations of driven coordinates: see `Model.accelerations`."""
+        """u' (nv,) in the present state: see `Model.accelerations`."""
         if self._accelerations is not None:
             return self._accelerations()
         if self._model.contact is not None:
-            return self._model.accelerations(self.steps * self.step_size, self.y, self.inputs)
+            found = self._model.accelerations(self.steps * self.step_size, self.y, self.inputs)
+            return found[: self._model.layout.nv]
         self._accelerations = self._model.bound_accelerations(self.clock, self.y, self.inputs)
         return self._accelerations()
 
     @property
     def steps(self) -> int:
         """Steps since time zero."""
-        return int(self._counter[0])
+        return int(self._counter.item())
 
     @property
     def clock(self) -> tuple[NDArray[np.int64], Array]:
@@ -76,12 +81,12 @@ class KernelMemory:
     @property
     def step_size(self) -> float:
         """In s."""
-        return float(self._step_size[0])
+        return float(self._step_size.item())
 
     @property
     def error_estimate(self) -> float:
         """The largest estimated error of a step since time zero: see `Simulation.error_estimate`."""
-        return float(self._error_estimate[0])
+        return float(self._error_estimate.item())
 
     def advance(self, n: int) -> bool:
         """Advance by n steps; False where the new state would not be finite, and then nothing is changed."""

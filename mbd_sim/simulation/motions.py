@@ -52,9 +52,9 @@ class MotionReaders:
         """The accelerations of the coordinates, then of the driven ones."""
         return self._readers.read("accelerations", time, y, inputs)
 
-    def bound_accelerations(self, clock: Clock, y: Array, inputs: Array) -> Call:
-        """The same of arrays that stay where they are, as a callable: see `CompiledFunction.bound`."""
-        return self._readers.bound_to("accelerations", clock, (y, inputs))
+    def bound_accelerations(self, clock: Clock, y: Array, inputs: Array, count: int) -> Call:
+        """The first ones of arrays that stay where they are, as a callable: see `CompiledFunction.bound`."""
+        return self._readers.bound_to("accelerations", clock, (y, inputs), slice(count))
 
     def parts(self, time: float, y: Array, inputs: Array, poses: Mapping[str, Pose]) -> dict[str, PartMotion]:
         """The motion of each part, with its pose."""

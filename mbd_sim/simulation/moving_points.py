@@ -17,8 +17,6 @@ from mbd_sim.simulation.part_motion import named_frame
 if TYPE_CHECKING:
     from mbd_sim.dynamics.frame_functions import FrameQuantity
 
-_POSE = 12
-
 
 class MovingPoint:
     """A point of a part, or the center of mass, in the present state of a simulation.
@@ -40,7 +38,7 @@ class MovingPoint:
         self._part: str | None = None
         self._pose_in_part = identity_pose()
         self._place()
-        self._readers: dict[FrameQuantity, Callable[[], Array]] = {}
+        self._readers: dict[str, Callable[[], Array]] = {}
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self._name or 'center of mass'})"
@@ -48,12 +46,12 @@ class MovingPoint:
     @property
     def position(self) -> Array:
         """(3,) in m."""
-        return self._read("pose")[:3].copy()
+        return self._read("position")
 
     @property
     def velocity(self) -> Array:
         """(3,) in m/s."""
-        return self._read("velocity")[:3].copy()
+        return self._read("velocity")
 
     @property
     def acceleration(self) -> Array:
@@ -76,10 +74,9 @@ class MovingPoint:
         return self._read("bias_acceleration")
 
     def _acceleration(self) -> Array:
-        accelerations = self._memory.accelerations()[: self._model.layout.nv]
-        return self._read("jacobian") @ accelerations + self._read("bias_acceleration")
+        return self._read("jacobian") @ self._memory.accelerations() + self._read("bias_acceleration")
 
-    def _read(self, quantity: FrameQuantity) -> Array:
+    def _read(self, quantity: str) -> Array:
         if self._values is not self._live.current:
             self._place()
         try:
@@ -95,28 +92,33 @@ class MovingPoint:
             self._part, self._pose_in_part = named_frame(self._live.mechanism, self._name)
             self._local[:] = self._pose_in_part.position
 
-    def _bound(self, quantity: FrameQuantity) -> Callable[[], Array]:
-        nv, rows = self._model.layout.nv, self._components
-        of_center = self._part is None
-        height = 3 if of_center else 6
-        shapes: dict[FrameQuantity, tuple[tuple[int, ...], int | None]] = {
-            "pose": ((3 if of_center else _POSE,), None),
-            "velocity": ((height,), None),
-            "jacobian": ((height, nv), rows),
-            "jacobian_rate": ((height, nv), rows),
-            "bias_acceleration": ((height,), rows),
+    def _bound(self, quantity: str) -> Callable[[], Array]:
+        nv, rows = self._model.layout.nv, slice(self._components)
+        height = 3 if self._part is None else 6
+        readings: dict[str, tuple[FrameQuantity, tuple[int, ...], slice]] = {
+            "position": ("pose", (-1,), slice(3)),
+            "axes": ("pose", (-1, 3), slice(1, 4)),  # in rows
+            "velocity": ("velocity", (height,), slice(3)),
+            "angular_velocity": ("velocity", (height,), slice(3, 6)),
+            "jacobian": ("jacobian", (height, nv), rows),
+            "jacobian_rate": ("jacobian_rate", (height, nv), rows),
+            "bias_acceleration": ("bias_acceleration", (height,), rows),
         }
-        shape, kept = shapes[quantity]
+        function, shape, rows = readings[quantity]
         if self._part == GROUND:
-            return self._at_rest(quantity, (rows, nv) if len(shape) == 2 else (rows,))
+            return self._at_rest(quantity)
         memory = self._memory
-        function = self._model.on_request.frame(self._part, quantity)
-        return function.bound(memory.clock, (memory.y, memory.inputs, self._local), shape, kept)
+        compiled = self._model.on_request.frame(self._part, function)
+        return compiled.bound(memory.clock, (memory.y, memory.inputs, self._local), shape, rows)
 
-    def _at_rest(self, quantity: FrameQuantity, shape: tuple[int, ...]) -> Callable[[], Array]:
-        if quantity == "pose":
-            return lambda: np.concatenate([self._local, np.eye(3).ravel()])
-        return lambda: np.zeros(shape)
+    def _at_rest(self, quantity: str) -> Callable[[], Array]:
+        """The same of a point of ground."""
+        if quantity == "position":
+            return self._local.copy
+        if quantity == "axes":
+            return lambda: np.eye(3)
+        shape = {"velocity": (3,), "angular_velocity": (3,), "bias_acceleration": (self._components,)}
+        return lambda: np.zeros(shape.get(quantity, (self._components, self._model.layout.nv)))
 
 
 class MovingFrame(MovingPoint):
@@ -131,8 +133,7 @@ class MovingFrame(MovingPoint):
     @property
     def rotation(self) -> Array:
         """(3, 3): its columns are the axes of the frame."""
-        rotation = self._read("pose")[3:].reshape(3, 3, order="F")
-        return np.asarray(rotation @ self._pose_in_part.rotation)
+        return np.asarray(self._read("axes").T @ self._pose_in_part.rotation)
 
     @property
     def pose(self) -> Pose:
@@ -142,7 +143,7 @@ class MovingFrame(MovingPoint):
     @property
     def angular_velocity(self) -> Array:
         """(3,) in rad/s."""
-        return self._read("velocity")[3:].copy()
+        return self._read("angular_velocity")
 
     @property
     def angular_acceleration(self) -> Array:

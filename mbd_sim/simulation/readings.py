@@ -39,9 +39,13 @@ class Readings(RunState):
 
     def poses(self) -> Mapping[str, Pose]:
         """The pose of each part in ground's frame."""
-        names = self.model.part_names
-        rows = self._memory.read("poses", len(names), 4, 3)  # positions, then the columns of the rotations
-        return dict(zip(names, map(Pose, rows[:, 0], rows[:, 1:].swapaxes(1, 2))))  # noqa: B905  # the check of their lengths costs more
+        return self._read_poses()
+
+    @cached_property
+    def _read_poses(self) -> Callable[[], dict[str, Pose]]:
+        memory, names = self._memory, self.model.part_names
+        reader = memory.reader("poses", len(names) * 12)
+        return reader.bound_records(memory.clock, memory.arguments("poses"), names, Pose, ((3,), (3, 3)))
 
     @property
     def u_rates(self) -> Array:
@@ -49,7 +53,7 @@ class Readings(RunState):
 
         Those of contacts are included. At an impact they are those after it.
         """
-        return self._memory.accelerations()[: self.model.layout.nv]
+        return self._memory.accelerations()
 
     def motion(self, frame: str) -> PartMotion:
         """The motion of a part, or of one of its points: pose, velocities and accelerations in ground's axes.
@@ -108,8 +112,7 @@ class Readings(RunState):
         """The force and the moment that each joint transmits."""
         if (compiled := self._compiled_reactions) is None:
             return self.model.reactions(self.time, self._memory.y, self._memory.inputs)
-        read, names = compiled
-        return {name: Reaction(row[:3], row[3:]) for name, row in zip(names, read(), strict=True)}
+        return compiled()
 
     def contacts(self) -> Mapping[str, ContactState]:
         """Each one-sided element and each compliant contact by name: its gap, normal force, friction and state.
@@ -191,14 +194,17 @@ class Readings(RunState):
         return self.model.on_request.derivatives().bound(self._memory.clock, arrays, (-1, columns))
 
     @cached_property
-    def _compiled_reactions(self) -> tuple[Callable[[], Array], list[str]] | None:
-        """The loads of the joints (joints, 6), and the names of these; None with contacts, or if not compiled."""
+    def _compiled_reactions(self) -> Callable[[], dict[str, Reaction]] | None:
+        """The loads of the joints; None with contacts, or if they are not compiled."""
         model, clock, arrays = self.model, self._memory.clock, (self._memory.y, self._memory.inputs)
-        names = [*self.mechanism.joints, *self.mechanism.closing]
+        names = (*self.mechanism.joints, *self.mechanism.closing)
         if model.contact is not None:
             return None
         sharing = model.load_sharing
         if not sharing.can_share:
-            return model.on_request.reactions().bound(clock, arrays, (len(names), 6)), names
-        read = model.load_paths.bound(clock, arrays)
-        return None if read is None else (lambda: sharing.shared_reactions(read()), names)
+            return model.on_request.reactions().bound_records(clock, arrays, names, Reaction, ((3,), (3,)))
+        if (read := model.load_paths.bound(clock, arrays)) is None:
+            return None
+        return lambda: {
+            name: Reaction(row[:3], row[3:]) for name, row in zip(names, sharing.shared_reactions(read()), strict=True)
+        }

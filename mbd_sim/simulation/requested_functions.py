@@ -43,5 +43,5 @@ class RequestedFunctions:
     def _compiled(self, key: tuple[str | None, str], trace: Callable[[], ca.Function]) -> CompiledFunction:
         with self._lock:
             if key not in self._found:
-                self._found[key] = CompiledFunction(trace())
+                self._found[key] = CompiledFunction.of(trace())
             return self._found[key]
