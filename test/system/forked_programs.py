@@ -122,6 +122,7 @@ def _reap(*_: object) -> None:
 
 def _become(program: str, arguments: Sequence[str], folder: str, environment: Mapping[str, str], log: str) -> int:
     """Run a program in this process, which has just been forked; returns its exit code."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where a script runs the tests in the background
     os.setsid()
     os.chdir(folder)
     os.environ.clear()
