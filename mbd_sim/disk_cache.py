@@ -23,9 +23,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 LARGEST = 200e6  # bytes of all entries together; beyond, the least recently used are removed
-# Of `LARGEST`. To look at thousands of entries takes as long as to compile a small mechanism. So after an entry smaller
-# than this it is done for one of 16 keys only: the cache may exceed its size by some 16 SMALL.
-SMALL = 1e-3
+# Of `LARGEST`. To look at thousands of entries takes as long as to compile a small mechanism. So it is done once for so
+# many bytes on average, after an entry with a probability in proportion to its size: the cache may exceed its size by
+# some SMALL.
+SMALL = 5e-3
 _VARIABLE = "MBD_SIM_CACHE"
 
 
@@ -78,9 +79,9 @@ def store(name: str, content: bytes) -> None:
     with contextlib.suppress(OSError):
         directory.mkdir(mode=0o700, parents=True, exist_ok=True)
         with _opened(directory), tempfile.NamedTemporaryFile(dir=directory, delete=False) as file:
-            file.write(hashlib.sha256(content).digest() + content)
+            file.write((checksum := hashlib.sha256(content).digest()) + content)
         Path(file.name).replace(directory / name)
-        if len(content) >= LARGEST * SMALL or name.startswith("0"):
+        if int.from_bytes(checksum[:4], "big") < 2.0**32 * len(content) / (LARGEST * SMALL):
             _prune(directory)
 
 
@@ -142,14 +143,15 @@ def _refuse(path: Path, used: Path) -> None:
 def _prune(directory: Path) -> None:
     """Remove the least recently used entries until all together are at most `LARGEST` bytes."""
     found = []
-    for path in directory.iterdir():
-        with contextlib.suppress(OSError):
-            state = path.stat()
-            found.append((state.st_mtime, state.st_size, path))
+    with os.scandir(directory) as entries:
+        for entry in entries:
+            with contextlib.suppress(OSError):
+                state = entry.stat()
+                found.append((state.st_mtime, state.st_size, entry.path))
     total = sum(size for _, size, _ in found)
     for _, size, path in sorted(found):
         if total <= LARGEST:
             break
         with contextlib.suppress(OSError):
-            path.unlink()
+            Path(path).unlink()
             total -= size
