@@ -27,6 +27,9 @@ FIXED = 1.0 + 1e-12  # length of a direction of sliding that does not turn
 ANGLE = 1e-5  # rad, for the derivatives by angles
 NEWTON_STEPS = 8
 SHORTEST = 1e-15  # s, and of the time
+# Of the length times the larger rate at both ends: how far a gap may fall below its values there. A cubic with these
+# values and rates falls by less than 8/27 of it.
+FALLING = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +97,7 @@ class EventSearch:
                 if first == 0.0 and steady and start.guards[index] > self._tolerance:
                     # only with the directions at the end: of a shorter part these are nearer to those at the start
                     return self.stage(y, inputs, t, SHORTENING * length, first_length, ignored)
-        for index in self._may_graze(before, after, inputs):
+        for index in self._may_graze(before, after, inputs, length):
             first = self._grazing(motion, index, first, length)
         if first is None:
             return Stage(length, motion.state(length), False, creeps=self._creeps(after, sliding))
@@ -110,11 +113,14 @@ class EventSearch:
         start, last = value(motion.readings(0.0)), value(motion.readings(end))
         return first_zero(lambda s: value(motion.readings(s)), end, start, last, self._tolerance)
 
-    def _may_graze(self, before: ContactReadings, after: ContactReadings, inputs: Array) -> list[int]:
+    def _may_graze(self, before: ContactReadings, after: ContactReadings, inputs: Array, length: float) -> list[int]:
         gaps = self._model.layout.gaps
         closed = inputs[self._model.span][self._model.layout.closed] != 0.0
-        turns = (before.rates[:gaps] < 0.0) & (after.rates[:gaps] > 0.0) & (before.gaps > self._tolerance)
-        return np.flatnonzero(turns & ~closed & ~self._model.clutches & (after.gaps >= -self._tolerance)).tolist()
+        down, up = before.rates[:gaps], after.rates[:gaps]
+        turns = (down < 0.0) & (up > 0.0) & (before.gaps > self._tolerance)
+        near = np.minimum(before.gaps, after.gaps) <= self._tolerance + FALLING * length * np.maximum(-down, up)
+        open_ones = ~closed & ~self._model.clutches & (after.gaps >= -self._tolerance)
+        return np.flatnonzero(turns & near & open_ones).tolist()
 
     def _grazing(self, motion: TrialMotion, index: int, first: float | None, length: float) -> float | None:
         """Where a gap that turns within the step becomes zero before that, if that is the first event."""

@@ -7,7 +7,7 @@ import pytest
 
 from mbd_sim import MechanismError, Simulation
 from mbd_sim.contact.problem import NoSolutionError
-from mbd_sim.simulation import contact_events
+from mbd_sim.simulation import contact_events, contact_search
 
 # End time, q, u and event times, from hand-written equations and closed forms at 1e-13.
 REFERENCE = {
@@ -240,6 +240,37 @@ def test_an_effort_opens_and_closes_a_contact():
     assert sim.contacts()["floor"].state == "open"
     assert sim.q[0] == pytest.approx(0.5 * 0.19 * 0.1**2, abs=1e-12)
     assert [(event.change, event.time) for event in sim.contact_events] == [("opened", pytest.approx(0.01))]
+
+
+TURNING = """
+mechanism: turning
+gravity: [0, 0, 9.81]
+integrator: {{step: 10 ms}}
+parts:
+  ball: {{shape: {{type: particle, mass: 1}}}}
+joints:
+  slide: {{type: prismatic, between: [ground, ball], axis: [0, 0, 1], position: {height}, velocity: {speed}}}
+constraints:
+  floor: {{type: on_plane, point: ball, bound: at_least, restitution: 1}}
+"""
+
+
+@pytest.mark.parametrize("depth", [1e-9, 1e-6, 1e-4, -1e-9])
+def test_a_gap_that_would_be_negative_only_within_a_step_closes(depth):
+    """Gravity that acts upwards turns a ball in the middle of a step, this much below the floor or above it."""
+    speed = 0.055 * 9.81
+    simulation = Simulation.from_text(TURNING.format(height=speed**2 / (2 * 9.81) - depth, speed=-speed))
+    simulation.run(until=0.1)
+    times = [event.time for event in simulation.contact_events]
+    expected = [(speed - math.sqrt(2 * 9.81 * depth)) / 9.81] if depth > 0.0 else []
+    assert times == pytest.approx(expected, abs=1e-11)
+
+
+def test_a_gap_that_turns_far_from_zero_is_not_searched(monkeypatch):
+    monkeypatch.setattr(contact_search, "first_zero", lambda *_: pytest.fail("searched"))
+    simulation = Simulation.from_text(TURNING.format(height=1.0, speed=-0.055 * 9.81))
+    simulation.run(until=0.1)
+    assert simulation.u[0] > 0.0
 
 
 def test_reactions_include_contact_forces():
