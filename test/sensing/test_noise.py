@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy import signal, stats
 
 from mbd_sim.mechanism.sensors import ErrorModel
 from mbd_sim.sensing.measurement_errors import MeasurementErrors
@@ -10,6 +9,12 @@ from mbd_sim.sensing.noise import BLOCK, Noise
 
 SAMPLES = 40_000
 PERIOD = 0.005
+
+
+def assert_is_normal(samples):
+    from scipy.stats import kstest  # here, as signal below: every process that collects the tests would import them
+
+    assert kstest(samples, "norm").pvalue > 1e-3
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +46,7 @@ def test_any_sample_can_be_computed_alone(walk, white):
 
 def test_white_noise_is_normal_and_uncorrelated(white):
     for component in white.T:
-        assert stats.kstest(component, "norm").pvalue > 1e-3
+        assert_is_normal(component)
     correlations = np.corrcoef(np.hstack([white[1:], white[:-1]]).T)
     np.testing.assert_allclose(correlations, np.eye(6), atol=5.0 / np.sqrt(SAMPLES))
 
@@ -50,7 +55,7 @@ def test_a_walk_has_independent_normal_steps_of_variance_one(walk):
     assert not np.any(walk[0])
     steps = np.diff(walk, axis=0)
     for component in steps.T:
-        assert stats.kstest(component, "norm").pvalue > 1e-3
+        assert_is_normal(component)
     correlations = np.corrcoef(np.hstack([steps[1:], steps[:-1]]).T)
     np.testing.assert_allclose(correlations, np.eye(6), atol=5.0 / np.sqrt(SAMPLES))
     across = steps[BLOCK - 1 :: BLOCK]  # from the last sample of a block to the first of the next
@@ -65,6 +70,8 @@ def test_seeds_and_names_select_independent_noise(white):
 
 
 def test_the_spectrum_of_white_noise_is_its_density():
+    from scipy import signal
+
     density = 0.03
     noise = Noise(1, "tachometer", 1, 0.0)
     errors = MeasurementErrors([ErrorModel(noise_density=density)], [1], PERIOD, noise)
