@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-
 from mbd_sim.compiler.adams_error import AdamsError
 from mbd_sim.compiler.ir import Value
+from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import DOUBLE, number
-from mbd_sim.compiler.ir_vectors import Index, copy, for_each, load, loop, store, total, weighted
+from mbd_sim.compiler.ir_vectors import Index, copy, for_components, load, store, total, weighted
 from mbd_sim.compiler.step_emitter import StepEmitter
 from mbd_sim.integrators.adams import Adams
 
@@ -53,28 +51,31 @@ class AdamsAttempt:
         """Emit a move by h from time t on, with the slopes 0, 1, 2 … times h before."""
         emitter, method, b = self._emitter, self._method, self._emitter.b
 
-        def predict(i: Index) -> None:
-            increment = b.fmul(h, total(b, weighted(method.predictor, slopes), i))
-            store(b, increment, self._increment, i)
-            store(b, total(b, weighted(method.corrector, slopes), i), self._partial, i)
-            store(b, b.fadd(load(b, self.moved, i), increment), self._trial, i)
+        # The newest slope comes last: the sums over the others need not wait for it.
+        to_predict, to_correct = (
+            weighted(weights[::-1], slopes[::-1]) for weights in (method.predictor, method.corrector)
+        )
 
-        def correct(i: Index) -> None:
-            slope = b.fma(number(method.newest), load(b, self._predicted, i), load(b, self._partial, i))
-            added, before = b.fma(h, slope, load(b, self.left, i)), load(b, self.moved, i)
-            after = b.fadd(before, added)
-            store(b, after, self.moved, i)
-            store(b, b.fsub(added, b.fsub(after, before)), self.left, i)
-            self._error.add(i, b.fma(h, slope, b.fneg(load(b, self._increment, i))))
+        def predict(w: IRBuilder, i: Index) -> None:
+            increment = w.fmul(h, total(w, to_predict, i))
+            store(w, increment, self._increment, i)
+            store(w, total(w, to_correct, i), self._partial, i)
+            store(w, w.fadd(load(w, self.moved, i), increment), self._trial, i)
+
+        def correct(w: IRBuilder, i: Index) -> None:
+            slope = w.fma(number(method.newest), load(w, self._predicted, i), load(w, self._partial, i))
+            added, before = w.fma(h, slope, load(w, self.left, i)), load(w, self.moved, i)
+            after = w.fadd(before, added)
+            store(w, after, self.moved, i)
+            store(w, w.fsub(added, w.fsub(after, before)), self.left, i)
+            self._error.add(w, i, w.fma(h, slope, w.fneg(load(w, self._increment, i))))
 
         good, size = self.is_good(), emitter.system.size
-        each: Callable[[Callable[[Value], None]], None]
-        each = partial(loop, b, 0, size) if self._rare else partial(for_each, b, size)
-        each(predict)
+        for_components(b, size, predict, short=self._rare)
         evaluate = emitter.rates_rarely if self._rare else emitter.rates
         evaluate(b.fadd(t, h), self._trial, self._predicted)
         self._error.clear()
-        each(correct)
+        for_components(b, size, correct, short=self._rare)
         self._error.reduce(h, self._predicted, slopes)
         error, worst = (b.load(address, typ=DOUBLE) for address in (self._error.largest, self.worst))
         error = b.select(b.and_(good, b.fcmp_ordered(">", error, worst)), error, worst)

@@ -6,9 +6,11 @@ import math
 from collections.abc import Sequence
 
 from mbd_sim.compiler.ir import Value
+from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import DOUBLE, number
-from mbd_sim.compiler.ir_vectors import Index, for_each, load, loop, store, total, weighted
-from mbd_sim.compiler.step_emitter import StepEmitter
+from mbd_sim.compiler.ir_vectors import Index, for_components, load, store, total, weighted
+from mbd_sim.compiler.simd_builder import ComponentBuilder
+from mbd_sim.compiler.step_emitter import StepEmitter, inverse_scale
 from mbd_sim.integrators.adams import Adams
 
 # The largest differences, in units of the tolerance, that are taken for round-off: where they grow with the order, as
@@ -36,17 +38,16 @@ class AdamsError:
         """Begin with no error."""
         self._emitter.b.store(number(0.0), self.largest)
 
-    def add(self, i: Index, change: Value) -> None:
+    def add(self, w: IRBuilder, i: Index, change: Value) -> None:
         """Add a component, whose prediction has changed by so much in the correction."""
-        b = self._emitter.b
-        error = b.fmul(b.intrinsic("llvm.fabs", change), self._emitter.scale(i, self.start))
-        error = b.select(b.fcmp_unordered("uno", error, error), number(math.inf), error)
-        store(b, error, self._errors, i)
-        self._add(error)
+        error = w.fmul(w.intrinsic("llvm.fabs", change), inverse_scale(w, self.start, i))
+        error = w.select(w.fcmp_unordered("uno", error, error), number(math.inf), error)
+        store(w, error, self._errors, i)
+        self._add(w, error)
 
-    def _add(self, error: Value) -> None:
-        b = self._emitter.b
-        largest = b.load(self.largest, typ=DOUBLE)
+    def _add(self, w: IRBuilder, error: Value) -> None:
+        b, largest = self._emitter.b, self._emitter.b.load(self.largest, typ=DOUBLE)
+        error = w.largest(error) if isinstance(w, ComponentBuilder) else error
         b.store(b.select(b.fcmp_ordered(">", error, largest), error, largest), self.largest)
 
     def reduce(self, h: Value, newest: Value, slopes: Sequence[Value]) -> None:
@@ -55,48 +56,48 @@ class AdamsError:
         :param newest: the slopes of the predicted state, `slopes` are those before.
         """
         emitter, b = self._emitter, self._emitter.b
-        small = b.fcmp_ordered("<=", b.load(self.largest, typ=DOUBLE), number(self._method.tolerance))
         largest = b.load(self.largest, typ=DOUBLE)
-        with b.if_then(emitter.any(b.not_(small))):
+        with b.if_then(emitter.any(b.fcmp_unordered(">", largest, number(self._method.tolerance)))):
             factor = b.fmul(h, number(self._method.newest))
             self.clear()
 
-            def component(i: Index) -> None:
-                self._add(self._without_round_off(i, factor, newest, slopes))
+            def component(w: IRBuilder, i: Index) -> None:
+                self._add(w, self._without_round_off(w, i, factor, newest, slopes))
 
-            if emitter.system.rates.is_inlined and not self._rare:
-                for_each(b, emitter.system.size, component)
-            else:  # with longer rates, a loop takes no notice, but compiling the sums without one takes time
-                loop(b, 0, emitter.system.size, component)
+            # With longer rates, a loop takes no notice, but compiling the sums without one takes time.
+            short = self._rare or not emitter.system.rates.is_inlined
+            for_components(b, emitter.system.size, component, short=short)
+            small = b.fcmp_ordered("<=", largest, number(self._method.tolerance))
             b.store(b.select(small, largest, b.load(self.largest, typ=DOUBLE)), self.largest)
 
-    def _without_round_off(self, i: Index, factor: Value, newest: Value, slopes: Sequence[Value]) -> Value:
-        b, own, scale = self._emitter.b, load(self._emitter.b, self._errors, i), self._emitter.scale(i, self.start)
-        slope = load(b, newest, i)
+    def _without_round_off(
+        self, w: IRBuilder, i: Index, factor: Value, newest: Value, slopes: Sequence[Value]
+    ) -> Value:
+        own, scale, slope = load(w, self._errors, i), inverse_scale(w, self.start, i), load(w, newest, i)
         sizes = []
         for weights in self._method.differences:
-            difference = b.fsub(slope, total(b, weighted(weights, slopes), i))
-            sizes.append(b.fmul(b.intrinsic("llvm.fabs", b.fmul(factor, difference)), scale))
+            difference = w.fsub(slope, total(w, weighted(weights, slopes), i))
+            sizes.append(w.fmul(w.intrinsic("llvm.fabs", w.fmul(factor, difference)), scale))
         d3, d4, d5, d6, d7, d8 = sizes
-        tolerance, grows = self._method.tolerance, b.fcmp_ordered(">=", own, d8)
-        limit = b.select(grows, number(GROWING * tolerance), number(SHRINKING * tolerance))
-        expected = self._smaller(self._extrapolated(d8, d7, d6, d5, 1), self._extrapolated(d6, d5, d4, d3, 2))
-        expected = b.select(b.fcmp_ordered("<=", own, limit), expected, own)
-        return self._smaller(expected, self._smaller(d8, self._smaller(d7, own)))
+        tolerance, grows = self._method.tolerance, w.fcmp_ordered(">=", own, d8)
+        limit = w.select(grows, number(GROWING * tolerance), number(SHRINKING * tolerance))
+        expected = _smaller(w, _extrapolated(w, d8, d7, d6, d5, 1), _extrapolated(w, d6, d5, d4, d3, 2))
+        expected = w.select(w.fcmp_ordered("<=", own, limit), expected, own)
+        return _smaller(w, expected, _smaller(w, d8, _smaller(w, d7, own)))
 
-    def _smaller(self, x: Value, y: Value) -> Value:
-        b = self._emitter.b
-        return b.select(b.fcmp_ordered("<", x, y), x, y)
 
-    def _extrapolated(self, a: Value, b: Value, c: Value, d: Value, pairs: int) -> Value:
-        """The size of a difference of so many pairs of orders more than that of size a; b, c, d are of lower orders.
+def _smaller(b: IRBuilder, x: Value, y: Value) -> Value:
+    return b.select(b.fcmp_ordered("<", x, y), x, y)
 
-        Two differences that follow each other do not vanish at the same time, so the one that shrinks less counts.
-        """
-        e = self._emitter.b
-        first, second = e.fdiv(a, c), e.fdiv(b, d)
-        decay = e.select(e.fcmp_ordered(">", first, second), first, second)
-        power = e.fmul(decay, decay) if pairs == 2 else decay
-        one, two = e.fmul(a, power), e.fmul(b, e.fmul(power, self._emitter.square_root(decay)))
-        size = e.select(e.fcmp_ordered(">", one, two), one, two)
-        return e.select(e.fcmp_unordered("uno", size, size), number(math.inf), size)
+
+def _extrapolated(e: IRBuilder, a: Value, b: Value, c: Value, d: Value, pairs: int) -> Value:
+    """The size of a difference of so many pairs of orders more than that of size a; b, c, d are of lower orders.
+
+    Two differences that follow each other do not vanish at the same time, so the one that shrinks less counts.
+    """
+    first, second = e.fdiv(a, c), e.fdiv(b, d)
+    decay = e.select(e.fcmp_ordered(">", first, second), first, second)
+    power = e.fmul(decay, decay) if pairs == 2 else decay
+    one, two = e.fmul(a, power), e.fmul(b, e.fmul(power, e.intrinsic("llvm.sqrt", decay)))
+    size = e.select(e.fcmp_ordered(">", one, two), one, two)
+    return e.select(e.fcmp_unordered("uno", size, size), number(math.inf), size)

@@ -8,15 +8,11 @@ from typing import TypeAlias
 
 from mbd_sim.compiler.ir import Value
 from mbd_sim.compiler.ir_builder import IRBuilder
-from mbd_sim.compiler.ir_types import (
-    DOUBLE,
-    INT,
-    element,
-    integer,
-    number,
-)
+from mbd_sim.compiler.ir_types import DOUBLE, INT, element, integer, number
+from mbd_sim.compiler.simd_builder import ComponentBuilder, LaneBuilder
 
 NONE: frozenset[int] = frozenset()
+LANES = 4  # components at once, a power of two
 
 Index: TypeAlias = int | Value
 Terms: TypeAlias = Sequence[tuple[float, Value]]
@@ -63,6 +59,38 @@ def for_each(b: IRBuilder, size: int, body: Callable[[Index], object], still: fr
                 body(index)
     else:
         loop(b, 0, size, body)
+
+
+def for_components(
+    b: IRBuilder, size: int, body: Callable[[IRBuilder, Index], object], *, short: bool = False, lanes: int = LANES
+) -> None:
+    """Emit `body(builder, index)` for all components of the vectors of a member, several at once where that pays.
+
+    `body` must use the builder that it is given, and not branch. Where operations on vectors are loops, and for several
+    members, it is given single components. `short` code is a loop for any size.
+    """
+    if isinstance(b, LaneBuilder) or not b.module.fast:
+        for_each(b, size, lambda i: body(b, i))
+        return
+    done = 0
+    if short or size > b.unrolled:
+        done = size - size % lanes
+        if done > lanes:
+
+            def block(count: Value) -> None:
+                body(ComponentBuilder(b, lanes), b.mul(count, integer(lanes)))
+
+            loop(b, 0, done // lanes, block)
+        else:
+            done = 0
+    while lanes > 1:
+        wide = ComponentBuilder(b, lanes)
+        while size - done >= lanes:
+            body(wide, done)
+            done += lanes
+        lanes //= 2
+    if done < size:
+        body(b, done)
 
 
 @contextmanager

@@ -1,16 +1,19 @@
 """Instruction lists, CasADi's or arranged ones, to LLVM IR: one scalar instruction each, in the same order.
 
-The only exception are divisions by the same number: they become one reciprocal and products, as a division costs as
-much as some ten of them. No flag allows LLVM to reassociate or contract, so that the same list gives the same bits on
-every machine. Sums and products are rearranged and fused in the list itself, by `mbd_sim.compiler.schedule`.
+There are two exceptions. Divisions by the same number become one reciprocal and products, as a division costs as
+much as some ten of them. Sines and cosines of inputs are computed several at a time, see `angle_groups`.
+
+No flag allows LLVM to reassociate or contract, so that the same list gives the same bits on every machine. Sums and
+products are rearranged and fused in the list itself, by `mbd_sim.compiler.schedule`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import casadi as ca
 
+from mbd_sim.compiler.angle_groups import Component, angle_groups, vector_size
 from mbd_sim.compiler.instruction_list import (
     MULTIPLY_ADD,
     MULTIPLY_SUBTRACT,
@@ -67,6 +70,7 @@ _TERNARY: dict[int, Build3] = {
     MULTIPLY_SUBTRACT: lambda low, x, y, z: low.builder.fma(x, y, low.builder.fneg(z)),
     SUBTRACT_PRODUCT: lambda low, x, y, z: low.builder.fma(low.builder.fneg(x), y, z),
 }
+_SINES = frozenset({ca.OP_SIN, ca.OP_COS})
 # Instructions of a function up to which sines are inlined. In longer ones, such as those of more than ten rods, calls
 # save half of the compilation, and as the code is shorter, some percent of each step.
 INLINE_SINES = 1000
@@ -137,7 +141,9 @@ class Lowering:
     def __init__(self, module: Module, builder: IRBuilder, inline: bool) -> None:
         self.module, self._inline = module, inline
         self.builder: IRBuilder = builder
-        self._sines_cosines: dict[Value, tuple[Value, Value]] = {}  # by angle
+        self._sines_cosines: dict[Value | Component, tuple[Value, Value]] = {}  # by angle
+        self._components: dict[Value, Component] = {}  # of inputs that are angles
+        self._groups: Mapping[Component, Sequence[Component]] = {}
         self._reciprocals: dict[Value, Value] = {}  # by divisor
 
     def run(
@@ -150,10 +156,14 @@ class Lowering:
         work: dict[int, Value],
     ) -> None:
         """Emit a range of the instructions; `work` is the work vector."""
+        if self.module.fast and not isinstance(self.builder, LaneBuilder):
+            self._groups = angle_groups(instructions, piece)
         for index in piece:
             operation, source, target, value = instructions[index]
             if operation == ca.OP_INPUT:
-                work[target[0]] = self.builder.load(element(self.builder, inputs[source[0]], source[1]), typ=DOUBLE)
+                work[target[0]] = self._input(inputs, source)
+            elif operation in _SINES and work[source[0]] in self._components:
+                work[target[0]] = self._sine_or_cosine(operation, work[source[0]], inputs)
             elif operation == ca.OP_OUTPUT:
                 self.builder.store(work[source[0]], element(self.builder, outputs[target[0]], target[1]))
             elif operation == ca.OP_CONST:
@@ -195,6 +205,27 @@ class Lowering:
         below = self.truth(self.builder.fcmp_ordered("<", x, number(0.0)))
         value = self.builder.fsub(above, below)
         return self.builder.select(self.builder.fcmp_unordered("uno", x, x), x, value)
+
+    def _input(self, inputs: Sequence[Value], component: Component) -> Value:
+        """Load a component of an argument."""
+        value = self.builder.load(element(self.builder, inputs[component[0]], component[1]), typ=DOUBLE)
+        if component in self._groups:
+            self._components[value] = component
+        return value
+
+    def _sine_or_cosine(self, operation: int, angle: Value, inputs: Sequence[Value]) -> Value:
+        """The sine or the cosine of an input that belongs to a group, computed with all others of the group."""
+        component = self._components[angle]
+        if component not in self._sines_cosines:
+            group = self._groups[component]
+            angles = [angle if each == component else self._input(inputs, each) for each in group]
+            lanes = vector_size(len(group))
+            wide = LaneBuilder(self.builder.block, lanes)
+            vector = wide.gathered(angles + angles[-1:] * (lanes - len(angles)))
+            sines, cosines = sine_cosine(self.module, wide, vector, self._inline)
+            for lane, each in enumerate(group):
+                self._sines_cosines[each] = wide.lane(sines, lane), wide.lane(cosines, lane)
+        return self._sines_cosines[component][operation == ca.OP_COS]
 
     def sine_cosine(self, angle: Value) -> tuple[Value, Value]:
         """Sine and cosine of an angle, computed once."""

@@ -105,6 +105,43 @@ class LaneBuilder(IRBuilder):
         return super().alloca(self._stored(type_), size)
 
 
+class ComponentBuilder(LaneBuilder):
+    """A builder for `lanes` consecutive components of the vectors of one member, where another builder is.
+
+    A component of a vector is loaded or stored with those that follow. Scalars are widened once for all blocks of
+    components. Nothing that it emits may branch.
+    """
+
+    def __init__(self, builder: IRBuilder, lanes: int) -> None:
+        super().__init__(builder.block, lanes)
+        self._widened: dict[str, Value] = {}
+
+    def widened(self, value: Value) -> Value:
+        """As for members."""
+        if is_vector(value.type) or value.is_constant:
+            return super().widened(value)
+        if value.text not in self._widened:
+            self._widened[value.text] = super().widened(value)
+        return self._widened[value.text]
+
+    def gep(self, pointer: Value, index: Value, type_: Type) -> Value:
+        """An address in an array, where each component is one number."""
+        return IRBuilder.gep(self, pointer, index, type_)
+
+    def largest(self, vector: Value) -> Value:
+        """The largest of the components, none of which is NaN."""
+        lanes = self.lanes
+        while lanes > 1:
+            lanes //= 2
+            order = ", ".join(f"i32 {(index + lanes) % self.lanes}" for index in range(self.lanes))
+            kind = vector.type
+            other = self.value(
+                kind, f"shufflevector {kind} {vector.text}, {kind} undef, <{self.lanes} x i32> <{order}>"
+            )
+            vector = self.select(self.fcmp_ordered(">", vector, other), vector, other)
+        return self.lane(vector, 0)
+
+
 def new_builder(block: Block, lanes: int) -> IRBuilder:
     """A builder for `lanes` members at once; for 1, the builder of scalars."""
     return LaneBuilder(block, lanes) if lanes > 1 else IRBuilder(block)

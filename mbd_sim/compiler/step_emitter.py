@@ -160,10 +160,9 @@ class StepEmitter:
         """t + c h."""
         return t if c == 0.0 else self.b.fadd(t, self.b.fmul(number(c), self.h))
 
-    def scale(self, index: Index, state: Value | None = None) -> Value:
-        """1 / (1 + |y|) for a component of a state, by default the emitter's."""
-        size = self.b.intrinsic("llvm.fabs", load(self.b, self.y if state is None else state, index))
-        return self.b.fdiv(number(1.0), self.b.fadd(number(1.0), size))
+    def scale(self, index: Index) -> Value:
+        """1 / (1 + |y|) for a component."""
+        return inverse_scale(self.b, self.y, index)
 
     def estimator(self, estimate: ErrorEstimate, slopes: list[Value]) -> EmitEstimate:
         """A function that emits the update of `largest_error` in a step whose error is estimated.
@@ -207,6 +206,12 @@ class StepEmitter:
     def square_root(self, value: Value) -> Value:
         """The square root of a double."""
         return self.b.intrinsic("llvm.sqrt", value)
+
+
+def inverse_scale(b: IRBuilder, state: Value, index: Index) -> Value:
+    """1 / (1 + |y|) for a component of a state."""
+    size = b.intrinsic("llvm.fabs", load(b, state, index))
+    return b.fdiv(number(1.0), b.fadd(number(1.0), size))
 
 
 EmitStep = Callable[[Value], None]  # emits a step from the time (the argument) on: it moves the emitter's y by h

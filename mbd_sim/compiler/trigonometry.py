@@ -104,8 +104,7 @@ def _by_library(module: Module, b: IRBuilder, x: Value) -> list[Value]:
 
 def _one_by_one(module: Module, b: LaneBuilder, x: Value) -> list[Value]:
     scalar = _function(module, 1, module.fast)
-    scalar.attributes = ["nounwind"]
-    pairs = [b.call(scalar, [b.lane(x, index)]) for index in range(b.lanes)]
+    pairs = [b.call(scalar, [b.lane(x, index)], inline=False) for index in range(b.lanes)]
     return [b.gathered([b.extract_value(pair, index, DOUBLE) for pair in pairs]) for index in (0, 1)]
 
 
