@@ -149,4 +149,4 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         return self._animation.frame(self.simulation.poses())
 
     def _observation(self) -> Observation:
-        return self._agent.observation(self.simulation.q, self.simulation.u)
+        return self._agent.observation(self.simulation.y)

@@ -185,7 +185,7 @@ class MechanismVectorEnv(VectorEnv[Array, NDArray[np.float32], Array]):  # type:
                 self._generators[member] = seeding.np_random(one)[0]
 
     def _observations(self) -> Array:
-        return self._agent.observation(np.asarray(self.ensemble.q), np.asarray(self.ensemble.u))
+        return self._agent.observations(np.asarray(self.ensemble.q), np.asarray(self.ensemble.u))
 
     def _one_each(self, name: str, values: Any, kind: type) -> NDArray[Any]:
         found: NDArray[Any] = np.array(values, dtype=kind)

@@ -43,6 +43,21 @@ def test_each_environment_is_the_single_one_bit_for_bit_over_several_episodes(ta
     alone.close()
 
 
+@pytest.mark.parametrize("actuated", [["elbow", "shoulder"], ["shoulder", "elbow"]])
+def test_actions_follow_the_order_of_the_names(actuated):
+    alone = MechanismEnv("double_pendulum", actuated, reward=lambda sim, action: 0.0)
+    together = MechanismVectorEnv("double_pendulum", 2, actuated, reward=still)
+    together.reset()
+    kept = [alone.reset()[0]]
+    for action in ([1e3, -0.25], [0.5, 2.0]):
+        kept.append(alone.step(np.array(action))[0])
+        sent = dict(zip(actuated, np.clip(action, alone.action_space.low, alone.action_space.high), strict=True))
+        assert alone.simulation.efforts.tolist() == [sent[name] for name in alone.simulation.coordinate_names]
+        assert np.array_equal(together.step(np.array([action] * 2))[0], [kept[-1]] * 2)
+    assert all(type(observation) is np.ndarray for observation in kept)
+    assert len({observation.tobytes() for observation in kept}) == 3  # a later step changes no earlier observation
+
+
 def test_gymnasium_makes_it_by_name():
     envs = gymnasium.make_vec("mbd_sim/CartPendulumSwingUp-v0", num_envs=3, vectorization_mode="vector_entry_point")
     assert isinstance(envs.unwrapped, MechanismVectorEnv) and envs.unwrapped.max_episode_steps == 500
