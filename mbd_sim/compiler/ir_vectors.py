@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import TypeAlias
 
 from mbd_sim.compiler.ir import Value
@@ -135,11 +136,14 @@ def combine(
 ) -> None:
     """Target = base + h Σ weight vector, rounded once; without `h` the factor is 1. See `for_each` for `still`."""
 
-    def component(i: Index) -> None:
-        added, start = total(b, terms, i), load(b, base, i)
-        store(b, b.fadd(start, added) if h is None else b.fma(h, added, start), target, i)
+    def component(w: IRBuilder, i: Index) -> None:
+        added, start = total(w, terms, i), load(w, base, i)
+        store(w, w.fadd(start, added) if h is None else w.fma(h, added, start), target, i)
 
-    for_each(b, size, component, still)
+    if size > b.unrolled and not still:
+        for_components(b, size, component, short=True)
+    else:
+        for_each(b, size, partial(component, b), still)
 
 
 def combine_at_once(
@@ -160,18 +164,20 @@ def combine_at_once(
     *early, (weight, last) = terms
     factor = b.fmul(h, number(weight))
 
-    def component(i: Index) -> None:
-        start = load(b, base, i)
+    def component(w: IRBuilder, i: Index) -> None:
+        start = load(w, base, i)
         if early:
-            start = b.fma(h, total(b, early, i), start)
-        store(b, b.fma(factor, load(b, last, i), start), target, i)
+            start = w.fma(h, total(w, early, i), start)
+        store(w, w.fma(factor, load(w, last, i), start), target, i)
 
     if unread:
         for index in range(size):
             if index not in unread | still:
-                component(index)
+                component(b, index)
+    elif size > b.unrolled and not still:
+        for_components(b, size, component, short=True)
     else:
-        for_each(b, size, component, still)
+        for_each(b, size, partial(component, b), still)
 
 
 def add_square(b: IRBuilder, into: Value, value: Value) -> None:
