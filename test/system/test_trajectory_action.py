@@ -93,6 +93,7 @@ def test_goals_succeed_fail_are_refused_replaced_and_canceled(tmp_path: Path, va
         assert "the position of 'hinge' is" in answer.error_string
         first = client.send((60.0, [0.0]))
         second = client.send((60.0, [0.1]))
+        assert first.accepted and second.accepted
         assert client.result(first)[0] == ABORTED
         listener.until(lambda: listener.states[-1].position[1] < 0.4995, "the motion of the second goal")
         listener.until(lambda: client.feedback and client.feedback[-1].actual.positions[0] < 0.4995, "its feedback")
