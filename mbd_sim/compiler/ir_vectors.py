@@ -62,18 +62,16 @@ def for_each(b: IRBuilder, size: int, body: Callable[[Index], object], still: fr
         loop(b, 0, size, body)
 
 
-def for_components(
-    b: IRBuilder, size: int, body: Callable[[IRBuilder, Index], object], *, short: bool = False, lanes: int = LANES
-) -> None:
+def for_components(b: IRBuilder, size: int, body: Callable[[IRBuilder, Index], object], *, short: bool = False) -> None:
     """Emit `body(builder, index)` for all components of the vectors of a member, several at once where that pays.
 
-    `body` must use the builder that it is given, and not branch. Where operations on vectors are loops, and for several
-    members, it is given single components. `short` code is a loop for any size.
+    `body` must use the builder that it is given, and not branch. In modules that are not fast, and for several members,
+    it is given single components. `short` code is a loop for any size.
     """
     if isinstance(b, LaneBuilder) or not b.module.fast:
         for_each(b, size, lambda i: body(b, i))
         return
-    done = 0
+    done, lanes = 0, LANES
     if short or size > b.unrolled:
         done = size - size % lanes
         if done > lanes:
