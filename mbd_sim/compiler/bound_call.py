@@ -22,7 +22,7 @@ from mbd_sim.compiler.ir_types import DOUBLE, FALSE, INT, element, integer, loca
 from mbd_sim.compiler.ir_vectors import loop
 from mbd_sim.compiler.lowering import export, lower
 from mbd_sim.compiler.machine_code import MachineCode
-from mbd_sim.compiler.numpy_interface import emit_data, emit_new_array, link_numpy
+from mbd_sim.compiler.numpy_interface import emit_data, emit_new_array
 from mbd_sim.compiler.python_callable import callable_of
 
 Clock = tuple[NDArray[np.int64], NDArray[np.float64]]
@@ -165,7 +165,6 @@ class _Reading:
     """
 
     def __init__(self, arrays: int, rest: Sequence[str]) -> None:
-        link_numpy()
         module = new_module()
         python = self.python = linked(module)
         read = Function(module, FunctionType(POINTER, [POINTER, POINTER, INT, POINTER]), "read")

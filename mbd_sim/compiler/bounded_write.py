@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.compiler import numpy_interface
+from mbd_sim.compiler.external_symbols import NONE
 from mbd_sim.compiler.fastcall import linked
 from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.ir import POINTER, Function, FunctionType, Value
@@ -18,7 +19,7 @@ from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import DOUBLE, INT, element, integer, number
 from mbd_sim.compiler.ir_vectors import load, loop, store
 from mbd_sim.compiler.machine_code import MachineCode
-from mbd_sim.compiler.python_callable import NONE, TYPE, callable_of
+from mbd_sim.compiler.python_callable import TYPE, callable_of
 
 Write = Callable[..., None]
 
@@ -50,7 +51,6 @@ def bounded_writer(
 
 @functools.cache
 def _code() -> MachineCode:
-    numpy_interface.link_numpy()
     module = new_module()
     call = Function(module, FunctionType(POINTER, [POINTER, POINTER, INT, POINTER]), "write")
     _Emitter(call).emit(module.external(NONE, "i8"))

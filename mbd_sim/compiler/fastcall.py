@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from mbd_sim.compiler.external_symbols import NONE
 from mbd_sim.compiler.ir import POINTER, VOID, Block, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import DOUBLE, INT, element, integer
-from mbd_sim.compiler.python_callable import LARGEST, NONE
+from mbd_sim.compiler.python_callable import LARGEST
 
 RELEASING = 16  # steps from which the interpreter's lock is released; that costs as much as a call
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
 import llvmlite
 import llvmlite.binding as llvm
 
 from mbd_sim import disk_cache
-from mbd_sim.compiler.object_code import PASSES, object_code, target_machine
-from mbd_sim.compiler.python_callable import link_interpreter
+from mbd_sim.compiler.external_symbols import external_symbols
+from mbd_sim.compiler.object_code import ADDRESSES, PASSES, object_code, target_machine
 
 # Of LLVM's code generator. At level 0, which also has loops and calls in place of unrolled and inlined code, small
 # mechanisms compile in a tenth of the time, to slower code with the same results.
@@ -18,23 +15,26 @@ LEVEL = 1
 LONG = 1_000_000  # characters of IR from which on a process of its own pays: it starts in 0.1 s, LLVM needs 1 s
 
 
-@dataclass(frozen=True)
 class MachineCode:
     """Compiled functions, which live as long as this object; `key` is that of their object code in the cache."""
 
-    engine: Any
-    key: str
+    def __init__(self, library: llvm.ResourceTracker, linker: llvm.LLJIT) -> None:
+        self.key: str = library.name
+        self._linker, self._in_use = linker, [library]
 
     def address(self, name: str) -> int:
         """The address of a function."""
-        return int(self.engine.get_function_address(name))
+        found = self._linker.lookup(self.key, name)
+        self._in_use.append(found)  # without it, all functions of the library would be unloaded
+        return int(found[name])
 
 
 def compiler_identity() -> tuple[str, ...]:
     """What object code depends on besides the IR: the processor and its features, LLVM, and how it is used."""
     cpu, features = _host()
     version = ".".join(map(str, llvm.llvm_version_info))
-    return cpu, features, version, llvmlite.__version__, f"{' '.join(PASSES[LEVEL])}, O{LEVEL}"
+    options = *ADDRESSES.values(), *PASSES[LEVEL], f"O{LEVEL}"
+    return cpu, features, version, llvmlite.__version__, " ".join(options)
 
 
 def compile_text(text: str) -> MachineCode:
@@ -58,11 +58,11 @@ def _host() -> tuple[str, str]:
 
 
 def _in_memory(code: bytes, key: str) -> MachineCode:
-    link_interpreter()
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine(*_host(), LEVEL))
-    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
-    engine.finalize_object()
-    return MachineCode(engine, key)
+    linker = llvm.create_lljit_compiler(target_machine(*_host(), LEVEL), use_jit_link=True)
+    builder = llvm.JITLibraryBuilder().add_object_img(code).add_current_process()
+    for name, address in external_symbols().items():
+        builder.import_symbol(name, address)
+    return MachineCode(builder.link(linker, key), linker)
 
 
 def _compiled(text: str, cpu: str, features: str) -> bytes:

@@ -6,13 +6,6 @@ https://numpy.org/doc/stable/reference/c-api/array.html for `PyArray_New`.
 
 from __future__ import annotations
 
-import ctypes
-import functools
-from importlib import import_module
-
-import llvmlite.binding as llvm
-import numpy as np
-
 from mbd_sim.compiler.ir import POINTER, Value
 from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import integer
@@ -26,28 +19,7 @@ ALIGNED = 0x0100  # of the flags
 NATIVE = ord("=")  # of the byte order
 SINGLE, DOUBLE = 11, 12  # of the type number
 
-VERSION, NEW = 0, 93  # of `PyArray_GetNDArrayCVersion` and `PyArray_New` in NumPy's table of functions
-_KNOWN = (0x0100_0009, 0x0200_0000)  # binary interfaces: those of NumPy 1 and 2
 _INT32 = "i32"
-
-
-@functools.cache
-def link_numpy() -> None:
-    """Check that the fields lie where machine code reads them, and register what it calls with the compiler.
-
-    C modules do the same when they are imported.
-
-    :raises ImportError: this version of NumPy may place the fields differently.
-    """
-    functions = _functions()
-    version = ctypes.CFUNCTYPE(ctypes.c_uint)(functions[VERSION])()
-    if version not in _KNOWN:
-        raise ImportError(
-            f"NumPy {np.__version__} has the binary interface {version:#x}, which mbd_sim does not know. "
-            "Install an older NumPy: pip install 'numpy<3'."
-        )
-    llvm.add_symbol("PyArray_New", functions[NEW])
-    llvm.add_symbol("PyArray_Type", id(np.ndarray))
 
 
 def emit_new_array(b: IRBuilder, dimensions: Value, lengths: Value, *, by_columns: bool = False) -> Value:
@@ -68,12 +40,3 @@ def emit_new_array(b: IRBuilder, dimensions: Value, lengths: Value, *, by_column
 def emit_data(b: IRBuilder, array: Value) -> Value:
     """Emit the reading of the address of an array's numbers."""
     return b.load(b.gep(array, integer(DATA), "i8"), typ=POINTER)
-
-
-def _functions() -> ctypes.Array[ctypes.c_size_t]:
-    """The beginning of NumPy's table of functions."""
-    core = "numpy._core" if np.lib.NumpyVersion(np.__version__) >= "2.0.0" else "numpy.core"
-    capsule = import_module(f"{core}._multiarray_umath")._ARRAY_API
-    pointer = ctypes.pythonapi.PyCapsule_GetPointer
-    pointer.restype, pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
-    return (ctypes.c_size_t * (NEW + 1)).from_address(pointer(capsule, None))

@@ -6,6 +6,8 @@ import functools
 
 import llvmlite.binding as llvm
 
+# Instructions contain the distances of constants, which are therefore operands of other instructions.
+ADDRESSES = {"reloc": "pic", "codemodel": "small"}
 # What LLVM does before it generates code, by the level of its code generator; part of the cache key.
 PASSES = {
     0: ("always_inliner", "sroa", "simplify_cfg"),
@@ -22,7 +24,8 @@ def _prepare() -> None:
 def target_machine(cpu: str, features: str, level: int) -> llvm.TargetMachine:
     """LLVM's target for a processor of this machine's kind, with a level of optimization of its code generator."""
     _prepare()
-    return llvm.Target.from_default_triple().create_target_machine(opt=level, cpu=cpu, features=features)
+    target = llvm.Target.from_default_triple()
+    return target.create_target_machine(opt=level, cpu=cpu, features=features, **ADDRESSES)
 
 
 def object_code(text: str, cpu: str, features: str, level: int) -> bytes:

@@ -1,37 +1,14 @@
-"""Machine code with CPython's calling signature as Python callables, and the interpreter's functions that it calls."""
+"""Machine code with CPython's calling signature as Python callables."""
 
 from __future__ import annotations
 
 import ctypes
-import functools
 from collections.abc import Sequence
 from typing import Any
 
-import llvmlite.binding as llvm
-
 LARGEST = 2**53  # steps; beyond, time in steps is no longer exact
-NONE = "_Py_NoneStruct"
 HEAD = object.__basicsize__  # bytes of the head of every object, `PyObject`
 TYPE = HEAD - ctypes.sizeof(ctypes.c_void_p)  # offset of the address of its type
-NAMES = (
-    "PyTuple_GetItem",
-    "PyBytes_AsString",
-    "PyLong_AsLongLong",
-    "PyErr_Occurred",
-    "PyErr_Clear",
-    "PyObject_Vectorcall",
-    "PyEval_SaveThread",
-    "PyEval_RestoreThread",
-    "Py_IncRef",
-    "Py_DecRef",
-    "PyDict_New",
-    "PyDict_SetItem",
-    "PyList_Size",
-    "PyList_GetItem",
-    "PyTuple_Size",
-    "PyFloat_AsDouble",
-)
-
 _FASTCALL_WITH_KEYWORDS = 0x0080 | 0x0002
 
 
@@ -44,14 +21,6 @@ class _MethodDefinition(ctypes.Structure):
         ("flags", ctypes.c_int),
         ("doc", ctypes.c_char_p),
     )
-
-
-@functools.cache
-def link_interpreter() -> None:
-    """Register the addresses of the interpreter's functions with the compiler."""
-    for name in NAMES:
-        llvm.add_symbol(name, ctypes.cast(getattr(ctypes.pythonapi, name), ctypes.c_void_p).value)
-    llvm.add_symbol(NONE, id(None))
 
 
 def callable_of(

@@ -1,0 +1,24 @@
+"""What machine code uses of NumPy lies where it is looked for."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mbd_sim.compiler import external_symbols
+
+
+@pytest.mark.parametrize(
+    ("index", "name"), [(external_symbols.VERSION, "GetNDArrayCVersion"), (external_symbols.NEW, "New")]
+)
+def test_functions_have_their_place_in_the_table(index, name):
+    (header,) = Path(np.get_include()).glob("numpy/__multiarray_api.h")
+    (found,) = re.findall(rf"#define PyArray_{name} \\\n.*?PyArray_API\[(\d+)\]", header.read_text(), re.DOTALL)
+    assert int(found) == index
+
+
+def test_other_binary_interfaces_are_refused(monkeypatch):
+    monkeypatch.setattr(external_symbols, "_KNOWN", (0x0300_0000,))
+    with pytest.raises(ImportError, match=r"binary interface 0x\d+, which mbd_sim does not know.*Install an older"):
+        external_symbols.external_symbols.__wrapped__()
