@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Any
+from typing import Any, assert_never
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
@@ -47,6 +47,15 @@ class _Active:
     result: Future
     goal: TrajectoryGoal
     followed: Followed
+
+
+@dataclass(frozen=True)
+class _Ending:
+    """How a goal ends: what changes the state of its handle, and its result."""
+
+    change_state: Callable[[], None]
+    code: str
+    text: str
 
 
 class TrajectoryAction:
@@ -135,50 +144,46 @@ class TrajectoryAction:
 
         if self._stepping_thread.between_steps(read):
             return
-        self._active = [active for active in self._active if not self._ended(active, times[0], actual)]
+        desired = {active: self._commands.desired(active.followed, times[0]) for active in self._active}
+        for active, motions in desired.items():
+            if (ending := self._ending(active, times[0], _deviations(motions, actual))) is not None:
+                self._active.remove(active)
+                self._end(active, ending)
+        for active in self._active:
+            self._publish_feedback(active, times[0], desired[active], actual)
 
-    def _ended(self, active: _Active, time: float, actual: Mapping[str, JointMotion]) -> bool:
-        """Whether a goal has ended at a time in s of the run."""
+    def _ending(self, active: _Active, time: float, deviations: Mapping[str, JointMotion]) -> _Ending | None:
+        """How a goal ends at a time in s of the run; None if it goes on. Joints that it leaves are held."""
         elapsed, handle = time - active.followed.start, active.handle
         if handle.is_cancel_requested:
             self._commands.stop(active.followed)
-            handle.canceled()
-            active.result.set_result(self._result("SUCCESSFUL", "canceled; the joints are held where they were sent"))
-            return True
+            return _Ending(handle.canceled, "SUCCESSFUL", "canceled; the joints are held where they were sent")
         if elapsed < active.goal.duration and not self._commands.follows(active.followed):
-            handle.abort()
-            active.result.set_result(self._result("INVALID_GOAL", "ended by another command, another goal or a reset"))
-            return True
-        desired = self._commands.desired(active.followed, time)
-        deviations = {
-            name: JointMotion(actual[name].position - wanted.position, actual[name].velocity - wanted.velocity)
-            for name, wanted in desired.items()
-        }
-        self._publish_feedback(handle, elapsed, desired, actual, deviations)
+            return _Ending(handle.abort, "INVALID_GOAL", "ended by another command, another goal or a reset")
         if elapsed < 0.0 or (verdict := active.goal.verdict(elapsed, deviations)) is None:
-            return False
+            return None
         match verdict.outcome:
             case Outcome.SUCCEEDED:
-                handle.succeed()
-                code = "SUCCESSFUL"
+                return _Ending(handle.succeed, "SUCCESSFUL", verdict.text)
             case Outcome.LEFT_PATH:
                 self._commands.stop(active.followed)
-                handle.abort()
-                code = "PATH_TOLERANCE_VIOLATED"
+                return _Ending(handle.abort, "PATH_TOLERANCE_VIOLATED", verdict.text)
             case Outcome.MISSED_GOAL:
-                handle.abort()
-                code = "GOAL_TOLERANCE_VIOLATED"
-        active.result.set_result(self._result(code, verdict.text))
-        return True
+                return _Ending(handle.abort, "GOAL_TOLERANCE_VIOLATED", verdict.text)
+            case _:
+                assert_never(verdict.outcome)
+
+    def _end(self, active: _Active, ending: _Ending) -> None:
+        """End a goal. Whoever waits for its result gets it even if the change of its state could not be published."""
+        try:
+            ending.change_state()
+        finally:
+            active.result.set_result(self._result(ending.code, ending.text))
 
     def _publish_feedback(
-        self,
-        handle: Any,
-        elapsed: float,
-        desired: Mapping[str, JointMotion],
-        actual: Mapping[str, JointMotion],
-        deviations: Mapping[str, JointMotion],
+        self, active: _Active, time: float, desired: Mapping[str, JointMotion], actual: Mapping[str, JointMotion]
     ) -> None:
+        elapsed, deviations = time - active.followed.start, _deviations(desired, actual)
         feedback = self._kind.Feedback(joint_names=list(desired))
         now = self._stepping_thread.clock.ns
         feedback.header.stamp.sec, feedback.header.stamp.nanosec = divmod(now, 1_000_000_000)
@@ -190,10 +195,18 @@ class TrajectoryAction:
             elapsed_ns = max(0, round(1e9 * elapsed))
             point.time_from_start.sec, point.time_from_start.nanosec = divmod(elapsed_ns, 1_000_000_000)
             setattr(feedback, key, point)
-        handle.publish_feedback(feedback)
+        active.handle.publish_feedback(feedback)
 
     def _result(self, code: str, text: str) -> Any:
         return self._kind.Result(error_code=getattr(self._kind.Result, code), error_string=text)
+
+
+def _deviations(desired: Mapping[str, JointMotion], actual: Mapping[str, JointMotion]) -> dict[str, JointMotion]:
+    """How far joints are off the motions that a goal demands."""
+    return {
+        name: JointMotion(actual[name].position - wanted.position, actual[name].velocity - wanted.velocity)
+        for name, wanted in desired.items()
+    }
 
 
 def _tolerances(messages: Any) -> dict[str, Tolerance]:
