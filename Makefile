@@ -1,7 +1,8 @@
 # make run      set everything up and run the double pendulum: make run ARGS="-p mechanism:=rod_pendulum -p rerun:=spawn"
 # make test     set everything up; run ruff, mypy and all tests, in parallel
 # make lint     run only ruff and mypy
-# make setup    create .venv with all dependencies, including the ROS 2 wheels unless a ROS 2 environment is sourced
+# make setup    create .venv with all dependencies, including the ROS 2 wheels unless a ROS 2 environment is sourced, and
+#               build the message packages that only tests need
 # make gallery  redraw the pictures and animations of the shipped mechanisms, or of some: make gallery ARGS="four_bar engine"
 # make docs     build the site in docs/_build/html and check every page; NOTEBOOKS=off does not execute its notebooks
 # make bench    measure start-up, and compare speed and accuracy with other simulators: make bench ARGS="--mechanisms four-bar"
@@ -22,10 +23,11 @@ setup: $(VENV)/ready $(VENV)/interfaces
 $(VENV)/ready: setup.py scripts/setup_venv
 	scripts/setup_venv $(VENV)
 
+# Message packages that only tests need.
 $(VENV)/interfaces: $(VENV)/ready $(wildcard test/ros_interfaces/*.py test/ros_interfaces/*/*/*)
 	$(BIN)/python -m test.ros_interfaces.build $@
 
-run: setup
+run: $(VENV)/ready
 	@$(BIN)/sim_node --ros-args $(ARGS)
 
 # One more than there are processors: tests with real nodes wait most of the time.
@@ -40,21 +42,21 @@ tests: setup
 
 lint: style types
 
-style: setup
+style: $(VENV)/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-types: setup
+types: $(VENV)/ready
 	$(BIN)/mypy
 
-gallery: setup
+gallery: $(VENV)/ready
 	$(BIN)/python -m mbd_sim.drawing.gallery docs $(ARGS)
 	$(if $(ARGS),,$(BIN)/python scripts/animations)
 
 # Warnings are errors. NOTEBOOKS=off leaves out the outputs of the tutorials, which `make test` executes as well.
 NOTEBOOKS ?= force
 UNEXECUTED := -D nb_execution_mode=off -D suppress_warnings=misc.highlighting_failure
-docs: setup $(DOCS)/ready
+docs: $(VENV)/ready $(DOCS)/ready
 	@start=$$(date +%s); $(DOCS)/bin/python -m sphinx -b html -d docs/_build/doctrees -q -W --keep-going \
 	$(if $(filter off,$(NOTEBOOKS)),$(UNEXECUTED)) docs $(SITE) && \
 	echo "The site was built in $$(($$(date +%s) - start)) s: $(SITE)/index.html"
@@ -63,7 +65,7 @@ docs: setup $(DOCS)/ready
 $(DOCS)/ready: setup.py docs/setup_venv
 	docs/setup_venv $(BIN)/python $(DOCS)
 
-bench: setup $(BENCH)/ready
+bench: $(VENV)/ready $(BENCH)/ready
 	$(BENCH)/bin/python -m benchmarks.everything --python $(BIN)/python $(ARGS)
 
 figures: $(BENCH)/ready

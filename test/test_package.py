@@ -3,7 +3,9 @@
 import ast
 import importlib
 import json
+import os
 import re
+import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -193,3 +195,13 @@ def test_what_few_runs_need_is_loaded_by_them_alone():
     for statement, names in rare.items():
         code = f"import sys\n{statement}\nprint([name for name in {names!r} if name in sys.modules])"
         assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+@pytest.mark.parametrize(("target", "builds"), [("run", False), ("docs", False), ("setup", True), ("tests", True)])
+def test_only_tests_build_the_message_packages_that_only_they_need(target, builds):
+    command = ["make", "--dry-run", "--no-print-directory", "VENV=not_there", target]
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
+    listed = subprocess.run(command, cwd=ROOT, env=environment, check=True, capture_output=True, text=True).stdout
+    assert "scripts/setup_venv not_there" in listed
+    assert ("test.ros_interfaces.build" in listed) is builds

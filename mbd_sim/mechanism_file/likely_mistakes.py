@@ -15,6 +15,7 @@ _AT = "Name where it is: 'at: part' or 'at: part.point'."
 # By section: unknown keys of its entries, and what to do. "Write 'key'…" is only for entries that have this key.
 _KEYS: Mapping[str, Mapping[Words, str]] = {
     "": {
+        ("name", "model", "robot", "title"): "Write 'mechanism: …', the name of the mechanism.",
         ("motor", "motors", "servo", "servos", "actuator"): "Motors and servos are entries of 'actuators'.",
         ("imu", "imus", "encoder", "encoders", "sensor"): "Sensors are entries of 'sensors'.",
         ("spring", "springs", "dampers", "efforts", "torques", "force"): "Springs and efforts are entries of 'forces'.",

@@ -38,6 +38,7 @@ SECTIONS = {
     "not closed. Between brackets or braces, put an expression with commas in quotes",
     'forces: {a: {type: effort, coordinate: hip, effort: "where(hip > 30 deg, 5 N*m, 0)"}}': "have no units: in place of "
     "'30 deg', write the number in SI units, or the name of a parameter that has the unit.",
+    "name: first": "name: unknown key 'name'. Write 'mechanism: …', the name of the mechanism.",
     "motor: {}": "motor: unknown key 'motor'. Motors and servos are entries of 'actuators'.",
 }
 
