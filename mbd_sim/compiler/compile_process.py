@@ -11,7 +11,7 @@ import sys
 import tempfile
 import time
 
-from mbd_sim.compiler.object_code import object_code
+from mbd_sim.compiler.object_code import object_code, prepare_for_long_code
 
 REPORT_PERIOD = 5.0  # s
 _PROGRAM = "from mbd_sim.compiler.compile_process import main; main()"
@@ -21,13 +21,13 @@ _log = logging.getLogger(__name__)
 
 
 def compile_apart(text: str, cpu: str, features: str, level: int) -> bytes | None:
-    """The object code of a module, like `object_code`; None if the process fails.
+    """The object code of a long module, see `object_code`; None if the process fails.
 
     An exception in the caller's thread, such as that of Ctrl-C, ends the process at once. Progress is logged.
     """
     _log.info("compiling %.1f MB of intermediate code", len(text) / 1e6)
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-    command = [sys.executable, "-P", "-c", _PROGRAM, cpu, features, str(level)]
+    command = [sys.executable, "-P", "-c", _PROGRAM, str(os.getpid()), cpu, features, str(level)]
     began = time.monotonic()
     with tempfile.TemporaryFile() as source:
         source.write(text.encode())
@@ -62,11 +62,14 @@ def _output(child: subprocess.Popen[bytes], began: float) -> bytes:
 
 def main() -> None:
     """The process: intermediate code on standard input, object code on standard output."""
+    parent, cpu, features, level = sys.argv[1:]
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PARENT_DEATH, signal.SIGKILL)
+    if os.getppid() != int(parent):  # it ended before its death was asked for
+        os._exit(1)
+    prepare_for_long_code()
     text = sys.stdin.buffer.read().decode()
-    cpu, features, level = sys.argv[1:]
-    code = object_code(text, cpu, features, int(level))
+    code = object_code(text, cpu, features, int(level), is_long=True)
     try:
         sys.stdout.buffer.write(code)
         sys.stdout.buffer.flush()

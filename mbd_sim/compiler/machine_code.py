@@ -7,7 +7,7 @@ import llvmlite.binding as llvm
 
 from mbd_sim import disk_cache
 from mbd_sim.compiler.external_symbols import external_symbols
-from mbd_sim.compiler.object_code import ADDRESSES, PASSES, object_code, target_machine
+from mbd_sim.compiler.object_code import compiler_options, object_code, target_machine
 
 # Of LLVM's code generator. At level 0, which also has loops and calls in place of unrolled and inlined code, small
 # mechanisms compile in a tenth of the time, to slower code with the same results.
@@ -33,8 +33,7 @@ def compiler_identity() -> tuple[str, ...]:
     """What object code depends on besides the IR: the processor and its features, LLVM, and how it is used."""
     cpu, features = _host()
     version = ".".join(map(str, llvm.llvm_version_info))
-    options = *ADDRESSES.values(), *PASSES[LEVEL], f"O{LEVEL}"
-    return cpu, features, version, llvmlite.__version__, " ".join(options)
+    return cpu, features, version, llvmlite.__version__, " ".join(compiler_options(LEVEL))
 
 
 def compile_text(text: str) -> MachineCode:
