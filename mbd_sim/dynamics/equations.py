@@ -35,7 +35,7 @@ from mbd_sim.dynamics.drive_commands import hold_drives
 from mbd_sim.dynamics.energy import gravitational_potential
 from mbd_sim.dynamics.initial_conditions import AssembledStart, Assembly, assemble
 from mbd_sim.dynamics.input_layout import InputLayout
-from mbd_sim.dynamics.joint_linearization import JointLinearization, joint_linearization
+from mbd_sim.dynamics.joint_linearization import JointLinearization
 from mbd_sim.dynamics.like_branches import like_branches
 from mbd_sim.dynamics.load_functions import LoadPaths, load_paths, reaction_function, reactions_at
 from mbd_sim.dynamics.measurements import Measurements
@@ -77,6 +77,8 @@ class Equations:
     `core` are the components of y that rates depend on, after the coordinates. `step` is in s. `like_branches` have
     joints of the same types, see the function of that name.
 
+    `joint_linearization` is for methods that treat only the forces within joints implicitly.
+
     `cushions` are the functions of compliant contacts; None without these.
 
     `constraints` are the constraints and the mass matrix as functions of numbers. `start` and `start_state` satisfy
@@ -100,9 +102,9 @@ class Equations:
     start_state: Array
     part_names: tuple[str, ...]
     measurements: Measurements
+    joint_linearization: JointLinearization
     trace_multipliers: Callable[[], ca.Function]
     trace_reactions: Callable[[], ca.Function]
-    trace_joint_linearization: Callable[[], JointLinearization]
     trace_load_paths: Callable[[], LoadPaths]
     core: slice
     like_branches: Sequence[Sequence[Sequence[tuple[int, int]]]]
@@ -174,10 +176,6 @@ class Equations:
     def _disturbed(self) -> dict[tuple[str, ...], Equations]:
         return {}
 
-    def joint_linearization(self) -> JointLinearization:
-        """The linearized forces within joints, for methods that treat only these implicitly."""
-        return self.trace_joint_linearization()
-
     @cached_property
     def load_paths(self) -> LoadPaths:
         """The loads and their derivatives by the multipliers; traced when they are first read."""
@@ -231,7 +229,7 @@ def derive(
 
         dynamics = ContactDynamics(traced, mass_matrix, constraints, solver, forces, contacts, assembly.functions.size)
         contact, motion = dynamics.functions(), dynamics.motion(contacts.given_forces)
-    linearized = partial(joint_linearization, traced, constraints, scales, assembly.dependent, forces)
+    linearized = JointLinearization(traced, constraints, scales, assembly.dependent, forces)
     return _packaged(traced, assembly, forces, solver, motion, y_rates, linearized, contact)
 
 
@@ -242,7 +240,7 @@ def _packaged(
     solver: ConstraintSolver | None,
     motion: ConstrainedMotion,
     y_rates: ca.SX,
-    linearized: Callable[[], JointLinearization],
+    linearized: JointLinearization,
     contact: ContactFunctions | None,
 ) -> Equations:
     """The expressions as functions."""
@@ -283,9 +281,9 @@ def _packaged(
         measurements=Measurements(
             traced, motion, constraints, partial(reactions_at, traced, assembly, motion, multipliers)
         ),
+        joint_linearization=linearized,
         trace_multipliers=partial(function, "multipliers", with_inputs, multipliers),
         trace_reactions=partial(reaction_function, traced, assembly, motion, multipliers),
-        trace_joint_linearization=linearized,
         trace_load_paths=partial(load_paths, traced, assembly, motion, multipliers),
         core=traced.core,
         like_branches=like_branches(traced.links, traced.layout.nq),

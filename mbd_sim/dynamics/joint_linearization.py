@@ -11,8 +11,8 @@ which the articulated-body recursion solves in O(n): D and K are added to the pi
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -27,32 +27,44 @@ from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.geometry.pose import Array
 
 
-class JointLinearization(NamedTuple):
-    """`at(t, y, inputs, g)` gives the memory (m,) of `solve(memory, r)`, which gives U.
+@dataclass(frozen=True, eq=False)
+class JointLinearization:
+    """Functions that are traced when they are first read.
 
-    `slopes(t, y, inputs)` gives D (nv,) and K (nv, nq).
+    `constraints` are the active rows; `scales` and `dependent` as in `ConstraintSolver`.
     """
 
-    at: ca.Function
-    solve: ca.Function
-    slopes: ca.Function
+    traced: TracedMechanism
+    constraints: ConstraintEquations
+    scales: Array
+    dependent: NDArray[np.bool_]
+    forces: AppliedForces
+
+    @cached_property
+    def slopes(self) -> ca.Function:
+        """(t, y, inputs) -> D (nv,) and K (nv, nq)."""
+        traced, (damping, stiffness) = self.traced, self._slopes
+        q = ca.SX.sym("right", traced.layout.nq)
+        displaced = stiffness * _own_coordinates(traced, q)
+        given = [traced.state.t, traced.y, traced.inputs]
+        outputs = [ca.densify(damping), ca.jacobian(displaced, q)]
+        return ca.Function("joint_slopes", given, outputs, {"cse": True})
+
+    @cached_property
+    def partial_system(self) -> tuple[ca.Function, ca.Function]:
+        """`at(t, y, inputs, g)`, which gives the memory (m,) of `solve(memory, r)`, which gives U."""
+        return _partial_system(self, *self._slopes)
+
+    @cached_property
+    def _slopes(self) -> tuple[ca.SX, ca.SX]:
+        return _slopes(self.traced, self.forces)
 
 
-def joint_linearization(
-    traced: TracedMechanism,
-    constraints: ConstraintEquations,
-    scales: Array,
-    dependent: NDArray[np.bool_],
-    forces: AppliedForces,
-) -> JointLinearization:
-    """Trace both functions.
-
-    :param constraints: the active rows; `scales` and `dependent` as in `ConstraintSolver`.
-    """
+def _partial_system(system: JointLinearization, slopes: ca.SX, stiffness: ca.SX) -> tuple[ca.Function, ca.Function]:
+    traced, constraints, forces = system.traced, system.constraints, system.forces
     state, nq, nv = traced.state, traced.layout.nq, traced.layout.nv
     g, right = ca.SX.sym("g"), ca.SX.sym("right", traced.y.shape[0])
     right_q, right_u, right_w = ca.vertsplit(right, [0, nq, nq + nv, right.shape[0]])
-    slopes, stiffness = _slopes(traced, forces)
     added = g * (slopes + g * stiffness)
     if traced.rotor_inertia is not None:
         added += traced.rotor_inertia
@@ -61,7 +73,7 @@ def joint_linearization(
     if constraints.rows:
         # r already satisfies the constraints, so only its change does not: M a + Gᵀ λ = (D + g K) U_u + K r_q, G a = 0.
         unbiased = replace(constraints, bias=ca.SX(len(constraints.rows), 1))
-        solver = ConstraintSolver(mass_matrix, unbiased, scales, dependent)
+        solver = ConstraintSolver(mass_matrix, unbiased, system.scales, system.dependent)
         applied = mass_matrix.net_joint_forces((slopes + g * stiffness) * right_u + displaced)
         solution = right_u - g * solver.accelerations(applied, solver.multipliers(applied)).u_rates
     else:
@@ -74,11 +86,8 @@ def joint_linearization(
     given = [state.t, traced.y, traced.inputs, g]
     memory, values, reduced = separated(full, ca.vertcat(*given), right)
     options = {"cse": True}
-    return JointLinearization(
-        at=ca.Function("linearize_joints", given, [values], options),
-        solve=ca.Function("solve_joints", [memory, right], [ca.densify(reduced)], options),
-        slopes=ca.Function("joint_slopes", given[:-1], [ca.densify(slopes), ca.jacobian(displaced, right_q)]),
-    )
+    at = ca.Function("linearize_joints", given, [values], options)
+    return at, ca.Function("solve_joints", [memory, right], [ca.densify(reduced)], options)
 
 
 def _slopes(traced: TracedMechanism, forces: AppliedForces) -> tuple[ca.SX, ca.SX]:

@@ -83,7 +83,7 @@ def contact_model(equations: Equations, kernel: Kernel) -> ContactModel | None:
 def partial_system(equations: Equations, method: Method) -> PartialSystem | None:
     """What a method solves for instead of all rates, if it treats only the forces within joints implicitly."""
     joints_only = isinstance(method, Rosenbrock) and method.joints_only
-    return equations.joint_linearization()[:2] if joints_only else None
+    return equations.joint_linearization.partial_system if joints_only else None
 
 
 def _kernel(equations: Equations, choice: MethodChoice) -> Kernel:

@@ -56,7 +56,7 @@ def fastest_without_joints(equations: Equations, time: float, y: Array, inputs: 
         unit = inputs.copy()
         unit[index] += 1.0  # an effort: the equations are linear in it
         inverse_mass[:, index] = (np.array(equations.rates.call([time, y, unit])[0]).ravel() - base)[nq : nq + nv]
-    damping, stiffness = (np.array(value) for value in equations.joint_linearization().slopes(time, y, inputs))
+    damping, stiffness = (np.array(value) for value in equations.joint_linearization.slopes(time, y, inputs))
     jacobian = _jacobian(equations, time, y, inputs)
     with np.errstate(all="ignore"):
         jacobian[nq : nq + nv, nq : nq + nv] += inverse_mass * damping.ravel()

@@ -112,7 +112,7 @@ def test_the_branch_that_is_not_taken_has_no_part_in_the_derivatives():
 def test_the_method_for_stiff_joints_uses_only_the_slopes_of_own_coordinates():
     equations = derive(parse_mechanism(PAIR))
     damping, stiffness = (
-        np.array(value) for value in equations.joint_linearization().slopes(0.0, equations.start_state, np.zeros(2))
+        np.array(value) for value in equations.joint_linearization.slopes(0.0, equations.start_state, np.zeros(2))
     )
     assert damping.ravel() == pytest.approx([0.5 * 0.7, 0.0])
     assert stiffness == pytest.approx(np.diag([3.0, 0.5 * np.sqrt(0.4) * 2.0]))

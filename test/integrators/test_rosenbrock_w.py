@@ -48,7 +48,7 @@ def test_the_linear_system_is_that_of_the_joint_forces(text):
     y, g, rng = simulation.state, 1e-3, np.random.default_rng(0)
     if text is ARMS:
         y[:4] = [0.1, 0.12, 0.3, 0.002]
-    joints = equations.joint_linearization()
+    joints = equations.joint_linearization
     at = [0.0, y, simulation.inputs]
     damping, stiffness = (np.array(value) for value in joints.slopes(*at))
     base = np.array(equations.rates.call(at)[0]).ravel()
@@ -59,7 +59,8 @@ def test_the_linear_system_is_that_of_the_joint_forces(text):
     jacobian[nq : nq + nv, nq : nq + nv] = -inverse * damping.ravel()
     jacobian[nq : nq + nv, :nq] = -inverse @ stiffness
     right = rng.normal(size=len(y))
-    solution = np.array(joints.solve(joints.at(*at, g), right)).ravel()
+    begin, solve = joints.partial_system
+    solution = np.array(solve(begin(*at, g), right)).ravel()
     exact = np.linalg.solve(np.eye(len(y)) - g * jacobian, right)
     assert damping.min() > 0.0 and damping.max() > 10.0
     assert solution[: nq + nv] == pytest.approx(exact[: nq + nv], rel=1e-9, abs=1e-12)

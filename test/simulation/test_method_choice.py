@@ -9,9 +9,12 @@ import pytest
 
 from mbd_sim import Ensemble, Simulation
 from mbd_sim.cli.run import simulate
+from mbd_sim.dynamics import joint_linearization
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.errors import DivergedError, MechanismError
 from mbd_sim.load import load_mechanism, parse_mechanism
+from mbd_sim.simulation.method_choice import choose_method
+from mbd_sim.simulation.model_builder import partial_system
 from mbd_sim.simulation.spectrum import fastest_mode, is_slower
 from test.simulation.test_step_advice import RIGID, STIFF
 
@@ -101,3 +104,16 @@ def test_the_bound_of_rates_agrees_with_eigenvalues(name):
     rate = fastest_mode(*at).rate
     assert is_slower(*at, 1.3 * rate)
     assert not is_slower(*at, 0.999 * rate)
+
+
+@pytest.mark.parametrize(("method", "count"), [("auto", 1), ("rosenbrock", 0)])
+def test_the_linear_system_of_the_joints_is_traced_once_for_the_method_that_solves_it(monkeypatch, method, count):
+    """Not also in order to choose the method: for a humanoid that takes 0.35 s."""
+    equations, traced = derive(parse_mechanism(FINGER, "finger.urdf")), []
+    tracing = joint_linearization._partial_system
+    monkeypatch.setattr(joint_linearization, "_partial_system", lambda *given: traced.append(given) or tracing(*given))
+    choice = choose_method(equations.mechanism, equations, equations.inputs_without_commands, method, 1e-3)
+    assert traced == []
+    for _ in range(2):
+        partial_system(equations, choice.method)
+    assert len(traced) == count
