@@ -45,3 +45,20 @@ def angle_groups(instructions: Sequence[Instruction], piece: range) -> dict[Comp
 def vector_size(count: int) -> int:
     """The number of lanes for so many angles: two or four."""
     return 2 if count <= 2 else LANES
+
+
+def packed_angles(packs: Sequence[Component]) -> dict[Component, Sequence[Component]]:
+    """For each pack of angles, or a single one, those that are computed with it as one vector.
+
+    Those that are needed first are in the first group that has lanes left. Within a group the last ones are first, as
+    in `angle_groups`. A pack that fills a vector or is left alone belongs to no group.
+    """
+    groups: list[list[Component]] = []
+    for pack in dict.fromkeys(packs):
+        room = [group for group in groups if sum(map(len, group)) + len(pack) <= LANES]
+        if room:
+            room[0].append(pack)
+        else:
+            groups.append([pack])
+    ordered = [sorted(group, reverse=True) for group in groups if len(group) > 1]
+    return {pack: group for group in ordered for pack in group}

@@ -70,10 +70,14 @@ _TERNARY: dict[int, Build3] = {
     MULTIPLY_SUBTRACT: lambda low, x, y, z: low.builder.fma(x, y, low.builder.fneg(z)),
     SUBTRACT_PRODUCT: lambda low, x, y, z: low.builder.fma(low.builder.fneg(x), y, z),
 }
-_SINES = frozenset({ca.OP_SIN, ca.OP_COS})
+SINES = frozenset({ca.OP_SIN, ca.OP_COS})
 # Instructions of a function up to which sines are inlined. In longer ones, such as those of more than ten rods, calls
 # save half of the compilation, and as the code is shorter, some percent of each step.
 INLINE_SINES = 1000
+# Nearly half of the instructions of a long function keep values on the stack. Their addresses are one byte shorter from
+# the frame pointer than from the stack pointer, and a processor decodes only so many bytes in a cycle. LLVM uses the
+# frame pointer only if it need not align the stack for vectors of four.
+SHORT_ADDRESSES = ('"frame-pointer"="all"', '"no-realign-stack"')
 # Functions of the C library, on which their last bits depend. Only expressions, friction and powers need them.
 LIBRARY: dict[int, str] = {
     ca.OP_EXP: "exp",
@@ -130,7 +134,7 @@ def define(module: Module, name: str, arguments: int, inline: bool, lanes: int) 
     """A function of so many addresses that do not overlap, and a builder of it."""
     function = Function(module, FunctionType(VOID, [POINTER] * arguments), name)
     function.linkage = "internal"
-    function.attributes = [ALWAYS_INLINE if inline else "noinline", "nounwind"]
+    function.attributes = [ALWAYS_INLINE if inline else "noinline", "nounwind", *SHORT_ADDRESSES]
     function.noalias = True
     return function, new_builder(function.append_basic_block("entry"), lanes)
 
@@ -162,7 +166,7 @@ class Lowering:
             operation, source, target, value = instructions[index]
             if operation == ca.OP_INPUT:
                 work[target[0]] = self._input(inputs, source)
-            elif operation in _SINES and work[source[0]] in self._components:
+            elif operation in SINES and work[source[0]] in self._components:
                 work[target[0]] = self._sine_or_cosine(operation, work[source[0]], inputs)
             elif operation == ca.OP_OUTPUT:
                 self.builder.store(work[source[0]], element(self.builder, outputs[target[0]], target[1]))

@@ -10,12 +10,13 @@ from itertools import accumulate
 
 import casadi as ca
 
+from mbd_sim.compiler.angle_groups import packed_angles, vector_size
 from mbd_sim.compiler.instruction_list import Instructions, Output
 from mbd_sim.compiler.ir import Function, Module, Value, vector_of
 from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import DOUBLE, INT, element, local_array, number
-from mbd_sim.compiler.like_operations import WIDTHS
-from mbd_sim.compiler.lowering import INLINE_SINES, Lowering, define
+from mbd_sim.compiler.like_operations import WIDTHS, Pack
+from mbd_sim.compiler.lowering import INLINE_SINES, SINES, Lowering, define
 from mbd_sim.compiler.packing import Packing, Unit
 from mbd_sim.compiler.simd_builder import LaneBuilder
 from mbd_sim.compiler.split_functions import pieces
@@ -89,9 +90,12 @@ class _PackedLowering:
         self._scalars = Lowering(module, builder, inline)
         self._values: dict[tuple[int, ...], Value] = {}  # of a node, or of a vector of nodes
         self._flipped: dict[tuple[tuple[int, ...], tuple[bool, ...]], Value] = {}  # with signs changed
+        self._angles: Mapping[Pack, Sequence[Pack]] = {}  # the angles of a group, which are inputs
+        self._sines_cosines: dict[Pack, tuple[Value, Value]] = {}  # of the angles of groups
 
     def run(self, units: Sequence[Unit]) -> None:
         """Emit units in order."""
+        self._angles = packed_angles([unit.operands[0] for unit in units if self._is_sine_of_inputs(unit)])
         for unit in units:
             nodes = unit.nodes
             if unit.operands:
@@ -105,12 +109,38 @@ class _PackedLowering:
 
     def _result(self, unit: Unit) -> Value:
         """Emit an operation."""
+        if unit.operation in SINES and unit.operands[0] in self._angles:
+            return self._sine_cosine(unit.operands[0])[unit.operation == ca.OP_COS]
         low = self._lanes[len(unit.nodes)][1] if len(unit.nodes) > 1 else self._scalars
         if unit.operation == ca.OP_ADD and len(set(unit.negated)) == 2 and all(len(set(n)) == 1 for n in unit.negated):
             one, other = (self._value(nodes) for nodes in unit.operands)
             return low.builder.fsub(other, one) if unit.negated[0][0] else low.builder.fsub(one, other)
         signed = [self._signed(*each) for each in zip(unit.operands, unit.negated, strict=True)]
         return low.operation(unit.operation, *signed)
+
+    def _is_sine_of_inputs(self, unit: Unit) -> bool:
+        return unit.operation in SINES and all(self._nodes[node].operation == ca.OP_INPUT for node in unit.operands[0])
+
+    def _sine_cosine(self, angles: Pack) -> tuple[Value, Value]:
+        """The sine and the cosine of an angle or a pack of angles, computed with all others of the group."""
+        if angles not in self._sines_cosines:
+            group = self._angles[angles]
+            values = [self._value((node,)) for pack in group for node in pack]
+            lanes = vector_size(len(values))
+            wide, low = self._lanes[lanes]
+            pair = low.sine_cosine(wide.gathered(values + values[-1:] * (lanes - len(values))))
+            first = 0
+            for pack in group:
+                sine, cosine = (self._part(wide, value, range(first, first + len(pack))) for value in pair)
+                self._sines_cosines[pack] = sine, cosine
+                first += len(pack)
+        return self._sines_cosines[angles]
+
+    def _part(self, wide: LaneBuilder, vector: Value, lanes: range) -> Value:
+        """Some neighbouring lanes of a vector, or one as a scalar."""
+        if len(lanes) == wide.lanes:
+            return vector
+        return wide.lane(vector, lanes.start) if len(lanes) == 1 else wide.part(vector, lanes)
 
     def _signed(self, nodes: tuple[int, ...], negated: tuple[bool, ...]) -> Value:
         """The values of nodes, some of them with the sign changed."""

@@ -44,6 +44,12 @@ class LaneBuilder(IRBuilder):
         """The value of one member."""
         return self.value(scalar_of(vector.type), f"extractelement {vector.type} {vector.text}, i32 {index}")
 
+    def part(self, vector: Value, lanes: range) -> Value:
+        """A vector of some of the lanes."""
+        order = ", ".join(f"i32 {lane}" for lane in lanes)
+        operands = f"{vector.type} {vector.text}, {vector.type} undef, <{len(lanes)} x i32> <{order}>"
+        return self.value(vector_of(scalar_of(vector.type), len(lanes)), f"shufflevector {operands}")
+
     def gathered(self, values: Sequence[Value]) -> Value:
         """A vector of the values of the members."""
         vector = undefined(vector_of(values[0].type, self.lanes))

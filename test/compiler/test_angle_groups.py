@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from mbd_sim.compiler.angle_groups import angle_groups, vector_size
+from mbd_sim.compiler.angle_groups import angle_groups, packed_angles, vector_size
 from mbd_sim.compiler.bound_kernel import function_of_addresses
 from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.instruction_list import Instruction, instructions_of
@@ -50,6 +50,15 @@ def test_an_entry_of_the_work_vector_that_was_an_input_is_no_angle_any_more():
     ]
     assert set(angle_groups(instructions, range(5))) == {(0, 0), (0, 1)}
     assert angle_groups(instructions, range(1, 5)) == {}  # the first angle was loaded before this piece
+
+
+def test_packs_of_angles_fill_vectors_of_four():
+    pair, other, third, four, single = (1, 5), (2, 6), (3, 7), (10, 11, 12, 13), (9,)
+    groups = packed_angles([pair, four, single, other, pair, third])
+    assert groups[pair] == groups[single] == [(9,), (1, 5)]  # the next pair does not fit
+    assert groups[other] == groups[third] == [(3, 7), (2, 6)]
+    assert set(groups) == {pair, single, other, third}
+    assert packed_angles([pair, four]) == {}
 
 
 def test_lanes():

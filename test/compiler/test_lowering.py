@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import platform
 from itertools import product
 
 import casadi as ca
@@ -20,6 +21,7 @@ from mbd_sim.compiler.instruction_list import (
     Output,
 )
 from mbd_sim.compiler.kernel import compile_kernel
+from mbd_sim.compiler.object_code import object_code
 from mbd_sim.compiler.readers import export
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.dynamics.equations import derive
@@ -204,6 +206,22 @@ def test_lowering_contracts_and_reassociates_nothing_by_itself():
     module = new_module()
     lowering.lower(module, functions[0], inline=False)
     assert not any(flag in str(module) for flag in ("fast", "contract", "reassoc", "nsz", "arcp", "fma"))
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="addresses have one length elsewhere")
+def test_values_on_the_stack_have_short_addresses():
+    """The same code is shorter than without the attributes; here forty values are live at a time."""
+    x = ca.SX.sym("x", 40)
+    values = ca.vertsplit(x)
+    for layer in range(6):
+        values = [values[i] * values[(7 * i + layer) % 40] - values[(3 * i + 1) % 40] for i in range(40)]
+    module = new_module()
+    lowering.lower(module, ca.Function("f", [x], [ca.vertcat(*values)]), inline=False).linkage = ""
+    text = str(module)
+    attributes = " ".join(lowering.SHORT_ADDRESSES)
+    assert text.count(attributes) == 1
+    short, long = (object_code(each, "x86-64-v3", "", 1) for each in (text, text.replace(attributes, "")))
+    assert len(short) < len(long)
 
 
 def check_machine_code(mechanism, rng, states=2):

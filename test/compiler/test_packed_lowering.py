@@ -105,6 +105,17 @@ def test_pieces_give_the_same_bits(monkeypatch):
     assert single == cut == whole
 
 
+def test_sines_of_two_packs_share_a_vector_of_four():
+    equations = derive(parse_mechanism(legged(2, mirrored=True)))
+    program = arranged(equations.rates)
+    packing = in_order(graph_of(program), like_operations(graph_of(program), equations.like_branches))
+    sines = [unit for unit in packing.units if unit.operation == ca.OP_SIN]
+    assert [len(unit.nodes) for unit in sines] == [2, 2]
+    module = new_module()
+    lower_packed(module, program, packing, inline=False)
+    assert [name.split(".")[1] for name in module.functions if name.startswith("sine_cosine.")] == ["4"]
+
+
 @pytest.mark.parametrize("width", [2, 4])
 def test_signs_of_all_sums(width):
     """Sums and fused operations of every kind side by side, with zeros of both signs among the operands."""
