@@ -60,7 +60,7 @@ def inertia_defect(inertia: Array) -> str | None:
     if not np.all(np.isfinite(inertia)):
         return None  # the parameters that cause this are reported
     moments = np.linalg.eigvalsh(inertia)
-    slack = 1e-9 * max(np.max(np.abs(moments)), 1e-300)
+    slack = 1e-9 * np.maximum(np.max(np.abs(moments)), 1e-300)
     defect = None
     if moments[0] < -slack:
         defect = "has a negative principal moment"

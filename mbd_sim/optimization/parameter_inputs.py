@@ -12,9 +12,11 @@ from fractions import Fraction
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
-from mbd_sim.dynamics.symbolic_parameters import Path, SymbolicParameters, equation_data
+from mbd_sim.dynamics.symbolic_parameters import Path, SymbolicParameters, equation_data, equation_data_of_variants
 from mbd_sim.errors import MechanismError, Problem
+from mbd_sim.geometry.batch import of_all
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.drives import commanded_drives
@@ -81,7 +83,12 @@ def parameter_inputs(
         found = _numbers(one)
         return np.concatenate([found, list(start_numbers(one).values())]) if starts else found
 
-    samples = number_samples(lambda changes: reduced(with_values(whole, changes)), start, numbers_of)
+    samples = number_samples(
+        lambda changes: reduced(with_values(whole, changes)),
+        start,
+        numbers_of,
+        None if starts else _numbers_of_variants,
+    )
     problems = [_problem(mechanism, key, f"cannot be an input: {reason}") for key, reason in samples.built_in.items()]
     if problems:
         raise MechanismError(problems)
@@ -180,6 +187,14 @@ def _numbers(mechanism: Mechanism) -> Array:
     moments = [part.mass * part.center for part in mechanism.parts.values()]
     found = np.concatenate([equation_data(mechanism).free, *moments, *_points(mechanism).values()])
     return np.where(np.isinf(found), 0.0, found)  # limits that there are not, whatever the parameters
+
+
+def _numbers_of_variants(mechanism: Mechanism, valid: NDArray[np.bool_]) -> Array:
+    """The same (k, n) of the k variants of a mechanism whose numbers are batches."""
+    moments = [part.mass * part.center for part in mechanism.parts.values()]
+    free = [data.free for data in equation_data_of_variants(mechanism, valid)]
+    found = np.hstack([free, *(of_all(value, len(valid)) for value in (*moments, *_points(mechanism).values()))])
+    return np.where(np.isinf(found), 0.0, found)
 
 
 def _further_paths(mechanism: Mechanism) -> list[Path]:

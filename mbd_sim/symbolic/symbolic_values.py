@@ -16,7 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.dynamics.mass_moments import MassMoments, mass_moments
-from mbd_sim.dynamics.symbolic_parameters import EquationData, SymbolicParameters, equation_data
+from mbd_sim.dynamics.symbolic_parameters import (
+    EquationData,
+    SymbolicParameters,
+    equation_data,
+    equation_data_of_variants,
+)
+from mbd_sim.geometry.batch import of_all
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.laws import Expressed, Varying
 from mbd_sim.mechanism.records import Mechanism
@@ -69,7 +75,10 @@ def symbolic_values(mechanism: Mechanism, keys: Sequence[str]) -> SymbolicValues
     mechanism = with_forces_alone(mechanism)
     data, base = equation_data(mechanism), _numbers(mechanism)
     samples = number_samples(
-        lambda changes: with_forces_alone(with_values(mechanism, changes)), values_of(mechanism, keys), _numbers
+        lambda changes: with_forces_alone(with_values(mechanism, changes)),
+        values_of(mechanism, keys),
+        _numbers,
+        _numbers_of_variants,
     )
     symbols = [_symbol(mechanism, key, value) for key, value in zip(samples.keys, samples.base, strict=True)]
     found: list[Formula | int] = [Formula(())] * len(base)
@@ -120,6 +129,14 @@ def _numbers(mechanism: Mechanism) -> Array:
     parts = [mass_moments(part) for part in mechanism.parts.values()]
     moments = [np.concatenate([[m.mass], np.ravel(m.first), np.ravel(m.second)]) for m in parts]
     return np.concatenate([equation_data(mechanism).free, *moments])
+
+
+def _numbers_of_variants(mechanism: Mechanism, valid: NDArray[np.bool_]) -> Array:
+    """The same (k, n) of the k variants of a mechanism whose numbers are batches."""
+    moments = [mass_moments(part) for part in mechanism.parts.values()]
+    values = [value for one in moments for value in (one.mass, one.first, one.second)]
+    free = [data.free for data in equation_data_of_variants(mechanism, valid)]
+    return np.hstack([free, *(of_all(value, len(valid)).reshape(len(valid), -1) for value in values)])
 
 
 def _is_read(data: EquationData, index: int) -> bool:
