@@ -1,6 +1,6 @@
 """The tests of a process share what they build: shipped mechanisms are read once, equal ones derived and compiled once.
 
-`Mechanism`, `Equations`, `LagrangeEquations` and `Model` have no state, so that sharing changes nothing but the time.
+`Mechanism`, `Equations`, `LagrangeEquations`, `Model` and `SymbolicEquations` have no state, so that sharing changes nothing but the time.
 What cannot be pickled is built each time. The fixture `own_builds` turns sharing off.
 """
 
@@ -19,6 +19,7 @@ from mbd_sim.compiler import machine_code
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.mechanism_file.library import shipped
 from mbd_sim.simulation.live_values import LiveParameters
+from mbd_sim.symbolic import symbolic_equations
 
 MOST = 380  # mechanisms, models and equations that are kept; those not used for longest go
 BUILDERS = (
@@ -26,6 +27,7 @@ BUILDERS = (
     mbd_sim.dynamics.equations.derive,
     mbd_sim.dynamics.lagrange.lagrange_equations,
     mbd_sim.simulation.compiled_model.build_model,
+    symbolic_equations,
 )
 
 SHIPPED = frozenset(shipped())

@@ -22,7 +22,7 @@ NAME = r"\\mathrm\{[A-Za-z0-9,]+(?:\\_[A-Za-z0-9,]+)*\}"
 
 
 def parse(formula):
-    """Let Matplotlib's parser read a formula, bracket by bracket and term by term: many recur, and each takes it long."""
+    """Let Matplotlib's parser read a formula, bracket by bracket and factor by factor: many recur, and each takes it long."""
     assert formula.count("{") == formula.count("}")
     assert formula.count(r"\left") == formula.count(r"\right")
     while (bracket := INNERMOST.search(formula)) is not None:
@@ -32,33 +32,40 @@ def parse(formula):
 
 
 def parse_terms(formula):
-    """Let Matplotlib's parser read the terms of a sum, with the same number for all numbers and the same name for all names."""
+    """Let Matplotlib's parser read the factors of a sum, with the same number for all numbers and the same name for all names."""
     formula = re.sub(r"\d+(\.\d+)?", "1", formula)
     for name in re.findall(NAME, formula):
-        parse_term(name)
+        parse_factor(name)
     formula = re.sub(NAME, lambda name: r"\mathrm{a\_b}" if r"\_" in name[0] else r"\mathrm{a}", formula)
+    for term in split(formula, r" [+-] "):
+        assert term.strip()
+        for factor in split(term.strip(), r" +"):
+            parse_factor(factor)
+
+
+def split(formula, separator):
+    """The pieces of a formula between separators that are not within braces, brackets or cases."""
     start = depth = 0
-    for match in re.finditer(r"[{}]|\\left|\\right|\\begin|\\end| [+-] ", formula):
+    for match in re.finditer(rf"[{{}}]|\\left|\\right|\\begin|\\end|{separator}", formula):
         if match[0] in ("{", r"\left", r"\begin"):
             depth += 1
         elif match[0] in ("}", r"\right", r"\end"):
             depth -= 1
         elif depth == 0:
-            parse_term(formula[start : match.start()])
+            yield formula[start : match.start()]
             start = match.end()
-    parse_term(formula[start:])
+    yield formula[start:]
 
 
 @functools.cache
-def parse_term(term):
-    """Let Matplotlib's parser read a term.
+def parse_factor(factor):
+    """Let Matplotlib's parser read a factor.
 
     It has neither small fractions nor cases, and its time doubles with each nested pair of growing brackets.
     """
     from matplotlib.mathtext import MathTextParser
 
-    assert term.strip()
-    plain = term.replace(r"\tfrac", r"\frac").replace(r"\left", "").replace(r"\right", "")
+    plain = factor.replace(r"\tfrac", r"\frac").replace(r"\left", "").replace(r"\right", "")
     plain = re.sub(r"\\begin\{cases\}.*?\\end\{cases\}", "1", plain)
     MathTextParser("path").parse(f"${plain}$")
 
