@@ -10,9 +10,16 @@ from typing import Any
 import pytest
 from builtin_interfaces.msg import Duration
 from rclpy.action import ActionClient
+from rclpy.action.server import ServerGoalHandle
+from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from test.system.nodes import Listener, SimNodeProcess, running
+from mbd_sim import Simulation
+from mbd_sim.ros.command_buffer import CommandBuffer
+from mbd_sim.ros.rates import Rates
+from mbd_sim.ros.stepping_thread import SteppingThread
+from mbd_sim.ros.trajectory_action import TrajectoryAction
+from test.system.nodes import Listener, SimNodeProcess, new_domain, running
 from test.system.test_optional_interfaces import packages, variables  # noqa: F401
 
 LIFT = """
@@ -104,6 +111,54 @@ def test_goals_succeed_fail_are_refused_replaced_and_canceled(tmp_path: Path, va
         assert client.result(second)[0] == CANCELED
         listener.until(lambda: abs(listener.states[-1].velocity[1]) < 1e-9, "the rest")
         assert 0.1 < listener.states[-1].position[1] < 0.4995
+
+
+@pytest.mark.parametrize("failing", ["abort", "publish_feedback"])
+def test_results_arrive_even_if_other_messages_about_a_goal_fail(
+    failing: str,
+    variables: dict[str, str],  # noqa: F811
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The server is in this process, paused; from the second goal on, one of rclpy's functions fails after its work."""
+    from control_msgs import action as actions
+
+    failures: list[str] = []
+    work = getattr(ServerGoalHandle, failing)
+
+    def fail(handle: Any, *given: Any) -> None:
+        work(handle, *given)
+        failures.append(failing)
+        raise RuntimeError(f"{failing} failed")
+
+    simulation = Simulation.from_text(LIFT)
+    commands = CommandBuffer(simulation.effort_map, 0.0, simulation.command_map, simulation.step_size)
+    thread = SteppingThread(simulation, commands, Rates(), paused=True)
+    with contextlib.closing(Listener(new_domain())) as listener:
+        node = Node("sim_node", context=listener.context)
+        TrajectoryAction(node, thread, lambda *given: pytest.fail(str(given)), actions)
+        listener.executor.add_node(node)
+        spin_once = listener.executor.spin_once
+
+        def spin(**given: Any) -> None:
+            try:
+                spin_once(**given)
+            except RuntimeError as error:
+                assert str(error) == f"{failing} failed"
+
+        monkeypatch.setattr(listener.executor, "spin_once", spin)
+        thread.start()
+        client = Client(listener)
+        first = client.send((60.0, [0.0]))
+        monkeypatch.setattr(ServerGoalHandle, failing, fail)
+        second = client.send((60.0, [0.1]))
+        status, answer = client.result(first)
+        assert (status, answer.error_code) == (ABORTED, answer.INVALID_GOAL)
+        client.wait(second.cancel_goal_async())
+        status, answer = client.result(second)
+        assert (status, answer.error_code) == (CANCELED, answer.SUCCESSFUL)
+        assert failures and (failing == "publish_feedback" or len(failures) == 1)  # a goal ends once
+        thread.stop()
+        node.destroy_node()
 
 
 def test_without_the_package_the_node_says_once_that_the_action_is_not_served(tmp_path: Path) -> None:
