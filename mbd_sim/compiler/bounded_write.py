@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,20 +32,22 @@ def bounded_writer(
     enabled: NDArray[np.int64],
     fallback: Write,
     signature: str,
+    view: type[np.ndarray[Any, Any]] = np.ndarray,
 ) -> Write:
     """A function of one argument, which writes its n numbers to `target` (n,), each clamped to ± its bound.
 
     It takes an array (n,) of doubles or singles with any strides, and a list or a tuple of n objects `float`, if all
-    numbers are finite. With any other arguments it writes nothing, but calls `fallback` with them.
+    numbers are finite. With any other arguments it writes nothing, but calls `fallback` with them. Of subclasses of
+    arrays, which may hide some of their numbers, it takes `view` alone.
 
     :param bounds: (n,), not negative; each call reads them.
     :param enabled: (1,); where it is 0, each call is one of the fallback.
     :param signature: of the function, such as `write(numbers)`; its docstring is that of the fallback.
     """
     arrays = enabled, bounds, np.empty_like(target), target
-    addresses = [len(target), *(array.ctypes.data for array in arrays), *map(id, _TYPES)]
+    addresses = [len(target), *(array.ctypes.data for array in arrays), *map(id, _TYPES), id(view)]
     code = _code()
-    write = callable_of(code.address("write"), fallback, addresses, (code, arrays), signature, fallback.__doc__)
+    write = callable_of(code.address("write"), fallback, addresses, (code, arrays, view), signature, fallback.__doc__)
     return cast(Write, write)
 
 
@@ -61,7 +63,7 @@ class _Emitter:
     """Emits `PyObject* write(PyObject* self, PyObject** arguments, Py_ssize_t count, PyObject* names)`.
 
     The first entry of `self` is a bytes object with n, the addresses of `enabled`, of the bounds, of memory for the
-    checked numbers and of the target, and those of the types; the second one is the fallback.
+    checked numbers and of the target, and those of the types, with `view` as the last; the second one is the fallback.
     """
 
     def __init__(self, call: Function) -> None:
@@ -76,14 +78,14 @@ class _Emitter:
         table = b.call(self._python["PyBytes_AsString"], [b.call(self._python["PyTuple_GetItem"], [own, integer(0)])])
         self._size = b.load(table, typ=INT)
         enabled, self._bounds, self._checked, target, *types = (
-            b.load(element(b, table, index), typ=POINTER) for index in range(1, 5 + len(_TYPES))
+            b.load(element(b, table, index), typ=POINTER) for index in range(1, 6 + len(_TYPES))
         )
         self._require(b.icmp_unsigned("==", names, Value(POINTER, "null")))
         self._require(b.icmp_unsigned("==", count, integer(1)))
         self._require(b.icmp_unsigned("!=", b.load(enabled, typ=INT), integer(0)))
         given = b.load(arguments, typ=POINTER)
-        kind, (array, *sequences, self._float) = self._type_of(given), types
-        with b.if_then(b.icmp_unsigned("==", kind, array)):
+        kind, (array, *sequences, self._float, view) = self._type_of(given), types
+        with b.if_then(b.or_(b.icmp_unsigned("==", kind, array), b.icmp_unsigned("==", kind, view))):
             self._read_array(given)
         for name, type_ in zip(("PyList", "PyTuple"), sequences, strict=True):
             with b.if_then(b.icmp_unsigned("==", kind, type_)):

@@ -13,6 +13,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.one_sided import two_sided
 from mbd_sim.simulation.argument_checks import finite_vector
 from mbd_sim.simulation.efforts import EffortMap
+from mbd_sim.simulation.read_only import ReadOnlyView
 from mbd_sim.simulation.run_state import RunState
 
 if TYPE_CHECKING:
@@ -148,7 +149,7 @@ class DynamicsReadings(RunState):
             target[:] = efforts.clamped(efforts.merged(target, given))
 
         always = np.ones(1, dtype=np.int64)
-        return compiler.bounded_writer(target, efforts.limits, always, change, "write(efforts)")
+        return compiler.bounded_writer(target, efforts.limits, always, change, "write(efforts)", ReadOnlyView)
 
     @cached_property
     def _given_accelerations(self) -> Callable[[], Array]:

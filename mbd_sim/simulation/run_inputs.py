@@ -10,6 +10,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.actuator_commands import Command, CommandMap
 from mbd_sim.simulation.efforts import EffortMap
 from mbd_sim.simulation.live_values import PreparedValues, require_closed
+from mbd_sim.simulation.read_only import ReadOnlyView
 from mbd_sim.simulation.readings import Readings
 from mbd_sim.simulation.run_reports import RunReports
 from mbd_sim.simulation.wrenches import WrenchMap
@@ -39,8 +40,8 @@ class RunInputs(Readings, RunReports):
         shared = self._efforts, self.effort_map.limits, self._unobserved
         if type(self).set_efforts is RunInputs.set_efforts:  # a subclass with its own `set_efforts` keeps it
             method, signature = self.set_efforts, "set_efforts(efforts)"
-            vars(self)["set_efforts"] = compiler.bounded_writer(*shared, method, signature)
-        return compiler.bounded_writer(*shared, self._change_efforts, "write(efforts)")
+            vars(self)["set_efforts"] = compiler.bounded_writer(*shared, method, signature, ReadOnlyView)
+        return compiler.bounded_writer(*shared, self._change_efforts, "write(efforts)", ReadOnlyView)
 
     def _change_efforts(self, efforts: Mapping[str, float] | Sequence[float] | Array) -> None:
         new = self.effort_map.clamped(self.effort_map.merged(self._efforts, efforts))

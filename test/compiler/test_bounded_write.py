@@ -101,6 +101,17 @@ def test_everything_else_is_left_to_the_fallback(given):
     assert target.numbers.tolist() == BEFORE
 
 
+def test_views_of_a_named_type_are_taken_like_arrays():
+    target, other = Target(), np.ones(3).view(type("Other", (np.ndarray,), {}))
+    write = bounded_writer(target.numbers, target.bounds, target.enabled, target.fallback, "write(numbers)", View)
+    write(np.array([1.0, -1.0, 5.0]).view(View))
+    assert not target.left and target.numbers.tolist() == [1.0, -1.0, 0.0]
+    write(np.array([0.5, 0.0, 0.0]))
+    assert not target.left and target.numbers[0] == 0.5
+    write(other)
+    assert len(target.left) == 1 and target.numbers[0] == 0.5
+
+
 @pytest.mark.parametrize(
     ("arguments", "keywords"), [((), {}), ((np.ones(3), np.ones(3)), {}), ((), {"numbers": [1.0, 2.0, 3.0]})]
 )

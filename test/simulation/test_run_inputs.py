@@ -54,6 +54,16 @@ def test_both_set_the_same_efforts(sim, given):
     assert sim.efforts.tobytes() == found.tobytes()
 
 
+def test_what_another_simulation_shows_is_set_by_compiled_code_too(monkeypatch):
+    monkeypatch.setattr(Simulation, "_change_efforts", None)
+    sim, other = Simulation.from_text(TEXT), Simulation.from_text(TEXT)
+    for efforts in ([3.0, -2.0], [1.0, 0.0]):  # by the method, then by the code in its place
+        other.set_efforts(efforts)
+        sim.set_efforts(other.efforts)
+        sim.set_efforts(sim.efforts)
+        assert sim.efforts.tolist() == efforts
+
+
 @pytest.mark.parametrize("kind", [np.array, lambda numbers: np.array(numbers, dtype=np.float32), list, tuple])
 @pytest.mark.parametrize(
     ("numbers", "message"),
