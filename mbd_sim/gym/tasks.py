@@ -1,7 +1,8 @@
 """Ready-made learning tasks, registered with Gymnasium as `mbd_sim/NAME-v0`.
 
-Rewards and ends of episodes are functions of one simulation, or of all members of an ensemble: the last axis of their
-arrays counts coordinates. They use `np.square`, as `** 2` of a scalar is rounded differently from that of an array.
+Rewards and ends of episodes are functions of one simulation, or of all members of an ensemble: the first axis of their
+transposed arrays counts coordinates. Of one simulation, its entries are scalars, with which NumPy computes three times
+as fast as with arrays without axes. Squares are products: `** 2` of a scalar is rounded differently from an array's.
 """
 
 from __future__ import annotations
@@ -39,14 +40,14 @@ class Run(Protocol):
 
 def upright(sim: Run, action: Efforts) -> Any:
     """1 if the pendulum stands upright at rest in the middle of the rail, 0 if it hangs."""
-    q, u = np.asarray(sim.q), np.asarray(sim.u)
-    up = 0.5 * (1.0 - np.cos(q[..., 1]))
-    return up - 0.1 * np.square(q[..., 0]) - 0.001 * np.square(u[..., 1]) - 0.0005 * np.square(action[..., 0])
+    q, rate, push = sim.q.T, sim.u.T[1], action.T[0]
+    place, up = q[0], 0.5 * (1.0 - np.cos(q[1]))
+    return up - 0.1 * (place * place) - 0.001 * (rate * rate) - 0.0005 * (push * push)
 
 
 def off_the_rail(sim: Run) -> Any:
     """Whether the cart has left the rail."""
-    return abs(sim.q[..., 0]) > RAIL
+    return abs(sim.q.T[0]) > RAIL
 
 
 def alive(sim: Run, action: Efforts) -> Any:
@@ -56,19 +57,21 @@ def alive(sim: Run, action: Efforts) -> Any:
 
 def fallen(sim: Run) -> Any:
     """Whether the pendulum has fallen or the cart has left the rail."""
-    return off_the_rail(sim) | (abs(np.remainder(sim.q[..., 1], 2.0 * math.pi) - math.pi) > LEAN)
+    return off_the_rail(sim) | (abs(np.remainder(sim.q.T[1], 2.0 * math.pi) - math.pi) > LEAN)
 
 
 def height(sim: Run, action: Efforts) -> Any:
     """The height of the tip, from -1 to 1, minus a cost of fast motion."""
-    q, u = np.asarray(sim.q), np.asarray(sim.u)
-    up = -0.5 * (np.cos(q[..., 0]) + np.cos(q[..., 0] + q[..., 1]))
-    return up - 0.0005 * (np.square(u[..., 0]) + np.square(u[..., 1]))
+    q, u = sim.q.T, sim.u.T
+    first, shoulder, elbow = q[0], u[0], u[1]
+    up = -0.5 * (np.cos(first) + np.cos(first + q[1]))
+    return up - 0.0005 * (shoulder * shoulder + elbow * elbow)
 
 
 def speed_error(sim: Run, action: Efforts) -> Any:
     """Minus the squared relative error of the crank's speed, minus a cost of the effort."""
-    return -np.square(sim.u[..., 0] / SPEED - 1.0) - 1e-5 * np.square(action[..., 0])
+    error, effort = sim.u.T[0] / SPEED - 1.0, action.T[0]
+    return -(error * error) - 1e-5 * (effort * effort)
 
 
 TASKS: dict[str, dict[str, Any]] = {
