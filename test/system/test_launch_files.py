@@ -73,7 +73,8 @@ def test_an_example_starts_its_simulation_and_its_program(tmp_path: Path, file: 
     domain = new_domain()
     listener = Listener(domain)
     try:
-        with launching(file, tmp_path, domain, record_dir=str(tmp_path)) as processes:
+        forked = file != EXAMPLES[0]  # which is started as users start it
+        with launching(file, tmp_path, domain, forked=forked, record_dir=str(tmp_path)) as processes:
             assert len(processes) == 2
             listener.until(lambda: len(listener.node.get_node_names()) == 3, "both nodes")
             listener.until(lambda: len(listener.states) > 20, "states")
