@@ -32,17 +32,16 @@ from mbd_sim.dynamics.constraint_rows import ConstraintRow
 from mbd_sim.dynamics.coordinate_layout import CoordinateLayout
 from mbd_sim.dynamics.distant_springs import DistantSprings, distant_springs
 from mbd_sim.dynamics.drive_commands import hold_drives
-from mbd_sim.dynamics.energy import gravitational_potential
 from mbd_sim.dynamics.initial_conditions import AssembledStart, Assembly, assemble
 from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.dynamics.joint_linearization import JointLinearization
+from mbd_sim.dynamics.kernel_functions import kernel_functions, without_commands
 from mbd_sim.dynamics.like_branches import like_branches
 from mbd_sim.dynamics.load_functions import LoadPaths, load_paths, reaction_function, reactions_at
 from mbd_sim.dynamics.measurements import Measurements
 from mbd_sim.dynamics.multipliers import ConstraintSolver, typical_diagonal
-from mbd_sim.dynamics.regular_start import flat_poses, require_regular_start, start_with_actuators
+from mbd_sim.dynamics.regular_start import require_regular_start, start_with_actuators
 from mbd_sim.dynamics.state_derivatives import rate_derivatives
-from mbd_sim.dynamics.state_projection import projected_state
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.dynamics.time_functions import require_smooth
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
@@ -243,60 +242,36 @@ def _packaged(
     linearized: JointLinearization,
     contact: ContactFunctions | None,
 ) -> Equations:
-    """The expressions as functions."""
-    t, y, constraints = traced.state.t, traced.y, assembly.equations
-    with_inputs = [t, y, traced.inputs]
-    without_commands = with_inputs if len(traced.parameters.base) else [t, y]
-    two_sided = len(assembly.start.active)
-    potential = forces.joints.potential + forces.elements.potential
-    potential += gravitational_potential(traced.mechanism, traced.links, traced.poses)
-    multipliers = ca.SX(len(constraints.rows), 1)
-    multipliers[list(assembly.start.active)] = motion.multipliers[:two_sided, :]
-    margin = [] if solver is None or solver.margin is None else [ca.densify(solver.margin)]
-    projected = projected_state(traced, solver)
-    violation = ca.horzcat(constraints.position, constraints.velocity)
+    """The expressions as functions, with what describes them."""
     start, actuators = start_with_actuators(traced, assembly.start, forces)
-
-    def function(name: str, inputs: list[ca.SX], *outputs: ca.SX) -> ca.Function:
-        return ca.Function(name, inputs, [ca.densify(output) for output in outputs], {"cse": True})
-
+    functions = kernel_functions(traced, assembly, forces, solver, motion, y_rates)
+    loads = (traced, assembly, motion, functions.multipliers)
     return Equations(
         mechanism=traced.numeric,
         layout=traced.layout,
         inputs=traced.input_layout,
         parameters=traced.parameters,
-        rates=function("rates", with_inputs, y_rates, *margin),
-        energies=function("energies", without_commands, ca.vertcat(traced.kinetic_energy, potential)),
-        distant_springs=distant_springs(traced, forces.elements.lengths, without_commands),
-        poses=function("poses", without_commands, flat_poses(traced)),
-        drives=function("drives", with_inputs, ca.vec(motion.drives)),
-        # "settle" is the function's name in compiled kernels, and so part of their keys in the cache.
-        project=None if projected is None else function("settle", without_commands, projected),
-        violation=function("violation", without_commands, violation),
-        rows=tuple(constraints.rows),
+        rates=functions.rates,
+        energies=functions.energies,
+        distant_springs=distant_springs(traced, forces.elements.lengths, without_commands(traced)),
+        poses=functions.poses,
+        drives=functions.drives,
+        project=functions.project,
+        violation=functions.violation,
+        rows=tuple(assembly.equations.rows),
         constraints=assembly.functions,
         start=assembly.start,
         start_state=start,
         part_names=tuple(link.joint.outboard for link in traced.links),
-        measurements=Measurements(
-            traced, motion, constraints, partial(reactions_at, traced, assembly, motion, multipliers)
-        ),
+        measurements=Measurements(traced, motion, assembly.equations, partial(reactions_at, *loads)),
         joint_linearization=linearized,
-        trace_multipliers=partial(function, "multipliers", with_inputs, multipliers),
-        trace_reactions=partial(reaction_function, traced, assembly, motion, multipliers),
-        trace_load_paths=partial(load_paths, traced, assembly, motion, multipliers),
+        trace_multipliers=functions.trace_multipliers,
+        trace_reactions=partial(reaction_function, *loads),
+        trace_load_paths=partial(load_paths, *loads),
         core=traced.core,
         like_branches=like_branches(traced.links, traced.layout.nq),
         step=traced.step,
         contact=contact,
-        cushions=_cushions(with_inputs, forces),
+        cushions=functions.cushions,
         actuators=actuators,
     )
-
-
-def _cushions(inputs: list[ca.SX], forces: AppliedForces) -> CushionFunctions | None:
-    if not forces.elements.cushions:
-        return None
-    from mbd_sim.dynamics.compliant_contacts import cushion_functions
-
-    return cushion_functions(inputs, forces.elements.cushions)

@@ -11,6 +11,7 @@ from mbd_sim.messages.snapshot import Due
 from mbd_sim.recording.run_metadata import Moment
 from mbd_sim.ros.command_buffer import CommandBuffer
 from mbd_sim.ros.followed_clock import FollowedClock
+from mbd_sim.ros.followers import Followers
 from mbd_sim.ros.pacing import Pacer
 from mbd_sim.ros.rates import Rates
 from mbd_sim.ros.requests import RequestQueue
@@ -24,7 +25,6 @@ WAKE_UP_PERIOD = 1e-3  # s of real time between wake-ups where the step is short
 FAST_BATCH = 1000  # steps between requests when running as fast as possible
 REPEAT_PERIOD = 0.5  # s of real time between repeated states while paused, for subscribers that join later
 BACKLOG = 200  # snapshots that may wait for publication when running as fast as possible
-MAX_LEAD = 0.5  # simulated s by which a thread may be ahead of those that follow, as fast as possible
 
 
 class SteppingThread:
@@ -48,7 +48,7 @@ class SteppingThread:
         self.output, self.counters = self._output.queue, self._output.counters
         self.pacer = Pacer()
         self.paused, self.followed = paused, followed
-        self.followers: list[SteppingThread] = []  # threads of this program that follow this clock
+        self.followers = Followers()  # threads of this program that follow this clock
         self._wake = threading.Event()
         self._requests: RequestQueue[[]] = RequestQueue(self._wake.set)
         self._live_lock = threading.Lock()
@@ -144,7 +144,7 @@ class SteppingThread:
             raise
 
     def _loop(self) -> None:
-        self._lead()
+        self.followers.take(self.clock.ns)
         if self.followed is None:
             self._output.emit(Due.NEW)
         for remark in self.simulation.remarks:
@@ -185,6 +185,11 @@ class SteppingThread:
         return self.followed is not None and not self._follows
 
     @property
+    def is_stepping(self) -> bool:
+        """Whether the thread runs and is not paused."""
+        return self._thread.is_alive() and not self.paused
+
+    @property
     def lag(self) -> float:
         """How far the node is behind the clock that it follows, in s."""
         if self.followed is None or self.followed.time_ns is None or self.waits_for_clock:
@@ -219,18 +224,8 @@ class SteppingThread:
             self._output.report(EventKind.WARNING, f"/clock has restarted, but {problem}")
 
     def _wait_for_output(self) -> None:
-        while (self.output.qsize() > BACKLOG or self._is_far_ahead()) and not self._stopping:
+        while (self.output.qsize() > BACKLOG or self.followers.are_far_behind) and not self._stopping:
             time.sleep(1e-3)
-
-    def _lead(self) -> None:
-        """Pass the clock to the threads that follow."""
-        for follower in self.followers:
-            if follower.followed is not None:
-                follower.followed.take(self.clock.ns)
-
-    def _is_far_ahead(self) -> bool:
-        """Whether a thread that follows is behind by more than `MAX_LEAD`; one that is paused or has failed is not."""
-        return any(f.lag > MAX_LEAD and not f.paused and f._thread.is_alive() for f in self.followers)
 
     def _steps_until_due(self) -> int:
         """Steps to take at once: none beyond the next publication or sample, and in real time one wake-up period."""
@@ -247,7 +242,7 @@ class SteppingThread:
             self._set_paused(True)
             self.run.report_divergence(error)
             return str(error)
-        self._lead()
+        self.followers.take(self.clock.ns)
         if due := self._output.due(self.rates):
             self._output.emit(due)
         return ""
@@ -269,7 +264,7 @@ class SteppingThread:
         if problem := self.run.reset(rewind_clock, state):
             return problem
         if rewind_clock:
-            self._lead()
+            self.followers.take(self.clock.ns)
         self._show_change(Due.NEW if state else Due.ALL, began)
         return ""
 

@@ -12,17 +12,22 @@ from mbd_sim.mechanism_file.schema.base_schema import Spec
 
 
 class LimitsSpec(Spec):
-    """What both kinds of limits have in common."""
+    """What both kinds of limits have in common: all but the units of their numbers."""
+
+    lower: float
+    upper: float
+    stiffness: float | None = None
+    damping: float = 0.0
+    restitution: Restitution | None = None
 
     @model_validator(mode="after")
     def _ordered(self) -> LimitsSpec:
-        lower, upper = getattr(self, "lower"), getattr(self, "upper")  # noqa: B009  (of the subclasses)
-        if lower >= upper:
-            remedy = "Swap them." if lower > upper else "Give a larger upper limit, or a 'fixed' joint."
-            raise InputError(f"lower {lower:g} is not below upper {upper:g}", remedy)
-        if getattr(self, "damping") and not getattr(self, "stiffness"):  # noqa: B009
+        if self.lower >= self.upper:
+            remedy = "Swap them." if self.lower > self.upper else "Give a larger upper limit, or a 'fixed' joint."
+            raise InputError(f"lower {self.lower:g} is not below upper {self.upper:g}", remedy)
+        if self.damping and not self.stiffness:
             raise InputError("damping of stops has no effect without stiffness", "Add 'stiffness'.")
-        if getattr(self, "restitution") is not None and getattr(self, "stiffness") is not None:  # noqa: B009
+        if self.restitution is not None and self.stiffness is not None:
             raise InputError(
                 "has stiffness and restitution", "Elastic stops have 'stiffness', rigid ones 'restitution': remove one."
             )
@@ -39,7 +44,6 @@ class AngleLimitsSpec(LimitsSpec):
     upper: Angle
     stiffness: TorsionStiffness | None = None
     damping: Annotated[float, Quantity("s/rad", at_least=0)] = 0.0
-    restitution: Restitution | None = None
 
 
 class LengthLimitsSpec(LimitsSpec):
@@ -52,4 +56,3 @@ class LengthLimitsSpec(LimitsSpec):
     upper: Length
     stiffness: LinearStiffness | None = None
     damping: Annotated[float, Quantity("s/m", at_least=0)] = 0.0
-    restitution: Restitution | None = None

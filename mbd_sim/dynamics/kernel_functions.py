@@ -1,0 +1,93 @@
+"""The expressions of the equations of motion as the functions that kernels are compiled from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+import casadi as ca
+
+from mbd_sim.dynamics.accelerations import AppliedForces, ConstrainedMotion
+from mbd_sim.dynamics.energy import gravitational_potential
+from mbd_sim.dynamics.initial_conditions import Assembly
+from mbd_sim.dynamics.multipliers import ConstraintSolver
+from mbd_sim.dynamics.regular_start import flat_poses
+from mbd_sim.dynamics.state_projection import projected_state
+from mbd_sim.dynamics.tracing import TracedMechanism
+
+if TYPE_CHECKING:
+    from mbd_sim.dynamics.compliant_contacts import CushionFunctions
+
+
+@dataclass(frozen=True, eq=False)
+class KernelFunctions:
+    """Functions of (t, y, inputs) or (t, y), as in `Equations`, and the expressions (m,) of all `multipliers`."""
+
+    rates: ca.Function
+    energies: ca.Function
+    poses: ca.Function
+    drives: ca.Function
+    project: ca.Function | None
+    violation: ca.Function
+    multipliers: ca.SX
+    trace_multipliers: Callable[[], ca.Function]
+    cushions: CushionFunctions | None
+
+
+def with_inputs(traced: TracedMechanism) -> list[ca.SX]:
+    """The arguments of functions that depend on commands."""
+    return [traced.state.t, traced.y, traced.inputs]
+
+
+def without_commands(traced: TracedMechanism) -> list[ca.SX]:
+    """The arguments of functions that depend on no command: the inputs are among them if they contain parameters."""
+    return with_inputs(traced) if len(traced.parameters.base) else [traced.state.t, traced.y]
+
+
+def kernel_functions(
+    traced: TracedMechanism,
+    assembly: Assembly,
+    forces: AppliedForces,
+    solver: ConstraintSolver | None,
+    motion: ConstrainedMotion,
+    y_rates: ca.SX,
+) -> KernelFunctions:
+    """The functions of a traced mechanism.
+
+    :param y_rates: y' with everything open; `motion` has the multipliers and the forces of drives.
+    """
+    commanded, plain, constraints = with_inputs(traced), without_commands(traced), assembly.equations
+    two_sided = len(assembly.start.active)
+    potential = forces.joints.potential + forces.elements.potential
+    potential += gravitational_potential(traced.mechanism, traced.links, traced.poses)
+    multipliers = ca.SX(len(constraints.rows), 1)
+    multipliers[list(assembly.start.active)] = motion.multipliers[:two_sided, :]
+    margin = [] if solver is None or solver.margin is None else [ca.densify(solver.margin)]
+    projected = projected_state(traced, solver)
+    violation = ca.horzcat(constraints.position, constraints.velocity)
+    return KernelFunctions(
+        rates=_function("rates", commanded, y_rates, *margin),
+        energies=_function("energies", plain, ca.vertcat(traced.kinetic_energy, potential)),
+        poses=_function("poses", plain, flat_poses(traced)),
+        drives=_function("drives", commanded, ca.vec(motion.drives)),
+        # "settle" is the function's name in compiled kernels, and so part of their keys in the cache.
+        project=None if projected is None else _function("settle", plain, projected),
+        violation=_function("violation", plain, violation),
+        multipliers=multipliers,
+        trace_multipliers=partial(_function, "multipliers", commanded, multipliers),
+        cushions=_cushions(commanded, forces),
+    )
+
+
+def _function(name: str, inputs: list[ca.SX], *outputs: ca.SX) -> ca.Function:
+    return ca.Function(name, inputs, [ca.densify(output) for output in outputs], {"cse": True})
+
+
+def _cushions(inputs: list[ca.SX], forces: AppliedForces) -> CushionFunctions | None:
+    if not forces.elements.cushions:
+        return None
+    from mbd_sim.dynamics.compliant_contacts import cushion_functions
+
+    return cushion_functions(inputs, forces.elements.cushions)
