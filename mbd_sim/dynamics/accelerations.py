@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 
 import casadi as ca
 
@@ -34,14 +35,14 @@ class AppliedForces:
 class ConstrainedMotion:
     """The accelerations of a mechanism and the forces that belong to them.
 
-    `multipliers` (m,) are λ of the active constraints. `u_rates` (nv,) are u'. `transmitted` are the wrenches
-    F_L (6,) on each link through its joint. `drives` (n, 3) are described in `drive_table`. `links` are the spatial
-    accelerations (6,) of the links less that of gravity, see `Accelerations`.
+    `multipliers` (m,) are λ of the active constraints. `u_rates` (nv,) are u'. `transmitted()` are the wrenches
+    F_L (6,) on each link through its joint, traced when they are first needed. `drives` (n, 3) are described in
+    `drive_table`. `links` are the spatial accelerations (6,) of the links less that of gravity, see `Accelerations`.
     """
 
     multipliers: ca.SX
     u_rates: ca.SX
-    transmitted: Sequence[ca.SX]
+    transmitted: Callable[[], Sequence[ca.SX]]
     drives: ca.SX
     links: Sequence[ca.SX]
 
@@ -80,7 +81,7 @@ def solve_accelerations(
         at_rest = Accelerations(ca.SX(traced.layout.nv, 1), bias_accelerations)
         motion = solver.accelerations(applied, multipliers) + at_rest
         wrenches = [own + unit @ multipliers for own, unit in zip(wrenches, constraints.wrenches, strict=True)]
-    transmitted = transmitted_wrenches(traced.links, traced.motions, motion.links, wrenches)
+    transmitted = cache(partial(transmitted_wrenches, traced.links, traced.motions, motion.links, wrenches))
     drives = drive_table(traced, transmitted, coupling_forces(constraints, multipliers, forces))
     return ConstrainedMotion(multipliers, motion.u_rates, transmitted, drives, motion.links)
 
@@ -95,14 +96,18 @@ def coupling_forces(
     return found
 
 
-def drive_table(traced: TracedMechanism, transmitted: Sequence[ca.SX], coupling: Mapping[str, ca.SX]) -> ca.SX:
+def drive_table(
+    traced: TracedMechanism, transmitted: Callable[[], Sequence[ca.SX]], coupling: Mapping[str, ca.SX]
+) -> ca.SX:
     """The coordinates, speeds and forces of the driven coordinates (n, 3), in declared order and SI units.
 
-    :param transmitted: F_L (6,) on each link through its joint.
+    :param transmitted: gives F_L (6,) on each link through its joint; not called without driven coordinates.
     :param coupling: the forces that constraints of coordinates exert on driven ones, by name.
     """
+    if all(motion.joint.prescribed is None for motion in traced.motions):
+        return ca.SX(0, 3)
     driven = {}
-    for link, motion, wrench in zip(traced.links, traced.motions, transmitted, strict=True):
+    for link, motion, wrench in zip(traced.links, traced.motions, transmitted(), strict=True):
         if (prescribed := motion.joint.prescribed) is not None:
             given = ca.vertcat(*(coupling.get(name, ca.SX(1, 1)) for name in link.joint.motion_names))
             force = prescribed.partial_velocities.T @ wrench - given

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from mbd_sim.dynamics.inlining import inlined
 from mbd_sim.dynamics.joint_transforms import inboard_force, inboard_inertia, outboard_motion
 from mbd_sim.dynamics.kinematics import LinkMotion
 from mbd_sim.dynamics.links import Link
@@ -193,12 +194,13 @@ def _base_acceleration(acceleration: Array | ca.SX) -> ca.SX:
     return ca.sparsify(ca.vertcat(ca.SX(3, 1), constant(acceleration)))
 
 
+@inlined
 def _square(omega: ca.SX) -> ca.SX:
     """S (3, 3) with S @ r = ω × (ω × r), as ω ωᵀ less its trace."""
     x, y, z = omega[0], omega[1], omega[2]
     products = symmetric(ca.sparsify(omega @ omega.T))
     products[0, 0], products[1, 1], products[2, 2] = -(y * y + z * z), -(x * x + z * z), -(x * x + y * y)
-    return ca.sparsify(products)
+    return products
 
 
 def _mass_moment(inertia: ca.SX) -> ca.SX:
@@ -206,6 +208,7 @@ def _mass_moment(inertia: ca.SX) -> ca.SX:
     return ca.sparsify(ca.vertcat(inertia[2, 4], inertia[0, 5], inertia[1, 3]))
 
 
+@inlined
 def _gyroscopic_moment(inertia: ca.SX, square: ca.SX) -> ca.SX:
     """ω × J ω (3,) in N·m, from the products of ω in `_square`."""
     rows = []
@@ -214,7 +217,7 @@ def _gyroscopic_moment(inertia: ca.SX, square: ca.SX) -> ca.SX:
         moment = (inertia[k, k] - inertia[j, j]) * square[j, k]
         moment += inertia[j, k] * (square[j, j] - square[k, k])
         rows.append(moment + inertia[i, k] * square[i, j] - inertia[i, j] * square[i, k])
-    return ca.sparsify(ca.vertcat(*rows))
+    return ca.vertcat(*rows)
 
 
 def bias_acceleration(motion: LinkMotion) -> ca.SX:

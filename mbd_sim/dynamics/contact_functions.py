@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property, partial
 
 import casadi as ca
 import numpy as np
@@ -142,7 +142,7 @@ class ContactDynamics:
             ca.sparsify(own + unit @ all_multipliers)
             for own, unit in zip(self._forces.elements.wrenches, both.wrenches, strict=True)
         ]
-        transmitted = transmitted_wrenches(traced.links, traced.motions, accelerations.links, wrenches)
+        transmitted = cache(partial(transmitted_wrenches, traced.links, traced.motions, accelerations.links, wrenches))
         drives = drive_table(traced, transmitted, coupling_forces(both, all_multipliers, self._forces))
         return ConstrainedMotion(all_multipliers, accelerations.u_rates, transmitted, drives, accelerations.links)
 
@@ -171,7 +171,7 @@ class ContactDynamics:
         if not loaded:
             return found
         forces = ca.SX.sym("forces", contacts.layout.rows)
-        transmitted = self.motion(forces).transmitted
+        transmitted = self.motion(forces).transmitted()
         signs = contacts.numbers[contacts.layout.signs]
         for number, element in enumerate(loaded):
             assert element.joint is not None

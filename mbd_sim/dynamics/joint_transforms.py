@@ -9,11 +9,13 @@ Motion vectors are (angular, linear) and wrenches (moment, force), in SI units.
 
 from __future__ import annotations
 
+from functools import partial
+
 import casadi as ca
 
+from mbd_sim.dynamics.inlining import inlined
 from mbd_sim.dynamics.kinematics import LinkMotion
 from mbd_sim.dynamics.links import Link
-from mbd_sim.dynamics.motion import AxisRotation
 from mbd_sim.dynamics.spatial_algebra import constant, skew, symmetric
 
 
@@ -35,7 +37,10 @@ def inboard_inertia(link: Link, motion: LinkMotion, inertia: ca.SX) -> ca.SX:
     rotational, coupling, translational = inertia[:3, :3], inertia[:3, 3:], inertia[3:, 3:]
     R, p = motion.R_PL, skew(motion.p_PL)
     if (turn := motion.joint.turn) is not None:
-        rotational, coupling, translational = (_turned(turn, block) for block in (rotational, coupling, translational))
+        turned = _TURNED[turn.axis]
+        rotational, coupling, translational = (
+            turned(turn.sine, turn.cosine, block) for block in (rotational, coupling, translational)
+        )
         R = constant(link.X_PF.rotation)
     rotational = symmetric(R @ rotational @ R.T)
     translational = symmetric(R @ translational @ R.T)
@@ -46,10 +51,9 @@ def inboard_inertia(link: Link, motion: LinkMotion, inertia: ca.SX) -> ca.SX:
     return ca.sparsify(ca.vertcat(ca.horzcat(rotational, shifted), ca.horzcat(shifted.T, translational)))
 
 
-def _turned(turn: AxisRotation, block: ca.SX) -> ca.SX:
-    """R B Rᵀ of a block B (3, 3), for a rotation R about a coordinate axis."""
-    k, i, j = turn.axis, (turn.axis + 1) % 3, (turn.axis + 2) % 3
-    s, c = turn.sine, turn.cosine
+def _turned(axis: int, s: ca.SX, c: ca.SX, block: ca.SX) -> ca.SX:
+    """R B Rᵀ of a block B (3, 3), for a rotation R about a coordinate axis by an angle with a sine and a cosine."""
+    k, i, j = axis, (axis + 1) % 3, (axis + 2) % 3
     result = ca.SX(3, 3)
     result[k, k] = block[k, k]
     result[i, k], result[j, k] = c * block[i, k] - s * block[j, k], s * block[i, k] + c * block[j, k]
@@ -57,4 +61,7 @@ def _turned(turn: AxisRotation, block: ca.SX) -> ca.SX:
     deviation = ca.sparsify(s * (block[i, i] - block[j, j]) + c * (block[i, j] + block[j, i]))
     result[i, i], result[j, j] = block[i, i] - s * deviation, block[j, j] + s * deviation
     result[i, j], result[j, i] = c * deviation - block[j, i], c * deviation - block[i, j]
-    return ca.sparsify(result)
+    return result
+
+
+_TURNED = [inlined(partial(_turned, axis)) for axis in range(3)]

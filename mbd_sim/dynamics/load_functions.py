@@ -18,7 +18,7 @@ from mbd_sim.geometry.pose import Array
 
 def reactions_at(traced: TracedMechanism, assembly: Assembly, motion: ConstrainedMotion, multipliers: ca.SX) -> ca.SX:
     """The wrenches (6, joints) across the joints, see `joint_reactions`."""
-    return joint_reactions(traced, motion.transmitted, assembly.equations, multipliers)
+    return joint_reactions(traced, motion.transmitted(), assembly.equations, multipliers)
 
 
 def reaction_function(
@@ -80,7 +80,7 @@ def load_paths(traced: TracedMechanism, assembly: Assembly, motion: ConstrainedM
     units = ca.SX.sym("multipliers", len(constraints.rows))
     transmitted = wrenches_of_multipliers(traced, constraints, units)
     by_units = ca.vec(joint_reactions(traced, transmitted, constraints, units))
-    drives = drive_table(traced, transmitted, coupling_forces(constraints, units))[:, 2]
+    drives = drive_table(traced, lambda: transmitted, coupling_forces(constraints, units))[:, 2]
     reactions = ca.sparsify(ca.vec(reactions_at(traced, assembly, motion, multipliers)))
     of_reactions, gradient = ca.sparsify(ca.jacobian(by_units, units)), ca.sparsify(constraints.gradient)
     outputs = [reactions, ca.sparsify(multipliers), of_reactions, ca.jacobian(drives, units), gradient]

@@ -61,10 +61,10 @@ def require_independent(mechanism: Mechanism, links: Sequence[Link], mass_matrix
     :raises NoInertiaError: the joints and the parts without an inertia of their own are named.
     """
     sizes = np.sqrt(np.diag(mass_matrix))
-    values, vectors = np.linalg.eigh(mass_matrix / np.outer(sizes, sizes))
-    if not len(values) or values[0] > ROUND_OFF:
+    scaled = mass_matrix / np.outer(sizes, sizes)
+    if not len(scaled) or np.linalg.eigvalsh(scaled)[0] > ROUND_OFF:
         return
-    shares = np.abs(vectors[:, 0])
+    shares = np.abs(np.linalg.eigh(scaled).eigenvectors[:, 0])
     joints = [index for index, link in enumerate(links) if np.any(shares[link.u] > INVOLVED * np.max(shares))]
     names = [f"'{links[index].joint.name}'" for index in joints]
     moved: set[int] = set()

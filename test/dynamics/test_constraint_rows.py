@@ -133,3 +133,19 @@ def test_half_a_turn_of_a_closing_screw_makes_a_difference():
     text = LOOP.replace("KIND", "screw, axis: [0, 0, 1], lead: 0.5").replace("[-0.2, 0.2, 0.2]", "[-0.2, 0.2, 0.45]")
     with pytest.raises(MechanismError, match="wrong assembly mode"):
         derive(parse_mechanism(text.replace("0.45]", "0.45], orientation: {rpy: [0, 0, 0]}")))
+
+
+def test_equations_of_no_rows_are_like_none_chosen_of_those_of_loops():
+    """So a chain, for which they are not derived, has the shapes of a mechanism for which they are."""
+    loops, chain = trace(load_mechanism("four_bar")), trace(load_mechanism("moving_support_pendulum"))
+    none, chosen = constraint_equations(chain), constraint_equations(loops).select(())
+    assert len(none.rows) == len(chosen.rows) == 0
+    for name in ("position", "velocity", "bias", "own_rate"):
+        assert getattr(none, name).shape == getattr(chosen, name).shape == (0, 1), name
+    for traced, equations in ((chain, none), (loops, chosen)):
+        assert equations.gradient.shape == (0, traced.layout.nv)
+        assert [wrench.shape for wrench in equations.wrenches] == [(6, 0)] * len(traced.links)
+        assert {name: factors.shape for name, factors in equations.driven_factors.items()} == dict.fromkeys(
+            traced.mechanism.driven_names, (0, 1)
+        )
+    assert none.driven_factors and none.branch_checks.shape == (0, 1)
