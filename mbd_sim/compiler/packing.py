@@ -17,6 +17,9 @@ from mbd_sim.compiler.like_operations import SUMS, Branch, Pack, can_exchange, l
 
 SHORTEST = 1000  # instructions that are packed: shorter code is in the cache in any case
 WORTHWHILE = 0.85  # of the operations: how many are left at most
+# Units from which on the order is depth first: fewer values wait on the stack, so that the code is shorter. That counts
+# if the code is longer than the instruction cache.
+LONG = 3000
 
 
 class Unit(NamedTuple):
@@ -73,15 +76,34 @@ def packed(program: Instructions, likes: Sequence[Sequence[Branch]]) -> Packing 
 def in_order(graph: Graph, packs: Sequence[Pack]) -> Packing:
     """All nodes that outputs depend on, in packs and alone, each after its operands.
 
-    What is first in the graph comes first. A pack that would have to precede itself is divided.
+    What is first in the graph comes first, but long lists are in depth-first order from the outputs. A pack that would
+    have to precede itself is divided.
     """
     order = _Order(graph, packs).units
     pack_of = {node: number for number, nodes in enumerate(order) if len(nodes) > 1 for node in nodes}
-    return Packing(graph, [_unit(graph, nodes, pack_of) for nodes in order])
+    units = [_unit(graph, nodes, pack_of) for nodes in order]
+    return Packing(graph, units if len(units) <= LONG else _depth_first(graph, units))
+
+
+def _depth_first(graph: Graph, units: Sequence[Unit]) -> list[Unit]:
+    """The units in the order in which the outputs need them."""
+    unit_of = {node: unit for unit in units for node in unit.nodes}
+    order: dict[Pack, Unit] = {}
+    waiting = [unit_of[output.node] for output in reversed(graph.outputs)]
+    opened: set[Pack] = set()
+    while waiting:
+        unit = waiting[-1]
+        if unit.nodes in opened:
+            order.setdefault(unit.nodes, waiting.pop())
+            continue
+        opened.add(unit.nodes)
+        needed = (unit_of[node] for nodes in unit.operands for node in nodes)
+        waiting += [other for other in reversed(list(needed)) if other.nodes not in opened]
+    return list(order.values())
 
 
 class _Order:
-    """The order of packs and single nodes, `units`."""
+    """An order of packs and single nodes, `units`: what is first in the graph comes first."""
 
     def __init__(self, graph: Graph, packs: Sequence[Pack]) -> None:
         needed = used_nodes(graph)

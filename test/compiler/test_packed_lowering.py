@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
 
-from mbd_sim.compiler import split_functions
+from mbd_sim.compiler import packing, split_functions
 from mbd_sim.compiler.bound_kernel import function_of_addresses
 from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.instruction_list import (
@@ -96,9 +96,10 @@ def test_steps_of_legs():
     assert states[0] == states[1]
 
 
-def test_pieces_give_the_same_bits(monkeypatch):
+def test_pieces_and_depth_first_order_give_the_same_bits(monkeypatch):
     equations = derive(parse_mechanism(legged(2, mirrored=True)))
     whole, *_ = rates_of(equations, 8)
+    monkeypatch.setattr(packing, "LONG", 100)
     monkeypatch.setattr(split_functions, "PIECE", 100)
     monkeypatch.setattr(split_functions, "UNSPLIT", 100)
     single, cut, _ = rates_of(equations, 8)
@@ -108,11 +109,11 @@ def test_pieces_give_the_same_bits(monkeypatch):
 def test_sines_of_two_packs_share_a_vector_of_four():
     equations = derive(parse_mechanism(legged(2, mirrored=True)))
     program = arranged(equations.rates)
-    packing = in_order(graph_of(program), like_operations(graph_of(program), equations.like_branches))
-    sines = [unit for unit in packing.units if unit.operation == ca.OP_SIN]
+    found = in_order(graph_of(program), like_operations(graph_of(program), equations.like_branches))
+    sines = [unit for unit in found.units if unit.operation == ca.OP_SIN]
     assert [len(unit.nodes) for unit in sines] == [2, 2]
     module = new_module()
-    lower_packed(module, program, packing, inline=False)
+    lower_packed(module, program, found, inline=False)
     assert [name.split(".")[1] for name in module.functions if name.startswith("sine_cosine.")] == ["4"]
 
 

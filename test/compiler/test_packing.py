@@ -68,6 +68,20 @@ def test_a_pack_that_would_wait_for_itself_is_divided():
     assert [unit.nodes for unit in found.units] == [(0,), (1,), (2,), (3,), (4,)]
 
 
+def test_operations_of_long_lists_are_placed_depth_first_from_the_outputs(monkeypatch):
+    """Two chains side by side in the graph, whose packs alternate; the second output comes first."""
+    nodes = [Node(ca.OP_INPUT, (0, lane)) for lane in range(4)]
+    for _ in range(3):
+        nodes += [Node(ca.OP_SQ, (len(nodes) - 4 + lane,)) for lane in range(4)]
+    outputs = [Output(node, 0, place) for place, node in enumerate((14, 15, 12, 13))]
+    packs = [(first, first + 1) for first in range(4, 16, 2)]
+    for longest, expected in ((16, packs), (9, [packs[place] for place in (1, 3, 5, 0, 2, 4)])):
+        monkeypatch.setattr(packing, "LONG", longest)
+        found = in_order(Graph(nodes, outputs), packs)
+        require_complete(found)
+        assert [unit.nodes for unit in found.units if unit.operands] == expected
+
+
 def test_two_divisions_by_one_number_are_left_to_the_reciprocal(monkeypatch):
     monkeypatch.setattr(packing, "SHORTEST", 0)
     x = ca.SX.sym("x", 3)
