@@ -33,22 +33,25 @@ def simplified(mechanism: Mechanism, algebra: Algebra, function: ca.Function, in
     longest = max((len(p) for output in outputs for p in output), default=0)
     if longest > MAX_TERMS:
         raise too_large(mechanism, f"one of their entries has {longest} terms")
-    matrices = []
+    matrices, total = [], 0
     for number, values in enumerate(outputs):
         rows, columns = function.size_out(number)
         matrix = [[sp.S.Zero] * columns for _ in range(rows)]
-        known: dict[frozenset[Any], Any] = {}  # equal entries, as in a symmetric matrix, are simplified once
+        known: dict[
+            frozenset[Any], tuple[Any, int]
+        ] = {}  # equal entries, as in a symmetric matrix, are simplified once
         for row, column, p in _entries(function, number, values):
             key = frozenset(p.items())
             if key not in known:
-                known[key] = shortest(algebra, p)
-            matrix[row][column] = known[key]
+                entry = shortest(algebra, p)
+                known[key] = entry, int(entry.count_ops())
+            matrix[row][column], length = known[key]
+            total += length
+            if length > MAX_OPERATIONS:
+                raise too_large(mechanism, f"one of their entries has {length} operations")
+            if total > MAX_TOTAL_OPERATIONS:
+                raise too_large(mechanism, f"their entries have more than {MAX_TOTAL_OPERATIONS} operations")
         matrices.append(matrix)
-    lengths = [int(entry.count_ops()) for matrix in matrices for row in matrix for entry in row]
-    if (longest := max(lengths, default=0)) > MAX_OPERATIONS:
-        raise too_large(mechanism, f"one of their entries has {longest} operations")
-    if sum(lengths) > MAX_TOTAL_OPERATIONS:
-        raise too_large(mechanism, f"their entries have {sum(lengths)} operations")
     return matrices
 
 
