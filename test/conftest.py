@@ -32,6 +32,7 @@ QUICKLY_COMPILED = {
     "docs",
     "drawing",
     "dynamics",
+    "examples",
     "fmu",
     "gym",
     "integrators",
