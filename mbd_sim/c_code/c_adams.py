@@ -5,17 +5,18 @@ from __future__ import annotations
 from mbd_sim.c_code.c_functions import literal
 from mbd_sim.c_code.c_steps import StepParts, weighted_sum
 from mbd_sim.compiler.adams_error import GROWING, SHRINKING
-from mbd_sim.compiler.adams_step import DIVISIBLE, EASILY, LONGEST_PAUSE, NEARLY, PATIENCE, PROBED_EVERY
+from mbd_sim.compiler.adams_history import PARTS
+from mbd_sim.compiler.adams_step import DIVISIBLE, HALVED, LONGEST_PAUSE, NEARLY, PATIENCE, PROBED_EVERY, REFINABLE
 from mbd_sim.integrators.adams import LOWER, Adams
 
 HISTORY = """\
 /*
  * The slopes of earlier steps, for {method}: set it to zero before the first step, and keep it from step to step. It
  * counts as none if the state, an input or the step size has changed since. `lost` is the round-off of the state. The
- * slopes at the start of step k have the place 2 k of a ring, and those in its middle 2 k + 1.
+ * slopes at the start of step k have the place {parts} k of a ring, and those within it the places that follow.
  */
 typedef struct {{
-    double count, halves, divided, wait, pause, next, size;
+    double count, level, wait, pause, next, size;
     double state[{size}], inputs[{given}], lost[{size}], slopes[{places}][{size}];
 }} {name}_history;"""
 
@@ -64,9 +65,10 @@ static void reduce(double h, const double *y, const double *newest, const double
 
 /* Prediction and correction of the state `moved` and its round-off, with the slopes f[i], i h ago; the error. */
 static double predict_and_correct(
-    double t, double h, const double *y, const double *const *f, const double *in, double *moved, double *left)
+    double t, double h, const double *y, const double *const *f, const double *in, double *moved, double *left,
+    double *predicted)
 {{
-    double predicted[SIZE], increment[SIZE], partial[SIZE], trial[SIZE], errors[SIZE], slope, added, before{unread};
+    double increment[SIZE], partial[SIZE], trial[SIZE], errors[SIZE], slope, added, before{unread};
     int i;
 
     for (i = 0; i < SIZE; i++) {{
@@ -93,8 +95,45 @@ static double predict_and_correct(
 """
 
 _STEP = """\
+/* Interpolates slopes halfway between those f[i], which are so many places apart, of which `newest` is the next. */
+static void refine_slopes({name}_history *past, int64_t first, int stride, const double *newest, const double *const *f)
+{{
+    double *target;
+    int i;
+
+{midpoints}
+}}
+
 /*
- * A step of {method}, order {order}: prediction and correction, at once or in two halves, or else a step of
+ * Attempts a step in so many parts from y to `moved`, with slopes of which the first has the place `first`; the largest
+ * error. `first_predicted` are the slopes of the first prediction.
+ */
+static double attempt(
+    double t, double h, int parts, int64_t first, const double *y, const double *in, {name}_history *past,
+    double *moved, double *left, double *first_predicted)
+{{
+    const double *f[{length}];
+    double size = h / (double)parts, error, worst = 0.0, predicted[SIZE]{unread};
+    int stride = {parts} / parts, part, i;
+
+    memcpy(moved, y, SIZE * sizeof(double));
+    memcpy(left, past->lost, sizeof past->lost);
+    for (part = 0; part < parts && worst <= {tolerance}; part++) {{
+        if (part > 0)
+            rates(t + (double)part * size, moved, in, past->slopes[(first + part * stride) % {places}]{ignored});
+        for (i = 0; i < {length}; i++)
+            f[i] = past->slopes[(first + {places} + (part - i) * stride) % {places}];
+        error = predict_and_correct(t + (double)part * size, size, y, f, in, moved, left, predicted);
+        if (part == 0)
+            memcpy(first_predicted, predicted, SIZE * sizeof(double));
+        if (error > worst)
+            worst = error;
+    }}
+    return worst;
+}}
+
+/*
+ * A step of {method}, order {order}: prediction and correction, at once or in two or four parts, or else a step of
  * {otherwise} from the same slopes. Round-off is carried from step to step (Kahan's summation).
  */
 static void step_{method}(
@@ -102,89 +141,63 @@ static void step_{method}(
 {{
     {name}_history *past = memory;
     const double *f[{length}];
-    double current[SIZE], moved[SIZE], left[SIZE], half = 0.5 * h, error, worst, limit;
-    double *start = past->slopes[2 * index % {places}], *middle = past->slopes[(2 * index + 1) % {places}];
-    double count, halves, wait, pause{margins};
-    int same = past->next == (double)index && past->size == h, divided, ready, tries, taken = 0, i;
+    double current[SIZE], moved[SIZE], left[SIZE], first_predicted[SIZE], error, part, count, wait, pause{margins};
+    int64_t first = {parts} * index;
+    int same = past->next == (double)index && past->size == h;
+    int counts, ready, level, tried, stride, probes, parts, taken = 0, i;
 
     for (i = 0; i < SIZE; i++)
         same &= past->state[i] == y[i];
     for (i = 0; i < {compared}; i++)
         same &= past->inputs[i] == in[i];
     count = same ? past->count : 0.0;
-    halves = same ? past->halves : 0.0;
-    divided = same && past->divided != 0.0;
+    level = same ? (int)past->level : 0;
     wait = same ? past->wait : 0.0;
     pause = same ? past->pause : 0.0;
     for (i = 0; i < SIZE; i++)
         past->lost[i] = same ? past->lost[i] : 0.0;
 
     rates(t, y, in, current{margin});
-    if (wait <= {places})
-        memcpy(start, current, sizeof current);
-    count += 1.0;
-    halves += 1.0;
-    ready = wait <= 0.0{condition};
-    tries = ready && divided && halves >= {length};
-    if (ready && count >= {length} && (!divided || ((int)halves & {probed}) == 0)) {{
-        tries = 1;
-        memcpy(moved, y, sizeof moved);
-        memcpy(left, past->lost, sizeof left);
-        for (i = 0; i < {length}; i++)
-            f[i] = past->slopes[(2 * index + {places} - 2 * i) % {places}];
-        error = predict_and_correct(t, h, y, f, in, moved, left);
-        limit = divided ? {easily} : {tolerance};
-        taken = error <= limit;
-        wait = 0.0;
+    counts = wait <= 0.0;
+    if (counts)
+        memcpy(past->slopes[first % {places}], current, sizeof current);
+    count = counts ? count + 1.0 : 0.0;
+    ready = counts{condition};
+    wait = counts ? 0.0 : wait - 1.0;
+    for (tried = 0; ready && !taken && tried <= {finest}; tried++) {{
+        probes = level == tried + 1 && count >= {kept} && ((int64_t)count & ({probed} << level)) == 0;
+        if (!probes && (level != tried || count < {length}))
+            continue;
+        error = attempt(t, h, 1 << tried, first, y, in, past, moved, left, first_predicted);
+        taken = error <= {tolerance};
         if (taken) {{
-            pause = 0.0;
-            divided = 0;
-        }} else if (!divided) {{
-            if (error <= {nearly} && count >= {patient}) {{
+            if (count >= {patient})
+                pause = 0.0;
+            if (probes)
+                count = (double)(int64_t)(0.5 * count);
+            count += (double)((1 << tried) - 1);
+            level = tried;
+        }} else if (!probes) {{
+            if (tried < {finest} && error <= {refinable}) {{
+                stride = {parts} >> tried;
+                for (i = 0; i < {length}; i++)
+                    f[i] = past->slopes[(first + {places} - i * stride) % {places}];
+                refine_slopes(past, first, stride, first_predicted, f);
+                count = {length};
+                level = tried + 1;
+            }} else if (tried == {finest} && error <= {nearly} && count >= {patient}) {{
                 count = {length} - 1.0;
-            }} else {{ /* a new history: of halves, or after a pause that is longer each time */
-                count = halves = 0.0;
-                if (error <= {divisible}) {{
-                    divided = 1;
-                }} else {{
-                    wait = pause;
-                    pause = pause + pause + 1.0 < {longest} ? pause + pause + 1.0 : {longest};
-                }}
+            }} else {{ /* a new history, after a pause that is longer each time */
+                count = 0.0;
+                level = 0;
+                if (error <= {divisible} && tried + 1 <= {finest})
+                    level = tried + 1;
+                else if (error <= {twice_divisible} && tried + 2 <= {finest})
+                    level = tried + 2;
+                wait = pause;
+                pause = pause + pause + 1.0 < {longest} ? pause + pause + 1.0 : {longest};
+                break;
             }}
-            tries = 0;
-        }}
-    }} else {{
-        wait = tries ? 0.0 : wait - 1.0;
-    }}
-    if (tries && !taken && halves >= {length}) {{
-        memcpy(moved, y, sizeof moved);
-        memcpy(left, past->lost, sizeof left);
-        worst = 0.0;
-        for (i = 0; i < {length}; i++)
-            f[i] = past->slopes[(2 * index + {places} - i) % {places}];
-        error = predict_and_correct(t, half, y, f, in, moved, left);
-        if (error > worst)
-            worst = error;
-        if (worst <= {tolerance}) {{
-            rates(t + half, moved, in, middle{ignored});
-            for (i = {length} - 1; i > 0; i--)
-                f[i] = f[i - 1];
-            f[0] = middle;
-            error = predict_and_correct(t + half, half, y, f, in, moved, left);
-            if (error > worst)
-                worst = error;
-        }}
-        taken = worst <= {tolerance};
-        if (taken) {{
-            pause = 0.0;
-            halves += 1.0;
-        }} else if (worst <= {nearly} && halves >= {patient}) {{
-            halves = {length};
-        }} else {{
-            count = halves = 0.0;
-            divided = 0;
-            wait = pause;
-            pause = pause + pause + 1.0 < {longest} ? pause + pause + 1.0 : {longest};
         }}
     }}
     if (taken) {{
@@ -192,19 +205,20 @@ static void step_{method}(
         memcpy(past->lost, left, sizeof left);
     }} else {{
         memset(past->lost, 0, sizeof past->lost);
-        if (divided && wait <= 0.0) {{
-            advance_{otherwise}(t, half, y, in, current{value});
-            rates(t + half, y, in, middle{ignored});
-            halves += 1.0;
-            advance_{otherwise}(t + half, half, y, in, middle{value});
-        }} else {{
-            advance_{otherwise}(t, h, y, in, current{value});
+        parts = counts && wait <= 0.0 ? 1 << level : 1;
+        part = h / (double)parts;
+        for (i = 0; i < parts; i++) {{
+            if (i > 0) {{
+                rates(t + (double)i * part, y, in, current{ignored});
+                memcpy(past->slopes[(first + i * ({parts} / parts)) % {places}], current, sizeof current);
+                count += 1.0;
+            }}
+            advance_{otherwise}(t + (double)i * part, part, y, in, current{value});
         }}
     }}
 {project}
     past->count = count;
-    past->halves = halves;
-    past->divided = divided;
+    past->level = (double)level;
     past->wait = wait;
     past->pause = pause;
     past->next = (double)(index + 1);
@@ -213,18 +227,27 @@ static void step_{method}(
     memcpy(past->inputs, in, {compared} * sizeof(double));
 }}"""
 
+_MIDPOINT = """\
+    target = past->slopes[(first + {places} - {back} * stride - stride / 2) % {places}];
+    for (i = 0; i < SIZE; i++)
+        target[i] = {value};"""
 _DIFFERENCE = "        d{order} = fabs(factor * (newest[i] - ({difference}))) * scale;"
 
 
-def adams_function(method: Adams, parts: StepParts, name: str, compared: int) -> str:
+def adams_function(method: Adams, parts: StepParts, name: str, compared: int, finest: int) -> str:
     """`static void step_METHOD(…, void *memory)`, whose `memory` is a `NAME_history`.
 
     :param compared: the number of inputs.
+    :param finest: see `finest_level`.
     """
     slopes = [f"f[{back}]" for back in range(method.length)]
     differences = [
         _DIFFERENCE.format(order=order, difference=weighted_sum(weights, slopes))
         for order, weights in zip(LOWER, method.differences, strict=True)
+    ]
+    midpoints = [
+        _MIDPOINT.format(back=back, places=PARTS * method.length, value=weighted_sum(weights, ["newest", *slopes]))
+        for back, weights in enumerate(method.midpoints)
     ]
     reports, tolerance = parts.reports_margin, method.tolerance
     return (_ERROR + _STEP).format(
@@ -233,19 +256,24 @@ def adams_function(method: Adams, parts: StepParts, name: str, compared: int) ->
         otherwise=method.otherwise.name,
         name=name,
         length=method.length,
-        places=2 * method.length,
+        kept=2 * method.length,
+        parts=PARTS,
+        finest=finest,
+        places=PARTS * method.length,
         compared=compared,
+        midpoints="\n".join(midpoints),
         predictor=weighted_sum(method.predictor[::-1], slopes[::-1]),
         corrector=weighted_sum(method.corrector[::-1], slopes[::-1]),
         newest=literal(method.newest),
         tolerance=literal(tolerance),
         growing=literal(GROWING * tolerance),
         shrinking=literal(SHRINKING * tolerance),
-        easily=literal(EASILY * tolerance),
         nearly=literal(NEARLY * tolerance),
+        refinable=literal(REFINABLE * tolerance),
         divisible=literal(DIVISIBLE * tolerance),
+        twice_divisible=literal(DIVISIBLE * HALVED * tolerance),
         patient=literal(method.length + PATIENCE),
-        probed=2 * PROBED_EVERY - 2,
+        probed=PROBED_EVERY - 1,
         names=", ".join(f"d{order}" for order in LOWER),
         differences="\n".join(differences),
         longest=literal(LONGEST_PAUSE),

@@ -25,7 +25,9 @@ from mbd_sim.c_code.c_texts import (
 from mbd_sim.c_code.exported_model import ExportedModel
 from mbd_sim.c_code.sine_cosine import sine_cosine_text
 from mbd_sim.c_code.variables import Variable
+from mbd_sim.compiler.adams_history import PARTS, finest_level
 from mbd_sim.compiler.instruction_list import Instructions
+from mbd_sim.compiler.lowering import instruction_count
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.tableau import Tableau
@@ -103,7 +105,8 @@ def _header(model: ExportedModel, tangent: bool, assembly: bool) -> str:
 def _history(model: ExportedModel) -> str:
     method = next(method for method in model.methods if isinstance(method, Adams))
     size, given = len(model.states), max(1, model.equations.inputs.size)
-    return HISTORY.format(name=model.name, method=method.name, size=size, given=given, places=2 * method.length)
+    words = {"name": model.name, "method": method.name, "parts": PARTS, "places": PARTS * method.length}
+    return HISTORY.format(size=size, given=given, **words)
 
 
 def _step_words(model: ExportedModel, method: Tableau | Adams) -> dict[str, str]:
@@ -142,7 +145,8 @@ def _source(model: ExportedModel, tangent: bool, assembly: bool) -> str:
         functions.append(sample_functions(between))
     for method in sorted(model.methods, key=lambda method: isinstance(method, Adams)):  # which need the others
         if isinstance(method, Adams):
-            functions.append(adams_function(method, parts, model.name, equations.inputs.size))
+            finest = finest_level(instruction_count(arranged(equations.rates)), len(model.states))
+            functions.append(adams_function(method, parts, model.name, equations.inputs.size, finest))
         else:
             functions.append(step_function(method, parts))
     functions += [

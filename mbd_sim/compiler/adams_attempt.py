@@ -14,15 +14,15 @@ from mbd_sim.integrators.adams import Adams
 class AdamsAttempt:
     """Moves a state from the start of a step on, by one or several lengths.
 
-    `moved` (n,) is the state, `left` (n,) its round-off, and `worst` the largest error of all moves that were good when
-    they began. A `rare` attempt is shorter code, and slower.
+    `moved` (n,) is the state, `left` (n,) its round-off, `predicted` (n,) the slopes of the last prediction, and
+    `worst` the largest error of all moves that were good when they began. A `rare` attempt is shorter code, and slower.
     """
 
     def __init__(self, method: Adams, emitter: StepEmitter, *, rare: bool) -> None:
         """Allocate the arrays; the emitter's builder must be in the entry block of a function."""
         size = emitter.system.size
         arrays = [emitter.array(size) if rare else emitter.vector() for _ in range(6)]
-        self.moved, self.left, self._predicted, self._increment, self._partial, self._trial = arrays
+        self.moved, self.left, self.predicted, self._increment, self._partial, self._trial = arrays
         self.worst, self._method, self._emitter, self._rare = emitter.scalar(), method, emitter, rare
         self._error = AdamsError(method, emitter, rare=rare)
 
@@ -63,7 +63,7 @@ class AdamsAttempt:
             store(w, w.fadd(load(w, self.moved, i), increment), self._trial, i)
 
         def correct(w: IRBuilder, i: Index) -> None:
-            slope = w.fma(number(method.newest), load(w, self._predicted, i), load(w, self._partial, i))
+            slope = w.fma(number(method.newest), load(w, self.predicted, i), load(w, self._partial, i))
             added, before = w.fma(h, slope, load(w, self.left, i)), load(w, self.moved, i)
             after = w.fadd(before, added)
             store(w, after, self.moved, i)
@@ -73,10 +73,10 @@ class AdamsAttempt:
         good, size = self.is_good(), emitter.system.size
         for_components(b, size, predict, short=self._rare)
         evaluate = emitter.rates_rarely if self._rare else emitter.rates
-        evaluate(b.fadd(t, h), self._trial, self._predicted)
+        evaluate(b.fadd(t, h), self._trial, self.predicted)
         self._error.clear()
         for_components(b, size, correct, short=self._rare)
-        self._error.reduce(h, self._predicted, slopes)
+        self._error.reduce(h, self.predicted, slopes)
         error, worst = (b.load(address, typ=DOUBLE) for address in (self._error.largest, self.worst))
         error = b.select(b.and_(good, b.fcmp_ordered(">", error, worst)), error, worst)
         b.store(error, self.worst)

@@ -15,7 +15,7 @@ from mbd_sim.integrators.adams import Adams
 
 # The largest differences, in units of the tolerance, that are taken for round-off: where they grow with the order, as
 # only those of round-off and of vibrations with h ω > 1 do, and elsewhere.
-GROWING, SHRINKING = 1000.0, 10.0
+GROWING, SHRINKING = 20.0, 5.0
 
 
 class AdamsError:

@@ -4,28 +4,36 @@ from __future__ import annotations
 
 from mbd_sim.compiler.ir import Value
 from mbd_sim.compiler.ir_types import DOUBLE, element, integer, number
-from mbd_sim.compiler.ir_vectors import Index, copy, for_each, load, store
+from mbd_sim.compiler.ir_vectors import Index, copy, for_each, load, looped, store, total, weighted
 from mbd_sim.compiler.simd_builder import LaneBuilder
 from mbd_sim.compiler.step_emitter import StepEmitter
 from mbd_sim.integrators.adams import Adams
 from mbd_sim.integrators.methods import Method
 
-COUNT, HALVES, DIVIDED, WAIT, PAUSE, NEXT, SIZE, VECTORS = range(8)  # the numbers at the start of a history
+COUNT, LEVEL, WAIT, PAUSE, NEXT, SIZE, VECTORS = range(7)  # the numbers at the start of a history
+FINEST = 2  # the level of the smallest parts of a step
+PARTS = 1 << FINEST  # of a step at most
+DIVIDED = 5  # instructions of a rate on average, from which on parts of a step cost less than the other method
 
 
 def history_size(method: Method, size: int, inputs_size: int) -> int:
     """The numbers of the history of a method, for a state and inputs of these sizes; 0 for methods without one."""
-    return VECTORS + inputs_size + (2 + 2 * method.length) * size if isinstance(method, Adams) else 0
+    return VECTORS + inputs_size + (2 + PARTS * method.length) * size if isinstance(method, Adams) else 0
+
+
+def finest_level(instructions: int, size: int) -> int:
+    """The level of the smallest parts in which a step is taken, for `size` rates of so many instructions together."""
+    return FINEST if instructions >= DIVIDED * size else 0
 
 
 class AdamsHistory:
     """The slopes of the last steps, and what they belong to, in memory behind the inputs of the system.
 
-    First are the number `COUNT` of consecutive steps at whose start they are known, the number `HALVES` of those known
-    at a distance of half a step, whether steps are `DIVIDED` into halves, the steps to `WAIT` before the next attempt,
-    the `PAUSE` if that fails, and the number `NEXT` and the `SIZE` in s of the step that follows. Then come the state
-    and the inputs at its start, the round-off of that state (see `lost`), and the slopes: those at the start of step k
-    have the place 2 k, and those in its middle 2 k + 1, of a ring.
+    Steps of `LEVEL` 0 are taken at once, those of 1 in halves and those of 2 in quarters. First are the number `COUNT`
+    of consecutive slopes that are known at the distance of these parts, the level, the steps to `WAIT` before the next
+    attempt, the `PAUSE` if that fails, and the number `NEXT` and the `SIZE` in s of the step that follows. Then come
+    the state and the inputs at its start, the round-off of that state (see `lost`), and the slopes: those at the start
+    of step k have the place 4 k of a ring, and those at its quarters the places 4 k + 1 to 4 k + 3.
 
     They count as none if that step, its size, the state or an input has changed in the meantime, for example by a
     command. So whoever sets a state or an input need not know of the history.
@@ -33,7 +41,7 @@ class AdamsHistory:
 
     def __init__(self, emitter: StepEmitter, method: Adams) -> None:
         """Allocate the arrays; the emitter's builder must be in the entry block of a function."""
-        self._emitter, self._places = emitter, 2 * method.length
+        self._emitter, self._method, self._places = emitter, method, PARTS * method.length
         b, size, inputs_size = emitter.b, emitter.system.size, emitter.system.inputs_size
         self._start = element(b, emitter.inputs, inputs_size)
         self._kept_y, self._kept_inputs = element(b, self._start, VECTORS), element(b, self._start, VECTORS + size)
@@ -41,19 +49,37 @@ class AdamsHistory:
         self._first_slope = VECTORS + inputs_size + 2 * size
         self._total = history_size(method, size, inputs_size)
         self._backup = None if isinstance(b, LaneBuilder) else emitter.array(self._total)
-        self.count, self.halves, self.divided = (emitter.scalar() for _ in range(3))
-        self.wait, self.pause, self._changes = (emitter.scalar() for _ in range(3))
-        addresses = (self.count, self.halves, self.divided, self.wait, self.pause)
-        self._counters = tuple(zip(addresses, (COUNT, HALVES, DIVIDED, WAIT, PAUSE), strict=True))
+        self.count, self.level, self.wait, self.pause, self._changes = (emitter.scalar() for _ in range(5))
+        addresses = (self.count, self.level, self.wait, self.pause)
+        self._counters = tuple(zip(addresses, (COUNT, LEVEL, WAIT, PAUSE), strict=True))
         emitter.begin, emitter.end = self._emit_begin, self._emit_end
 
-    def slopes(self, halves: Index) -> Value:
-        """The address of the slopes so many `halves` of a step after the start of this step, or before, if negative."""
+    def slopes(self, quarters: Index) -> Value:
+        """The address of the slopes so many `quarters` of a step after its start, or before, if negative."""
         b, size = self._emitter.b, self._emitter.system.size
-        after = integer(halves + self._places) if isinstance(halves, int) else b.add(halves, integer(self._places))
-        twice = b.add(self._emitter.index, self._emitter.index)
-        place = b.urem(b.add(twice, after), integer(self._places))
+        places = self._places
+        after = integer(quarters + places) if isinstance(quarters, int) else b.add(quarters, integer(places))
+        place = b.urem(b.add(b.mul(self._emitter.index, integer(PARTS)), after), integer(places))
         return element(b, self._start, b.add(integer(self._first_slope), b.mul(place, integer(size))))
+
+    def refine(self, condition: Value, stride: Value, newest: Value) -> None:
+        """Interpolate slopes halfway between those that are so many quarters apart, where a condition holds.
+
+        :param newest: the slopes that follow those at the start of the step.
+        """
+        b, size, method = self._emitter.b, self._emitter.system.size, self._method
+        half = b.lshr(stride, integer(1))
+        places = [b.mul(stride, integer(-back)) for back in range(method.length)]
+        nodes = [newest, *map(self.slopes, places)]
+        targets = [self.slopes(b.sub(place, half)) for place, _ in zip(places, method.midpoints, strict=False)]
+
+        def component(i: Index) -> None:
+            for target, weights in zip(targets, method.midpoints, strict=True):
+                value = total(b, weighted(weights, nodes), i)
+                store(b, b.select(condition, value, load(b, target, i)), target, i)
+
+        with looped(b):
+            for_each(b, size, component)
 
     def _emit_begin(self) -> None:
         """Read the history if it belongs to this state."""

@@ -103,6 +103,10 @@ class IRBuilder:
         """Shift the bits of x to the left."""
         return self.binary("shl", x, y)
 
+    def lshr(self, x: Value, y: Value) -> Value:
+        """Shift the bits of x to the right."""
+        return self.binary("lshr", x, y)
+
     def not_(self, condition: Value) -> Value:
         """Whether a condition does not hold."""
         return self.binary("xor", condition, Value(BOOL, "true"))

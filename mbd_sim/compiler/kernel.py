@@ -113,7 +113,8 @@ def emit_system(
     :param packing: of a single member, the operations of the program in packs.
     """
     reports_conditioning = rates.n_out() > 1
-    inline = module.fast and instruction_count(program) * method.stages <= INLINED
+    instructions = instruction_count(program)
+    inline = module.fast and instructions * method.stages <= INLINED
     emitted = None
     if projection is not None:
         emitted = lower(module, arranged(projection, fused=False), inline=not reports_conditioning, lanes=lanes)
@@ -129,8 +130,9 @@ def emit_system(
         samples=emit_samples(module, between_steps, lanes),
         held=frozenset() if between_steps is None else between_steps.held,
         unread=frozenset() if between_steps is None else between_steps.unread,
-        in_registers=module.fast and lanes == 1 and instruction_count(program) <= FEW,
+        in_registers=module.fast and lanes == 1 and instructions <= FEW,
         inputs_size=rates.nnz_in(2),
+        instructions=instructions,
     )
 
 

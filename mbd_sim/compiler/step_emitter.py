@@ -37,7 +37,7 @@ class System:
     in `still`, after the first `error_size` ones, have the rate zero, and no rate depends on them. Those in `held` have
     the rate zero, and on those in `unread` no rate depends. The `samples` change the state at the start of each step.
     `in_registers`: the arrays of a step are kept there, see `local_array`.
-    There are `inputs_size` inputs.
+    There are `inputs_size` inputs, and the rates have so many `instructions`.
     """
 
     size: int
@@ -52,6 +52,7 @@ class System:
     unread: frozenset[int] = frozenset()
     in_registers: bool = False
     inputs_size: int = 0
+    instructions: int = 0
 
 
 # Emits the error estimate of a step, given the factor h of the slopes (None: 1) and a further error to add to it.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from math import comb
+from math import comb, prod
 from typing import ClassVar
 
 from mbd_sim.integrators.estimate import Coefficients
@@ -16,10 +16,11 @@ class Adams:
     """A step y* = y + h Σ p_j f_j, y' = y + h (γ f(t + h, y*) + Σ c_j f_j), where f_j are the slopes j steps ago.
 
     p are the `predictor` and c the `corrector`, γ is the `newest` of its coefficients. A step is taken at once, or in
-    two halves from slopes at a distance of h/2, or else by `otherwise`: while there are fewer slopes than coefficients,
-    or where the error of y* in a component exceeds `tolerance` (1 + |y|). That error is y' − y* = h γ ∇ᵏ f, the
-    difference of order k of the slopes, k their number. `differences` are the coefficients s of those of the orders
-    `LOWER`, f(t + h, y*) − Σ s_j f_j, which tell the error from the round-off of f, see `adams_error`.
+    two or four parts from slopes at a distance of h/2 or h/4, or else by `otherwise`: while there are fewer slopes than
+    coefficients, or where the error of y* in a component exceeds `tolerance` (1 + |y|). That error is
+    y' − y* = h γ ∇ᵏ f, the difference of order k of the slopes, k their number. `differences` are the coefficients s of
+    those of the orders `LOWER`, f(t + h, y*) − Σ s_j f_j, which tell the error from the round-off of f, see
+    `adams_error`. `midpoints` are the coefficients of f(t + h, y*) and the f_j in the slopes at t − h/2, t − 3h/2 ….
     `stability_limit` is that of `otherwise`, since y' − y* grows where a step of this method is not stable.
     """
 
@@ -31,6 +32,7 @@ class Adams:
     corrector: Coefficients
     newest: float
     differences: tuple[Coefficients, ...]
+    midpoints: tuple[Coefficients, ...]
     tolerance: float
     otherwise: Tableau
 
@@ -63,7 +65,14 @@ def adams(name: str, length: int, tolerance: float, otherwise: Tableau) -> Adams
     corrector = [p + (-1) ** (j + 1) * comb(length, j + 1) * newest for j, p in enumerate(predictor)]
     p, c = (tuple(float(value) for value in values) for values in (predictor, corrector))
     differences = tuple(tuple(float(-((-1) ** j) * comb(k, j)) for j in range(1, k + 1)) for k in LOWER)
-    return Adams(name, length + 1, p, c, float(newest), differences, tolerance, otherwise)
+    midpoints = tuple(_interpolation(length, Fraction(-1, 2) - back) for back in range(length // 2))
+    return Adams(name, length + 1, p, c, float(newest), differences, midpoints, tolerance, otherwise)
 
 
-ADAMS: dict[str, Adams] = {"adams11": adams("adams11", 10, 1e-14, EXPLICIT["tsitouras8"])}
+def _interpolation(length: int, at: Fraction) -> Coefficients:
+    """The weights of the values at 1, 0, −1 … 1 − `length` of a polynomial in its value at another place (Lagrange)."""
+    nodes = [1 - index for index in range(length + 1)]
+    return tuple(float(prod((at - other) / (node - other) for other in nodes if other != node)) for node in nodes)
+
+
+ADAMS: dict[str, Adams] = {"adams11": adams("adams11", 10, 2e-14, EXPLICIT["tsitouras8"])}

@@ -13,6 +13,7 @@ import pytest
 from mbd_sim.c_code.c_module import c_module
 from mbd_sim.c_code.c_texts import FLAGS
 from mbd_sim.c_code.exported_model import export_model
+from mbd_sim.compiler.adams_history import history_size
 from mbd_sim.integrators.adams import ADAMS
 from mbd_sim.load import load_mechanism
 
@@ -38,8 +39,8 @@ class CompiledModule:
             self.symbols = subprocess.run(["nm", "-D", str(self.library)], capture_output=True, text=True, check=True)
         fields = (self.model.states, self.model.inputs, self.model.parameters, self.model.output_variables)
         self.y, self.inputs, self.p, self.out = (np.zeros(max(1, len(variables))) for variables in fields)
-        size, slopes = len(self.y), ADAMS["adams11"].length
-        self.history = np.zeros(7 + len(self.inputs) + self.model.values.nnz_out(0) + (2 + 2 * slopes) * size)
+        compared = len(self.inputs) + self.model.values.nnz_out(0)
+        self.history = np.zeros(history_size(ADAMS["adams11"], len(self.y), compared))
         self.start()
 
     def start(self):

@@ -24,7 +24,7 @@ LIBRARY = {"sin", "cos", "sincos", "exp", "log", "tan", "asin", "acos", "atan", 
         ("double_rod", "tsitouras8"),
         ("double_rod", "adams11"),  # which keeps a history
         ("four_bar", "adams11"),
-        ("slider_crank", "adams11"),  # with steps in halves
+        ("pencil", "adams11"),  # with steps in halves and quarters
         ("four_bar", "tsitouras8"),  # a loop: projection, and stages of ill-conditioned steps
         ("rolling_disc", "rk4"),  # rolling, and a quaternion
         ("gas_engine", "rk4"),  # powers of the C library

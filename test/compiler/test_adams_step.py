@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from mbd_sim import Ensemble, MechanismError, Simulation
-from mbd_sim.compiler.adams_history import COUNT, DIVIDED
+from mbd_sim.compiler.adams_history import COUNT, LEVEL, VECTORS, finest_level
+from mbd_sim.compiler.lowering import instruction_count
+from mbd_sim.compiler.schedule import arranged
+from mbd_sim.integrators.adams import ADAMS
 
 METHOD = "adams11"
 
@@ -51,15 +54,42 @@ def test_a_member_that_starts_anew_takes_the_steps_of_a_new_run():
 def test_steps_are_divided_where_the_motion_is_fast_and_only_there():
     """The piston of a crank at 1 ms: some steps at once, some in halves, and the energy as with `tsitouras8`."""
     run, other = built("slider_crank"), Simulation.from_file("slider_crank", method="tsitouras8")
-    divided, residuals = [], np.zeros(2)
+    levels, residuals = [], np.zeros(2)
     for _ in range(100):
         run.step(10)
         other.step(10)
-        divided.append(run.history[DIVIDED])
+        levels.append(run.history[LEVEL])
         residuals = np.maximum(residuals, [abs(run.energies.residual), abs(other.energies.residual)])
-    assert 10 < sum(divided) < 90
-    assert np.count_nonzero(np.diff(divided)) > 4
+    assert 10 < np.count_nonzero(levels) < 90
+    assert np.count_nonzero(np.diff(levels)) > 4
     assert residuals[0] < residuals[1] + 1e-13 * run.energies.kinetic
+
+
+def other_steps(run, steps):
+    """How many of some steps are those of the other method, which lose the sum of round-off, and the levels of all."""
+    first, levels = VECTORS + run.inputs.size + run.state.size, []
+    others = 0
+    for _ in range(steps):
+        run.step()
+        levels.append(int(run.history[LEVEL]))
+        others += not np.any(run.history[first : first + run.state.size])
+    return others, levels
+
+
+def test_smaller_and_larger_parts_need_no_steps_of_the_other_method():
+    """Once there are enough slopes, those in between are interpolated where smaller parts are needed."""
+    others, levels = other_steps(built("slider_crank"), 1000)
+    assert others < ADAMS[METHOD].length + 3
+    assert set(levels) == {0, 1, 2}
+    assert levels[-1] < 2
+
+
+@pytest.mark.parametrize(("name", "finest"), [("snap_through", 0), ("slider_crank", 2)])
+def test_steps_with_few_operations_are_not_divided(name, finest):
+    """Where two halves take longer than a step of the other method; see `finest_level`."""
+    equations = Simulation.from_file(name).model.equations
+    instructions = instruction_count(arranged(equations.rates))
+    assert finest_level(instructions, len(equations.start_state)) == finest
 
 
 def test_round_off_does_not_divide_steps():

@@ -44,6 +44,19 @@ def test_differences_of_lower_order_vanish_for_polynomials():
             assert (extrapolated == 1.0**degree) == (degree < order)
 
 
+def test_slopes_between_others_are_those_of_a_polynomial():
+    """Of degree 10, through eleven slopes; of degree 11, at places where it does not vanish, they are not."""
+    for back, weights in enumerate(METHOD.midpoints):
+        at = -0.5 - back
+        for degree in range(METHOD.length + 2):
+            values = [float((1 - index) ** degree) for index in range(METHOD.length + 1)]
+            terms = [weight * value for weight, value in zip(weights, values, strict=True)]
+            error = abs(math.fsum([*terms, -(at**degree)]))
+            is_exact = error <= 1e-15 * math.fsum(map(abs, terms))
+            assert is_exact == (degree <= METHOD.length)
+    assert len(METHOD.midpoints) == METHOD.length // 2
+
+
 @pytest.mark.parametrize("length", [3, 5, 7])
 def test_the_order_of_steps_that_do_not_fall_back(length):
     """Of an oscillator y'' = −y whose history begins with slopes of the exact motion."""

@@ -98,8 +98,13 @@ MOVED = ["double_rod", "four_bar", "rolling_disc", "spherical_top", "stewart", "
 
 @pytest.mark.parametrize("name", MOVED)
 def test_the_motion_is_the_same(name):
-    """All parts have the same poses relative to the base, and the audit closes despite the larger energies."""
-    fixed, moving = Simulation.from_file(name), Simulation.from_text(carried(name))
+    """All parts have the same poses relative to the base, and the audit closes despite the larger energies.
+
+    Steps of `tsitouras8` have the same truncation error in both, which for tops is some 1e-12; `adams11` divides its
+    steps only where the equations are longer.
+    """
+    fixed = Simulation.from_file(name, method="tsitouras8")
+    moving = Simulation.from_text(carried(name), method="tsitouras8")
     for sim in (fixed, moving):
         sim.run(until=1.0)
     assert moving.q == pytest.approx(fixed.q, abs=1e-12)
