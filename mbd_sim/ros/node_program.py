@@ -71,7 +71,14 @@ def _run(
 ) -> int:
     ended = threading.Event()
     end_requests: queue.SimpleQueue[int] = queue.SimpleQueue()  # signals, and 0 for a request of the node itself
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+    def interrupt(received: int, _: object) -> None:
+        """End the building, or else the run: half of the time, CasADi drops exceptions that occur while it traces."""
+        end_requests.put(received)
+        raise KeyboardInterrupt
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, interrupt)
     usage = f"Parameters follow --ros-args, each after -p: {name} --ros-args -p {example}"
     words = sys.argv[1:] if arguments is None else list(arguments)
     if {"--help", "-h"} & set(words):
