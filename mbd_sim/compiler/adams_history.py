@@ -3,8 +3,21 @@
 from __future__ import annotations
 
 from mbd_sim.compiler.ir import Value
+from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import DOUBLE, element, integer, number
-from mbd_sim.compiler.ir_vectors import Index, copy, for_each, load, looped, store, total, weighted
+from mbd_sim.compiler.ir_vectors import (
+    Index,
+    cells,
+    copy,
+    each_component,
+    folded,
+    for_each,
+    load,
+    looped,
+    store,
+    total,
+    weighted,
+)
 from mbd_sim.compiler.simd_builder import LaneBuilder
 from mbd_sim.compiler.step_emitter import StepEmitter
 from mbd_sim.integrators.adams import Adams
@@ -49,7 +62,8 @@ class AdamsHistory:
         self._first_slope = VECTORS + inputs_size + 2 * size
         self._total = history_size(method, size, inputs_size)
         self._backup = None if isinstance(b, LaneBuilder) else emitter.array(self._total)
-        self.count, self.level, self.wait, self.pause, self._changes = (emitter.scalar() for _ in range(5))
+        self.count, self.level, self.wait, self.pause = (emitter.scalar() for _ in range(4))
+        self._changes = emitter.array(cells(b, max(size, inputs_size)))
         addresses = (self.count, self.level, self.wait, self.pause)
         self._counters = tuple(zip(addresses, (COUNT, LEVEL, WAIT, PAUSE), strict=True))
         emitter.begin, emitter.end = self._emit_begin, self._emit_end
@@ -86,7 +100,7 @@ class AdamsHistory:
         emitter, b, size = self._emitter, self._emitter.b, self._emitter.system.size
         if self._backup is not None:
             with b.if_then(self._may_need_backup()):
-                copy(b, self._total, self._start, self._backup)
+                self._copy_rarely(self._start, self._backup)
         same = b.fcmp_ordered("==", load(b, self._start, NEXT), b.sitofp(emitter.index, DOUBLE))
         same = b.and_(same, b.fcmp_ordered("==", load(b, self._start, SIZE), emitter.h))
         same = b.and_(same, self._equal(size, self._kept_y, emitter.y))
@@ -94,11 +108,16 @@ class AdamsHistory:
         zero = number(0.0)
         for address, index in self._counters:
             b.store(b.select(same, load(b, self._start, index), zero), address)
-        for_each(b, size, lambda i: store(b, b.select(same, load(b, self.lost, i), zero), self.lost, i))
+        each_component(b, size, lambda w, i: store(w, w.select(same, load(w, self.lost, i), zero), self.lost, i))
 
     def _may_need_backup(self) -> Value:
         """A single step replaces only slopes that its repetition would not use, should the new state not be finite."""
         return self._emitter.b.icmp_unsigned("!=", self._emitter.steps, integer(1))
+
+    def _copy_rarely(self, source: Value, target: Value) -> None:
+        """Copy a whole history number by number, which is short code."""
+        b = self._emitter.b
+        for_each(b, self._total, lambda i: store(b, load(b, source, i), target, i))
 
     def _equal(self, size: int, kept: Value, present: Value) -> Value:
         """Whether two arrays, of at least one number if they are small, are equal."""
@@ -108,14 +127,11 @@ class AdamsHistory:
             while len(same) > 1:
                 same = [b.and_(*pair) for pair in zip(same[::2], same[1::2], strict=False)] + same[len(same) & ~1 :]
             return same[0]
-        b.store(number(0.0), self._changes)
 
-        def compare(i: Index) -> None:
-            changed = b.fcmp_unordered("!=", load(b, kept, i), load(b, present, i))
-            b.store(b.select(changed, one, b.load(self._changes, typ=DOUBLE)), self._changes)
+        def changes(w: IRBuilder, before: Value, i: Index) -> Value:
+            return w.select(w.fcmp_unordered("!=", load(w, kept, i), load(w, present, i)), one, before)
 
-        for_each(b, size, compare)
-        return b.fcmp_ordered("==", b.load(self._changes, typ=DOUBLE), number(0.0))
+        return b.fcmp_ordered("==", folded(b, size, self._changes, changes), number(0.0))
 
     def _emit_end(self, finite: Value) -> None:
         """Say what the history belongs to; where the new state is not finite, restore it."""
@@ -128,4 +144,4 @@ class AdamsHistory:
         copy(b, emitter.system.inputs_size, emitter.inputs, self._kept_inputs)
         if self._backup is not None:
             with b.if_then(b.and_(self._may_need_backup(), b.not_(finite)), likely=False):
-                copy(b, self._total, self._backup, self._start)
+                self._copy_rarely(self._backup, self._start)

@@ -92,6 +92,19 @@ def for_components(b: IRBuilder, size: int, body: Callable[[IRBuilder, Index], o
         body(b, done)
 
 
+def each_component(
+    b: IRBuilder, size: int, body: Callable[[IRBuilder, Index], object], still: frozenset[int] = NONE
+) -> None:
+    """Emit `body(builder, index)` for every component: one by one if there are few, several at once if there are many.
+
+    See `for_each` for `still`, and `for_components` for `body`.
+    """
+    if size > b.unrolled and not still:
+        for_components(b, size, body, short=True)
+    else:
+        for_each(b, size, partial(body, b), still)
+
+
 @contextmanager
 def looped(b: IRBuilder) -> Iterator[None]:
     """Within, operations on vectors of all sizes are loops, which are shorter code."""
@@ -104,7 +117,37 @@ def looped(b: IRBuilder) -> Iterator[None]:
 
 def copy(b: IRBuilder, size: int, source: Value, target: Value) -> None:
     """Target = source."""
-    for_each(b, size, lambda i: store(b, load(b, source, i), target, i))
+
+    def component(w: IRBuilder, i: Index) -> None:
+        store(w, load(w, source, i), target, i)
+
+    each_component(b, size, component)
+
+
+def cells(b: IRBuilder, size: int) -> int:
+    """The numbers in memory that `folded` needs for a vector."""
+    return LANES if size > b.unrolled and b.module.fast and not isinstance(b, LaneBuilder) else 1
+
+
+def folded(b: IRBuilder, size: int, memory: Value, fold: Callable[[IRBuilder, Value, Index], Value]) -> Value:
+    """A number that starts from 0 and becomes `fold(builder, number, i)` for each component i of a long vector.
+
+    There may be several such numbers, each for some of the components; then the result is their sum.
+
+    :param memory: the address of as many numbers as `cells` says.
+    """
+    count = cells(b, size)
+    for cell in range(count):
+        store(b, number(0.0), memory, cell)
+
+    def component(w: IRBuilder, i: Index) -> None:
+        store(w, fold(w, load(w, memory, 0), i), memory, 0)
+
+    each_component(b, size, component)
+    result = load(b, memory, 0)
+    for cell in range(1, count):
+        result = b.fadd(result, load(b, memory, cell))
+    return result
 
 
 def weighted(weights: Sequence[float], vectors: Sequence[Value]) -> Terms:
@@ -138,10 +181,7 @@ def combine(
         added, start = total(w, terms, i), load(w, base, i)
         store(w, w.fadd(start, added) if h is None else w.fma(h, added, start), target, i)
 
-    if size > b.unrolled and not still:
-        for_components(b, size, component, short=True)
-    else:
-        for_each(b, size, partial(component, b), still)
+    each_component(b, size, component, still)
 
 
 def combine_at_once(
@@ -172,10 +212,8 @@ def combine_at_once(
         for index in range(size):
             if index not in unread | still:
                 component(b, index)
-    elif size > b.unrolled and not still:
-        for_components(b, size, component, short=True)
     else:
-        for_each(b, size, partial(component, b), still)
+        each_component(b, size, component, still)
 
 
 def add_square(b: IRBuilder, into: Value, value: Value) -> None:

@@ -12,7 +12,7 @@ from mbd_sim.compiler.ir_types import (
     local_array,
     number,
 )
-from mbd_sim.compiler.ir_vectors import copy, for_each, load, loop, store
+from mbd_sim.compiler.ir_vectors import cells, copy, folded, for_each, load, loop, store
 from mbd_sim.compiler.simd_builder import new_builder
 from mbd_sim.compiler.step_emitter import Prepare, StepEmitter, System
 
@@ -62,7 +62,7 @@ def _emit_steps(
 ) -> Value:
     """Emit the loop over the steps, from `state` to the emitter's y; returns whether that is finite."""
     b, size = emitter.b, emitter.system.size
-    emit_step, sum_of_zeros = prepare(emitter), emitter.scalar()
+    emit_step, sums = prepare(emitter), emitter.array(cells(b, size))
     copy(b, size, state, emitter.y)
     b.store(b.load(estimate, typ=DOUBLE), emitter.largest_error)
     emitter.index, emitter.steps = first, steps
@@ -79,24 +79,19 @@ def _emit_steps(
 
     loop(b, 0, steps, one_step)
     b.store(b.load(emitter.largest_error, typ=DOUBLE), estimate)
-    finite = emit_is_finite(b, size, emitter.y, sum_of_zeros)
+    finite = emit_is_finite(b, size, emitter.y, sums)
     emitter.index = b.add(first, steps)
     if emitter.end is not None:
         emitter.end(finite)
     return finite
 
 
-def emit_is_finite(b: IRBuilder, size: int, y: Value, sum_of_zeros: Value) -> Value:
-    """Emit whether a state is finite; `sum_of_zeros` is the address of a number."""
+def emit_is_finite(b: IRBuilder, size: int, y: Value, sums: Value) -> Value:
+    """Emit whether a state is finite; `sums` is the address of as many numbers as `cells` says."""
     zero = number(0.0)
-    b.store(zero, sum_of_zeros)
-
-    def add_zero(i: int | Value) -> None:
-        """Add 0 y, which is NaN if y is not finite."""
-        b.store(b.fadd(b.load(sum_of_zeros, typ=DOUBLE), b.fmul(load(b, y, i), zero)), sum_of_zeros)
-
-    for_each(b, size, add_zero)
-    return b.fcmp_ordered("==", b.load(sum_of_zeros, typ=DOUBLE), zero)
+    # 0 y is NaN if y is not finite.
+    total = folded(b, size, sums, lambda w, sum_of_zeros, i: w.fadd(sum_of_zeros, w.fmul(load(w, y, i), zero)))
+    return b.fcmp_ordered("==", total, zero)
 
 
 def emit_advance_members(module: Module, system: System, prepare: Prepare, lanes: int, inputs_size: int) -> Function:

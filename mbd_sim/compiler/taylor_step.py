@@ -10,7 +10,7 @@ from mbd_sim.compiler.instruction_list import InstructionList
 from mbd_sim.compiler.ir import BOOL, POINTER, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import DOUBLE, INT, integer, number
-from mbd_sim.compiler.ir_vectors import copy, load
+from mbd_sim.compiler.ir_vectors import cells, copy, load
 from mbd_sim.compiler.lowering import lower
 from mbd_sim.compiler.runge_kutta_step import ExplicitStep
 from mbd_sim.compiler.series_builder import series_of, turning_points
@@ -79,8 +79,8 @@ class _TaylorLoop:
         self._emitter, self._method, self._expand, self._turns = emitter, method, expand, turns
         self._history, self._otherwise = TaylorHistory(emitter, method), ExplicitStep(method.otherwise, emitter)
         self._slopes, self._expansion = emitter.vector(), TaylorExpansion(emitter, method)
-        self._offset, self._sum = emitter.scalar(), emitter.scalar()
         self._taken, self._count = emitter.b.alloca(INT), emitter.system.size
+        self._offset, self._sums = emitter.scalar(), emitter.array(cells(emitter.b, self._count))
 
     def emit(self, function: Function) -> None:
         """Emit the function's body."""
@@ -106,7 +106,7 @@ class _TaylorLoop:
                 self._begin(b.add(first, taken))
         b.branch(head)
         b.position_at_end(after)
-        finite = emit_is_finite(b, self._count, emitter.y, self._sum)
+        finite = emit_is_finite(b, self._count, emitter.y, self._sums)
         copy(b, 1, emitter.largest_error, estimate)
         emitter.index = b.add(first, steps)
         with b.if_then(finite):

@@ -10,9 +10,10 @@ import pytest
 from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType
 from mbd_sim.compiler.ir_builder import IRBuilder
-from mbd_sim.compiler.ir_types import DOUBLE
-from mbd_sim.compiler.ir_vectors import for_components, load, store, total
+from mbd_sim.compiler.ir_types import DOUBLE, INT, local_array
+from mbd_sim.compiler.ir_vectors import cells, copy, folded, for_components, load, store, total
 from mbd_sim.compiler.simd_builder import ComponentBuilder
+from mbd_sim.compiler.stepping import emit_is_finite
 
 SIZES = (1, 2, 3, 4, 5, 7, 8, 11, 41, 63)  # the last ones are longer than what is unrolled
 WEIGHTS = (0.1, -1.7)
@@ -55,3 +56,33 @@ def test_each_component_is_treated_once_with_the_same_bits(fast):
             assert target[size] == 7.0
             assert largest[0] == pytest.approx(np.max(WEIGHTS[0] * x + WEIGHTS[1] * y), abs=1e-15)
         assert found[0] == found[1]
+
+
+def emit_reading(module, size, name):
+    """Emit `i64 name(x, target, sum)`: whether x is finite, its copy, and the sum of its components."""
+    function = Function(module, FunctionType(INT, [POINTER] * 3), name)
+    x, target, address = function.args
+    b = IRBuilder(function.append_basic_block("entry"))
+    memory = local_array(b, cells(b, size))
+    copy(b, size, x, target)
+    b.store(folded(b, size, memory, lambda w, number, i: w.fadd(number, load(w, x, i))), address)
+    b.ret(b.zext(emit_is_finite(b, size, x, memory), INT))
+
+
+@pytest.mark.parametrize("fast", [True, False])
+def test_every_component_is_copied_and_counts_in_what_is_folded(fast):
+    module = new_module()
+    module.fast = fast
+    for size in SIZES:
+        emit_reading(module, size, f"reading_{size}")
+    code = compile_module(module)
+    for size in SIZES:
+        call = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 3)(code.address(f"reading_{size}"))
+        x, target, found = np.arange(1.0, size + 1.0), np.full(size + 1, 7.0), np.zeros(1)
+        assert call(x.ctypes.data, target.ctypes.data, found.ctypes.data) == 1
+        assert found[0] == size * (size + 1) / 2 and target.tolist() == [*x, 7.0]
+        for place in range(size):
+            for value in (np.nan, np.inf, -np.inf):
+                x[place] = value
+                assert call(x.ctypes.data, target.ctypes.data, found.ctypes.data) == 0
+            x[place] = 1.0
