@@ -37,9 +37,8 @@ def simplified(mechanism: Mechanism, algebra: Algebra, function: ca.Function, in
     for number, values in enumerate(outputs):
         rows, columns = function.size_out(number)
         matrix = [[sp.S.Zero] * columns for _ in range(rows)]
-        known: dict[
-            frozenset[Any], tuple[Any, int]
-        ] = {}  # equal entries, as in a symmetric matrix, are simplified once
+        # Equal entries, as in a symmetric matrix, are simplified once.
+        known: dict[frozenset[Any], tuple[Any, int]] = {}
         for row, column, p in _entries(function, number, values):
             key = frozenset(p.items())
             if key not in known:
