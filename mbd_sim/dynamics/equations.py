@@ -35,7 +35,7 @@ from mbd_sim.dynamics.drive_commands import hold_drives
 from mbd_sim.dynamics.initial_conditions import AssembledStart, Assembly, assemble
 from mbd_sim.dynamics.input_layout import InputLayout
 from mbd_sim.dynamics.joint_linearization import JointLinearization
-from mbd_sim.dynamics.kernel_functions import kernel_functions, without_commands
+from mbd_sim.dynamics.kernel_functions import KernelFunctions, kernel_functions, without_commands
 from mbd_sim.dynamics.like_branches import like_branches
 from mbd_sim.dynamics.load_functions import LoadPaths, load_paths, reaction_function, reactions_at
 from mbd_sim.dynamics.measurements import Measurements
@@ -229,22 +229,21 @@ def derive(
         dynamics = ContactDynamics(traced, mass_matrix, constraints, solver, forces, contacts, assembly.functions.size)
         contact, motion = dynamics.functions(), dynamics.motion(contacts.given_forces)
     linearized = JointLinearization(traced, constraints, scales, assembly.dependent, forces)
-    return _packaged(traced, assembly, forces, solver, motion, y_rates, linearized, contact)
+    functions = kernel_functions(traced, assembly, forces, solver, motion, y_rates)
+    return _packaged(traced, assembly, forces, motion, functions, linearized, contact)
 
 
 def _packaged(
     traced: TracedMechanism,
     assembly: Assembly,
     forces: AppliedForces,
-    solver: ConstraintSolver | None,
     motion: ConstrainedMotion,
-    y_rates: ca.SX,
+    functions: KernelFunctions,
     linearized: JointLinearization,
     contact: ContactFunctions | None,
 ) -> Equations:
-    """The expressions as functions, with what describes them."""
+    """The functions, with what describes them."""
     start, actuators = start_with_actuators(traced, assembly.start, forces)
-    functions = kernel_functions(traced, assembly, forces, solver, motion, y_rates)
     loads = (traced, assembly, motion, functions.multipliers)
     return Equations(
         mechanism=traced.numeric,
