@@ -1,7 +1,8 @@
 """Mechanism files that were read before: loaded from the cache on disk, without the schema and its libraries.
 
 A mechanism is found by its text, the name of its file, and the version of this package and of what it is built with. It
-is stored only if it depends on no other file. So is what else needs the schema at every start.
+is stored with the digests of the other files that it depends on, such as a URDF that it extends, and is read again if
+one of these has changed. So is what else needs the schema at every start.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ from typing import TypeVar
 import numpy as np
 
 from mbd_sim import disk_cache
+from mbd_sim.errors import MechanismError
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism_file.file_limits import digest_of, read_text
 
 T = TypeVar("T")
 
@@ -29,14 +32,37 @@ def cached_mechanism(text: str, file: str, base: str | None, parse: Callable[[],
 
     :param text: all that `parse` reads, unless the file names another one; `file` and `base` as in `parse_mechanism`.
     """
-    return cached(parse, "mechanism", text, file, base or "", keep=lambda mechanism: mechanism.source.text == text)
+    return cached(parse, "mechanism", text, file, base or "", keep=_is_found_again, fits=_is_unchanged)
 
 
-def cached(compute: Callable[[], T], *contents: str, keep: Callable[[T], bool] = lambda result: True) -> T:
+def _is_found_again(mechanism: Mechanism) -> bool:
+    return mechanism.source.other_files is not None
+
+
+def _is_unchanged(mechanism: Mechanism) -> bool:
+    """Whether the other files that a mechanism depends on are those that were read for it."""
+    try:
+        read = mechanism.source.other_files or {}
+        return all(digest_of(read_text(Path(path))) == digest for path, digest in read.items())
+    except MechanismError:  # such a file cannot be read; another attempt says why
+        return False
+
+
+def _always(result: object) -> bool:
+    return True
+
+
+def cached(
+    compute: Callable[[], T],
+    *contents: str,
+    keep: Callable[[T], bool] = _always,
+    fits: Callable[[T], bool] = _always,
+) -> T:
     """The result of a computation, or an equal one from the cache.
 
     :param contents: everything that the result depends on, but the versions.
     :param keep: whether a result may be stored.
+    :param fits: whether a stored result is still what would be computed.
     """
     if disk_cache.folder() is None:
         return compute()
@@ -44,7 +70,8 @@ def cached(compute: Callable[[], T], *contents: str, keep: Callable[[T], bool] =
     stored = disk_cache.load(key)
     if stored is not None:
         found: T = pickle.loads(stored)  # noqa: S301  # as safe as the kernels there, which are executed
-        return found
+        if fits(found):
+            return found
     result = compute()
     if keep(result):
         disk_cache.store(key, pickle.dumps(result))

@@ -80,13 +80,64 @@ def test_a_changed_module_is_another_version(monkeypatch, tmp_path):
     assert versions() != first
 
 
-def test_what_depends_on_another_file_is_read_anew(folder, tmp_path):
+def reads_cached(monkeypatch, path, base=None):
+    """The mechanism of a file that is in the cache, and nowhere else."""
+    with monkeypatch.context() as patch:
+        patch.setattr("mbd_sim.load._parsed", lambda *arguments: pytest.fail("the file is read again"))
+        return load_mechanism(path, base)
+
+
+@pytest.mark.parametrize("base", [None, "free"])
+def test_a_urdf_that_was_read_before_is_not_read_again(folder, tmp_path, monkeypatch, base):
     (tmp_path / "arm.urdf").write_text(URDF.format(mass=1))
-    (tmp_path / "arm.yaml").write_text("urdf: arm.urdf\njoints: {hinge: {damping: 0.1}}")
-    assert load_mechanism(tmp_path / "arm.yaml").parts["arm"].mass == 1.0
-    (tmp_path / "arm.urdf").write_text(URDF.format(mass=2))
-    assert load_mechanism(tmp_path / "arm.yaml").parts["arm"].mass == 2.0
-    assert entries(folder) == 0
+    read = load_mechanism(tmp_path / "arm.urdf", base)
+    assert repr(reads_cached(monkeypatch, tmp_path / "arm.urdf", base)) == repr(read)
+    other = load_mechanism(tmp_path / "arm.urdf", "free" if base is None else None)
+    assert repr(other) != repr(read)
+    assert entries(folder) == 2
+
+
+MODELS = {
+    "arm.urdf": (URDF, "arm.yaml", "urdf: arm.urdf\njoints: {hinge: {damping: 0.1}}"),
+    "arm.xml": (
+        '<mujoco><worldbody><body name="arm"><inertial pos="0.1 0 0" mass="{mass}" diaginertia="1 1 1"/>'
+        '<joint name="hinge" axis="0 1 0"/></body></worldbody></mujoco>',
+        "model.xml",
+        '<mujoco><include file="arm.xml"/></mujoco>',
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_what_depends_on_another_file_is_read_again_when_that_changes(folder, tmp_path, monkeypatch, name):
+    model, outer, text = MODELS[name]
+    (tmp_path / outer).write_text(text)
+    for mass in (1, 2):
+        (tmp_path / name).write_text(model.format(mass=mass))
+        assert load_mechanism(tmp_path / outer).parts["arm"].mass == mass
+        assert reads_cached(monkeypatch, tmp_path / outer).parts["arm"].mass == mass
+    assert entries(folder) == 1
+    (tmp_path / name).unlink()
+    with pytest.raises(MechanismError, match="there is no such file"):
+        load_mechanism(tmp_path / outer)
+
+
+def test_an_sdf_whose_models_are_searched_for_is_read_each_time(folder, tmp_path, monkeypatch):
+    link = '<link name="arm"><inertial><mass>{mass}</mass></inertial></link>'
+    alone = f'<sdf version="1.9"><model name="arm">{link.format(mass=1)}</model></sdf>'
+    (tmp_path / "arm.sdf").write_text(alone)
+    load_mechanism(tmp_path / "arm.sdf")
+    assert reads_cached(monkeypatch, tmp_path / "arm.sdf").parts["arm"].mass == 1.0
+    assert entries(folder) == 1
+    (tmp_path / "world.sdf").write_text(
+        '<sdf version="1.9"><world name="w"><include><uri>model://arm</uri></include></world></sdf>'
+    )
+    for place, mass in (("first", 2), ("second", 3)):
+        (tmp_path / place / "arm").mkdir(parents=True)
+        (tmp_path / place / "arm" / "model.sdf").write_text(alone.replace("<mass>1", f"<mass>{mass}"))
+        monkeypatch.setenv("SDF_PATH", str(tmp_path / place))
+        assert load_mechanism(tmp_path / "world.sdf").parts["arm"].mass == mass
+    assert entries(folder) == 1
 
 
 def test_a_file_with_an_error_is_refused_again(folder):

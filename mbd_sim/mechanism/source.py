@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,6 +34,9 @@ class Source:
     If entries of the file stand for several, `template` and `template_lines` are data and lines as written,
     `repetitions` the values of the indices by the location of the entry, such as "i = 3", `shaping` the parameters on
     which the entries depend, and `changes` the values that were replaced since, by their keys.
+
+    `other_files` are the digests of the other files that were read, see `digest_of`, by their paths; None if these
+    were searched for, so that others may be found another time.
     """
 
     data: Any
@@ -49,6 +53,7 @@ class Source:
     repetitions: dict[Location, str] = field(default_factory=dict)
     shaping: frozenset[str] = frozenset()
     changes: dict[str, Any] = field(default_factory=dict)
+    other_files: Mapping[str, str] | None = field(default_factory=dict)
 
     def origin(self, location: Location) -> Origin:
         """The origin of the value at `location`, or else of the innermost value around it that has one."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 from mbd_sim.errors import MechanismError, Problem
@@ -35,3 +36,8 @@ def read_text(path: Path) -> str:
     except OSError as error:
         raise file_error(str(path), 0, f"cannot read the file: {error.strerror}", "Check its permissions.") from error
     return text
+
+
+def digest_of(text: str) -> str:
+    """A digest of the text of a file, by which it is found to have changed."""
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mbd_sim.errors import quoted
 from mbd_sim.mechanism.source import Source
-from mbd_sim.mechanism_file.file_limits import MAX_VALUES, file_error, read_text
+from mbd_sim.mechanism_file.file_limits import MAX_VALUES, digest_of, file_error, read_text
 from mbd_sim.mechanism_file.yaml_writer import yaml_text
 from mbd_sim.mjcf.actuators import Actuators
 from mbd_sim.mjcf.body_tree import BodyTree, key_of
@@ -41,16 +41,19 @@ def mjcf_source(text: str, file: str) -> Source:
         remedy = "Give the model that includes this file." if root.tag == "mujocoinclude" else ""
         shown = f"<{root.tag[:60]}>"
         raise file_error(file, root.line, "this is not an MJCF, whose root element is <mujoco>", remedy, value=shown)
-    _include(root, Path(file).parent, (str(Path(file)),), [0])
-    return _source(root, file)
+    read: dict[str, str] = {}
+    _include(root, Path(file).parent, (str(Path(file)),), [0], read)
+    source = _source(root, file)
+    source.other_files = read
+    return source
 
 
-def _include(element: Element, folder: Path, around: tuple[str, ...], count: list[int]) -> None:
-    """Replace each `<include>` by what its file has. Paths are relative to the folder of the model."""
+def _include(element: Element, folder: Path, around: tuple[str, ...], count: list[int], read: dict[str, str]) -> None:
+    """Replace each `<include>` by what its file has, and note its digest. Paths are relative to the model's folder."""
     children = []
     for child in element.children:
         if child.tag != "include":
-            _include(child, folder, around, count)
+            _include(child, folder, around, count, read)
             children.append(child)
             continue
         name = child.attributes.get("file", "")
@@ -61,11 +64,13 @@ def _include(element: Element, folder: Path, around: tuple[str, ...], count: lis
             raise file_error(child.file, child.line, message, remedy, key="include.file", value=quoted(name))
         if str(path) in around:
             raise file_error(child.file, child.line, "includes itself", "Remove it.", "include.file", quoted(name))
-        included = parse_xml(read_text(path), str(path))
+        text = read_text(path)
+        read[str(path)] = digest_of(text)
+        included = parse_xml(text, str(path))
         count[0] += sum(1 + len(found.attributes) for found in included.walk())
         if count[0] > MAX_VALUES:
             raise file_error(child.file, child.line, f"more than {MAX_VALUES} values are included", "Include less.")
-        _include(included, folder, (*around, str(path)), count)
+        _include(included, folder, (*around, str(path)), count, read)
         children += included.children
     element.children = children
 

@@ -94,6 +94,7 @@ class _Reader:
             content, file=self.reading.file, problems=self.reading.problems, origins=self.origins, format="SDF"
         )
         source.notes = self.reading.notes
+        source.other_files = None if any(element.tag == "include" for element in self.root.walk()) else {}
         if not source.problems:
             source.text = yaml_text(source.data, [f"From {Path(self.reading.file).name}.", *source.notes])
         return source

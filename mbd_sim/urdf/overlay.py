@@ -12,7 +12,7 @@ from typing import Any, get_args
 
 from mbd_sim.errors import MechanismError, nearest, quoted
 from mbd_sim.mechanism.source import Location, Source
-from mbd_sim.mechanism_file.file_limits import read_text
+from mbd_sim.mechanism_file.file_limits import digest_of, read_text
 from mbd_sim.mechanism_file.yaml_writer import yaml_text
 from mbd_sim.urdf.robot_reader import Base, urdf_source
 
@@ -40,8 +40,10 @@ def with_urdf(source: Source, base: Base | None = None) -> Source:
         written = None
     path = Path(source.file).parent / Path(urdf).expanduser()
     _check_path(source, path)
-    under = urdf_source(read_text(path), str(path), base or written)
+    text = read_text(path)
+    under = urdf_source(text, str(path), base or written)
     merged = overlaid(under, source)
+    merged.other_files = None if urdf.startswith("~") else {str(path): digest_of(text)}
     if not merged.problems:
         merged.text = yaml_text(merged.data, [f"From {Path(source.file).name} and {path.name}.", *merged.notes])
     return merged
