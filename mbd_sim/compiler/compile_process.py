@@ -11,7 +11,7 @@ import sys
 import tempfile
 import time
 
-from mbd_sim.compiler.object_code import object_code, prepare_for_long_code
+from mbd_sim.compiler.object_code import object_code
 
 REPORT_PERIOD = 5.0  # s
 _PROGRAM = "from mbd_sim.compiler.compile_process import main; main()"
@@ -67,7 +67,6 @@ def main() -> None:
         ctypes.CDLL(None).prctl(_PARENT_DEATH, signal.SIGKILL)
     if os.getppid() != int(parent):  # it ended before its death was asked for
         os._exit(1)
-    prepare_for_long_code()
     text = sys.stdin.buffer.read().decode()
     code = object_code(text, cpu, features, int(level), is_long=True)
     try:

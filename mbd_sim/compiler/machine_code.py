@@ -65,9 +65,10 @@ def _in_memory(code: bytes, key: str) -> MachineCode:
 
 
 def _compiled(text: str, cpu: str, features: str) -> bytes:
-    if len(text) >= LONG:
+    is_long = len(text) >= LONG
+    if is_long:
         from mbd_sim.compiler.compile_process import compile_apart
 
         if (code := compile_apart(text, cpu, features, LEVEL)) is not None:
             return code
-    return object_code(text, cpu, features, LEVEL)
+    return object_code(text, cpu, features, LEVEL, is_long=is_long)

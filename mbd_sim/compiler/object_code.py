@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import functools
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import llvmlite.binding as llvm
 
@@ -17,15 +20,20 @@ PASSES = {
 SKIPPED_IN_LONG_CODE = ("dead_store_elimination",)
 # LLVM's code generator compares each load and store of a block with all that may change places with it. These limits
 # save nine tenths of its time for 300 rods. No operation on floating-point numbers changes: results are the same.
+# Each option with its value for long code and LLVM's own, which holds for all other code.
 LONG_CODE_OPTIONS = (
-    "-combiner-store-merging=false",  # no search for stores to adjacent addresses
-    "-combiner-tokenfactor-inline-limit=4",  # how many sets of such loads and stores become one set; instead of 2048
+    ("-combiner-store-merging", "false", "true"),  # no search for stores to adjacent addresses
+    ("-combiner-tokenfactor-inline-limit", "4", "2048"),  # how many sets of such loads and stores become one set
 )
+_COMPILING = threading.Lock()  # these options are variables of the whole process
 
 
 def compiler_options(level: int) -> tuple[str, ...]:
     """All of these options at a level of optimization, of short and of long code; part of the cache key."""
-    long = *(f"long: no {name}" for name in SKIPPED_IN_LONG_CODE), *LONG_CODE_OPTIONS
+    long = (
+        *(f"long: no {name}" for name in SKIPPED_IN_LONG_CODE),
+        *(f"{name}={value}" for name, value, _ in LONG_CODE_OPTIONS),
+    )
     return *ADDRESSES.values(), *PASSES[level], f"O{level}", *long
 
 
@@ -42,14 +50,27 @@ def target_machine(cpu: str, features: str, level: int) -> llvm.TargetMachine:
     return target.create_target_machine(opt=level, cpu=cpu, features=features, **ADDRESSES)
 
 
-def prepare_for_long_code() -> None:
-    """Set `LONG_CODE_OPTIONS`, which hold for all that LLVM compiles in this process from now on."""
-    for option in LONG_CODE_OPTIONS:
-        llvm.set_option("mbd_sim", option)
+@contextmanager
+def _options(*, is_long: bool) -> Iterator[None]:
+    """Compile with `LONG_CODE_OPTIONS` if the code is long, and with LLVM's own values if it is not."""
+    with _COMPILING:
+        if not is_long:
+            yield
+            return
+        for name, value, _ in LONG_CODE_OPTIONS:
+            llvm.set_option("mbd_sim", f"{name}={value}")
+        try:
+            yield
+        finally:
+            for name, _, default in LONG_CODE_OPTIONS:
+                llvm.set_option("mbd_sim", f"{name}={default}")
 
 
 def object_code(text: str, cpu: str, features: str, level: int, *, is_long: bool = False) -> bytes:
     """The object code of a module in LLVM's intermediate language, for a processor with its features.
+
+    Where it `is_long`, LLVM searches less, so that its time does not grow with the square of the length. The results
+    have the same bits.
 
     The instruction order is already good. LLVM's instruction combining makes values live longer and costs 20 % in
     spilled registers on long chains, and its full pipelines take three times as long. So only those passes run that the
@@ -63,5 +84,6 @@ def object_code(text: str, cpu: str, features: str, level: int, *, is_long: bool
         if is_long and name in SKIPPED_IN_LONG_CODE:
             continue
         getattr(passes, f"add_{name}_pass")()
-    passes.run(parsed, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options()))
-    return bytes(machine.emit_object(parsed))
+    with _options(is_long=is_long):
+        passes.run(parsed, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options()))
+        return bytes(machine.emit_object(parsed))

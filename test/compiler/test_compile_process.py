@@ -36,14 +36,22 @@ def test_it_compiles_nothing_for_a_caller_that_has_ended():
     assert (done.stdout, done.stderr, done.returncode) == (b"", b"", 1)
 
 
-def test_code_compiled_with_the_options_for_long_code_has_the_same_bits():
+def swapping_module():
+    """A function whose outputs are stored one beside the other."""
     x = ca.SX.sym("x", 4)
     swapped = ca.vertcat(x[0] / x[1], x[2] * x[3] + x[1], x[0], x[1], ca.sin(x), 1.0, 1.0)
     module = new_module()
     export(module, "read", lower(module, ca.Function("f", [x], [swapped]), inline=True))
-    given, results = np.array([0.1, 3.0, -0.7, 40.0]), []
-    host = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
-    codes = [object_code(str(module), *host, 1), compile_apart(str(module), *host, 1)]
+    return str(module)
+
+
+def host():
+    return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+
+
+def test_code_compiled_with_the_options_for_long_code_has_the_same_bits():
+    text, given, results = swapping_module(), np.array([0.1, 3.0, -0.7, 40.0]), []
+    codes = [object_code(text, *host(), 1), compile_apart(text, *host(), 1)]
     assert codes[0] != codes[1]  # neighbors are stored together only without the options
     for key, code in zip(("short", "long"), codes, strict=True):
         loaded, out = machine_code._in_memory(code, key), np.empty(10)
@@ -52,6 +60,17 @@ def test_code_compiled_with_the_options_for_long_code_has_the_same_bits():
         results.append(out)
     assert results[0].tobytes() == results[1].tobytes()
     np.testing.assert_allclose(results[1][4:8], np.sin(given), rtol=0.0, atol=1e-16)
+
+
+def test_without_the_process_long_code_is_compiled_in_the_same_way(monkeypatch):
+    text = swapping_module()
+    short, apart = object_code(text, *host(), 1), compile_apart(text, *host(), 1)
+    monkeypatch.setattr(machine_code, "LEVEL", 1)
+    monkeypatch.setattr(machine_code, "LONG", 0)
+    monkeypatch.setattr(sys, "executable", "/does/not/exist")
+    assert compile_apart(text, *host(), 1) is None
+    assert machine_code._compiled(text, *host()) == apart != short
+    assert object_code(text, *host(), 1) == short  # the options of long code have ended
 
 
 def test_options_are_part_of_the_key(monkeypatch):
