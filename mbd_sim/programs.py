@@ -1,4 +1,4 @@
-"""The entry points of the installed programs: imports nothing before Ctrl-C is handled.
+"""The entry points of the installed programs: imports no library before Ctrl-C is handled.
 
 A program imports its libraries for up to a second. Ctrl-C in that time would print a traceback, in the middle of an
 import. A console script such as `sim_node = mbd_sim.programs:node.ros.sim_node.main` calls the function `main` of the
@@ -14,7 +14,10 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from types import FrameType
 from typing import cast
+
+from mbd_sim.interrupts import raise_interrupt
 
 INTERRUPTED = 130  # exit code of a command after Ctrl-C, as in a shell
 
@@ -37,9 +40,9 @@ class EntryPoint:
         main = self._imported()
         interrupts: list[int] = []
 
-        def interrupt(number: int, frame: object) -> None:
+        def interrupt(number: int, frame: FrameType | None) -> None:
             interrupts.append(number)
-            raise KeyboardInterrupt
+            raise_interrupt(frame)
 
         signal.signal(signal.SIGINT, interrupt)
         try:

@@ -57,15 +57,14 @@ def _found(path: Path) -> Path:
             raise MechanismError(
                 [Problem("is a folder", "Give a mechanism file in it.", key="mechanism", value=quoted(str(path)))]
             )
-        beside = path.parent.iterdir() if path.parent.is_dir() else ()
-        names = [str(near) for near in beside if near.suffix in READ_SUFFIXES]
-        remedy = nearest(str(path), names) or "Check the path."
-        raise MechanismError(
-            [Problem(message="there is no such file", remedy=remedy, key="mechanism", value=quoted(str(path)))]
-        )
+        raise MechanismError([_missing(path)])
     ships = shipped()
     if path.name in ships:
         return ships[path.name]
+    if path.is_file():
+        message = "a file of this name is here, but its ending is not that of a mechanism"
+        remedy = f"Rename it, for example to '{path.stem}.yaml'."
+        raise MechanismError([Problem(message, remedy, key="mechanism", value=quoted(str(path)))])
     remedy = nearest(path.name, ships) + " Or give the path of a .yaml, .urdf, .xml or .sdf file."
     raise MechanismError(
         [
@@ -77,3 +76,16 @@ def _found(path: Path) -> Path:
             )
         ]
     )
+
+
+def _missing(path: Path) -> Problem:
+    """The problem with a path at which there is no regular file."""
+    if path.is_symlink():
+        message, remedy = f"is a link to '{path.readlink()}', where there is no file", "Correct the link."
+    elif path.exists():
+        message, remedy = "is not a regular file", "Copy what it contains into a file."
+    else:
+        beside = path.parent.iterdir() if path.parent.is_dir() else ()
+        names = [str(near) for near in beside if near.suffix in READ_SUFFIXES]
+        message, remedy = "there is no such file", nearest(str(path), names) or "Check the path."
+    return Problem(message, remedy, key="mechanism", value=quoted(str(path)))

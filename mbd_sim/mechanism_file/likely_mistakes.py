@@ -108,6 +108,19 @@ def remedy_for_key(location: Location, known: Collection[str]) -> str:
     return remedy if remedy.split("'")[1].partition(":")[0] in known else ""
 
 
+def remedy_for_lone_key(key: str, known: Collection[str]) -> str:
+    """What to write instead of an unknown key without a value; "" if nothing shows it.
+
+    :param known: the keys that there are at this place.
+    """
+    word, _, rest = key.partition(" ")
+    if word in known and rest:
+        return f"A colon is missing: write '{word}: {rest}'."
+    if key[:1].isdigit():
+        return "A comma separates entries: write decimals with a point, as in 0.5."
+    return ""
+
+
 def remedy_for_type(location: Location, word: str) -> str:
     """What to write instead of an unknown type of an entry; "" if its spelling says it."""
     return _found(_TYPES, str(location[0]) if location else "", word)

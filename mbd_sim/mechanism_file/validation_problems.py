@@ -11,7 +11,7 @@ from mbd_sim.errors import InputError, Problem, listed, nearest, quoted
 from mbd_sim.mechanism.expression import QUOTE_COMMAS, is_cut
 from mbd_sim.mechanism.source import Location, Source
 from mbd_sim.mechanism_file.json_schema import PydanticLocation, known_keys, known_types, list_length
-from mbd_sim.mechanism_file.likely_mistakes import remedy_for_key, remedy_for_type
+from mbd_sim.mechanism_file.likely_mistakes import remedy_for_key, remedy_for_lone_key, remedy_for_type
 from mbd_sim.mechanism_file.spelling import NAME_PATTERN, as_written
 
 # Other words that users may write for a type.
@@ -33,7 +33,8 @@ def problem_of(source: Source, details: ErrorDetails) -> Problem:
     match kind:
         case "extra_forbidden":
             known = known_keys(loc[:-1])
-            remedy = remedy_for_key(location, known) or nearest(leaf, known)
+            remedy = value is None and remedy_for_lone_key(leaf, known)
+            remedy = remedy or remedy_for_key(location, known) or nearest(leaf, known)
             return source.problem(location, f"unknown key {quoted(leaf)}", remedy)
         case "missing" | "too_long" if isinstance(value, list):
             where = loc[:-1] if kind == "missing" else loc

@@ -8,6 +8,7 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from itertools import takewhile
+from types import FrameType
 from typing import Protocol
 
 import rclpy
@@ -18,6 +19,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from mbd_sim.errors import MbdSimError
+from mbd_sim.interrupts import raise_interrupt
 from mbd_sim.ros import realtime
 from mbd_sim.ros.guarded_callbacks import CallbackGuard
 
@@ -72,10 +74,10 @@ def _run(
     ended = threading.Event()
     end_requests: queue.SimpleQueue[int] = queue.SimpleQueue()  # signals, and 0 for a request of the node itself
 
-    def interrupt(received: int, _: object) -> None:
-        """End the building, or else the run: half of the time, CasADi drops exceptions that occur while it traces."""
+    def interrupt(received: int, frame: FrameType | None) -> None:
+        """End the building, or else the run, if a library drops the exception."""
         end_requests.put(received)
-        raise KeyboardInterrupt
+        raise_interrupt(frame)
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, interrupt)

@@ -52,6 +52,16 @@ def test_a_misspelt_path_is_answered_with_the_nearest_file(tmp_path):
     assert refusal(tmp_path / "none" / "pendulum.yaml").remedy == "Check the path."
 
 
+def test_what_is_there_but_no_mechanism_file_is_not_said_to_be_missing(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "text.txt").write_text("x")
+    (tmp_path / "link.yaml").symlink_to("nowhere.yaml")
+    assert "a file of this name is here" in refusal("text.txt").message
+    assert refusal("text.txt").remedy == "Rename it, for example to 'text.yaml'."
+    assert refusal("link.yaml").message == "is a link to 'nowhere.yaml', where there is no file"
+    assert refusal("/dev/null").message == "is not a regular file"
+
+
 @pytest.mark.parametrize(
     "name", ["", ".", "a\x00.yaml", "x" * 5000, "x" * 5000 + ".yaml", "~nobody-has-this-name/x.yaml"]
 )

@@ -17,6 +17,9 @@ IN_JOINT = {
     "servo: {kp: 3}": "A motor is an entry of actuators: '{type: effort, joint: …}' or '{type: dc_motor, …}'.",
     "limits: {lower: 0, upper: 1, velocity: 3}": "Write 'velocity_limit' in the joint itself.",
     "max_effort: 3": "Did you mean 'effort_limit'?",
+    "max_effort: null": "joints.hip.max_effort: unknown key 'max_effort'. Did you mean 'effort_limit'?",
+    "position: 0,5": "joints.hip.5: unknown key '5'. A comma separates entries: write decimals with a point, as in 0.5.",
+    "position 3 deg": "unknown key 'position 3 deg'. A colon is missing: write 'position: 3 deg'.",
 }
 SECTIONS = {
     "sensors: {a: {type: imu, joint: hip}}": "unknown key 'joint'. Name where it is: 'at: part' or 'at: part.point'.",

@@ -123,3 +123,26 @@ def test_an_interrupt_that_a_library_replaces_by_an_import_error_prints_nothing(
     failing = LATE_IMPORT.replace("signal.raise_signal(signal.SIGINT)", "raise KeyboardInterrupt")
     done = subprocess.run([sys.executable, "-c", failing], capture_output=True, text=True, check=False)
     assert done.returncode == 1 and "ImportError: no module named datetime" in done.stderr
+
+
+LOST = """
+import signal, sys, types
+from mbd_sim.programs import command
+
+class Interrupted:
+    def __SX__(self):  # CasADi replaces exceptions of this method
+        signal.raise_signal(signal.SIGINT)
+
+def main():
+    import casadi
+    casadi.sin(Interrupted())
+    print("went on")
+
+sys.modules["mbd_sim.tracing"] = types.SimpleNamespace(main=main)
+sys.exit(command.tracing.main())
+"""
+
+
+def test_an_interrupt_while_casadi_traces_ends_a_command_quietly() -> None:
+    done = subprocess.run([sys.executable, "-c", LOST], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")

@@ -59,7 +59,9 @@ class Spec(BaseModel):
     def _given(cls, data: Any) -> Any:
         if not isinstance(data, dict):
             return data
-        return {cls._current_key(key, data): value for key, value in data.items() if value is not None}
+        known = {name for key, field in cls.model_fields.items() for name in (key, field.alias)}
+        given = {cls._current_key(key, data): value for key, value in data.items()}
+        return {key: value for key, value in given.items() if value is not None or key not in known}
 
     @classmethod
     def _current_key(cls, key: str, data: dict[str, Any]) -> str:

@@ -1,0 +1,83 @@
+"""KeyboardInterrupt is raised where CasADi does not drop it, and replaces it by no error of its own."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Iterator
+from types import FrameType
+
+import casadi
+import numpy as np
+import pytest
+
+from mbd_sim.interrupts import raise_interrupt
+
+
+class Interrupted(np.ndarray):
+    """An array; a signal arrives when CasADi asks for its shape, and CasADi drops exceptions there."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:  # type: ignore[override]
+        signal.raise_signal(signal.SIGUSR1)
+        return np.ndarray.shape.__get__(self)
+
+
+class InterruptedNumber:
+    """A number; a signal arrives when CasADi converts it, and CasADi raises an error of its own for exceptions there."""
+
+    def __SX__(self) -> casadi.SX:  # noqa: N802
+        signal.raise_signal(signal.SIGUSR1)
+        return casadi.SX(2.0)
+
+
+@pytest.fixture(params=["at once", "where it is not lost"])
+def is_safe(request: pytest.FixtureRequest) -> Iterator[bool]:
+    """Whether the handler of the signal uses `raise_interrupt`."""
+    safe = request.param != "at once"
+
+    def interrupt(_: int, frame: FrameType | None) -> None:
+        if safe:
+            raise_interrupt(frame)
+        raise KeyboardInterrupt
+
+    before, trace = signal.signal(signal.SIGUSR1, interrupt), sys.gettrace()
+    yield safe
+    signal.signal(signal.SIGUSR1, before)
+    assert sys.gettrace() is trace
+
+
+def test_an_interrupt_within_casadi_is_raised_after_the_call(is_safe: bool) -> None:
+    reached = []
+
+    def trace() -> None:
+        value = casadi.SX(1.0) + np.ones(2).view(Interrupted)
+        reached.append(value)
+
+    if is_safe:
+        with pytest.raises(KeyboardInterrupt):
+            trace()
+        assert not reached
+    else:  # otherwise this test shows nothing
+        trace()
+        assert reached
+
+
+def test_an_interrupt_within_casadi_is_not_reported_as_an_error(is_safe: bool) -> None:
+    expected = KeyboardInterrupt if is_safe else NotImplementedError
+    with pytest.raises(expected):
+        raise AssertionError(casadi.sin(InterruptedNumber()))
+
+
+def test_an_interrupt_elsewhere_is_raised_at_once(is_safe: bool) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGUSR1), pytest.fail("went on")
+
+
+def test_an_interrupt_within_a_comprehension_ends_it(is_safe: bool) -> None:
+    array = np.ones(2).view(Interrupted)
+    reached: list[int] = []
+    if is_safe:
+        with pytest.raises(KeyboardInterrupt):
+            [reached.append(k) or casadi.SX(k) + array for k in range(5)]  # type: ignore[func-returns-value]
+        assert reached == [0]
