@@ -91,13 +91,22 @@ class Function:
         return self.blocks[-1]
 
     def __str__(self) -> str:
+        return self.definition(self.linkage) if self.blocks else self.declaration()
+
+    def definition(self, linkage: str) -> str:
+        """The text of the function, with a linkage."""
+        return "\n".join([f"define {linkage} {self._signature} {{", *map(str, self.blocks), "}"])
+
+    def declaration(self) -> str:
+        """The text that declares the function where it is not defined."""
+        return f"declare {self._signature}"
+
+    @property
+    def _signature(self) -> str:
         pointer = f"{POINTER} noalias" if self.noalias else POINTER
         types = (pointer if argument.type == POINTER else argument.type for argument in self.args)
         arguments = ", ".join(f"{type_} {argument.text}" for type_, argument in zip(types, self.args, strict=True))
-        signature = f'{self.function_type.result} @"{self.name}"({arguments}) {" ".join(self.attributes)}'
-        if not self.blocks:
-            return f"declare {signature}"
-        return "\n".join([f"define {self.linkage} {signature} {{", *map(str, self.blocks), "}"])
+        return f'{self.function_type.result} @"{self.name}"({arguments}) {" ".join(self.attributes)}'
 
 
 class Module:
@@ -138,11 +147,15 @@ class Module:
         return Value(POINTER, f'@"{name}"')
 
     def __str__(self) -> str:
+        return "\n".join([self.header(), *map(str, self.functions.values()), ""])
+
+    def header(self) -> str:
+        """The text before the functions: the processor and the variables."""
         variables = [f'@"{name}" = external global {type_}' for name, type_ in self._variables.items()]
         for name, numbers in self._tables.items():
             entries = ", ".join(f"i64 {entry}" for entry in numbers)
             variables.append(f'@"{name}" = internal constant [{len(numbers)} x i64] [{entries}]')
-        return "\n".join([f'target triple = "{self.triple}"', *variables, *map(str, self.functions.values()), ""])
+        return "\n".join([f'target triple = "{self.triple}"', *variables])
 
 
 def vector_of(scalar: Type, lanes: int) -> Type:

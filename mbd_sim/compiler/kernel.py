@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 import casadi as ca
 
 from mbd_sim.compiler.adams_step import adams_step
 from mbd_sim.compiler.bound_kernel import Kernel, KernelSignature
+from mbd_sim.compiler.concurrent_build import ConcurrentBuild
 from mbd_sim.compiler.fastcall import emit_call
-from mbd_sim.compiler.host_module import compile_module, new_module
+from mbd_sim.compiler.host_module import new_module
 from mbd_sim.compiler.instruction_list import Instructions
-from mbd_sim.compiler.ir import Module
+from mbd_sim.compiler.ir import Function, Module
 from mbd_sim.compiler.like_operations import Branch
 from mbd_sim.compiler.lowering import export, instruction_count, lower
 from mbd_sim.compiler.packed_lowering import lower_packed
@@ -36,6 +37,8 @@ INLINED = 2200  # instructions of all stages together up to which the rates are 
 # Instructions of the rates up to which the arrays of a step are kept in registers: that saves up to 40 % of a step.
 # Longer rates need the registers themselves: some get faster by 15 %, but others slower by 20 %.
 FEW = 20
+# Instructions of the rates and the readers from which on functions are compiled while others are still being traced.
+LONG = 6000
 
 PartialSystem: TypeAlias = tuple[ca.Function, ca.Function]
 
@@ -46,7 +49,7 @@ def compile_kernel(
     readers: Mapping[str, ca.Function],
     method: Method,
     core: slice | None = None,
-    partial_system: PartialSystem | None = None,
+    trace_partial_system: Callable[[], PartialSystem | None] = lambda: None,
     one_sided: OneSidedSystem | None = None,
     between_steps: BetweenSteps | None = None,
     like_branches: Sequence[Sequence[Branch]] = (),
@@ -56,45 +59,72 @@ def compile_kernel(
     :param readers: further functions of the state, with one output each.
     :param core: the components that `linearize_rates` solves for together, by default all. No rate depends on the
         components after them, which do not count in error estimates either.
-    :param partial_system: for methods with `joints_only`: see `rosenbrock_w_step`.
+    :param trace_partial_system: for methods with `joints_only`: see `rosenbrock_w_step`.
     :param one_sided: the one-sided rows of the system; without them all of its rows are two-sided.
     :param between_steps: what changes in the state at the start of a step.
     :param like_branches: groups of branches whose operations may be alike: see `like_operations`.
     """
     core = slice(0, rates.nnz_out(0)) if core is None else core
     module = new_module()
-    program = arranged(rates)
-    system = emit_system(
-        module,
-        rates,
-        program,
-        projection,
-        method,
-        core.stop,
-        between_steps=between_steps,
-        packing=packed(program, like_branches) if module.fast else None,
-    )
-    if isinstance(method, Taylor):
-        from mbd_sim.compiler.taylor_step import emit_taylor_advance
-
-        if one_sided is not None or system.samples is not None:
-            raise ValueError(f"method {method.name} cannot treat one-sided rows and samples")
-        advance = emit_taylor_advance(module, system, method, rates)
-    elif one_sided is None:
-        advance = emit_advance(module, system, step_of(method, rates, core, partial_system))
-    else:
-        from mbd_sim.compiler.guarded_system import emit_guarded
-
-        advance = emit_guarded(module, system, program, step_of(method, rates, core, partial_system), one_sided)
-    emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
-    for name, function in readers.items():
-        export(module, f"read_{name}", lower(module, function, inline=True))
+    is_long = sum(function.n_instructions() for function in (rates, *readers.values())) >= LONG
+    with ConcurrentBuild(module) as build:
+        if is_long:
+            _emit_readers(module, readers)
+            build.compile_finished()
+        program = arranged(rates)
+        system = emit_system(
+            module,
+            rates,
+            program,
+            projection,
+            method,
+            core.stop,
+            between_steps=between_steps,
+            packing=packed(program, like_branches) if module.fast else None,
+        )
+        if is_long:
+            build.compile_finished()
+        advance = _emit_advance(module, system, method, rates, program, core, trace_partial_system, one_sided)
+        emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
+        if not is_long:
+            _emit_readers(module, readers)
+        code = build.machine_code()
     signature = KernelSignature(
         readers={name: function.n_in() for name, function in readers.items()},
         instructions=instruction_count(program),
         guarded=one_sided is not None,
     )
-    return Kernel(compile_module(module), signature)
+    return Kernel(code, signature)
+
+
+def _emit_advance(
+    module: Module,
+    system: System,
+    method: Method,
+    rates: ca.Function,
+    program: Instructions,
+    core: slice,
+    trace_partial_system: Callable[[], PartialSystem | None],
+    one_sided: OneSidedSystem | None,
+) -> Function:
+    """Emit the loop over steps."""
+    if isinstance(method, Taylor):
+        from mbd_sim.compiler.taylor_step import emit_taylor_advance
+
+        if one_sided is not None or system.samples is not None:
+            raise ValueError(f"method {method.name} cannot treat one-sided rows and samples")
+        return emit_taylor_advance(module, system, method, rates)
+    step = step_of(method, rates, core, trace_partial_system())
+    if one_sided is None:
+        return emit_advance(module, system, step)
+    from mbd_sim.compiler.guarded_system import emit_guarded
+
+    return emit_guarded(module, system, program, step, one_sided)
+
+
+def _emit_readers(module: Module, readers: Mapping[str, ca.Function]) -> None:
+    for name, function in readers.items():
+        export(module, f"read_{name}", lower(module, function, inline=True))
 
 
 def emit_system(

@@ -1,8 +1,12 @@
-"""Intermediate code to object code, with LLVM."""
+"""Intermediate code to object code, with LLVM; as a program, that of long code, see `compile_process`."""
 
 from __future__ import annotations
 
+import ctypes
 import functools
+import os
+import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -25,6 +29,7 @@ LONG_CODE_OPTIONS = (
     ("-combiner-store-merging", "false", "true"),  # no search for stores to adjacent addresses
     ("-combiner-tokenfactor-inline-limit", "4", "2048"),  # how many sets of such loads and stores become one set
 )
+_PARENT_DEATH = 1  # PR_SET_PDEATHSIG of Linux
 _COMPILING = threading.Lock()  # these options are variables of the whole process
 
 
@@ -87,3 +92,23 @@ def object_code(text: str, cpu: str, features: str, level: int, *, is_long: bool
     with _options(is_long=is_long):
         passes.run(parsed, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options()))
         return bytes(machine.emit_object(parsed))
+
+
+def main() -> None:
+    """The process: intermediate code on standard input, object code on standard output."""
+    parent, cpu, features, level = sys.argv[1:]
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PARENT_DEATH, signal.SIGKILL)
+    if os.getppid() != int(parent):  # it ended before its death was asked for
+        os._exit(1)
+    text = sys.stdin.buffer.read().decode()
+    code = object_code(text, cpu, features, int(level), is_long=True)
+    try:
+        sys.stdout.buffer.write(code)
+        sys.stdout.buffer.flush()
+    except BrokenPipeError:  # the caller was interrupted; another attempt to write at the exit would say so
+        os._exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import casadi as ca
@@ -98,7 +99,7 @@ def _kernel(equations: Equations, choice: MethodChoice) -> Kernel:
         _readers(equations),
         choice.method,
         equations.core,
-        partial_system(equations, choice.method),
+        partial(partial_system, equations, choice.method),
         one_sided,
         None if equations.actuators is None else equations.actuators.between_steps,
         equations.like_branches,

@@ -16,14 +16,12 @@ from mbd_sim.compiler.lowering import lower
 from mbd_sim.compiler.object_code import object_code
 from mbd_sim.compiler.readers import export
 
-PROGRAM = (
-    "from mbd_sim.compiler import compile_process; compile_process.object_code = lambda *_, **__: bytes(200_000)\n"
-)
+PROGRAM = "from mbd_sim.compiler import object_code; object_code.object_code = lambda *_, **__: bytes(200_000)\n"
 
 
 def test_it_says_nothing_where_nobody_waits_for_the_code():
     reader, writer = os.pipe()
-    command = [sys.executable, "-c", f"{PROGRAM}compile_process.main()", str(os.getpid()), "cpu", "features", "1"]
+    command = [sys.executable, "-c", f"{PROGRAM}object_code.main()", str(os.getpid()), "cpu", "features", "1"]
     with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=writer, stderr=subprocess.PIPE) as child:
         os.close(reader)
         os.close(writer)
@@ -31,7 +29,7 @@ def test_it_says_nothing_where_nobody_waits_for_the_code():
 
 
 def test_it_compiles_nothing_for_a_caller_that_has_ended():
-    command = [sys.executable, "-c", f"{PROGRAM}compile_process.main()", "0", "cpu", "features", "1"]
+    command = [sys.executable, "-c", f"{PROGRAM}object_code.main()", "0", "cpu", "features", "1"]
     done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False)
     assert (done.stdout, done.stderr, done.returncode) == (b"", b"", 1)
 
@@ -54,7 +52,7 @@ def test_code_compiled_with_the_options_for_long_code_has_the_same_bits():
     codes = [object_code(text, *host(), 1), compile_apart(text, *host(), 1)]
     assert codes[0] != codes[1]  # neighbors are stored together only without the options
     for key, code in zip(("short", "long"), codes, strict=True):
-        loaded, out = machine_code._in_memory(code, key), np.empty(10)
+        loaded, out = machine_code.linked({key: code}), np.empty(10)
         call = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(loaded.address("read"))
         call(given.ctypes.data, out.ctypes.data)
         results.append(out)

@@ -32,7 +32,7 @@ def test_addresses_remain_valid_while_the_code_is_kept():
     code = compile_text(TEXT)
     first, second = scaled(code.address("scaled")), sine_and_size(code.address("sine_and_size"))
     gc.collect()
-    others = [load_code(code.key) for _ in range(3)]
+    others = [load_code(code.keys) for _ in range(3)]
     assert [scaled(other.address("scaled"))(2.0) for other in others] == [3.0] * 3
     del others
     gc.collect()
