@@ -74,6 +74,17 @@ class LoadSharing:
         paths = self._equations.load_paths
         return self._fixed_stresses is None or not paths.idle_unloaded
 
+    def undetermined_forces(self, t: float, y: Array, inputs: Array) -> list[str]:
+        """The names of the joints whose force equilibrium alone does not determine in this state."""
+        if not self.can_share:
+            return []
+        loads = self._loads(t, y, inputs)
+        stresses = self._self_stresses(loads)
+        effects = np.abs(loads.of_reactions @ stresses).reshape(-1, 6, stresses.shape[1])
+        forces = effects[:, :3].max(axis=(1, 2), initial=0.0)
+        names = [*self._mechanism.joints, *self._mechanism.closing]
+        return [name for name, force in zip(names, forces, strict=True) if force > ROUND_OFF * effects.max(initial=0.0)]
+
     def _values(self, t: float, y: Array, inputs: Array) -> Array:
         return (self._read or self._equations.load_paths.values)(t, y, inputs)
 

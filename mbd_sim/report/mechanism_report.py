@@ -73,9 +73,11 @@ def _one_sided(simulation: Simulation) -> dict[str, Any]:
     contact = simulation.model.contact
     if contact is None:
         return {"elements": {}}
-    active = int(contact.modes(simulation.inputs)[contact.layout.active].sum())
+    modes = contact.modes(simulation.inputs)
+    sliding = set(contact.sliding(modes)).intersection(contact.loaded)  # their rows are solved for, but do not restrict
+    held = int(modes[contact.layout.active].sum()) - len(sliding)
     elements = _contacts(simulation, compliant=False)
-    return {"elements": elements, "degrees_of_freedom": simulation.model.degrees_of_freedom - active}
+    return {"elements": elements, "degrees_of_freedom": simulation.model.degrees_of_freedom - held}
 
 
 def _contacts(simulation: Simulation, *, compliant: bool) -> dict[str, Any]:

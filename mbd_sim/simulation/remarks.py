@@ -11,8 +11,13 @@ from mbd_sim.simulation.compiled_model import Model
 
 
 def remarks(model: Model) -> tuple[str, ...]:
-    """Sentences on a method that is not an ordinary one, limits that do not act, and angles beyond a full turn."""
-    found = (model.method_remark, limits_remark(model.mechanism), *angle_remarks(model.mechanism))
+    """Sentences on an unusual method, limits that do not act, undetermined friction, and angles beyond a full turn."""
+    found = (
+        model.method_remark,
+        limits_remark(model.mechanism),
+        friction_remark(model),
+        *angle_remarks(model.mechanism),
+    )
     return tuple(remark for remark in found if remark)
 
 
@@ -23,6 +28,24 @@ def angle_remarks(mechanism: Mechanism) -> list[str]:
         f"Write {value:g} deg or {value:g} rad."
         for key, value in large_bare_angles(mechanism.source)
     ]
+
+
+def friction_remark(model: Model) -> str:
+    """Which joints have friction that depends on a force which redundant joints share; empty if there are none."""
+    contact = model.contact
+    if contact is None or not contact.loaded:
+        return ""
+    undetermined = model.load_sharing.undetermined_forces(0.0, model.start, model.inputs)
+    joints = [contact.owners[contact.frictions[index][0][0]][1] for index in contact.loaded]
+    shared = [f"'{name}'" for name in joints if name in undetermined]
+    if not shared:
+        return ""
+    return (
+        f"friction of {listed(shared)} depends on forces that redundant joints share, and that equilibrium does not "
+        "determine. It is computed from one of the possible forces, which depends on the joint that is cut, and not "
+        "from those of reactions(). Choose joints without the redundant equations that `mbd_sim check` lists, such as "
+        "a spherical joint in place of a revolute one."
+    )
 
 
 def limits_remark(mechanism: Mechanism) -> str:

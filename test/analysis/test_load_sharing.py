@@ -194,3 +194,11 @@ def test_a_mechanism_in_which_nothing_is_redundant_keeps_its_bits():
     assert model.load_sharing.indeterminacy == 0
     expected = np.array(model.equations.reactions(sim.time, sim.state, np.array(sim.inputs))).T
     assert reactions(sim).tobytes() == expected.tobytes()
+
+
+def test_the_joints_are_named_whose_force_equilibrium_does_not_determine():
+    sim = Simulation.from_text(SLIDES.replace("LEFT", "1"))
+    state = sim.time, sim.state, sim.inputs
+    assert sim.model.load_sharing.undetermined_forces(*state) == ["left", "right"]
+    sim = Simulation.from_file("four_bar")  # its redundant rows carry nothing
+    assert sim.model.load_sharing.undetermined_forces(sim.time, sim.state, sim.inputs) == []

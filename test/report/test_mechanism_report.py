@@ -76,3 +76,8 @@ def test_compliant_contacts_are_listed_apart_from_one_sided_elements():
     assert found["one_sided"] == {"elements": {}}
     assert found["compliant_contacts"]["floor"]["normal"] == simulation.contacts()["floor"].normal
     assert "Compliant contacts  1\n  floor: slides, force 3.16228\n" in report_text(found)
+
+
+def test_a_joint_that_slides_with_friction_by_its_load_keeps_its_degree_of_freedom():
+    text = report_text(report(Simulation.from_file("slider_crank_friction")))
+    assert "One-sided           1 element leaves 1 of 1 degrees of freedom at the start\n" in text

@@ -86,3 +86,21 @@ def test_shared_friction_at_rest_stays_within_each_limit():
         assert sum(state.friction[0] for state in states.values()) == pytest.approx(-RATE * simulation.time, abs=1e-12)
         assert all(abs(state.friction[0]) <= 0.3 * state.normal * (1.0 + 1e-9) for state in states.values())
         assert abs(simulation.q[0]) < 1e-18
+
+
+def test_friction_by_a_force_that_redundant_joints_share_is_remarked():
+    """A door on two hinges; with one alone its force is determined."""
+    text = """
+mechanism: door
+ground: {points: {top: [0, 0, 2]}}
+parts: {door: {mass: 20, center: [0.4, 0, 1], inertia: [2, 2.5, 0.5], points: {top: [0, 0, 2]}}}
+joints:
+  low: {type: revolute, between: [ground, door], axis: [0, 0, 1], velocity: 1, friction: {coefficient: 0.2, radius: 0.01}}
+"""
+    hinge = "  high: {type: revolute, between: [ground.top, door.top], axis: [0, 0, 1]}\n"
+    (remark,) = Simulation.from_text(text + hinge).remarks
+    assert remark.startswith("friction of 'low' depends on forces that redundant joints share")
+    determined = Simulation.from_text(text)
+    assert determined.remarks == ()
+    moment = 0.2 * 0.01 * np.linalg.norm(determined.reactions()["low"].force)
+    assert determined.contacts()["low.friction"].friction == pytest.approx([-moment], rel=1e-12)
