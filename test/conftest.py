@@ -1,5 +1,7 @@
 """Settings of all tests: hypothesis draws the same examples in every run, and tests share what they build.
 
+The first process removes the shared memory of killed nodes, before and after the tests.
+
 `MBD_SIM_TEST_KERNELS` names a folder that keeps the kernels from one run to the next.
 """
 
@@ -19,6 +21,7 @@ from mbd_sim.compiler import machine_code
 from mbd_sim.compiler.machine_code import LONG
 from mbd_sim.mechanism_file.library import shipped
 from test import shared_builds
+from test.shared_memory import remove_unused_shared_memory
 
 # Folders whose tests build many mechanisms and take few steps: level 0 compiles them in a tenth of the time, without
 # starting a process. The kernels of all other folders are those that users run; test/compiler compares the two.
@@ -58,6 +61,11 @@ QUICKLY_COMPILED = {
     "urdf",
     "viewer",
 }
+WAITING = {"system", "examples"}  # whose tests start nodes and wait for them
+LONG_TESTS = {
+    "test_processes_of_several_hash_seeds_derive_and_compute_the_same",
+    "test_random_mechanisms_with_loops_and_constraints",
+}
 LONG_RUNS = Path(__file__).parent / "physics" / "benchmarks"
 
 if "MBD_SIM_TEST_KERNELS" in os.environ:
@@ -85,11 +93,27 @@ sys.dont_write_bytecode = False
 gc.disable()  # during the collection of the tests, whose objects stay
 
 
+def pytest_configure():
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        remove_unused_shared_memory()
+
+
+def pytest_unconfigure():
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        remove_unused_shared_memory()
+
+
 def pytest_collection_modifyitems(items):
-    """Put the tests of each shipped mechanism together, so that it is mostly one process that builds it for all of them."""
+    """Begin with tests that wait for processes, beside which others can compute, and with those that take longest.
+
+    The tests of each shipped mechanism are together, so that it is mostly one process that builds it for all of them.
+    """
     places = {name: place for place, name in enumerate(sorted(shipped()))}
 
     def place(item):
+        folder = item.path.relative_to(Path(__file__).parent).parts[0]
+        if folder in WAITING or item.name.partition("[")[0] in LONG_TESTS:
+            return -2
         values = item.callspec.params.values() if hasattr(item, "callspec") else ()
         return next((places[value] for value in values if isinstance(value, str) and value in places), -1)
 

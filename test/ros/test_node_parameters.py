@@ -4,19 +4,26 @@ import re
 
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism_file.library import shipped
+from mbd_sim.mechanism_file.override import matching
 from mbd_sim.ros.sim_parameters import PARAMETERS
 from mbd_sim.simulation.live_values import LiveValues
+from test.generators.shipped_features import mechanisms_with_all_features
+
+LIVE = next(declared.default for declared in PARAMETERS if declared.name == "live").split(", ")
 
 
-def test_the_default_live_values_exist_in_every_shipped_mechanism_and_meet_no_parameter_of_the_node():
+def test_the_default_live_values_of_shipped_mechanisms_meet_no_parameter_of_the_node():
     own = {declared.name for declared in PARAMETERS}
-    patterns = next(declared.default for declared in PARAMETERS if declared.name == "live").split(", ")
     for name in shipped():
-        found = LiveValues(load_mechanism(name), patterns).current
-        assert {f"gravity[{axis}]" for axis in range(3)} <= set(found) or not any("gravity" in key for key in found), (
-            name
-        )
-        assert not own & {re.sub(r"\[\d+\]$", "", key) for key in found}
+        assert not own & {re.sub(r"\[\d+\]$", "", key) for key in matching(load_mechanism(name), LIVE)}
+
+
+def test_gravity_is_among_the_default_live_values_unless_nothing_depends_on_it():
+    for name in mechanisms_with_all_features(most_joints=6):
+        found = LiveValues(load_mechanism(name), LIVE).current
+        assert found.keys() <= set(matching(load_mechanism(name), LIVE))
+        axes = {f"gravity[{axis}]" for axis in range(3)}
+        assert axes <= found.keys() or not axes & found.keys(), name
 
 
 def test_every_parameter_says_what_it_means():

@@ -1,14 +1,12 @@
 """Equations, inputs and kernels do not depend on the seed of Python's hashes, with live values of all sections."""
 
-import dataclasses
 import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 
-from mbd_sim.load import load_mechanism
-from mbd_sim.mechanism_file.library import shipped
+from test.generators.shipped_features import mechanisms_with_all_features
 
 ROOT = Path(__file__).parents[2]
 PROGRAM = """
@@ -55,41 +53,15 @@ print(json.dumps(found))
 """
 
 
-def features(record):
-    """The fields that records set, with the types of joints and elements."""
-    if isinstance(record, (dict, list, tuple)):
-        for value in record.values() if isinstance(record, dict) else record:
-            yield from features(value)
-    elif dataclasses.is_dataclass(record):
-        for field in dataclasses.fields(record):
-            value, kind = getattr(record, field.name), type(record).__name__
-            if value is not None and value is not False:
-                yield kind, field.name
-            if field.name == "type":
-                yield kind, value
-            yield from features(value)
-
-
-def mechanisms():
-    """The names of mechanisms that have all features of the shipped ones together, from those with few joints on."""
-    seen, names = set(), []
-    for mechanism in sorted(map(load_mechanism, shipped()), key=lambda m: (len(m.all_joints), m.name)):
-        found = set(features(mechanism))
-        if len(mechanism.all_joints) <= 6 and not found <= seen:  # longer chains are those of what the others have
-            seen |= found
-            names.append(mechanism.name)
-    return names
-
-
 def test_processes_of_several_hash_seeds_derive_and_compute_the_same():
-    processes = []
+    processes, names = [], mechanisms_with_all_features(most_joints=6)  # longer chains are those of what these have
     for seed in ("1", "2"):
         environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": str(ROOT), "MBD_SIM_CACHE": "off"}
-        command = [sys.executable, "-c", PROGRAM, *mechanisms()]
+        command = [sys.executable, "-c", PROGRAM, *names]
         processes.append(subprocess.Popen(command, env=environment, cwd=ROOT, stdout=subprocess.PIPE, text=True))
     outputs = [process.communicate()[0] for process in processes]
     assert [process.returncode for process in processes] == [0, 0]
     first, *others = [json.loads(output) for output in outputs]
-    assert len(first) > 30
+    assert len(first) == len(names) + 4 and len(names) > 20
     for other in others:
         assert [name for name in first if first[name] != other[name]] == []
