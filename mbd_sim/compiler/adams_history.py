@@ -61,6 +61,7 @@ class AdamsHistory:
         self.lost = element(b, self._start, VECTORS + size + inputs_size)
         self._first_slope = VECTORS + inputs_size + 2 * size
         self._total = history_size(method, size, inputs_size)
+        self._now = integer(0)  # the first number of the slopes of the present step, from the first of all slopes on
         self._backup = None if isinstance(b, LaneBuilder) else emitter.array(self._total)
         self.count, self.level, self.wait, self.pause = (emitter.scalar() for _ in range(4))
         self._changes = emitter.array(cells(b, max(size, inputs_size)))
@@ -68,13 +69,23 @@ class AdamsHistory:
         self._counters = tuple(zip(addresses, (COUNT, LEVEL, WAIT, PAUSE), strict=True))
         emitter.begin, emitter.end = self._emit_begin, self._emit_end
 
+    def begin_step(self) -> None:
+        """Emit where the slopes of a step that begins are in the ring, which all others in the ring follow."""
+        b, size = self._emitter.b, self._emitter.system.size
+        place = b.urem(self._emitter.index, integer(self._method.length))
+        self._now = b.mul(place, integer(PARTS * size))
+
     def slopes(self, quarters: Index) -> Value:
         """The address of the slopes so many `quarters` of a step after its start, or before, if negative."""
         b, size = self._emitter.b, self._emitter.system.size
-        places = self._places
-        after = integer(quarters + places) if isinstance(quarters, int) else b.add(quarters, integer(places))
-        place = b.urem(b.add(b.mul(self._emitter.index, integer(PARTS)), after), integer(places))
-        return element(b, self._start, b.add(integer(self._first_slope), b.mul(place, integer(size))))
+        places, ring = integer(self._places), integer(self._places * size)
+        if isinstance(quarters, int):
+            after = integer(quarters % self._places * size)
+        else:
+            after = b.mul(b.urem(b.add(quarters, places), places), integer(size))
+        place = b.add(self._now, after)
+        place = b.select(b.icmp_unsigned(">=", place, ring), b.sub(place, ring), place)
+        return element(b, self._start, b.add(integer(self._first_slope), place))
 
     def refine(self, condition: Value, stride: Value, newest: Value) -> None:
         """Interpolate slopes halfway between those that are so many quarters apart, where a condition holds.

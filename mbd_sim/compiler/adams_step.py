@@ -55,6 +55,7 @@ class _AdamsStep:
     def emit(self, t: Value) -> None:
         """Emit a step of the emitter's y from time t on."""
         emitter, history, b, size = self._emitter, self._history, self._emitter.b, self._emitter.system.size
+        history.begin_step()
         emitter.rates(t, emitter.y, self._current, first=True)
         wait = self._read(history.wait)
         counts = ready = b.fcmp_ordered("<=", wait, number(0.0))

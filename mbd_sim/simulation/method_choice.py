@@ -6,8 +6,11 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
+from mbd_sim.compiler.lowering import instruction_count
+from mbd_sim.compiler.schedule import arranged
 from mbd_sim.dynamics.cylinders import fastest_rate
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.errors import MechanismError, Problem, listed
@@ -24,6 +27,7 @@ from mbd_sim.simulation.method_name import AUTO
 from mbd_sim.simulation.spectrum import FastestMode, fastest_mode, fastest_without_joints, is_slower
 
 DEFAULT, ONE_STEP, STIFF, STIFF_JOINTS = "adams11", "tsitouras8", "rosenbrock", "rosenbrock_w"
+TRIVIAL = 2  # instructions of the rates, which cost less than the history of a method that uses earlier steps
 SLOW = 0.5  # the largest step times rate of what the method for stiff joints treats explicitly
 LARGEST_EXPANSION = 2_000_000  # bytes; 100 rods take half of them, and threads have 8 MB of stack
 CANCELLATION = 1e-4  # relative error of the difference of two rates
@@ -56,7 +60,7 @@ def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, nam
     """The named method; for `auto` the default one, or the implicit one where the default would be unstable.
 
     The default is `DEFAULT`, or `ONE_STEP` if the motion has events or samples: a method that uses earlier steps would
-    begin anew after each of them.
+    begin anew after each of them. It is also `ONE_STEP` if the rates are `TRIVIAL`.
 
     The rates are those at the start, and at rest in the start configuration, where regularized friction is stiffest.
 
@@ -65,7 +69,7 @@ def choose_method(mechanism: Mechanism, equations: Equations, inputs: Array, nam
     :raises MechanismError: the named method cannot treat samples and delays of actuators, or what is not smooth.
     """
     sampled = _is_sampled(equations)
-    default = ONE_STEP if one_sided_names(mechanism) or sampled else DEFAULT
+    default = ONE_STEP if one_sided_names(mechanism) or sampled or _is_trivial(equations.rates) else DEFAULT
     method = METHODS[default if name == AUTO else name]
     if sampled and isinstance(method, Adams | Taylor):
         message = f"method {name} cannot treat actuators with a sample_rate or a delay, which act between steps"
@@ -126,6 +130,14 @@ def _require_series(mechanism: Mechanism, equations: Equations, method: Taylor) 
             f"method {method.name} cannot treat so many parts: an expansion would need {size / 1e6:.1f} MB of the stack"
         )
         raise MechanismError([Problem(message, remedy, key="integrator.method")])
+
+
+def _is_trivial(rates: ca.Function) -> bool:
+    """Whether an evaluation of the rates takes so little time that it does not pay to avoid some."""
+    transfers = rates.nnz_in() + rates.nnz_out()  # each is an instruction of CasADi, and not of the kernel
+    if rates.n_instructions() - transfers > 2 * TRIVIAL:  # those of CasADi are not arranged yet
+        return False
+    return instruction_count(arranged(rates)) <= TRIVIAL
 
 
 def _is_sampled(equations: Equations) -> bool:

@@ -92,6 +92,15 @@ def test_other_mechanisms_keep_the_default_without_a_remark():
     assert (simulation.model.method.name, simulation.remarks) == ("adams11", ())
 
 
+def test_rates_that_cost_nothing_are_not_saved_by_a_history():
+    """The rates of a disk under a torque are two operations; those of a pendulum three, of which one is a sine."""
+    found = [
+        Simulation.from_file(name, method=method).model.method.name
+        for name, method in (("disk_driven", "auto"), ("disk_driven", "adams11"), ("simple_pendulum", "auto"))
+    ]
+    assert found == ["tsitouras8", "adams11", "adams11"]
+
+
 def test_an_unknown_method_is_refused_with_the_nearest():
     with pytest.raises(MechanismError, match=r"there is no method 'rosenbrok'.*rosenbrock"):
         Simulation.from_text(RIGID, method="rosenbrok")
