@@ -148,6 +148,16 @@ def quoted(value: object, max_length: int = 60) -> str:
     return text if len(text) <= max_length else text[: max_length - 1] + "…"
 
 
+def require_each_once(names: Sequence[str], remedy: str) -> None:
+    """Refuse joints of a command of which one is named twice.
+
+    :raises CommandError: with the first such name.
+    """
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            raise CommandError(f"{quoted(name)} is named twice. {remedy}")
+
+
 def listed(names: Sequence[str], max_count: int = 12) -> str:
     """The names separated by commas; beyond `max_count` only their number."""
     shown = ", ".join(names[:max_count])

@@ -33,6 +33,8 @@ def execute(options: argparse.Namespace) -> int:
         try:
             for file, counts in recover_bag(path) if path.is_dir() else [(path, recover(path))]:
                 print(_report(file, counts))
+        except FileNotFoundError as error:
+            raise RecordingError(f"{path}: there is no such file. Check the path.") from error
         except (OSError, ValueError, LookupError) as error:
             raise RecordingError(f"{path}: {error}") from error
     return 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import NamedTuple, assert_never
 
 from mbd_sim.errors import CommandError, listed
@@ -16,7 +17,7 @@ from mbd_sim.recording.recorded_file import Message, RecordedFile
 from mbd_sim.recording.run_start import RecomputeError, read_run_start
 from mbd_sim.recording.topic_roles import TopicRole, topic_roles
 from mbd_sim.simulation.events import ChangedValues, EventKind, parse_event
-from mbd_sim.simulation.live_values import LARGEST_GAP
+from mbd_sim.simulation.live_values import LARGEST_GAP, LiveValues
 from mbd_sim.simulation.simulation import Simulation
 from mbd_sim.simulation.wrench_layout import parse_wrench
 
@@ -193,7 +194,7 @@ class Recomputation:
         :raises ValueError: that does not fit the mechanism.
         """
         simulation, start = self.simulation, self._start
-        live = {key: value for key, value in start.live.items() if key in simulation.live}
+        live = self._live_of(start.live)
         if start.inputs is None or not self.as_recorded:
             changes = {key: value for key, value in live.items() if simulation.live[key] != value}
             if changes:
@@ -247,10 +248,21 @@ class Recomputation:
 
     def _set_live(self, recorded: cdr.MultiArray) -> None:
         current = self.simulation.live
-        values = dict(zip(recorded.labels, recorded.values.tolist(), strict=True))
-        known = {key: value for key, value in values.items() if key in current and not self._is_changed(key)}
+        known = self._live_of(dict(zip(recorded.labels, recorded.values.tolist(), strict=True)))
         if any(current[key] != value for key, value in known.items()):
             self.simulation.set_live(known)
+
+    def _live_of(self, recorded: Mapping[str, float]) -> dict[str, float]:
+        """The live values of the simulation with recorded ones; in a changed run, those that had been given."""
+        if self.changes:
+            recorded = self._recorded_live.given_among(recorded)
+        return {key: value for key, value in recorded.items() if key in self.simulation.live}
+
+    @cached_property
+    def _recorded_live(self) -> LiveValues:
+        """The live values of the recorded mechanism."""
+        assert self.file.mechanism_text is not None
+        return LiveValues(parse_mechanism(self.file.mechanism_text, self._start.file), list(self._start.live))
 
     def _apply_event(self, text: str) -> list[LiveValueMismatch]:
         event = parse_event(text)

@@ -117,9 +117,12 @@ class Recorder:
 
     @property
     def state_on_disk(self) -> str:
-        """What is in the last file if it could not be completed, and what to do, or ""."""
+        """What is in the last file if it could not be completed, and what to do, or "".
+
+        A complete file may not be on the disk yet; that is a problem only when `close` has waited for it in vain.
+        """
         writer = self._writer
-        if not self.ended.is_set():
+        if not (self.ended if self._give_up.is_set() else self.finished).is_set():
             missing = self._accepted - self.saved
             return (
                 f"the disk does not respond: '{writer.path}' is not complete and lacks the last {missing} messages. "

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, cast
 
-from mbd_sim.errors import CommandError, listed
+from mbd_sim.errors import CommandError, listed, require_each_once
 from mbd_sim.mechanism.actuators import Actuator, Channel, CoordinatePort
 from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.simulation.efforts import EffortMap
@@ -49,8 +49,7 @@ class JointCommandRouter:
         :param arrays: by channel, each with an entry for each of the `names`, or only for those that take it, or empty.
         :raises CommandError: a name is unknown or given twice, a length does not fit, or a joint takes no such command.
         """
-        if len(set(names)) != len(names):
-            raise CommandError("a joint is named twice. Send one effort for each joint.")
+        require_each_once(names, "Send one command for each joint.")
         given = {channel: values for channel, values in arrays.items() if len(values)}
         efforts, commands = dict[str, float](), dict[str, dict[Channel, float]]()
         for channel, values in (given or {EFFORT: ()}).items():

@@ -70,7 +70,9 @@ class NodeParameters:
         self._live_keys: dict[str, list[str]] = {}
         self._fixed: dict[str, str] = {}
         self._check: Callable[[Mapping[str, Any]], str] = lambda values: ""
+        self._current_live: Callable[[], Mapping[str, float]] = dict
         self._set_live: Callable[[Mapping[str, float]], str] = lambda changes: ""
+        self._is_following = False
         for spec in specs:
             given = node._parameter_overrides.get(spec.name)
             if given is not None and (problem := _problem(spec, given.value)):  # rclpy's own message names no range
@@ -94,15 +96,19 @@ class NodeParameters:
         takes_all = self._specs[name].takes_all
         return [WILDCARD if takes_all and entry == ALL else entry for entry in entries]
 
-    def add_live(self, live: Mapping[str, float], set_live: Callable[[Mapping[str, float]], str]) -> dict[str, float]:
-        """Declare the mechanism's live values; returns those given at the start that differ from the file's.
+    def add_live(
+        self, current: Callable[[], Mapping[str, float]], set_live: Callable[[Mapping[str, float]], str]
+    ) -> dict[str, float]:
+        """Declare the mechanism's live values; returns those given at the start, if any differs from the file's.
 
         Keys with an index form one parameter: `gravity` is an array of three.
 
+        :param current: returns the live values.
         :param set_live: changes some of them and returns the problem, or "" on success.
         :raises ValueError: a value given at the start does not fit.
         """
-        self._set_live = set_live
+        self._current_live, self._set_live = current, set_live
+        live = current()
         for key in live:
             self._live_keys.setdefault(re.sub(r"\[\d+\]$", "", key), []).append(key)
         given: dict[str, float] = {}
@@ -115,8 +121,9 @@ class NodeParameters:
             changes, problem = self._live_changes(name, value)
             if problem:
                 raise ValueError(problem)
-            given |= {key: new for key, new in changes.items() if new != live[key]}
-        return given
+            if name in self._node._parameter_overrides:
+                given |= changes
+        return given if any(new != live[key] for key, new in given.items()) else {}
 
     def check(self, problem: Callable[[Mapping[str, Any]], str]) -> None:
         """Refuse changes from now on that leave all parameters with a problem; it returns "" if there is none."""
@@ -131,10 +138,32 @@ class NodeParameters:
 
         :raises ValueError: such a parameter looks like a misspelled one.
         """
+        self._follow_live(())  # those that follow the ones given at the start
         self._node.add_on_set_parameters_callback(self._set)
+        self._node.add_post_set_parameters_callback(self._follow_live)
         return _unknown(self._node, [*self._specs, *self._live_keys, "use_sim_time", "start_type_description_service"])
 
+    def _follow_live(self, _: Sequence[Parameter]) -> None:
+        """Let the parameters of live values show the present ones: a change may change others by their formulas."""
+        if self._is_following:
+            return
+        live, shown = self._current_live(), []
+        for name, keys in self._live_keys.items():
+            values = [live[key] for key in keys]
+            if self._live_changes(name, self._node.get_parameter(name).value)[0] != dict(
+                zip(keys, values, strict=True)
+            ):
+                shown.append(Parameter(name, value=values[0] if keys == [name] else values))
+        if shown:
+            self._is_following = True
+            try:
+                self._node.set_parameters(shown)
+            finally:
+                self._is_following = False
+
     def _set(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        if self._is_following:
+            return SetParametersResult(successful=True)
         changes: dict[str, Any] = {}
         live: dict[str, float] = {}
         for parameter in parameters:

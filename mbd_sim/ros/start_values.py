@@ -7,7 +7,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from mbd_sim.errors import CommandError, InputError, nearest
+from mbd_sim.errors import CommandError, InputError, nearest, quoted
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.value_parser import parse_value
 from mbd_sim.ros.node_parameters import ParameterSpec
@@ -66,7 +66,7 @@ def _entry(text: str, model: Model) -> tuple[str, float, bool]:
     try:
         return name, parse_value(value, {}, f"{unit}/s" if is_speed and unit else unit), is_speed
     except InputError as error:
-        raise CommandError(f"start: {name} = {value} {error.message}. {error.remedy}") from error
+        raise CommandError(f"start: {name} = {quoted(value)}: {error.message}. {error.remedy}") from error
 
 
 def coordinate_units(mechanism: Mechanism) -> dict[str, str]:

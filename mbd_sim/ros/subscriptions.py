@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from mbd_sim.errors import CommandError
+from mbd_sim.errors import CommandError, require_each_once
 from mbd_sim.mechanism.bases import Base
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.messages.topic_names import topic_names
@@ -205,8 +205,7 @@ def _state_values(message: JointState) -> StateValues:
     """
     if message.effort:
         raise CommandError("it contains efforts, which are not part of the state. Send them to joint_commands.")
-    if len(set(message.name)) != len(message.name):
-        raise CommandError("a joint is named twice. Give one value for each joint.")
+    require_each_once(message.name, "Give one value for each joint.")
     for key, values in (("position", message.position), ("velocity", message.velocity)):
         if len(values) not in (0, len(message.name)):
             lengths = f"{len(message.name)} and {len(values)}"

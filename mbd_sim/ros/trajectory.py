@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from mbd_sim.errors import CommandError, listed
+from mbd_sim.errors import CommandError, listed, require_each_once
 from mbd_sim.ros.joint_curve import CurvePoint, JointCurve
 
 LARGEST_DELAY_NS = 86_400_000_000_000  # of a start in the future: stamps of another clock are later
@@ -44,8 +44,7 @@ class Trajectory:
         """
         if not self.joints:
             raise CommandError("it names no joints. Name those that it moves.")
-        if len(set(self.joints)) != len(self.joints):
-            raise CommandError("a joint is named twice. Name each joint once.")
+        require_each_once(self.joints, "Name each joint once.")
         if not self.points:
             raise CommandError("it has no points. Give one or more.")
         for number, point in enumerate(self.points, start=1):

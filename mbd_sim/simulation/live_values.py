@@ -16,7 +16,7 @@ from mbd_sim.errors import CommandError, MechanismError, Problem, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_cache import cached, records_digest
-from mbd_sim.mechanism_file.override import matching, value_of, values_of, with_values
+from mbd_sim.mechanism_file.override import location_of, matching, value_of, values_of, with_values
 from mbd_sim.simulation.efforts import EffortMap
 
 if TYPE_CHECKING:
@@ -30,10 +30,12 @@ _PROBES_OF_ZERO = (1e-3, -1e-3)
 class PreparedValues(NamedTuple):
     """Validated changes of live values: the changes, all live values after them, and the values (n,) in the inputs.
 
-    `mechanism` is the one with all of these values.
+    The changes include those of values that follow the given ones. `given` are all values that have been given, from
+    which the others follow; `mechanism` is the one with these values.
     """
 
     changes: Mapping[str, float]
+    given: Mapping[str, float]
     current: Mapping[str, float]
     inputs: Array
     mechanism: Mechanism
@@ -58,7 +60,11 @@ class LiveParameters:
 
 
 class LiveValues:
-    """The live values of a mechanism by their keys in its file, see `with_values`; `current` are in SI units."""
+    """The live values of a mechanism by their keys in its file, see `with_values`; `current` are in SI units.
+
+    A value that has not been given itself follows the others, as its formula in the file says: after
+    `damping: 2*d`, it changes with the parameter d.
+    """
 
     def __init__(self, mechanism: Mechanism, names: Sequence[str]) -> None:
         """Find the numbers of the equations that depend on the named values: the `parameters`, None without names.
@@ -73,6 +79,8 @@ class LiveValues:
             found = _found(mechanism, names)
             self.current = found.current
             self.parameters = LiveParameters(mechanism, found.indices, found.columns, found.values)
+        self._of_file = self.current
+        self._given: Mapping[str, float] | None = {}  # None: not known, but found in `current` when needed
         self._changed, self._changed_with = mechanism, self.current
 
     def copy(self) -> LiveValues:
@@ -88,13 +96,19 @@ class LiveValues:
 
     def apply(self, prepared: PreparedValues) -> None:
         """Make prepared values the current ones."""
-        self.current = dict(prepared.current)
+        self.current, self._given = dict(prepared.current), prepared.given
         self._changed, self._changed_with = prepared.mechanism, self.current
 
     def restore(self, values: Mapping[str, float]) -> None:
         """Make earlier values the current ones, as far as they are given."""
         if (current := {**self.current, **values}) != self.current:
-            self.current = current
+            self.current, self._given = current, None
+
+    def given_among(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Those of the values of a run that have been given; the others follow from them."""
+        run = self.copy()
+        run.restore(values)
+        return dict(run._given_values())
 
     def limit(self, efforts: EffortMap) -> None:
         """Limit efforts as the mechanism with the current values does."""
@@ -110,9 +124,9 @@ class LiveValues:
         for key in changes:
             if key not in self.current:
                 raise CommandError(f"'{key}' is not a live value. {self._remedy(key)}")
-        current = {**self.current, **{key: float(value) for key, value in changes.items()}}
+        wanted = {key: float(value) for key, value in changes.items()}
         try:
-            changed = with_values(self._mechanism, current)
+            given, current, changed = self._with(wanted)
             dynamics.require_followable_cams(changed)
             inputs = self._symbolic().checked_values_in(dynamics.equation_data(changed))
         except MechanismError as error:
@@ -121,7 +135,41 @@ class LiveValues:
             ) from error
         except dynamics.StructureError as error:
             raise CommandError(f"{', '.join(changes)}: {error}. Change the file and start again.") from error
-        return PreparedValues(dict(changes), current, inputs, changed)
+        following = {key: value for key, value in current.items() if value != self.current[key]}
+        return PreparedValues({**wanted, **following}, given, current, inputs, changed)
+
+    def _with(self, wanted: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float], Mechanism]:
+        """The values that have been given after a change, all values, and the mechanism with them.
+
+        A value that is given as it is already, by its formula, continues to follow it.
+        """
+        before = self._given_values()
+        given = {**before, **wanted}
+        changed = with_values(self._mechanism, given)
+        current = self._values_in(changed, given)
+        repeated = {key for key, value in wanted.items() if key not in before and value == self.current[key]}
+        if repeated:
+            fewer = {key: value for key, value in given.items() if key not in repeated}
+            unchanged = with_values(self._mechanism, fewer)
+            if self._values_in(unchanged, fewer) == current:
+                return fewer, current, unchanged
+        return given, current, changed
+
+    def _given_values(self) -> Mapping[str, float]:
+        """The fewest values from which the current ones follow."""
+        if self._given is None:
+            given = {key: value for key, value in self.current.items() if value != self._of_file[key]}
+            for key in sorted(given, key=lambda key: location_of(self._mechanism, key)[0] == "parameters"):
+                fewer = {other: value for other, value in given.items() if other != key}
+                if self._values_in(with_values(self._mechanism, fewer), fewer) == self.current:
+                    given = fewer
+            self._given = given
+        return self._given
+
+    def _values_in(self, mechanism: Mechanism, given: Mapping[str, float]) -> dict[str, float]:
+        """All live values in the mechanism with the given ones."""
+        values = values_of(mechanism, [key for key in self.current if key not in given])
+        return {key: given[key] if key in given else values[key] or 0.0 for key in self.current}
 
     def _symbolic(self) -> SymbolicParameters:
         if self.parameters is not None:

@@ -104,6 +104,8 @@ class RunInputs(Readings, RunReports):
     def set_live(self, changes: Mapping[str, float]) -> None:
         """Change live values from the next step on. The energy audit does not include the resulting change of energy.
 
+        Live values that have not been given themselves follow the others, as their formulas in the file say.
+
         :raises CommandError: an unknown key, a value that does not fit, or one that would open loops; nothing is
             changed then.
         """

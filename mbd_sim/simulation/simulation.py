@@ -68,7 +68,8 @@ class Simulation(InlineViews, StateChanges, RunInputs, DynamicsReadings, ReadOnl
 
         :param wrenches: parts on which external forces can act, see `set_wrench`.
         :param live: values of the file that can change during a run, see `set_live`: keys such as `gravity[2]`,
-            `parameters.l`, `joints.elbow.damping`, or patterns such as `joints.*.damping`.
+            `parameters.l`, `joints.elbow.damping`, or patterns such as `joints.*.damping`. A single name may be given
+            by itself, here and in `wrenches`.
         :param set: values of the file to replace, by key: `{"l": 0.8, "joints.elbow.position": "30 deg"}`, numbers in
             SI units or values as in the file; a parameter may be given by its name alone.
         :param parameters: parameters of the file to replace, by name: `{"l": 0.8}`.
@@ -80,6 +81,7 @@ class Simulation(InlineViews, StateChanges, RunInputs, DynamicsReadings, ReadOnl
         changes = changed_values(mechanism, set or {}, parameters or {})
         mechanism = with_values(mechanism, changes) if changes else mechanism
         step = step_size(step, mechanism.step)
+        wrenches, live = ([names] if isinstance(names, str) else names for names in (wrenches, live))
         require_parts(wrenches, mechanism)
         values = LiveValues(mechanism, live)
         model = build_model(mechanism, method, wrenches, values.parameters, step)

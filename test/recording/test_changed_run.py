@@ -110,3 +110,27 @@ def test_a_recording_without_a_run_is_an_error(tmp_path):
         writer.finish()
     with pytest.raises(RecomputeError, match=r"x.mcap: is not a recording of sim_node"):
         changed_run(tmp_path / "x.mcap")
+
+
+def test_a_changed_parameter_also_changes_live_values_that_follow_it(tmp_path):
+    text = """
+mechanism: following
+parameters: {d: 0.1, k: 2}
+parts: {arm: {mass: 1, center: [0, 0, -1]}}
+joints: {hip: {type: revolute, between: [ground, arm], axis: [0, 1, 0], position: 1, damping: d, stiffness: k}}
+"""
+    live = ["parameters.*", "joints.*.damping"]
+    simulation = Simulation.from_text(text, live=live)
+    with simulation.recording(tmp_path / "run.mcap"):
+        simulation.step(200)
+        simulation.set_live({"parameters.d": 0.2})
+        simulation.step(200)
+    for changes, later in (({"d": 5.0}, {}), ({"k": 3.0}, {"parameters.d": 0.2})):
+        found = changed_run(tmp_path / "run.mcap", changes=changes).recomputation.simulation
+        expected = Simulation.from_text(text, set=changes, live=live)
+        expected.step(200)
+        expected.set_live(later)
+        expected.step(found.steps - 200)
+        assert found.q == pytest.approx(expected.q, abs=1e-13)
+    (verified,) = verify(tmp_path / "run.mcap")
+    assert verified.agrees

@@ -36,6 +36,19 @@ def test_messages_are_read_back_with_their_times_and_sequence_numbers(tmp_path):
     assert {index.compression for index in summary.chunk_indexes} == {"zstd"}
 
 
+def test_a_disk_that_is_still_storing_a_complete_file_is_not_said_to_be_out_of_order(tmp_path, monkeypatch):
+    recorder, stored = recorder_in(tmp_path), threading.Event()
+    monkeypatch.setattr(recorder._sync, "finish", stored.wait)
+    recorder.put("vital", b"12345678", 0, 0)
+    recorder.close(timeout=0.0)
+    assert recorder.finished.wait(PATIENCE) and not recorder.ended.is_set()
+    assert recorder.state_on_disk == ""
+    assert not recorder.close(timeout=1e-3)  # at the end of the program it waits for it
+    assert "the disk does not respond" in recorder.state_on_disk
+    stored.set()
+    assert recorder.close(PATIENCE) and recorder.state_on_disk == ""
+
+
 def test_closing_twice_has_no_effect(tmp_path):
     recorder = recorder_in(tmp_path)
     recorder.close()

@@ -43,7 +43,7 @@ def test_names_leave_the_other_efforts_and_add_up_between_two_steps(buffer):
         (["hip", "nee"], [1.0, 2.0], "there is no joint 'nee'. Did you mean 'knee'?"),
         (["hip"], [math.inf], "the effort of hip is not finite. Give finite numbers."),
         (["hip"], [], "'name' and 'effort' differ in length: 1 and 0."),
-        (["hip", "hip"], [1.0, 2.0], "a joint is named twice"),
+        (["hip", "hip"], [1.0, 2.0], "'hip' is named twice"),
     ],
 )
 def test_a_bad_command_is_rejected_whole_and_counted(buffer, names, efforts, words):

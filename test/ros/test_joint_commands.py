@@ -88,7 +88,7 @@ def test_all_channels_can_be_commanded_in_order(simulation, buffer):
         (["hub"], {"efforts": [1.0]}, "the actuator of 'hub' takes no effort. Command its voltage."),
         (["nee"], {"positions": [1.0]}, "there is no joint 'nee'. Did you mean 'knee'?"),
         (JOINTS, {"positions": [1.0, 2.0]}, "'name' and 'position' differ in length: 4 and 2. Send one position for each name, or only for hip."),
-        (["hip", "hip"], {"positions": [1.0, 2.0]}, "a joint is named twice"),
+        (["hip", "hip"], {"positions": [1.0, 2.0]}, "'hip' is named twice"),
         (["hip", "knee"], {"velocities": [1.0, math.nan]}, "b.velocity is not finite"),
         (["hip"], {"efforts": [1.0], "positions": [math.inf]}, "a.position is not finite"),
         (["hip"], {}, "'name' and 'effort' differ in length: 1 and 0."),

@@ -148,7 +148,7 @@ def test_points_too_far_apart_for_numbers_give_no_infinite_commands(played):
     ("joints", "points", "start", "words"),
     [
         ((), [(0, [])], 0, "it names no joints"),
-        (("hip", "hip"), [(0, [1.0, 2.0])], 0, "a joint is named twice"),
+        (("hip", "hip"), [(0, [1.0, 2.0])], 0, "'hip' is named twice"),
         (("hip",), [], 0, "it has no points"),
         (("hop",), [(0, [1.0])], 0, "there is no joint 'hop'. Did you mean 'hip'?"),
         (("knee",), [(0, [1.0])], 0, "joint 'knee' takes no position, which a trajectory commands. Give it"),

@@ -125,3 +125,55 @@ def test_effort_limits_follow_live_values_also_in_copies_and_restored_states():
     sim.restore(before)
     sim.set_efforts({"hip": -9.0})
     assert sim.efforts.tolist() == [-2.0]
+
+
+FOLLOWING = """
+mechanism: following
+parameters: {d: 0.1, e: 2*d}
+parts: {arm: {mass: 1, center: [0, 0, -1]}}
+joints: {hip: {type: revolute, between: [ground, arm], axis: [0, 1, 0], position: 1, damping: e, stiffness: 3}}
+"""
+DAMPING = "joints.hip.damping"
+
+
+def test_a_live_value_follows_its_formula_until_it_is_given_itself():
+    sim = Simulation.from_text(FOLLOWING, live=["parameters.*", "joints.*.damping"])
+    sim.set_live({"parameters.d": 0.5})
+    assert sim.live == {"parameters.d": 0.5, "parameters.e": 1.0, DAMPING: 1.0}
+    built = Simulation.from_text(FOLLOWING, set={"d": 0.5})
+    sim.step(200)
+    built.step(200)
+    assert sim.q == pytest.approx(built.q, abs=1e-13)
+    sim.set_live({DAMPING: 0.3})
+    sim.set_live({"parameters.d": 0.7})
+    assert sim.live == {"parameters.d": 0.7, "parameters.e": 1.4, DAMPING: 0.3}
+    sim.set_live({"parameters.e": 2.0})
+    sim.set_live({"parameters.d": 0.8})
+    assert sim.live == {"parameters.d": 0.8, "parameters.e": 2.0, DAMPING: 0.3}
+
+
+def test_values_given_together_stay_as_given_and_those_that_are_repeated_follow():
+    sim = Simulation.from_text(FOLLOWING, live=["parameters.*", "joints.*.damping"])
+    sim.set_live({"parameters.d": 0.1, "parameters.e": 0.2, DAMPING: 0.2})  # as they are
+    sim.set_live({"parameters.d": 0.5})
+    assert sim.live[DAMPING] == 1.0
+    sim.set_live({"parameters.d": 0.6, DAMPING: 1.0})
+    assert sim.live == {"parameters.d": 0.6, "parameters.e": 1.2, DAMPING: 1.0}
+
+
+def test_what_follows_what_is_found_again_from_a_snapshot():
+    sim = Simulation.from_text(FOLLOWING, live=["parameters.*", "joints.*.damping"])
+    sim.set_live({"parameters.d": 0.5})
+    following = sim.snapshot()
+    sim.set_live({DAMPING: 0.3})
+    for snapshot, expected in ((following, 1.4), (sim.snapshot(), 0.3)):
+        other = Simulation.from_text(FOLLOWING, live=["parameters.*", "joints.*.damping"])
+        other.restore(snapshot)
+        other.set_live({"parameters.d": 0.7})
+        assert other.live == {"parameters.d": 0.7, "parameters.e": 1.4, DAMPING: expected}
+
+
+def test_a_single_name_may_be_given_by_itself():
+    sim = Simulation.from_text(FOLLOWING, live="parameters.d", wrenches="arm")
+    assert list(sim.live) == ["parameters.d"]
+    sim.set_wrench("arm", force=(1.0, 0.0, 0.0))
