@@ -25,13 +25,7 @@ from mbd_sim.dynamics.kinematics import LinkMotion
 from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.lumped_inertias import lumped_inertias
 from mbd_sim.dynamics.motion import JointMotion
-from mbd_sim.dynamics.spatial_algebra import (
-    SpdFactors,
-    constant,
-    motion_cross,
-    skew,
-    symmetric,
-)
+from mbd_sim.dynamics.spatial_algebra import SpdFactors, constant, motion_cross, skew, sparse, symmetric
 from mbd_sim.geometry.pose import Array
 
 
@@ -46,7 +40,7 @@ class Accelerations:
     links: list[ca.SX]
 
     def __add__(self, other: Accelerations) -> Accelerations:
-        links = [ca.sparsify(one + more) for one, more in zip(self.links, other.links, strict=True)]
+        links = [sparse(one + more) for one, more in zip(self.links, other.links, strict=True)]
         return Accelerations(self.u_rates + other.u_rates, links)
 
 
@@ -82,7 +76,7 @@ class FactorizedMassMatrix:
         :param wrenches: F_L (6,) = [moment; force] on each link.
         :param gravity: (3,) in m/s², in ground's frame.
         """
-        biases = [ca.sparsify(bias - wrench) for bias, wrench in zip(self._bias_forces(), wrenches, strict=True)]
+        biases = [sparse(bias - wrench) for bias, wrench in zip(self._bias_forces(), wrenches, strict=True)]
         bias_accelerations = self._bias_accelerations()
         net_forces = self._inward(forces, biases, bias_accelerations)
         motion = self._outward(net_forces, bias_accelerations, -gravity)
@@ -100,9 +94,9 @@ class FactorizedMassMatrix:
         base = _base_acceleration(-gravity)
         for link, motion, bias in zip(self._links, self._motions, self._bias_accelerations(), strict=True):
             inboard = accelerations[link.parent] if link.parent >= 0 else base
-            accelerations.append(ca.sparsify(outboard_motion(motion, inboard) + bias))
+            accelerations.append(sparse(outboard_motion(motion, inboard) + bias))
         biases = [
-            ca.sparsify(inertia @ acceleration + bias - wrench)
+            sparse(inertia @ acceleration + bias - wrench)
             for inertia, acceleration, bias, wrench in zip(
                 self._inertias, accelerations, self._bias_forces(), wrenches, strict=True
             )
@@ -118,8 +112,8 @@ class FactorizedMassMatrix:
         total = ca.SX(net_forces[0].shape[1], others[0].shape[1])
         for index, (force, other) in enumerate(zip(net_forces, others, strict=True)):
             if force.shape[0]:
-                total += ca.sparsify(force.T @ self._joints[index].factors.solve(other))
-        return ca.sparsify(total)
+                total += sparse(force.T @ self._joints[index].factors.solve(other))
+        return sparse(total)
 
     def solve(self, net_forces: Sequence[ca.SX]) -> Accelerations:
         """M⁻¹ forces (nv,) from their net joint forces (., 1), and the accelerations of the links that follow."""
@@ -128,7 +122,7 @@ class FactorizedMassMatrix:
     def _bias_forces(self) -> list[ca.SX]:
         """The wrenches (6,) that the links need at their velocities without acceleration: ω × J ω and ω × (ω × m c)."""
         return [
-            ca.sparsify(ca.vertcat(_gyroscopic_moment(inertia, square), square @ _mass_moment(inertia)))
+            sparse(ca.vertcat(_gyroscopic_moment(inertia, square), square @ _mass_moment(inertia)))
             for inertia, square in zip(self._inertias, self._squares, strict=True)
         ]
 
@@ -141,17 +135,17 @@ class FactorizedMassMatrix:
         for link, motion in zip(self._links, self._motions, strict=True):
             joint, omega, linear = motion.joint, ca.SX(3, 1), ca.SX(3, 1)
             if link.parent >= 0:
-                omega = ca.sparsify(motion.R_PL.T @ self._motions[link.parent].V_WL[:3])
-                linear = ca.sparsify(motion.R_PL.T @ (self._squares[link.parent] @ motion.p_PL))
+                omega = sparse(motion.R_PL.T @ self._motions[link.parent].V_WL[:3])
+                linear = sparse(motion.R_PL.T @ (self._squares[link.parent] @ motion.p_PL))
             angular = skew(omega) @ joint.V_FM[:3] + joint.bias[:3]
             linear = linear + 2.0 * (skew(omega) @ joint.V_FM[3:]) + joint.origin_bias
-            found.append(ca.sparsify(ca.vertcat(angular, linear)))
+            found.append(sparse(ca.vertcat(angular, linear)))
         return found
 
     def _spatial(self, accelerations: Sequence[ca.SX]) -> list[ca.SX]:
         """The spatial accelerations (6,) of the links, from those of their origins."""
         return [
-            ca.sparsify(ca.vertcat(one[:3], one[3:] - skew(motion.V_WL[:3]) @ motion.V_WL[3:]))
+            sparse(ca.vertcat(one[:3], one[3:] - skew(motion.V_WL[:3]) @ motion.V_WL[3:]))
             for one, motion in zip(accelerations, self._motions, strict=True)
         ]
 
@@ -184,28 +178,28 @@ class FactorizedMassMatrix:
             if bias_accelerations is not None:
                 carried = carried + bias_accelerations[index]
             speed_rates = joint.speed_rates(net_forces[index], carried)
-            accelerations.append(ca.sparsify(carried + motion.joint.partial_velocities @ speed_rates))
+            accelerations.append(sparse(carried + motion.joint.partial_velocities @ speed_rates))
             result[link.u] = speed_rates
         return Accelerations(result, accelerations)
 
 
 def _base_acceleration(acceleration: Array | ca.SX) -> ca.SX:
     """The acceleration (6,) of ground, which does not rotate, and whose origin has this acceleration (3,)."""
-    return ca.sparsify(ca.vertcat(ca.SX(3, 1), constant(acceleration)))
+    return sparse(ca.vertcat(ca.SX(3, 1), constant(acceleration)))
 
 
 @inlined
 def _square(omega: ca.SX) -> ca.SX:
     """S (3, 3) with S @ r = ω × (ω × r), as ω ωᵀ less its trace."""
     x, y, z = omega[0], omega[1], omega[2]
-    products = symmetric(ca.sparsify(omega @ omega.T))
+    products = symmetric(sparse(omega @ omega.T))
     products[0, 0], products[1, 1], products[2, 2] = -(y * y + z * z), -(x * x + z * z), -(x * x + y * y)
     return products
 
 
 def _mass_moment(inertia: ca.SX) -> ca.SX:
     """m c (3,) in kg·m of the inertia (6, 6) of a rigid body."""
-    return ca.sparsify(ca.vertcat(inertia[2, 4], inertia[0, 5], inertia[1, 3]))
+    return sparse(ca.vertcat(inertia[2, 4], inertia[0, 5], inertia[1, 3]))
 
 
 @inlined
@@ -222,7 +216,7 @@ def _gyroscopic_moment(inertia: ca.SX, square: ca.SX) -> ca.SX:
 
 def bias_acceleration(motion: LinkMotion) -> ca.SX:
     """The spatial acceleration (6,) across a link's joint at u' = 0."""
-    return ca.sparsify(motion_cross(motion.V_WL) @ motion.joint.V_FM + motion.joint.bias)
+    return sparse(motion_cross(motion.V_WL) @ motion.joint.V_FM + motion.joint.bias)
 
 
 def bias_force(link: Link, motion: LinkMotion) -> ca.SX:
@@ -244,25 +238,25 @@ class _EliminatedJoint:
             self.projected_inertia = ca.SX(6, 6)
             return
         s = joint.partial_velocities
-        self._u = ca.sparsify(inertia @ s)
+        self._u = sparse(inertia @ s)
         own = symmetric(s.T @ self._u)
-        self.factors = SpdFactors(own if added is None else ca.sparsify(own + ca.diag(added)))
+        self.factors = SpdFactors(own if added is None else sparse(own + ca.diag(added)))
         self._reduced = self.factors.solve(self._u.T)
-        self.projected_inertia = ca.sparsify(symmetric(inertia - self._u @ self._reduced))
+        self.projected_inertia = sparse(symmetric(inertia - self._u @ self._reduced))
 
     def net_force(self, forces: ca.SX, bias: ca.SX) -> ca.SX:
         """The net joint force (., k) of the joint's generalized forces (., k) and a bias force (6, k)."""
         if self._joint.inverse is not None:
-            return ca.sparsify(self._joint.inverse.T @ forces - bias)
-        return ca.sparsify(forces - self._joint.partial_velocities.T @ bias)
+            return sparse(self._joint.inverse.T @ forces - bias)
+        return sparse(forces - self._joint.partial_velocities.T @ bias)
 
     def transmitted(self, forces: ca.SX, net_force: ca.SX, bias: ca.SX, bias_acceleration: ca.SX | None) -> ca.SX:
         """The bias force (6, k) that the joint transmits to the inboard link."""
         if self._joint.inverse is not None:
-            return ca.sparsify(self._joint.inverse.T @ forces)
+            return sparse(self._joint.inverse.T @ forces)
         if bias_acceleration is not None:
             bias = bias + self.projected_inertia @ bias_acceleration
-        return ca.sparsify(bias + self._u @ self.factors.solve(net_force))
+        return sparse(bias + self._u @ self.factors.solve(net_force))
 
     def speed_rates(self, net_force: ca.SX, carried: ca.SX) -> ca.SX:
         """u' of this joint, for the spatial acceleration (6,) that the link has at u' = 0."""

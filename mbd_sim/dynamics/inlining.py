@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 import casadi as ca
 
+from mbd_sim.dynamics.spatial_algebra import sparse
+
 
 def inlined(function: Callable[..., ca.SX]) -> Callable[..., ca.SX]:
     """The same function of matrices, which gives the same expressions, with zeros made structural.
@@ -24,6 +26,6 @@ def inlined(function: Callable[..., ca.SX]) -> Callable[..., ca.SX]:
         if shapes not in traced:
             symbols = [ca.SX.sym("argument", *shape) for shape in shapes]
             traced[shapes] = ca.Function("inlined", symbols, [ca.densify(function(*symbols))])
-        return ca.sparsify(traced[shapes].call(arguments)[0])
+        return sparse(traced[shapes].call(arguments)[0])
 
     return call

@@ -16,39 +16,70 @@ import casadi as ca
 from mbd_sim.dynamics.inlining import inlined
 from mbd_sim.dynamics.kinematics import LinkMotion
 from mbd_sim.dynamics.links import Link
-from mbd_sim.dynamics.spatial_algebra import constant, skew, symmetric
+from mbd_sim.dynamics.spatial_algebra import constant, sparse, symmetric
 
 
 def inboard_force(motion: LinkMotion, forces: ca.SX) -> ca.SX:
     """Wrenches F_L (6, k) on a link as wrenches about the inboard link's origin, in its axes."""
-    force = ca.sparsify(motion.R_PL @ forces[3:, :])
-    moment = ca.sparsify(motion.R_PL @ forces[:3, :]) + skew(motion.p_PL) @ force
-    return ca.sparsify(ca.vertcat(moment, force))
+    return _rotated_and_moved(motion.R_PL, motion.cross, forces)
 
 
 def outboard_motion(motion: LinkMotion, vector: ca.SX) -> ca.SX:
     """A motion vector (6,) of the inboard link as one about the link's origin, in its axes."""
-    R_LP, linear = motion.R_PL.T, ca.sparsify(vector[3:] - skew(motion.p_PL) @ vector[:3])
-    return ca.sparsify(ca.vertcat(R_LP @ vector[:3], R_LP @ linear))
+    return _moved_and_rotated(motion.R_PL, motion.cross, vector)
 
 
 def inboard_inertia(link: Link, motion: LinkMotion, inertia: ca.SX) -> ca.SX:
     """A symmetric inertia (6, 6) of a link as one about the inboard link's origin, in its axes."""
     rotational, coupling, translational = inertia[:3, :3], inertia[:3, 3:], inertia[3:, 3:]
-    R, p = motion.R_PL, skew(motion.p_PL)
+    R = motion.R_PL
     if (turn := motion.joint.turn) is not None:
-        turned = _TURNED[turn.axis]
+        about_axis = _TURNED[turn.axis]
         rotational, coupling, translational = (
-            turned(turn.sine, turn.cosine, block) for block in (rotational, coupling, translational)
+            about_axis(turn.sine, turn.cosine, block) for block in (rotational, coupling, translational)
         )
         R = constant(link.X_PF.rotation)
-    rotational = symmetric(R @ rotational @ R.T)
-    translational = symmetric(R @ translational @ R.T)
-    coupling = R @ coupling @ R.T
-    shifted = ca.sparsify(coupling + p @ translational)
-    crossed = p @ coupling.T + (p @ shifted.T).T
-    rotational = symmetric(ca.sparsify(rotational + crossed))
-    return ca.sparsify(ca.vertcat(ca.horzcat(rotational, shifted), ca.horzcat(shifted.T, translational)))
+    turned = _rotated(R, rotational, coupling, translational)
+    rotational, coupling, translational = symmetric(turned[:, :3]), turned[:, 3:6], symmetric(turned[:, 6:])
+    shifted = _shifted(motion.cross, coupling, translational)
+    rotational = symmetric(_moved(motion.cross, rotational, coupling, shifted))
+    return _of_blocks(rotational, shifted, translational)
+
+
+# In these functions p (3, 3) multiplies a vector by a displacement. It is an argument, rather than the displacement,
+# because functions that are inlined must not change signs of their arguments. Blocks are made symmetric between
+# them: within one of them, that gives other expressions for some mechanisms.
+
+
+@inlined
+def _rotated_and_moved(R: ca.SX, p: ca.SX, forces: ca.SX) -> ca.SX:
+    force = R @ forces[3:, :]
+    return ca.vertcat(R @ forces[:3, :] + p @ force, force)
+
+
+@inlined
+def _moved_and_rotated(R: ca.SX, p: ca.SX, vector: ca.SX) -> ca.SX:
+    return ca.vertcat(R.T @ vector[:3], R.T @ (vector[3:] - p @ vector[:3]))
+
+
+@inlined
+def _rotated(R: ca.SX, rotational: ca.SX, coupling: ca.SX, translational: ca.SX) -> ca.SX:
+    return ca.horzcat(R @ rotational @ R.T, R @ coupling @ R.T, R @ translational @ R.T)
+
+
+@inlined
+def _shifted(p: ca.SX, coupling: ca.SX, translational: ca.SX) -> ca.SX:
+    return coupling + p @ translational
+
+
+@inlined
+def _moved(p: ca.SX, rotational: ca.SX, coupling: ca.SX, shifted: ca.SX) -> ca.SX:
+    return rotational + (p @ coupling.T + (p @ shifted.T).T)
+
+
+@inlined
+def _of_blocks(rotational: ca.SX, shifted: ca.SX, translational: ca.SX) -> ca.SX:
+    return ca.vertcat(ca.horzcat(rotational, shifted), ca.horzcat(shifted.T, translational))
 
 
 def _turned(axis: int, s: ca.SX, c: ca.SX, block: ca.SX) -> ca.SX:
@@ -58,7 +89,7 @@ def _turned(axis: int, s: ca.SX, c: ca.SX, block: ca.SX) -> ca.SX:
     result[k, k] = block[k, k]
     result[i, k], result[j, k] = c * block[i, k] - s * block[j, k], s * block[i, k] + c * block[j, k]
     result[k, i], result[k, j] = c * block[k, i] - s * block[k, j], s * block[k, i] + c * block[k, j]
-    deviation = ca.sparsify(s * (block[i, i] - block[j, j]) + c * (block[i, j] + block[j, i]))
+    deviation = sparse(s * (block[i, i] - block[j, j]) + c * (block[i, j] + block[j, i]))
     result[i, i], result[j, j] = block[i, i] - s * deviation, block[j, j] + s * deviation
     result[i, j], result[j, i] = c * deviation - block[j, i], c * deviation - block[i, j]
     return result

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 
@@ -11,7 +12,7 @@ from mbd_sim.dynamics.commanded_drives import driven_motion
 from mbd_sim.dynamics.joint_motions import JOINT_MOTIONS
 from mbd_sim.dynamics.links import Link
 from mbd_sim.dynamics.motion import JointMotion, inverse_motion, prescribed_motion
-from mbd_sim.dynamics.spatial_algebra import constant, motion_transform
+from mbd_sim.dynamics.spatial_algebra import constant, motion_transform, skew, sparse
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +29,11 @@ class LinkMotion:
     p_PL: ca.SX
     transform: ca.SX
     V_WL: ca.SX
+
+    @cached_property
+    def cross(self) -> ca.SX:
+        """The matrix (3, 3) with cross @ r = p_PL × r."""
+        return skew(self.p_PL)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +65,7 @@ def link_motions(links: Sequence[Link], t: ca.SX, q: ca.SX, u: ca.SX) -> list[Li
         p_PL = constant(link.X_PF.position) + constant(link.X_PF.rotation) @ joint.p_FM
         transform = motion_transform(R_PL, p_PL)
         inboard = transform @ motions[link.parent].V_WL if link.parent >= 0 else ca.SX(6, 1)
-        motions.append(LinkMotion(joint, R_PL, p_PL, transform, ca.sparsify(inboard + joint.V_FM)))
+        motions.append(LinkMotion(joint, R_PL, p_PL, transform, sparse(inboard + joint.V_FM)))
     return motions
 
 
@@ -75,13 +81,13 @@ def part_poses(links: Sequence[Link], t: ca.SX, q: ca.SX) -> list[SymbolicPose]:
             X_WP = X_WL[link.parent]
             p_WF = X_WP.position + X_WP.rotation @ p_WF
             R_WF = X_WP.rotation @ R_WF
-        p_WL = ca.sparsify(p_WF + R_WF @ joint.p_FM)
-        R_WL = ca.sparsify(R_WF @ joint.R_FM)
+        p_WL = sparse(p_WF + R_WF @ joint.p_FM)
+        R_WL = sparse(R_WF @ joint.R_FM)
         X_WL.append(SymbolicPose(p_WL, R_WL))
         X_WB.append(
             SymbolicPose(
-                ca.sparsify(p_WL + R_WL @ constant(link.X_LB.position)),
-                ca.sparsify(R_WL @ constant(link.X_LB.rotation)),
+                sparse(p_WL + R_WL @ constant(link.X_LB.position)),
+                sparse(R_WL @ constant(link.X_LB.rotation)),
             )
         )
     return X_WB

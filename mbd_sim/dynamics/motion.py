@@ -11,13 +11,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.spatial_algebra import (
-    constant,
-    motion_cross,
-    motion_transform,
-    skew,
-    zeros,
-)
+from mbd_sim.dynamics.spatial_algebra import constant, motion_cross, motion_transform, skew, sparse, zeros
 from mbd_sim.geometry.pose import Array
 
 
@@ -68,7 +62,7 @@ class JointMotion:
         """The acceleration (3,) of M's origin relative to F at u' = 0, in outboard axes."""
         if self.known_origin_bias is not None:
             return self.known_origin_bias
-        return ca.sparsify(self.bias[3:] + skew(self.V_FM[:3]) @ self.V_FM[3:])
+        return sparse(self.bias[3:] + skew(self.V_FM[:3]) @ self.V_FM[3:])
 
 
 def fixed() -> JointMotion:
@@ -80,7 +74,7 @@ def revolute(axis: Array, q: ca.SX, u: ca.SX) -> JointMotion:
     """Right-handed rotation by q in rad about a unit `axis`."""
     k = constant(np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]]))
     projection = constant(np.outer(axis, axis))
-    R_FM = ca.sparsify(projection + ca.sin(q) * k + ca.cos(q) * (constant(np.eye(3)) - projection))
+    R_FM = sparse(projection + ca.sin(q) * k + ca.cos(q) * (constant(np.eye(3)) - projection))
     s = constant(np.concatenate([axis, np.zeros(3)]))
     return JointMotion(R_FM, zeros(3), s, s * u, zeros(6), u, turn=_axis_rotation(axis, q))
 
@@ -120,13 +114,13 @@ def free(q: ca.SX, u: ca.SX) -> JointMotion:
     """
     R_FM, quaternion_rate = quaternion_rotation(q[3:]), quaternion_rates(q[3:], u[3:])
     eye, gap = constant(np.eye(3)), zeros(3, 3)
-    s = ca.sparsify(ca.vertcat(ca.horzcat(gap, eye), ca.horzcat(R_FM.T, gap)))
-    inverse = ca.sparsify(ca.vertcat(ca.horzcat(gap, R_FM), ca.horzcat(eye, gap)))
+    s = sparse(ca.vertcat(ca.horzcat(gap, eye), ca.horzcat(R_FM.T, gap)))
+    inverse = sparse(ca.vertcat(ca.horzcat(gap, R_FM), ca.horzcat(eye, gap)))
     linear = R_FM.T @ u[:3]
     bias = ca.vertcat(zeros(3), -skew(u[3:]) @ linear)
     V_FM = ca.vertcat(u[3:], linear)
     q_rates = ca.vertcat(u[:3], quaternion_rate)
-    return JointMotion(R_FM, q[:3], s, V_FM, ca.sparsify(bias), q_rates, inverse, known_origin_bias=zeros(3))
+    return JointMotion(R_FM, q[:3], s, V_FM, sparse(bias), q_rates, inverse, known_origin_bias=zeros(3))
 
 
 def compose(first: JointMotion, second: JointMotion) -> JointMotion:
@@ -135,11 +129,11 @@ def compose(first: JointMotion, second: JointMotion) -> JointMotion:
     carried = transform @ first.V_FM
     bias = transform @ first.bias + second.bias - motion_cross(second.V_FM) @ carried
     return JointMotion(
-        R_FM=ca.sparsify(first.R_FM @ second.R_FM),
-        p_FM=ca.sparsify(first.p_FM + first.R_FM @ second.p_FM),
-        partial_velocities=ca.sparsify(ca.horzcat(transform @ first.partial_velocities, second.partial_velocities)),
-        V_FM=ca.sparsify(carried + second.V_FM),
-        bias=ca.sparsify(bias),
+        R_FM=sparse(first.R_FM @ second.R_FM),
+        p_FM=sparse(first.p_FM + first.R_FM @ second.p_FM),
+        partial_velocities=sparse(ca.horzcat(transform @ first.partial_velocities, second.partial_velocities)),
+        V_FM=sparse(carried + second.V_FM),
+        bias=sparse(bias),
         q_rates=ca.vertcat(first.q_rates, second.q_rates),
     )
 
@@ -151,13 +145,13 @@ def inverse_motion(motion: JointMotion) -> JointMotion:
     transform = motion_transform(R_MF, p_MF)
     inverse = None
     if motion.inverse is not None:
-        inverse = ca.sparsify(-motion.inverse @ motion_transform(motion.R_FM, motion.p_FM))
+        inverse = sparse(-motion.inverse @ motion_transform(motion.R_FM, motion.p_FM))
     return JointMotion(
         R_FM=R_MF,
-        p_FM=ca.sparsify(p_MF),
-        partial_velocities=ca.sparsify(-transform @ motion.partial_velocities),
-        V_FM=ca.sparsify(-transform @ motion.V_FM),
-        bias=ca.sparsify(-transform @ motion.bias),
+        p_FM=sparse(p_MF),
+        partial_velocities=sparse(-transform @ motion.partial_velocities),
+        V_FM=sparse(-transform @ motion.V_FM),
+        bias=sparse(-transform @ motion.bias),
         q_rates=motion.q_rates,
         inverse=inverse,
     )
@@ -171,7 +165,7 @@ def prescribed_motion(motion: JointMotion, speeds: ca.SX, speed_rates: ca.SX) ->
         p_FM=motion.p_FM,
         partial_velocities=zeros(6, 0),
         V_FM=motion.V_FM,
-        bias=ca.sparsify(motion.bias + s @ speed_rates),
+        bias=sparse(motion.bias + s @ speed_rates),
         q_rates=zeros(0),
         prescribed=PrescribedMotion(s, speeds),
         turn=motion.turn,

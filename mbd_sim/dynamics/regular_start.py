@@ -12,7 +12,6 @@ from mbd_sim.dynamics.assembly_errors import undefined_constraints
 from mbd_sim.dynamics.body_symbols import flat_pose
 from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.dynamics.initial_conditions import AssembledStart, Assembly
-from mbd_sim.dynamics.links import build_links
 from mbd_sim.dynamics.mass_matrix_check import require_definite, require_independent
 from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.dynamics.undefined_forces import StartOfForces, require_defined_forces
@@ -51,7 +50,7 @@ def require_regular_start(
         raise undefined_constraints(traced.numeric, assembly.equations.rows, ~finite)
     start = StartOfForces(assembly.start.q, assembly.start.u, lengths, rates)
     require_defined_forces(traced.numeric, start)
-    links = build_links(traced.numeric)
+    links = traced.numeric_links
     require_definite(traced.numeric, links, pivots, poses.reshape(-1, 12))
     if traced.layout.nv:
         require_independent(traced.numeric, links, start_mass_matrix(traced, assembly.start.q))

@@ -15,17 +15,22 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.geometry.rotation import skew as numeric_skew
 
 
+def sparse(matrix: ca.SX) -> ca.SX:
+    """The matrix with its zeros made structural: the same object if it has no others, as most have none."""
+    return ca.sparsify(matrix) if matrix.has_zeros() else matrix
+
+
 def constant(matrix: Array | ca.SX) -> ca.SX:
     """A matrix of numbers, or of numbers and symbols, with its zeros made structural."""
     if isinstance(matrix, ca.SX):
-        return ca.sparsify(matrix)
+        return sparse(matrix)
     entries = np.asarray(matrix, dtype=float)
-    return _constant(entries.shape, entries.tobytes())[:, :]
+    return +_constant(entries.shape, entries.tobytes())
 
 
 @functools.lru_cache(maxsize=1024)
 def _constant(shape: tuple[int, ...], entries: bytes) -> ca.SX:
-    """The matrix as a new one of CasADi, which takes six times as long as a copy of it."""
+    """The matrix as a new one of CasADi, which takes much longer than a copy of it, such as +matrix."""
     return ca.SX(ca.sparsify(ca.DM(np.frombuffer(entries).reshape(shape))))
 
 
@@ -51,13 +56,13 @@ def zeros(rows: int, columns: int = 1) -> ca.SX:
 
 def skew(v: ca.SX) -> ca.SX:
     """S (3, 3) with S @ w = v × w."""
-    return ca.sparsify(ca.skew(v))
+    return sparse(ca.skew(v))
 
 
 def motion_transform(R_AB: ca.SX, p_AB: ca.SX) -> ca.SX:
     """The matrix (6, 6) that takes motion vectors from frame A to frame B (Featherstone, eq. 2.24)."""
     R_BA = R_AB.T
-    return ca.sparsify(
+    return sparse(
         ca.vertcat(
             ca.horzcat(R_BA, zeros(3, 3)),
             ca.horzcat(-R_BA @ skew(p_AB), R_BA),
@@ -68,7 +73,7 @@ def motion_transform(R_AB: ca.SX, p_AB: ca.SX) -> ca.SX:
 def motion_cross(v: ca.SX) -> ca.SX:
     """C (6, 6) with C @ m = v × m for motion vectors (Featherstone, eq. 2.31)."""
     angular, linear = skew(v[:3]), skew(v[3:])
-    return ca.sparsify(ca.vertcat(ca.horzcat(angular, zeros(3, 3)), ca.horzcat(linear, angular)))
+    return sparse(ca.vertcat(ca.horzcat(angular, zeros(3, 3)), ca.horzcat(linear, angular)))
 
 
 def inertia_matrix(mass: float, center: Array, inertia: Array) -> Array:
@@ -115,8 +120,8 @@ class SpdFactors:
         if self._matrix.shape[0] == 1:
             return right / self._matrix
         if self._matrix.is_constant():
-            return ca.sparsify(self._inverse @ right)
-        return ca.sparsify(ca.ldl_solve(right, *self._ldl))
+            return sparse(self._inverse @ right)
+        return sparse(ca.ldl_solve(right, *self._ldl))
 
 
 def inverse_spd(matrix: Array) -> tuple[Array, Array]:

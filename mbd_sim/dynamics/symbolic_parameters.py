@@ -119,6 +119,12 @@ def _read(mechanism: Mechanism) -> tuple[tuple[Path, ...], list[Any], dict[Path,
     return tuple(paths), free, fixed
 
 
+def no_parameters() -> SymbolicParameters:
+    """Parameters of equations in which all numbers are constants."""
+    none = np.zeros(0, dtype=np.intp)
+    return SymbolicParameters(EquationData((), np.zeros(0), {}), none, none, np.zeros(0))
+
+
 def varying_parameters(base: EquationData, others: Sequence[EquationData]) -> SymbolicParameters:
     """The parameters in which some mechanisms differ from each other, with the values of the `base`.
 

@@ -22,14 +22,9 @@ from mbd_sim.dynamics.kinematics import (
     link_motions,
     part_poses,
 )
-from mbd_sim.dynamics.links import Link
+from mbd_sim.dynamics.links import Link, build_links
 from mbd_sim.dynamics.rotors import rotor_inertias
-from mbd_sim.dynamics.symbolic_parameters import (
-    SymbolicParameters,
-    equation_data,
-    varying_parameters,
-    with_symbols,
-)
+from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters, no_parameters, with_symbols
 from mbd_sim.mechanism.drives import CommandedDrive
 from mbd_sim.mechanism.records import Mechanism
 
@@ -83,6 +78,11 @@ class TracedMechanism:
     step: float
 
     @property
+    def numeric_links(self) -> Sequence[Link]:
+        """The links without symbols."""
+        return build_links(self.numeric) if len(self.parameters.base) else self.links
+
+    @property
     def core(self) -> slice:
         """The components of y that rates depend on, after the coordinates: the speeds, and states of actuators."""
         first = self.layout.nq
@@ -105,7 +105,7 @@ def trace(
     :param disturb: whether the inputs include changes of the motion of drives and of ground, see `disturbances`.
     :raises MechanismError: the step does not divide the period of a servo, or a delay, or is too long for a drive.
     """
-    parameters = parameters or varying_parameters(equation_data(mechanism), ())
+    parameters = parameters or no_parameters()
     disturbances = disturbance_count(mechanism) if disturb else 0
     parameters = with_room(parameters, disturbances)
     symbolic, links = with_symbols(mechanism, parameters)

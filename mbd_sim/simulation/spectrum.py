@@ -70,16 +70,12 @@ def _speeds(equations: Equations) -> slice:
 
 def _jacobian(equations: Equations, time: float, y: Array, inputs: Array) -> Array:
     size = equations.core.stop
-
-    def rates(state: Array) -> Array:
-        return np.array(equations.rates.call([time, state, inputs])[0]).ravel()[:size]
-
-    base, jacobian = rates(y), np.zeros((size, size))
+    states = np.tile(y[:, None], size + 1)  # the last one is the state itself
+    steps = np.arange(size)
     with np.errstate(all="ignore"):  # the state or the efforts may be close to infinity
-        for index in range(size):
-            moved = y.copy()
-            moved[index] += 1e-7 * (1.0 + abs(y[index]))
-            jacobian[:, index] = (rates(moved) - base) / (moved[index] - y[index])
+        states[steps, steps] += 1e-7 * (1.0 + np.abs(y[:size]))
+        rates = np.array(equations.rates.call([time, states, inputs])[0])[:size]
+        jacobian: Array = (rates[:, :-1] - rates[:, -1:]) / (states[steps, steps] - y[:size])
     return jacobian
 
 
