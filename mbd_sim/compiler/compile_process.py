@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from pathlib import Path
 
 from mbd_sim.compiler import object_code
 
@@ -19,7 +20,7 @@ _log = logging.getLogger(__name__)
 class CompileProcess:
     """A process that compiles a long module, from its construction on; see `object_code`. Progress is logged.
 
-    It runs `object_code.py` as a program, without this package and `site`, so it starts soon.
+    It runs `object_code.py` as a program, without `site` and most of this package, so it starts soon.
     """
 
     def __init__(self, text: str, cpu: str, features: str, level: int) -> None:
@@ -28,7 +29,8 @@ class CompileProcess:
         :raises OSError: the process cannot be started.
         """
         _log.info("compiling %.1f MB of intermediate code", len(text) / 1e6)
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+        paths = [*filter(None, sys.path), str(Path(object_code.__file__).parents[2])]
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
         command = [sys.executable, "-P", "-S", object_code.__file__, str(os.getpid()), cpu, features, str(level)]
         self._began = time.monotonic()
         with tempfile.TemporaryFile() as source:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import functools
 import os
+import re
 import signal
 import sys
 import threading
@@ -29,6 +30,9 @@ LONG_CODE_OPTIONS = (
     ("-combiner-store-merging", "false", "true"),  # no search for stores to adjacent addresses
     ("-combiner-tokenfactor-inline-limit", "4", "2048"),  # how many sets of such loads and stores become one set
 )
+# Lines of IR from which on the addresses of a function are made shorter, see `near_addresses`.
+NEAR_ADDRESSES = 1000
+_FUNCTIONS = re.compile(r'^define [a-z ]*void @"([^"]+)"([^\n]*)(.*?)^}', re.MULTILINE | re.DOTALL)
 _PARENT_DEATH = 1  # PR_SET_PDEATHSIG of Linux
 _COMPILING = threading.Lock()  # these options are variables of the whole process
 
@@ -38,6 +42,7 @@ def compiler_options(level: int) -> tuple[str, ...]:
     long = (
         *(f"long: no {name}" for name in SKIPPED_IN_LONG_CODE),
         *(f"{name}={value}" for name, value, _ in LONG_CODE_OPTIONS),
+        f"{NEAR_ADDRESSES} lines: near addresses",
     )
     return *ADDRESSES.values(), *PASSES[level], f"O{level}", *long
 
@@ -46,6 +51,7 @@ def compiler_options(level: int) -> tuple[str, ...]:
 def _prepare() -> None:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
+    llvm.initialize_native_asmparser()
 
 
 def target_machine(cpu: str, features: str, level: int) -> llvm.TargetMachine:
@@ -91,7 +97,19 @@ def object_code(text: str, cpu: str, features: str, level: int, *, is_long: bool
         getattr(passes, f"add_{name}_pass")()
     with _options(is_long=is_long):
         passes.run(parsed, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options()))
+        functions = _long_functions(text)
+        if functions and level and re.match("x86_64.*linux", parsed.triple):
+            from mbd_sim.compiler.near_addresses import as_module, with_near_addresses
+
+            assembly = with_near_addresses(machine.emit_assembly(parsed), functions)
+            parsed = llvm.parse_assembly(as_module(assembly, parsed.triple))
         return bytes(machine.emit_object(parsed))
+
+
+def _long_functions(text: str) -> frozenset[str]:
+    """The functions in IR that return nothing, are not inlined, and have at least `NEAR_ADDRESSES` lines."""
+    found = _FUNCTIONS.findall(text)
+    return frozenset(n for n, head, body in found if "alwaysinline" not in head and body.count("\n") >= NEAR_ADDRESSES)
 
 
 def main() -> None:

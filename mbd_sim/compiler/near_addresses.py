@@ -1,0 +1,238 @@
+"""Shorter addresses in long machine code for x86-64: registers that are free point near what is accessed next.
+
+Half of the instructions of a long function access the stack or constants. LLVM addresses these by their distances
+from the frame pointer and from the code, in four bytes. One byte is enough for a distance of less than 128 from a
+register. A processor fetches and decodes only so many bytes in a cycle, which limits code longer than its cache.
+
+LLVM has no such pass for this processor, so this one works on the assembly code that LLVM writes. Instructions only
+name their operands in memory in another way: all results remain the same.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from itertools import accumulate
+from typing import NamedTuple, TypeAlias
+
+REACH = 128  # bytes before a register's address, and less one after it, that a distance of one byte reaches
+GRAIN = 8  # bytes, of which places of constants and of numbers on the stack are multiples
+WIDTH = 2 * REACH // GRAIN  # places in reach of a register
+AHEAD = 400  # accesses that are counted to decide where a register is to point
+PAYS = 6  # accesses for which a register is set: that takes up to seven bytes, and each access saves three
+FEW = 100  # accesses of a function that are not worth the effort
+# Registers that a function need not restore, with the names of their parts. Of instructions with the last four, half
+# are longer by a byte.
+REGISTERS = {
+    "rax": ("eax", "ax", "al", "ah"),
+    "rcx": ("ecx", "cx", "cl", "ch"),
+    "rdx": ("edx", "dx", "dl", "dh"),
+    "rsi": ("esi", "si", "sil"),
+    "rdi": ("edi", "di", "dil"),
+    "r8": ("r8d", "r8w", "r8b"),
+    "r9": ("r9d", "r9w", "r9b"),
+    "r10": ("r10d", "r10w", "r10b"),
+    "r11": ("r11d", "r11w", "r11b"),
+}
+_WHOLE = {part: name for name, parts in REGISTERS.items() for part in (name, *parts)}
+# Instructions that do not jump, and use no registers but those that they name; calls may use all of them.
+_KNOWN = re.compile(r"v[a-z0-9]+|mov[a-z]*|lea[lq]|(push|pop)q?|(add|sub|and|or|xor)[bwlq]|(call|ret)q?")
+_OPERAND = re.compile(r"(-?\d*)\(%rbp\)|(\.LCPI\d+_\d+)(?:\+(\d+))?\(%rip\)")
+_REGISTER = re.compile(r"%([a-z0-9]+)")
+_CONSTANTS = re.compile(r"\.section\s+(\.rodata\.cst\d+),")
+_SECTIONS = frozenset({".section", ".text", ".data", ".bss"})
+_SIZES = {".quad": 8, ".long": 4, ".short": 2, ".byte": 1}
+
+Constants: TypeAlias = Mapping[str, tuple[str, int]]  # of each label the section, and the distance from its start
+
+
+class _Operand(NamedTuple):
+    """What an instruction accesses: a distance in bytes from the frame pointer, or from the start of a section."""
+
+    line: int
+    section: str  # empty for the stack
+    distance: int
+    name: str  # the label and what is added to it; empty for the stack
+
+    def address(self, more: int) -> str:
+        """The address so many bytes after this operand."""
+        return f"{self.name}{more:+d}(%rip)" if self.section else f"{self.distance + more}(%rbp)"
+
+
+class _Body(NamedTuple):
+    """A function without jumps: its lines, and for each register the line from which on it is free."""
+
+    lines: Sequence[str]
+    operands: Sequence[_Operand]
+    calls: Sequence[int]
+    free: Mapping[str, int]
+
+
+def with_near_addresses(assembly: str, functions: Collection[str]) -> str:
+    """The same assembly code, of which some functions are shorter.
+
+    :param assembly: as LLVM writes it, in AT&T syntax.
+    :param functions: the names of functions that return nothing.
+    """
+    lines = assembly.splitlines()
+    constants = _constants(lines)
+    result: list[str] = []
+    position = 0
+    while position < len(lines):
+        name, colon, _ = lines[position].partition(":")
+        result.append(lines[position])
+        position += 1
+        if colon and name.strip('"') in functions:
+            end = next(i for i in range(position, len(lines)) if lines[i].startswith(".Lfunc_end"))
+            result += _shortened(lines[position:end], constants)
+            position = end
+    return "\n".join([*result, ""])
+
+
+def as_module(assembly: str, triple: str) -> str:
+    """A module of IR whose object code is that of assembly code for a target."""
+    texts = [line.replace("\\", "\\5C").replace('"', "\\22").replace("\t", "\\09") for line in assembly.splitlines()]
+    return "\n".join([f'target triple = "{triple}"', *[f'module asm "{text}"' for text in texts], ""])
+
+
+def _constants(lines: Sequence[str]) -> Constants:
+    """The places of all constants in sections of which every line is known."""
+    found: dict[str, tuple[str, int]] = {}
+    sizes: dict[str, int] = {}
+    unknown = {""}
+    section = ""
+    for words in filter(None, (line.split() for line in lines)):
+        if words[0] in _SECTIONS:
+            match = _CONSTANTS.match(" ".join(words))
+            section = match[1] if match else ""
+        elif section not in unknown:
+            size = sizes.get(section, 0)
+            if words[0].endswith(":"):
+                found[words[0][:-1]] = section, size
+            elif words[0] == ".p2align":
+                step = 1 << int(words[1].rstrip(","))
+                sizes[section] = -(-size // step) * step
+            elif words[0] == ".zero":
+                sizes[section] = size + int(words[1])
+            elif words[0] in _SIZES:
+                sizes[section] = size + _SIZES[words[0]]
+            else:
+                unknown.add(section)
+    return {label: place for label, place in found.items() if place[0] not in unknown}
+
+
+def _shortened(lines: Sequence[str], constants: Constants) -> Sequence[str]:
+    body = _body(lines, constants)
+    if body is None or len(body.operands) < FEW:
+        return lines
+    return _Pointers(body).lines()
+
+
+def _body(lines: Sequence[str], constants: Constants) -> _Body | None:
+    """The function with these lines; None if it has jumps or unknown instructions."""
+    operands: list[_Operand] = []
+    calls: list[int] = []
+    used = dict.fromkeys(REGISTERS, -1)
+    for number, line in enumerate(lines):
+        code = line.partition("#")[0].strip()
+        if code.endswith(":") or (code and code[0] != "." and not _KNOWN.fullmatch(code.split()[0])):
+            return None
+        if not code or code[0] == ".":
+            continue
+        if code.startswith("call"):
+            calls.append(number)
+        for name in _REGISTER.findall(code):
+            if name in _WHOLE:
+                used[_WHOLE[name]] = number
+        if (match := _OPERAND.search(code)) and not code.startswith("lea"):
+            operand = _operand(number, match, constants)
+            if operand is not None:
+                operands.append(operand)
+    # What a register holds may be meant for the next call, and at first for the first one.
+    free = {name: next((call for call in calls if call >= last), last) + 1 for name, last in used.items()}
+    return _Body(lines, operands, calls, free)
+
+
+def _operand(line: int, match: re.Match[str], constants: Constants) -> _Operand | None:
+    """An operand on the stack or a constant, unless it is near or its place is not known."""
+    distance, label, more = match.groups()
+    if label is None:
+        own = int(distance or 0)
+        return None if -REACH <= own < REACH or own % GRAIN else _Operand(line, "", own, "")
+    if label not in constants:
+        return None
+    section, start = constants[label]
+    own = start + int(more or 0)
+    return None if own % GRAIN else _Operand(line, section, own, f"{label}+{more or 0}")
+
+
+class _Pointers:
+    """Where registers point, from the first operand to the last one.
+
+    All operands have a place on one axis, in steps of `GRAIN`: the stack and the sections, out of reach of each other.
+    """
+
+    def __init__(self, body: _Body) -> None:
+        self._body = body
+        self._places = _places(body.operands)
+        self._waiting = [0] * (max(self._places) + 2 * WIDTH)  # at each place, accesses of those that are counted
+        self._first: dict[str, int] = {}  # for each register that points somewhere, the first place in its reach
+
+    def lines(self) -> list[str]:
+        """The lines of the function with shorter addresses."""
+        body, counted, call = self._body, 0, 0
+        calls = [*body.calls, len(body.lines)]
+        changed: dict[int, list[str]] = {}
+        for index, (operand, place) in enumerate(zip(body.operands, self._places, strict=True)):
+            while calls[call] < operand.line:
+                call += 1
+                self._first.clear()
+            while counted < min(index + AHEAD, len(self._places)) and body.operands[counted].line < calls[call]:
+                self._waiting[self._places[counted]] += 1
+                counted += 1
+            register = next((name for name, first in self._first.items() if first <= place < first + WIDTH), None)
+            before = []
+            if register is None and (register := self._pointed(operand.line, place)) is not None:
+                more = (self._first[register] - place) * GRAIN + REACH
+                before = [f"\tleaq\t{operand.address(more)}, %{register}"]
+            if register is not None:
+                distance = (place - self._first[register]) * GRAIN - REACH
+                short = _OPERAND.sub(f"{distance}(%{register})", body.lines[operand.line])
+                changed[operand.line] = [*before, short]
+            self._waiting[place] -= 1
+        return [text for number, line in enumerate(body.lines) for text in changed.get(number, [line])]
+
+    def _pointed(self, line: int, place: int) -> str | None:
+        """A register that now points near a place, if that pays."""
+        low = place - WIDTH + 1
+        counts = self._waiting[low : place + WIDTH]  # of what no register reaches
+        for first in self._first.values():
+            begin, end = max(first - low, 0), min(first + WIDTH - low, len(counts))
+            if begin < end:
+                counts[begin:end] = [0] * (end - begin)
+        sums = list(accumulate(counts, initial=0))
+        gains = [after - before for before, after in zip(sums, sums[WIDTH:], strict=False)]
+        gain = max(gains)
+        usable = [name for name, start in self._body.free.items() if start <= line]
+        register = next((name for name in usable if name not in self._first), None)
+        if register is None and usable:
+            reached = {name: sum(self._waiting[first : first + WIDTH]) for name, first in self._first.items()}
+            register = min(reached, key=reached.__getitem__)
+            gain -= reached[register]
+        if register is None or gain < PAYS:
+            return None
+        self._first[register] = low + gains.index(max(gains))
+        return register
+
+
+def _places(operands: Sequence[_Operand]) -> list[int]:
+    """The places of operands."""
+    spans: dict[str, tuple[int, int]] = {}
+    for _, section, distance, _ in operands:
+        low, high = spans.get(section, (distance, distance))
+        spans[section] = min(low, distance), max(high, distance)
+    starts, end = {}, WIDTH
+    for section, (low, high) in spans.items():
+        starts[section] = end - low // GRAIN
+        end += (high - low) // GRAIN + 2 * WIDTH
+    return [starts[section] + distance // GRAIN for _, section, distance, _ in operands]

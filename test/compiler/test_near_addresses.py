@@ -1,0 +1,122 @@
+"""Shorter addresses: the same results from less code, and registers that hold nothing else."""
+
+import ctypes
+import platform
+import re
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from mbd_sim.compiler import machine_code, object_code
+from mbd_sim.compiler.host_module import new_module
+from mbd_sim.compiler.lowering import export, lower
+from mbd_sim.compiler.near_addresses import REACH, with_near_addresses
+
+CALL, SLOT = "\tcallq\tother", "\tvmovsd\t-800(%rbp), %xmm0"
+CONSTANTS = [
+    '\t.section\t.rodata.cst8,"aM",@progbits,8',
+    "\t.p2align\t3, 0x0",
+    *(line for number in range(20) for line in (f".LCPI0_{number}:", f"\t.quad\t{number}")),
+]
+
+
+def shortened(body, before=()):
+    """The lines of a function after the pass."""
+    text = "\n".join(
+        [*before, "\t.text", "rates:", *body, "\tretq", ".Lfunc_end0:", "\t.size\trates, .Lfunc_end0-rates"]
+    )
+    assert with_near_addresses(text, ()) == text + "\n"
+    lines = with_near_addresses(text, {"rates"}).splitlines()
+    return lines[lines.index("rates:") + 1 : lines.index("\tretq")]
+
+
+def pointers(lines):
+    """The registers that are made to point somewhere."""
+    return {match[1] for line in lines if (match := re.match(r"\tleaq\t-?\d+\(%rbp\), %(\w+)", line))}
+
+
+def accessed(lines):
+    """The places that instructions access: distances from the frame pointer, or the numbers of constants and bytes."""
+    registers, found = {}, []
+    for line in lines:
+        if match := re.match(r"\tleaq\t(-?\d+)\(%rbp\), %(\w+)", line):
+            registers[match[2]] = int(match[1])
+        elif match := re.match(r"\tleaq\t\.LCPI0_(\d+)\+0([-+]\d+)\(%rip\), %(\w+)", line):
+            registers[match[3]] = 8j * int(match[1]) + int(match[2]) * 1j
+        elif match := re.search(r"(-?\d+)\(%(r(?!ip)\w+)\)", line):
+            distance = int(match[1])
+            assert match[2] == "rbp" or -REACH <= distance < REACH
+            unit = 1j if isinstance(registers.get(match[2]), complex) else 1
+            found.append(distance * unit + (0 if match[2] == "rbp" else registers[match[2]]))
+        elif match := re.search(r"\.LCPI0_(\d+)\(%rip\)", line):
+            found.append(8j * int(match[1]))
+        if "call" in line:
+            registers.clear()
+    return found
+
+
+def test_each_instruction_accesses_the_same_place():
+    rng = np.random.default_rng(1)
+    places = (-8 * rng.integers(1, 600, 900)).tolist()
+    body = [f"\tvmulpd\t{place}(%rbp), %xmm1, %xmm2" for place in places]
+    for number in range(0, 900, 7):
+        body[number] = f"\tvaddsd\t.LCPI0_{number % 20}(%rip), %xmm1, %xmm1"
+    body[500:500], body[50:50] = [CALL], [CALL]
+    after = shortened(body, CONSTANTS)
+    assert accessed(after) == accessed(body)
+    assert sum("(%rbp)" in line or "(%rip)" in line for line in after) < 0.7 * len(body)
+    assert [line for line in after if "leaq" not in line and "(%r" not in line] == [CALL, CALL]
+
+
+def test_registers_that_hold_something_are_left_alone():
+    body = ["\tvmovsd\t(%rsi), %xmm3", "\tmovl\t$1, %r10d", *[SLOT] * 60, "\tmovq\t%rbx, %rdi", *[SLOT] * 60, CALL]
+    body += [*[SLOT] * 60, "\tmovb\t%cl, %al", *[SLOT] * 60, "\taddl\t%edx, %r9d"]
+    after = shortened(body)
+    assert not pointers(after[: after.index(CALL)])  # all of them may be arguments of the call
+    following = after[after.index(CALL) + 1 :]
+    moved = following.index("\tmovb\t%cl, %al")
+    assert pointers(following[:moved]) == {"rsi"}
+    assert not pointers(following) & {"rdx", "r9"}
+    assert sum("(%rsi), %xmm0" in line for line in following) == 120
+
+
+@pytest.mark.parametrize("line", [".LBB0_1:", "\tjne\t.LBB0_1", "\trep;movsq", "\tidivq\t%rcx"])
+def test_functions_with_jumps_or_other_instructions_stay_as_they_are(line):
+    body = [*[SLOT] * 200, line]
+    assert shortened(body) == body
+    assert shortened(body[:-1]) != body[:-1]
+
+
+def test_constants_whose_places_are_not_known_stay_as_they_are():
+    body = ["\tvaddsd\t.LCPI0_3(%rip), %xmm1, %xmm1"] * 200
+    assert shortened(body, CONSTANTS) != body
+    assert shortened(body, [*CONSTANTS[:4], "\t.octa\t1", *CONSTANTS[4:]]) == body
+
+
+def products(numbers):
+    """A function with twice as many products as there are numbers, and sines that are called."""
+    x = ca.SX.sym("x", numbers.shape[1])
+    return ca.Function("f", [x], [(ca.DM(numbers) @ ca.sin(x)) * (ca.DM(numbers) @ x)])
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="the pass is for x86-64")
+def test_shorter_code_has_the_same_bits(monkeypatch):
+    monkeypatch.setattr(machine_code, "LEVEL", 1)
+    rng = np.random.default_rng(2)
+    numbers, given = rng.normal(size=(16, 20)), rng.normal(size=20)
+    module = new_module()
+    export(module, "call", lower(module, products(numbers), inline=False))
+    text, results, sizes = str(module), [], []
+    for lines in (10**6, 1000):
+        monkeypatch.setattr(object_code, "NEAR_ADDRESSES", lines)
+        code = object_code.object_code(text, *machine_code.host(), 1)
+        loaded, out = machine_code.linked({str(lines): code}), np.empty(16)
+        ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(loaded.address("call"))(
+            given.ctypes.data, out.ctypes.data
+        )
+        results.append(out)
+        sizes.append(len(code))
+    assert results[0].tobytes() == results[1].tobytes()
+    assert sizes[1] < 0.95 * sizes[0]
+    np.testing.assert_allclose(results[1], (numbers @ np.sin(given)) * (numbers @ given), rtol=1e-12)
