@@ -22,6 +22,7 @@ from mbd_sim.drawing.part_outlines import (
     bounding_points,
     mass_center,
     part_paths,
+    pin_bar_paths,
 )
 from mbd_sim.drawing.placed_joint import PlacedJoint, middle, place_joint
 from mbd_sim.drawing.projection import Page, view_of
@@ -93,6 +94,7 @@ def mechanism_sheet(
         joints = [_supported_as_at(start, page, mechanism, joint) for joint in joints]
     for name, part in mechanism.parts.items():
         sheet.add(*part_paths(page, mechanism, part, poses[name], colors[name]))
+    sheet.add(*pin_bar_paths(page, mechanism, poses, colors))
     occupied = [np.mean(path.points[:-1], axis=0) for path in sheet.paths if path.particle]
     sheet.add(*curve_paths(page, curves))
     sheet.add(*two_point_paths(page, mechanism, poses), *constraint_paths(page, mechanism, poses, size))

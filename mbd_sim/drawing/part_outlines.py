@@ -28,6 +28,7 @@ from mbd_sim.mechanism.records import (
 )
 
 POINTER = 0.4  # width of the bar to a traced point, relative to that of other bars
+PIN_BAR = 0.7  # the same for a pin beside the shapes
 POINTER_TOLERANCE = 1e-6  # relative distance up to which a point lies on a shape
 ROD_TOLERANCE = 1e-6  # relative; largest deviation of a slide from the rod that guides it
 
@@ -59,8 +60,27 @@ def part_paths(page: Page, mechanism: Mechanism, part: Part, pose: Pose, color: 
     return [*paths, dot(page.project(center), color, page.depth(center))]
 
 
-def pointer_paths(page: Page, part: Part, point: Array, pose: Pose, color: Color) -> list[SheetPath]:
-    """A thin bar from the nearest shape of a part to a point (3,) in its frame, unless that lies on a shape."""
+def pin_bar_paths(
+    page: Page, mechanism: Mechanism, poses: Mapping[str, Pose], colors: Mapping[str, Color]
+) -> list[SheetPath]:
+    """Bars from the shapes of parts to their pins beside these, such as the third pin of a coupler that is a rod."""
+    paths = []
+    for joint in mechanism.all_joints.values():
+        ends = ((joint.parent, joint.parent_pose), (joint.child, joint.child_pose))
+        for name, at in ends if joint.kind.keeps_point and joint.kind.connects else ():
+            if name in mechanism.parts and any(shape.kind == "rod" for shape in mechanism.parts[name].shapes):
+                part = mechanism.parts[name]
+                paths += pointer_paths(page, part, at.position, poses[name], colors[name], PIN_BAR)
+    return paths
+
+
+def pointer_paths(
+    page: Page, part: Part, point: Array, pose: Pose, color: Color, width: float = POINTER
+) -> list[SheetPath]:
+    """A bar from the nearest shape of a part to a point (3,) in its frame, unless that lies on a shape.
+
+    :param width: relative to that of other bars.
+    """
     shapes = [shape for shape in part.shapes if not shape.hole]
     if not shapes or part.meshes:
         return []
@@ -70,7 +90,7 @@ def pointer_paths(page: Page, part: Part, point: Array, pose: Pose, color: Color
     ends = page.project(pose.position + np.array([at, point]) @ pose.rotation.T)
     depth = 0.0 if page.view.planar else page.depth(pose.position + pose.rotation @ at)
     edge, fill = outline_color(color), fill_color(color)
-    return [SheetPath(capsule(ends, POINTER * BAR), edge=edge, fill=fill, closed=True, depth=depth)]
+    return [SheetPath(capsule(ends, width * BAR), edge=edge, fill=fill, closed=True, depth=depth)]
 
 
 def _nearest(shape: Shape, point: Array) -> tuple[Array, float]:

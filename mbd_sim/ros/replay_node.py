@@ -79,6 +79,8 @@ class ReplayNode(Node):  # type: ignore[misc]  # rclpy carries no types
         if parameters["start"] > self.player.duration:
             start, duration = parameters["start"], self.player.duration
             raise ValueError(f"start is {start:g} s, but the recording lasts only {duration:g} s")
+        if 0.0 < parameters["end"] < parameters["start"]:
+            raise ValueError(f"end is {parameters['end']:g} s, before start, {parameters['start']:g} s")
         self._warn_of_gaps(unknown)
         self.create_timer(GARBAGE_COLLECTION_PERIOD, gc.collect, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_service(SetBool, "~/pause", self._on_pause)

@@ -1,10 +1,14 @@
-"""Bars from the shapes of parts to traced points beside them."""
+"""Bars from the shapes of parts to traced points and pins beside them."""
 
 import numpy as np
 import pytest
 
+from mbd_sim.analysis.kinematics import Kinematics
+from mbd_sim.appearance.palette import part_colors
 from mbd_sim.drawing.animation import traced_point_paths, traced_points
+from mbd_sim.drawing.part_outlines import pin_bar_paths
 from mbd_sim.drawing.projection import Page, view_of
+from mbd_sim.load import parse_mechanism
 from mbd_sim.simulation.simulation import Simulation
 
 COUPLER = """mechanism: coupler
@@ -45,3 +49,21 @@ def test_a_point_beside_its_part_is_joined_to_the_nearest_shape(simulation, poin
 @pytest.mark.parametrize("point", ["tip", "corner"])
 def test_a_point_on_a_shape_needs_no_bar(simulation, point):
     assert paths(simulation, f"bar.{point}")[2] == []
+
+
+@pytest.mark.parametrize(("point", "bars"), [("tracer", 1), ("tip", 0)])
+def test_a_pin_beside_its_rod_is_joined_to_it(point, bars):
+    text = COUPLER.replace(
+        "joints: {",
+        f"  link: {{mass: 1}}\njoints: {{p: {{type: revolute, between: [bar.{point}, link], axis: [0, -1, 0]}}, ",
+    )
+    mechanism = parse_mechanism(text)
+    poses = Kinematics(mechanism).poses()
+    page = Page(view_of(mechanism, poses), 100.0)
+    found = pin_bar_paths(page, mechanism, poses, part_colors(mechanism))
+    assert len(found) == bars
+    if bars:
+        (traced,) = traced_point_paths(page, mechanism, traced_points(mechanism, [f"bar.{point}"]), poses)
+        (bar,) = found
+        assert np.mean(bar.points, axis=0) == pytest.approx(np.mean(traced.points, axis=0), abs=1.0)
+        assert bar.edge == traced.edge and bar.fill == traced.fill
