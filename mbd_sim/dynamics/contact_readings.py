@@ -10,6 +10,7 @@ from mbd_sim.dynamics.contact_equations import SLOW, ContactEquations, FrictionE
 from mbd_sim.dynamics.joint_loads import JointLoad
 
 TURNED = 0.5  # cosine of the angle by which a direction of sliding turns before it is stored again
+UNSLIPPED = 1e-9  # m/s or rad/s, up to which a clutch without capacity does not slip; more than `RESTING`
 
 
 def gap_values(contacts: ContactEquations, positions: ca.SX | None = None) -> ca.SX:
@@ -66,7 +67,7 @@ def _friction_guard(
 ) -> ca.SX:
     """Sliding: the speed along the stored direction. Sticking: what friction could bear more than it does.
 
-    Along two directions the stored direction is renewed where sliding has turned by some 60 degrees.
+    A clutch that neither slides nor sticks has no capacity: it is watched until it has, or slips. Along two directions the stored direction is renewed where sliding has turned by some 60 degrees.
     """
     rows = list(element.rows)
     stored = contacts.stored_direction(element)
@@ -81,4 +82,7 @@ def _friction_guard(
         speed -= TURNED * ca.sqrt(ca.dot(slip, slip))
     if element.joint is not None:
         return ca.if_else(slides, speed, ca.if_else(sticks, reserve, 1.0))
-    return ca.if_else(sticks, reserve, ca.if_else(slides, speed, 1.0))
+    released = ca.SX(1)
+    if element.gap is None and not element.static.is_constant():
+        released = ca.if_else(element.static > 0.0, -element.static / weight, 1.0 - ca.fabs(slip[0]) / UNSLIPPED)
+    return ca.if_else(sticks, reserve, ca.if_else(slides, speed, released))

@@ -24,6 +24,7 @@ RESERVES = (0.5, 0.75, 0.9, *(1.0 - 3.0**-k for k in range(3, 15)))  # of limits
 NEAR = 0.95  # of its limit, beyond which shared friction is distributed in another way if possible
 SHARED = 1.0 - 2e-11  # of its limit, that friction bears at most which depends on other sticking friction
 LATE = 0.9  # of all limits, beyond which dependent friction bears as much as it can
+RELEASED = 1e-200  # direction of a clutch without slip and capacity: without effect, but its guard is evaluated
 ATTEMPTS, LOAD_ITERATIONS = 20, 200
 
 
@@ -59,6 +60,7 @@ class Candidates:
         self._share = 1.0  # of the limits of friction at rest
         self._is_late = False  # whether friction that is shared is near its limits in any case
         self._sticking: list[int] = []
+        self._released: list[int] = []  # without slip, and without any capacity at present
         for index, (rows, gap) in enumerate(model.frictions):
             if gap is not None and gap not in self._closable:
                 continue
@@ -69,6 +71,8 @@ class Candidates:
                 self._direction[index] = slip / speed
             elif terms.sizes[index, 1] > 0.0:
                 self._sticking.append(index)
+            elif gap is None and index not in self._loads:
+                self._released.append(index)
 
     def solved(self, before: Array) -> tuple[Array, Forced | None]:
         """The modes, or what of the forced decisions must be withdrawn.
@@ -87,6 +91,10 @@ class Candidates:
                 self._direction[index] = direction
                 self._sticking.remove(index)
         size = self._unmoved
+        for index in self._released:
+            acceleration = rates[list(self._model.frictions[index][0])]
+            if (change := euclidean_norm(acceleration)) > size:
+                self._direction[index] = acceleration / change
         for gap in sorted(self._forced.open & set(self._touching)):
             if rates[gap] < -size:
                 return np.zeros(0), replace(self._forced, open=self._forced.open - {gap})
@@ -218,6 +226,8 @@ class Candidates:
             size = euclidean_norm(share)
             for row, part in zip(rows, share, strict=True):
                 modes[first + row] = part * min(1.0, SHARED / size) if size else 0.0
+        for index in self._released:
+            modes[first + model.frictions[index][0][0]] = RELEASED
         for index, direction in self._direction.items():
             rows, gap = model.frictions[index]
             if index in self._loads:

@@ -28,6 +28,7 @@ MOST_STAGES = 5000  # of a step
 MOST_AT_ONCE = 20  # events at one instant, beyond which their guards wait until time has passed
 CREEPING = 20  # parts of a step that end with a slip which counts as zero, until it stops if it can
 LONGER = 4.0  # than the last part of a step that a next one may be
+BRIEF = 1e-6  # of a step, after which guards that could change nothing are examined again
 
 
 class EventError(DivergedError):
@@ -106,8 +107,9 @@ class ContactStepper:
 
     def _step(self, y: Array, inputs: Array, start: float, end: float) -> None:
         t, events, ignored, longest, decided, creeping = start, 0, frozenset[int](), np.inf, _Decided(), 0
+        brief = BRIEF * (end - start)
         for _ in range(MOST_STAGES):
-            stage = self._search.stage(y, inputs, t, end - t, longest, ignored)
+            stage = self._search.stage(y, inputs, t, min(end - t, brief) if ignored else end - t, longest, ignored)
             y[:] = stage.y
             longest = np.inf if stage.is_event else LONGER * stage.length
             is_last = stage.length >= end - t
@@ -121,6 +123,8 @@ class ContactStepper:
                 decided = decided if stage.length == 0.0 else _Decided()
                 ignored = self._switch(t, y, inputs, decided, events <= MOST_EVENTS)
             elif stage.length > 0.0:
+                if ignored:
+                    brief, decided = LONGER * brief, _Decided()
                 ignored = frozenset()
             if is_last:
                 return
