@@ -20,6 +20,7 @@ from mbd_sim.mechanism.records import Joint
 
 UNIT = 1e-13  # by which the square of a unit vector may differ from 1
 SLIDING = 1.0 - 1e-11  # square of the length of a direction from which on it is one of sliding, and no share
+RELEASED = 1e-200  # direction of a clutch without slip and capacity: without effect, but its guard is evaluated
 SLOW = 1e-12  # m/s, slip below which the direction of sliding is the stored one
 
 

@@ -6,11 +6,13 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from mbd_sim.dynamics.contact_equations import SLOW, ContactEquations, FrictionElement
+from mbd_sim.dynamics.contact_equations import RELEASED, SLIDING, SLOW, ContactEquations, FrictionElement
 from mbd_sim.dynamics.joint_loads import JointLoad
 
 TURNED = 0.5  # cosine of the angle by which a direction of sliding turns before it is stored again
-UNSLIPPED = 1e-9  # m/s or rad/s, up to which a clutch without capacity does not slip; more than `RESTING`
+UNMOVED = 5e-10  # m/s or rad/s, up to which a closed gap that depends on others does not move: above `RESTING`
+# m/s or rad/s, up to which friction at rest along one or two directions does not slip: above `RESTING`, `STOPPED`
+UNSLIPPED = 1e-9, 2e-8
 
 
 def gap_values(contacts: ContactEquations, positions: ca.SX | None = None) -> ca.SX:
@@ -32,10 +34,7 @@ def contact_readings(
     :param solution: (rows,) of the active rows.
     """
     forces, gaps = contacts.forces(solution), gap_values(contacts)
-    guards = [
-        ca.if_else(contacts.closed[index], ca.if_else(contacts.active[index], forces[index] / weight, 1.0), gaps[index])
-        for index in range(contacts.layout.gaps)
-    ]
+    guards = [_gap_guard(contacts, index, gaps[index], forces[index], weight) for index in range(contacts.layout.gaps)]
     sizes = iter([load.size(forces) for load in loads])
     for element in contacts.frictions:
         load = ca.SX(1) if element.gap is None else forces[element.gap]
@@ -62,12 +61,19 @@ def _turning(contacts: ContactEquations, element: FrictionElement, forces: ca.SX
     return ca.if_else(slides, size / ca.fmax(speed, SLOW), 0.0)
 
 
+def _gap_guard(contacts: ContactEquations, index: int, gap: ca.SX, force: ca.SX, weight: float) -> ca.SX:
+    """Open: the gap. Closed: the force, or, where other closed gaps hold it without any, that it does not move."""
+    held = 1.0 - ca.fabs(contacts.equations.velocity[index]) / UNMOVED
+    return ca.if_else(contacts.closed[index], ca.if_else(contacts.active[index], force / weight, held), gap)
+
+
 def _friction_guard(
     contacts: ContactEquations, element: FrictionElement, forces: ca.SX, load: ca.SX, weight: float
 ) -> ca.SX:
     """Sliding: the speed along the stored direction. Sticking: what friction could bear more than it does.
 
-    A clutch that neither slides nor sticks has no capacity: it is watched until it has, or slips. Along two directions the stored direction is renewed where sliding has turned by some 60 degrees.
+    Friction that depends on other friction at rest does not move. A clutch that is released is watched until it has a
+    capacity, or slips. Along two directions the stored direction is renewed where sliding has turned by 60 degrees.
     """
     rows = list(element.rows)
     stored = contacts.stored_direction(element)
@@ -75,14 +81,18 @@ def _friction_guard(
     size = ca.fabs(own[0]) if len(rows) == 1 else ca.sqrt(ca.dot(own, own))
     reserve = (element.static * load - size) / weight
     sticks = ca.sum1(contacts.active[rows]) > 0.0
-    slides = ca.dot(stored, stored) > 0.0
+    slides = ca.dot(stored, stored) > SLIDING
     slip = contacts.equations.velocity[rows, :]
     speed = ca.dot(stored, slip)
     if len(rows) == 2:
         speed -= TURNED * ca.sqrt(ca.dot(slip, slip))
     if element.joint is not None:
         return ca.if_else(slides, speed, ca.if_else(sticks, reserve, 1.0))
-    released = ca.SX(1)
-    if element.gap is None and not element.static.is_constant():
-        released = ca.if_else(element.static > 0.0, -element.static / weight, 1.0 - ca.fabs(slip[0]) / UNSLIPPED)
-    return ca.if_else(sticks, reserve, ca.if_else(slides, speed, released))
+    held = 1.0 - ca.sqrt(ca.dot(slip, slip)) / UNSLIPPED[len(rows) - 1]
+    if element.gap is not None:
+        held = ca.if_else(contacts.closed[element.gap] * (element.static > 0.0), held, 1.0)
+    elif not element.static.is_constant():
+        held = ca.if_else((stored[0] == RELEASED) * (element.static > 0.0), -element.static / weight, held)
+    if len(rows) == 2:  # one of them may depend on others
+        reserve = ca.if_else((ca.sum1(contacts.active[rows]) < 2.0) * (held < 0.0), held, reserve)
+    return ca.if_else(sticks, reserve, ca.if_else(slides, speed, held))

@@ -13,6 +13,7 @@ import numpy as np
 
 from mbd_sim.contact.elimination import independent
 from mbd_sim.contact.problem import ContactProblem, FrictionLimit, NoSolutionError, contact_forces
+from mbd_sim.dynamics.contact_equations import RELEASED
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.contact_search import STOPPED
 from mbd_sim.simulation.contact_terms import ContactModel, ContactReadings, ContactTerms, Mask
@@ -24,7 +25,6 @@ RESERVES = (0.5, 0.75, 0.9, *(1.0 - 3.0**-k for k in range(3, 15)))  # of limits
 NEAR = 0.95  # of its limit, beyond which shared friction is distributed in another way if possible
 SHARED = 1.0 - 2e-11  # of its limit, that friction bears at most which depends on other sticking friction
 LATE = 0.9  # of all limits, beyond which dependent friction bears as much as it can
-RELEASED = 1e-200  # direction of a clutch without slip and capacity: without effect, but its guard is evaluated
 ATTEMPTS, LOAD_ITERATIONS = 20, 200
 
 
