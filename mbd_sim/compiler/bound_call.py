@@ -6,24 +6,27 @@ Machine code evaluates the function and makes the arrays that it returns, or the
 from __future__ import annotations
 
 import functools
+import json
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, TypeVar, cast
+from typing import TYPE_CHECKING, NamedTuple, TypeVar, cast
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from mbd_sim import disk_cache
 from mbd_sim.compiler.fastcall import linked
 from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.ir import BOOL, POINTER, VOID, Function, FunctionType, Module, Value
 from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import DOUBLE, FALSE, INT, element, integer, local_array
 from mbd_sim.compiler.ir_vectors import loop
-from mbd_sim.compiler.lowering import export, lower
-from mbd_sim.compiler.machine_code import MachineCode
+from mbd_sim.compiler.machine_code import MachineCode, load_code
 from mbd_sim.compiler.numpy_interface import emit_data, emit_new_array
 from mbd_sim.compiler.python_callable import callable_of
+
+if TYPE_CHECKING:
+    import casadi as ca
 
 Clock = tuple[NDArray[np.int64], NDArray[np.float64]]
 Call = Callable[[], NDArray[np.float64]]
@@ -46,12 +49,29 @@ class CompiledFunction(NamedTuple):
     size: int
 
     @classmethod
-    def of(cls, function: ca.Function) -> CompiledFunction:
-        """Compile a function (t, …) -> values, apart from the kernel, which it therefore does not change."""
-        module = new_module()
+    def of(cls, trace: Callable[[], ca.Function], key: str | None = None) -> CompiledFunction:
+        """Compile the function (t, …) -> values that `trace` returns, apart from the kernel, which stays as it is.
+
+        :param key: of the cache on disk, where the function is found without tracing it; None: nothing is stored.
+        """
+        if key is not None and (found := cls._stored(key)) is not None:
+            return found
+        from mbd_sim.compiler.lowering import export, lower  # with CasADi, which stored functions do not need
+
+        function, module = trace(), new_module()
         export(module, "function", lower(module, function, inline=True))
-        code = compile_module(module)
-        return cls(code.address("function"), code, function.nnz_out(0))
+        code, size = compile_module(module), function.nnz_out(0)
+        if key is not None:
+            disk_cache.store(key, json.dumps([size, *code.keys]).encode())
+        return cls(code.address("function"), code, size)
+
+    @classmethod
+    def _stored(cls, key: str) -> CompiledFunction | None:
+        if (entry := disk_cache.load(key)) is None:
+            return None
+        size, *keys = json.loads(entry)
+        code = load_code(keys)
+        return None if code is None else cls(code.address("function"), code, size)
 
     def bound(self, clock: Clock, arrays: Sequence[NDArray[np.float64]], shape: Shape, rows: slice = ALL) -> Call:
         """The function of arrays that stay where they are, as a callable that returns a new array.

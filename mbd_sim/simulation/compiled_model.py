@@ -15,14 +15,13 @@ from mbd_sim.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.geometry.rotation import rotation_vector, unit
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.actuated_model import ActuatedModel
-from mbd_sim.simulation.contacting_model import ContactingModel
 from mbd_sim.simulation.live_values import LiveParameters
+from mbd_sim.simulation.loaded_model import LoadedModel
 from mbd_sim.simulation.method_name import require_method
 from mbd_sim.simulation.prepared_model import PreparedModel, load_prepared, model_key, store_prepared
-from mbd_sim.simulation.state_records import Energies, Reaction, Violation
+from mbd_sim.simulation.state_records import Energies, Violation
 
 if TYPE_CHECKING:
-    from mbd_sim.analysis.load_sharing import LoadSharing
     from mbd_sim.compiler.bound_call import Call, Clock
     from mbd_sim.compiler.readers import CompiledReaders
     from mbd_sim.dynamics.equations import Equations
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
     from mbd_sim.integrators.between_steps import BetweenSteps
     from mbd_sim.integrators.methods import Method
     from mbd_sim.simulation.contact_terms import ContactModel
-    from mbd_sim.simulation.load_path_reader import LoadPathReader
     from mbd_sim.simulation.motions import MotionReaders, PartMotion
     from mbd_sim.simulation.requested_functions import RequestedFunctions
 
@@ -40,7 +38,7 @@ UNKNOWN_ENERGY = (
 )
 
 
-class Model(ActuatedModel, ContactingModel):
+class Model(ActuatedModel, LoadedModel):
     """The compiled equations of a mechanism, for one method of integration. Safe to use from several threads.
 
     The integrated state y consists of q (nq,), u (nv,), the states of actuators and the energies of the audit. `inputs`
@@ -55,9 +53,10 @@ class Model(ActuatedModel, ContactingModel):
         kernel: Kernel,
         trace: Callable[[], Equations],
         contact: ContactModel | None = None,
+        key: str | None = None,
     ) -> None:
-        """`trace` derives the equations, or returns those that are known."""
-        self.mechanism, self.kernel, self.contact, self._trace = mechanism, kernel, contact, trace
+        """`trace` derives the equations, or returns those that are known; `key` is that of the model in the cache."""
+        self.mechanism, self.kernel, self.contact, self._trace, self.key = mechanism, kernel, contact, trace, key
         self.method_name, self.method_remark = prepared.method, prepared.method_remark
         self.layout, self.input_layout = prepared.layout, prepared.input_layout
         self.start, self.inputs, self.history_size = prepared.start, prepared.inputs, prepared.history_size
@@ -143,7 +142,7 @@ class Model(ActuatedModel, ContactingModel):
     @cached_property
     def on_request(self) -> RequestedFunctions:
         """Kinematics of points and terms of the equations of motion, each compiled when it is first read."""
-        return simulation.RequestedFunctions(self.equations)
+        return simulation.RequestedFunctions(lambda: self.equations, self.key)
 
     @cached_property
     def _motion_readers(self) -> MotionReaders:
@@ -171,43 +170,6 @@ class Model(ActuatedModel, ContactingModel):
         """The largest violation of the constraints."""
         out = self._read("violation", time, y, np.zeros((2, len(self.row_names))), inputs)
         return Violation(*np.max(np.abs(out), axis=1, initial=0.0).tolist())
-
-    def multipliers(self, time: float, y: Array, inputs: Array) -> Mapping[str, Array]:
-        """The Lagrange multipliers λ of each loop and constraint by name, one for each equation: M u' + h = Q + Gᵀ λ.
-
-        The multiplier of a distance constraint is the force in N that pushes its ends apart. Those of a rolling
-        constraint are the normal force and the two components of friction. Redundant equations share the load as
-        described in `LoadSharing`.
-        """
-        values = self.load_sharing.multipliers(time, y, self.with_contact_forces(time, y, inputs))
-        names = self.row_names
-        return {name: values[[other == name for other in names]] for name in dict.fromkeys(names)}
-
-    def reactions(self, time: float, y: Array, inputs: Array) -> Mapping[str, Reaction]:
-        """The load that each joint transmits: the joints of the spanning tree first, then those that close loops."""
-        given = self.with_contact_forces(time, y, inputs)
-        if self.load_sharing.can_share:
-            found = self.load_sharing.reactions(time, y, given)
-        else:
-            found = self._reaction_reader.read("reactions", time, y, given).reshape(-1, 6)
-        names = [*self.mechanism.joints, *self.mechanism.closing]
-        return {name: Reaction(row[:3], row[3:]) for name, row in zip(names, found, strict=True)}
-
-    @cached_property
-    def _reaction_reader(self) -> CompiledReaders:
-        return compiler.CompiledReaders({"reactions": self.equations.reactions})
-
-    @cached_property
-    def load_sharing(self) -> LoadSharing:
-        """How redundant joints and constraints share the load."""
-        from mbd_sim.analysis.load_sharing import LoadSharing
-
-        return LoadSharing(self.mechanism, self.equations, self.load_paths)
-
-    @cached_property
-    def load_paths(self) -> LoadPathReader:
-        """What load sharing reads of the equations."""
-        return simulation.LoadPathReader(self.equations)
 
     def consistent(self, q: Array, u: Array, values: Array | None = None) -> tuple[Array, Array]:
         """The state (q, u) at t = 0 nearest to a given one that satisfies the constraints.
@@ -280,12 +242,12 @@ def build_model(
     ):
         key = model_key(mechanism, name, loaded, given_step, live)
         if (found := load_prepared(key)) is not None:
-            return Model(mechanism, *found, trace)
+            return Model(mechanism, *found, trace, key=key)
     built = simulation.build(mechanism, name, trace, given_step)
     if key is not None and simulation.can_be_stored(built.equations):
         store_prepared(key, built.prepared, built.kernel)
     contact = simulation.contact_model(built.equations, built.kernel)
-    return Model(mechanism, built.prepared, built.kernel, lambda: built.equations, contact)
+    return Model(mechanism, built.prepared, built.kernel, lambda: built.equations, contact, key)
 
 
 def _derived(

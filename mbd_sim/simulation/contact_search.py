@@ -152,9 +152,8 @@ class EventSearch:
         directions = [self._direction(index, inputs) for index in turning]
         motion = self._fixed(y, inputs, t, turning, directions)
         for index, direction in zip(turning, directions, strict=True):
-            if not _is_straight(
-                direction, self._slip(motion.readings(0.0), index), self._slip(motion.readings(length), index)
-            ):
+            slips = [self._slip(motion.readings(s), index) for s in (0.0, length)]
+            if not _is_straight(direction, *slips):
                 return None
         return motion
 

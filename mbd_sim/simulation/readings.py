@@ -95,7 +95,10 @@ class Readings(RunState):
 
     def multipliers(self) -> Mapping[str, Array]:
         """The Lagrange multipliers of each loop and constraint, one for each equation: see `Model.multipliers`."""
-        return self.model.multipliers(self.time, self._memory.y, self._memory.inputs)
+        if (compiled := self._compiled_multipliers) is None:
+            return self.model.multipliers(self.time, self._memory.y, self._memory.inputs)
+        values = compiled()
+        return {name: values[rows] for name, rows in self.model.rows_of.items()}
 
     def drives(self) -> Mapping[str, DriveState]:
         """The position, velocity and force (N or N·m) of each driven coordinate."""
@@ -194,15 +197,23 @@ class Readings(RunState):
         return self.model.on_request.derivatives().bound(self._memory.clock, arrays, (-1, columns))
 
     @cached_property
+    def _compiled_multipliers(self) -> Callable[[], Array] | None:
+        """The multipliers of all rows; None with contacts, or if redundant constraints share the load."""
+        if self.model.contact is not None or self.model.shares_load:
+            return None
+        arrays = self._memory.y, self._memory.inputs
+        return self.model.on_request.multipliers().bound(self._memory.clock, arrays, (len(self.model.row_names),))
+
+    @cached_property
     def _compiled_reactions(self) -> Callable[[], dict[str, Reaction]] | None:
         """The loads of the joints; None with contacts, or if they are not compiled."""
         model, clock, arrays = self.model, self._memory.clock, (self._memory.y, self._memory.inputs)
         names = (*self.mechanism.joints, *self.mechanism.closing)
         if model.contact is not None:
             return None
-        sharing = model.load_sharing
-        if not sharing.can_share:
+        if not model.shares_load:
             return model.on_request.reactions().bound_records(clock, arrays, names, Reaction, ((3,), (3,)))
+        sharing = model.load_sharing
         if (read := model.load_paths.bound(clock, arrays)) is None:
             return None
         return lambda: {

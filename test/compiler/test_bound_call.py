@@ -32,7 +32,7 @@ def function():
 
 @pytest.fixture(scope="module")
 def compiled(function):
-    return CompiledFunction.of(function)
+    return CompiledFunction.of(lambda: function)
 
 
 class Memory:
@@ -101,7 +101,7 @@ def test_records_have_new_arrays_column_by_column(function, compiled, record, fi
 
 
 def test_no_records():
-    empty = CompiledFunction.of(ca.Function("f", [ca.SX.sym("t"), ca.SX.sym("y", 2)], [ca.SX(0, 1)]))
+    empty = CompiledFunction.of(lambda: ca.Function("f", [ca.SX.sym("t"), ca.SX.sym("y", 2)], [ca.SX(0, 1)]))
     memory = Memory()
     assert empty.bound_records(memory.clock, (memory.y,), (), Pose, ((3,), (3, 3)))() == {}
     assert empty.bound(memory.clock, (memory.y,), (0,))().shape == (0,)
@@ -165,7 +165,7 @@ def test_a_record_may_read_and_move_what_it_is_made_of(compiled, function):
 def test_a_callable_keeps_what_it_reads(function):
     memory = Memory()
     gone, expected = weakref.ref(memory.y), memory.expected(function)
-    read = CompiledFunction.of(function).bound(memory.clock, memory.arrays, (24,))
+    read = CompiledFunction.of(lambda: function).bound(memory.clock, memory.arrays, (24,))
     del memory
     gc.collect()
     assert gone() is not None and read().tolist() == expected.tolist()
