@@ -14,6 +14,7 @@ from mbd_sim.recording.recorded_file import (
     RecordedFile,
     RecordedTopic,
 )
+from mbd_sim.ros import replay_player
 from mbd_sim.ros.replay_player import Player
 from test.waiting import PATIENCE, wait_until
 
@@ -198,7 +199,32 @@ def test_damaged_blocks_are_left_out_and_reported_once():
         assert memory.texts == ["not played: x.mcap: damaged: a block"]
 
 
-def test_as_fast_as_possible_is_much_faster_than_it_was():
-    began = time.process_time()  # of the thread that plays, too; it does not wait
-    _, player = played(recording(range(20_000)), clock_rate=200.0)
-    assert player.duration > 10 * (time.process_time() - began)
+class SteppedTime:
+    """A clock that only waits advance, as the module `time` of the player and as the event that wakes it up."""
+
+    def __init__(self):
+        self.now = 0.0
+
+    def perf_counter(self):
+        return self.now
+
+    def sleep(self, duration):
+        self.now += duration
+
+    def event(self):
+        event = threading.Event()
+        event.wait = self.sleep
+        return event
+
+
+@pytest.mark.parametrize(("rate", "seconds"), [(0.0, 0.0), (0.2, 0.195), (1.0, 0.039), (20.0, 0.00195)])
+def test_it_waits_exactly_as_long_as_the_rate_says_and_never_if_it_is_as_fast_as_possible(monkeypatch, rate, seconds):
+    clock, output = SteppedTime(), RecordingOutput()
+    monkeypatch.setattr(replay_player, "time", clock)
+    player = Player(recording(range(40)), output, rate=rate, clock_rate=200.0)
+    player._wake = clock.event()
+    player.start()
+    assert output.ended.wait(PATIENCE)
+    player.stop()
+    assert shown(output) == list(range(40)) and len(output.clocks) == 8
+    assert clock.now == pytest.approx(seconds, abs=1e-9)
