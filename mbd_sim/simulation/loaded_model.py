@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from mbd_sim.compiler.readers import CompiledReaders
     from mbd_sim.simulation.load_path_reader import LoadPathReader
 
+COMPILED = 5_000  # instructions of the multipliers up to which they are compiled, as with `LoadPathReader`
+
 
 class LoadedModel(ContactingModel):
     """The part of a `Model` that concerns multipliers and reactions."""
@@ -36,10 +38,10 @@ class LoadedModel(ContactingModel):
         described in `LoadSharing`.
         """
         given = self.with_contact_forces(time, y, inputs)
-        if self.shares_load:
-            values = self.load_sharing.multipliers(time, y, given)
-        else:
+        if self.compiles_multipliers:
             values = self._multiplier_reader.read("multipliers", time, y, given)
+        else:
+            values = self.load_sharing.multipliers(time, y, given)
         return {name: values[rows] for name, rows in self.rows_of.items()}
 
     @cached_property
@@ -51,11 +53,18 @@ class LoadedModel(ContactingModel):
     @cached_property
     def shares_load(self) -> bool:
         """Whether redundant joints or constraints share the load: see `LoadSharing`."""
-        if self.rank == len(self.row_names):
-            return False
-        if self.key is None:
-            return self.load_sharing.can_share
-        return cached(lambda: self.load_sharing.can_share, "shares load", self.key)
+        return self.rank < len(self.row_names) and self._known("shares load", lambda: self.load_sharing.can_share)
+
+    @cached_property
+    def compiles_multipliers(self) -> bool:
+        """Whether multipliers are read by a compiled function: no load is shared, and the function is not long."""
+        return not self.shares_load and self._known(
+            "compiles multipliers", lambda: self.equations.multipliers.n_instructions() <= COMPILED
+        )
+
+    def _known(self, question: str, answer: Callable[[], bool]) -> bool:
+        """The answer, which needs the equations, or the same from the cache."""
+        return answer() if self.key is None else cached(answer, question, self.key)
 
     def reactions(self, time: float, y: Array, inputs: Array) -> Mapping[str, Reaction]:
         """The load that each joint transmits: the joints of the spanning tree first, then those that close loops."""

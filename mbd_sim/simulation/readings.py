@@ -198,8 +198,8 @@ class Readings(RunState):
 
     @cached_property
     def _compiled_multipliers(self) -> Callable[[], Array] | None:
-        """The multipliers of all rows; None with contacts, or if redundant constraints share the load."""
-        if self.model.contact is not None or self.model.shares_load:
+        """The multipliers of all rows; None with contacts, or if they are not read by a compiled function."""
+        if self.model.contact is not None or not self.model.compiles_multipliers:
             return None
         arrays = self._memory.y, self._memory.inputs
         return self.model.on_request.multipliers().bound(self._memory.clock, arrays, (len(self.model.row_names),))

@@ -18,9 +18,7 @@ def readings(simulation, point):
     ]
 
 
-@pytest.mark.parametrize(
-    ("name", "point"), [("four_bar", "coupler"), ("double_rod", "lower")]
-)
+@pytest.mark.parametrize(("name", "point"), [("four_bar", "coupler"), ("double_rod", "lower")])
 def test_those_that_were_compiled_before_are_read_without_the_equations(own_builds, monkeypatch, tmp_path, name, point):
     monkeypatch.setenv("MBD_SIM_CACHE", str(tmp_path))
     traced = readings(Simulation.from_file(name), point)
