@@ -164,7 +164,9 @@ class ContactMotion:
             if guard <= BARELY:
                 what = "slides at zero speed" if slides else "carries as much friction as it can at rest"
                 raise self._error(t, f"'{rows[element.rows[0]].name}' {what}")
-        if np.any(guards[layout.gaps + len(contacts.frictions) :] <= BARELY):
+        first = layout.gaps + len(contacts.frictions)
+        single_loads = sum(load.nnz_out(0) == 1 for load in self._contact.loads)
+        if np.any(guards[first : first + single_loads] <= BARELY):
             raise self._error(t, "a joint whose friction depends on its load carries none")
 
     def _require_admissible(self, inputs: Array, readings: Array) -> None:

@@ -86,9 +86,10 @@ def _friction_guard(
     speed = ca.dot(stored, slip)
     if len(rows) == 2:
         speed -= TURNED * ca.sqrt(ca.dot(slip, slip))
-    if element.joint is not None:
-        return ca.if_else(slides, speed, ca.if_else(sticks, reserve, 1.0))
     held = 1.0 - ca.sqrt(ca.dot(slip, slip)) / UNSLIPPED[len(rows) - 1]
+    if element.joint is not None:
+        held = ca.if_else(element.static > 0.0, held, 1.0)
+        return ca.if_else(slides, speed, ca.if_else(sticks, reserve, held))
     if element.gap is not None:
         held = ca.if_else(contacts.closed[element.gap] * (element.static > 0.0), held, 1.0)
     elif not element.static.is_constant():

@@ -51,6 +51,25 @@ joints: {shoulder: {type: revolute, between: [ground, rod], axis: [0, 1, 0], pos
     assert linear.b[:, 1] == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
+def test_a_pendulum_on_feet_that_stick_in_space_is_linearized():
+    """An inverted pendulum on a spring; friction of the feet has two directions."""
+    sim = Simulation.from_text("""
+mechanism: metronome
+parts:
+  base: {mass: 3, inertia: [0.1, 0.1, 0.1], points: {a: [0.3, 0, -0.1], b: [-0.2, 0.2, -0.1], c: [-0.2, -0.2, -0.1]}}
+  rod: {mass: 0.5, center: [0, 0, 0.3], inertia: [0.01, 0.01, 0.01]}
+joints:
+  base: {type: free, between: [ground, base], position: [0, 0, 0.1]}
+  pin: {type: revolute, between: [base, rod], axis: [0, 1, 0], stiffness: 20, position: 0.1}
+contacts: {floor: {parts: [base.a, base.b, base.c], plane: ground, friction: 0.5}}
+""")
+    assert {state.state for state in sim.contacts().values()} == {"sticks"}
+    linear = sim.linearize()
+    assert linear.speeds.shape == (7, 1)
+    stiffness = 20.0 - 0.5 * G * 0.3 * math.cos(0.1)
+    assert linear.a[-1, -2:] == pytest.approx([-stiffness / (0.01 + 0.5 * 0.3**2), 0.0], rel=1e-12)
+
+
 def admissible(sim, y, inputs):
     """The state with the smallest change of speeds with which closed contacts stay closed and sticking ones stick."""
 

@@ -26,6 +26,15 @@ constraints:
   FIRST: {type: clutch, terms: {m: 1}, capacity: 0.2*9.81}
   SECOND: {type: clutch, terms: {m: 1, t: -1}, capacity: 0.3*9.81}
 """
+GUIDE = """
+mechanism: belt
+parts: {t: {mass: 1}, m: {mass: 2}}
+joints:
+  t: {type: prismatic, between: [ground, t], axis: [1, 0, 0], drive: "t**3"}
+  m: {type: prismatic, between: [ground, m], axis: [1, 0, 0], friction: {coefficient: 0.2}}
+constraints: {belt: {type: clutch, terms: {m: 1, t: -1}, capacity: 0.6*9.81}}
+forces: {push: {type: effort, coordinate: m, effort: -1}}
+"""
 PADS = """
 mechanism: belt
 parts: {t: {mass: 1}, m: {mass: 2, inertia: [1, 1, 1], points: {l: [-0.2, 0, 0], r: [0.2, 0, 0]}}}
@@ -68,3 +77,15 @@ def test_a_body_on_the_floor_and_on_a_belt_moves_with_the_belt_until_it_slips(te
     assert (sim.q[0], sim.u[0]) == (pytest.approx(x, abs=1e-11), pytest.approx(v, abs=1e-11))
     event = sim.contact_events[-1]
     assert (event.name, event.change, event.time) == ("b", "slides", pytest.approx(slips, abs=1e-12))
+
+
+def test_friction_by_the_load_of_a_joint_that_other_friction_replaces_acts_when_they_part():
+    """A belt drags with up to 0.3 g; the guide brakes with 0.2 g, and an effort of 1 N pushes back."""
+    sim = Simulation.from_text(GUIDE)
+    sim.run(until=0.1)
+    acceleration = 0.1 * G - 0.5
+    slips = acceleration / 6.0
+    later = 0.1 - slips
+    x, v = slips**3 + 3.0 * slips**2 * later + 0.5 * acceleration * later**2, 3.0 * slips**2 + acceleration * later
+    assert (sim.q[0], sim.u[0]) == (pytest.approx(x, abs=1e-14), pytest.approx(v, abs=1e-14))
+    assert [event.name for event in sim.contact_events] == ["m.friction", "belt"]
