@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import sys
 from collections.abc import Sequence
 from typing import Protocol
@@ -31,7 +32,7 @@ from mbd_sim.cli import (
     view,
 )
 from mbd_sim.cli.completion import complete
-from mbd_sim.errors import MbdSimError
+from mbd_sim.errors import MbdSimError, quoted
 from mbd_sim.packages import missing_package
 
 
@@ -72,6 +73,10 @@ COMMANDS: dict[str, Command] = {  # in the order of --help
 }
 
 
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
+LONGEST_PATH = 4096  # characters
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit code.
 
@@ -90,6 +95,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if explained is None:
             raise
         print(explained, file=sys.stderr)
+        return 1
+    except OSError as error:
+        if error.filename is None and error.errno not in DISK_FULL:
+            raise
+        of_file = f" {quoted(str(error.filename), LONGEST_PATH)}" if error.filename is not None else ""
+        print(f"cannot read or write{of_file}: {error.strerror}. Choose another file or folder.", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         return 130

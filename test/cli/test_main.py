@@ -1,6 +1,8 @@
 """The command `mbd_sim`, as it is typed."""
 
+import errno
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -8,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from mbd_sim import __version__
+from mbd_sim.cli import list_mechanisms
 from mbd_sim.cli.main import COMMANDS, main
 
 SHARED = {  # by several commands
@@ -169,3 +172,28 @@ def test_wrong_numbers_are_usage_errors(capsys, text, words):
     with pytest.raises(SystemExit, match="2"):
         main(["run", "double_rod", "--time", text])
     assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [["c-code", "--out", "x"], ["fmu", "--sources-only", "--out", "x.fmu"]])
+def test_a_file_that_cannot_be_written_is_named_without_a_traceback(command, tmp_path, capsys):
+    (tmp_path / "file").write_text("no folder")
+    name, *options, out = command
+    path = tmp_path / "file" / out
+    assert main([name, "rod_pendulum", *options, str(path)]) == 1
+    assert (
+        capsys.readouterr().err == f"cannot read or write '{path}': Not a directory. Choose another file or folder.\n"
+    )
+
+
+@pytest.mark.parametrize(("number", "handled"), [(errno.ENOSPC, True), (errno.EBADF, False)])
+def test_a_full_disk_is_reported_and_a_defect_is_not_hidden(number, handled, monkeypatch, capsys):
+    def fail(_):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(list_mechanisms, "execute", fail)
+    if handled:
+        assert main(["list"]) == 1
+        assert capsys.readouterr().err.startswith("cannot read or write: No space left on device.")
+    else:
+        with pytest.raises(OSError, match="Bad file"):
+            main(["list"])
