@@ -187,10 +187,15 @@ class _Pointers:
             while calls[call] < operand.line:
                 call += 1
                 self._first.clear()
-            while counted < min(index + AHEAD, len(self._places)) and body.operands[counted].line < calls[call]:
+            ahead = min(index + AHEAD, len(self._places))
+            while counted < ahead and body.operands[counted].line < calls[call]:
                 self._waiting[self._places[counted]] += 1
                 counted += 1
-            register = next((name for name, first in self._first.items() if first <= place < first + WIDTH), None)
+            register = None
+            for name, first in self._first.items():
+                if first <= place < first + WIDTH:
+                    register = name
+                    break
             before = []
             if register is None and (register := self._pointed(operand.line, place)) is not None:
                 more = (self._first[register] - place) * GRAIN + REACH
@@ -212,7 +217,9 @@ class _Pointers:
                 counts[begin:end] = [0] * (end - begin)
         sums = list(accumulate(counts, initial=0))
         gains = [after - before for before, after in zip(sums, sums[WIDTH:], strict=False)]
-        gain = max(gains)
+        most = gain = max(gains)
+        if gain < PAYS:
+            return None
         usable = [name for name, start in self._body.free.items() if start <= line]
         register = next((name for name in usable if name not in self._first), None)
         if register is None and usable:
@@ -221,7 +228,7 @@ class _Pointers:
             gain -= reached[register]
         if register is None or gain < PAYS:
             return None
-        self._first[register] = low + gains.index(max(gains))
+        self._first[register] = low + gains.index(most)
         return register
 
 
