@@ -2,8 +2,8 @@
 
 A node takes half a second of a processor to import its libraries, and the tests start more than a hundred. The forked process
 has its own session, folder, environment, output and signals, and runs the program's `main` with its arguments, as
-`python -m` does. What begins before `main` (Ctrl-C while importing, variables that the interpreter or the linker
-reads) is tested with programs that are started by themselves.
+`python -m` does; it finds modules on its own PYTHONPATH first. There is one such process for each library in LD_PRELOAD, which
+the linker reads. Ctrl-C while importing is tested with programs that are started by themselves.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class ForkedProcess:
         self, program: str, arguments: Sequence[str], folder: Path, environment: Mapping[str, str], log: Path
     ) -> None:
         log.touch()
-        self._server = _server()
+        self._server = _server(environment.get("LD_PRELOAD", ""))
         self.pid: int = self._server.start([program, list(arguments), str(folder), dict(environment), str(log)])
 
     @property
@@ -66,10 +66,10 @@ class ForkedProcess:
 class _Server:
     """The process that forks programs, as seen from the tests; `ended` holds exit codes by process id."""
 
-    def __init__(self) -> None:
-        command = [sys.executable, "-m", __name__]
+    def __init__(self, library: str) -> None:
+        command, environment = [sys.executable, "-m", __name__], os.environ | {"LD_PRELOAD": library}
         self._process = subprocess.Popen(
-            command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+            command, cwd=ROOT, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
         )
         atexit.register(self._process.communicate)
         self.ended: dict[int, int] = {}
@@ -101,8 +101,8 @@ class _Server:
 
 
 @cache
-def _server() -> _Server:
-    return _Server()
+def _server(library: str) -> _Server:
+    return _Server(library)
 
 
 def _report(*numbers: int) -> None:
@@ -132,6 +132,8 @@ def _become(program: str, arguments: Sequence[str], folder: str, environment: Ma
     os.dup2(output, 1)
     os.dup2(output, 2)
     os.close(output)
+    folders = [path for path in os.environ.get("PYTHONPATH", "").split(os.pathsep) if path and path not in sys.path]
+    sys.path[1:1] = folders  # after the folder of the program, as the interpreter does at its start
     module = importlib.import_module(program)
     sys.argv = [str(module.__file__), *arguments]
     return int(module.main())

@@ -75,6 +75,7 @@ class SimNodeProcess:
         variables: Mapping[str, str] | None = None,
     ) -> None:
         environment = os.environ | {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+        environment |= variables or {}
         arguments = ["--ros-args"]
         for name, value in (dict(self.defaults) | parameters).items():
             arguments += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
@@ -82,13 +83,13 @@ class SimNodeProcess:
             arguments += ["-r", remap]
         self.log = folder / f"node_{next(_counter)}.log"
         self.process: ForkedProcess | subprocess.Popen[bytes]
-        if not wrapper and variables is None:
+        if not wrapper:
             self.process = ForkedProcess(self.program, arguments, folder, environment, self.log)
             return
         command = [*wrapper, sys.executable, "-m", self.program, *arguments]
         with self.log.open("wb") as stream:
             self.process = subprocess.Popen(
-                command, cwd=folder, env=environment | (variables or {}), stdout=stream, stderr=subprocess.STDOUT,
+                command, cwd=folder, env=environment, stdout=stream, stderr=subprocess.STDOUT,
                 start_new_session=True,
             )  # fmt: skip
 
