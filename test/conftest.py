@@ -106,9 +106,12 @@ def pytest_unconfigure():
 def pytest_collection_modifyitems(items):
     """Begin with tests that wait for processes, beside which others can compute, and with those that take longest.
 
-    The tests of each shipped mechanism are together, so that it is mostly one process that builds it for all of them.
+    The tests of each shipped mechanism or linkage are together, so that it is mostly one process that builds it for all
+    of them.
     """
-    places = {name: place for place, name in enumerate(sorted(shipped()))}
+    from test.generators.overconstrained import LINKAGES
+
+    places = {name: place for place, name in enumerate([*sorted(shipped()), *LINKAGES])}
 
     def place(item):
         folder = item.path.relative_to(Path(__file__).parent).parts[0]

@@ -36,7 +36,7 @@ class Linkage:
             self.joints[name]["axes" if kind == "universal" else "axis"] = turned
 
     def text(self, *, speed=3.0, drive=None):
-        """The mechanism; its joint `input` has a speed or is driven."""
+        """The mechanism, with joints of different compliances; its joint `input` has a speed or is driven."""
         parts = {}
         for part, places in self.places.items():
             points = {name: at.tolist() for name, at in places}
@@ -47,7 +47,7 @@ class Linkage:
             mass = self.rng.uniform(0.3, 1.5)
             inertia = (mass * self.rng.uniform(0.02, 0.03, 3)).tolist()
             parts[part] = {"mass": mass, "center": center.tolist(), "inertia": inertia, "points": points}
-        joints = {name: dict(joint) for name, joint in self.joints.items()}
+        joints = {name: joint | {"compliance": self.rng.uniform(0.2, 5.0)} for name, joint in self.joints.items()}
         joints["input"] |= {"velocity": speed} if drive is None else {"drive": drive}
         return json.dumps({"mechanism": "linkage", "ground": ground, "parts": parts, "joints": joints})
 
