@@ -91,6 +91,9 @@ def _frames(mechanism: Mechanism) -> list[str]:
 
 
 def _moving_frame(mechanism: Mechanism, name: str) -> tuple[str, Pose]:
+    first = name.partition(".")[0]
+    if first in mechanism.all_joints and first not in mechanism.parts:
+        raise InputError(f"'{name}' is a joint", f"Write '{COORDINATES}' for the accelerations of all joints.")
     part, pose = named_frame(mechanism, name)
     if part == GROUND:
         raise InputError(f"'{name}' is on ground, which does not move", "Name a part, or a point of one.")

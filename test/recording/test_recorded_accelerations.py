@@ -48,6 +48,8 @@ def test_unknown_points_are_refused(tmp_path):
         sim.recording(tmp_path / "run.mcap", accelerations=["lower.tp"])
     with pytest.raises(InputError, match="ground, which does not move"):
         sim.recording(tmp_path / "run.mcap", accelerations=["ground"])
+    with pytest.raises(InputError, match=r"'elbow' is a joint. Write 'coordinates' for"):
+        sim.recording(tmp_path / "run.mcap", accelerations=["elbow"])
 
 
 def test_a_damaged_acceleration_is_found(tmp_path):
