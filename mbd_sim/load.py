@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mbd_sim.collection_pause import paused_collection
 from mbd_sim.errors import MechanismError, Problem, few_suggestions, quoted
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_cache import cached_mechanism
@@ -39,11 +40,11 @@ def parse_mechanism(text: str, file: str = "<text>", base: Base | None = None) -
 
 
 def _parsed(text: str, file: str, base: Base | None) -> Mechanism:
-    # Imported here because the schema takes most of the time of a start, and is not needed for a file read before.
-    from mbd_sim.mechanism_file.builders.mechanism_builder import build
-    from mbd_sim.mechanism_file.validation import validate
+    with few_suggestions(), paused_collection():
+        # Imported here because the schema takes most of the time of a start, and is not needed for a file read before.
+        from mbd_sim.mechanism_file.builders.mechanism_builder import build
+        from mbd_sim.mechanism_file.validation import validate
 
-    with few_suggestions():
         source = _source(text, file, base)
         records, parameters = validate(source)
         return build(records, parameters, source)

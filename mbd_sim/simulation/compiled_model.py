@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbd_sim import compiler, disk_cache, dynamics, integrators, simulation
+from mbd_sim.collection_pause import paused_collection
 from mbd_sim.compiler.bound_kernel import Kernel
 from mbd_sim.dynamics.audit_states import AUDIT_STATES, LOSS_STATES
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
@@ -243,7 +244,8 @@ def build_model(
         key = model_key(mechanism, name, loaded, given_step, live)
         if (found := load_prepared(key)) is not None:
             return Model(mechanism, *found, trace, key=key)
-    built = simulation.build(mechanism, name, trace, given_step)
+    with paused_collection():
+        built = simulation.build(mechanism, name, trace, given_step)
     if key is not None and simulation.can_be_stored(built.equations):
         store_prepared(key, built.prepared, built.kernel)
     contact = simulation.contact_model(built.equations, built.kernel)
