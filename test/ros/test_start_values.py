@@ -38,10 +38,10 @@ def test_values_are_given_with_units_or_by_the_name_of_a_start(model, text, posi
     [
         ("uprigt", "there is no start 'uprigt'. Did you mean 'upright'?"),
         ("broken", "there is no joint 'knee'"),
-        ("elbow = 60 mm", "elbow = 60 mm"),
+        ("elbow = 60 mm", "elbow = '60 mm': the unit 'mm' does not fit"),
         ("elbow = 1, elbow = 2", "elbow is given twice"),
         ("elbow = 1, shoulder", "'shoulder' is not of the form joint = value"),
-        ("elbow = fast", "elbow = fast"),
+        ("elbow = fast", "elbow = 'fast': "),
     ],
 )
 def test_a_start_that_does_not_fit_is_refused_with_a_reason(model, text, words):
