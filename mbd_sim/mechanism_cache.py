@@ -73,9 +73,12 @@ def cached(
         if fits(found):
             return found
     result = compute()
-    if keep(result):
-        disk_cache.store(key, pickle.dumps(result))
-    return result
+    if not keep(result):
+        return result
+    content = pickle.dumps(result)
+    disk_cache.store(key, content)
+    copy: T = pickle.loads(content)  # noqa: S301  (just written)
+    return copy  # whose digest is that of what is loaded later: see `records_digest`
 
 
 @functools.cache

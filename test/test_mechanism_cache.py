@@ -97,6 +97,13 @@ def test_a_urdf_that_was_read_before_is_not_read_again(folder, tmp_path, monkeyp
     assert entries(folder) == 2
 
 
+def test_a_mechanism_from_the_cache_has_the_digest_of_the_one_that_was_read(folder):
+    """By which its model is found in the second start."""
+    text = URDF.format(mass=1)
+    digests = {mechanism_cache.records_digest(parse_mechanism(text)) for _ in range(3)}
+    assert len(digests) == 1
+
+
 MODELS = {
     "arm.urdf": (URDF, "arm.yaml", "urdf: arm.urdf\njoints: {hinge: {damping: 0.1}}"),
     "arm.xml": (
