@@ -121,12 +121,13 @@ def test_split_by_duration_into_a_folder_of_rosbag2(tmp_path: Path) -> None:
     (folder,) = (tmp_path / "logs").iterdir()
     files = sorted(folder.glob("*.mcap"), key=lambda path: int(path.stem.rpartition("_")[2]))
     assert len(files) >= 3
-    assert all(recomputed(path) >= 1 for path in files)
+    states = [recomputed(path) for path in files]
+    assert min(states[:-1]) >= 1  # the node may end between the last split and the next state
     ticks = [tick for path in files for tick in state_ticks(path)]
     assert ticks == list(range(0, ticks[-1] + 1, 10))
     with AnyReader([folder]) as reader:
-        states = [c for c in reader.connections if c.topic == "/joint_states"]
-        assert sum(1 for _ in reader.messages(states)) == len(ticks)
+        connections = [c for c in reader.connections if c.topic == "/joint_states"]
+        assert sum(1 for _ in reader.messages(connections)) == len(ticks)
         assert reader.message_count == sum(1 for _ in reader.messages())
 
 
