@@ -37,6 +37,9 @@ REGISTERS = {
 _WHOLE = {part: name for name, parts in REGISTERS.items() for part in (name, *parts)}
 # Instructions that do not jump, and use no registers but those that they name; calls may use all of them.
 _KNOWN = re.compile(r"v[a-z0-9]+|mov[a-z]*|lea[lq]|(push|pop)q?|(add|sub|and|or|xor)[bwlq]|(call|ret)q?")
+# Instructions that set or save the register of the frame pointer, and all of them where it is one.
+_SETS_FRAME = re.compile(r"%(rbp|ebp|bpl?)$")
+_FRAME = {("pushq", "%rbp"), ("movq", "%rsp,", "%rbp"), ("popq", "%rbp")}
 _OPERAND = re.compile(r"(-?\d*)\(%rbp\)|(\.LCPI\d+_\d+)(?:\+(\d+))?\(%rip\)")
 _REGISTER = re.compile(r"%([a-z0-9]+)")
 _CONSTANTS = re.compile(r"\.section\s+(\.rodata\.cst\d+),")
@@ -129,10 +132,11 @@ def _shortened(lines: Sequence[str], constants: Constants) -> Sequence[str]:
 
 
 def _body(lines: Sequence[str], constants: Constants) -> _Body | None:
-    """The function with these lines; None if it has jumps or unknown instructions."""
+    """The function with these lines; None if it has jumps, unknown instructions, or no frame pointer."""
     operands: list[_Operand] = []
     calls: list[int] = []
     used = dict.fromkeys(REGISTERS, -1)
+    frame = set[tuple[str, ...]]()
     for number, line in enumerate(lines):
         code = line.partition("#")[0].strip()
         if code.endswith(":") or (code and code[0] != "." and not _KNOWN.fullmatch(code.split()[0])):
@@ -141,6 +145,8 @@ def _body(lines: Sequence[str], constants: Constants) -> _Body | None:
             continue
         if code.startswith("call"):
             calls.append(number)
+        if _SETS_FRAME.search(code):
+            frame.add(tuple(code.split()))
         for name in _REGISTER.findall(code):
             if name in _WHOLE:
                 used[_WHOLE[name]] = number
@@ -148,6 +154,8 @@ def _body(lines: Sequence[str], constants: Constants) -> _Body | None:
             operand = _operand(number, match, constants)
             if operand is not None:
                 operands.append(operand)
+    if frame != _FRAME:  # the register may hold something else, which changes
+        return None
     # What a register holds may be meant for the next call, and at first for the first one.
     free = {name: next((call for call in calls if call >= last), last) + 1 for name, last in used.items()}
     return _Body(lines, operands, calls, free)

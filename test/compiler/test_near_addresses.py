@@ -21,14 +21,18 @@ CONSTANTS = [
 ]
 
 
-def shortened(body, before=()):
-    """The lines of a function after the pass."""
-    text = "\n".join(
-        [*before, "\t.text", "rates:", *body, "\tretq", ".Lfunc_end0:", "\t.size\trates, .Lfunc_end0-rates"]
-    )
+FRAME = ["\tpushq\t%rbp", "\tmovq\t%rsp, %rbp"]
+
+
+def shortened(body, before=(), frame=FRAME):
+    """The lines of a function after the pass, between those that set its frame pointer and those that restore it."""
+    end = ["\tpopq\t%rbp", "\tretq", ".Lfunc_end0:", "\t.size\trates, .Lfunc_end0-rates"]
+    text = "\n".join([*before, "\t.text", "rates:", *frame, *body, *end])
     assert with_near_addresses(text, ()) == text + "\n"
     lines = with_near_addresses(text, {"rates"}).splitlines()
-    return lines[lines.index("rates:") + 1 : lines.index("\tretq")]
+    first = lines.index("rates:") + 1
+    assert lines[first : first + len(frame)] == frame
+    return lines[first + len(frame) : lines.index("\tpopq\t%rbp")]
 
 
 def pointers(lines):
@@ -86,6 +90,22 @@ def test_functions_with_jumps_or_other_instructions_stay_as_they_are(line):
     body = [*[SLOT] * 200, line]
     assert shortened(body) == body
     assert shortened(body[:-1]) != body[:-1]
+
+
+@pytest.mark.parametrize(
+    ("frame", "line"),
+    [
+        (["\tpushq\t%rbp"], "\tmovq\t%rdi, %rbp"),
+        (["\tpushq\t%rbp", "\tleaq\t296(%rsp), %rbp"], "\tvzeroupper"),
+        (FRAME, "\taddq\t$64, %rbp"),
+        (FRAME, "\tmovl\t%ecx, %ebp"),
+    ],
+)
+def test_functions_without_a_frame_pointer_stay_as_they_are(frame, line):
+    """They may use its register for something else, which moves."""
+    body = [*[SLOT] * 100, line, *[SLOT] * 100]
+    assert shortened(body, frame=frame) == body
+    assert shortened([*[SLOT] * 200, "\tvzeroupper"]) != [*[SLOT] * 200, "\tvzeroupper"]
 
 
 def test_constants_whose_places_are_not_known_stay_as_they_are():
