@@ -49,7 +49,9 @@ class ConcurrentBuild:
         sizes = self._parts.sizes()
         count = min(int(sum(sizes.values()) // (SHARE * machine_code.LONG)), MOST_AT_ONCE)
         if parts := max(count, least):
-            self._compiled += [_Part(self._parts.take(share)) for share in shares(sizes, parts)]
+            for share in shares(sizes, parts):
+                # One by one: an interrupt must not lose processes that run already.
+                self._compiled.append(_Part(self._parts.take(share)))
 
 
 class _Part:

@@ -120,5 +120,30 @@ def test_an_exception_ends_the_processes(functions, monkeypatch):
         raise KeyboardInterrupt
     assert running
     for process in running:
-        with pytest.raises(ProcessLookupError):
-            os.kill(process, 0)
+        require_ended(process)
+
+
+def test_an_interrupt_while_processes_are_started_ends_those_that_run(functions, monkeypatch):
+    monkeypatch.setattr(disk_cache, "folder", lambda: None)
+    monkeypatch.setattr(machine_code, "LONG", 40_000)
+    running = []
+
+    def started(*given):
+        if running:
+            raise KeyboardInterrupt
+        process = CompileProcess(*given)
+        running.append(process._child.pid)
+        return process
+
+    monkeypatch.setattr(concurrent_build, "CompileProcess", started)
+    module = new_module()
+    with pytest.raises(KeyboardInterrupt), ConcurrentBuild(module) as build:
+        add(module, "long", functions)
+        build.compile_finished()
+    (process,) = running
+    require_ended(process)
+
+
+def require_ended(process):
+    with pytest.raises(ProcessLookupError):
+        os.kill(process, 0)
