@@ -23,28 +23,26 @@ def raise_interrupt(frame: FrameType | None) -> None:
     :param frame: where the signal has interrupted the program, the second argument of the handler.
     :raises KeyboardInterrupt:
     """
-    outside = _outside_casadi(frame)
-    if outside is frame:
+    call = _outermost_casadi(frame)
+    if call is None:
         raise KeyboardInterrupt
-    before = sys.gettrace()
 
-    def interrupt(traced: FrameType, _event: str, _argument: Any) -> TraceFunction | None:
-        if _outside_casadi(traced) is not traced:
+    def interrupt(traced: FrameType, event: str, _argument: Any) -> TraceFunction | None:
+        if traced is not call:
             return None
-        sys.settrace(before)
-        raise KeyboardInterrupt
+        if event == "return":  # or an exception leaves it, which this one replaces
+            raise KeyboardInterrupt  # which ends the tracing
+        return interrupt
 
+    call.f_trace = interrupt  # calls in progress are traced only if their frames say so
     sys.settrace(interrupt)
-    while outside is not None:  # calls in progress are traced only if their frames say so
-        outside.f_trace = interrupt
-        outside = outside.f_back
 
 
-def _outside_casadi(frame: FrameType | None) -> FrameType | None:
-    """The innermost call among a frame and its callers from which no call of CasADi is in progress."""
-    outside = frame
+def _outermost_casadi(frame: FrameType | None) -> FrameType | None:
+    """The outermost call of CasADi among a frame and its callers, if there is any."""
+    found = None
     while frame is not None:
         if frame.f_globals.get("__name__", "").startswith(_CASADI):
-            outside = frame.f_back
+            found = frame
         frame = frame.f_back
-    return outside
+    return found

@@ -81,3 +81,35 @@ def test_an_interrupt_within_a_comprehension_ends_it(is_safe: bool) -> None:
         with pytest.raises(KeyboardInterrupt):
             [reached.append(k) or casadi.SX(k) + array for k in range(5)]  # type: ignore[func-returns-value]
         assert reached == [0]
+
+
+def interrupted_at_the_end(is_handled: list[str]) -> None:
+    """The call of CasADi is the last statement that the handlers protect."""
+    try:
+        casadi.sin(InterruptedNumber())
+    except KeyboardInterrupt:
+        is_handled.append("except")
+        raise
+    finally:
+        is_handled.append("finally")
+        is_handled.append("all of it")
+
+
+def test_an_interrupt_is_raised_by_the_call_and_not_after_it(is_safe: bool) -> None:
+    is_handled: list[str] = []
+    with pytest.raises(KeyboardInterrupt if is_safe else NotImplementedError):
+        interrupted_at_the_end(is_handled)
+    assert is_handled == ["except", "finally", "all of it"][not is_safe :]
+
+
+def test_whoever_traces_after_an_interrupt_is_not_interrupted(is_safe: bool) -> None:
+    """Debuggers, and tools that measure coverage, trace the calls that are in progress too."""
+    before = sys.gettrace()
+    with pytest.raises(KeyboardInterrupt if is_safe else NotImplementedError):
+        casadi.sin(InterruptedNumber())
+    sys.settrace(lambda *_: None)
+    frame: FrameType | None = sys._getframe()
+    while frame is not None:
+        assert before is not None or frame.f_trace is None
+        frame = frame.f_back
+    sys.settrace(before)
