@@ -162,9 +162,13 @@ def scaled_rows(mass_matrix: Array, rows: Array) -> tuple[Array, Array, Array]:
 
 
 def _unit_energy_speeds(mass_matrix: Array) -> Array:
-    """Combinations (nv, nv) of speeds with a kinetic energy of ½ each; those without inertia get a small one."""
+    """Combinations (nv, nv) of speeds with a kinetic energy of ½ each; those without inertia get a small one.
+
+    If nothing has inertia, each speed gets the same.
+    """
     weights, axes = np.linalg.eigh(mass_matrix)
-    combinations: Array = axes / np.sqrt(np.maximum(weights, 1e-12 * max(weights.max(initial=0.0), 1e-300)))
+    least = 1e-12 * weights.max(initial=0.0)
+    combinations: Array = axes / np.sqrt(np.maximum(weights, least if least > 0.0 else 1.0))
     return combinations
 
 

@@ -11,7 +11,8 @@ import pytest
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.dynamics.spatial_algebra import SpdFactors, inverse_spd
 from mbd_sim.errors import MechanismError, NoInertiaError
-from mbd_sim.load import parse_mechanism
+from mbd_sim.load import load_mechanism, parse_mechanism
+from mbd_sim.mechanism_file.override import with_values
 from test.generators.mechanisms import accelerations, derived, random_state
 from test.oracles import kane
 
@@ -167,6 +168,16 @@ def test_small_free_bodies_are_solved_as_well_as_large_ones():
     q, u = np.array([0, 0, 0, 1.0, 0, 0, 0]), np.array([0, 0, 0, 1.0, 2.0, 3.0])
     w1 = [(2.0 - 2.5) / 1.0 * 2 * 3, (2.5 - 1.0) / 2.0 * 3 * 1, (1.0 - 2.0) / 2.5 * 1 * 2]
     assert accelerations(derived(text), q, u) == pytest.approx([0, 0, 0, *w1], rel=1e-13)
+
+
+def test_a_loop_without_any_mass_is_refused_for_that():
+    """Its speeds of least kinetic energy are not determined, and must not count as contradictory."""
+    with pytest.raises(NoInertiaError) as caught:
+        derive(with_values(load_mechanism("four_bar"), {"density": 0.0}))
+    assert [problem.key for problem in caught.value.problems] == [
+        f"joints.{name}" for name in ("crank_pivot", "crank_pin", "rocker_pivot")
+    ]
+    assert all("nothing that this joint moves has mass" in problem.message for problem in caught.value.problems)
 
 
 def test_massless_parts_between_are_accepted():
