@@ -63,6 +63,7 @@ class NodeRecordings:
         self._file_start_ns = 0
         self._splitting = self._closed = self._long_files = False
         self._lock = threading.Lock()
+        self._stopped: Recorder | None = None  # the last one that `stop` has finished
         self.recorder: Recorder | None = None  # the last one, for its counters
 
     def start(self, moment: Moment | None = None) -> tuple[bool, str]:
@@ -96,6 +97,7 @@ class NodeRecordings:
             self._requested = None
             self._requests.submit(lambda _: self._end(recorder)).wait(DISK_TIMEOUT)
             finished = recorder.finished.wait(DISK_TIMEOUT)
+            self._stopped = recorder if finished else None
             return (
                 True,
                 f"{recorder.location}" if finished else f"{recorder.location} is still being written: the disk is slow",
@@ -125,6 +127,10 @@ class NodeRecordings:
         dropped = f" ({recorder.dropped} dropped)" if recorder.dropped else ""
         text = f"recorded {recorder.saved} messages{dropped} to {recorder.paths.location}"
         return f"{text}; {recorder.state_on_disk}" if recorder.state_on_disk else text
+
+    def closing_summary(self) -> str:
+        """`summary` for the end of the node: "" if `stop` has finished the last recording long before."""
+        return "" if self.recorder is self._stopped else self.summary()
 
     def at_moment(self, moment: Moment) -> None:
         """Serve the request that asked for this moment; for the publishing thread."""

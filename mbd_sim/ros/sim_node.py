@@ -163,7 +163,7 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
             f"stopped after {self.stepping_thread.ticks} steps{residual}; {pacer.lateness.summary().in_words()}; "
             f"{pacer.overruns} overruns"
         )
-        if summary := self.recordings.summary():
+        if summary := self.recordings.closing_summary():
             self.get_logger().info(summary)
 
     def _apply_initial(self, changes: Mapping[str, float]) -> None:

@@ -1,5 +1,6 @@
 """When recordings begin, end and split; real recorders, and moments as the stepping thread would give them."""
 
+import threading
 import time
 
 import numpy as np
@@ -111,6 +112,34 @@ def test_a_recording_that_fails_is_reported_once_and_another_can_be_started(tmp_
     node.go(10)
     node.recordings.close()
     assert ticks(tmp_path)[-1] == list(range(11, 21))
+
+
+def test_the_end_of_the_node_does_not_repeat_what_stopping_a_recording_has_reported(tmp_path):
+    node = Stepping(tmp_path)
+    assert node.recordings.closing_summary() == ""
+    node.recordings.start(at(0))
+    node.go(10)
+    serving = threading.Thread(target=node.recordings.stop)
+    serving.start()
+    while serving.is_alive():
+        node.go(1)
+    node.recordings.close()
+    assert "recorded" in node.recordings.summary() and node.recordings.closing_summary() == ""
+
+
+@pytest.mark.parametrize("end", ["running", "slow disk"])
+def test_the_end_of_the_node_reports_a_recording_whose_end_was_not_reported(tmp_path, monkeypatch, end):
+    node = Stepping(tmp_path)
+    node.recordings.start(at(0))
+    node.go(10)
+    if end == "slow disk":
+        monkeypatch.setattr("mbd_sim.ros.node_recordings.DISK_TIMEOUT", 0.0)
+        monkeypatch.setattr(node.recordings.recorder.finished, "wait", lambda timeout: False)
+        assert "still being written" in node.recordings.stop()[1]
+        monkeypatch.undo()
+        node.go(1)
+    node.recordings.close()
+    assert node.recordings.closing_summary() == node.recordings.summary() != ""
 
 
 def test_a_folder_that_cannot_be_written_is_an_answer_and_no_error(tmp_path):
