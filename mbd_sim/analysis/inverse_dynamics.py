@@ -17,7 +17,7 @@ from mbd_sim.dynamics.tracing import TracedMechanism, trace
 from mbd_sim.errors import nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.one_sided import two_sided
-from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism.records import Mechanism, require_mechanism
 
 FEASIBLE = 1e-9  # the error of the accelerations that is allowed, relative to the largest one
 
@@ -51,7 +51,7 @@ class InverseDynamics:
             accounted for.
         :raises ValueError: a coordinate does not exist.
         """
-        names = mechanism.coordinate_names
+        names = require_mechanism(mechanism).coordinate_names
         for name in actuated or ():
             if name not in names:
                 raise ValueError(f"there is no coordinate '{name}'. {nearest(name, names)}")

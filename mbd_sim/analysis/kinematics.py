@@ -14,7 +14,7 @@ from mbd_sim.dynamics.time_functions import require_smooth
 from mbd_sim.dynamics.tracing import trace
 from mbd_sim.errors import nearest
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
-from mbd_sim.mechanism.records import GROUND, Mechanism
+from mbd_sim.mechanism.records import GROUND, Mechanism, require_mechanism
 
 
 class Kinematics:
@@ -35,7 +35,7 @@ class Kinematics:
 
         :raises MechanismError: the loops cannot be closed, or nothing can move.
         """
-        require_smooth(mechanism)
+        require_smooth(require_mechanism(mechanism))
         traced = trace(mechanism)
         assembly = assemble(traced)
         self.mechanism, self.layout = mechanism, traced.layout

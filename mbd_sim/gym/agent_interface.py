@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+import math
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, SupportsFloat
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from mbd_sim.errors import CommandError, listed, nearest
+from mbd_sim.errors import CommandError, InputError, listed, nearest, quoted, require_each_once
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.simulation.argument_checks import positive_count
 from mbd_sim.simulation.compiled_model import Model
 
 
@@ -34,11 +36,14 @@ class AgentInterface:
 
         :param limits: (nv,) the largest absolute efforts in N or N·m.
         :param trigonometric: observe cos and sin of angles instead of the angles.
-        :raises ValueError: an unknown coordinate, or an effort without a limit.
+        :raises ValueError: an unknown coordinate, one that is given twice, or an effort without a limit.
         """
         names = model.coordinate_names
+        if isinstance(actuated, str):
+            raise InputError(f"actuated is the text {quoted(actuated)}", f"Give a list of coordinates: {[actuated]}.")
         self.actuated = tuple(names if actuated is None else actuated)
         require_coordinates(names, self.actuated)
+        require_each_once(self.actuated, "Each coordinate has one effort.")
         indices, self._count = [names.index(name) for name in self.actuated], len(names)
         self._places = _places(indices)
         most = limits[indices].astype(np.float32)
@@ -98,11 +103,13 @@ class AgentInterface:
 def with_limits(names: Sequence[str], limits: Array, given: Mapping[str, float]) -> Array:
     """The limits (…, nv) of efforts, of which the given ones replace those of their coordinates.
 
-    :raises ValueError: an unknown coordinate.
+    :raises ValueError: an unknown coordinate, or a limit that is negative or not a number.
     """
     require_coordinates(names, given)
     limits = limits.copy()
     for name, limit in given.items():
+        if not (isinstance(limit, SupportsFloat) and float(limit) >= 0.0):
+            raise InputError(f"the effort limit of {name} is {quoted(limit)}", "Give a number in N or N·m.")
         limits[..., names.index(name)] = limit
     return limits
 
@@ -115,6 +122,30 @@ def require_coordinates(names: Sequence[str], given: Sequence[str] | Mapping[str
     for name in given:
         if name not in names:
             raise ValueError(f"there is no coordinate '{name}'. {nearest(name, names)}")
+
+
+def require_episodes(start: Mapping[str, Any] | None, noise: float, frame_skip: int, horizon: int | None) -> None:
+    """Refuse settings of episodes that cannot be used: see `MechanismEnv`.
+
+    :raises ValueError: a name in `start` is neither q nor u, or a number is negative, or not whole.
+    """
+    require_starts(start or {})
+    positive_count(frame_skip, "frame_skip")
+    if horizon is not None:
+        positive_count(horizon, "the number of actions of an episode")
+    if not 0.0 <= noise < math.inf:
+        raise InputError(f"start_noise is {quoted(noise)}", "Give 0 or a positive number.")
+
+
+def require_starts(given: Collection[str], others: Sequence[str] = ()) -> None:
+    """Refuse what is given for the start of an episode besides q, u and `others`.
+
+    :raises ValueError: it names the first one.
+    """
+    valid = ("q", "u", *others)
+    for name in given:
+        if name not in valid:
+            raise InputError(f"an episode does not start from {quoted(name)}", f"Valid: {listed(valid)}.")
 
 
 def _places(indices: Sequence[int]) -> slice | NDArray[np.intp]:

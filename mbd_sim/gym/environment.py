@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from mbd_sim.errors import DivergedError
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.simulation.argument_checks import positive_count
 from mbd_sim.simulation.simulation import Simulation
 
 try:
     import gymnasium
 
-    from mbd_sim.gym.agent_interface import AgentInterface, with_limits
+    from mbd_sim.gym.agent_interface import AgentInterface, require_episodes, require_starts, with_limits
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError(
         "mbd_sim.gym needs gymnasium: pip install gymnasium, or mbd_sim[gym].", name=error.name
@@ -76,13 +77,15 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
         :param render_size: width and height of a frame in pixels.
         :param step: step size in s; it replaces that of the file.
         :raises MechanismError: with all problems of the file.
-        :raises ValueError: an unknown coordinate or render mode, or an effort without a limit.
+        :raises ValueError: an unknown coordinate or render mode, an effort without a limit, or a number that cannot be
+            used, such as a negative one.
         """
         record = mechanism if isinstance(mechanism, Mechanism) else load_mechanism(mechanism)
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"there is no render mode '{render_mode}'. Use 'rgb_array' or None.")
-        if frame_skip < 1:
-            raise ValueError(f"frame_skip must be 1 or more, not {frame_skip}")
+        require_episodes(start, start_noise, frame_skip, horizon)
+        for size in render_size:
+            positive_count(size, "a size of frames in pixels")
         self.simulation = Simulation(record, step=step)
         self.reward, self.terminated = reward, terminated
         self.frame_skip, self.horizon, self.start_noise = frame_skip, horizon, start_noise
@@ -103,8 +106,9 @@ class MechanismEnv(gymnasium.Env[Observation, Action]):  # type: ignore[misc]  #
     ) -> tuple[Observation, dict[str, Any]]:
         """Return to the start, or to the `options` "q" and "u", with noise; loops stay closed.
 
-        :raises ValueError: see `Simulation.reset`.
+        :raises ValueError: see `Simulation.reset`; or another option.
         """
+        require_starts(options or {})
         super().reset(seed=seed)
         sim, given = self.simulation, self.start | (options or {})
         self._actions = 0

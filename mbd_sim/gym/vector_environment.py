@@ -13,9 +13,10 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from mbd_sim.geometry.pose import Array
-from mbd_sim.gym.agent_interface import AgentInterface, with_limits
+from mbd_sim.gym.agent_interface import AgentInterface, require_episodes, require_starts, with_limits
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.simulation.argument_checks import rows_of
 from mbd_sim.simulation.ensemble import Ensemble
 from mbd_sim.simulation.ensemble_variants import Change
 from mbd_sim.simulation.time_dependence import time_dependence
@@ -65,11 +66,11 @@ class MechanismVectorEnv(VectorEnv[Array, NDArray[np.float32], Array]):  # type:
         :param max_episode_steps: actions after which an episode is truncated; never, if None.
         :param threads: see `Ensemble`.
         :raises MechanismError: with all problems of the file.
-        :raises ValueError: an unknown coordinate, an effort without a limit, or a motion that depends on the time.
+        :raises ValueError: an unknown coordinate or mode, an effort without a limit, a number that cannot be used, or a
+            motion that depends on the time.
         """
         record = mechanism if isinstance(mechanism, Mechanism) else load_mechanism(mechanism)
-        if frame_skip < 1:
-            raise ValueError(f"frame_skip must be 1 or more, not {frame_skip}")
+        require_episodes(start, start_noise, frame_skip, max_episode_steps)
         self.ensemble = Ensemble(record, num_envs, step=step, threads=threads)
         if (reason := time_dependence(self.ensemble.model)) is not None:
             raise ValueError(
@@ -89,7 +90,7 @@ class MechanismVectorEnv(VectorEnv[Array, NDArray[np.float32], Array]):  # type:
         self.reward, self.terminated = reward, terminated
         self.start, self.start_noise = dict(start or {}), start_noise
         self.frame_skip, self.max_episode_steps = frame_skip, max_episode_steps
-        self.autoreset_mode = autoreset_mode
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = self.metadata | {
             "autoreset_mode": self.autoreset_mode,
             "render_fps": round(1.0 / (frame_skip * self.ensemble.step_size)),
@@ -105,8 +106,9 @@ class MechanismVectorEnv(VectorEnv[Array, NDArray[np.float32], Array]):  # type:
 
         :param seed: of the first environment, the next one has the next seed; or one for each.
         :param options: "q" and "u" at the start, one row or (k, n), in place of those of the file.
-        :raises ValueError: see `Ensemble.reset`; or the number of seeds, or the mask, does not fit.
+        :raises ValueError: see `Ensemble.reset`; or the number of seeds, or the mask, does not fit; or another option.
         """
+        require_starts(options or {}, ["reset_mask"])
         given = self.start | (options or {})
         mask = np.asarray(given.pop("reset_mask", np.ones(self.num_envs, dtype=bool)))
         if mask.shape != (self.num_envs,) or mask.dtype != np.bool_:
@@ -162,7 +164,7 @@ class MechanismVectorEnv(VectorEnv[Array, NDArray[np.float32], Array]):  # type:
             return
         model, states = self.ensemble.model, self.ensemble.start_states
         coordinates = [("q", states[:, model.q_range]), ("u", states[:, model.u_range])]
-        starts = [np.broadcast_to(given.get(name, file), file.shape)[members].copy() for name, file in coordinates]
+        starts = [rows_of(given.get(name, file), file.shape, name)[members].copy() for name, file in coordinates]
         if not self._generators:
             self._seed(None)
         for row, member in enumerate(members.tolist()):

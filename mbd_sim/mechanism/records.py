@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
+from mbd_sim.errors import quoted
 from mbd_sim.geometry.batch import array
 from mbd_sim.geometry.pose import Array, Pose
 from mbd_sim.mechanism.drives import CommandedDrive
@@ -273,3 +275,14 @@ class Mechanism:
         ]
         found: Array = array(limits)
         return found
+
+
+def require_mechanism(given: object) -> Mechanism:
+    """The same mechanism.
+
+    :raises TypeError: it is something else, such as the name of a file.
+    """
+    if isinstance(given, Mechanism):
+        return given
+    name = quoted(str(given)) if isinstance(given, str | Path) else "…"
+    raise TypeError(f"{quoted(given)} is not a Mechanism. Load it from its file: load_mechanism({name}).")

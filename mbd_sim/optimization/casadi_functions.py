@@ -18,7 +18,7 @@ from mbd_sim.errors import InputError, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import channel_names
 from mbd_sim.mechanism.one_sided import require_two_sided
-from mbd_sim.mechanism.records import GROUND, Mechanism
+from mbd_sim.mechanism.records import GROUND, Mechanism, require_mechanism
 from mbd_sim.optimization.parameter_inputs import ParameterInputs, parameter_inputs
 from mbd_sim.symbolic.symbolic_values import with_forces_alone
 
@@ -202,11 +202,12 @@ class CasadiFunctions:
 def casadi_functions(mechanism: Mechanism, parameters: Sequence[str] = ()) -> CasadiFunctions:
     """The equations of a mechanism as CasADi functions.
 
-    :param parameters: keys of numbers of its file that are the inputs p, as for live values: `l`, `parts.rod.mass`.
+    :param parameters: keys of numbers of its file that are the inputs p, as for live values: `l`, `parts.rod.mass`. A
+        single key may be given by itself.
     :raises MechanismError: it has one-sided elements, or actuators that change only between steps; or a key does not
-        exist, or cannot be an input.
+        exist, cannot be an input, or is given twice.
     """
-    require_two_sided(mechanism, REFUSED, SMOOTH)
+    require_two_sided(require_mechanism(mechanism), REFUSED, SMOOTH)
     mechanism = with_forces_alone(mechanism)
     inputs = parameter_inputs(mechanism, parameters)
     equations = derive(mechanism, parameters=inputs.numbers)

@@ -16,9 +16,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.errors import DivergedError, InputError, MbdSimError
+from mbd_sim.errors import DivergedError, InputError, MbdSimError, quoted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism_file.override import values_of, with_values
 from mbd_sim.optimization.measured_runs import MeasuredRun, Residuals, measured_runs
 from mbd_sim.optimization.sensitivities import SensitivityModel
 from mbd_sim.optimization.separable_fit import Linearized, column_sizes, eliminated_parts, fit
@@ -56,7 +57,7 @@ class Identification:
 def identify(
     mechanism: Mechanism,
     data: MeasuredRun | Sequence[MeasuredRun],
-    parameters: Mapping[str, float] | Sequence[str],
+    parameters: Mapping[str, float | str] | Sequence[str],
     *,
     interval: int = 100,
     confidence: float = 0.95,
@@ -65,29 +66,35 @@ def identify(
     """Identify parameters of a mechanism from measured runs.
 
     :param data: runs that all have the same step, and in which the same is measured.
-    :param parameters: keys of its file with first guesses; by default those are the values in the file.
+    :param parameters: keys of its file with first guesses, as for `with_values`; by default those are the values in the
+        file.
     :param interval: steps after which the trajectory starts anew, where states are measured. Runs of which only outputs
         are measured are not divided.
     :param confidence: the probability that a confidence interval contains the true value, for independent normal noise.
     :param method: of integration, by default that of the mechanism; see `SensitivityModel`.
     :raises MissingPackageError: SciPy is not installed.
-    :raises MechanismError: see `casadi_functions`.
-    :raises InputError: the measurements do not fit the mechanism.
+    :raises MechanismError: see `casadi_functions`; or a first guess cannot be a value of the file.
+    :raises InputError: the measurements do not fit the mechanism, or `confidence` is not between 0 and 1.
     :raises MbdSimError: the measurements do not determine the parameters, or the search does not converge.
     """
     require_packages("scipy", purpose="Identifying parameters")
     from scipy.special import stdtrit  # type: ignore[import-untyped]
 
-    runs, keys = measured_runs(data), list(parameters)
+    runs, keys = measured_runs(data), [parameters] if isinstance(parameters, str) else list(parameters)
     if not keys or interval < 1:
         raise InputError("there is nothing to identify", "Give parameters, measured runs, and a positive interval.")
+    if not 0.0 < confidence < 1.0:
+        raise InputError(f"a confidence of {quoted(confidence)} is no probability", "Give one between 0 and 1.")
     model = SensitivityModel(mechanism, keys, method=method, step=runs[0].step, by_efforts=False)
     residuals = [Residuals(model.functions, run) for run in runs]
     names = residuals[0].names
     if any(other.names != names or other.run.step != model.step for other in residuals):
         raise InputError("the runs differ in their steps, or in what is measured", "Identify from runs of one kind.")
     problem = _Problem(model, residuals, interval)
-    first = list(parameters.values()) if isinstance(parameters, Mapping) else model.functions.values
+    first = model.functions.values
+    if isinstance(parameters, Mapping):
+        given = values_of(with_values(mechanism, parameters), keys)
+        first = np.array([given[key] for key in keys], dtype=float)
     values, parts, freedom = problem.solution(np.array(first, dtype=float))
     covariance = _covariance(parts)
     errors, reach = np.sqrt(np.diag(covariance)), float(stdtrit(freedom, 0.5 + confidence / 2.0))

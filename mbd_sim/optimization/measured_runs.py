@@ -35,6 +35,15 @@ class MeasuredRun:
     outputs: Mapping[str, Array] = field(default_factory=dict)
     first_state: Array | None = None
 
+    def __post_init__(self) -> None:
+        """:raises InputError: states or efforts are not tables of numbers, which may be given as lists."""
+        for name in ("states", "efforts"):
+            given = getattr(self, name)
+            table = np.asarray(given, dtype=float)
+            if table.ndim != 2 and not (name == "states" and given is None):
+                raise InputError(f"{name} has the shape {table.shape}", "Give a row for each time.")
+            object.__setattr__(self, name, None if given is None else table)
+
 
 class _Quantity(NamedTuple):
     """Measured values (n + 1, k) of components of the state or, by its name, of a point."""
@@ -59,6 +68,11 @@ class Residuals:
         self._quantities = [*_of_states(functions, run), *_of_outputs(functions, run)]
         self.names = tuple(name for quantity in self._quantities for name in quantity.names)
         measured = [np.any(np.isfinite(quantity.values), axis=1) for quantity in self._quantities]
+        if any(np.any(np.isinf(quantity.values)) for quantity in self._quantities):
+            raise InputError("some of the measurements are infinite", "Give nan where nothing was measured.")
+        if run.first_state is not None and np.shape(run.first_state) != functions.start.shape:
+            shape = np.shape(run.first_state)
+            raise InputError(f"first_state has the shape {shape}", f"Give {functions.start.shape}.")
         if not measured or not np.any(measured):
             raise InputError("a run without measurements", "Give states or outputs that are not nan.")
         self.rows = np.flatnonzero(np.any(measured, axis=0))

@@ -63,19 +63,22 @@ class ParameterInputs:
 
 def parameter_inputs(
     mechanism: Mechanism,
-    keys: Sequence[str],
+    keys: str | Sequence[str],
     reduced: Callable[[Mechanism], Mechanism] = with_forces_alone,
     *,
     starts: bool = False,
 ) -> ParameterInputs:
     """The numbers of a mechanism as formulas of some parameters.
 
-    :param keys: of its file, as for live values.
+    :param keys: of its file, as for live values; a single one may be given by itself.
     :param reduced: gives the mechanism whose equations are wanted, such as one without forces.
     :param starts: whether the numbers at the start are wanted as well; then only they may depend on a parameter.
-    :raises MechanismError: a key does not exist, or more than numbers depends on its value, or numbers without a short
-        formula.
+    :raises MechanismError: a key does not exist or is given twice, or more than numbers depends on its value, or
+        numbers without a short formula.
     """
+    keys = (keys,) if isinstance(keys, str) else tuple(keys)
+    if twice := [key for index, key in enumerate(keys) if key in keys[:index]]:
+        raise MechanismError([_problem(mechanism, key, "is given twice as a parameter") for key in twice])
     whole, mechanism, start = mechanism, reduced(mechanism), values_of(mechanism, keys)
     data = equation_data(mechanism)
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from mbd_sim.errors import DivergedError, InputError
 from mbd_sim.geometry.pose import Array
-from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism.records import Mechanism, require_mechanism
 from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.optimization.casadi_functions import CasadiFunctions, casadi_functions
 from mbd_sim.optimization.sensitivity_records import Derivatives, Sensitivities
@@ -54,7 +54,7 @@ class SensitivityModel:
             and switches, across which derivatives jump.
         :raises InputError: the method is `rosenbrock_w`, or the step is not positive.
         """
-        self.step = mechanism.step if step is None else float(step)
+        self.step = require_mechanism(mechanism).step if step is None else float(step)
         if not 0.0 < self.step < np.inf:
             raise InputError(f"a step of {step} s is not positive", "Give a positive step in s.")
         self.functions: CasadiFunctions = casadi_functions(mechanism, parameters)

@@ -6,6 +6,8 @@ trajectory, not of the exact one (differentiation of the discretized equations).
 
 from __future__ import annotations
 
+from operator import index
+
 import casadi as ca
 
 from mbd_sim.errors import InputError, nearest
@@ -40,13 +42,14 @@ def trajectory(functions: CasadiFunctions, steps: int, step: float, method: str 
 
     :param method: see `one_step`.
     :raises InputError: there is no such method, or no step.
+    :raises TypeError: `steps` is not an integer.
     """
-    if steps < 1 or not step > 0.0:
+    if (steps := index(steps)) < 1 or not step > 0.0:
         raise InputError(f"{steps} steps of {step} s are no trajectory", "Give at least one step, of a positive size.")
     next_state = one_step(functions, step, method)
     x0, e = ca.MX.sym("x0", len(functions.start)), ca.MX.sym("e", len(functions.efforts), steps)
     t0, p = ca.MX.sym("t0"), ca.MX.sym("p", len(functions.values))
-    times = t0 + ca.DM([step * index for index in range(steps)]).T
+    times = t0 + ca.DM([step * number for number in range(steps)]).T
     states = _state_first(next_state).mapaccum(steps)(x0, times, e, ca.repmat(p, 1, steps))
     return ca.Function("trajectory", [t0, x0, e, p], [ca.horzcat(x0, states)], ["t0", "x0", "e", "p"], ["x"])
 

@@ -7,8 +7,10 @@ from collections.abc import Sequence
 from operator import index
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.compiler.python_callable import LARGEST
+from mbd_sim.errors import InputError, quoted
 from mbd_sim.geometry.pose import Array
 
 
@@ -33,6 +35,43 @@ def step_count(n: int) -> int:
     if not 0 <= count <= LARGEST:
         raise ValueError(f"the number of steps must lie between 0 and {LARGEST}, not {count}.")
     return count
+
+
+def positive_count(value: object, name: str) -> int:
+    """A number of something, of which there must be one or more.
+
+    :param name: of the argument, for the error.
+    :raises InputError: it is not a whole number, or less than 1.
+    """
+    count = value if isinstance(value, int | np.integer) and not isinstance(value, bool) else 0
+    if count < 1:
+        raise InputError(f"{name} must be a whole number of 1 or more, not {quoted(value)}")
+    return int(count)
+
+
+def rows_of(values: Sequence[float] | Array, shape: tuple[int, int], name: str) -> Array:
+    """An array of a `shape` (k, n) from n values for all rows, or from all (k, n).
+
+    :param name: of the values, for the error.
+    :raises ValueError: they have another shape.
+    """
+    array = np.asarray(values, dtype=float)
+    if array.shape not in (shape, shape[1:], (1, shape[1]), ()):
+        raise ValueError(f"{name} has the shape {array.shape}. Give {shape[1]} values for all members, or {shape}.")
+    return np.broadcast_to(array, shape)
+
+
+def member_numbers(members: Sequence[int] | NDArray[np.intp], count: int) -> NDArray[np.intp]:
+    """The indices (n,) of some of `count` members.
+
+    :raises InputError: they are not whole numbers, for example a mask.
+    :raises IndexError: there is no such member.
+    """
+    given = np.asarray(members)
+    if given.size and given.dtype.kind not in "iu":
+        remedy = "Give the indices of members; for a mask use np.flatnonzero(mask)."
+        raise InputError(f"members are chosen by {quoted(members)}", remedy)
+    return np.arange(count)[given.astype(np.intp)]
 
 
 def step_at(time: float, size: float, steps: int = 0) -> int:

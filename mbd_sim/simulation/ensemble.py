@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from operator import index
 from pathlib import Path
 from typing import NoReturn, Self, Unpack
 
@@ -23,14 +22,22 @@ from mbd_sim.errors import CommandError, DivergedError, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.taylor import Taylor
 from mbd_sim.load import load_mechanism
-from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism.records import Mechanism, require_mechanism
 from mbd_sim.simulation.actuator_commands import Command, CommandMap
-from mbd_sim.simulation.argument_checks import require_finite, step_at, step_count, step_size
+from mbd_sim.simulation.argument_checks import (
+    member_numbers,
+    positive_count,
+    require_finite,
+    rows_of,
+    step_at,
+    step_count,
+    step_size,
+)
 from mbd_sim.simulation.compiled_model import Model, build_model
 from mbd_sim.simulation.contact_events import ContactStepper
 from mbd_sim.simulation.ensemble_contacts import advance_through_events, member_contacts, settle_members
 from mbd_sim.simulation.ensemble_readings import EnsembleReadings
-from mbd_sim.simulation.ensemble_variants import Change, Variants
+from mbd_sim.simulation.ensemble_variants import Change, Variants, member_changes
 from mbd_sim.simulation.member_failures import divergence_of_member
 from mbd_sim.simulation.options import EnsembleOptions
 from mbd_sim.simulation.snapshot import MemberFailure
@@ -70,12 +77,10 @@ class Ensemble(EnsembleReadings):
         :param threads: the largest number of threads; by default the number of available processors.
         :raises MechanismError: a change does not fit, or concerns a value that is built into the equations, such as
             the direction of an axis; the error names the member.
-        :raises ValueError: there are no members, or the step is not a positive number.
+        :raises ValueError: there are no members, or the step or `threads` is not a positive number.
         """
-        changes: Sequence[Change] = [{}] * index(members) if isinstance(members, int) else list(members)
-        if not changes:
-            raise ValueError("an ensemble needs at least one member.")
-        self.mechanism = mechanism
+        changes = member_changes(members)
+        self.mechanism = require_mechanism(mechanism)
         self.step_size = step_size(step, mechanism.step)
         variants = Variants(mechanism, changes)
         self.model: Model = build_model(variants.first, method, (), variants.values, self.step_size)
@@ -91,7 +96,7 @@ class Ensemble(EnsembleReadings):
         inputs = np.tile(self.model.inputs, (len(changes), 1))
         inputs[:, self._value_inputs] = values
         self._put_inputs(inputs)
-        self._threads = threads or len(os.sched_getaffinity(0))
+        self._threads = len(os.sched_getaffinity(0)) if threads is None else positive_count(threads, "threads")
         self._steps = 0
         self.reset()
         self._seal()
@@ -131,14 +136,14 @@ class Ensemble(EnsembleReadings):
         That begins a new run of these members, because it requires that nothing depends on the time. See `reset`.
 
         :param members: (n,) their indices, each once.
-        :raises ValueError: see `reset`; or the motion depends on the time.
+        :raises ValueError: see `reset`; or the motion depends on the time; or `members` are a mask.
         :raises IndexError: there is no such member.
         :raises CommandError: see `reset`.
         :raises EventError: see `reset`.
         """
         if (reason := self._time_dependence) is not None:
             raise ValueError(f"members cannot start again by themselves, because {reason}. Use reset().")
-        some = np.arange(len(self))[np.asarray(members, dtype=np.intp)]
+        some = member_numbers(members, len(self))
         if not some.size:
             return
         states, inputs, energies = self._started(some, q, u)
@@ -160,8 +165,7 @@ class Ensemble(EnsembleReadings):
         inputs[:, self._effort_inputs] = 0.0
         for given, where, symbol in ((q, self.model.q_range, "q"), (u, self.model.u_range, "u")):
             if given is not None:
-                rows = np.broadcast_to(np.asarray(given, dtype=float), states[:, where].shape)
-                states[:, where] = require_finite(rows, symbol)
+                states[:, where] = require_finite(rows_of(given, states[:, where].shape, symbol), symbol)
         for y, values in zip(states, inputs[:, self._value_inputs], strict=True):
             self.model.normalize(y)
             if q is not None or u is not None:

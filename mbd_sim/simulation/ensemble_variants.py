@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from mbd_sim.dynamics.symbolic_parameters import (
     SymbolicParameters,
     varying_parameters,
 )
-from mbd_sim.errors import MechanismError, Problem
+from mbd_sim.errors import InputError, MechanismError, Problem, quoted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.override import with_values
@@ -23,6 +23,24 @@ from mbd_sim.simulation.compiled_model import Model
 from mbd_sim.simulation.variant_batch import FEWEST, build_at_once, first_middle_last, numbers_of
 
 Change = Mapping[str, float | str]
+
+
+def member_changes(members: int | Sequence[Change]) -> list[Change]:
+    """The changes of each member of an ensemble, which are given, or only their number.
+
+    :raises InputError: there are no members, or something else is given.
+    """
+    changes: list[Change] | None = None
+    if isinstance(members, int | np.integer) and not isinstance(members, bool):
+        changes = [{}] * int(members)
+    elif isinstance(members, Iterable) and not isinstance(members, str | Mapping):
+        changes = list(members)
+    if changes is None or not all(isinstance(change, Mapping) for change in changes):
+        remedy = "Give their number, or a list with the changed values of each one by key."
+        raise InputError(f"members of an ensemble cannot be {quoted(members)}", remedy)
+    if not changes:
+        raise InputError("an ensemble needs at least one member")
+    return changes
 
 
 class Variants:
@@ -42,7 +60,7 @@ class Variants:
         known: dict[tuple[tuple[str, float | str], ...], int] = {}
         self._changes: list[Change] = []
         for change in changes:
-            key = tuple(sorted(change.items()))
+            key = tuple((name, _hashable(value)) for name, value in sorted(change.items()))
             if key not in known:
                 known[key] = len(known)
                 self._changes.append(change)
@@ -121,6 +139,11 @@ class Variants:
     def effort_limits(self) -> Array:
         """The largest absolute effort (k, nv) of each degree of freedom, in N or N·m."""
         return np.array([numbers.effort_limits for numbers in self._numbers])[self._variant_of]
+
+
+def _hashable(value: float | str) -> float | str:
+    """A value of a change, or the text of a list, to tell changes apart."""
+    return value if isinstance(value, Hashable) else repr(value)
 
 
 def _of_member(member: int, error: MechanismError) -> MechanismError:

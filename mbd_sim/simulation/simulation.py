@@ -8,7 +8,7 @@ from typing import ClassVar, NoReturn, Self, Unpack
 
 from mbd_sim import simulation
 from mbd_sim.load import load_mechanism, parse_mechanism
-from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism.records import Mechanism, require_mechanism
 from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.simulation.actuator_commands import CommandMap
 from mbd_sim.simulation.argument_checks import step_size
@@ -78,6 +78,7 @@ class Simulation(InlineViews, StateChanges, RunInputs, DynamicsReadings, ReadOnl
         :raises ValueError: the step is not a positive number, or a parameter is given twice.
         :raises CommandError: a part in `wrenches` does not exist.
         """
+        require_mechanism(mechanism)
         changes = changed_values(mechanism, set or {}, parameters or {})
         mechanism = with_values(mechanism, changes) if changes else mechanism
         step = step_size(step, mechanism.step)

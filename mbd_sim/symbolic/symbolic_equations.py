@@ -16,7 +16,7 @@ from mbd_sim.errors import MbdSimError, listed
 from mbd_sim.mechanism.contacts import Cam
 from mbd_sim.mechanism.drives import require_no_commanded_drives
 from mbd_sim.mechanism.one_sided import has_one_sided
-from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism.records import Mechanism, require_mechanism
 from mbd_sim.packages import require_packages
 from mbd_sim.symbolic.equation_limits import MAX_INSTRUCTIONS, too_large
 from mbd_sim.symbolic.symbolic_actuators import SymbolicActuator, TracedActuators, symbolic_actuators, traced_actuators
@@ -107,7 +107,7 @@ def symbolic_equations(mechanism: Mechanism, parameters: Sequence[str] | None = 
         contacts with cams.
     """
     require_packages("sympy", purpose="Deriving equations as formulas")
-    require_no_commanded_drives(mechanism, "cannot be printed as formulas")
+    require_no_commanded_drives(require_mechanism(mechanism), "cannot be printed as formulas")
     _require_small(mechanism, coordinate_layout(mechanism).nv)
     _require_formulas(mechanism)
     mechanism = with_forces_alone(mechanism)

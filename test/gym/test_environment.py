@@ -99,6 +99,34 @@ def test_mistakes_are_refused():
         env.step(np.array([np.nan]))
 
 
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"actuated": "rail"}, r"text 'rail'.*\['rail'\]"),
+        ({"actuated": ["rail", "rail"]}, "'rail' is named twice"),
+        ({"effort_limits": {"rail": -1.0}}, "limit of rail is -1.*N or N·m"),
+        ({"effort_limits": {"rail": float("nan")}}, "limit of rail is nan"),
+        ({"effort_limits": {"rail": "20 N"}}, "limit of rail is '20 N'"),
+        ({"start": {"p": [0.0, 0.0]}}, "'p'.*q, u"),
+        ({"start_noise": -0.1}, "start_noise is -0.1"),
+        ({"start_noise": float("nan")}, "start_noise is nan"),
+        ({"frame_skip": 1.5}, "frame_skip must be a whole number of 1 or more, not 1.5"),
+        ({"frame_skip": 0}, "frame_skip must be .* not 0"),
+        ({"horizon": 0}, "actions of an episode must be .* not 0"),
+        ({"render_size": (0, 100)}, "pixels must be .* not 0"),
+    ],
+)
+def test_settings_that_cannot_be_used_are_refused_with_their_value(given, message):
+    with pytest.raises(ValueError, match=message):
+        MechanismEnv("cart_pendulum", **{"actuated": ["rail"], "reward": upright} | given)
+
+
+def test_options_of_a_reset_besides_the_start_are_refused():
+    env = MechanismEnv("cart_pendulum", ["rail"], reward=upright)
+    with pytest.raises(ValueError, match=r"'qq'.*q, u"):
+        env.reset(options={"qq": [0.0, 1.0]})
+
+
 def test_frames_keep_their_size_and_show_the_motion():
     env = MechanismEnv("cart_pendulum", ["rail"], reward=upright, render_mode="rgb_array", render_size=(300, 200))
     env.reset()

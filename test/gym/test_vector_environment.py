@@ -126,6 +126,18 @@ def test_mistakes_are_refused():
         envs.step(np.zeros(1))
     with pytest.raises(ValueError, match=r"reward returned the shape \(\) for 2 environments"):
         envs.step(np.zeros((2, 1)))
+    with pytest.raises(ValueError, match=r"'qq'.*q, u, reset_mask"):
+        envs.reset(options={"qq": [0.0, 0.0]})
+    with pytest.raises(ValueError, match=r"q has the shape \(3,\)"):
+        envs.reset(options={"q": [0.0, 0.0, 0.0]})
+    for given, message in (
+        ({"autoreset_mode": "never"}, "'never' is not a valid AutoresetMode"),
+        ({"max_episode_steps": 0}, "actions of an episode must be .* not 0"),
+        ({"frame_skip": 2.5}, "frame_skip must be .* not 2.5"),
+        ({"start": {"p": [0.0]}}, "'p'.*q, u"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            MechanismVectorEnv("cart_pendulum", 2, ["rail"], reward=still, **given)
     with pytest.raises(ValueError, match="3 seeds for 2"):
         envs.reset(seed=[1, 2, 3])
     with pytest.raises(ValueError, match="reset_mask is int64"):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.errors import InputError, MbdSimError
+from mbd_sim.errors import InputError, MbdSimError, MechanismError
 from mbd_sim.geometry.rotation import of_vector, product
 from mbd_sim.load import load_mechanism
 from mbd_sim.optimization import MeasuredRun, SensitivityModel, casadi_functions, identification, identify, trajectory
@@ -167,6 +167,24 @@ def test_what_does_not_fit_is_refused(monkeypatch):
         (MeasuredRun(STEP, None, run.efforts, outputs={"joints.pn.position": run.states[:, 0]}), ["m"], r"'joints\.pn"),
         (MeasuredRun(STEP, None, run.efforts, outputs={"joints.pin.position": run.states}), ["m"], r"Give \(21,\)"),
         ([run, MeasuredRun(2 * STEP, run.states, run.efforts)], ["m"], "differ in their steps"),
+        (MeasuredRun(STEP, run.states + np.inf, run.efforts), ["m"], "infinite.*nan"),
+        (MeasuredRun(STEP, run.states, run.efforts, first_state=np.zeros(3)), ["m"], r"first_state .* \(3,\).*\(2,\)"),
     ):
         with pytest.raises(InputError, match=message):
             identify(pendulum, data, keys)
+    with pytest.raises(InputError, match=r"efforts has the shape \(20,\)"):
+        MeasuredRun(STEP, run.states, run.efforts[:, 0])
+    with pytest.raises(InputError, match="confidence of 95"):
+        identify(pendulum, run, ["m"], confidence=95)
+    for guess in (-1.0, float("nan")):
+        with pytest.raises(MechanismError, match=r"m(ass)?: must be"):
+            identify(pendulum, run, {"m": guess})
+
+
+def test_guesses_are_values_of_the_file_and_tables_may_be_lists(monkeypatch):
+    share_models(monkeypatch)
+    run, pendulum = run_of("rod_pendulum", 20, [0.5, 0.0]), load_mechanism("rod_pendulum")
+    expected = identify(pendulum, run, {"m": 1.5}).estimates["m"]
+    lists = MeasuredRun(STEP, run.states.tolist(), run.efforts.tolist())
+    assert identify(pendulum, lists, {"m": "1500 g"}).estimates["m"] == expected
+    assert identify(pendulum, run, "m").estimates["m"].value == pytest.approx(expected.value, rel=1e-6)

@@ -65,5 +65,7 @@ def test_what_is_no_trajectory_is_refused():
     functions = casadi_functions(load_mechanism("rod_pendulum"))
     with pytest.raises(InputError, match="no trajectory"):
         trajectory(functions, 0, STEP)
+    with pytest.raises(TypeError, match="integer"):
+        trajectory(functions, 1.5, STEP)
     with pytest.raises(InputError, match="no explicit method 'rk5'"):
         one_step(functions, STEP, "rk5")

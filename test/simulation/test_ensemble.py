@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from mbd_sim import CommandError, DivergedError, Ensemble, MechanismError, Simulation
+from mbd_sim import CommandError, DivergedError, Ensemble, InputError, MechanismError, Simulation
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism_file.override import with_values
 
@@ -163,6 +163,24 @@ def test_an_ensemble_has_members_and_a_step():
         Ensemble.from_file("double_rod", 2).step(-1)
     with pytest.raises(ValueError, match="not finite"):
         Ensemble.from_file("double_rod", 2).reset(q=np.full((2, 2), np.nan))
+    with pytest.raises(ValueError, match=r"u has the shape \(3,\)\. Give 2 values .* or \(4, 2\)"):
+        Ensemble.from_file("double_rod", 4).reset(u=np.zeros(3))
+
+
+@pytest.mark.parametrize("members", [2.5, True, "4", {"l": 1.0}, [1.0, 2.0]])
+def test_members_are_a_number_or_changes(members):
+    with pytest.raises(InputError, match="Give their number, or a list"):
+        Ensemble.from_file("double_rod", members)
+
+
+def test_numbers_of_numpy_count_members():
+    assert len(Ensemble.from_file("double_rod", np.int64(3))) == 3
+
+
+@pytest.mark.parametrize("threads", [0, -1, 1.5])
+def test_threads_are_counted(threads):
+    with pytest.raises(InputError, match=f"threads must be a whole number of 1 or more, not {threads}"):
+        Ensemble.from_file("double_rod", 2, threads=threads)
 
 
 @pytest.mark.parametrize("method", ["adams11", "rosenbrock", "gauss4"])
@@ -206,6 +224,9 @@ def test_members_cannot_start_again_where_the_time_matters():
     before = swing.state
     with pytest.raises(IndexError):
         swing.restart([2])
+    for mask in ([True, False], np.array([0.0, 1.0])):
+        with pytest.raises(InputError, match=r"for a mask use np\.flatnonzero"):
+            swing.restart(mask)
     swing.restart([])
     assert np.array_equal(swing.state, before)
 

@@ -87,6 +87,15 @@ def test_an_error_names_the_member_the_file_the_key_and_the_remedy(name, key, wr
     assert raised.value.problems[0].remedy
 
 
+def test_lists_among_the_changes_are_values_of_the_file():
+    mechanism, key = load_mechanism("double_rod"), "gravity"
+    changes = [{key: [0.0, 0.0, -9.81]}, {key: [0.0, 0.0, -1.62]}, {key: [0.0, 0.0, -9.81]}]
+    variants = Variants(mechanism, changes)
+    assert [variants.mechanism_of(member).gravity[2] for member in range(3)] == [-9.81, -1.62, -9.81]
+    with pytest.raises(MechanismError, match=r"parameters\.l: member 0: must be a number"):
+        _ = Variants(mechanism, [{"l": [1.0, 2.0]}]).first
+
+
 def test_should_a_batch_differ_nothing_of_it_is_used(monkeypatch):
     mechanism, changes = changes_of("double_rod")
     right = variant_batch._numbers
