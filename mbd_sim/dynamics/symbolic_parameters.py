@@ -26,6 +26,8 @@ from mbd_sim.mechanism.records import Mechanism
 
 Path = tuple[str | int, ...]
 
+ROUND_OFF = 1e-14  # relative to the largest number of an array, of equal numbers that were computed in different ways
+
 
 class StructureError(ValueError):
     """A mechanism differs from another one by more than the values of its parameters."""
@@ -41,6 +43,18 @@ class EquationData:
     paths: tuple[Path, ...]
     free: Array
     fixed: Mapping[Path, Any]
+
+    def size_near(self, index: int) -> float:
+        """The largest magnitude in the array of a free number, or its own where it is in none."""
+        path = self.paths[index]
+        if not isinstance(path[-1], int):
+            return abs(float(self.free[index]))
+        first, last = index, index + 1
+        while first and self.paths[first - 1][:-1] == path[:-1]:
+            first -= 1
+        while last < len(self.paths) and self.paths[last][:-1] == path[:-1]:
+            last += 1
+        return float(np.max(np.abs(self.free[first:last])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,15 +84,19 @@ class SymbolicParameters:
     def checked_values_in(self, data: EquationData) -> Array:
         """The values (n,) of another mechanism of the same structure.
 
+        Numbers may differ by round-off: the two halves of an inertia that is turned into the axes of a joint are equal
+        for some values of a length, and differ in the last bit for others.
+
         :raises StructureError: it differs in more than these parameters.
         """
         _require_same_structure(self.data, data)
         values = self.values_in(data)
         expected = self.data.free.copy()
         expected[self.indices] = values[self.columns]
-        if len(different := np.flatnonzero(expected != data.free)):
-            path = _dotted(data.paths[different[0]])
-            raise StructureError(f"{path} differs, which is not among the values that can change")
+        for index in np.flatnonzero(expected != data.free).tolist():
+            if not abs(expected[index] - data.free[index]) <= ROUND_OFF * data.size_near(index):
+                path = _dotted(data.paths[index])
+                raise StructureError(f"{path} differs, which is not among the values that can change")
         return values
 
 

@@ -71,6 +71,30 @@ def test_equal_numbers_share_a_parameter():
     assert ca.SX(parameters.symbols).shape == (len(parameters.base), 1)
 
 
+OBLIQUE = """
+mechanism: oblique
+parameters: {{l: {length}}}
+parts: {{arm: {{mass: 1.3, center: [0.05, 0.02, -l/2], inertia: {{xx: 0.02, yy: 0.03, zz: 0.015, xy: 0.002, xz: -0.001, yz: 0.003}}}}}}
+joints: {{pin: {{type: revolute, between: [ground, arm], axis: [1, 2, -1]}}}}
+"""
+
+
+def test_turned_inertias_may_differ_from_their_transposes_by_round_off():
+    lengths = (0.4, 0.44, *np.linspace(0.3, 0.6, 13).tolist())
+    base, probe, *others = [equation_data(parse_mechanism(OBLIQUE.format(length=length))) for length in lengths]
+    parameters = varying_parameters(base, [probe])
+    exact = []
+    for other in others:
+        expected = base.free.copy()
+        expected[parameters.indices] = parameters.checked_values_in(other)[parameters.columns]
+        exact.append(np.array_equal(expected, other.free))
+        assert np.allclose(expected, other.free, rtol=0, atol=1e-15)
+    assert not all(exact)
+    heavier = parse_mechanism(OBLIQUE.format(length=0.4).replace("1.3", "1.3000000000005"))
+    with pytest.raises(StructureError, match="not among the values"):
+        parameters.checked_values_in(equation_data(heavier))
+
+
 def test_what_is_built_into_the_equations_cannot_vary():
     base = load_mechanism("double_rod")
     turned = parse_mechanism(base.source.text.replace("axis: [0, -1, 0]", "axis: [0, 1, 0]"))
