@@ -150,8 +150,7 @@ class LiveValues:
         repeated = {key for key, value in wanted.items() if key not in before and value == self.current[key]}
         if repeated:
             fewer = {key: value for key, value in given.items() if key not in repeated}
-            unchanged = with_values(self._mechanism, fewer)
-            if self._values_in(unchanged, fewer) == current:
+            if (unchanged := self._with_all(fewer, current)) is not None:
                 return fewer, current, unchanged
         return given, current, changed
 
@@ -161,10 +160,18 @@ class LiveValues:
             given = {key: value for key, value in self.current.items() if value != self._of_file[key]}
             for key in sorted(given, key=lambda key: location_of(self._mechanism, key)[0] == "parameters"):
                 fewer = {other: value for other, value in given.items() if other != key}
-                if self._values_in(with_values(self._mechanism, fewer), fewer) == self.current:
+                if self._with_all(fewer, self.current) is not None:
                     given = fewer
             self._given = given
         return self._given
+
+    def _with_all(self, given: Mapping[str, float], values: Mapping[str, float]) -> Mechanism | None:
+        """The mechanism with the given values; None if it is not possible, or does not have all of the `values`."""
+        try:
+            mechanism = with_values(self._mechanism, given)
+        except MechanismError:
+            return None
+        return mechanism if self._values_in(mechanism, given) == values else None
 
     def _values_in(self, mechanism: Mechanism, given: Mapping[str, float]) -> dict[str, float]:
         """All live values in the mechanism with the given ones."""

@@ -173,6 +173,23 @@ def test_what_follows_what_is_found_again_from_a_snapshot():
         assert other.live == {"parameters.d": 0.7, "parameters.e": 1.4, DAMPING: expected}
 
 
+INERTIA = FOLLOWING.replace("[0, 0, -1]}", "[0, 0, 0], inertia: [1, 1, d + 0.9]}")
+
+
+def test_values_that_are_possible_only_together_are_found_again_and_repeated():
+    """Without one of them, the inertia would violate the triangle inequality."""
+    names = [f"parts.arm.inertia[{axis}]" for axis in range(3)]
+    sim = Simulation.from_text(INERTIA, live=["parameters.*", *names])
+    sim.set_live(dict.fromkeys(names, 0.1))
+    other = Simulation.from_text(INERTIA, live=["parameters.*", *names])
+    other.restore(sim.snapshot())
+    other.set_live({"parameters.e": 0.7})
+    assert other.live == {"parameters.d": 0.1, "parameters.e": 0.7, **dict.fromkeys(names, 0.1)}
+    another = Simulation.from_text(INERTIA, live=["parameters.*", *names])
+    another.set_live({"parameters.d": 5.0, names[2]: 1.0})
+    assert another.live == {"parameters.d": 5.0, "parameters.e": 10.0, **dict.fromkeys(names, 1.0)}
+
+
 def test_a_single_name_may_be_given_by_itself():
     sim = Simulation.from_text(FOLLOWING, live="parameters.d", wrenches="arm")
     assert list(sim.live) == ["parameters.d"]
