@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import hashlib
 import os
 import re
 import signal
@@ -11,6 +12,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import llvmlite.binding as llvm
 
@@ -42,9 +44,15 @@ def compiler_options(level: int) -> tuple[str, ...]:
     long = (
         *(f"long: no {name}" for name in SKIPPED_IN_LONG_CODE),
         *(f"{name}={value}" for name, value, _ in LONG_CODE_OPTIONS),
-        f"{NEAR_ADDRESSES} lines: near addresses",
+        f"{NEAR_ADDRESSES} lines: near addresses {_near_addresses_digest()}",
     )
     return *ADDRESSES.values(), *PASSES[level], f"O{level}", *long
+
+
+@functools.cache
+def _near_addresses_digest() -> str:
+    """That of the source of the pass: other code of this package changes the IR, but this one only the object code."""
+    return hashlib.sha256(Path(__file__).with_name("near_addresses.py").read_bytes()).hexdigest()
 
 
 @functools.cache

@@ -75,3 +75,14 @@ def test_options_are_part_of_the_key(monkeypatch):
     before = machine_code.compiler_identity()
     monkeypatch.setattr("mbd_sim.compiler.object_code.LONG_CODE_OPTIONS", ())
     assert machine_code.compiler_identity() != before
+
+
+def test_the_pass_over_assembly_code_is_part_of_the_key(monkeypatch, tmp_path):
+    before, digest = machine_code.compiler_identity(), sys.modules[object_code.__module__]._near_addresses_digest
+    (tmp_path / "near_addresses.py").write_text("# another pass")
+    with monkeypatch.context() as patch:
+        patch.setattr("mbd_sim.compiler.object_code.__file__", str(tmp_path / "object_code.py"))
+        digest.cache_clear()
+        assert machine_code.compiler_identity() != before
+    digest.cache_clear()
+    assert machine_code.compiler_identity() == before
