@@ -156,7 +156,7 @@ def _body(lines: Sequence[str], constants: Constants) -> _Body | None:
                 operands.append(operand)
     if frame != _FRAME:  # the register may hold something else, which changes
         return None
-    # What a register holds may be meant for the next call, and at first for the first one.
+    # A register may hold an argument of the next call; if the function does not name it, one of the first call.
     free = {name: next((call for call in calls if call >= last), last) + 1 for name, last in used.items()}
     return _Body(lines, operands, calls, free)
 

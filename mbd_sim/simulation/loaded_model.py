@@ -1,4 +1,4 @@
-"""What a compiled mechanism says of the loads of its joints and constraints."""
+"""The loads of the joints and constraints of a compiled mechanism."""
 
 from __future__ import annotations
 
