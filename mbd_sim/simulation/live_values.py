@@ -158,12 +158,25 @@ class LiveValues:
         """The fewest values from which the current ones follow."""
         if self._given is None:
             given = {key: value for key, value in self.current.items() if value != self._of_file[key]}
-            for key in sorted(given, key=lambda key: location_of(self._mechanism, key)[0] == "parameters"):
+            parameters = {key: given[key] for key in given if location_of(self._mechanism, key)[0] == "parameters"}
+            following = self._following(parameters)
+            fewer = {key: value for key, value in given.items() if key not in following}
+            if following and self._with_all(fewer, self.current) is not None:
+                given = fewer
+            for key in sorted(given, key=lambda key: key in parameters):
                 fewer = {other: value for other, value in given.items() if other != key}
-                if self._with_all(fewer, self.current) is not None:
+                if fewer and self._with_all(fewer, self.current) is not None:
                     given = fewer
             self._given = given
         return self._given
+
+    def _following(self, parameters: Mapping[str, float]) -> set[str]:
+        """The keys of other values that are the current ones if only these parameters are given."""
+        try:
+            values = self._values_in(with_values(self._mechanism, parameters), parameters) if parameters else {}
+        except MechanismError:
+            return set()
+        return {key for key, value in values.items() if key not in parameters and value == self.current[key]}
 
     def _with_all(self, given: Mapping[str, float], values: Mapping[str, float]) -> Mechanism | None:
         """The mechanism with the given values; None if it is not possible, or does not have all of the `values`."""

@@ -3,8 +3,10 @@ import pytest
 
 from mbd_sim import Simulation
 from mbd_sim.errors import CommandError, MechanismError
-from mbd_sim.load import load_mechanism
+from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism_file.override import with_values
+from mbd_sim.simulation import live_values
+from mbd_sim.simulation.live_values import LiveValues
 
 
 def test_a_live_value_moves_the_mechanism_as_one_built_with_it():
@@ -171,6 +173,19 @@ def test_what_follows_what_is_found_again_from_a_snapshot():
         other.restore(snapshot)
         other.set_live({"parameters.d": 0.7})
         assert other.live == {"parameters.d": 0.7, "parameters.e": 1.4, DAMPING: expected}
+
+
+def test_values_that_follow_a_parameter_are_found_at_once(monkeypatch):
+    names = [f"parts.arm.inertia[{axis}]" for axis in range(3)] + [f"parts.arm.center[{axis}]" for axis in range(3)]
+    text = FOLLOWING.replace("[0, 0, -1]}", "[d, d, 10*d], inertia: [10*d, 20*d, 15*d]}")
+    live, built = ["parameters.d", *names, DAMPING], []
+    sim = Simulation.from_text(text, live=live)
+    sim.set_live({"parameters.d": 0.2, DAMPING: 0.7})
+    assert list(sim.live.values()) == [0.2, 2.0, 4.0, 3.0, 0.2, 0.2, 2.0, 0.7]
+    other = LiveValues(parse_mechanism(text), live)
+    monkeypatch.setattr(live_values, "with_values", lambda *given: built.append(given) or with_values(*given))
+    assert other.given_among(sim.live) == {"parameters.d": 0.2, DAMPING: 0.7}
+    assert len(built) < len(names)
 
 
 INERTIA = FOLLOWING.replace("[0, 0, -1]}", "[0, 0, 0], inertia: [1, 1, d + 0.9]}")
