@@ -5,7 +5,11 @@ CasADi calls Python methods of its arguments. It drops the exceptions that these
 
 from __future__ import annotations
 
+import signal
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -36,6 +40,28 @@ def raise_interrupt(frame: FrameType | None) -> None:
 
     call.f_trace = interrupt  # calls in progress are traced only if their frames say so
     sys.settrace(interrupt)
+
+
+@contextmanager
+def interruptible_tracing() -> Iterator[None]:
+    """Lose no Ctrl-C in this context, in scripts and notebooks: the main thread, with Python's own handler of SIGINT.
+
+    Other handlers stay, as their programs decide what Ctrl-C does. Also a decorator.
+    """
+    is_main = threading.current_thread() is threading.main_thread()
+    if not is_main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    signal.signal(signal.SIGINT, _on_interrupt)
+    try:
+        yield
+    finally:
+        if signal.getsignal(signal.SIGINT) is _on_interrupt:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _on_interrupt(_: int, frame: FrameType | None) -> None:
+    raise_interrupt(frame)
 
 
 def _outermost_casadi(frame: FrameType | None) -> FrameType | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import threading
 from collections.abc import Iterator
 from types import FrameType
 
@@ -11,7 +12,9 @@ import casadi
 import numpy as np
 import pytest
 
-from mbd_sim.interrupts import raise_interrupt
+from mbd_sim.dynamics import equations
+from mbd_sim.interrupts import interruptible_tracing, raise_interrupt
+from mbd_sim.load import load_mechanism
 
 
 class Interrupted(np.ndarray):
@@ -26,8 +29,11 @@ class Interrupted(np.ndarray):
 class InterruptedNumber:
     """A number; a signal arrives when CasADi converts it, and CasADi raises an error of its own for exceptions there."""
 
+    def __init__(self, number: signal.Signals = signal.SIGUSR1) -> None:
+        self._number = number
+
     def __SX__(self) -> casadi.SX:  # noqa: N802
-        signal.raise_signal(signal.SIGUSR1)
+        signal.raise_signal(self._number)
         return casadi.SX(2.0)
 
 
@@ -113,3 +119,62 @@ def test_whoever_traces_after_an_interrupt_is_not_interrupted(is_safe: bool) -> 
         assert before is not None or frame.f_trace is None
         frame = frame.f_back
     sys.settrace(before)
+
+
+@pytest.fixture
+def ctrl_c() -> Iterator[None]:
+    """Python's own handler of SIGINT."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("ctrl_c")
+def test_ctrl_c_in_a_script_is_not_lost_where_equations_are_traced() -> None:
+    with pytest.raises(NotImplementedError):  # otherwise this test shows nothing
+        casadi.sin(InterruptedNumber(signal.SIGINT))
+    with pytest.raises(KeyboardInterrupt), interruptible_tracing():
+        casadi.sin(InterruptedNumber(signal.SIGINT))
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.usefixtures("ctrl_c")
+def test_a_mechanism_is_traced_and_built_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = []
+
+    def note(_: object) -> None:
+        seen.append(signal.getsignal(signal.SIGINT))
+
+    monkeypatch.setattr(equations, "require_smooth", note)
+    equations.derive(load_mechanism("rod_pendulum"))
+    assert seen and seen[0] is not signal.default_int_handler
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.usefixtures("ctrl_c")
+def test_handlers_of_a_program_stay() -> None:
+    def own(*_: object) -> None:
+        """Whatever the program does."""
+
+    signal.signal(signal.SIGINT, own)
+    with interruptible_tracing():
+        assert signal.getsignal(signal.SIGINT) is own
+    assert signal.getsignal(signal.SIGINT) is own
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    with interruptible_tracing():
+        signal.signal(signal.SIGINT, own)
+    assert signal.getsignal(signal.SIGINT) is own
+
+
+@pytest.mark.usefixtures("ctrl_c")
+def test_other_threads_leave_signals_alone() -> None:
+    seen = []
+
+    def trace() -> None:
+        with interruptible_tracing():
+            seen.append(signal.getsignal(signal.SIGINT))
+
+    thread = threading.Thread(target=trace)
+    thread.start()
+    thread.join()
+    assert seen == [signal.default_int_handler]

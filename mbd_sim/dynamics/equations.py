@@ -46,6 +46,7 @@ from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.dynamics.time_functions import require_smooth
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
 from mbd_sim.geometry.pose import Array
+from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.one_sided import has_one_sided
 from mbd_sim.mechanism.records import Mechanism
 
@@ -181,6 +182,7 @@ class Equations:
         return self.trace_load_paths()
 
 
+@interruptible_tracing()
 def derive(
     mechanism: Mechanism,
     loaded: Sequence[str] = (),

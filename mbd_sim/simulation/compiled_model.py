@@ -14,6 +14,7 @@ from mbd_sim.compiler.bound_kernel import Kernel
 from mbd_sim.dynamics.audit_states import AUDIT_STATES, LOSS_STATES
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
 from mbd_sim.geometry.rotation import rotation_vector, unit
+from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.simulation.actuated_model import ActuatedModel
 from mbd_sim.simulation.live_values import LiveParameters
@@ -244,7 +245,7 @@ def build_model(
         key = model_key(mechanism, name, loaded, given_step, live)
         if (found := load_prepared(key)) is not None:
             return Model(mechanism, *found, trace, key=key)
-    with paused_collection():
+    with paused_collection(), interruptible_tracing():
         built = simulation.build(mechanism, name, trace, given_step)
     if key is not None and simulation.can_be_stored(built.equations):
         store_prepared(key, built.prepared, built.kernel)
