@@ -23,7 +23,7 @@ from mbd_sim.dynamics.tracing import trace
 from mbd_sim.errors import InputError, MbdSimError, MechanismError, Problem, listed
 from mbd_sim.geometry.pose import Array
 from mbd_sim.kinematic_analysis.prescribed_drives import coordinate_columns, drivable, undriven
-from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism.records import Mechanism, require_mechanism
 
 ITERATIONS = 50
 LONGEST = 0.5  # step of Newton's method, rad, or in lengths the size of the mechanism
@@ -46,7 +46,7 @@ class KinematicSystem:
         :raises InputError: a drive does not exist, or their number is not that of the degrees of freedom.
         :raises MechanismError: the loops cannot be closed, or constraints depend on time or on velocities.
         """
-        mechanism = undriven(mechanism, drives)
+        mechanism = undriven(require_mechanism(mechanism), drives)
         require_smooth(mechanism)
         self.traced = trace(mechanism, (), parameters)
         self.assembly = assemble(self.traced)

@@ -21,7 +21,7 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.cylinders import Cylinder
 from mbd_sim.mechanism.drives import commanded_drives
 from mbd_sim.mechanism.records import GROUND, Mechanism
-from mbd_sim.mechanism_file.override import values_of, with_values
+from mbd_sim.mechanism_file.override import location_of, values_of, with_values
 from mbd_sim.symbolic.exact_numbers import Exact
 from mbd_sim.symbolic.number_formulas import Formula, Samples, formulas
 from mbd_sim.symbolic.parameter_samples import number_samples
@@ -77,9 +77,8 @@ def parameter_inputs(
         numbers without a short formula.
     """
     keys = (keys,) if isinstance(keys, str) else tuple(keys)
-    if twice := [key for index, key in enumerate(keys) if key in keys[:index]]:
-        raise MechanismError([_problem(mechanism, key, "is given twice as a parameter") for key in twice])
     whole, mechanism, start = mechanism, reduced(mechanism), values_of(mechanism, keys)
+    _require_each_once(mechanism, keys)
     data = equation_data(mechanism)
 
     def numbers_of(one: Mechanism) -> Array:
@@ -216,6 +215,15 @@ def _points(mechanism: Mechanism) -> dict[tuple[str, str], Array]:
 
 def _constant(value: float) -> Formula:
     return Formula(((Exact(Fraction(float(value))), ()),))
+
+
+def _require_each_once(mechanism: Mechanism, keys: Sequence[str]) -> None:
+    """:raises MechanismError: two keys, such as `l` and `parameters.l`, are those of one value."""
+    locations = [location_of(mechanism, key) for key in keys]
+    twice = [key for index, key in enumerate(keys) if locations[index] in locations[:index]]
+    file, message = mechanism.source.file, "is given twice as a parameter"
+    if twice:
+        raise MechanismError([Problem(message, "Leave one out.", key=key, file=file) for key in twice])
 
 
 def _problem(mechanism: Mechanism, key: str, message: str) -> Problem:

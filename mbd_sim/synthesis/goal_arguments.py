@@ -86,7 +86,8 @@ def _table(path: Path) -> dict[str, Array]:
         with path.open(encoding="utf-8", newline="") as stream:
             rows = list(csv.reader(stream))
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} cannot be read: {error}", "Give a .csv file.") from error
+        reason = error.strerror if isinstance(error, OSError) else "it is not a text in UTF-8"
+        raise InputError(f"{path} cannot be read: {reason}", "Give a .csv file.") from error
     names = [name.strip() for name in rows[0]] if rows else []
     if not names or not {*names} <= {*COLUMNS} or not {*names} & {*"xyz"} or len({*names}) < len(names):
         raise InputError(f"{path}: the first line must name the columns", f"They are {', '.join(COLUMNS)}.")

@@ -24,7 +24,10 @@ class PathGoal:
     free_timing: bool = False
 
     def __post_init__(self) -> None:
+        _convert(self, "drives", "positions")
         _require_rows(self.drives, self.positions, (len(self.drives), 3), "positions")
+        if np.any(np.isinf(self.positions)):
+            raise InputError("some of the positions are infinite", "Give nan where a component does not matter.")
         if not np.any(np.isfinite(self.positions)):
             raise InputError("a path without any position", "Give numbers for at least one component.")
 
@@ -42,6 +45,7 @@ class FunctionGoal:
     free_offset: bool = False
 
     def __post_init__(self) -> None:
+        _convert(self, "drives", "values")
         _require_rows(self.drives, self.values, (len(self.drives),), "values")
         if not np.all(np.isfinite(self.values)):
             raise InputError("a function with values that are not finite", "Leave these rows out.")
@@ -55,10 +59,17 @@ class EffortGoal:
     speed: float
 
     def __post_init__(self) -> None:
+        _convert(self, "drives")
         _require_rows(self.drives, self.drives, (len(self.drives),), "drives")
 
 
 Goal = PathGoal | FunctionGoal | EffortGoal
+
+
+def _convert(goal: Goal, *names: str) -> None:
+    """Turn lists of numbers into arrays; single numbers become arrays of one, which are refused for their shape."""
+    for name in names:
+        object.__setattr__(goal, name, np.atleast_1d(np.asarray(getattr(goal, name), dtype=float)))
 
 
 def _require_rows(drives: Array, values: Array, shape: tuple[int, ...], name: str) -> None:

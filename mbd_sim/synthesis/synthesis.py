@@ -14,7 +14,7 @@ from mbd_sim.kinematic_analysis.curve_tracing import sampled, traced_curve
 from mbd_sim.kinematic_analysis.drive_line import DriveLine
 from mbd_sim.kinematic_analysis.kinematic_system import KinematicSystem
 from mbd_sim.kinematic_analysis.reach import require_reached
-from mbd_sim.mechanism.records import Mechanism
+from mbd_sim.mechanism.records import Mechanism, require_mechanism
 from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.packages import require_packages
 from mbd_sim.synthesis.design_problem import DesignProblem
@@ -95,7 +95,7 @@ def synthesize(
     if norm not in get_args(Norm):
         raise InputError(f"there is no norm {norm!r}", f"Valid: {', '.join(get_args(Norm))}.")
     require_packages("scipy", purpose="Synthesis")
-    problem = DesignProblem(mechanism, drive, goal, list(variables))
+    problem = DesignProblem(require_mechanism(mechanism), drive, goal, list(variables))
     start = problem.start
     bounds = _bounds(problem, variables, start)
     problem.begin(_configurations(problem.parametric.system, problem.parametric.system.start, goal.drives))

@@ -5,12 +5,15 @@ from pathlib import Path
 import pytest
 
 from mbd_sim import Ensemble, InverseDynamics, Kinematics, Simulation, load_mechanism, symbolic_equations
+from mbd_sim.kinematic_analysis import driven_motion
 from mbd_sim.mechanism.records import require_mechanism
 from mbd_sim.optimization import SensitivityModel, casadi_functions
+from mbd_sim.synthesis import EffortGoal, synthesize
 
 NEEDING = [
     Simulation, lambda given: Ensemble(given, 2), InverseDynamics, Kinematics, symbolic_equations, casadi_functions,
-    SensitivityModel,
+    SensitivityModel, lambda given: driven_motion(given, {"elbow": (0.0, 1.0)}),
+    lambda given: synthesize(given, "elbow", EffortGoal([0.0, 1.0], 1.0), {"l": (0.5, 2.0)}),
 ]  # fmt: skip
 
 

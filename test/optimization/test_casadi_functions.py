@@ -121,7 +121,7 @@ def test_without_parameters_p_is_empty():
         ("motor_drive", [], "because actuators change only between steps: drive"),
         ("bounce", [], "one-sided"),
         ("double_rod", ["lenght"], "lenght"),
-        ("double_rod", ["l", "m", "l"], "l: is given twice"),
+        ("double_rod", ["l", "m", "parameters.l"], r"parameters\.l: is given twice"),
         ("cart_pendulum_spring", ["joints.pin.position"], "do not depend on it"),
     ],
 )

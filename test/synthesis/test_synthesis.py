@@ -132,8 +132,17 @@ def test_wrong_goals_are_refused():
         PathGoal("coupler.tracer", np.zeros(2), np.zeros(2))
     with pytest.raises(InputError, match="without any position"):
         PathGoal("coupler.tracer", np.full((2, 3), np.nan), np.arange(2.0))
-    with pytest.raises(InputError, match="at least two finite numbers"):
-        EffortGoal(np.array([np.nan, 1.0]), 1.0)
+    with pytest.raises(InputError, match=r"infinite.*nan"):
+        PathGoal("coupler.tracer", np.full((2, 3), [np.inf, 0.0, 1.0]), np.arange(2.0))
+    for drives in (np.array([np.nan, 1.0]), 1.0):
+        with pytest.raises(InputError, match="at least two finite numbers"):
+            EffortGoal(drives, 1.0)
+
+
+def test_goals_may_be_lists():
+    goal = PathGoal("coupler.tracer", [[0, 0, 1], [0, 0, 2]], [0, 1])
+    assert goal.positions.dtype == goal.drives.dtype == float
+    assert goal.positions.tolist() == [[0.0, 0.0, 1.0], [0.0, 0.0, 2.0]]
 
 
 def test_a_goal_beyond_a_dead_point_is_refused():
