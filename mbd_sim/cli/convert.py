@@ -45,7 +45,7 @@ def execute(options: argparse.Namespace) -> int:
         raise CommandError("--expand writes out entries of a mechanism file: it has no effect with --to.")
     mechanism = load_mechanism(options.mechanism, options.base)
     if options.to != "yaml":
-        return _write(mechanism, options.to)
+        return write_as(mechanism, options.to)
     source = mechanism.source
     if options.expand and source.template is not None:
         from mbd_sim.mechanism_file.yaml_writer import yaml_text
@@ -56,22 +56,24 @@ def execute(options: argparse.Namespace) -> int:
     return 0
 
 
-def _write(mechanism: Mechanism, to: str) -> int:
+def write_as(mechanism: Mechanism, to: str) -> int:
     """Print a mechanism in another format, and to standard error what is left out."""
     if to == "urdf":
-        from mbd_sim.urdf.urdf_writer import to_urdf
+        from mbd_sim.urdf.urdf_writer import left_out, to_urdf
 
         print(to_urdf(mechanism))
-        return 0
-    if to == "mjcf":
-        from mbd_sim.mjcf.mjcf_writer import to_mjcf
-
-        written = to_mjcf(mechanism)
+        missing = left_out(mechanism)
     else:
-        from mbd_sim.sdf.sdf_writer import to_sdf
+        if to == "mjcf":
+            from mbd_sim.mjcf.mjcf_writer import to_mjcf
 
-        written = to_sdf(mechanism)
-    print(written.text, end="")
-    for note in written.left_out:
+            written = to_mjcf(mechanism)
+        else:
+            from mbd_sim.sdf.sdf_writer import to_sdf
+
+            written = to_sdf(mechanism)
+        print(written.text, end="")
+        missing = written.left_out
+    for note in missing:
         print(f"note: not in this file: {note}", file=sys.stderr)
     return 0

@@ -5,9 +5,13 @@ from __future__ import annotations
 import argparse
 
 from mbd_sim.cli.common import add_mechanism
+from mbd_sim.cli.convert import write_as
 
 HELP = "print the spanning tree of a mechanism as URDF"
-DESCRIPTION = "Print the spanning tree of a mechanism as URDF. Constraints and loop-closing joints are left out."
+DESCRIPTION = (
+    "Print the spanning tree of a mechanism as URDF. What URDF cannot express, such as joints that close loops, is "
+    "listed in the file and printed to standard error."
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,7 +22,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Print the URDF."""
     from mbd_sim.load import load_mechanism
-    from mbd_sim.urdf.urdf_writer import to_urdf
 
-    print(to_urdf(load_mechanism(options.mechanism)))
-    return 0
+    return write_as(load_mechanism(options.mechanism), "urdf")

@@ -98,6 +98,11 @@ class Friction:
     coefficient: float = 0.0
     static_coefficient: float = 0.0
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is viscous friction and regularized Coulomb friction, and nothing else."""
+        return not self.sticks and self.static == self.coulomb
+
 
 def tabulated(elongations: Sequence[float], forces: Sequence[float]) -> Piecewise:
     """A table as a force with a continuous derivative: cubic between its points, linear beyond them.

@@ -237,6 +237,7 @@ def _note_rest(document: Document) -> None:
     ]
     elements = [*mechanism.two_point_elements, *mechanism.applied]
     laws = [joint.name for joint in joints if joint.spring is not None or joint.damper is not None]
+    other_friction = [joint.name for joint in joints if joint.friction and not joint.friction.is_plain]
     for kind, names in (
         ("drives, whose joints move freely", moving),
         ("constraints", constraints),
@@ -248,6 +249,7 @@ def _note_rest(document: Document) -> None:
         ("bushings, and springs of spherical and free joints", [one.name for one in mechanism.bushings]),
         ("dampers of spherical and free joints", [joint.name for joint in balls if np.any(joint.damping)]),
         ("nonlinear springs and dampers of joints", laws),
+        ("friction other than Coulomb's", other_friction),
         ("positions and velocities at the start", started),
         ("coordinates, which count from the start", list(document.placement.offsets) if mechanism.closing else []),
         ("actuators", [actuator.name for actuator in mechanism.actuators]),

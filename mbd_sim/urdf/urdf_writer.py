@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,13 +19,14 @@ from mbd_sim.geometry.rotation import to_rpy
 from mbd_sim.mechanism.constraints import Coupling
 from mbd_sim.mechanism.records import GROUND, Joint, Mechanism, Mesh, Part, Shape
 from mbd_sim.mechanism.sensors import FramelessSensor, FrameSensor, frame_id
-from mbd_sim.urdf.joint_motions import Mimic, Motion, mimics_of, motions_of
+from mbd_sim.urdf.joint_motions import Motion, mimics_of, motions_of
 from mbd_sim.urdf.ros2_control import ControlTopics, ros2_control_block
 from mbd_sim.urdf.value_reader import unique_name
 
 Element = ElementTree.Element
 
 UNLIMITED = 1e6  # URDF requires numbers where a mechanism has no limit
+USUAL_GRAVITY = (0.0, 0.0, -9.81)  # in m/s², which a URDF read by itself has
 THICKNESS = 0.01  # of flat shapes, relative to their size
 
 
@@ -40,6 +40,8 @@ def to_urdf(mechanism: Mechanism, control: ControlTopics | None = None) -> str:
     geometry.
     """
     robot = _robot(mechanism)
+    if missing := left_out(mechanism):
+        robot.insert(0, ElementTree.Comment(f" not in this file: {'; '.join(missing)} ".replace("--", "- -")))
     if control is not None:
         robot.append(ros2_control_block(mechanism, robot, control))
     ElementTree.indent(robot)
@@ -49,8 +51,6 @@ def to_urdf(mechanism: Mechanism, control: ControlTopics | None = None) -> str:
 def _robot(mechanism: Mechanism) -> Element:
     robot = Element("robot", name=mechanism.name)
     mimics = mimics_of(mechanism)
-    if missing := [f"{kind}: {listed(names, max_count=1000)}" for kind, names in _left_out(mechanism, mimics).items()]:
-        robot.append(ElementTree.Comment(f" not in this file: {'; '.join(missing)} "))
     ElementTree.SubElement(robot, "link", name=GROUND)
     sensors = [one for one in mechanism.sensors if not isinstance(one, FramelessSensor) and not one.at.is_of_part]
     names = {GROUND, *mechanism.parts, *map(frame_id, sensors)}
@@ -95,9 +95,9 @@ def floating_joints(mechanism: Mechanism) -> list[FloatingJoint]:
     return found
 
 
-def _left_out(mechanism: Mechanism, mimics: Mapping[str, Mimic]) -> dict[str, list[str]]:
-    """The names of what URDF cannot represent, by kind."""
-    joints = mechanism.joints.values()
+def left_out(mechanism: Mechanism) -> tuple[str, ...]:
+    """What `to_urdf` cannot represent: a sentence for each kind, with the names."""
+    joints, mimics = mechanism.joints.values(), mimics_of(mechanism)
     mimicking = {frozenset((name, mimic.joint)) for name, mimic in mimics.items()}
     mimicked = [
         constraint
@@ -107,16 +107,22 @@ def _left_out(mechanism: Mechanism, mimics: Mapping[str, Mimic]) -> dict[str, li
     sprung = {bushing.name for bushing in mechanism.bushings} & mechanism.all_joints.keys()
     own = [bushing for bushing in mechanism.bushings if bushing.name not in sprung]
     elements = [*mechanism.two_point_elements, *mechanism.applied, *mechanism.efforts, *mechanism.potentials, *own]
-    force_names = [element.name for element in elements]
+    gravity = [] if np.array_equal(mechanism.gravity, USUAL_GRAVITY) else [str(mechanism.gravity.tolist())]
     found = {
+        "gravity": gravity,
         "joints that close loops": [*mechanism.closing],
         "constraints": [constraint.name for constraint in mechanism.constraints if constraint not in mimicked],
-        "springs, dampers and forces": force_names,
+        "springs, dampers and forces": [element.name for element in elements],
         "springs and dampers of joints": [joint.name for joint in joints if _has_law(joint) or joint.name in sprung],
+        "friction other than Coulomb's": [
+            joint.name for joint in joints if joint.friction and not joint.friction.is_plain
+        ],
         "drives": [joint.name for joint in joints if joint.drive],
         "spherical joints, here floating": [joint.name for joint in joints if joint.type == "spherical"],
+        "actuators": [actuator.name for actuator in mechanism.actuators],
+        "contacts between shapes": [contact.name for contact in mechanism.contacts],
     }
-    return {kind: names for kind, names in found.items() if names}
+    return tuple(f"{kind}: {listed(names, max_count=1000)}" for kind, names in found.items() if names)
 
 
 def _has_law(joint: Joint) -> bool:

@@ -251,6 +251,31 @@ def test_gears_and_couplings_become_mimics_and_what_is_left_out_is_named():
     assert "<!-- not in this file: joints that close loops: rocker_pin -->" in loop
 
 
+UNLISTED = """
+mechanism: unlisted
+gravity: [1, 0, -9]
+parts: {arm: {shape: {type: rod, to: [0, 0, -1], mass: 1}}, ball: {shape: {type: sphere, radius: 0.1, mass: 1}}}
+joints:
+  hinge: {type: revolute, between: [ground, arm], axis: [0, 1, 0], friction: {coulomb: 1, static: 2, stribeck_velocity: 0.1}}
+  slide: {type: prismatic, between: [arm, ball], axis: [0, 0, 1], friction: {coulomb: 1}}
+actuators: {push: {type: effort, joint: slide, rotor_inertia: 1e-4, lead: 10 mm}}
+contacts: {floor: {parts: [ball], plane: ground, stiffness: 1e4}}
+"""
+LISTED = (
+    "gravity: [1.0, 0.0, -9.0]", "friction other than Coulomb's: hinge", "actuators: push", "contacts between shapes: floor"
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("command", [["urdf"], ["convert", "--to", "urdf"]])
+def test_what_changes_the_accelerations_is_listed_in_the_file_and_printed(tmp_path, capsys, command):
+    file = tmp_path / "unlisted.yaml"
+    file.write_text(UNLISTED.replace("type: sphere, radius: 0.1", "type: sphere, at: [0, 0, 0.5], radius: 0.1"))
+    assert main([*command, str(file)]) == 0
+    printed = capsys.readouterr()
+    assert printed.err == "".join(f"note: not in this file: {sentence}\n" for sentence in LISTED)
+    assert f"<!-- not in this file: {'; '.join(LISTED)} -->" in printed.out
+
+
 def test_the_command_prints_it(capsys):
     assert main(["urdf", "double_rod"]) == 0
     assert parse_mechanism(capsys.readouterr().out).coordinate_names == ("shoulder", "elbow")
