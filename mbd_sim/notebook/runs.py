@@ -11,11 +11,12 @@ from mbd_sim.drawing.animation import TRACE_POINTS, Animation, traced_points
 from mbd_sim.drawing.animation_file import FRAME_RATE, write_animation
 from mbd_sim.notebook.views import embedded
 from mbd_sim.playback import run_plots
-from mbd_sim.playback.panels import panels
+from mbd_sim.playback.panels import panels, require_names
 from mbd_sim.playback.plot_style import plot_style
 from mbd_sim.playback.run_table import read_table
 from mbd_sim.recording.reader import open_recording
 from mbd_sim.recording.run_recorder import RunRecorder
+from mbd_sim.simulation.argument_checks import step_at
 from mbd_sim.simulation.simulation import Simulation
 
 PLOT_WIDTH, ANIMATION_SIZE = 720, (600, 400)  # px
@@ -47,7 +48,9 @@ def plot(
     simulation: Simulation, until: float, show: Sequence[str] = (), style: str = "screen", theme: str = "light"
 ) -> RunPicture:
     """Run to a time and plot what happened; see `Simulation.plot`."""
-    look = plot_style(Path("run.png"), style, theme)  # a wrong name is reported before the run
+    look = plot_style(Path("run.png"), style, theme)  # wrong names are reported before the run
+    show = [show] if isinstance(show, str) else show
+    require_names(show)
     with tempfile.TemporaryDirectory(prefix="mbd_sim_") as folder:
         recording, picture = Path(folder, f"{_file_name(simulation)}.mcap"), Path(folder, "run.png")
         with RunRecorder(simulation, recording):
@@ -60,7 +63,9 @@ def plot(
 
 def animate(simulation: Simulation, until: float, traces: Sequence[str] = ()) -> RunPicture:
     """Run to a time and draw the motion; see `Simulation.animate`."""
+    traces = [traces] if isinstance(traces, str) else traces
     traced_points(simulation.mechanism, traces)  # a wrong name is reported before the run
+    step_at(until, simulation.step_size, simulation.steps)  # and so is a wrong time
     begin, samples = simulation.time, [(simulation.time, simulation.poses())]
     rate = FRAME_RATE * (TRACE_POINTS if traces else 1)
     for number in range(1, 1 + int((until - begin) * rate + 1e-9)):

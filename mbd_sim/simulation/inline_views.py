@@ -18,7 +18,8 @@ class InlineViews(Stepping):
     def plot(self, until: float, show: Sequence[str] = (), style: str = "screen", theme: str = "light") -> RunPicture:
         """Run to time `until` in s, and return a plot of energies, joints, residual and phase portrait.
 
-        :param show: the panels to show; by default all for which there are data, as `mbd_sim plot`.
+        :param show: the panels to show; by default all for which there are data, as `mbd_sim plot`. A
+            single one may be given by itself.
         :param style: `screen`, `slide` (10 in wide) or `paper` (3.5 in wide, without titles, with dashed lines).
         :param theme: `light` or `dark`.
         :raises InputError: there is no such panel, style or theme, or the simulation is being recorded already.
@@ -30,7 +31,8 @@ class InlineViews(Stepping):
     def animate(self, until: float, traces: Sequence[str] = ()) -> RunPicture:
         """Run to time `until` in s, and return an animation of the motion.
 
-        :param traces: points, `part.point`, and parts, which stand for their ends, whose paths are drawn.
+        :param traces: points, `part.point`, and parts, which stand for their ends, whose paths are drawn. A single
+            one may be given by itself.
         :raises InputError: there is no such part or point.
         :raises ValueError: the time is not finite, or is in the past.
         :raises DivergedError: see `advance`.

@@ -67,6 +67,9 @@ def test_a_plot_runs_the_simulation_and_shows_it(tmp_path):
         shown.save(tmp_path / "run.jpg")
     with pytest.raises(InputError, match="no such plot"):
         sim.plot(until=0.4, show=["energy"])
+    with pytest.raises(InputError, match=r"--show energy: .*Did you mean 'energies'"):
+        sim.plot(until=0.4, show="energy")
+    assert sim.time == pytest.approx(0.2)  # a wrong name does not run the simulation
 
 
 def test_an_animation_has_a_frame_every_forty_milliseconds():
@@ -80,6 +83,11 @@ def test_an_animation_has_a_frame_every_forty_milliseconds():
         assert (picture.n_frames, picture.size) == (6, (600, 400))
     with pytest.raises(InputError, match="Did you mean 'tip'"):
         sim.animate(until=1.0, traces=["lower.tipp"])
+    with pytest.raises(InputError, match="Did you mean 'tip'"):
+        sim.animate(until=1.0, traces="lower.tipp")
+    for time in (np.nan, np.inf):
+        with pytest.raises(ValueError, match="the time must be finite"):
+            sim.animate(until=time)
     with pytest.raises(ValueError, match="later time"):
         sim.animate(until=0.1)
 
