@@ -92,7 +92,8 @@ def plan(variations: Sequence[Grid | Random], draws: int = 1, seed: int = 0) -> 
     :raises CommandError: a name is varied twice, or there are too many runs.
     """
     names = [one.name for one in variations]
-    if twice := sorted({name for name in names if names.count(name) > 1}):
+    short = [name.removeprefix("parameters.") for name in names]
+    if twice := sorted({name for name in short if short.count(name) > 1}):
         raise CommandError(f"{listed(twice)} is varied twice. Remove one of the two.")
     grids = [one for one in variations if isinstance(one, Grid)]
     runs = draws * int(np.prod([len(grid.values) for grid in grids], dtype=float))
@@ -130,6 +131,10 @@ def _random(name: str, distribution: str, numbers: list[float], text: str) -> Ra
     if len(numbers) != 2:
         raise CommandError(f"{text}: write {distribution}({_DISTRIBUTIONS[distribution][0]}).")
     first, second = numbers
+    if not np.all(np.isfinite(numbers)):
+        raise CommandError(f"{text}: the numbers of a distribution must be finite.")
+    if distribution == "uniform" and not first <= second:
+        raise CommandError(f"{text}: uniform needs low <= high.")
     if distribution == "loguniform" and not 0.0 < first <= second:
         raise CommandError(f"{text}: loguniform needs 0 < low <= high.")
     if distribution == "normal" and second < 0.0:

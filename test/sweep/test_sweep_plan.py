@@ -33,6 +33,8 @@ def test_variations_are_read_with_units(rods):
         ("l=a,b", "'a' .*unknown"),
         ("l=gauss(1, 2)", "no distribution 'gauss'"),
         ("l=uniform(1)", "low, high"),
+        ("l=uniform(2, 1)", "uniform needs low <= high"),
+        ("l=uniform(0, inf)", "must be finite"),
         ("l=loguniform(-1, 2)", "0 < low"),
         ("l=normal(1, -2)", "must not be negative"),
         ("joints.elbw.damping=1", "elbow"),
@@ -71,8 +73,9 @@ def test_laws_draw_what_they_say():
 
 
 def test_a_plan_is_not_too_large_and_varies_nothing_twice():
-    with pytest.raises(CommandError, match="twice"):
-        plan([Grid("l", (1.0,)), Grid("l", (2.0,))])
+    for other in ("l", "parameters.l"):
+        with pytest.raises(CommandError, match="l is varied twice"):
+            plan([Grid("l", (1.0,)), Grid(other, (2.0,))])
     with pytest.raises(CommandError, match="the number of runs must be"):
         plan([Grid("l", (1.0,) * 5000), Grid("m", (1.0,) * 5000)])
     with pytest.raises(CommandError, match="the number of runs must be"):
