@@ -12,8 +12,9 @@ import numpy as np
 from mbd_sim.errors import CommandError, InputError, MechanismError, listed, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.mechanism_file.override import value_of
-from mbd_sim.mechanism_file.value_parser import parse_value
+from mbd_sim.mechanism_file.override import value_of, with_values
+from mbd_sim.mechanism_file.units import si_factor
+from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
 
 EFFORT = "efforts."  # the prefix of a joint's name for a constant effort on it
 MAX_RUNS = 10_000_000
@@ -70,7 +71,9 @@ def variation(text: str, mechanism: Mechanism) -> Grid | Random:
 
     def number(word: str) -> float:
         try:
-            return parse_value(_plain(word), mechanism.parameters, None)
+            found = parse_value(_plain(word), mechanism.parameters, None)
+            _require_unit(name, split_unit(word)[1], mechanism)
+            return found
         except InputError as error:
             raise CommandError(f"{text}: '{word.strip()}' {error.message}. {error.remedy}") from error
 
@@ -122,6 +125,21 @@ def _require_number(name: str, mechanism: Mechanism) -> None:
         raise CommandError(f"'{name}' {problem.message}. {problem.remedy}") from error
     if value is None:
         raise CommandError(f"'{name}' is not a number in the file. Name a number, for example joints.elbow.damping.")
+
+
+def _require_unit(name: str, unit: str, mechanism: Mechanism) -> None:
+    """Refuse a unit that does not fit a value: that of the file, converted to this unit, must be valid in its place.
+
+    :raises InputError: it is another one.
+    """
+    if not unit or name.startswith(EFFORT):
+        return
+    present = value_of(mechanism, name)
+    assert present is not None
+    try:
+        with_values(mechanism, {name: f"{present / si_factor(unit)!r} {unit}"})
+    except MechanismError as error:
+        raise InputError(error.problems[0].message, error.problems[0].remedy) from error
 
 
 def _random(name: str, distribution: str, numbers: list[float], text: str) -> Random:

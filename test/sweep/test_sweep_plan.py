@@ -33,6 +33,8 @@ def test_variations_are_read_with_units(rods):
         ("l=a,b", "'a' .*unknown"),
         ("l=gauss(1, 2)", "no distribution 'gauss'"),
         ("l=uniform(1)", "low, high"),
+        ("joints.elbow.damping=0.1,1 kg", "'1 kg' the unit 'kg' does not fit"),
+        ("joints.elbow.position=uniform(1 m, 2 m)", "the unit 'm' does not fit"),
         ("l=uniform(2, 1)", "uniform needs low <= high"),
         ("l=uniform(0, inf)", "must be finite"),
         ("l=loguniform(-1, 2)", "0 < low"),
