@@ -119,12 +119,16 @@ def _print_report(content: dict[str, Any], options: argparse.Namespace) -> int:
 
 
 def _latex(mechanism: Mechanism, options: argparse.Namespace) -> str:
+    from mbd_sim.errors import CommandError, listed
     from mbd_sim.mechanism_file.override import matching
     from mbd_sim.symbolic import linearized, symbolic_equations, to_latex
 
     parameters: list[str] | None = [] if options.numbers else None
     if options.symbols:
-        further = [key for name in options.symbols for key in (matching(mechanism, [name]) if "*" in name else [name])]
+        found = {name: matching(mechanism, [name]) if "*" in name else [name] for name in options.symbols}
+        if unmatched := [name for name, keys in found.items() if not keys]:
+            raise CommandError(f"--symbols {listed(unmatched)}: no number of the file has such a key.")
+        further = [key for keys in found.values() for key in keys]
         parameters = [*mechanism.parameters, *further]
     equations = symbolic_equations(mechanism, parameters)
     return to_latex(equations, None if options.no_linearization else linearized(mechanism, equations))

@@ -142,6 +142,8 @@ def test_the_command_prints_parameters_or_numbers(capsys):
     assert r"M_{22} &= \tfrac{1}{3} \\" in capsys.readouterr().out
     assert main(["check", "double_rod", "--latex", "--symbols", "joints.*.damping"]) == 0
     assert r"c_{\mathrm{elbow}}" in capsys.readouterr().out
+    assert main(["check", "double_rod", "--latex", "--symbols", "m", "--symbols", "joints.*.dampng"]) == 1
+    assert "--symbols joints.*.dampng: no number" in capsys.readouterr().err
     assert main(["check", "double_rod", "--symbols", "joints.*.damping"]) == 1
     assert "with --latex" in capsys.readouterr().err
 
