@@ -142,7 +142,7 @@ def test_ctrl_c_in_a_script_is_not_lost_where_equations_are_traced() -> None:
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-@pytest.mark.usefixtures("ctrl_c")
+@pytest.mark.usefixtures("ctrl_c", "own_builds")
 def test_a_mechanism_is_traced_and_built_so(monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
 
