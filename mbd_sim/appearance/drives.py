@@ -71,4 +71,4 @@ def bushing_ring(bushing: Bushing, size: float) -> Housing:
 
 def shown_bushings(mechanism: Mechanism) -> list[Bushing]:
     """The bushings, without the springs of joints, which are shown as joints."""
-    return [bushing for bushing in mechanism.bushings if bushing.name not in mechanism.all_joints]
+    return [bushing for bushing in mechanism.bushings if not bushing.in_joint]

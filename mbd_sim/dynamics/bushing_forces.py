@@ -16,7 +16,7 @@ NEARLY_ZERO = 1e-4  # of the squared sine of an angle, below which a series repl
 
 
 class BushingForce(NamedTuple):
-    """The `force` (3,) in N and the `couple` (3,) in N·m on the second frame, along the axes of the first.
+    """The `force` (3,) in N and the `couple` (3,) in N·m on the second frame, by default along the axes of the first.
 
     `potential` in J, and `dissipated_power` in W.
     """
@@ -68,19 +68,27 @@ def bushing_force(
     return BushingForce(-force - resistance[:3], -couple - resistance[3:], potential, ca.dot(rates, resistance))
 
 
-def apply_bushing(applied: AppliedWrenches, bushing: Bushing) -> tuple[ca.SX, ca.SX]:
-    """Apply a bushing; returns its potential in J and its dissipated power in W."""
+def bushing_in_ground(applied: AppliedWrenches, bushing: Bushing) -> tuple[BushingForce, ca.SX]:
+    """Force and couple on the second frame about its origin, in ground's axes, and the line (3,) to it from the first.
+
+    :param applied: gives the motion of the frames; nothing is applied.
+    """
     first, second = applied.motion_of(bushing.first), applied.motion_of(bushing.second)
     axes = applied.rotation(bushing.first.part) @ constant(bushing.first_axes)
     rotation = axes.T @ applied.rotation(bushing.second.part) @ constant(bushing.second_axes)
     line = second.position - first.position
     velocity = second.velocity - first.velocity - ca.cross(first.omega, line)
     found = bushing_force(bushing, axes.T @ line, rotation, axes.T @ velocity, axes.T @ (second.omega - first.omega))
-    force, couple = axes @ found.force, axes @ found.couple
+    return found._replace(force=axes @ found.force, couple=axes @ found.couple), line
+
+
+def apply_bushing(applied: AppliedWrenches, bushing: Bushing) -> tuple[ca.SX, ca.SX]:
+    """Apply a bushing; returns its potential in J and its dissipated power in W."""
+    (force, couple, potential, dissipated_power), line = bushing_in_ground(applied, bushing)
     applied.add_force(bushing.second, force)
     applied.add_force(bushing.first, -force)
     if bushing.second.part != GROUND:
         applied.add_couple(bushing.second, couple)
     if bushing.first.part != GROUND:
         applied.add_couple(bushing.first, -couple - ca.cross(line, force))
-    return found.potential, found.dissipated_power
+    return potential, dissipated_power

@@ -11,14 +11,14 @@ import numpy as np
 
 from mbd_sim.dynamics.accelerations import ConstrainedMotion, coupling_forces, drive_table
 from mbd_sim.dynamics.initial_conditions import Assembly
-from mbd_sim.dynamics.reactions import joint_reactions, wrenches_of_multipliers
+from mbd_sim.dynamics.reactions import joint_reactions, joint_springs, wrenches_of_multipliers
 from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.geometry.pose import Array
 
 
 def reactions_at(traced: TracedMechanism, assembly: Assembly, motion: ConstrainedMotion, multipliers: ca.SX) -> ca.SX:
-    """The wrenches (6, joints) across the joints, see `joint_reactions`."""
-    return joint_reactions(traced, motion.transmitted(), assembly.equations, multipliers)
+    """The wrenches (6, joints) across the joints, see `joint_reactions`, with the springs of all joints."""
+    return joint_reactions(traced, motion.transmitted(), assembly.equations, multipliers) + joint_springs(traced)
 
 
 def reaction_function(

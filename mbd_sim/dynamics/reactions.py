@@ -6,8 +6,10 @@ from collections.abc import Sequence
 
 import casadi as ca
 
+from mbd_sim.dynamics.applied_wrenches import AppliedWrenches
 from mbd_sim.dynamics.articulated_body import bias_force
 from mbd_sim.dynamics.body_symbols import rotation_of_link
+from mbd_sim.dynamics.bushing_forces import bushing_in_ground
 from mbd_sim.dynamics.constraint_equations import ConstraintEquations
 from mbd_sim.dynamics.kinematics import LinkMotion
 from mbd_sim.dynamics.links import Link
@@ -55,6 +57,8 @@ def joint_reactions(
     The moment is about the origin of the joint's frame on the second part. The joints of the tree come first, each with
     everything that it transmits: its constraint forces, springs and effort. Those that close loops come after them.
 
+    Springs of joints whose orientation has no coordinates are not among them: see `joint_springs`.
+
     :param transmitted: F_L (6,) of each link, from `transmitted_wrenches`.
     :param multipliers: λ (m,) of all rows of the constraints.
     """
@@ -87,3 +91,15 @@ def joint_reactions(
         F_L = constraints.wrenches[index][:, own] @ multipliers[own]
         columns.append(sign * in_ground(index, F_L, origin_in_ground(joint.child, joint.child_pose)))
     return ca.horzcat(ca.SX(6, 0), *columns)
+
+
+def joint_springs(traced: TracedMechanism) -> ca.SX:
+    """What the springs of spherical and free joints, which act as bushings, add to `joint_reactions`: (6, joints)."""
+    mechanism = traced.mechanism
+    columns = {name: ca.SX(6, 1) for name in mechanism.all_joints}
+    applied = AppliedWrenches(traced.links, traced.motions, traced.poses)
+    for bushing in mechanism.bushings:
+        if bushing.in_joint:
+            found, _ = bushing_in_ground(applied, bushing)
+            columns[bushing.name] = ca.vertcat(found.force, found.couple)
+    return ca.horzcat(ca.SX(6, 0), *columns.values())

@@ -106,7 +106,8 @@ class Bushing:
     z (6,) is the displacement of the second frame's origin along the axes of the first in m, and the rotation vector of
     the second frame relative to the first in rad; w (6,) are the rate of this displacement and the relative angular
     velocity. K = `stiffness` and C = `damping` (6, 6) are symmetric. `first_axes` and `second_axes` (3, 3) are those of
-    the frames in their parts.
+    the frames in their parts. One that is `in_joint` consists of the springs of the joint of its name, between the
+    joint's frames.
     """
 
     name: str
@@ -116,6 +117,7 @@ class Bushing:
     second_axes: Array
     stiffness: Array
     damping: Array
+    in_joint: bool = False
 
 
 TwoPointElement = Spring | Damper

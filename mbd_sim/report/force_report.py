@@ -62,7 +62,7 @@ def _type(element: Element, mechanism: Mechanism) -> str:
         case AppliedPotential():
             return "potential"
         case Bushing():
-            return "joint spring" if element.name in mechanism.all_joints else "bushing"
+            return "joint spring" if element.in_joint else "bushing"
         case _:
             assert_never(element)
 

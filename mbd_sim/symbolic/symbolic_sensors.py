@@ -20,7 +20,7 @@ from mbd_sim.dynamics.dynamics_terms import link_accelerations, weight
 from mbd_sim.dynamics.element_forces import element_forces
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.mass_moments import MassMoments, spatial_inertia, with_springs
-from mbd_sim.dynamics.reactions import joint_reactions, transmitted_wrenches
+from mbd_sim.dynamics.reactions import joint_reactions, joint_springs, transmitted_wrenches
 from mbd_sim.dynamics.sensor_expressions import exact_values
 from mbd_sim.dynamics.state_variables import StateVariables
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
@@ -242,7 +242,7 @@ def _reactions(
         for one, more, unit in zip(elements.wrenches, applied.wrenches, rows.wrenches, strict=True)
     ]
     transmitted = transmitted_wrenches(traced.links, traced.motions, links, wrenches)
-    return joint_reactions(traced, transmitted, rows, multipliers)
+    return joint_reactions(traced, transmitted, rows, multipliers) + joint_springs(traced)
 
 
 def _with_moments(traced: TracedMechanism, moments: Mapping[str, MassMoments] | None) -> TracedMechanism:

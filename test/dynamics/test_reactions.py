@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given, settings
 
+from mbd_sim import Simulation
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.errors import MechanismError
 from mbd_sim.load import load_mechanism, parse_mechanism
@@ -41,7 +43,8 @@ def loads_on_parts(mechanism, derived, q, u, efforts, t=T):
     for joint, wrench in zip(mechanism.all_joints.values(), reactions.T, strict=True):
         point = place(joint.child, joint.child_pose.position)
         found += [(joint.child, point, wrench[:3], wrench[3:]), (joint.parent, point, -wrench[:3], -wrench[3:])]
-    for at, couple, vector in kane.element_forces(mechanism, moving, t, kane.NamedValues(mechanism, q, u, t))[0]:
+    elements = replace(mechanism, bushings=tuple(one for one in mechanism.bushings if one.name not in mechanism.joints))
+    for at, couple, vector in kane.element_forces(elements, moving, t, kane.NamedValues(mechanism, q, u, t))[0]:
         none = np.zeros(3)
         found.append((at.part, place(at.part, at.point), none if couple else vector, vector if couple else none))
     multipliers = np.array(derived.multipliers(t, padded(q, u), efforts)).ravel()
@@ -75,6 +78,37 @@ def check_newton_and_euler(mechanism, rng):
                 moment = moment - m - np.cross(point - center, f)
         assert np.linalg.norm([*force, *moment]) <= 1e-13 * max(condition, 10.0) * size
     return True
+
+
+SPRINGS_OF_JOINTS = """
+mechanism: springs_of_joints
+ground: {points: {foot: {at: [0.1, 0.2, 0.3], rotate: {rpy: [0.4, -0.3, 0.7]}}}}
+parts:
+  arm: {mass: 1.2, center: [0.1, -0.05, 0.07], inertia: [0.1, 0.12, 0.13], points: {tip: {at: [0.3, 0.1, -0.2], rotate: {rpy: [0.5, 0, -0.7]}}}}
+  hand: {mass: 0.8, center: [0.2, 0, 0], inertia: [0.1, 0.12, 0.13]}
+  load: {mass: 0.5, inertia: [0.1, 0.12, 0.13]}
+joints:
+  ball: {type: spherical, between: [ground.foot, arm], stiffness: [2, 3, 4], rest: {rpy: [0.1, 0.2, 0.3]}, damping: 0.2}
+  wrist: {type: spherical, between: [hand, arm.tip], stiffness: 5}
+  mount: {type: free, between: [arm, load], stiffness: [10, 20, 30, 4, 5, 6], damping: [1, 2, 3, 4, 5, 6]}
+"""
+
+
+def test_reactions_contain_the_springs_of_spherical_and_free_joints():
+    assert check_newton_and_euler(parse_mechanism(SPRINGS_OF_JOINTS), np.random.default_rng(3))
+
+
+def test_a_sensor_measures_the_moment_of_a_spring_in_a_ball_joint():
+    simulation = Simulation.from_text("""
+mechanism: bent
+gravity: [0, 0, 0]
+parts: {rod: {mass: 1, inertia: [0.1, 0.1, 0.1]}}
+joints: {ball: {type: spherical, between: [ground, rod], orientation: {axis: [1, 2, 2], angle: 0.9}, stiffness: 5}}
+sensors: {gauge: {type: force_torque, joint: ball}}
+""")
+    moment = -5.0 * 0.9 * np.array([1.0, 2.0, 2.0]) / 3.0
+    np.testing.assert_allclose(simulation.reactions()["ball"].moment, moment, rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(simulation.sensors()["gauge"].values["torque"], moment, rtol=0.0, atol=1e-14)
 
 
 def without_massive_springs(text):

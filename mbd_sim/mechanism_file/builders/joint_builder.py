@@ -99,7 +99,7 @@ def joint_bushing(joint: Joint, spec: schema.AnyJointSpec) -> Bushing | None:
     frames = joint.parent_pose @ rest, joint.child_pose
     ends = [attachment((part, frame)) for part, frame in zip((joint.parent, joint.child), frames, strict=True)]
     axes = frames[0].rotation, frames[1].rotation
-    return Bushing(joint.name, ends[0], ends[1], *axes, np.diag(stiffness), np.zeros((6, 6)))
+    return Bushing(joint.name, ends[0], ends[1], *axes, np.diag(stiffness), np.zeros((6, 6)), in_joint=True)
 
 
 def _limits(given: Any) -> tuple[Limits | None, ...]:
