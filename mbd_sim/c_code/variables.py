@@ -12,7 +12,6 @@ from mbd_sim.dynamics.equations import Equations
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import Actuator, CoordinatePort, DcMotor
 from mbd_sim.mechanism.drives import CommandedDrive, commanded_drives
-from mbd_sim.mechanism.joint_types import JointCoordinate
 from mbd_sim.mechanism.records import Mechanism
 
 _WRENCH = (
@@ -76,16 +75,6 @@ def variable(prefix: str, name: str, suffix: str, unit: str, description: str, s
     return Variable(f"{prefix}_{identifier(name)}", f"{name}.{suffix}", unit, description, start)
 
 
-def coordinate_of(mechanism: Mechanism, name: str) -> JointCoordinate:
-    """The degree of freedom of a coordinate by its name, such as `base.x`."""
-    return next(
-        coordinate
-        for joint in mechanism.joints.values()
-        for coordinate, own in zip(joint.kind.coordinates, joint.motion_names, strict=True)
-        if own == name
-    )
-
-
 def state_variables(equations: Equations, start: Array) -> tuple[Variable, ...]:
     """The components of y, with their values (n,) at the `start`."""
     mechanism, layout = equations.mechanism, equations.layout
@@ -136,7 +125,7 @@ def input_variables(equations: Equations, inputs: Array) -> tuple[Variable, ...]
     mechanism, layout = equations.mechanism, equations.inputs
     found = []
     for name in mechanism.coordinate_names:
-        unit = coordinate_of(mechanism, name).effort_unit.replace("·", ".")
+        unit = mechanism.coordinate(name).effort_unit.replace("·", ".")
         found.append(variable("effort", name, "effort", unit, f"generalized force on {name}"))
     for part in layout.loaded:
         for what, unit, axes in _WRENCH:
@@ -165,7 +154,7 @@ def _unit_of(mechanism: Mechanism, taker: Actuator | CommandedDrive, quantity: s
         rotates = mechanism.joints[taker.name].kind.rotates
     else:
         port = taker.port
-        rotates = isinstance(port, CoordinatePort) and coordinate_of(mechanism, port.coordinate).rotation
+        rotates = isinstance(port, CoordinatePort) and mechanism.coordinate(port.coordinate).rotation
     units = {"position": "rad", "velocity": "rad/s", "effort": "N.m"}
     return units[quantity] if rotates else {"position": "m", "velocity": "m/s", "effort": "N"}[quantity]
 
@@ -176,7 +165,7 @@ def drive_outputs(mechanism: Mechanism) -> list[Variable]:
     found = []
     for what in ("position", "velocity", "effort"):
         for name in mechanism.driven_names:
-            unit = coordinate_of(mechanism, name).unit
+            unit = mechanism.coordinate(name).unit
             units = {"position": unit, "velocity": f"{unit}/s", "effort": "N.m" if unit == "rad" else "N"}
             suffix = f"drive_{what}" if name in commanded else what  # positions of commanded drives are states too
             found.append(variable(f"drive_{what}", name, suffix, units[what], f"{what} of the drive of {name}"))

@@ -240,6 +240,11 @@ class Mechanism:
         """A name for each generalized speed u, in order."""
         return tuple(name for joint in self.joints.values() for name in joint.coordinate_names)
 
+    def coordinate(self, name: str) -> JointCoordinate:
+        """The degree of freedom of a tree joint, driven or not, by its name, such as `base.x`."""
+        joint = next(joint for joint in self.joints.values() if name in joint.motion_names)
+        return joint.kind.coordinates[joint.motion_names.index(name)]
+
     @property
     def driven_names(self) -> tuple[str, ...]:
         """A name for each coordinate of the driven joints, in declared order."""

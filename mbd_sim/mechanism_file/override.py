@@ -12,6 +12,7 @@ from mbd_sim.errors import InputError, MechanismError, Problem, nearest
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism.source import Location, Source, dotted
 from mbd_sim.mechanism_file.spelling import FORMER_KEYS, as_written
+from mbd_sim.mechanism_file.units import si_factor
 
 if TYPE_CHECKING:
     from mbd_sim.mechanism_file.schema.file_schema import MechanismFile
@@ -174,6 +175,21 @@ def _value_in(file: MechanismFile, mechanism: Mechanism, key: str) -> float | No
     except InputError as error:
         raise MechanismError([_problem(mechanism, key, error)]) from error
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def require_unit(mechanism: Mechanism, key: str, unit: str) -> None:
+    """Refuse a unit that does not fit a value: that of the file, converted to this unit, must be valid in its place.
+
+    :raises InputError: it is another one.
+    """
+    if not unit:
+        return
+    present = value_of(mechanism, key)
+    assert present is not None
+    try:
+        with_values(mechanism, {key: f"{present / si_factor(unit)!r} {unit}"})
+    except MechanismError as error:
+        raise InputError(error.problems[0].message, error.problems[0].remedy) from error
 
 
 def matching(mechanism: Mechanism, patterns: Collection[str]) -> list[str]:

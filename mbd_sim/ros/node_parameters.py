@@ -96,6 +96,10 @@ class NodeParameters:
         takes_all = self._specs[name].takes_all
         return [WILDCARD if takes_all and entry == ALL else entry for entry in entries]
 
+    def is_default(self, name: str) -> bool:
+        """Whether a parameter has its default, given or not."""
+        return bool(self._values[name] == self._specs[name].default)
+
     def add_live(
         self, current: Callable[[], Mapping[str, float]], set_live: Callable[[Mapping[str, float]], str]
     ) -> dict[str, float]:

@@ -50,6 +50,7 @@ from mbd_sim.ros.stepping_thread import SteppingThread
 from mbd_sim.ros.subscriptions import JOINT_COMMANDS
 from mbd_sim.ros.wrench_buffer import ALL, WrenchTargets, wrench_targets
 from mbd_sim.simulation.compiled_model import Model
+from mbd_sim.simulation.live_search import names_with_matches
 from mbd_sim.simulation.simulation import Simulation
 from mbd_sim.urdf.ros2_control import ControlTopics
 from mbd_sim.urdf.urdf_writer import floating_joints
@@ -65,12 +66,15 @@ def build_simulation(parameters: NodeParameters) -> tuple[Simulation, WrenchTarg
     """
     mechanism = _with_seed(load_mechanism(parameters["mechanism"]), parameters["sensor_seed"])
     targets = wrench_targets(mechanism, parameters.names_in("wrenches"))
+    live = parameters.names_in("live")
+    if parameters.is_default("live"):
+        live = names_with_matches(mechanism, live)
     simulation = Simulation(
         mechanism,
         method=parameters["method"] or None,
         step=parameters["step"] or None,
         wrenches=tuple(dict.fromkeys(part for part, _ in targets)),
-        live=parameters.names_in("live"),
+        live=live,
     )
     return simulation, targets
 

@@ -5,26 +5,28 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from copy import copy
+from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim import dynamics
-from mbd_sim.errors import CommandError, MechanismError, Problem, nearest
+from mbd_sim.errors import CommandError, InputError, MechanismError, nearest, quoted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.mechanism_cache import cached, records_digest
-from mbd_sim.mechanism_file.override import location_of, matching, value_of, values_of, with_values
+from mbd_sim.mechanism.source import Location
+from mbd_sim.mechanism_file.override import location_of, require_unit, value_of, values_of, with_values
+from mbd_sim.mechanism_file.parameters import Parameters, resolve_parameters
+from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
 from mbd_sim.simulation.efforts import EffortMap
+from mbd_sim.simulation.live_search import live_numbers
 
 if TYPE_CHECKING:
-    from mbd_sim.dynamics.symbolic_parameters import EquationData, SymbolicParameters
+    from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 
 LARGEST_GAP = 1e-6  # violation of the constraints that a change of live values may leave, m or 1
-_PROBE_FACTORS = (1.01, 0.99)  # applied to a value to find the numbers that depend on it
-_PROBES_OF_ZERO = (1e-3, -1e-3)
 
 
 class PreparedValues(NamedTuple):
@@ -70,13 +72,14 @@ class LiveValues:
         """Find the numbers of the equations that depend on the named values: the `parameters`, None without names.
 
         :param names: keys, or patterns such as `joints.*.damping`, which stand for those matches that can be live.
-        :raises MechanismError: a key does not exist, or its value is built into the equations.
+        :raises MechanismError: a key does not exist, its value is built into the equations, or no number of the file
+            matches a pattern.
         """
         self._mechanism = mechanism
         self.current: dict[str, float] = {}
         self.parameters: LiveParameters | None = None
         if names:
-            found = _found(mechanism, names)
+            found = live_numbers(mechanism, names)
             self.current = found.current
             self.parameters = LiveParameters(mechanism, found.indices, found.columns, found.values)
         self._of_file = self.current
@@ -115,16 +118,19 @@ class LiveValues:
         if self.current:
             efforts.limit(self.mechanism.effort_limits())
 
-    def prepare(self, changes: Mapping[str, float]) -> PreparedValues:
+    def prepare(self, changes: Mapping[str, float | str]) -> PreparedValues:
         """Validate changes of the current values, without applying them; may be called from any thread.
 
+        :param changes: numbers in SI units, or texts with units such as `"30 deg"`.
         :raises CommandError: an unknown key, a value that does not fit, or one on which other numbers depend than
             when it was probed.
         """
-        for key in changes:
-            if key not in self.current:
-                raise CommandError(f"'{key}' is not a live value. {self._remedy(key)}")
-        wanted = {key: float(value) for key, value in changes.items()}
+        wanted: dict[str, float] = {}
+        for name, value in changes.items():
+            key = self._key(name)
+            if key in wanted:
+                raise CommandError(f"'{key}' is given twice. Remove one of the two.")
+            wanted[key] = self._number(key, value)
         try:
             given, current, changed = self._with(wanted)
             dynamics.require_followable_cams(changed)
@@ -157,26 +163,38 @@ class LiveValues:
     def _given_values(self) -> Mapping[str, float]:
         """The fewest values from which the current ones follow."""
         if self._given is None:
-            given = {key: value for key, value in self.current.items() if value != self._of_file[key]}
-            parameters = {key: given[key] for key in given if location_of(self._mechanism, key)[0] == "parameters"}
-            following = self._following(parameters)
-            fewer = {key: value for key, value in given.items() if key not in following}
-            if following and self._with_all(fewer, self.current) is not None:
-                given = fewer
-            for key in sorted(given, key=lambda key: key in parameters):
-                fewer = {other: value for other, value in given.items() if other != key}
-                if fewer and self._with_all(fewer, self.current) is not None:
-                    given = fewer
-            self._given = given
+            self._given = self._fewest()
         return self._given
 
-    def _following(self, parameters: Mapping[str, float]) -> set[str]:
-        """The keys of other values that are the current ones if only these parameters are given."""
+    def _fewest(self) -> dict[str, float]:
+        """The current values other than those that the file gives with the others at their current values."""
+        by_location = {location_of(self._mechanism, key): key for key in self.current}
+        written, parameters = self._mechanism.source.data, self._parameters()
+
+        def follows(location: Location, key: str) -> bool:
+            text = _written(written, location)
+            if not isinstance(text, str):
+                return self.current[key] == self._of_file[key]
+            return self.current[key] == parse_value(text, parameters.values, None, parameters.functions.expanded)
+
+        given = {
+            key: self.current[key]
+            for location, key in by_location.items()
+            if location[0] == "parameters" and not follows(location, key)
+        }
         try:
-            values = self._values_in(with_values(self._mechanism, parameters), parameters) if parameters else {}
-        except MechanismError:
-            return set()
-        return {key for key, value in values.items() if key not in parameters and value == self.current[key]}
+            values = self._values_in(with_values(self._mechanism, given), given) if given else self._of_file
+        except MechanismError:  # these values are possible only with others
+            return {key: self.current[key] for location, key in by_location.items() if not follows(location, key)}
+        return {key: value for key, value in self.current.items() if key in given or values[key] != value}
+
+    def _parameters(self) -> Parameters:
+        """The file's parameters with the current values, and its functions."""
+        source = self._mechanism.source
+        locations = {location_of(self._mechanism, key): value for key, value in self.current.items()}
+        live = {location[1]: value for location, value in locations.items() if location[0] == "parameters"}
+        data = {**source.data, "parameters": {**(source.data.get("parameters") or {}), **live}}
+        return resolve_parameters(replace(source, data=data))
 
     def _with_all(self, given: Mapping[str, float], values: Mapping[str, float]) -> Mechanism | None:
         """The mechanism with the given values; None if it is not possible, or does not have all of the `values`."""
@@ -196,6 +214,36 @@ class LiveValues:
             return self.parameters.symbolic
         return dynamics.varying_parameters(dynamics.equation_data(self._mechanism), ())
 
+    def _key(self, name: str) -> str:
+        """The key of a live value by any of its names: that of a parameter may also be `parameters.` and this name.
+
+        :raises CommandError: there is none.
+        """
+        if name in self.current:
+            return name
+        try:
+            location = location_of(self._mechanism, name)
+        except InputError:
+            location = ()
+        for key in self.current:
+            if location and location_of(self._mechanism, key) == location:
+                return key
+        raise CommandError(f"'{name}' is not a live value. {self._remedy(name)}")
+
+    def _number(self, key: str, value: object) -> float:
+        """A given value in SI units.
+
+        :raises CommandError: it is not a number, or has a unit that does not fit.
+        """
+        value = value.tolist() if hasattr(value, "tolist") else value  # a number of NumPy
+        try:
+            number = parse_value(value, {}, None)
+            if isinstance(value, str):
+                require_unit(self._mechanism, key, split_unit(value)[1])
+        except InputError as error:
+            raise CommandError(f"{key}: {error.message} (got {quoted(value)}). {error.remedy}".strip()) from error
+        return number
+
     def _remedy(self, key: str) -> str:
         """How a value becomes live, or what the key is meant to be."""
         try:
@@ -209,6 +257,16 @@ class LiveValues:
         )
 
 
+def _written(data: Any, location: Location) -> Any:
+    """What a file has at a location, None if nothing."""
+    for step in location:
+        if isinstance(data, list) and isinstance(step, int):
+            data = data[step]
+        else:
+            data = data.get(step) if isinstance(data, Mapping) else None
+    return data
+
+
 def require_closed(changes: Mapping[str, float], gap: float, before: float) -> None:
     """Refuse changes that open loops.
 
@@ -220,61 +278,3 @@ def require_closed(changes: Mapping[str, float], gap: float, before: float) -> N
         raise CommandError(
             f"{', '.join(changes)}: this would open the loops by {gap:.3g}. Start again with the new value."
         )
-
-
-class _LiveNumbers(NamedTuple):
-    """The live values at the start by key, and `indices`, `columns` and values as in `SymbolicParameters`."""
-
-    current: dict[str, float]
-    indices: NDArray[np.intp]
-    columns: NDArray[np.intp]
-    values: Array
-
-
-def _found(mechanism: Mechanism, names: Sequence[str]) -> _LiveNumbers:
-    """The live values of these names, from the cache if they were searched for before: see `LiveValues`."""
-    if mechanism.source.changed:
-        return _searched(mechanism, names)
-    return cached(lambda: _searched(mechanism, names), "live values", records_digest(mechanism), *names)
-
-
-def _searched(mechanism: Mechanism, names: Sequence[str]) -> _LiveNumbers:
-    base = dynamics.equation_data(mechanism)
-    keys = [(key, "*" in name) for name in names for key in (matching(mechanism, [name]) if "*" in name else [name])]
-    values = values_of(mechanism, [key for key, _ in keys])
-    found: dict[str, EquationData] = {}
-    problems: list[Problem] = []
-    for key, is_match in keys:
-        try:
-            found[key] = _probed(mechanism, key, values[key], base)
-        except dynamics.StructureError as error:
-            if not is_match:
-                remedy = "Change the file and start again."
-                problems.append(Problem(f"cannot change during a run: {error}", remedy, key=key))
-    if problems:
-        raise MechanismError(problems)
-    parameters = dynamics.varying_parameters(base, list(found.values()))
-    current = {key: values[key] or 0.0 for key in found}
-    return _LiveNumbers(current, parameters.indices, parameters.columns, parameters.base)
-
-
-def _probed(mechanism: Mechanism, key: str, value: float | None, base: EquationData) -> EquationData:
-    """The numbers of the mechanism with another value at a key than the present one.
-
-    :raises StructureError: the value is not a number, is built into the equations, or is not used by them.
-    """
-    if value is None:
-        raise dynamics.StructureError("it is not a number")
-    probes = [factor * value for factor in _PROBE_FACTORS] if value else list(_PROBES_OF_ZERO)
-    refusal = None
-    for probe in probes:
-        try:
-            numbers = dynamics.equation_data(with_values(mechanism, {key: probe}))
-        except MechanismError as error:
-            refusal = error
-            continue
-        if not len(dynamics.varying_parameters(base, [numbers]).base):
-            raise dynamics.StructureError("the equations of motion do not depend on it")
-        return numbers
-    assert refusal is not None
-    raise dynamics.StructureError(f"no value near {value:g} is possible: {refusal.problems[0].message}") from refusal

@@ -101,17 +101,19 @@ class RunInputs(Readings, RunReports):
         """The live values by key, in SI units."""
         return dict(self._live.current)
 
-    def set_live(self, changes: Mapping[str, float]) -> None:
+    def set_live(self, changes: Mapping[str, float | str]) -> None:
         """Change live values from the next step on. The energy audit does not include the resulting change of energy.
 
         Live values that have not been given themselves follow the others, as their formulas in the file say.
+
+        :param changes: numbers in SI units, or texts with units such as `"30 deg"`, by their keys.
 
         :raises CommandError: an unknown key, a value that does not fit, or one that would open loops; nothing is
             changed then.
         """
         self.apply_live(self.prepare_live(changes))
 
-    def prepare_live(self, changes: Mapping[str, float]) -> PreparedValues:
+    def prepare_live(self, changes: Mapping[str, float | str]) -> PreparedValues:
         """The first, slow half of `set_live`: validate changes. It changes nothing and may run in any thread.
 
         :raises CommandError: an unknown key, or a value that does not fit.

@@ -12,8 +12,8 @@ import numpy as np
 from mbd_sim.errors import CommandError, InputError, MechanismError, listed, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
-from mbd_sim.mechanism_file.override import value_of, with_values
-from mbd_sim.mechanism_file.units import si_factor
+from mbd_sim.mechanism_file.override import require_unit, value_of
+from mbd_sim.mechanism_file.units import factor
 from mbd_sim.mechanism_file.value_parser import parse_value, split_unit
 
 EFFORT = "efforts."  # the prefix of a joint's name for a constant effort on it
@@ -128,18 +128,14 @@ def _require_number(name: str, mechanism: Mechanism) -> None:
 
 
 def _require_unit(name: str, unit: str, mechanism: Mechanism) -> None:
-    """Refuse a unit that does not fit a value: that of the file, converted to this unit, must be valid in its place.
+    """Refuse a unit that does not fit a varied value or an effort.
 
     :raises InputError: it is another one.
     """
-    if not unit or name.startswith(EFFORT):
-        return
-    present = value_of(mechanism, name)
-    assert present is not None
-    try:
-        with_values(mechanism, {name: f"{present / si_factor(unit)!r} {unit}"})
-    except MechanismError as error:
-        raise InputError(error.problems[0].message, error.problems[0].remedy) from error
+    if not name.startswith(EFFORT):
+        require_unit(mechanism, name, unit)
+    elif unit:
+        factor(unit, mechanism.coordinate(name.removeprefix(EFFORT)).effort_unit.replace("·", "*"))
 
 
 def _random(name: str, distribution: str, numbers: list[float], text: str) -> Random:

@@ -35,6 +35,7 @@ def test_variations_are_read_with_units(rods):
         ("l=uniform(1)", "low, high"),
         ("joints.elbow.damping=0.1,1 kg", "'1 kg' the unit 'kg' does not fit"),
         ("joints.elbow.position=uniform(1 m, 2 m)", "the unit 'm' does not fit"),
+        ("efforts.elbow=0,3 N", r"'3 N' the unit 'N' does not fit: a value in N\*m is expected here"),
         ("l=uniform(2, 1)", "uniform needs low <= high"),
         ("l=uniform(0, inf)", "must be finite"),
         ("l=loguniform(-1, 2)", "0 < low"),
