@@ -12,8 +12,10 @@ import casadi
 import numpy as np
 import pytest
 
+from mbd_sim.analysis import inverse_dynamics, kinematics
 from mbd_sim.dynamics import equations
 from mbd_sim.interrupts import interruptible_tracing, raise_interrupt
+from mbd_sim.kinematic_analysis import kinematic_system
 from mbd_sim.load import load_mechanism
 
 
@@ -158,6 +160,29 @@ def test_a_mechanism_is_traced_and_built_so(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(equations, "require_smooth", note)
     equations.derive(load_mechanism("rod_pendulum"))
     assert seen and seen[0] is not signal.default_int_handler
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.usefixtures("ctrl_c")
+@pytest.mark.parametrize(
+    ("module", "called", "use"),
+    [
+        (kinematics, "trace", lambda: kinematics.Kinematics(load_mechanism("rod_pendulum"))),
+        (kinematics, "unpack_poses", lambda: kinematics.Kinematics(load_mechanism("rod_pendulum")).poses()),
+        (inverse_dynamics, "trace", lambda: inverse_dynamics.InverseDynamics(load_mechanism("rod_pendulum"))),
+        (kinematic_system, "trace", lambda: kinematic_system.KinematicSystem(load_mechanism("four_bar"), ["crank_pivot"])),
+    ],
+)
+def test_whatever_traces_or_calls_casadi_in_scripts_does_so(module, called, use, monkeypatch) -> None:
+    seen, original = [], getattr(module, called)
+
+    def note(*given: object, **named: object) -> object:
+        seen.append(signal.getsignal(signal.SIGINT))
+        return original(*given, **named)
+
+    monkeypatch.setattr(module, called, note)
+    use()
+    assert seen and seen[-1] is not signal.default_int_handler
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 

@@ -16,6 +16,7 @@ from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
 from mbd_sim.errors import nearest
 from mbd_sim.geometry.pose import Array
+from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.one_sided import two_sided
 from mbd_sim.mechanism.records import Mechanism, require_mechanism
 
@@ -41,6 +42,7 @@ class InverseDynamics:
     >>> gravity_compensation = arm(q, np.zeros(6), np.zeros(6))
     """
 
+    @interruptible_tracing()
     def __init__(
         self, mechanism: Mechanism, actuated: Sequence[str] | None = None, equations: Equations | None = None
     ) -> None:
@@ -66,6 +68,7 @@ class InverseDynamics:
         self._equations = equations
         self._contact: ContactMotion | None = None
 
+    @interruptible_tracing()
     def __call__(self, q: Array, u: Array, u_rates: Array, t: float = 0.0, inputs: Array | None = None) -> Array:
         """The efforts (nv,) in N and N·m for the accelerations `u_rates` (nv,); zero at coordinates without actuation.
 

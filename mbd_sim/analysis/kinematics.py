@@ -14,6 +14,7 @@ from mbd_sim.dynamics.time_functions import require_smooth
 from mbd_sim.dynamics.tracing import trace
 from mbd_sim.errors import nearest
 from mbd_sim.geometry.pose import Array, Pose, unpack_poses
+from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.records import GROUND, Mechanism, require_mechanism
 
 
@@ -30,6 +31,7 @@ class Kinematics:
     (3,)
     """
 
+    @interruptible_tracing()
     def __init__(self, mechanism: Mechanism) -> None:
         """Trace the positions and close the loops.
 
@@ -47,6 +49,7 @@ class Kinematics:
         self._poses = ca.Function("poses", inputs, [ca.densify(ca.vertcat(*map(flat_pose, traced.poses)))])
         self._values = traced.parameters.base
 
+    @interruptible_tracing()
     def poses(self, q: Sequence[float] | Array | None = None, time: float = 0.0) -> Mapping[str, Pose]:
         """The pose of each part in ground's frame.
 
@@ -77,6 +80,7 @@ class Kinematics:
         pose = self.poses(q, time)[part]
         return np.asarray(pose.position + pose.rotation @ local)
 
+    @interruptible_tracing()
     def closed(self, q: Sequence[float] | Array, time: float = 0.0) -> Array:
         """The coordinates (nq,) near q that close the loops at a time.
 

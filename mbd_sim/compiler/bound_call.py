@@ -24,6 +24,7 @@ from mbd_sim.compiler.ir_vectors import loop
 from mbd_sim.compiler.machine_code import MachineCode, load_code
 from mbd_sim.compiler.numpy_interface import emit_data, emit_new_array
 from mbd_sim.compiler.python_callable import callable_of
+from mbd_sim.interrupts import interruptible_tracing
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -49,6 +50,7 @@ class CompiledFunction(NamedTuple):
     size: int
 
     @classmethod
+    @interruptible_tracing()
     def of(cls, trace: Callable[[], ca.Function], key: str | None = None) -> CompiledFunction:
         """Compile the function (t, …) -> values that `trace` returns, apart from the kernel, which stays as it is.
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array
+from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.kinematic_analysis.kinematic_system import KinematicSystem
 from mbd_sim.mechanism.records import Mechanism
 
@@ -42,6 +43,7 @@ class AssemblyModes:
         return sum(count == 1 for count in self.found) / self.starts
 
 
+@interruptible_tracing()
 def assembly_modes(mechanism: Mechanism, drives: Mapping[str, float]) -> AssemblyModes:
     """Search for all configurations at given coordinates, by Newton's method from many starts, the same in every run.
 

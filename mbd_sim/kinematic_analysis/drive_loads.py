@@ -11,6 +11,7 @@ from mbd_sim.analysis.inverse_dynamics import InverseDynamics
 from mbd_sim.analysis.load_sharing import LoadSharing
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.geometry.pose import Array
+from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.kinematic_analysis.driven_motion import DrivenMotion
 from mbd_sim.mechanism.one_sided import require_two_sided
 from mbd_sim.simulation.state_records import Reaction
@@ -30,6 +31,7 @@ class DriveLoads:
     power: Array
 
 
+@interruptible_tracing()
 def drive_loads(motion: DrivenMotion) -> DriveLoads:
     """The loads of a motion with its speeds and accelerations: inertia, weight, springs, dampers and applied forces.
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array
+from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.kinematic_analysis.assembly_modes import modes_at
 from mbd_sim.kinematic_analysis.closing_joints import ClosingJoint, closing_names
 from mbd_sim.kinematic_analysis.curve_tracing import TracedCurve, sampled, traced_curve
@@ -201,6 +202,7 @@ class DrivenMotion:
             return np.asarray(np.sign(self._unit[self.leading]) / ratios)
 
 
+@interruptible_tracing()
 def driven_motion(
     mechanism: Mechanism,
     drives: Mapping[str, float | tuple[float, float]],

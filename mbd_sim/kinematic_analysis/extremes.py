@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbd_sim.geometry.pose import Array
+from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.kinematic_analysis.driven_motion import DrivenMotion
 from mbd_sim.kinematic_analysis.golden_section import least_place
 from mbd_sim.kinematic_analysis.transmission import CouplerAndFollower, TransmissionAngle
@@ -27,6 +28,7 @@ class Extreme:
     greatest: bool
 
 
+@interruptible_tracing()
 def limit_positions(motion: DrivenMotion, output: str) -> tuple[Extreme, ...]:
     """The positions in rad or m at which a coordinate reverses, in the order of the motion.
 
@@ -73,6 +75,7 @@ def _position(motion: DrivenMotion, output: str, q: Array) -> float:
     return float(q[motion.columns[motion.index(output)]])
 
 
+@interruptible_tracing()
 def transmission_extremes(motion: DrivenMotion, joints: CouplerAndFollower) -> tuple[Extreme, Extreme]:
     """The least and the greatest transmission angle in rad."""
     angle = TransmissionAngle(motion.system, joints)

@@ -22,6 +22,7 @@ from mbd_sim.dynamics.time_functions import require_smooth
 from mbd_sim.dynamics.tracing import trace
 from mbd_sim.errors import InputError, MbdSimError, MechanismError, Problem, listed
 from mbd_sim.geometry.pose import Array
+from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.kinematic_analysis.prescribed_drives import coordinate_columns, drivable, undriven
 from mbd_sim.mechanism.records import Mechanism, require_mechanism
 
@@ -38,6 +39,7 @@ class KinematicSystem:
     displacements. `angles` (nq,) marks the coordinates that are angles. `values` are those of the symbolic parameters.
     """
 
+    @interruptible_tracing()
     def __init__(
         self, mechanism: Mechanism, drives: Sequence[str], parameters: SymbolicParameters | None = None
     ) -> None:

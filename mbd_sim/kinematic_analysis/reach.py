@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mbd_sim.errors import InputError
+from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.kinematic_analysis.curve_tracing import TracedCurve, traced_curve
 from mbd_sim.kinematic_analysis.drive_line import CurvePoint, DriveLine
 from mbd_sim.kinematic_analysis.kinematic_system import KinematicSystem, UnreachableError
@@ -31,6 +32,7 @@ class ReachableRange:
     upper_bound: Kind | str
 
 
+@interruptible_tracing()
 def reachable_range(mechanism: Mechanism, drive: str) -> ReachableRange:
     """How far the only drive of a mechanism can go in either direction from the start position in the file.
 

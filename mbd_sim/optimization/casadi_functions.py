@@ -16,6 +16,7 @@ from mbd_sim.dynamics.actuator_layout import require_continuous
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.errors import InputError, nearest
 from mbd_sim.geometry.pose import Array
+from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.actuators import channel_names
 from mbd_sim.mechanism.one_sided import require_two_sided
 from mbd_sim.mechanism.records import GROUND, Mechanism, require_mechanism
@@ -199,6 +200,7 @@ class CasadiFunctions:
         )
 
 
+@interruptible_tracing()
 def casadi_functions(mechanism: Mechanism, parameters: Sequence[str] = ()) -> CasadiFunctions:
     """The equations of a mechanism as CasADi functions.
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from mbd_sim.errors import DivergedError, InputError
 from mbd_sim.geometry.pose import Array
+from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.records import Mechanism, require_mechanism
 from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.optimization.casadi_functions import CasadiFunctions, casadi_functions
@@ -33,6 +34,7 @@ class SensitivityModel:
     `Simulation.reset`, and where a length changes, onto those with this length.
     """
 
+    @interruptible_tracing()
     def __init__(
         self,
         mechanism: Mechanism,

@@ -12,11 +12,13 @@ import casadi as ca
 
 from mbd_sim.errors import InputError, nearest
 from mbd_sim.integrators.tableau import EXPLICIT, Tableau
+from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.optimization.casadi_functions import CasadiFunctions
 
 DEFAULT = "tsitouras8"
 
 
+@interruptible_tracing()
 def one_step(functions: CasadiFunctions, step: float, method: str = DEFAULT) -> ca.Function:
     """(t, x, e, p) -> `x_next` (nx,), the state `step` s later under constant efforts.
 
@@ -34,6 +36,7 @@ def one_step(functions: CasadiFunctions, step: float, method: str = DEFAULT) -> 
     return ca.Function("one_step", [t, x, e, p], [after], ["t", "x", "e", "p"], ["x_next"], {"cse": True})
 
 
+@interruptible_tracing()
 def trajectory(functions: CasadiFunctions, steps: int, step: float, method: str = DEFAULT) -> ca.Function:
     """(t0, x0, e, p) -> `x` (nx, steps + 1), the states from x0 at the time t0 on, `step` s apart.
 

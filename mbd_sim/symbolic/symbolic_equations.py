@@ -13,6 +13,7 @@ from mbd_sim.dynamics.coordinate_layout import coordinate_layout
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.lagrange import lagrange_equations
 from mbd_sim.errors import MbdSimError, listed
+from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.contacts import Cam
 from mbd_sim.mechanism.drives import require_no_commanded_drives
 from mbd_sim.mechanism.one_sided import has_one_sided
@@ -96,6 +97,7 @@ class SymbolicEquations:
         return tuple(symbol for coordinate in self.coordinates for symbol in coordinate.efforts)
 
 
+@interruptible_tracing()
 def symbolic_equations(mechanism: Mechanism, parameters: Sequence[str] | None = ()) -> SymbolicEquations:
     """Derive the equations of a small mechanism.
 

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 from mbd_sim.analysis.equilibrium import equilibrium
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.geometry.pose import Array
+from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.joint_types import JOINT_KINDS
 from mbd_sim.mechanism.one_sided import has_one_sided
 from mbd_sim.mechanism.records import Mechanism
@@ -67,6 +68,7 @@ class SymbolicLinearization:
     rolling: bool = False
 
 
+@interruptible_tracing()
 def linearized(mechanism: Mechanism, equations: SymbolicEquations) -> SymbolicLinearization | None:
     """Linearize the equations of a mechanism about an equilibrium near its start.
 
