@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from mbd_sim.drawing.animation import TRACE_POINTS, Animation, traced_points
@@ -26,7 +26,7 @@ PLOT_WIDTH, ANIMATION_SIZE = 720, (600, 400)  # px
 class RunPicture:
     """A picture of a run: a plot as PNG, or an animation as WebP. A notebook shows it."""
 
-    content: bytes
+    content: bytes = field(repr=False)
     suffix: str
     text: str
     width: int

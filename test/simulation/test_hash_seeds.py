@@ -13,6 +13,7 @@ PROGRAM = """
 import hashlib, json, sys
 from mbd_sim import Simulation, load_mechanism
 from mbd_sim.dynamics.equations import derive
+from mbd_sim.simulation.live_search import names_with_matches
 from mbd_sim.simulation.live_values import LiveValues
 from mbd_sim import disk_cache
 from mbd_sim.compiler.packing import packed
@@ -30,7 +31,7 @@ def digest(*contents):
 found = {}
 for name in sys.argv[1:]:
     mechanism = load_mechanism(name)
-    live = LiveValues(mechanism, LIVE)
+    live = LiveValues(mechanism, names_with_matches(mechanism, LIVE))
     numbers = live.parameters.symbolic
     equations = derive(mechanism, tuple(mechanism.parts), numbers)
     functions = [equations.rates, equations.project, equations.energies, equations.multipliers]
@@ -40,8 +41,9 @@ keys = []
 load = disk_cache.load
 disk_cache.load = lambda key: keys.append(key) or load(key)
 for name in ("bead_on_wire", "moving_support_pendulum"):
-    sim = Simulation.from_file(name, method="rk4", wrenches=list(load_mechanism(name).parts),
-                               live=[*LIVE, "joints.*"])
+    mechanism = load_mechanism(name)
+    live = names_with_matches(mechanism, [*LIVE, "joints.*"])
+    sim = Simulation(mechanism, method="rk4", wrenches=list(mechanism.parts), live=live)
     sim.step(200)
     found[f"{name}, computed"] = digest(sim.state.tobytes(), sim.inputs.tobytes(), keys)
 sim = Simulation.from_file("four_bar", method="taylor")
