@@ -158,6 +158,11 @@ def require_each_once(names: Sequence[str], remedy: str) -> None:
             raise CommandError(f"{quoted(name)} is named twice. {remedy}")
 
 
+def counted(count: int, noun: str) -> str:
+    """A number of things: "1 step", "2 steps"."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 def listed(names: Sequence[str], max_count: int = 12) -> str:
     """The names separated by commas; beyond `max_count` only their number."""
     shown = ", ".join(names[:max_count])

@@ -3,7 +3,7 @@
 import pytest
 
 from mbd_sim import Simulation
-from mbd_sim.errors import CommandError, InputError, MechanismError, Problem, printable
+from mbd_sim.errors import CommandError, InputError, MechanismError, Problem, counted, printable
 from mbd_sim.load import parse_mechanism
 
 BODY = "joints: {j: {type: revolute, between: [ground, a], axis: [0, 0, 1]}}\n"
@@ -46,3 +46,7 @@ def test_names_in_commands_are_printed_escaped(command):
     with pytest.raises(CommandError) as caught:
         getattr(sim, command)({"\x1b[31mhinge": 1.0})
     assert str(caught.value).isprintable()
+
+
+def test_counts_have_the_plural_except_of_one():
+    assert [counted(number, "step") for number in (0, 1, 2)] == ["0 steps", "1 step", "2 steps"]

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from mbd_sim.cli.setup_options import add_export, exported_model
+from mbd_sim.errors import counted
 
 HELP = "write the equations of motion of a mechanism and steps of them as C code"
 DESCRIPTION = (
@@ -31,5 +32,6 @@ def execute(options: argparse.Namespace) -> int:
         Path(options.out, name).write_text(text, encoding="utf-8")
     names = " and ".join(str(Path(options.out, name)) for name in files)
     methods = ", ".join(method.name for method in model.methods)
-    print(f"wrote {names}: {len(model.states)} states, {len(model.inputs)} inputs, steps of {methods}")
+    states, inputs = counted(len(model.states), "state"), counted(len(model.inputs), "input")
+    print(f"wrote {names}: {states}, {inputs}, steps of {methods}")
     return 0

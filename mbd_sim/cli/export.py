@@ -7,6 +7,7 @@ from pathlib import Path
 
 from mbd_sim.cli.common import add_quiet, read_run_table
 from mbd_sim.cli.recorded_run import add_run, recorded_run
+from mbd_sim.errors import counted
 
 HELP = "export a run as a table, for example for pandas"
 DESCRIPTION = (
@@ -32,5 +33,5 @@ def execute(options: argparse.Namespace) -> int:
     with recorded_run(options.recording, options) as path:
         table = read_run_table(path, options.quiet, options.recording)
     columns = table_export.export(options.out, table)
-    print(f"wrote {options.out}: {len(table)} rows of {columns} columns")
+    print(f"wrote {options.out}: {counted(len(table), 'row')} of {counted(columns, 'column')}")
     return 0

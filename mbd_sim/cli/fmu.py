@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from mbd_sim.cli.setup_options import add_export, exported_model
+from mbd_sim.errors import counted
 
 HELP = "write a mechanism as an FMU, for use in other simulation tools"
 DESCRIPTION = (
@@ -38,6 +39,7 @@ def execute(options: argparse.Namespace) -> int:
         print("note: sampled controllers and delays act between fixed steps: the FMU is for co-simulation only")
     write_fmu(model, options.out, binary=not options.sources_only)
     platform = "sources only" if options.sources_only else f"{platform_tuple()} and sources"
-    counts = f"{len(model.inputs)} inputs, {len(model.parameters)} parameters, {len(model.output_variables)} outputs"
+    variables = {"input": model.inputs, "parameter": model.parameters, "output": model.output_variables}
+    counts = ", ".join(counted(len(found), noun) for noun, found in variables.items())
     print(f"wrote {options.out}: {platform}, {counts}, steps of {model.step:g} s with {model.methods[0].name}")
     return 0

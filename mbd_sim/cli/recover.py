@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from mbd_sim.cli.common import MCAP_OR_BAG, add_recordings
+from mbd_sim.errors import counted
 
 HELP = "repair recordings with a truncated end or a damaged index"
 DESCRIPTION = (
@@ -48,4 +49,4 @@ def _report(path: Path, counts: dict[str, int] | None) -> str:
     by_topic = ", ".join(f"{count} of {topic}" for topic, count in counts.items() if count)
     original = damaged_original(path)
     kept = f"; the damaged file is kept as {original}" if original.exists() else ""
-    return f"{path}: {sum(counts.values())} messages kept{': ' if by_topic else ''}{by_topic}{kept}"
+    return f"{path}: {counted(sum(counts.values()), 'message')} kept{': ' if by_topic else ''}{by_topic}{kept}"

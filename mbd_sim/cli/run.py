@@ -18,6 +18,7 @@ from mbd_sim.cli.common import (
 from mbd_sim.cli.recorded_run import SET_HELP
 from mbd_sim.cli.run_outputs import RunOutputs, add_outputs
 from mbd_sim.cli.setup_options import add_set, add_start, build_simulation
+from mbd_sim.errors import counted
 
 if TYPE_CHECKING:
     from mbd_sim.simulation.simulation import Simulation
@@ -173,7 +174,7 @@ def _summary(simulation: Simulation, seconds: float, done: str) -> str:
     ]
     return "\n".join(
         [
-            f"{simulation.mechanism.name}: {simulation.time:g} s in {simulation.steps} steps "
+            f"{simulation.mechanism.name}: {simulation.time:g} s in {counted(simulation.steps, 'step')} "
             f"of {simulation.step_size:g} s ({simulation.model.method_name})",
             f"  {done + ' in':16s} {seconds:.3g} s: {simulation.time / max(seconds, 1e-9):,.0f} × real time, "
             f"{1e6 * seconds / steps:.3g} µs per step",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import COUNT, ProgressBar, positive_number, print_undrawn_meshes, read_run_table
 from mbd_sim.cli.plot_options import add_plot_style, add_show, chosen_style, shown_plots
+from mbd_sim.errors import counted
 
 if TYPE_CHECKING:
     from mbd_sim.geometry.pose import Pose
@@ -197,10 +198,10 @@ class RunOutputs:
         options = self._options
         table = read_run_table(path, options.quiet, options.mechanism if path != options.out else "")
         if path == options.out:
-            self.written.append(f"{path}: {len(table)} states")
+            self.written.append(f"{path}: {counted(len(table), 'state')}")
         elif options.out is not None:
             columns = table_export.export(options.out, table)
-            self.written.append(f"{options.out}: {len(table)} rows of {columns} columns")
+            self.written.append(f"{options.out}: {counted(len(table), 'row')} of {counted(columns, 'column')}")
         if options.plot is not None:
             chosen = panels(table, self._shown)
             run_plots.draw(options.plot, table, chosen, self._style)
@@ -228,4 +229,4 @@ class RunOutputs:
 
             write_animation(self._options.animate, frames(), simulation.mechanism.name)
         print_undrawn_meshes(simulation.mechanism)
-        self.written.append(f"{self._options.animate}: {drawn} frames")
+        self.written.append(f"{self._options.animate}: {counted(drawn, 'frame')}")

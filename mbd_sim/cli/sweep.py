@@ -17,6 +17,7 @@ from mbd_sim.cli.common import (
     add_quiet,
     positive_number,
 )
+from mbd_sim.errors import counted
 
 if TYPE_CHECKING:
     from mbd_sim.sweep.sweep_runs import Results
@@ -132,7 +133,7 @@ def execute(options: argparse.Namespace) -> int:
 def _summary(name: str, results: Results, seconds: float, paths: list[Path | None]) -> str:
     runs = len(results.runs["run"])
     failed = runs - int(results.runs["finite"].sum())
-    lines = [f"{name}: {runs} runs in {seconds:.3g} s ({1e3 * seconds / runs:.3g} ms per run)"]
+    lines = [f"{name}: {counted(runs, 'run')} in {seconds:.3g} s ({1e3 * seconds / runs:.3g} ms per run)"]
     if failed:
         lines.append(f"  {failed} of them could not be built or diverged: see column 'finite'")
     lines += [f"  {problem}" for problem in results.problems[:MAX_PROBLEMS]]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import ProgressBar, add_quiet, positive_number
 from mbd_sim.cli.recorded_run import add_run, is_recording, recorded_run
-from mbd_sim.errors import listed
+from mbd_sim.errors import counted, listed
 
 if TYPE_CHECKING:
     from mbd_sim.recording.verification_result import Difference, Verification
@@ -81,7 +81,7 @@ def verify_text(found: Verification) -> str:
     lines.append(f"  mechanism        {found.mechanism} ({found.method}, {found.step * 1e3:g} ms)")
     lines.append(f"  compared         {_counted(found.compared)}; commands: {_counted(found.commands) or 'none'}")
     lines.append(
-        f"  computed         {found.steps} steps, {simulated:.6g} s simulated in {found.wall_time:.3g} s: "
+        f"  computed         {counted(found.steps, 'step')}, {simulated:.6g} s simulated in {found.wall_time:.3g} s: "
         f"{simulated / max(found.wall_time, 1e-9):,.0f} × real time"
     )
     if found.problem:
@@ -121,13 +121,14 @@ def _differences(found: Verification, first: Difference) -> list[str]:
     lines = [f"  first            {_difference_text(first)}"]
     if found.largest is not None and found.largest is not first:
         lines.append(f"  largest          {_difference_text(found.largest)}")
-    lines.append(f"  differ           {found.differing} of {sum(found.compared.values())} messages")
+    lines.append(f"  differ           {found.differing} of {counted(sum(found.compared.values()), 'message')}")
     return [*lines, f"  likely cause     {_likely_cause(found)}"]
 
 
 def _likely_cause(found: Verification) -> str:
-    if found.differing == 1 and found.agreeing_since:
-        return f"this record is damaged: the {found.agreeing_since} messages after it agree"
+    if found.differing == 1 and (count := found.agreeing_since):
+        after = "the message after it agrees" if count == 1 else f"the {count} messages after it agree"
+        return f"this record is damaged: {after}"
     if found.suspected_commands:
         return f"an earlier command: {listed(found.suspected_commands[::-1], 4)}"
     return "the start of the run or an earlier state: there is no command after the last state that agrees"

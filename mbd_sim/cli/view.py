@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from mbd_sim.cli.common import ProgressBar, add_quiet, positive_number, print_notes
 from mbd_sim.cli.recorded_run import add_run, recorded_run
+from mbd_sim.errors import counted
 
 if TYPE_CHECKING:
     from mbd_sim.recording.reader import Recording
@@ -81,7 +82,7 @@ def _show(path: Path, sink: str, options: argparse.Namespace) -> None:
         address = show_joint_plots(table, sink, on_sent)
         print_notes(table.notes)
         print(f"{options.recording}: {reason}, so only its joints are shown, as plots")
-        print(f"  {len(table)} states, {len(table.names)} joints: {address}")
+        print(f"  {counted(len(table), 'state')}, {counted(len(table.names), 'joint')}: {address}")
     else:
         display = DisplayOptions(
             None if options.trace is None else tuple(options.trace), options.trace_time, options.reactions
@@ -91,7 +92,7 @@ def _show(path: Path, sink: str, options: argparse.Namespace) -> None:
                 recording, recomputation, sink, options.rate, display, progress.show, on_sent
             )
         print_notes(notes)
-        print(f"{options.recording}: {count} states: {address}")
+        print(f"{options.recording}: {counted(count, 'state')}: {address}")
 
 
 def _recomputation(recording: Recording) -> tuple[Recomputation | None, str]:

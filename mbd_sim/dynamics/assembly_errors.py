@@ -53,7 +53,9 @@ def no_mobility(mechanism: Mechanism, rows: Sequence[ConstraintRow], count: int)
     """A mechanism that has none of its `count` degrees of freedom left."""
     owners = list(dict.fromkeys(row.owner for row in rows))
     names = listed([str(owner[1]) for owner in owners])
-    message = f"nothing can move: the {len(rows)} equations of {names} leave none of the {count} degrees of freedom"
+    equations = f"the {len(rows)} equations of {names} leave" if len(rows) > 1 else f"the equation of {names} leaves"
+    freedoms = f"none of the {count} degrees of freedom" if count > 1 else "no degree of freedom"
+    message = f"nothing can move: {equations} {freedoms}"
     return MechanismError([mechanism.source.problem(owners[0], message, "Remove a joint or a constraint.")])
 
 

@@ -20,7 +20,7 @@ from mbd_sim.dynamics.initial_conditions import assemble
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.dynamics.time_functions import require_smooth
 from mbd_sim.dynamics.tracing import trace
-from mbd_sim.errors import InputError, MbdSimError, MechanismError, Problem, listed
+from mbd_sim.errors import InputError, MbdSimError, MechanismError, Problem, counted, listed
 from mbd_sim.geometry.pose import Array
 from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.kinematic_analysis.prescribed_drives import coordinate_columns, drivable, undriven
@@ -166,7 +166,7 @@ class KinematicSystem:
         if free == given:
             return
         others = [name for name in drivable(self.mechanism) if name not in self.drives]
-        remedy = f"Give ranges for {free} coordinates, of {listed(list(drivable(self.mechanism)))}."
+        remedy = f"Give ranges for {counted(free, 'coordinate')}, of {listed(list(drivable(self.mechanism)))}."
         if free > given:
             remedy = f"Give ranges for {free - given} more of {listed(others)}; a constant one holds a coordinate."
             if sum(joint.type == "spherical" for joint in self.mechanism.all_joints.values()) > 1:

@@ -8,7 +8,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from mbd_sim.errors import InputError, MbdSimError
+from mbd_sim.errors import InputError, MbdSimError, counted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.kinematic_analysis.driven_motion import DrivenMotion
 from mbd_sim.kinematic_analysis.sensitivity import MotionSensitivity
@@ -65,7 +65,8 @@ class ToleranceAnalysis:
                 f"there is no distribution {distribution!r}", f"Valid: {', '.join(get_args(Distribution))}."
             )
         if samples < 0 or samples == 1:
-            raise InputError(f"{samples} samples have no standard deviation", "Give 0, or at least 2.")
+            message = f"{counted(samples, 'sample')} cannot have a standard deviation"
+            raise InputError(message, "Give 0, or at least 2.")
         self.tolerances = np.array(list(tolerances.values()), dtype=float)
         self.sensitivity = MotionSensitivity(mechanism, motion, list(tolerances))
         self.motion = motion

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbd_sim.errors import InputError, listed, nearest
+from mbd_sim.errors import InputError, counted, listed, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.kinematic_analysis.kinematic_system import KinematicSystem
 from mbd_sim.kinematic_analysis.point_motion import PointFunctions
@@ -68,7 +68,7 @@ def coupler_and_follower(mechanism: Mechanism, drives: Sequence[str], text: str)
             raise InputError(f"the coupler and the follower of '{names[0]}' are not evident", remedy)
         return found
     if len(names) != 3:
-        raise InputError(f"'{text}' names {len(names)} joints", "Write PIN, or COUPLER,PIN,FOLLOWER.")
+        raise InputError(f"'{text}' names {counted(len(names), 'joint')}", "Write PIN, or COUPLER,PIN,FOLLOWER.")
     if not _guides(guide := mechanism.all_joints[names[2]]):
         message = f"'{guide.name}' is {_article(guide.type)} joint, which does not guide a point along a line"
         raise InputError(message, "Name a revolute or a prismatic joint as the last one.")

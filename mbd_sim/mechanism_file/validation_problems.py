@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic_core import ErrorDetails
 
-from mbd_sim.errors import InputError, Problem, listed, nearest, quoted
+from mbd_sim.errors import InputError, Problem, counted, listed, nearest, quoted
 from mbd_sim.mechanism.expression import QUOTE_COMMAS, is_cut
 from mbd_sim.mechanism.source import Location, Source
 from mbd_sim.mechanism_file.json_schema import PydanticLocation, known_keys, known_types, list_length
@@ -38,7 +38,7 @@ def problem_of(source: Source, details: ErrorDetails) -> Problem:
             return source.problem(location, f"unknown key {quoted(leaf)}", remedy)
         case "missing" | "too_long" if isinstance(value, list):
             where = loc[:-1] if kind == "missing" else loc
-            message = f"has {_count(len(value))}, not {list_length(where)}"
+            message = f"has {counted(len(value), 'value')}, not {list_length(where)}"
             cut = any(isinstance(entry, str) and is_cut(entry) for entry in value)
             return source.problem(location, message, QUOTE_COMMAS if cut else _list_form(where), value)
         case "missing" if value is None:
@@ -100,10 +100,6 @@ def _wording(kind: str, loc: PydanticLocation, value: object) -> tuple[str, str]
         case "too_short":
             return "needs at least one entry", "Add one below it."
     return "", ""
-
-
-def _count(number: int) -> str:
-    return f"{number} value" if number == 1 else f"{number} values"
 
 
 def _list_form(loc: PydanticLocation) -> str:

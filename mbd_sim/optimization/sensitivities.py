@@ -12,7 +12,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from mbd_sim.errors import DivergedError, InputError
+from mbd_sim.errors import DivergedError, InputError, counted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.records import Mechanism, require_mechanism
@@ -206,7 +206,8 @@ class SensitivityModel:
                 raise InputError(f"{name} has the shape {given.shape}", f"Give {shape}.")
         if steps % len(e):
             remedy = "Give efforts for a number of intervals that divides the steps."
-            raise InputError(f"{steps} steps cannot be divided into {len(e)} equal intervals", remedy)
+            message = f"{counted(steps, 'step')} cannot be divided into {counted(len(e), 'equal interval')}"
+            raise InputError(message, remedy)
 
 
 def _chained(kernel: TangentKernel, columns: Array, chain: Array) -> tuple[Array, Array]:

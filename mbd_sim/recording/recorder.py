@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from mbd_sim.errors import counted
 from mbd_sim.messages.recorded_topic import Topic
 from mbd_sim.recording.durable_file import DurableFile
 from mbd_sim.recording.file_sync import FileSync
@@ -123,9 +124,9 @@ class Recorder:
         """
         writer = self._writer
         if not (self.ended if self._give_up.is_set() else self.finished).is_set():
-            missing = self._accepted - self.saved
+            missing = counted(self._accepted - self.saved, "message")
             return (
-                f"the disk does not respond: '{writer.path}' is not complete and lacks the last {missing} messages. "
+                f"the disk does not respond: '{writer.path}' is not complete and lacks the last {missing}. "
                 f"When the disk works again, run: mbd_sim recover '{self.location}'"
             )
         if not writer.size:

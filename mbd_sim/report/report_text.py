@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from mbd_sim.errors import listed, printable
+from mbd_sim.errors import counted, listed, printable
 
 ROUND_OFF = 1e-14  # relative to the size of the mechanism
 
@@ -169,29 +169,29 @@ def _start(joint: dict[str, Any], found: dict[str, Any]) -> str:
 
 def _mobility(found: dict[str, Any]) -> list[str]:
     """The degrees of freedom by Kutzbach's criterion and by rank, and the kinds of constraints."""
-    counted = found["mobility"]
-    removed = str(counted["joint_equations"])
-    if counted["other_equations"]:
-        removed += f" - {counted['other_equations']}"
+    numbers = found["mobility"]
+    removed = str(numbers["joint_equations"])
+    if numbers["other_equations"]:
+        removed += f" - {numbers['other_equations']}"
     coordinates = ", ".join(found["coordinates"]) or "none"
-    planar = "" if counted["planar_kutzbach"] is None else f", {counted['planar_kutzbach']} in the plane"
+    planar = "" if numbers["planar_kutzbach"] is None else f", {numbers['planar_kutzbach']} in the plane"
     lines = [
         f"Degrees of freedom  {found['degrees_of_freedom']}  (coordinates: {coordinates})",
-        f"  by counting       6·{len(found['parts'])} - {removed} = {counted['kutzbach']} (Kutzbach){planar}",
+        f"  by counting       6·{len(found['parts'])} - {removed} = {numbers['kutzbach']} (Kutzbach){planar}",
     ]
-    if counted["equations"]:
-        same = counted["rank_at_start"] == counted["rank"]
+    if numbers["equations"]:
+        same = numbers["rank_at_start"] == numbers["rank"]
         lines.append(
-            f"  by rank           {counted['coordinates']} coordinates - rank {counted['rank']} of "
-            f"{counted['equations']} equations = {counted['degrees_of_freedom']}"
-            + ("" if same else f" (rank {counted['rank_at_start']} at the start)")
+            f"  by rank           {counted(numbers['coordinates'], 'coordinate')} - rank {numbers['rank']} of "
+            f"{counted(numbers['equations'], 'equation')} = {numbers['degrees_of_freedom']}"
+            + ("" if same else f" (rank {numbers['rank_at_start']} at the start)")
         )
     if found["closing_joints"]:
         lines.append(f"  loops closed by   {', '.join(found['closing_joints'])}")
         lines += _assembly_modes(found)
-    if counted["redundant"]:
-        lines += [f"  redundant         {text}" for text in _grouped(counted["redundant"])]
-        degree, stated = counted["static_indeterminacy"], found["stated_compliances"]
+    if numbers["redundant"]:
+        lines += [f"  redundant         {text}" for text in _grouped(numbers["redundant"])]
+        degree, stated = numbers["static_indeterminacy"], found["stated_compliances"]
         how = f"the compliances of {listed(stated)}" if stated else "the least sum of squares"
         lines.append(f"  indeterminate     statically, to degree {degree}: reactions determined by {how}")
     time_dependence = "scleronomic" if found["scleronomic"] else "rheonomic (time-dependent)"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
-from mbd_sim.errors import listed
+from mbd_sim.errors import counted, listed
 from mbd_sim.geometry.pose import Array
 from mbd_sim.messages.publication_schedule import attained_rate
 from mbd_sim.messages.topics import DIAGNOSTICS
@@ -201,7 +201,8 @@ class Diagnostics:
         if (rejected := now.rejected - self._last.rejected) and subscriptions.last_rejection is not None:
             topic, error = subscriptions.last_rejection
             problem = (
-                f"{rejected} messages rejected in the last second, the last one on {topic}: {printable(str(error))}"
+                f"{counted(rejected, 'message')} rejected in the last second, "
+                f"the last one on {topic}: {printable(str(error))}"
             )
         elif commands.lapsed:
             problem = (
@@ -244,8 +245,8 @@ class Diagnostics:
             problem = recorder.failure
         if viewer is not None:
             values["dropped from Rerun"] = str(viewer.dropped)
-        if not problem and now.dropped > self._last.dropped:
-            problem = f"{now.dropped - self._last.dropped} messages dropped in the last second: lower publish_rate"
+        if not problem and (dropped := now.dropped - self._last.dropped):
+            problem = f"{counted(dropped, 'message')} dropped in the last second: lower publish_rate"
         elif not problem and waiting > MAX_WAITING and self.stepping_thread.rates.real_time_factor:
             problem = f"{waiting} states wait to be published: lower publish_rate"
         return self._status("output", problem or text, bool(problem), values)

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from mbd_sim.errors import counted
 from mbd_sim.recording.recorder import SHORTEST_FILE, Recorder
 from mbd_sim.recording.recording_paths import RecordingError
 from mbd_sim.recording.run_metadata import Moment
@@ -125,7 +126,7 @@ class NodeRecordings:
         if recorder is None:
             return ""
         dropped = f" ({recorder.dropped} dropped)" if recorder.dropped else ""
-        text = f"recorded {recorder.saved} messages{dropped} to {recorder.paths.location}"
+        text = f"recorded {counted(recorder.saved, 'message')}{dropped} to {recorder.paths.location}"
         return f"{text}; {recorder.state_on_disk}" if recorder.state_on_disk else text
 
     def closing_summary(self) -> str:

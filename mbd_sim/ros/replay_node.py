@@ -12,7 +12,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
-from mbd_sim.errors import listed
+from mbd_sim.errors import counted, listed
 from mbd_sim.recording.reader import open_recording
 from mbd_sim.ros import realtime
 from mbd_sim.ros.node_parameters import NodeParameters, ParameterSpec
@@ -91,8 +91,8 @@ class ReplayNode(Node):  # type: ignore[misc]  # rclpy carries no types
         """Start to play."""
         count = sum(topic.count for topic in self.recording.topics.values())
         self.get_logger().info(
-            f"{'paused' if self.player.paused else 'playing'}: {self.recording.path}, {count} messages on "
-            f"{len(self.output.publishers)} topics in {self.player.duration:.6g} s"
+            f"{'paused' if self.player.paused else 'playing'}: {self.recording.path}, {counted(count, 'message')} on "
+            f"{counted(len(self.output.publishers), 'topic')} in {self.player.duration:.6g} s"
         )
         self._start_time = time.perf_counter()
         self.player.start()
@@ -103,8 +103,8 @@ class ReplayNode(Node):  # type: ignore[misc]  # rclpy carries no types
         duration = time.perf_counter() - self._start_time
         self.output.close()
         self.get_logger().info(
-            f"played {self.player.played} messages in {duration:.3g} s, up to t = {self.player.time:.9g} s; "
-            f"{self.player.lateness.summary().in_words()}; {self.player.overruns} overruns"
+            f"played {counted(self.player.played, 'message')} in {duration:.3g} s, up to t = {self.player.time:.9g} s; "
+            f"{self.player.lateness.summary().in_words()}; {counted(self.player.overruns, 'overrun')}"
         )
 
     def _warn_of_gaps(self, unknown_parameters: Sequence[str]) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from mbd_sim.errors import CommandError, listed
+from mbd_sim.errors import CommandError, counted, listed
 from mbd_sim.messages.publication_schedule import rate_remark
 from mbd_sim.messages.topics import SENSORS, TOPICS
 from mbd_sim.ros import realtime
@@ -160,8 +160,8 @@ class SimNode(Node):  # type: ignore[misc]  # rclpy carries no types
         residual = f", energy residual {energies.residual:.1e} J" if energies is not None else ""
         pacer = self.stepping_thread.pacer
         self.get_logger().info(
-            f"stopped after {self.stepping_thread.ticks} steps{residual}; {pacer.lateness.summary().in_words()}; "
-            f"{pacer.overruns} overruns"
+            f"stopped after {counted(self.stepping_thread.ticks, 'step')}{residual}; "
+            f"{pacer.lateness.summary().in_words()}; {counted(pacer.overruns, 'overrun')}"
         )
         if summary := self.recordings.closing_summary():
             self.get_logger().info(summary)

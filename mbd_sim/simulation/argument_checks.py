@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.compiler.python_callable import LARGEST
-from mbd_sim.errors import InputError, quoted
+from mbd_sim.errors import InputError, counted, quoted
 from mbd_sim.geometry.pose import Array
 
 
@@ -57,7 +57,8 @@ def rows_of(values: Sequence[float] | Array, shape: tuple[int, int], name: str) 
     """
     array = np.asarray(values, dtype=float)
     if array.shape not in (shape, shape[1:], (1, shape[1]), ()):
-        raise ValueError(f"{name} has the shape {array.shape}. Give {shape[1]} values for all members, or {shape}.")
+        remedy = f"Give {counted(shape[1], 'value')} for all members, or {shape}."
+        raise ValueError(f"{name} has the shape {array.shape}. {remedy}")
     return np.broadcast_to(array, shape)
 
 
@@ -97,7 +98,7 @@ def finite_vector(values: Sequence[float] | Array, size: int, name: str) -> Arra
     """
     vector = np.array(values, dtype=float)
     if vector.shape != (size,):
-        raise ValueError(f"{name} must be a list of {size} values, not an array of shape {vector.shape}.")
+        raise ValueError(f"{name} must be a list of {counted(size, 'value')}, not an array of shape {vector.shape}.")
     if not math.isfinite(sum(vector.tolist())):  # which is fast for few values, but can overflow
         require_finite(vector, name)
     return vector

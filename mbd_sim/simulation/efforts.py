@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from mbd_sim.errors import CommandError, listed, nearest, printable, quoted
+from mbd_sim.errors import CommandError, counted, listed, nearest, printable, quoted
 from mbd_sim.geometry.pose import Array
 
 
@@ -54,7 +54,7 @@ class EffortMap:
                     merged[self._index_of(name)] = value
             elif len(efforts) != len(self.names):
                 raise CommandError(
-                    f"{_counted(len(self.names), 'effort')} expected, but {len(efforts)} given. "
+                    f"{counted(len(self.names), 'effort')} expected, but {len(efforts)} given. "
                     f"Give one for each of: {listed(self.names)}."
                 )
             else:
@@ -89,8 +89,3 @@ class EffortMap:
         if name not in self._index:
             raise UnknownJointError(name, self._index)
         return self._index[name]
-
-
-def _counted(number: int, noun: str) -> str:
-    """`1 effort`, `2 efforts`."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

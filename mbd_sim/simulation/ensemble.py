@@ -18,7 +18,7 @@ from mbd_sim.compiler.ensemble_kernel import (
     advance_one_by_one,
     compile_members,
 )
-from mbd_sim.errors import CommandError, DivergedError, nearest
+from mbd_sim.errors import CommandError, DivergedError, counted, nearest
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.taylor import Taylor
 from mbd_sim.load import load_mechanism
@@ -240,7 +240,8 @@ class Ensemble(EnsembleReadings):
             nothing is changed then.
         """
         if len(commands) != len(self):
-            raise CommandError(f"{len(commands)} commands for {len(self)} members. Give one mapping for each.")
+            counts = f"{counted(len(commands), 'command')} for {counted(len(self), 'member')}"
+            raise CommandError(f"{counts}. Give one mapping for each.")
         where = self._command_map.range
         present = self._groups.get("inputs", where)
         new = [self._command_map.merged(row, given) for row, given in zip(present, commands, strict=True)]

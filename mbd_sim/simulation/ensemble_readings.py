@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mbd_sim.errors import counted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.simulation.contact_events import ContactStepper
 from mbd_sim.simulation.contact_records import ContactObserver
@@ -85,6 +86,7 @@ class EnsembleReadings(EnsembleState):
         :raises ValueError: the number of observers is not that of the members.
         """
         if len(observers) != len(self):
-            raise ValueError(f"{len(observers)} observers for {len(self)} members. Give one for each.")
+            counts = f"{counted(len(observers), 'observer')} for {counted(len(self), 'member')}"
+            raise ValueError(f"{counts}. Give one for each.")
         for contact, observer in zip(self._contacts, observers, strict=False):
             contact.observer = observer

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mbd_sim.errors import MbdSimError
+from mbd_sim.errors import MbdSimError, counted
 from mbd_sim.kinematic_analysis.drive_loads import drive_loads
 from mbd_sim.kinematic_analysis.driven_motion import driven_motion
 from mbd_sim.kinematic_analysis.motion_picture import draw_motion
@@ -37,7 +37,7 @@ def design_text(mechanism: Mechanism, design: Design, goal: Goal, norm: Norm) ->
         mark = "  (minimized)" if name == norm else ""
         lines.append(f"{f'{what}, {name}':<{HEAD}}{start:.6g} -> {end:.6g} {unit}{mark}")
     ended = "" if design.converged else "; not converged: run again from the values found"
-    lines.append(f"{'Search':<{HEAD}}{design.steps} steps{ended}")
+    lines.append(f"{'Search':<{HEAD}}{counted(design.steps, 'step')}{ended}")
     return "\n".join(lines)
 
 

@@ -13,7 +13,7 @@ from mbd_sim.appearance.mesh_files import mesh_path
 from mbd_sim.appearance.mesh_triangles import as_glb, reason_not_to_draw, undrawn_meshes
 from mbd_sim.appearance.palette import Color
 from mbd_sim.appearance.solids import LINE_WIDTH, POINT_MASS_RADIUS, skeleton
-from mbd_sim.errors import listed
+from mbd_sim.errors import counted, listed
 from mbd_sim.geometry.rotation import quaternions
 from mbd_sim.mechanism.records import GROUND, Mesh, Part
 from mbd_sim.viewer import entity_paths, rerun_shapes
@@ -105,7 +105,7 @@ def about(scene: SceneDescription) -> rr.TextDocument:
     lines = [
         f"# {mechanism.name}",
         mechanism.description.strip(),
-        f"{len(mechanism.parts)} parts, {mechanism.mass:.4g} kg in all, {free} coordinates, "
+        f"{counted(len(mechanism.parts), 'part')}, {mechanism.mass:.4g} kg in all, {counted(free, 'coordinate')}, "
         f"{len(mechanism.closing) + len(mechanism.constraints)} loops and constraints; "
         f"by default {scene.method} with a step of {1e3 * mechanism.step:g} ms.",
         "| color | meaning |\n|---|---|\n"

@@ -20,7 +20,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
-from mbd_sim.errors import MbdSimError
+from mbd_sim.errors import MbdSimError, counted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.load import parse_mechanism
 from mbd_sim.optimization import Identification, MeasuredRun, identify
@@ -70,7 +70,8 @@ def read(path: str | Path) -> Run:
             elif name == "joint_states":
                 states.append((message.sequence, content.position[: len(names)], content.velocity[: len(names)]))
     if len(states) < 3:
-        raise MbdSimError(f"'{path}' holds {len(states)} states before its first reset. Record a longer run.")
+        count = counted(len(states), "state")
+        raise MbdSimError(f"'{path}' holds {count} before its first reset. Record a longer run.")
     ticks, q, u = zip(*states, strict=True)
     return Run(text, about["method"], float.fromhex(about["step"]), np.array(ticks), np.array(q), np.array(u), efforts)
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from mbd_sim.errors import InputError
+from mbd_sim.errors import InputError, counted
 from mbd_sim.mechanism.tables import Curve, Surface, Table
 from mbd_sim.mechanism_file.quantity import AnyNumber, Quantity
 from mbd_sim.mechanism_file.schema.base_schema import Spec
@@ -46,7 +46,7 @@ class TableSpec(Spec):
         if len(self.x) * len(self.y) > MAX_NODES:
             raise InputError(f"has {len(self.x) * len(self.y)} values", f"Give at most {MAX_NODES}.")
         if len(self.values) != len(self.x) or any(len(row) != len(self.y) for row in self.values):
-            message = f"values is not {len(self.x)} rows of {len(self.y)} numbers"
+            message = f"values is not {counted(len(self.x), 'row')} of {counted(len(self.y), 'number')}"
             raise InputError(message, "Give a row for each x, with a value for each y.")
         return self
 
