@@ -170,7 +170,11 @@ def test_a_mechanism_is_traced_and_built_so(monkeypatch: pytest.MonkeyPatch) -> 
         (kinematics, "trace", lambda: kinematics.Kinematics(load_mechanism("rod_pendulum"))),
         (kinematics, "unpack_poses", lambda: kinematics.Kinematics(load_mechanism("rod_pendulum")).poses()),
         (inverse_dynamics, "trace", lambda: inverse_dynamics.InverseDynamics(load_mechanism("rod_pendulum"))),
-        (kinematic_system, "trace", lambda: kinematic_system.KinematicSystem(load_mechanism("four_bar"), ["crank_pivot"])),
+        (
+            kinematic_system,
+            "trace",
+            lambda: kinematic_system.KinematicSystem(load_mechanism("four_bar"), ["crank_pivot"]),
+        ),
     ],
 )
 def test_whatever_traces_or_calls_casadi_in_scripts_does_so(module, called, use, monkeypatch) -> None:

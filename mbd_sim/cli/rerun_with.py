@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -75,13 +75,13 @@ def _recompute(path: Path, options: argparse.Namespace, changes: dict[str, float
             if out is not None:
                 out.close()
     change = ", ".join(_descriptions(options, changes))
+    units = coordinate_units(recomputation.simulation.mechanism)
     if options.plot is not None:
         title = f"{recomputation.simulation.mechanism.name}: {Path(options.recording).name}"
-        units = coordinate_units(recomputation.simulation.mechanism)
         plot_changed_run(options.plot, run, title, change, units, chosen_style(options, options.plot))
     written = [path for path in (options.plot, options.out) if path is not None]
     name = options.recording if len(files) == 1 else str(file.path)
-    print(_summary(run, name, file.problem, change, written))
+    print(_summary(run, name, file.problem, change, units, written))
     if len(files) > 1:
         print(f"  This is the first of {len(files)} files. To recompute another one, give its path.")
 
@@ -96,7 +96,9 @@ def _descriptions(options: argparse.Namespace, changes: dict[str, float | str]) 
     return found
 
 
-def _summary(run: ChangedRun, name: str, problem: str, change: str, written: Sequence[Path]) -> str:
+def _summary(
+    run: ChangedRun, name: str, problem: str, change: str, units: Mapping[str, str], written: Sequence[Path]
+) -> str:
     from mbd_sim.playback.changed_run_plot import largest_deviations
 
     lines = [f"{name}: with {change}"]
@@ -105,9 +107,11 @@ def _summary(run: ChangedRun, name: str, problem: str, change: str, written: Seq
     if run.ended:
         lines.append(f"  ENDS EARLY       {run.ended}")
     lines.append("  largest deviations")
-    for series in (*(run.coordinates[quantity] for quantity in ("position", "velocity")), run.energies):
+    for series, rate in ((run.coordinates["position"], ""), (run.coordinates["velocity"], "/s"), (run.energies, "J")):
         rows = largest_deviations(series)
-        lines += [f"    {name:24s}  {size:<13.6g}  t = {time:.6g} s" for name, size, time in rows[:SHOWN]]
+        for name, size, time in rows[:SHOWN]:
+            unit = rate if series is run.energies else f"{units[name.rpartition(' ')[0]]}{rate}"
+            lines.append(f"    {name:24s}  {f'{size:.6g} {unit}':18s}  t = {time:.6g} s")
         if len(rows) > SHOWN:
             lines.append(f"    … and {len(rows) - SHOWN} more")
     return "\n".join([*lines, *(f"  wrote {path}" for path in written)])

@@ -55,7 +55,7 @@ def motion_panels(
     found = {name: list(build(curves)) for name, build in _BUILDERS.items() if not show or name in show}
     for name, panels in found.items():
         if show and not panels:
-            raise InputError(f"--show {name}: there is nothing to draw", _REMEDIES.get(name, "Leave it out."))
+            raise InputError(f"show: there is nothing to draw for '{name}'", _REMEDIES.get(name, "Leave it out."))
     return [panel for name in show or found for panel in found.get(name, [])]
 
 
@@ -66,7 +66,7 @@ def require_groups(names: Sequence[str]) -> None:
     """
     for name in names:
         if name not in GROUPS:
-            raise InputError(f"--show {name}: there is no such plot", nearest(name, GROUPS))
+            raise InputError(f"show: there is no plot '{name}'", nearest(name, GROUPS))
 
 
 def _coordinates(curves: _Curves, titles: tuple[str, str], units: tuple[str, str], order: int) -> Iterator[MotionPanel]:

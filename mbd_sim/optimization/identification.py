@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.errors import DivergedError, InputError, MbdSimError, quoted
+from mbd_sim.errors import DivergedError, InputError, MbdSimError, MechanismError, quoted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.override import values_of, with_values
@@ -75,7 +75,8 @@ def identify(
     :raises MissingPackageError: SciPy is not installed.
     :raises MechanismError: see `casadi_functions`; or a first guess cannot be a value of the file.
     :raises InputError: the measurements do not fit the mechanism, or `confidence` is not between 0 and 1.
-    :raises MbdSimError: the measurements do not determine the parameters, or the search does not converge.
+    :raises MbdSimError: the measurements do not determine the parameters, the search does not converge, or it ends at
+        values that the file refuses, such as a negative damping.
     """
     require_packages("scipy", purpose="Identifying parameters")
     from scipy.special import stdtrit  # type: ignore[import-untyped]
@@ -102,6 +103,7 @@ def identify(
         key: ParameterEstimate(float(value), float(error), float(value - reach * error), float(value + reach * error))
         for key, value, error in zip(model.functions.parameters, values, errors, strict=True)
     }
+    _require_valid(mechanism, estimates)
     return Identification(estimates, covariance, problem.weights, names)
 
 
@@ -184,6 +186,21 @@ class _Problem:
         residuals, by_shared, by_own, channels = own.of(rows, kept, piece.tried[1])
         weights = self.weights[channels]
         return Linearized(residuals / weights, by_shared / weights[:, None], by_own / weights[:, None]), channels
+
+
+def _require_valid(mechanism: Mechanism, estimates: Mapping[str, ParameterEstimate]) -> None:
+    """Refuse estimates that cannot be values of the file.
+
+    :raises MbdSimError: with each such estimate.
+    """
+    try:
+        with_values(mechanism, {key: estimate.value for key, estimate in estimates.items()})
+    except MechanismError as error:
+        found = [f"{key} = {one.value:.6g} (from {one.lower:.6g} to {one.upper:.6g})" for key, one in estimates.items()]
+        raise MbdSimError(
+            f"The measurements are fitted best by {', '.join(found)}, which the file refuses: {error} "
+            "Leave out what cannot be determined, with a valid value in the file, or measure longer."
+        ) from error
 
 
 def _covariance(parts: Sequence[Linearized]) -> Array:

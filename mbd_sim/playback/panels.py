@@ -81,7 +81,7 @@ def require_names(names: Sequence[str]) -> None:
     """
     for name in names:
         if name not in _BUILDERS:
-            raise InputError(f"--show {name}: there is no such plot", nearest(name, _BUILDERS))
+            raise InputError(f"show: there is no plot '{name}'", nearest(name, _BUILDERS))
 
 
 def _with_gaps(line: Line, rows: Sequence[int]) -> Line:

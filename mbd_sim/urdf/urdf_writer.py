@@ -118,11 +118,22 @@ def left_out(mechanism: Mechanism) -> tuple[str, ...]:
             joint.name for joint in joints if joint.friction and not joint.friction.is_plain
         ],
         "drives": [joint.name for joint in joints if joint.drive],
+        "positions and velocities at the start": [joint.name for joint in joints if _starts_elsewhere(joint)],
         "spherical joints, here floating": [joint.name for joint in joints if joint.type == "spherical"],
         "actuators": [actuator.name for actuator in mechanism.actuators],
         "contacts between shapes": [contact.name for contact in mechanism.contacts],
     }
     return tuple(f"{kind}: {listed(names, max_count=1000)}" for kind, names in found.items() if names)
+
+
+def _starts_elsewhere(joint: Joint) -> bool:
+    """Whether a joint without a drive starts in motion, or not at zero."""
+    if joint.drive:
+        return False
+    zero = np.zeros(joint.kind.nq)
+    if joint.kind.quaternion is not None:
+        zero[joint.kind.quaternion] = 1.0
+    return bool(np.any(joint.velocity) or np.any(joint.position != zero))
 
 
 def _has_law(joint: Joint) -> bool:

@@ -88,7 +88,7 @@ def test_dead_points_are_marked(tmp_path, capsys, monkeypatch):
         (["--drive", "crank_pivot=0:1", "--show", "positions"], "--show: nothing is plotted. Give --plot too."),
         (
             ["--drive", "crank_pivot=0:1", "--plot", "x.png", "--show", "torques"],
-            "--show torques: there is no such plot",
+            "show: there is no plot 'torques'",
         ),
         (["--drive", "crank_pivot=0:1", "--plot", "x.png", "--show", "efforts"], "Give --loads too."),
         (["--drive", "crank_pivot=0:1", "--plot", "x.png", "--show", "points"], "Name points with --point."),

@@ -63,11 +63,12 @@ def test_a_plot_runs_the_simulation_and_shows_it(tmp_path):
     shown.save(tmp_path / "run.png")
     with Image.open(tmp_path / "run.png") as picture:
         assert picture.size[0] > 500
+    assert len(repr(shown)) < 200
     with pytest.raises(ValueError, match=r"ends in \.png"):
         shown.save(tmp_path / "run.jpg")
-    with pytest.raises(InputError, match="no such plot"):
+    with pytest.raises(InputError, match=r"^show: there is no plot"):
         sim.plot(until=0.4, show=["energy"])
-    with pytest.raises(InputError, match=r"--show energy: .*Did you mean 'energies'"):
+    with pytest.raises(InputError, match=r"show: there is no plot 'energy'. Did you mean 'energies'"):
         sim.plot(until=0.4, show="energy")
     assert sim.time == pytest.approx(0.2)  # a wrong name does not run the simulation
 

@@ -9,6 +9,7 @@ from mbd_sim import Simulation
 from mbd_sim.errors import InputError, MbdSimError, MechanismError
 from mbd_sim.geometry.rotation import of_vector, product
 from mbd_sim.load import load_mechanism
+from mbd_sim.mechanism_file.override import with_values
 from mbd_sim.optimization import MeasuredRun, SensitivityModel, casadi_functions, identification, identify, trajectory
 
 STEP = 0.02
@@ -43,6 +44,15 @@ def test_without_noise_the_parameters_are_exact():
     found = identify(load_mechanism("cart_pendulum_spring"), run, guess)
     assert [one.value for one in found.estimates.values()] == pytest.approx([1.0, 1.0, 1.0, 20.0], rel=1e-9)
     assert np.max(found.noise) < 1e-9
+
+
+def test_values_that_the_file_refuses_are_an_error_that_names_them():
+    """The true damping is zero; noise makes the best fit negative."""
+    mechanism = load_mechanism("rod_pendulum")
+    run = run_of("rod_pendulum", 50, [0.5, 0.0], noise=0.01, seed=1)
+    words = r"joints\.pin\.damping = -\S+ \(from -\S+ to \S+\), which the file refuses: .*at least 0.*Leave out"
+    with pytest.raises(MbdSimError, match=words):
+        identify(with_values(mechanism, {"joints.pin.damping": 0.0}), run, {"joints.pin.damping": 0.02})
 
 
 def test_confidence_intervals_contain_the_truth_as_often_as_they_say(monkeypatch):

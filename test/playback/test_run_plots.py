@@ -57,7 +57,7 @@ def test_a_run_is_plotted_as_chosen(tmp_path, capsys):
     assert main([*run, "--show", "residual,reactions"]) == 0
     assert f"{path}: energy residual, reaction force, reaction moment" in capsys.readouterr().out
     assert main([*run, "--show", "reaction"]) == 1
-    assert "there is no such plot. Did you mean 'reactions'" in capsys.readouterr().err
+    assert "show: there is no plot 'reaction'. Did you mean 'reactions'" in capsys.readouterr().err
     assert main([*run[:-2], "--show", "residual"]) == 1
     assert "--show: nothing is plotted. Give --plot too." in capsys.readouterr().err
 

@@ -13,7 +13,7 @@ from mbd_sim.cli.main import main
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.geometry.rotation import about, from_rpy
 from mbd_sim.load import load_mechanism, parse_mechanism
-from mbd_sim.urdf.urdf_writer import floating_joints, to_urdf
+from mbd_sim.urdf.urdf_writer import floating_joints, left_out, to_urdf
 from test.generators.mechanisms import SHIPPED, accelerations, random_state, random_trees
 from test.oracles import kane
 
@@ -248,7 +248,25 @@ def test_gears_and_couplings_become_mimics_and_what_is_left_out_is_named():
     assert again.constraints[1].value.at(0.0) == 0.25
     assert "<!-- not in this file: springs, dampers and forces: rope; springs and dampers of joints: first -->" in text
     loop = to_urdf(load_mechanism("four_bar"))
-    assert "<!-- not in this file: joints that close loops: rocker_pin -->" in loop
+    assert "<!-- not in this file: joints that close loops: rocker_pin; positions and velocities at the start: " in loop
+
+
+STARTED = """
+mechanism: started
+parts: PARTS
+joints:
+  hinge: {type: revolute, between: [ground, a], axis: [0, 1, 0], position: 30 deg}
+  slide: {type: prismatic, between: [a, b], axis: [0, 0, 1], velocity: 1}
+  still: {type: revolute, between: [b, c], axis: [0, 1, 0]}
+  driven: {type: revolute, between: [c, d], axis: [0, 1, 0], drive: 1 + t}
+  ball: {type: spherical, between: [d, e], orientation: {axis: [1, 0, 0], angle: 0.1}}
+  rest: {type: spherical, between: [e, f]}
+  flight: {type: free, between: [ground, g], position: [0, 0, 1]}
+""".replace("PARTS", str({name: {"mass": 1, "inertia": [1, 1, 1]} for name in "abcdefg"}))
+
+
+def test_start_values_are_listed_as_left_out():
+    assert "positions and velocities at the start: hinge, slide, ball, flight" in left_out(parse_mechanism(STARTED))
 
 
 UNLISTED = """
