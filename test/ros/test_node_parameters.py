@@ -6,6 +6,7 @@ from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism_file.library import shipped
 from mbd_sim.mechanism_file.override import matching
 from mbd_sim.ros.sim_parameters import PARAMETERS
+from mbd_sim.simulation.live_search import names_with_matches
 from mbd_sim.simulation.live_values import LiveValues
 from test.generators.shipped_features import mechanisms_with_all_features
 
@@ -20,7 +21,8 @@ def test_the_default_live_values_of_shipped_mechanisms_meet_no_parameter_of_the_
 
 def test_gravity_is_among_the_default_live_values_unless_nothing_depends_on_it():
     for name in mechanisms_with_all_features(most_joints=6):
-        found = LiveValues(load_mechanism(name), LIVE).current
+        mechanism = load_mechanism(name)
+        found = LiveValues(mechanism, names_with_matches(mechanism, LIVE)).current
         assert found.keys() <= set(matching(load_mechanism(name), LIVE))
         axes = {f"gravity[{axis}]" for axis in range(3)}
         assert axes <= found.keys() or not axes & found.keys(), name

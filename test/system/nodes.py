@@ -34,6 +34,7 @@ from mbd_sim import Simulation
 from mbd_sim.load import load_mechanism
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.ros.sim_parameters import PARAMETERS
+from mbd_sim.simulation.live_search import names_with_matches
 from test.system.forked_programs import ForkedProcess
 from test.waiting import PATIENCE, wait_until
 
@@ -231,7 +232,8 @@ def as_in_the_node(mechanism: str | Path | Mechanism) -> Simulation:
     """The simulation that a node with default parameters runs, bit for bit."""
     loaded = mechanism if isinstance(mechanism, Mechanism) else load_mechanism(mechanism)
     live = next(declared.default for declared in PARAMETERS if declared.name == "live")
-    return Simulation(loaded, wrenches=tuple(loaded.parts), live=[name.strip() for name in live.split(",")])
+    names = names_with_matches(loaded, [name.strip() for name in live.split(",")])
+    return Simulation(loaded, wrenches=tuple(loaded.parts), live=names)
 
 
 def nanoseconds(stamp: Any) -> int:
