@@ -11,9 +11,11 @@ name their operands in memory in another way: all results remain the same.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
-from itertools import accumulate
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import accumulate, chain
 from typing import NamedTuple, TypeAlias
+
+from mbd_sim.compiler.memory_order import SECTION, OrderedConstants, with_ordered_stack
 
 REACH = 128  # bytes before a register's address, and less one after it, that a distance of one byte reaches
 GRAIN = 8  # bytes, of which places of constants and of numbers on the stack are multiples
@@ -40,9 +42,9 @@ _KNOWN = re.compile(r"v[a-z0-9]+|mov[a-z]*|lea[lq]|(push|pop)q?|(add|sub|and|or|
 # Instructions that set or save the register of the frame pointer, and all of them where it is one.
 _SETS_FRAME = re.compile(r"%(rbp|ebp|bpl?)$")
 _FRAME = {("pushq", "%rbp"), ("movq", "%rsp,", "%rbp"), ("popq", "%rbp")}
-_OPERAND = re.compile(r"(-?\d*)\(%rbp\)|(\.LCPI\d+_\d+)(?:\+(\d+))?\(%rip\)")
+_OPERAND = re.compile(r"(-?\d*)\(%rbp\)|(\.LCPI\w+)(?:\+(\d+))?\(%rip\)")
 _REGISTER = re.compile(r"%([a-z0-9]+)")
-_CONSTANTS = re.compile(r"\.section\s+(\.rodata\.cst\d+),")
+_CONSTANTS = re.compile(rf"\.section\s+(\.rodata\.cst\d+|{re.escape(SECTION)}),")
 _SECTIONS = frozenset({".section", ".text", ".data", ".bss"})
 _SIZES = {".quad": 8, ".long": 4, ".short": 2, ".byte": 1}
 
@@ -66,7 +68,6 @@ class _Body(NamedTuple):
     """A function without jumps: its lines, and for each register the line from which on it is free."""
 
     lines: Sequence[str]
-    operands: Sequence[_Operand]
     calls: Sequence[int]
     free: Mapping[str, int]
 
@@ -78,18 +79,34 @@ def with_near_addresses(assembly: str, functions: Collection[str]) -> str:
     :param functions: the names of functions that return nothing.
     """
     lines = assembly.splitlines()
-    constants = _constants(lines)
-    result: list[str] = []
-    position = 0
+    ordered = OrderedConstants(lines)
+    pieces: list[Sequence[str] | _Body] = []
+    for piece, is_function in _pieces(lines, functions):
+        body = _body(piece) if is_function else None
+        if body is not None:
+            body = body._replace(lines=ordered.ordered(with_ordered_stack(piece)))
+        pieces.append(piece if body is None else body)
+    end = ordered.lines()
+    constants = _constants([*(line for piece in pieces if not isinstance(piece, _Body) for line in piece), *end])
+    shortened = (_shortened(piece, constants) if isinstance(piece, _Body) else piece for piece in pieces)
+    return "\n".join([*chain.from_iterable(shortened), *end, ""])
+
+
+def _pieces(lines: Sequence[str], functions: Collection[str]) -> Iterator[tuple[Sequence[str], bool]]:
+    """The lines of some functions, and those before and after them, each with whether it is such a function."""
+    begin = position = 0
     while position < len(lines):
         name, colon, _ = lines[position].partition(":")
-        result.append(lines[position])
         position += 1
         if colon and name.strip('"') in functions:
-            end = next(i for i in range(position, len(lines)) if lines[i].startswith(".Lfunc_end"))
-            result += _shortened(lines[position:end], constants)
-            position = end
-    return "\n".join([*result, ""])
+            yield lines[begin:position], False
+            begin, position = (
+                position,
+                next(i for i in range(position, len(lines)) if lines[i].startswith(".Lfunc_end")),
+            )
+            yield lines[begin:position], True
+            begin = position
+    yield lines[begin:], False
 
 
 def as_module(assembly: str, triple: str) -> str:
@@ -116,7 +133,7 @@ def _constants(lines: Sequence[str]) -> Constants:
                 step = 1 << int(words[1].rstrip(","))
                 sizes[section] = -(-size // step) * step
             elif words[0] == ".zero":
-                sizes[section] = size + int(words[1])
+                sizes[section] = size + int(words[1].partition(",")[0])
             elif words[0] in _SIZES:
                 sizes[section] = size + _SIZES[words[0]]
             else:
@@ -124,16 +141,13 @@ def _constants(lines: Sequence[str]) -> Constants:
     return {label: place for label, place in found.items() if place[0] not in unknown}
 
 
-def _shortened(lines: Sequence[str], constants: Constants) -> Sequence[str]:
-    body = _body(lines, constants)
-    if body is None or len(body.operands) < FEW:
-        return lines
-    return _Pointers(body).lines()
+def _shortened(body: _Body, constants: Constants) -> Sequence[str]:
+    operands = _operands(body.lines, constants)
+    return body.lines if len(operands) < FEW else _Pointers(body, operands).lines()
 
 
-def _body(lines: Sequence[str], constants: Constants) -> _Body | None:
+def _body(lines: Sequence[str]) -> _Body | None:
     """The function with these lines; None if it has jumps, unknown instructions, or no frame pointer."""
-    operands: list[_Operand] = []
     calls: list[int] = []
     used = dict.fromkeys(REGISTERS, -1)
     frame = set[tuple[str, ...]]()
@@ -150,15 +164,21 @@ def _body(lines: Sequence[str], constants: Constants) -> _Body | None:
         for name in _REGISTER.findall(code):
             if name in _WHOLE:
                 used[_WHOLE[name]] = number
-        if (match := _OPERAND.search(code)) and not code.startswith("lea"):
-            operand = _operand(number, match, constants)
-            if operand is not None:
-                operands.append(operand)
     if frame != _FRAME:  # the register may hold something else, which changes
         return None
     # A register may hold an argument of the next call; if the function does not name it, one of the first call.
     free = {name: next((call for call in calls if call >= last), last) + 1 for name, last in used.items()}
-    return _Body(lines, operands, calls, free)
+    return _Body(lines, calls, free)
+
+
+def _operands(lines: Sequence[str], constants: Constants) -> list[_Operand]:
+    """What instructions access out of reach of the frame pointer, where the place is known."""
+    found = (
+        _operand(number, match, constants)
+        for number, line in enumerate(lines)
+        if "(%r" in line and (match := _OPERAND.search(line)) and not line.lstrip().startswith(("lea", "#"))
+    )
+    return [operand for operand in found if operand is not None]
 
 
 def _operand(line: int, match: re.Match[str], constants: Constants) -> _Operand | None:
@@ -180,9 +200,9 @@ class _Pointers:
     All operands have a place on one axis, in steps of `GRAIN`: the stack and the sections, out of reach of each other.
     """
 
-    def __init__(self, body: _Body) -> None:
-        self._body = body
-        self._places = _places(body.operands)
+    def __init__(self, body: _Body, operands: Sequence[_Operand]) -> None:
+        self._body, self._operands = body, operands
+        self._places = _places(operands)
         self._waiting = [0] * (max(self._places) + 2 * WIDTH)  # at each place, accesses of those that are counted
         self._first: dict[str, int] = {}  # for each register that points somewhere, the first place in its reach
 
@@ -191,12 +211,12 @@ class _Pointers:
         body, counted, call = self._body, 0, 0
         calls = [*body.calls, len(body.lines)]
         changed: dict[int, list[str]] = {}
-        for index, (operand, place) in enumerate(zip(body.operands, self._places, strict=True)):
+        for index, (operand, place) in enumerate(zip(self._operands, self._places, strict=True)):
             while calls[call] < operand.line:
                 call += 1
                 self._first.clear()
             ahead = min(index + AHEAD, len(self._places))
-            while counted < ahead and body.operands[counted].line < calls[call]:
+            while counted < ahead and self._operands[counted].line < calls[call]:
                 self._waiting[self._places[counted]] += 1
                 counted += 1
             register = None

@@ -52,7 +52,8 @@ def compiler_options(level: int) -> tuple[str, ...]:
 @functools.cache
 def _near_addresses_digest() -> str:
     """That of the source of the pass: other code of this package changes the IR, but this one only the object code."""
-    return hashlib.sha256(Path(__file__).with_name("near_addresses.py").read_bytes()).hexdigest()
+    sources = (Path(__file__).with_name(f"{name}.py").read_bytes() for name in ("near_addresses", "memory_order"))
+    return hashlib.sha256(b"".join(sources)).hexdigest()
 
 
 @functools.cache

@@ -4,10 +4,12 @@ import ctypes
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import casadi as ca
 import llvmlite.binding as llvm
 import numpy as np
+import pytest
 
 from mbd_sim.compiler import machine_code
 from mbd_sim.compiler.compile_process import compile_apart
@@ -77,9 +79,12 @@ def test_options_are_part_of_the_key(monkeypatch):
     assert machine_code.compiler_identity() != before
 
 
-def test_the_pass_over_assembly_code_is_part_of_the_key(monkeypatch, tmp_path):
+@pytest.mark.parametrize("changed", ["near_addresses.py", "memory_order.py"])
+def test_the_passes_over_assembly_code_are_part_of_the_key(changed, monkeypatch, tmp_path):
     before, digest = machine_code.compiler_identity(), sys.modules[object_code.__module__]._near_addresses_digest
-    (tmp_path / "near_addresses.py").write_text("# another pass")
+    for name in ("near_addresses.py", "memory_order.py"):
+        text = Path(sys.modules[object_code.__module__].__file__).with_name(name).read_text()
+        (tmp_path / name).write_text("# another pass" if name == changed else text)
     with monkeypatch.context() as patch:
         patch.setattr("mbd_sim.compiler.object_code.__file__", str(tmp_path / "object_code.py"))
         digest.cache_clear()

@@ -18,6 +18,8 @@ CONSTANTS = [
     '\t.section\t.rodata.cst8,"aM",@progbits,8',
     "\t.p2align\t3, 0x0",
     *(line for number in range(20) for line in (f".LCPI0_{number}:", f"\t.quad\t{number}")),
+    ".LCPI0_20:",
+    "\t.zero\t16,255",  # bytes of ones
 ]
 
 
@@ -26,13 +28,22 @@ FRAME = ["\tpushq\t%rbp", "\tmovq\t%rsp, %rbp"]
 
 def shortened(body, before=(), frame=FRAME):
     """The lines of a function after the pass, between those that set its frame pointer and those that restore it."""
+    return shortened_with_constants(body, before, frame)[0]
+
+
+def shortened_with_constants(body, before=(), frame=FRAME):
+    """The lines of a function after the pass, and of the constants that it accesses the labels and the numbers."""
     end = ["\tpopq\t%rbp", "\tretq", ".Lfunc_end0:", "\t.size\trates, .Lfunc_end0-rates"]
     text = "\n".join([*before, "\t.text", "rates:", *frame, *body, *end])
     assert with_near_addresses(text, ()) == text + "\n"
     lines = with_near_addresses(text, {"rates"}).splitlines()
     first = lines.index("rates:") + 1
     assert lines[first : first + len(frame)] == frame
-    return lines[first + len(frame) : lines.index("\tpopq\t%rbp")]
+    constants = lines[lines.index(end[-1]) + 3 :]
+    return lines[first + len(frame) : lines.index("\tpopq\t%rbp")], (
+        [label.removesuffix(":") for label in constants[::2]],
+        [int(line.removeprefix("\t.quad\t")) for line in constants[1::2]],
+    )
 
 
 def pointers(lines):
@@ -40,21 +51,24 @@ def pointers(lines):
     return {match[1] for line in lines if (match := re.match(r"\tleaq\t-?\d+\(%rbp\), %(\w+)", line))}
 
 
-def accessed(lines):
-    """The places that instructions access: distances from the frame pointer, or the numbers of constants and bytes."""
+def accessed(lines, labels=(), numbers=()):
+    """What instructions access: distances from the frame pointer, or constants."""
     registers, found = {}, []
     for line in lines:
         if match := re.match(r"\tleaq\t(-?\d+)\(%rbp\), %(\w+)", line):
             registers[match[2]] = int(match[1])
-        elif match := re.match(r"\tleaq\t\.LCPI0_(\d+)\+0([-+]\d+)\(%rip\), %(\w+)", line):
-            registers[match[3]] = 8j * int(match[1]) + int(match[2]) * 1j
+        elif match := re.match(r"\tleaq\t(\.LCPI\w+)\+0([-+]\d+)\(%rip\), %(\w+)", line):
+            registers[match[3]] = 8j * labels.index(match[1]) + int(match[2]) * 1j
         elif match := re.search(r"(-?\d+)\(%(r(?!ip)\w+)\)", line):
             distance = int(match[1])
             assert match[2] == "rbp" or -REACH <= distance < REACH
-            unit = 1j if isinstance(registers.get(match[2]), complex) else 1
-            found.append(distance * unit + (0 if match[2] == "rbp" else registers[match[2]]))
-        elif match := re.search(r"\.LCPI0_(\d+)\(%rip\)", line):
-            found.append(8j * int(match[1]))
+            pointer = 0 if match[2] == "rbp" else registers[match[2]]
+            if isinstance(pointer, complex):
+                found.append(f"number {numbers[int(pointer.imag + distance) // 8]}")
+            else:
+                found.append(pointer + distance)
+        elif match := re.search(r"(\.LCPI\w+)\(%rip\)", line):
+            found.append(f"number {numbers[labels.index(match[1])]}")
         if "call" in line:
             registers.clear()
     return found
@@ -67,8 +81,8 @@ def test_each_instruction_accesses_the_same_place():
     for number in range(0, 900, 7):
         body[number] = f"\tvaddsd\t.LCPI0_{number % 20}(%rip), %xmm1, %xmm1"
     body[500:500], body[50:50] = [CALL], [CALL]
-    after = shortened(body, CONSTANTS)
-    assert accessed(after) == accessed(body)
+    after, constants = shortened_with_constants(body, CONSTANTS)
+    assert accessed(after, *constants) == accessed(body, [f".LCPI0_{number}" for number in range(20)], range(20))
     assert sum("(%rbp)" in line or "(%rip)" in line for line in after) < 0.7 * len(body)
     assert [line for line in after if "leaq" not in line and "(%r" not in line] == [CALL, CALL]
 
@@ -111,7 +125,7 @@ def test_functions_without_a_frame_pointer_stay_as_they_are(frame, line):
 def test_constants_whose_places_are_not_known_stay_as_they_are():
     body = ["\tvaddsd\t.LCPI0_3(%rip), %xmm1, %xmm1"] * 200
     assert shortened(body, CONSTANTS) != body
-    assert shortened(body, [*CONSTANTS[:4], "\t.octa\t1", *CONSTANTS[4:]]) == body
+    assert shortened(body, [line.replace(".quad", ".octa") for line in CONSTANTS]) == body
 
 
 def products(numbers):
