@@ -41,12 +41,16 @@ def equilibrium(equations: Equations, inputs: Array | None = None) -> Array | No
         if growth < ZERO_EIGENVALUE:
             return balanced
         unstable.append((growth, balanced))
-    return min(unstable, key=lambda pair: pair[0])[1] if unstable else None
+    if not unstable:
+        return _balanced(equations, equations.start.q, given, far=True)
+    return min(unstable, key=lambda pair: pair[0])[1]
 
 
 def equilibrium_near(equations: Equations, q: Array, inputs: Array | None = None) -> Array | None:
     """The equilibrium (nq,) next to coordinates q (nq,), stable or not, or None if none is found: see `equilibrium`."""
-    return _balanced(equations, q, _given(equations, inputs))
+    given = _given(equations, inputs)
+    found = _balanced(equations, q, given)
+    return _balanced(equations, q, given, far=True) if found is None else found
 
 
 def _given(equations: Equations, inputs: Array | None) -> Array:
@@ -79,8 +83,11 @@ def _scattered(constraints: ConstraintFunctions, q: Array, random: np.random.Gen
     return q
 
 
-def _balanced(equations: Equations, q: Array, inputs: Array) -> Array | None:
-    """The configuration (nq,) near q without accelerations, by Gauss–Newton, or None if there is none."""
+def _balanced(equations: Equations, q: Array, inputs: Array, far: bool = False) -> Array | None:
+    """The configuration (nq,) near q without accelerations, by Gauss–Newton, or None if there is none.
+
+    If it may be `far` away, the longest step doubles after each one that it limits.
+    """
     nq, nv = equations.layout.nq, equations.layout.nv
     constraints, all_free = equations.constraints.with_values(inputs[equations.inputs.values]), np.ones(nv, dtype=bool)
 
@@ -91,7 +98,7 @@ def _balanced(equations: Equations, q: Array, inputs: Array) -> Array | None:
         y = at_rest(q)
         return np.array(equations.rates.call([0.0, y, inputs])[0]).ravel()[nq : nq + nv]
 
-    best, least, scale = None, math.inf, 1.0
+    best, least, scale, longest = None, math.inf, 1.0, LONGEST_STEP
     for iteration in range(ITERATIONS):
         closing = close_loops(constraints, 0.0, q, all_free) if equations.rows else None
         if closing is not None:
@@ -108,6 +115,7 @@ def _balanced(equations: Equations, q: Array, inputs: Array) -> Array | None:
         free = null_space(constraints.gradient(0.0, q))
         slope = evaluated(equations.derivatives, 0.0, at_rest(q), inputs)[:nv, :nv].T @ free
         step = -free @ np.linalg.lstsq(slope, remaining, rcond=1e-10)[0]
-        step *= min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
-        q = constraints.displaced(q, step)
+        factor = min(1.0, longest / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
+        longest *= 2.0 if far and factor < 1.0 else 1.0
+        q = constraints.displaced(q, factor * step)
     return best if least <= BALANCED * scale else None

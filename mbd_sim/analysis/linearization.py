@@ -8,16 +8,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbd_sim.analysis.small_motion import small_motion
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import channel_names
 
-ZERO_EIGENVALUE = 1e-4  # 1/s; smaller eigenvalues are zeros that round-off has split
+ZERO_EIGENVALUE = 1e-4  # 1/s; smaller eigenvalues are zeros that round-off has split, unless all are small:
+LEAST_EIGENVALUE, SPLIT = 1e-7, 1e-5  # the same in 1/s, and relative to the largest eigenvalue
 UNDAMPED = 1e-12  # damping ratios of round-off
 
 
@@ -108,8 +110,15 @@ def linearize_at(
 
 def modes(linearization: Linearization) -> list[Mode]:
     """The natural modes in the order of their frequency; one for each pair of conjugate eigenvalues."""
-    values = np.linalg.eigvals(linearization.a).tolist()
-    return sorted((mode_of(value) for value in values if not is_second_of_pair(value)), key=mode_order)
+    values = np.linalg.eigvals(linearization.a)
+    zero = float(size_of_zeros(values))
+    return sorted((mode_of(value, zero) for value in values.tolist() if not is_second_of_pair(value)), key=mode_order)
+
+
+def size_of_zeros(values: NDArray[Any]) -> Array:
+    """The sizes (…) in 1/s below which eigenvalues (…, n) of matrices are zeros that round-off has split."""
+    largest = np.max(np.abs(values), axis=-1, initial=0.0)
+    return np.asarray(np.clip(SPLIT * largest, LEAST_EIGENVALUE, ZERO_EIGENVALUE))
 
 
 def is_second_of_pair(value: complex) -> bool:
@@ -117,11 +126,11 @@ def is_second_of_pair(value: complex) -> bool:
     return complex(value).imag < -1e-9 * abs(value)
 
 
-def mode_of(value: complex) -> Mode:
-    """The mode of an eigenvalue in 1/s."""
+def mode_of(value: complex, zero: float) -> Mode:
+    """The mode of an eigenvalue in 1/s; `zero` is the size below which it counts as zero."""
     value = complex(value)
     size = abs(value)
-    if size < ZERO_EIGENVALUE:
+    if size < zero:
         return Mode(0.0, 0.0, 0j)
     if abs(value.imag) > 1e-7 * max(size, 1e-9):
         damping = -value.real / size

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.analysis.linearization import Linearization, Mode, is_second_of_pair, mode_of, mode_order
+from mbd_sim.analysis.linearization import Linearization, Mode, is_second_of_pair, mode_of, mode_order, size_of_zeros
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.geometry.pose import Array
 
@@ -26,13 +26,13 @@ class ModeShape(NamedTuple):
 def mode_shapes(linearization: Linearization) -> list[ModeShape]:
     """The natural modes with their shapes, in the order of `modes`."""
     values, vectors = np.linalg.eig(linearization.a)
-    found = []
+    zero, found = float(size_of_zeros(values)), []
     for value, vector in zip(values, vectors.T, strict=True):
         if is_second_of_pair(value):
             continue
         shape = linearization.displacements @ vector[: linearization.displacements.shape[1]].astype(complex)
         largest = shape[np.argmax(np.abs(shape))] if len(shape) else 0.0
-        found.append(ModeShape(mode_of(value), shape / largest if largest else shape))
+        found.append(ModeShape(mode_of(value, zero), shape / largest if largest else shape))
     return sorted(found, key=lambda one: mode_order(one.mode))
 
 

@@ -16,17 +16,22 @@ CONSISTENT = 1e-9  # tolerated error of given speeds, relative to the speeds
 RANK = 1e-9  # singular values below this fraction of the largest count as zero
 ZERO = 1e-9  # relative to the norm of all rows, below which a row counts as zero
 ITERATIONS, ATTEMPTS = 60, 30
+FAR_ITERATIONS = 120
 LONGEST_STEP = 0.6  # m or rad
 STALLED = 1e-4  # an iteration that reduces the gap by less than this fraction is the last
 
 
 @dataclass(frozen=True, eq=False)
 class ClosingStep:
-    """A step from coordinates `q` (nq,): `factor` times that of least norm, or a `displacement` to another guess."""
+    """A step from coordinates `q` (nq,): `factor` times that of least norm, or a `displacement` to another guess.
+
+    It moves no coordinate by more than `longest`, in m or rad.
+    """
 
     q: Array
     displacement: Array | None
     factor: float
+    longest: float = LONGEST_STEP
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +51,8 @@ class LoopClosure:
 def close_loops(constraints: ConstraintFunctions, t: float, q: Array, free: Array) -> LoopClosure:
     """Move the `free` (nv,) coordinates as little as possible so that the constraints are satisfied at time t.
 
-    If Newton's method fails from q, it is tried from other guesses around q, the same ones in every run.
+    If Newton's method fails from q, it is tried from other guesses around q, the same ones in every run, and then
+    from q with steps that grow, for a mechanism that is many meters large.
     """
     random = np.random.default_rng(0)
     best = _newton(constraints, t, q, free)
@@ -57,14 +63,20 @@ def close_loops(constraints: ConstraintFunctions, t: float, q: Array, free: Arra
         other = _newton(constraints, t, constraints.displaced(q, scatter), free)
         if other.closed or not np.linalg.norm(best.gaps) <= np.linalg.norm(other.gaps):
             best = replace(other, path=(ClosingStep(q, scatter, 1.0), *other.path))
-    return best
+    if best.closed or not free.any():
+        return best
+    far = _newton(constraints, t, q, free, far=True)
+    return far if far.closed else best
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def _newton(constraints: ConstraintFunctions, t: float, q: Array, free: Array) -> LoopClosure:
-    """Gauss-Newton with steps of least norm, shortened while the gap would grow or become undefined."""
-    gaps, path = constraints.position(t, q), list[ClosingStep]()
-    for _ in range(ITERATIONS):
+def _newton(constraints: ConstraintFunctions, t: float, q: Array, free: Array, far: bool = False) -> LoopClosure:
+    """Gauss-Newton with steps of least norm, shortened while the gap would grow or become undefined.
+
+    If the solution may be `far` away, the longest step doubles after each one that it limits.
+    """
+    gaps, path, longest = constraints.position(t, q), list[ClosingStep](), LONGEST_STEP
+    for _ in range(FAR_ITERATIONS if far else ITERATIONS):
         norm = float(np.linalg.norm(gaps))
         if norm == 0.0:
             break
@@ -74,7 +86,8 @@ def _newton(constraints: ConstraintFunctions, t: float, q: Array, free: Array) -
         step = np.zeros(len(free))
         if slope.size:
             step[free] = -np.linalg.lstsq(slope, gaps[constraints.holonomic], rcond=RANK)[0]
-        factor = min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
+        factor = min(1.0, longest / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
+        growing = far and factor < 1.0
         step *= factor
         for _ in range(12):
             next_q = constraints.displaced(q, step)
@@ -85,9 +98,11 @@ def _newton(constraints: ConstraintFunctions, t: float, q: Array, free: Array) -
             factor *= 0.5
         else:
             break
-        path.append(ClosingStep(q, None, factor))
+        path.append(ClosingStep(q, None, factor, longest))
         q, gaps = next_q, next_gaps
-        if np.linalg.norm(gaps) > (1.0 - STALLED) * norm:
+        if growing:
+            longest *= 2.0
+        elif np.linalg.norm(gaps) > (1.0 - STALLED) * norm:
             break
     closed = bool(np.all(np.abs(gaps) <= CLOSED * constraints.size))
     right_branch = bool(np.all(constraints.branch_checks(t, q) > 0.0))

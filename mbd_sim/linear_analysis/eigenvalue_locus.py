@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.analysis.linearization import ZERO_EIGENVALUE
+from mbd_sim.analysis.linearization import size_of_zeros
 from mbd_sim.errors import CommandError, InputError, MechanismError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.linear_analysis.working_point import to_equilibrium
@@ -38,7 +38,9 @@ class EigenvalueLocus:
     def growth(self) -> Array:
         """The largest real part (…,) in 1/s: motions grow where it is positive. Round-off is zero."""
         size = np.abs(self.eigenvalues)
-        neutral = (size < ZERO_EIGENVALUE) | (np.abs(self.eigenvalues.real) < ROUND_OFF * size)
+        neutral = (size < size_of_zeros(self.eigenvalues)[..., None]) | (
+            np.abs(self.eigenvalues.real) < ROUND_OFF * size
+        )
         return np.asarray(np.max(np.where(neutral, 0.0, self.eigenvalues.real), axis=-1))
 
 

@@ -12,7 +12,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.assembly import LONGEST_STEP, RANK, ClosingStep, close_loops, nearest_speeds, scaled_rows
+from mbd_sim.dynamics.assembly import RANK, ClosingStep, close_loops, nearest_speeds, scaled_rows
 from mbd_sim.errors import InputError
 from mbd_sim.geometry.pose import Array
 from mbd_sim.optimization.casadi_functions import CasadiFunctions
@@ -87,7 +87,7 @@ class StartProjection:
             d_s += d_g_back - inverse @ (g @ d_g_back)
             longest = int(np.argmax(np.abs(s))) if s.size else 0
             factor = step.factor
-            if s.size and abs(s[longest]) > LONGEST_STEP:  # shortened to a length
+            if s.size and abs(s[longest]) > step.longest:  # shortened to a length
                 d_s = d_s - np.outer(s / s[longest], d_s[longest])
             by_q, by_move = (np.array(each) for each in self._displaced(q, factor * s))
             found.append(by_q @ columns + by_move @ (factor * d_s))

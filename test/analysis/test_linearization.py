@@ -57,6 +57,34 @@ joints: {rail: {type: prismatic, between: [ground, mass], axis: [1, 0, 0], stiff
 """
 
 
+def test_an_equilibrium_is_found_a_hundred_meters_from_the_start():
+    """A weight on a soft spring, at -m g/k."""
+    simulation = Simulation.from_text("""
+mechanism: soft
+parts: {weight: {mass: 10}}
+joints: {rail: {type: prismatic, between: [ground, weight], axis: [0, 0, 1], stiffness: 1}}
+""")
+    q, (mode,) = small_motions(simulation)
+    assert q == pytest.approx([-10.0 * G], rel=1e-12)
+    assert mode.frequency == pytest.approx(np.sqrt(0.1) / (2 * np.pi), rel=1e-12)
+
+
+def test_slow_modes_are_not_taken_for_zeros():
+    """A flywheel slows down with d/I = 1e-5 1/s; a second one turns freely, and has two eigenvalues of zero."""
+    simulation = Simulation.from_text("""
+mechanism: flywheels
+gravity: [0, 0, 0]
+parts: {one: {mass: 1, inertia: [1, 1, 2]}, other: {mass: 1, inertia: [1, 1, 2]}}
+joints:
+  one: {type: revolute, between: [ground, one], axis: [0, 0, 1], damping: 2e-5}
+  other: {type: revolute, between: [ground, other], axis: [0, 0, 1]}
+""")
+    *zeros, slow = modes(simulation.linearize())
+    assert [mode.eigenvalue for mode in zeros] == [0.0, 0.0, 0.0]
+    assert slow.eigenvalue == pytest.approx(-1e-5, rel=1e-12)
+    assert slow.damping == 1.0
+
+
 @pytest.mark.parametrize("damping", [0.0, 3.0, 15.0])
 def test_damping_ratio(damping):
     _, (mode,) = small_motions(Simulation.from_text(DAMPED.replace("DAMPING", str(damping))))

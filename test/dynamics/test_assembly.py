@@ -191,3 +191,24 @@ def test_a_flat_parallelogram_starts_and_names_its_redundant_rows():
     )
     assert equations.start.ranks[0] == equations.start.rank - 1
     assert len(equations.start.independent) == equations.start.rank == 2
+
+
+LARGE_SLIDER_CRANK = """
+mechanism: large
+parts:
+  crank: {mass: 1, shape: {type: rod, to: [100, 0, 0]}, points: {tip: [100, 0, 0]}}
+  rod: {mass: 1, shape: {type: rod, to: [300, 0, 0]}, points: {tip: [300, 0, 0]}}
+  slide: {mass: 1}
+joints:
+  main: {type: revolute, between: [ground, crank], axis: [0, -1, 0], position: 1}
+  pin: {type: revolute, between: [crank.tip, rod], axis: [0, -1, 0], position: -1.4, guess: true}
+  rail: {type: prismatic, between: [ground, slide], axis: [1, 0, 0]}
+  eye: {type: revolute, between: [rod.tip, slide], axis: [0, -1, 0]}
+"""
+
+
+def test_a_loop_of_hundreds_of_meters_is_closed():
+    start = derived(LARGE_SLIDER_CRANK).start.q
+    rod = -np.arcsin(100.0 * np.sin(1.0) / 300.0)
+    exact = [1.0, rod - 1.0, 100.0 * np.cos(1.0) + 300.0 * np.cos(rod)]
+    assert start == pytest.approx(exact, rel=1e-14)

@@ -322,3 +322,21 @@ def test_another_process_computes_the_same_bits():
     other = {**os.environ, "PYTHONHASHSEED": "7"}
     done = subprocess.run([sys.executable, "-c", code], env=other, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == digest()
+
+
+def test_a_start_far_from_its_circle_has_the_derivatives_of_the_projection():
+    """The nearest point at the distance l is l n, n = q/|q|, with the derivative l (1 - n nᵀ)/|q|."""
+    text = """
+mechanism: circle
+gravity: [0, 0, 0]
+parts: {carriage: {mass: 0}, bob: {mass: 1}}
+joints:
+  x: {type: prismatic, between: [ground, carriage], axis: [1, 0, 0], position: 300}
+  y: {type: prismatic, between: [carriage, bob], axis: [0, 1, 0], position: 400}
+constraints: {bar: {type: distance, between: [ground, bob], length: 500}}
+"""
+    q = np.array([3.0, 4.0])
+    found = SensitivityModel(parse_mechanism(text), by_efforts=False).run(1, x0=[*q, 0.0, 0.0])
+    n, size = q / np.linalg.norm(q), np.linalg.norm(q)
+    assert_close(found.q[0], 500.0 * n, 1e-14)
+    assert_close(found.dq.by_start[0][:, :2], 500.0 / size * (np.eye(2) - np.outer(n, n)), 1e-12)
