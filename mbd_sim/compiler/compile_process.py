@@ -1,78 +1,147 @@
-"""LLVM in a process of its own: LLVM cannot be interrupted, and compiling a long mechanism takes a minute."""
+"""LLVM in processes of its own: LLVM cannot be interrupted, and compiling a long mechanism takes a minute."""
 
 from __future__ import annotations
 
 import logging
 import os
+import select
+import socket
 import subprocess
 import sys
 import tempfile
 import time
+from contextlib import ExitStack, closing
 from pathlib import Path
+from types import TracebackType
+from typing import IO
 
-from mbd_sim.compiler import object_code
+from mbd_sim.compiler.compile_server import COMPILE, DONE, WAITING
 
 REPORT_PERIOD = 5.0  # s
+PROGRAM = Path(__file__).with_name("compile_server.py")
+_PACKAGES = str(PROGRAM.parents[2])  # the folder with this package
+ENDING = 10.0  # s; it takes milliseconds
 
 _log = logging.getLogger(__name__)
 
 
-class CompileProcess:
-    """A process that compiles a long module, from its construction on; see `object_code`. Progress is logged.
+class CompileProcesses:
+    """A `compile_server`, started when it is needed first. As a context manager it ends all of it at its end."""
 
-    It runs `object_code.py` as a program, without `site` and most of this package, so it starts soon.
-    """
+    def __init__(self, cpu: str, features: str, level: int) -> None:
+        """They compile for a processor with its features, with a level of optimization of LLVM's code generator."""
+        self._arguments = cpu, features, str(level)
+        self._server: subprocess.Popen[bytes] | None = None
+        self._connection: socket.socket | None = None
+        self._cannot_start = self._has_compiled = False
 
-    def __init__(self, text: str, cpu: str, features: str, level: int) -> None:
-        """Start compiling.
+    def __enter__(self) -> CompileProcesses:
+        return self
 
-        :raises OSError: the process cannot be started.
-        """
-        _log.info("compiling %.1f MB of intermediate code", len(text) / 1e6)
-        paths = [*filter(None, sys.path), str(Path(object_code.__file__).parents[2])]
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.end()
+
+    def start(self) -> None:
+        """Begin to load LLVM, which takes 0.1 s of another processor; without that the first module does."""
+        if self._server is not None or self._cannot_start:
+            return
+        paths = [*filter(None, sys.path), _PACKAGES]
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
-        command = [sys.executable, "-P", "-S", object_code.__file__, str(os.getpid()), cpu, features, str(level)]
-        self._began = time.monotonic()
-        with tempfile.TemporaryFile() as source:
-            source.write(text.encode())
-            source.seek(0)
-            # In a session of its own: Ctrl-C in a terminal interrupts only this process, which then ends the other.
-            self._child = subprocess.Popen(  # noqa: S603  (own arguments)
-                command, stdin=source, stdout=subprocess.PIPE, env=environment, start_new_session=True
-            )
+        # Without `site` it starts sooner.
+        command = [sys.executable, "-P", "-S", str(PROGRAM), *self._arguments]
+        self._connection, other = socket.socketpair()
+        with other:
+            try:
+                # In a session of its own: Ctrl-C in a terminal interrupts only this process, which then ends the other.
+                self._server = subprocess.Popen(  # noqa: S603  (own arguments)
+                    command,
+                    stdin=other.fileno(),
+                    stdout=subprocess.DEVNULL,
+                    env=environment,
+                    start_new_session=True,
+                )
+            except OSError:
+                self._cannot_start = True
 
-    def code(self) -> bytes | None:
-        """The object code, when the process has written all of it; None if it fails.
-
-        An exception in the caller's thread, such as that of Ctrl-C, ends the process at once.
-        """
-        try:
-            code = self._output()
-        except BaseException:
-            self.end()
-            raise
-        if self._child.returncode != 0:
+    def compile(self, text: str) -> CodeInProgress | None:
+        """Begin to compile a module, after those before; None if no process can be started."""
+        self.start()
+        if self._connection is None or self._cannot_start:
             return None
-        _log.info("compiled in %.0f s", time.monotonic() - self._began)
-        return code
+        _log.info("compiling %.1f MB of intermediate code", len(text) / 1e6)
+        with ExitStack() as on_failure:
+            module = on_failure.enter_context(tempfile.TemporaryFile())
+            module.write(text.encode())
+            module.flush()
+            reader, writer = os.pipe()
+            on_failure.callback(os.close, reader)
+            try:
+                socket.send_fds(self._connection, [COMPILE], [module.fileno(), writer])
+            except OSError:
+                return None
+            finally:
+                os.close(writer)
+            self._has_compiled = True
+            on_failure.pop_all()
+            return CodeInProgress(module, reader)
+
+    def use_all_processors(self) -> None:
+        """Say that this process only waits from now on."""
+        if self._connection is not None:
+            try:
+                self._connection.send(WAITING)
+            except OSError:
+                return  # the server has failed; each `CodeInProgress` tells
 
     def end(self) -> None:
-        """End the process at once, if it still runs."""
-        with self._child:
-            self._child.kill()
+        """End all that still runs."""
+        if self._connection is not None:
+            self._connection.close()
+        if self._server is None:
+            return
+        try:
+            if not self._has_compiled:  # it may still be loading LLVM
+                self._server.kill()
+            self._server.wait(ENDING)
+        except BaseException:
+            self._server.kill()
+            self._server.wait()
+            raise
+        finally:
+            self._server = None
 
-    def _output(self) -> bytes:
-        """All that the process writes; reports now and then that it still works."""
-        while True:
-            try:
-                return self._child.communicate(timeout=REPORT_PERIOD)[0]
-            except subprocess.TimeoutExpired:
-                _log.info("still compiling: %.0f s", time.monotonic() - self._began)
+
+class CodeInProgress:
+    """The object code of a module that is being compiled. Progress is logged."""
+
+    def __init__(self, module: IO[bytes], done: int) -> None:
+        """`module` is the file that the code replaces; `done` is a pipe, see `compile_server`."""
+        self._module, self._done = module, done
+        self._began = time.monotonic()
+
+    def code(self) -> bytes | None:
+        """The object code, when all of it is written; None if the process fails."""
+        while not select.select([self._done], [], [], REPORT_PERIOD)[0]:
+            _log.info("still compiling: %.0f s", time.monotonic() - self._began)
+        if os.read(self._done, 1) != DONE:
+            return None
+        _log.info("compiled in %.0f s", time.monotonic() - self._began)
+        self._module.seek(0)
+        return self._module.read()
+
+    def close(self) -> None:
+        """Close the files; the code is not needed any more."""
+        if not self._module.closed:
+            self._module.close()
+            os.close(self._done)
 
 
 def compile_apart(text: str, cpu: str, features: str, level: int) -> bytes | None:
-    """The object code of a long module, see `CompileProcess`; None if the process fails or cannot be started."""
-    try:
-        return CompileProcess(text, cpu, features, level).code()
-    except OSError:
-        return None
+    """The object code of a long module, see `CompileProcesses`; None if the process fails or cannot be started."""
+    with CompileProcesses(cpu, features, level) as processes:
+        if (begun := processes.compile(text)) is None:
+            return None
+        with closing(begun):
+            return begun.code()

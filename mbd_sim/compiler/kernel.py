@@ -31,7 +31,9 @@ from mbd_sim.integrators.rosenbrock import Rosenbrock
 from mbd_sim.integrators.taylor import Taylor
 
 if TYPE_CHECKING:
+    from mbd_sim.compiler.compile_process import CompileProcesses
     from mbd_sim.compiler.guarded_system import OneSidedSystem
+    from mbd_sim.compiler.rosenbrock_w_step import PartialFunctions
 
 INLINED = 2200  # instructions of all stages together up to which the rates are inlined into the stepping loop
 # Instructions of the rates up to which the arrays of a step are kept in registers: that saves up to 40 % of a step.
@@ -53,6 +55,7 @@ def compile_kernel(
     one_sided: OneSidedSystem | None = None,
     between_steps: BetweenSteps | None = None,
     like_branches: Sequence[Sequence[Branch]] = (),
+    processes: CompileProcesses | None = None,
 ) -> Kernel:
     """Compile y' = rates(t, y, inputs) with a method of integration: see `System`.
 
@@ -63,13 +66,17 @@ def compile_kernel(
     :param one_sided: the one-sided rows of the system; without them all of its rows are two-sided.
     :param between_steps: what changes in the state at the start of a step.
     :param like_branches: groups of branches whose operations may be alike: see `like_operations`.
+    :param processes: for long kernels, if they have been started earlier; they are ended.
     """
     core = slice(0, rates.nnz_out(0)) if core is None else core
     module = new_module()
     is_long = sum(function.n_instructions() for function in (rates, *readers.values())) >= LONG
-    with ConcurrentBuild(module) as build:
+    with ConcurrentBuild(module, processes) as build:
         if is_long:
             _emit_readers(module, readers)
+            build.compile_finished()
+        partial = _emit_partial_system(module, trace_partial_system())
+        if is_long:
             build.compile_finished()
         program = arranged(rates)
         system = emit_system(
@@ -84,7 +91,7 @@ def compile_kernel(
         )
         if is_long:
             build.compile_finished()
-        advance = _emit_advance(module, system, method, rates, program, core, trace_partial_system, one_sided)
+        advance = _emit_advance(module, system, method, rates, program, core, partial, one_sided)
         emit_call(module, advance, ("state", "inputs", "first", "h", "steps", "estimate"))
         if not is_long:
             _emit_readers(module, readers)
@@ -104,7 +111,7 @@ def _emit_advance(
     rates: ca.Function,
     program: Instructions,
     core: slice,
-    trace_partial_system: Callable[[], PartialSystem | None],
+    partial: PartialFunctions | None,
     one_sided: OneSidedSystem | None,
 ) -> Function:
     """Emit the loop over steps."""
@@ -114,12 +121,20 @@ def _emit_advance(
         if one_sided is not None or system.samples is not None:
             raise ValueError(f"method {method.name} cannot treat one-sided rows and samples")
         return emit_taylor_advance(module, system, method, rates)
-    step = step_of(method, rates, core, trace_partial_system())
+    step = step_of(method, rates, core, partial)
     if one_sided is None:
         return emit_advance(module, system, step)
     from mbd_sim.compiler.guarded_system import emit_guarded
 
     return emit_guarded(module, system, program, step, one_sided)
+
+
+def _emit_partial_system(module: Module, system: PartialSystem | None) -> PartialFunctions | None:
+    if system is None:
+        return None
+    from mbd_sim.compiler.rosenbrock_w_step import emit_partial_system
+
+    return emit_partial_system(module, *system)
 
 
 def _emit_readers(module: Module, readers: Mapping[str, ca.Function]) -> None:
@@ -166,15 +181,15 @@ def emit_system(
     )
 
 
-def step_of(method: StepMethod, rates: ca.Function, core: slice, partial_system: PartialSystem | None) -> Prepare:
+def step_of(method: StepMethod, rates: ca.Function, core: slice, partial: PartialFunctions | None) -> Prepare:
     """What emits the steps of a method: see `compile_kernel`."""
     # What few mechanisms need is imported only for these.
     if isinstance(method, Rosenbrock) and method.joints_only:
         from mbd_sim.compiler.rosenbrock_w_step import rosenbrock_w_step
 
-        if partial_system is None:
+        if partial is None:
             raise ValueError(f"method {method.name} needs a partial system")
-        return rosenbrock_w_step(method, *partial_system)
+        return rosenbrock_w_step(method, partial)
     if isinstance(method, Rosenbrock):
         from mbd_sim.compiler.linearized_system import linearize_rates
         from mbd_sim.compiler.rosenbrock_step import rosenbrock_step

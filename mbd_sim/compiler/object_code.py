@@ -1,14 +1,10 @@
-"""Intermediate code to object code, with LLVM; as a program, that of long code, see `compile_process`."""
+"""Intermediate code to object code, with LLVM."""
 
 from __future__ import annotations
 
-import ctypes
 import functools
 import hashlib
-import os
 import re
-import signal
-import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -35,7 +31,6 @@ LONG_CODE_OPTIONS = (
 # Lines of IR from which on the addresses of a function are made shorter, see `near_addresses`.
 NEAR_ADDRESSES = 1000
 _FUNCTIONS = re.compile(r'^define [a-z ]*void @"([^"]+)"([^\n]*)(.*?)^}', re.MULTILINE | re.DOTALL)
-_PARENT_DEATH = 1  # PR_SET_PDEATHSIG of Linux
 _COMPILING = threading.Lock()  # these options are variables of the whole process
 
 
@@ -119,23 +114,3 @@ def _long_functions(text: str) -> frozenset[str]:
     """The functions in IR that return nothing, are not inlined, and have at least `NEAR_ADDRESSES` lines."""
     found = _FUNCTIONS.findall(text)
     return frozenset(n for n, head, body in found if "alwaysinline" not in head and body.count("\n") >= NEAR_ADDRESSES)
-
-
-def main() -> None:
-    """The process: intermediate code on standard input, object code on standard output."""
-    parent, cpu, features, level = sys.argv[1:]
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PARENT_DEATH, signal.SIGKILL)
-    if os.getppid() != int(parent):  # it ended before its death was asked for
-        os._exit(1)
-    text = sys.stdin.buffer.read().decode()
-    code = object_code(text, cpu, features, int(level), is_long=True)
-    try:
-        sys.stdout.buffer.write(code)
-        sys.stdout.buffer.flush()
-    except BrokenPipeError:  # the caller was interrupted; another attempt to write at the exit would say so
-        os._exit(1)
-
-
-if __name__ == "__main__":
-    main()

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import casadi as ca
 
 from mbd_sim.compiler.bound_kernel import Kernel
+from mbd_sim.compiler.concurrent_build import compile_processes, is_likely_long
 from mbd_sim.compiler.kernel import PartialSystem, compile_kernel
 from mbd_sim.compiler.method_history import history_size
 from mbd_sim.dynamics.equations import Equations
@@ -20,6 +21,7 @@ from mbd_sim.simulation.method_choice import MethodChoice, choose_method, requir
 from mbd_sim.simulation.prepared_model import PreparedModel
 
 if TYPE_CHECKING:
+    from mbd_sim.compiler.compile_process import CompileProcesses
     from mbd_sim.simulation.contact_terms import ContactModel
 
 MANY_JOINTS = 10  # from which on the derivation takes a second or more
@@ -46,11 +48,14 @@ def build(mechanism: Mechanism, method: str, trace: Callable[[], Equations], ste
     if len(mechanism.all_joints) >= MANY_JOINTS:
         _log.info("deriving the equations of '%s': %d joints", mechanism.name, len(mechanism.all_joints))
     require_contact_method(mechanism, method)
-    equations = trace()
-    centers = [mechanism.parts[part].center for part in equations.inputs.loaded]
-    inputs = equations.inputs_at_start(centers)
-    choice = choose_method(mechanism, equations, inputs, method, step)
-    kernel = _kernel(equations, choice)
+    with compile_processes() as processes:
+        if is_likely_long(len(mechanism.all_joints)):
+            processes.start()
+        equations = trace()
+        centers = [mechanism.parts[part].center for part in equations.inputs.loaded]
+        inputs = equations.inputs_at_start(centers)
+        choice = choose_method(mechanism, equations, inputs, method, step)
+        kernel = _kernel(equations, choice, processes)
     prepared = PreparedModel(
         method=choice.method.name,
         method_remark=choice.remark,
@@ -87,7 +92,7 @@ def partial_system(equations: Equations, method: Method) -> PartialSystem | None
     return equations.joint_linearization.partial_system if joints_only else None
 
 
-def _kernel(equations: Equations, choice: MethodChoice) -> Kernel:
+def _kernel(equations: Equations, choice: MethodChoice, processes: CompileProcesses) -> Kernel:
     one_sided = None
     if equations.contact is not None:
         from mbd_sim.simulation.contact_system import one_sided_system
@@ -103,6 +108,7 @@ def _kernel(equations: Equations, choice: MethodChoice) -> Kernel:
         one_sided,
         None if equations.actuators is None else equations.actuators.between_steps,
         equations.like_branches,
+        processes,
     )
 
 

@@ -1,9 +1,8 @@
-"""The process that compiles long modules: its code has the results of the others; it ends if its caller is gone."""
+"""The processes that compile long modules: their code has the results of others; they end if their caller is gone."""
 
 import ctypes
-import os
-import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import casadi as ca
@@ -11,29 +10,12 @@ import llvmlite.binding as llvm
 import numpy as np
 import pytest
 
-from mbd_sim.compiler import machine_code
-from mbd_sim.compiler.compile_process import compile_apart
+from mbd_sim.compiler import compile_process, machine_code
+from mbd_sim.compiler.compile_process import CompileProcesses, compile_apart
 from mbd_sim.compiler.host_module import new_module
 from mbd_sim.compiler.lowering import lower
 from mbd_sim.compiler.object_code import object_code
 from mbd_sim.compiler.readers import export
-
-PROGRAM = "from mbd_sim.compiler import object_code; object_code.object_code = lambda *_, **__: bytes(200_000)\n"
-
-
-def test_it_says_nothing_where_nobody_waits_for_the_code():
-    reader, writer = os.pipe()
-    command = [sys.executable, "-c", f"{PROGRAM}object_code.main()", str(os.getpid()), "cpu", "features", "1"]
-    with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=writer, stderr=subprocess.PIPE) as child:
-        os.close(reader)
-        os.close(writer)
-        assert (child.communicate()[1], child.returncode) == (b"", 1)
-
-
-def test_it_compiles_nothing_for_a_caller_that_has_ended():
-    command = [sys.executable, "-c", f"{PROGRAM}object_code.main()", "0", "cpu", "features", "1"]
-    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False)
-    assert (done.stdout, done.stderr, done.returncode) == (b"", b"", 1)
 
 
 def swapping_module():
@@ -60,6 +42,58 @@ def test_code_compiled_with_the_options_for_long_code_has_the_same_bits():
         results.append(out)
     assert results[0].tobytes() == results[1].tobytes()
     np.testing.assert_allclose(results[1][4:8], np.sin(given), rtol=0.0, atol=1e-16)
+
+
+def test_the_server_ends_with_its_caller_and_before_it_has_a_module():
+    processes = CompileProcesses(*host(), 1)
+    processes.start()
+    server = processes._server
+    processes._connection.close()
+    assert server.wait(10.0) == 0
+    processes.end()
+    with CompileProcesses(*host(), 1) as processes:
+        processes.start()
+        server = processes._server
+    assert server.returncode < 0  # without having loaded LLVM
+
+
+def test_a_module_that_fails_or_that_nobody_waits_for_does_not_end_the_server(capfd):
+    text = swapping_module()
+    with CompileProcesses(*host(), 1) as processes:
+        processes.compile(text).close()
+        for given, succeeds in (("no module", False), (text, True)):
+            with closing(processes.compile(given)) as begun:
+                assert (begun.code() is not None) == succeeds
+    assert capfd.readouterr() == ("", "")
+
+
+FAILING_SERVER = """
+import os, signal
+from mbd_sim.compiler import compile_server, object_code
+object_code.object_code = lambda *_, **__: os.kill(os.getppid(), signal.SIGKILL)
+compile_server.main()
+"""
+
+
+def test_a_server_that_has_failed_compiles_nothing(monkeypatch, tmp_path):
+    (program := tmp_path / "failing_server.py").write_text(FAILING_SERVER)
+    monkeypatch.setattr(compile_process, "PROGRAM", program)
+    with CompileProcesses(*host(), 1) as processes:
+        with closing(processes.compile("")) as begun:
+            assert begun.code() is None
+        processes._server.wait()
+        processes.use_all_processors()
+        assert processes.compile("") is None
+
+
+def test_progress_is_logged(monkeypatch, caplog):
+    monkeypatch.setattr(compile_process, "REPORT_PERIOD", 0.001)
+    with caplog.at_level("INFO", logger=compile_process.__name__):
+        compile_apart(swapping_module(), *host(), 1)
+    messages = [record.message for record in caplog.records]
+    assert messages[0] == "compiling 0.0 MB of intermediate code"
+    assert {message.partition(": ")[0] for message in messages[1:-1]} == {"still compiling"}
+    assert messages[-1].startswith("compiled in ")
 
 
 def test_without_the_process_long_code_is_compiled_in_the_same_way(monkeypatch):

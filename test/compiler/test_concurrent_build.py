@@ -1,17 +1,21 @@
 """Modules compiled in parts give the bits of the whole; no process outlives its build."""
 
+import contextlib
 import ctypes
+import math
 import os
 import re
+import time
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
 
 from mbd_sim import disk_cache
-from mbd_sim.compiler import concurrent_build, machine_code, split_functions
-from mbd_sim.compiler.compile_process import CompileProcess
-from mbd_sim.compiler.concurrent_build import ConcurrentBuild
+from mbd_sim.compiler import compile_process, machine_code, split_functions
+from mbd_sim.compiler.compile_process import CodeInProgress, CompileProcesses
+from mbd_sim.compiler.concurrent_build import ConcurrentBuild, is_likely_long
 from mbd_sim.compiler.host_module import compile_module, new_module
 from mbd_sim.compiler.lowering import export, lower
 from mbd_sim.compiler.module_parts import ModuleParts, shares
@@ -52,7 +56,7 @@ def test_parts_have_the_bits_of_the_whole(functions, monkeypatch, tmp_path, fail
     expected = {name: values(compile_module(whole), name) for name in functions}
     monkeypatch.setattr(machine_code, "LONG", 40_000)
     if fails:
-        monkeypatch.setattr(CompileProcess, "code", lambda self: None)
+        monkeypatch.setattr(CodeInProgress, "code", lambda self: None)
     with ConcurrentBuild(module) as build:
         add(module, "long", functions)
         build.compile_finished()
@@ -77,7 +81,7 @@ def test_parts_are_loaded_from_the_cache_without_a_process(functions, monkeypatc
             add(module, "long", functions)
             build.compile_finished()
             keys.append(build.machine_code().keys)
-        monkeypatch.setattr(concurrent_build, "CompileProcess", lambda *given: pytest.fail("it is compiled again"))
+        monkeypatch.setattr(CompileProcesses, "compile", lambda *given: pytest.fail("it is compiled again"))
     assert keys[0] == keys[1]
 
 
@@ -109,39 +113,68 @@ def test_shares_are_of_similar_size():
     assert shares({"a": 1}, 3) == [["a"]]
 
 
-def test_an_exception_ends_the_processes(functions, monkeypatch):
+SLOW_SERVER = """
+import time
+from mbd_sim.compiler import compile_server, object_code
+object_code.object_code = lambda *_, **__: time.sleep(600)
+compile_server.main()
+"""
+
+
+def test_an_exception_ends_the_processes(functions, monkeypatch, tmp_path):
+    program = tmp_path / "slow_server.py"
+    program.write_text(SLOW_SERVER)
+    monkeypatch.setattr(compile_process, "PROGRAM", program)
     monkeypatch.setattr(disk_cache, "folder", lambda: None)
     monkeypatch.setattr(machine_code, "LONG", 40_000)
     module = new_module()
     with pytest.raises(KeyboardInterrupt), ConcurrentBuild(module) as build:
         add(module, "long", functions)
         build.compile_finished()
-        running = [part._process._child.pid for part in build._compiled]
+        server = build._processes._server
+        while not (running := children(server.pid)):
+            time.sleep(0.001)
         raise KeyboardInterrupt
-    assert running
-    for process in running:
+    for process in (server.pid, *running):
         require_ended(process)
+    assert all(part._begun._module.closed for part in build._compiled)
 
 
-def test_an_interrupt_while_processes_are_started_ends_those_that_run(functions, monkeypatch):
+def test_an_interrupt_while_parts_are_sent_ends_the_processes(functions, monkeypatch):
     monkeypatch.setattr(disk_cache, "folder", lambda: None)
     monkeypatch.setattr(machine_code, "LONG", 40_000)
-    running = []
+    compile_part, servers = CompileProcesses.compile, []
 
-    def started(*given):
-        if running:
+    def interrupted(processes, text):
+        if servers:
             raise KeyboardInterrupt
-        process = CompileProcess(*given)
-        running.append(process._child.pid)
-        return process
+        begun = compile_part(processes, text)
+        servers.append(processes._server.pid)
+        return begun
 
-    monkeypatch.setattr(concurrent_build, "CompileProcess", started)
+    monkeypatch.setattr(CompileProcesses, "compile", interrupted)
     module = new_module()
     with pytest.raises(KeyboardInterrupt), ConcurrentBuild(module) as build:
         add(module, "long", functions)
         build.compile_finished()
-    (process,) = running
-    require_ended(process)
+    require_ended(*servers)
+
+
+def test_processes_start_early_only_for_kernels_that_are_likely_long(monkeypatch):
+    monkeypatch.setattr(machine_code, "LONG", 1_000_000)
+    assert [is_likely_long(joints) for joints in (7, 60)] == [False, True]
+    monkeypatch.setattr(machine_code, "LONG", math.inf)
+    assert not is_likely_long(60)
+
+
+def children(parent):
+    """The processes whose parent is this one."""
+    found = []
+    for state in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            if int(state.read_text().rpartition(")")[2].split()[1]) == parent:
+                found.append(int(state.parent.name))
+    return found
 
 
 def require_ended(process):

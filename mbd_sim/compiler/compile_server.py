@@ -1,0 +1,108 @@
+"""A program that compiles modules of long code, each in a process of its own, which it forks when LLVM is loaded.
+
+Its standard input is a socket of the caller. Each message is one byte: `COMPILE` comes with two files, that of the
+module and that to which `DONE` is written when the object code has replaced the module there; `WAITING` says that the
+caller only waits from now on. Until then one processor is left to it. The program ends, with all that it has
+started, when the caller closes the socket or ends.
+"""
+
+from __future__ import annotations
+
+import os
+import selectors
+import signal
+import socket
+import sys
+from collections import deque
+from collections.abc import Callable
+
+from mbd_sim.compiler import near_addresses, object_code
+
+COMPILE, WAITING, DONE = b"c", b"w", b"d"
+_FILES = 2  # that come with COMPILE
+
+assert near_addresses  # loaded before the first fork, as every long module needs it
+
+
+class Server:
+    """The modules that wait, in order, and the processes that compile."""
+
+    def __init__(self, connection: socket.socket, compiled: Callable[[str], bytes]) -> None:
+        self._connection, self._compiled = connection, compiled
+        self._waiting: deque[list[int]] = deque()
+        self._running: dict[int, int] = {}  # processes, by a pipe that is closed when they end
+        self._events = selectors.DefaultSelector()
+        self._events.register(connection, selectors.EVENT_READ)
+        self._processors = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+        self._most = max(1, self._processors - 1)
+
+    def run(self) -> None:
+        """Serve until the caller closes the connection."""
+        try:
+            while True:
+                for event, _ in self._events.select():
+                    if event.fileobj is not self._connection:
+                        self._reap(event.fd)
+                    elif not self._receive():
+                        return
+                while self._waiting and len(self._running) < self._most:
+                    self._start(*self._waiting.popleft())
+        finally:
+            for process in self._running.values():
+                os.kill(process, signal.SIGKILL)
+                os.waitpid(process, 0)
+
+    def _receive(self) -> bool:
+        """Take a message; False if the connection is closed."""
+        message, files, _, _ = socket.recv_fds(self._connection, 1, _FILES)
+        if message == COMPILE:
+            self._waiting.append(files)
+        elif message == WAITING:
+            self._most = self._processors
+        return bool(message)
+
+    def _reap(self, ended: int) -> None:
+        self._events.unregister(ended)
+        os.close(ended)
+        os.waitpid(self._running.pop(ended), 0)
+
+    def _start(self, module: int, done: int) -> None:
+        """Compile a module in a new process."""
+        ended, held = os.pipe()
+        process = os.fork()
+        if process == 0:
+            status = 1
+            try:
+                self._compile(module, done)
+                status = 0
+            finally:
+                os._exit(status)
+        for file in (held, module, done):
+            os.close(file)
+        self._running[ended] = process
+        self._events.register(ended, selectors.EVENT_READ)
+
+    def _compile(self, module: int, done: int) -> None:
+        self._connection.close()
+        with open(module, "r+b") as file:
+            file.seek(0)
+            code = self._compiled(file.read().decode())
+            file.seek(0)
+            file.truncate()
+            file.write(code)
+        os.write(done, DONE)
+
+
+def main() -> None:
+    """The program; its arguments are the processor, its features, and the level of the code generator."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the caller
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # nobody waits for the code any more
+    cpu, features, level = sys.argv[1], sys.argv[2], int(sys.argv[3])
+    object_code.target_machine(cpu, features, level)  # LLVM is ready before the first fork
+    with socket.socket(fileno=0) as connection:
+        Server(connection, lambda text: object_code.object_code(text, cpu, features, level, is_long=True)).run()
+    os._exit(0)  # without unloading LLVM
+
+
+if __name__ == "__main__":
+    main()
