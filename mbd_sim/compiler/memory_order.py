@@ -6,6 +6,7 @@ after the other are neighbours, a register that points there serves more accesse
 
 from __future__ import annotations
 
+import functools
 import heapq
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -142,13 +143,19 @@ class OrderedConstants:
 def _size(line: str) -> int | None:
     """How many bytes an instruction accesses, if it is known."""
     name, _, operands = line.partition("#")[0].strip().partition("\t")
+    return _size_of(name, "%ymm" in operands)
+
+
+@functools.cache
+def _size_of(name: str, is_of_four: bool) -> int | None:
+    """The bytes that an instruction accesses, of one whose vectors have four numbers or of another."""
     if name in _HALVES:
-        return None if "%ymm" in operands else 8
+        return None if is_of_four else 8
     if name in _PAIRS:
         return 16
     if name == "movq" or _SINGLE.fullmatch(name):
         return 8
-    return (32 if "%ymm" in operands else 16) if _WIDE.fullmatch(name) else None
+    return (32 if is_of_four else 16) if _WIDE.fullmatch(name) else None
 
 
 def _stack_accesses(lines: Sequence[str]) -> list[_Access] | None:

@@ -40,10 +40,10 @@ _WHOLE = {part: name for name, parts in REGISTERS.items() for part in (name, *pa
 # Instructions that do not jump, and use no registers but those that they name; calls may use all of them.
 _KNOWN = re.compile(r"v[a-z0-9]+|mov[a-z]*|lea[lq]|(push|pop)q?|(add|sub|and|or|xor)[bwlq]|(call|ret)q?")
 # Instructions that set or save the register of the frame pointer, and all of them where it is one.
-_SETS_FRAME = re.compile(r"%(rbp|ebp|bpl?)$")
+_SETS_FRAME = ("%rbp", "%ebp", "%bp", "%bpl")
 _FRAME = {("pushq", "%rbp"), ("movq", "%rsp,", "%rbp"), ("popq", "%rbp")}
 _OPERAND = re.compile(r"(-?\d*)\(%rbp\)|(\.LCPI\w+)(?:\+(\d+))?\(%rip\)")
-_REGISTER = re.compile(r"%([a-z0-9]+)")
+_REGISTER = re.compile(r"%([a-w][a-z0-9]*)")  # those of vectors begin with x, y or z, and are none of `REGISTERS`
 _CONSTANTS = re.compile(rf"\.section\s+(\.rodata\.cst\d+|{re.escape(SECTION)}),")
 _SECTIONS = frozenset({".section", ".text", ".data", ".bss"})
 _SIZES = {".quad": 8, ".long": 4, ".short": 2, ".byte": 1}
@@ -151,15 +151,19 @@ def _body(lines: Sequence[str]) -> _Body | None:
     calls: list[int] = []
     used = dict.fromkeys(REGISTERS, -1)
     frame = set[tuple[str, ...]]()
+    known: set[str] = set()
     for number, line in enumerate(lines):
         code = line.partition("#")[0].strip()
-        if code.endswith(":") or (code and code[0] != "." and not _KNOWN.fullmatch(code.split()[0])):
-            return None
-        if not code or code[0] == ".":
+        if not code or (code[0] == "." and not code.endswith(":")):
             continue
-        if code.startswith("call"):
+        operation = code.split(None, 1)[0]
+        if operation not in known:
+            if code.endswith(":") or not _KNOWN.fullmatch(operation):
+                return None
+            known.add(operation)
+        if operation.startswith("call"):
             calls.append(number)
-        if _SETS_FRAME.search(code):
+        if code.endswith(_SETS_FRAME):
             frame.add(tuple(code.split()))
         for name in _REGISTER.findall(code):
             if name in _WHOLE:
@@ -239,6 +243,8 @@ class _Pointers:
         """A register that now points near a place, if that pays."""
         low = place - WIDTH + 1
         counts = self._waiting[low : place + WIDTH]  # of what no register reaches
+        if sum(counts) < PAYS:
+            return None
         for first in self._first.values():
             begin, end = max(first - low, 0), min(first + WIDTH - low, len(counts))
             if begin < end:
