@@ -25,3 +25,23 @@ def test_it_is_off_in_a_pause_and_as_before_afterwards(was_on, fails):
         assert gc.isenabled() == was_on
     finally:
         (gc.enable if before else gc.disable)()
+
+
+@pytest.mark.parametrize("are_frozen", [True, False])
+def test_objects_made_in_a_pause_are_old_afterwards_unless_others_are_frozen(are_frozen):
+    before, frozen_before = gc.isenabled(), gc.get_freeze_count()
+    gc.unfreeze()
+    try:
+        gc.enable()
+        if are_frozen:
+            gc.freeze()
+        frozen = gc.get_freeze_count()
+        with paused_collection():
+            made = [[]]
+        assert gc.get_freeze_count() == frozen
+        generations = [any(one is made for one in gc.get_objects(generation=number)) for number in range(3)]
+        assert generations[2] != are_frozen
+    finally:
+        (gc.enable if before else gc.disable)()
+        if frozen_before:
+            gc.freeze()

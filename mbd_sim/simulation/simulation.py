@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import ClassVar, NoReturn, Self, Unpack
 
 from mbd_sim import simulation
+from mbd_sim.collection_pause import paused_collection
 from mbd_sim.load import load_mechanism, parse_mechanism
 from mbd_sim.mechanism.records import Mechanism, require_mechanism
 from mbd_sim.mechanism_file.override import with_values
@@ -133,9 +134,11 @@ class Simulation(InlineViews, StateChanges, RunInputs, DynamicsReadings, ReadOnl
 
         :raises MechanismError: with all problems of the file.
         """
-        return cls(load_mechanism(mechanism), **options)
+        with paused_collection():
+            return cls(load_mechanism(mechanism), **options)
 
     @classmethod
     def from_text(cls, text: str, **options: Unpack[SimulationOptions]) -> Self:
         """The same from YAML text."""
-        return cls(parse_mechanism(text), **options)
+        with paused_collection():
+            return cls(parse_mechanism(text), **options)
