@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
 import casadi as ca
@@ -62,19 +63,22 @@ class Graph:
     nodes: Sequence[Node]
     outputs: Sequence[Output]
 
+    @cached_property
+    def used(self) -> Sequence[int]:
+        """The nodes on which outputs depend, in order."""
+        nodes = self.nodes
+        used = {output.node for output in self.outputs}
+        for number in reversed(range(len(nodes))):
+            if number in used:
+                operation, operands, _ = nodes[number]
+                if operation not in _LEAVES:
+                    used.update(operands)
+        return sorted(used)
+
 
 def is_leaf(node: Node) -> bool:
     """Whether a node is an input or a constant: its operands are not nodes."""
     return node.operation in _LEAVES
-
-
-def used_nodes(graph: Graph) -> list[int]:
-    """The nodes on which outputs depend, in order."""
-    used = {output.node for output in graph.outputs}
-    for number in reversed(range(len(graph.nodes))):
-        if number in used and not is_leaf(graph.nodes[number]):
-            used.update(graph.nodes[number].operands)
-    return sorted(used)
 
 
 def instructions_of(function: Instructions) -> Sequence[Instruction]:
@@ -101,7 +105,7 @@ def graph_of(function: Instructions) -> Graph:
             outputs.append(Output(stored[source[0]], target[0], target[1]))
             continue
         node = Node(operation, source if operation in _LEAVES else tuple([stored[index] for index in source]), value)
-        number = numbers.setdefault(node.key, len(nodes))
+        number = numbers.setdefault(node.key if operation == ca.OP_CONST else node, len(nodes))
         if number == len(nodes):
             nodes.append(node)
         stored[target[0]] = number
@@ -120,10 +124,12 @@ def zero_components(function: Instructions) -> list[int]:
 
 def _last_uses(graph: Graph, order: Sequence[int]) -> dict[int, int]:
     """For each node, the last position in the order at which its value is used."""
+    nodes = graph.nodes
     last = {number: step for step, number in enumerate(order)}
     for step, number in enumerate(order):
-        if not is_leaf(graph.nodes[number]):
-            for operand in graph.nodes[number].operands:
+        operation, operands, _ = nodes[number]
+        if operation not in _LEAVES:
+            for operand in operands:
                 last[operand] = step
     return last
 
@@ -143,18 +149,17 @@ class InstructionList:
         slots: dict[int, int] = {}  # the index in the work vector of each node
         free: list[int] = []
         for step, number in enumerate(order):
-            node = graph.nodes[number]
-            source = node.operands
-            if not is_leaf(node):
-                source = tuple([slots[operand] for operand in node.operands])
-                for operand in set(node.operands):
+            operation, source, value = graph.nodes[number]
+            if operation not in _LEAVES:
+                for operand in set(source):
                     if last_use[operand] == step:
                         heapq.heappush(free, slots[operand])
+                source = tuple([slots[operand] for operand in source])
             if free:
                 slots[number] = heapq.heappop(free)
             else:
                 slots[number], self._size = self._size, self._size + 1
-            self.instructions.append(Instruction(node.operation, source, (slots[number],), node.value))
+            self.instructions.append(Instruction(operation, source, (slots[number],), value))
             for output in outputs.get(number, ()):
                 stored = Instruction(ca.OP_OUTPUT, (slots[number],), (output.result, output.component))
                 self.instructions.append(stored)

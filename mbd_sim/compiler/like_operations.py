@@ -21,7 +21,6 @@ from mbd_sim.compiler.instruction_list import (
     Graph,
     Node,
     is_leaf,
-    used_nodes,
 )
 
 # Of one branch, the inputs that belong to it, by argument and component, in an order that is the same in like branches.
@@ -114,7 +113,7 @@ def _lanes(graph: Graph, sets: Sequence[Sequence[Branch]]) -> dict[int, tuple[in
         for component in branch
     }
     lanes: dict[int, tuple[int, int]] = {}
-    for number in used_nodes(graph):
+    for number in graph.used:
         node = graph.nodes[number]
         if not is_leaf(node):
             own = {lanes[operand] for operand in node.operands if operand in lanes}
@@ -204,7 +203,7 @@ def _traits(graph: Graph) -> Traits:
     """
     nodes = graph.nodes
     users: list[list[int]] = [[] for _ in nodes]
-    for number in used_nodes(graph):
+    for number in graph.used:
         if not is_leaf(nodes[number]):
             for operand in nodes[number].operands:
                 users[operand].append(number)
@@ -215,7 +214,10 @@ def _traits(graph: Graph) -> Traits:
     found = []
     for _ in range(DEPTH):
         latest = [
-            numbers.setdefault((kind, *sorted([latest[user] for user in using])), len(numbers))
+            numbers.setdefault(
+                (kind, latest[using[0]]) if len(using) == 1 else (kind, *sorted([latest[user] for user in using])),
+                len(numbers),
+            )
             for kind, using in zip(kinds, users, strict=True)
         ]
         found.append(latest)

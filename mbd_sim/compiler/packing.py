@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from mbd_sim.compiler.instruction_list import Graph, Instructions, graph_of, instructions_of, is_leaf, used_nodes
+from mbd_sim.compiler.instruction_list import Graph, Instructions, graph_of, instructions_of, is_leaf
 from mbd_sim.compiler.like_operations import SUMS, Branch, Pack, can_exchange, like_operations, saved
 
 SHORTEST = 1000  # instructions that are packed: shorter code is in the cache in any case
@@ -66,7 +66,7 @@ def packed(program: Instructions, likes: Sequence[Sequence[Branch]]) -> Packing 
     if _divides_twice(graph):
         return None  # which `lower` would do by one reciprocal
     packs = like_operations(graph, likes)
-    operations = sum(not is_leaf(graph.nodes[node]) for node in used_nodes(graph))
+    operations = sum(not is_leaf(graph.nodes[node]) for node in graph.used)
     if operations - saved(packs) > WORTHWHILE * operations:
         return None
     packing = in_order(graph, packs)
@@ -106,7 +106,7 @@ class _Order:
     """An order of packs and single nodes, `units`: what is first in the graph comes first."""
 
     def __init__(self, graph: Graph, packs: Sequence[Pack]) -> None:
-        needed = used_nodes(graph)
+        needed = graph.used
         self._unit_of: dict[int, Pack] = {node: pack for pack in packs for node in pack}
         self._users: dict[int, list[int]] = {}
         self._missing: dict[int, int] = {}  # for each node that is not ready, its operands without a place

@@ -6,7 +6,7 @@ import casadi as ca
 import pytest
 
 from mbd_sim.compiler import packing
-from mbd_sim.compiler.instruction_list import Graph, Node, Output, graph_of, is_leaf, used_nodes
+from mbd_sim.compiler.instruction_list import Graph, Node, Output, graph_of, is_leaf
 from mbd_sim.compiler.lowering import instruction_count
 from mbd_sim.compiler.packing import in_order, packed
 from mbd_sim.compiler.schedule import arranged
@@ -27,7 +27,7 @@ def require_complete(found):
                 assert placed.issuperset(operands)
         assert placed.isdisjoint(unit.nodes)
         placed.update(unit.nodes)
-    assert sorted(placed) == used_nodes(found.graph)
+    assert sorted(placed) == found.graph.used
 
 
 @pytest.mark.parametrize(("mirrored", "most"), [(False, 0.7), (True, 0.9)])
