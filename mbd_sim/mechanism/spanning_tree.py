@@ -55,6 +55,23 @@ def spanning_tree(
     )
 
 
+def loop_of(tree: SpanningTree, joints: Mapping[str, Joint], closing: str) -> list[str]:
+    """The joints of the tree that form a loop with a closing joint."""
+    carrier = {part: joint for joint, part in tree.outboard.items()}
+
+    def way(part: str) -> list[str]:
+        """The joints from a part to ground."""
+        found = []
+        while part != GROUND:
+            joint = joints[carrier[part]]
+            found.append(joint.name)
+            part = joint.parent if part == joint.child else joint.child
+        return found
+
+    first, second = way(joints[closing].parent), way(joints[closing].child)
+    return [name for name in first if name not in second] + [name for name in second if name not in first]
+
+
 class _Search:
     """A breadth-first search from ground. A reached part brings all parts with it that the `forest` connects to it."""
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from mbd_sim.dynamics.equations import derive
 from mbd_sim.errors import MechanismError
 from mbd_sim.load import parse_mechanism
+from test.generators.mechanisms import accelerations
 
 BODY = {"mass": 1, "inertia": [1, 1, 1]}
 
@@ -191,3 +193,47 @@ def test_a_weld_that_closes_onto_ground_leaves_nothing_to_move():
     found = mechanism([("pin", "ground", "a", {}), ("weld", "a", "ground", {"type": "fixed"})])
     with pytest.raises(MechanismError, match="nothing can move"):
         derive(found)
+
+
+LADDER = """
+mechanism: ladder
+parts: {rod: {shape: {type: rod, to: [2, 0, 0], mass: 3}, points: {top: [2, 0, 0]}}, shoe: {mass: 0.5}}
+joints:
+  wall: {type: planar, between: [ground, rod], axis: [0, 1, 0], x_axis: [1, 0, 0], position: [1, 0, 0], guess: true}
+  floor: {type: prismatic, between: [ground, shoe], axis: [1, 0, 0]}
+  hinge: {type: revolute, between: [shoe, rod], axis: [0, 1, 0], position: -2, velocity: 0.7, damping: 0.2}
+constraints: {top: {type: on_plane, point: rod.top, normal: [1, 0, 0]}}
+"""
+
+
+def test_a_particle_in_a_loop_is_moved_by_the_joint_in_which_it_has_inertia():
+    """With the angle θ of the rod to the floor, (m l²/3 + M l² sin²θ) θ'' + M l² sinθ cosθ θ'² + m g l/2 cosθ + d θ' = 0."""
+    mechanism = parse_mechanism(LADDER)
+    assert list(mechanism.closing) == ["wall"]
+    s, c, rate = np.sin(np.pi - 2.0), np.cos(np.pi - 2.0), 0.7
+    moment = 0.5 * 4.0 * s * c * rate**2 + 3.0 * 9.81 * c + 0.2 * rate
+    derived = derive(mechanism)
+    q, u = derived.start.q, derived.start.u
+    found = accelerations(derived, q, u, np.zeros(2))
+    assert q == pytest.approx([2.0 * c, -2.0], rel=1e-14)
+    assert found[1] == pytest.approx(-moment / (3.0 * 4.0 / 3.0 + 0.5 * 4.0 * s**2), rel=1e-13)
+
+
+def loop_of_parts(**parts):
+    text = {"mechanism": "loop", "parts": parts, "joints": {}}
+    for name, first, second, _ in ring():
+        text["joints"][name] = {"type": "revolute", "between": [first, second], "axis": [0, 1, 0]}
+    return parse_mechanism(json.dumps(text))
+
+
+def test_a_rod_without_mass_and_a_particle_are_moved_with_a_part_that_has_inertia():
+    """By itself the third joint would be cut, and the rod and the particle would be the ends of two branches."""
+    found = loop_of_parts(a=BODY, b={"mass": 0}, c={"mass": 1})
+    assert list(found.closing) == ["j0"]
+    assert found.tree == ("j3", "j2", "j1")
+
+
+def test_the_tree_stays_where_nothing_has_inertia():
+    """Only positions can be computed of a mechanism without mass; particles on all axes are refused later."""
+    for mass in (0, 1):
+        assert list(loop_of_parts(**{name: {"mass": mass} for name in "abc"}).closing) == ["j2"]

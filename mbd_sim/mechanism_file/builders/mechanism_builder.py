@@ -61,7 +61,8 @@ def build(file: MechanismFile, parameters: Mapping[str, float], source: Source) 
         raise MechanismError(in_order(elements.problems))
     joints = elements.joints
     coupled = {*coupled_joints(elements.constraints, joints), *actuated_joints(elements.actuators, joints)}
-    tree, problems = build_tree(elements.parts, joints, coupled, _named_joints(elements), source)
+    massive = {end.part for spring in elements.forces.springs if spring.mass for end in (spring.first, spring.second)}
+    tree, problems = build_tree(elements.parts, joints, coupled, _named_joints(elements), massive, source)
     if problems:
         raise MechanismError(in_order(problems))
     if problems := cut_coordinates(elements.sensors, [joints[name] for name in tree.closing], source):
