@@ -48,8 +48,8 @@ def execute(options: argparse.Namespace) -> int:
     import numpy as np
 
     from mbd_sim.errors import InputError
-    from mbd_sim.linear_analysis.plots import PICTURE_SUFFIXES, draw_bode
-    from mbd_sim.playback.plot_files import require_suffix
+    from mbd_sim.linear_analysis.plots import draw_bode
+    from mbd_sim.playback.plot_files import PICTURE_SUFFIXES, require_suffix
     from mbd_sim.playback.table_export import SUFFIXES, require_packages_for, write_columns
 
     if options.least >= options.most or options.points < 2:

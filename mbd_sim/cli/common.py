@@ -70,6 +70,13 @@ def positive_number(text: str) -> float:
     return value
 
 
+def seed_number(text: str) -> int:
+    """The type of a seed: a whole number that is not negative."""
+    if not text.strip().isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 on")
+    return int(text)
+
+
 def split_assignment(text: str) -> tuple[str, str] | None:
     """NAME and VALUE of NAME=VALUE; None if either is missing."""
     name, _, value = text.partition("=")

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mbd_sim.cli.common import add_mechanism
+from mbd_sim.cli.common import add_mechanism, seed_number
 from mbd_sim.cli.plot_options import add_show, shown_plots
 from mbd_sim.cli.setup_options import add_set, changed_mechanism
 
@@ -76,7 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--samples", type=int, default=0, metavar="N", help="random samples within the tolerances (default: none)"
     )
-    parser.add_argument("--seed", type=int, default=0, help="seed of the random samples (default 0)")
+    parser.add_argument("--seed", type=seed_number, default=0, help="seed of the random samples (default 0)")
     _add_outputs(parser)
 
 

@@ -112,8 +112,8 @@ def _varied(options: argparse.Namespace) -> int:
     from mbd_sim.cli.setup_options import build_simulation
     from mbd_sim.errors import InputError
     from mbd_sim.linear_analysis.eigenvalue_locus import eigenvalue_locus
-    from mbd_sim.linear_analysis.plots import PICTURE_SUFFIXES, draw_locus
-    from mbd_sim.playback.plot_files import require_suffix
+    from mbd_sim.linear_analysis.plots import draw_locus
+    from mbd_sim.playback.plot_files import PICTURE_SUFFIXES, require_suffix
     from mbd_sim.playback.table_export import SUFFIXES, require_packages_for, write_columns
 
     if options.at not in (EQUILIBRIUM, START):

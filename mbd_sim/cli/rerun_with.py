@@ -15,7 +15,7 @@ from mbd_sim.cli.common import (
 from mbd_sim.cli.plot_options import add_plot_style, chosen_style
 from mbd_sim.cli.recorded_run import SET_HELP, add_run, recorded_run
 from mbd_sim.cli.setup_options import add_set, changes_of
-from mbd_sim.errors import InputError
+from mbd_sim.errors import InputError, counted
 
 if TYPE_CHECKING:
     from mbd_sim.recording.changed_run import ChangedRun
@@ -106,6 +106,9 @@ def _summary(
         lines.append(f"  file             {problem}")
     if run.ended:
         lines.append(f"  ENDS EARLY       {run.ended}")
+    if run.left_out:
+        step = run.recomputation.simulation.step_size
+        lines.append(f"  not compared     {counted(run.left_out, 'state')} between two steps of {step:g} s")
     lines.append("  largest deviations")
     for series, rate in ((run.coordinates["position"], ""), (run.coordinates["velocity"], "/s"), (run.energies, "J")):
         rows = largest_deviations(series)

@@ -16,6 +16,7 @@ from mbd_sim.cli.common import (
     add_method_and_step,
     add_quiet,
     positive_number,
+    seed_number,
 )
 from mbd_sim.errors import counted
 
@@ -45,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "distribution to sample: uniform(0.5, 2), loguniform(0.5, 2), normal(mean, deviation)",
     )
     parser.add_argument("--draws", type=int, default=1, metavar="N", help="random samples per combination (default 1)")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the random samples (default 0)")
+    parser.add_argument("--seed", type=seed_number, default=0, help="seed of the random samples (default 0)")
     add_duration(parser)
     parser.add_argument(
         "--every",
@@ -67,7 +68,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--histories", type=Path, metavar="FILE", help="write a table of all coordinates over time: .parquet or .csv"
     )
-    parser.add_argument("--plot", type=Path, metavar="PICTURE", help="plot one result against the varied values")
+    parser.add_argument(
+        "--plot",
+        type=Path,
+        metavar="PICTURE",
+        help="plot one result against the varied values: .png, .svg or .pdf",
+    )
     parser.add_argument(
         "--show",
         metavar="RESULT",
@@ -87,18 +93,20 @@ def execute(options: argparse.Namespace) -> int:
     """Plan the runs, compute them, write and plot the results; returns 1 if any run failed."""
     from mbd_sim.load import load_mechanism
     from mbd_sim.packages import require_packages
+    from mbd_sim.playback.plot_files import PICTURE_SUFFIXES, require_suffix
     from mbd_sim.sweep.execution import sweep
     from mbd_sim.sweep.quantities import named_quantities
-    from mbd_sim.sweep.result_tables import require_suffix, write
+    from mbd_sim.sweep.result_tables import SUFFIXES, write
     from mbd_sim.sweep.sweep_picture import draw, require_column
     from mbd_sim.sweep.sweep_plan import plan, variation
     from mbd_sim.sweep.sweep_runs import Settings, chunks, result_names
 
     for path in (options.out, options.histories):
         if path is not None:
-            require_suffix(path)
+            require_suffix(path, SUFFIXES)
             require_packages("pyarrow", purpose="The table of a sweep")
     if options.plot is not None:
+        require_suffix(options.plot, PICTURE_SUFFIXES)
         require_packages("matplotlib", purpose="A plot of a sweep")
     mechanism = load_mechanism(options.mechanism)
     planned = plan([variation(text, mechanism) for text in options.vary], options.draws, options.seed)

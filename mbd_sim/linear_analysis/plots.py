@@ -14,7 +14,6 @@ from mbd_sim.geometry.pose import Array
 from mbd_sim.linear_analysis.eigenvalue_locus import EigenvalueLocus
 from mbd_sim.packages import require_packages
 
-PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 NEUTRAL = 1e-6  # growth, relative to the largest, at which the limit of stability is drawn: neutral states are within
 _LEAST = 1e-300  # of a magnitude, for its logarithm
 _LEGEND = 12  # entries

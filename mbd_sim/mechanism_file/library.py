@@ -54,9 +54,7 @@ def _found(path: Path) -> Path:
         if path.is_file():
             return path
         if path.is_dir():
-            raise MechanismError(
-                [Problem("is a folder", "Give a mechanism file in it.", key="mechanism", value=quoted(str(path)))]
-            )
+            raise MechanismError([_folder(path)])
         raise MechanismError([_missing(path)])
     ships = shipped()
     if path.name in ships:
@@ -65,6 +63,8 @@ def _found(path: Path) -> Path:
         message = "a file of this name is here, but its ending is not that of a mechanism"
         remedy = f"Rename it, for example to '{path.stem}.yaml'."
         raise MechanismError([Problem(message, remedy, key="mechanism", value=quoted(str(path)))])
+    if path.name and path.is_dir():
+        raise MechanismError([_folder(path)])
     remedy = nearest(path.name, ships) + " Or give the path of a .yaml, .urdf, .xml or .sdf file."
     raise MechanismError(
         [
@@ -76,6 +76,10 @@ def _found(path: Path) -> Path:
             )
         ]
     )
+
+
+def _folder(path: Path) -> Problem:
+    return Problem("is a folder", "Give a mechanism file in it.", key="mechanism", value=quoted(str(path)))
 
 
 def _missing(path: Path) -> Problem:

@@ -43,13 +43,15 @@ class ComparedSeries(NamedTuple):
 class ChangedRun:
     """Two runs under the same commands: `coordinates` by quantity, and `energies`, over the same times.
 
-    `ended` says why the changed run ends before the recorded one, or is "".
+    `ended` says why the changed run ends before the recorded one, or is "". `left_out` recorded states are not
+    compared, because they lie between two steps of the changed run.
     """
 
     recomputation: Recomputation
     coordinates: Mapping[str, Sequence[ComparedSeries]]
     energies: Sequence[ComparedSeries]
     ended: str = ""
+    left_out: int = 0
 
 
 class _Row(NamedTuple):
@@ -72,6 +74,7 @@ def compute_changed_run(
     :raises DamagedError: the recording is damaged.
     """
     rows: dict[TopicRole, list[_Row]] = {TopicRole.JOINT_STATES: [], TopicRole.ENERGIES: []}
+    between: dict[TopicRole, list[_Row]] = {role: [] for role in rows}
     ended = ""
     blocks = recomputation.file.blocks
     try:
@@ -79,7 +82,7 @@ def compute_changed_run(
             if progress is not None:
                 progress(number / len(blocks))
             for message in block.load():
-                _process(recomputation, message, rows, write)
+                _process(recomputation, message, rows, between, write)
     except (DivergedError, CommandError) as error:
         ended = str(error)
     if progress is not None:
@@ -91,16 +94,17 @@ def compute_changed_run(
     count = len(names)
     coordinates = {quantity: series[n * count :][:count] for n, quantity in enumerate(QUANTITIES)}
     energies = _series(rows[TopicRole.ENERGIES], simulation.energies._fields)
-    return ChangedRun(recomputation, coordinates, energies, ended)
+    return ChangedRun(recomputation, coordinates, energies, ended, len(between[TopicRole.JOINT_STATES]))
 
 
 def _process(
     recomputation: Recomputation,
     message: Message,
     rows: Mapping[TopicRole, list[_Row]],
+    between: Mapping[TopicRole, list[_Row]],
     write: MessageWriter | None,
 ) -> None:
-    """Advance to a message; apply it, or add a row."""
+    """Advance to a message; apply it, or add a row, to those `between` two steps if it lies there."""
     role = recomputation.roles.get(message.topic)
     tick = recomputation.tick_of(message)
     if tick != recomputation.tick:
@@ -117,7 +121,8 @@ def _process(
             arrays = (np.array(simulation.energies),)
             recorded = cdr.multi_array(message.payload).values
         time = (tick - recomputation.first_tick) * recomputation.recorded_step
-        rows[role].append(_Row(time, recorded, np.concatenate(arrays)))
+        row = _Row(time, recorded, np.concatenate(arrays))
+        (between if recomputation.is_between_steps(tick) else rows)[role].append(row)
     if write is not None:
         write(message, arrays)
 

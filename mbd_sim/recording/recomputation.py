@@ -23,6 +23,7 @@ from mbd_sim.simulation.wrench_layout import parse_wrench
 
 __all__ = ["SEQUENCE_MODULUS", "LiveValueMismatch", "Recomputation", "RecomputeError"]
 
+BOUNDARY = 1e-6  # part of a step by which a time may miss a boundary between steps, for rounding
 SEQUENCE_MODULUS = 1 << 32  # sequence numbers are ticks modulo this
 
 
@@ -125,6 +126,11 @@ class Recomputation:
         self.simulation.step(steps)
         self.steps_taken += steps
         self.tick = tick
+
+    def is_between_steps(self, tick: int) -> bool:
+        """Whether a tick lies between two steps of the simulation, whose step may be another."""
+        steps = (tick - self._reference_tick) * self.recorded_step / self.simulation.step_size
+        return abs(steps - round(steps)) > BOUNDARY
 
     def apply(self, message: Message) -> list[LiveValueMismatch]:
         """Apply a recorded command from the present tick on; return live values that contradict the events.

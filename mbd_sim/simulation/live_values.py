@@ -136,9 +136,7 @@ class LiveValues:
             dynamics.require_followable_cams(changed)
             inputs = self._symbolic().checked_values_in(dynamics.equation_data(changed))
         except MechanismError as error:
-            raise CommandError(
-                "; ".join(f"{p.key}: {p.message}. {p.remedy}".strip() for p in error.problems)
-            ) from error
+            raise CommandError(" ".join(f"{p.key}: {p.message}. {p.remedy}".strip() for p in error.problems)) from error
         except dynamics.StructureError as error:
             raise CommandError(f"{', '.join(changes)}: {error}. Change the file and start again.") from error
         following = {key: value for key, value in current.items() if value != self.current[key]}

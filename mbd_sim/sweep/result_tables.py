@@ -11,17 +11,6 @@ from mbd_sim.sweep.sweep_runs import Table
 SUFFIXES = (".parquet", ".csv")
 
 
-def require_suffix(path: Path) -> None:
-    """Refuse a file that is not one of `SUFFIXES`.
-
-    :raises MbdSimError: the suffix is a different one, or the folder does not exist.
-    """
-    if path.suffix not in SUFFIXES:
-        raise MbdSimError(f"{path}: the name of a table must end in {' or '.join(SUFFIXES)}.")
-    if not path.parent.is_dir():
-        raise MbdSimError(f"{path}: the folder {path.parent} does not exist.")
-
-
 def write(path: Path, table: Table, metadata: dict[str, str]) -> None:
     """Write a table; the metadata is written only to Parquet.
 

@@ -69,8 +69,11 @@ def test_what_can_be_no_path_is_refused(name):
     refusal(name)
 
 
-def test_a_folder_is_refused(tmp_path):
+def test_a_folder_is_refused(tmp_path, monkeypatch):
     assert refusal(tmp_path).remedy == "Give a mechanism file in it."
     folder = tmp_path / "folder.yaml"
     folder.mkdir()
     assert refusal(folder).message == "is a folder"
+    (tmp_path / "rigs").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert refusal("rigs").message == "is a folder"

@@ -140,3 +140,14 @@ joints: {hip: {type: revolute, between: [ground, arm], axis: [0, 1, 0], position
         assert found.q == pytest.approx(expected.q, abs=1e-13)
     (verified,) = verify(tmp_path / "run.mcap")
     assert verified.agrees
+
+
+def test_states_between_two_steps_are_left_out_and_counted(tmp_path, capsys):
+    path = tmp_path / "run.mcap"
+    assert main(["run", "double_rod", "--time", "0.2", "--out", str(path), "--quiet"]) == 0
+    found = compute_changed_run(Recomputation(open_recording(path).files[0], step=0.003))
+    position = found.coordinates["position"][0]
+    assert found.left_out == 14 and position.times == pytest.approx(np.arange(7) * 0.03)
+    assert 0.0 < position.largest_deviation[0] < 1e-9, "the method is accurate; half a step would be 3e-3"
+    assert main(["rerun-with", str(path), "--step", "0.003", "--quiet"]) == 0
+    assert "not compared     14 states between two steps of 0.003 s" in capsys.readouterr().out

@@ -70,8 +70,10 @@ def test_processes_here_and_workers_of_a_cluster_give_the_same_bits(tmp_path, cl
     ("arguments", "words"),
     [
         (["--vary", "q=1"], "is not a key of this file"),
-        (["--vary", "l=1", "--out", "runs.xlsx"], ".parquet or .csv"),
-        (["--vary", "l=1", "--out", "nowhere/runs.csv"], "nowhere does not exist"),
+        (["--vary", "l=1", "--out", "runs.xlsx"], "Choose one of .parquet, .csv"),
+        (["--vary", "l=1", "--plot", "nowhere/runs.png"], "there is no folder nowhere"),
+        (["--vary", "l=1", "--plot", "runs.gif"], "Choose one of .png, .svg, .pdf"),
+        (["--vary", "l=1", "--out", "nowhere/runs.csv"], "there is no folder nowhere"),
         (["--vary", "l=1", "--show", "elbow.speed"], "elbow.velocity"),
         (["--vary", "l=1", "--scheduler", "tcp://127.0.0.1:1"], "no Dask scheduler"),
     ],
