@@ -9,7 +9,7 @@ import numpy as np
 from mbd_sim.analysis.linearization import ZERO_EIGENVALUE, linearize
 from mbd_sim.dynamics.assembly import close_loops, null_space
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
-from mbd_sim.dynamics.equations import Equations
+from mbd_sim.dynamics.equations import Equations, require_equations
 from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.geometry.pose import Array
 
@@ -27,7 +27,9 @@ def equilibrium(equations: Equations, inputs: Array | None = None) -> Array | No
 
     :param inputs: all inputs of the equations, for efforts, wrenches, commands and live values; by default there are no
         efforts and wrenches, commands are those at the start, and live values those of the mechanism.
+    :raises TypeError: `equations` are none, for example a simulation.
     """
+    require_equations(equations)
     given, nv = _given(equations, inputs), equations.layout.nv
     constraints = equations.constraints.with_values(given[equations.inputs.values])
     random, efforts = np.random.default_rng(2), given[equations.inputs.efforts]

@@ -15,11 +15,13 @@ from mbd_sim.dynamics.dynamics_terms import tree_efforts
 from mbd_sim.dynamics.equations import Equations, derive
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
 from mbd_sim.errors import nearest
+from mbd_sim.geometry.finite_arrays import finite_vector
 from mbd_sim.geometry.pose import Array
 from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.one_sided import two_sided
 from mbd_sim.mechanism.records import Mechanism, require_mechanism
 
+_Numbers = Array | Sequence[float]
 FEASIBLE = 1e-9  # the error of the accelerations that is allowed, relative to the largest one
 
 
@@ -65,11 +67,14 @@ class InverseDynamics:
         step = None if equations is None else equations.step
         traced = trace(mechanism, loaded, parameters, step)
         self._tree, self._input_size = _tree_function(traced), traced.input_layout.size
+        self._tree_layout = traced.layout
         self._equations = equations
         self._contact: ContactMotion | None = None
 
     @interruptible_tracing()
-    def __call__(self, q: Array, u: Array, u_rates: Array, t: float = 0.0, inputs: Array | None = None) -> Array:
+    def __call__(
+        self, q: _Numbers, u: _Numbers, u_rates: _Numbers, t: float = 0.0, inputs: Array | None = None
+    ) -> Array:
         """The efforts (nv,) in N and N·m for the accelerations `u_rates` (nv,); zero at coordinates without actuation.
 
         :param q: (nq,) coordinates that satisfy the constraints.
@@ -77,24 +82,28 @@ class InverseDynamics:
         :param t: time in s, for forces, drives and constraints that depend on it.
         :param inputs: all inputs of the equations, for their wrenches, live values and contacts; the efforts in it do
             not matter. By default there are no wrenches, live values are those of the mechanism, and contacts are open.
-        :raises ValueError: the constraints, or joints without actuation, do not allow these accelerations, or a contact
-            would have to pull or to hold more than its friction.
+        :raises ValueError: an argument has another shape or is not finite; the constraints, or joints without
+            actuation, do not allow these accelerations; or a contact would have to pull or to hold more than its
+            friction.
         """
+        layout = self._tree_layout
+        q, u = finite_vector(q, layout.nq, "q"), finite_vector(u, layout.nv, "u")
+        u_rates = finite_vector(u_rates, layout.nv, "u_rates")
         if self._equations is None and not self._direct:
             self._equations = derive(self.mechanism)
         if inputs is None:
             inputs = self._equations.inputs_without_commands if self._equations else np.zeros(self._input_size)
         if self._equations is not None and self._equations.has_contact(inputs):
-            return self._in_contact(q, u, np.asarray(u_rates, dtype=float), t, inputs)
+            return self._in_contact(q, u, u_rates, t, inputs)
         efforts = np.array(self._tree(q, u, u_rates, t, inputs[: self._input_size]), dtype=float).ravel()
         if self._direct:
             return efforts
         assert self._equations is not None
         constraints = self._equations.constraints.with_values(inputs[self._equations.inputs.values])
-        free = null_space(constraints.gradient(t, np.asarray(q, dtype=float)))
+        free = null_space(constraints.gradient(t, q))
         shared = np.zeros_like(efforts)
         shared[self._indices] = np.linalg.lstsq(free.T[:, self._indices], free.T @ efforts, rcond=None)[0]
-        self._require_feasible(q, u, np.asarray(u_rates, dtype=float), t, shared, inputs)
+        self._require_feasible(q, u, u_rates, t, shared, inputs)
         return shared
 
     def _in_contact(self, q: Array, u: Array, u_rates: Array, t: float, inputs: Array) -> Array:

@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbd_sim.analysis.small_motion import small_motion
-from mbd_sim.dynamics.equations import Equations
+from mbd_sim.dynamics.equations import Equations, require_equations
+from mbd_sim.errors import quoted
+from mbd_sim.geometry.finite_arrays import finite_vector
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.actuators import channel_names
 
@@ -81,14 +83,17 @@ def linearize(
         replace those in it. By default there are no wrenches, commands are those at the start, live values are those
         of the mechanism, and contacts are open.
     :param states: (s,) states of actuators, see `Equations.core`; by default those at the start.
+    :raises TypeError: `equations` are none, for example a simulation.
+    :raises ValueError: an array has another shape or is not finite.
     :raises MechanismError: an actuator changes only between steps: it is sampled, delayed, or has a rate limit.
     :raises MbdSimError: a contact is about to change, so that there is no linearization.
     """
-    given = (equations.inputs_without_commands if inputs is None else inputs).copy()
-    given[equations.inputs.efforts] = efforts
+    require_equations(equations)
     nq, nv = equations.layout.nq, equations.layout.nv
+    given = (equations.inputs_without_commands if inputs is None else inputs).copy()
+    given[equations.inputs.efforts] = finite_vector(efforts, nv, "efforts")
     y = equations.start_state.copy()
-    y[:nq], y[nq : nq + nv] = q, u
+    y[:nq], y[nq : nq + nv] = finite_vector(q, nq, "q"), finite_vector(u, nv, "u")
     if states is not None:
         y[nq + nv : equations.core.stop] = states
     return linearize_at(equations, t, y, given)
@@ -109,7 +114,12 @@ def linearize_at(
 
 
 def modes(linearization: Linearization) -> list[Mode]:
-    """The natural modes in the order of their frequency; one for each pair of conjugate eigenvalues."""
+    """The natural modes in the order of their frequency; one for each pair of conjugate eigenvalues.
+
+    :raises TypeError: that is no linearization, such as a simulation.
+    """
+    if not isinstance(linearization, Linearization):
+        raise TypeError(f"{quoted(linearization)} is not a Linearization. Give simulation.linearize().")
     values = np.linalg.eigvals(linearization.a)
     zero = float(size_of_zeros(values))
     return sorted((mode_of(value, zero) for value in values.tolist() if not is_second_of_pair(value)), key=mode_order)

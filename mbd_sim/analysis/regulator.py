@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from mbd_sim.geometry.finite_arrays import finite_matrix
 from mbd_sim.geometry.pose import Array
+
+ROUNDING = 1e-12  # relative error of the costs that is accepted
 
 
 def lqr(a: Array, b: Array, state_cost: Array, effort_cost: Array) -> Array:
@@ -17,13 +20,19 @@ def lqr(a: Array, b: Array, state_cost: Array, effort_cost: Array) -> Array:
     :param b: B (n, m).
     :param state_cost: Q (n, n), symmetric and positive semidefinite.
     :param effort_cost: R (m, m), symmetric and positive definite.
-    :raises ValueError: an unstable mode is not controllable through B, or a mode that does not decay has no cost in Q.
+    :raises ValueError: a matrix has another shape, a cost is not symmetric or not positive; or an unstable mode is not
+        controllable through B, or a mode that does not decay has no cost in Q.
     """
+    a = np.asarray(a, dtype=float)
+    n = len(a) if a.ndim else 0
+    a, b = finite_matrix(a, (n, n), "a"), np.atleast_2d(np.asarray(b, dtype=float))
+    b = finite_matrix(b, (n, b.shape[1]), "b")
+    state_cost = _cost(state_cost, n, "state_cost")
+    effort_cost = _cost(effort_cost, b.shape[1], "effort_cost", positive=True)
     weighted = np.linalg.solve(effort_cost, b.T)
     hamiltonian = np.block([[a, -b @ weighted], [-state_cost, -a.T]])
     values, vectors = np.linalg.eig(hamiltonian)
     stable = vectors[:, values.real < -1e-9 * np.max(np.abs(values), initial=1.0)]
-    n = len(a)
     if stable.shape[1] != n or np.linalg.matrix_rank(stable[:n]) < n:
         raise ValueError(
             "no regulator stabilizes this system: these efforts cannot control an unstable mode, or a mode that does "
@@ -31,3 +40,17 @@ def lqr(a: Array, b: Array, state_cost: Array, effort_cost: Array) -> Array:
         )
     solution = np.real(stable[n:] @ np.linalg.inv(stable[:n]))
     return np.asarray(weighted @ solution)
+
+
+def _cost(given: Array, size: int, name: str, *, positive: bool = False) -> Array:
+    """A symmetric matrix (size, size) that is positive semidefinite, or with `positive` definite."""
+    cost = finite_matrix(given, (size, size), name)
+    largest = float(np.max(np.abs(cost), initial=0.0))
+    if not np.allclose(cost, cost.T, rtol=0.0, atol=ROUNDING * largest):
+        raise ValueError(f"{name} must be symmetric.")
+    least = float(np.min(np.linalg.eigvalsh(cost), initial=np.inf))
+    if positive and not least > 0.0:
+        raise ValueError(f"{name} must be positive definite; its least eigenvalue is {least:.6g}.")
+    if least < -ROUNDING * largest:
+        raise ValueError(f"{name} must be positive semidefinite; its least eigenvalue is {least:.6g}.")
+    return cost

@@ -45,6 +45,7 @@ from mbd_sim.dynamics.state_derivatives import rate_derivatives
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.dynamics.time_functions import require_smooth
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
+from mbd_sim.errors import quoted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.interrupts import interruptible_tracing
 from mbd_sim.mechanism.one_sided import has_one_sided
@@ -180,6 +181,15 @@ class Equations:
     def load_paths(self) -> LoadPaths:
         """The loads and their derivatives by the multipliers; traced when they are first read."""
         return self.trace_load_paths()
+
+
+def require_equations(given: object) -> None:
+    """Refuse what is not `Equations`.
+
+    :raises TypeError: with the remedy.
+    """
+    if not isinstance(given, Equations):
+        raise TypeError(f"{quoted(given)} is not Equations. Give those of a simulation: simulation.model.equations.")
 
 
 @interruptible_tracing()

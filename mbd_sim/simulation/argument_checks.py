@@ -89,26 +89,3 @@ def step_at(time: float, size: float, steps: int = 0) -> int:
             "Give a later time, or call reset() first."
         )
     return last
-
-
-def finite_vector(values: Sequence[float] | Array, size: int, name: str) -> Array:
-    """A copy of `values` as an array (size,).
-
-    :raises ValueError: the shape is different, or a value is not finite.
-    """
-    vector = np.array(values, dtype=float)
-    if vector.shape != (size,):
-        raise ValueError(f"{name} must be a list of {counted(size, 'value')}, not an array of shape {vector.shape}.")
-    if not math.isfinite(sum(vector.tolist())):  # which is fast for few values, but can overflow
-        require_finite(vector, name)
-    return vector
-
-
-def require_finite(array: Array, name: str) -> Array:
-    """The array itself.
-
-    :raises ValueError: a value is not finite.
-    """
-    if not np.all(np.isfinite(array)):
-        raise ValueError(f"{name} contains a value that is not finite.")
-    return array

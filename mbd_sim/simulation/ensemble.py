@@ -19,6 +19,7 @@ from mbd_sim.compiler.ensemble_kernel import (
     compile_members,
 )
 from mbd_sim.errors import CommandError, DivergedError, counted, nearest
+from mbd_sim.geometry.finite_arrays import require_finite
 from mbd_sim.geometry.pose import Array
 from mbd_sim.integrators.taylor import Taylor
 from mbd_sim.load import load_mechanism
@@ -27,7 +28,6 @@ from mbd_sim.simulation.actuator_commands import Command, CommandMap
 from mbd_sim.simulation.argument_checks import (
     member_numbers,
     positive_count,
-    require_finite,
     rows_of,
     step_at,
     step_count,

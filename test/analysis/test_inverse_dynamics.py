@@ -109,3 +109,20 @@ def test_live_values_and_wrenches_are_accounted_for(name, part, changes):
     sim.set_efforts([0.0] * nv)
     sim.set_efforts(sim.inverse_dynamics(wanted))
     assert relative(u_rates(), wanted) < 1e-10
+
+
+@pytest.mark.parametrize(
+    ("q", "rates", "words"),
+    [
+        (np.zeros(5), np.zeros(6), r"q must be a list of 6 values, not an array of shape \(5,\)"),
+        (np.zeros((6, 2)), np.zeros(6), r"not an array of shape \(6, 2\)"),
+        (0.0, np.zeros(6), r"not an array of shape \(\)"),
+        (np.zeros(6), np.full(6, np.nan), "u_rates contains a value that is not finite"),
+    ],
+)
+def test_arguments_of_another_shape_are_refused(q, rates, words):
+    """CasADi would repeat single numbers, and compute several states at once."""
+    inverse = InverseDynamics(load_mechanism("six_axis_arm"))
+    assert inverse([0] * 6, [0] * 6, [0] * 6).shape == (6,)
+    with pytest.raises(ValueError, match=words):
+        inverse(q, np.zeros(6), rates)

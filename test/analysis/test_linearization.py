@@ -223,3 +223,14 @@ def test_a_disc_that_rolls_straight_on_is_stable_if_it_is_fast(speed):
     found = found[np.argsort(np.abs(found))]
     assert np.abs(found[:6]) == pytest.approx(np.zeros(6), abs=1e-4)
     assert np.sort_complex(np.round(found[6:], 12)) == pytest.approx(np.sort_complex([exact, -exact]), rel=1e-9)
+
+
+def test_what_is_no_linearization_or_no_equations_is_refused_with_the_way_to_it():
+    sim = Simulation.from_file("rod_pendulum")
+    with pytest.raises(TypeError, match=r"is not a Linearization\. Give simulation\.linearize\(\)"):
+        modes(sim)
+    for analyze in (equilibrium, lambda given: linearize(given, [0.0], [0.0], [0.0])):
+        with pytest.raises(TypeError, match=r"is not Equations\. .*simulation\.model\.equations"):
+            analyze(sim)
+    with pytest.raises(ValueError, match=r"q must be a list of 1 value, not an array of shape \(2,\)"):
+        linearize(sim.model.equations, [0.0, 0.0], [0.0], [0.0])

@@ -29,3 +29,23 @@ def test_the_upright_cart_pendulum_is_held():
 def test_what_cannot_be_stabilized_is_refused():
     with pytest.raises(ValueError, match="no regulator stabilizes"):
         lqr(np.diag([1.0, -1.0]), np.array([[0.0], [1.0]]), np.eye(2), np.eye(1))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"a": np.eye(3)}, r"b must have the shape \(3, 1\), not \(2, 1\)"),
+        ({"a": np.ones((2, 3))}, r"a must have the shape \(2, 2\)"),
+        ({"b": [[0.0], [np.nan]]}, "b contains a value that is not finite"),
+        ({"state_cost": np.eye(3)}, r"state_cost must have the shape \(2, 2\), not \(3, 3\)"),
+        ({"state_cost": [[1.0, 1.0], [0.0, 1.0]]}, "state_cost must be symmetric"),
+        ({"state_cost": -np.eye(2)}, "state_cost must be positive semidefinite; its least eigenvalue is -1"),
+        ({"effort_cost": 1.0}, r"effort_cost must have the shape \(1, 1\), not \(\)"),
+        ({"effort_cost": [[0.0]]}, "effort_cost must be positive definite"),
+    ],
+)
+def test_matrices_that_do_not_fit_are_refused(changes, words):
+    given = {"a": [[0, 1], [1, 0]], "b": [[0], [1]], "state_cost": np.eye(2), "effort_cost": [[1]]}
+    assert lqr(**given).shape == (1, 2)
+    with pytest.raises(ValueError, match=words):
+        lqr(**given | changes)
