@@ -13,6 +13,7 @@ from mbd_sim.compiler.instruction_list import Instructions, zero_components
 from mbd_sim.compiler.ir import POINTER, VOID, Function, FunctionType, Module
 from mbd_sim.compiler.ir_builder import IRBuilder
 from mbd_sim.compiler.ir_types import local_array
+from mbd_sim.compiler.ir_vectors import load, store
 from mbd_sim.compiler.lowering import instruction_count, lower
 from mbd_sim.compiler.schedule import arranged
 from mbd_sim.compiler.step_emitter import Prepare, System
@@ -63,6 +64,7 @@ def emit_guarded(
         rates=rates,
         projection=_both(module, system, contact_project),
         projection_takes_inputs=True,
+        unmoved=frozenset(),
         in_registers=False,
     )
     open_guards = arranged(one_sided.open_guards)
@@ -94,6 +96,8 @@ def _both(module: Module, system: System, contact_project: Function) -> Function
     t, y, inputs, out = function.args
     b = IRBuilder(function.append_basic_block("entry"))
     between = local_array(b, system.size)
+    for index in sorted(system.unmoved):
+        store(b, load(b, y, index), between, index)
     b.call(system.projection, [t, y, *([inputs] if system.projection_takes_inputs else []), between])
     b.call(contact_project, [t, between, inputs, out])
     b.ret_void()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, TypeAlias
@@ -122,6 +123,16 @@ def zero_components(function: Instructions) -> list[int]:
     ]
 
 
+def passed_on(function: Instructions, argument: int) -> frozenset[int]:
+    """The components of the first result that are the same components of an argument."""
+    graph = graph_of(function)
+    return frozenset(
+        output.component
+        for output in graph.outputs
+        if output.result == 0 and graph.nodes[output.node] == Node(ca.OP_INPUT, (argument, output.component))
+    )
+
+
 def _last_uses(graph: Graph, order: Sequence[int]) -> dict[int, int]:
     """For each node, the last position in the order at which its value is used."""
     nodes = graph.nodes
@@ -165,6 +176,16 @@ class InstructionList:
                 self.instructions.append(stored)
             if last_use[number] == step:
                 heapq.heappush(free, slots[number])
+
+    def without(self, components: Collection[int]) -> InstructionList:
+        """The same instructions, which leave some components of the first result as they are."""
+        result = copy(self)
+        result.instructions = [
+            instruction
+            for instruction in self.instructions
+            if instruction.operation != ca.OP_OUTPUT or instruction.target[0] or instruction.target[1] not in components
+        ]
+        return result
 
     def name(self) -> str:
         """The function's name."""

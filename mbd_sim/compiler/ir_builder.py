@@ -168,9 +168,13 @@ class IRBuilder:
         """A structure with another member."""
         return self.value(pair.type, f"insertvalue {pair.type} {pair.text}, {value.type} {value.text}, {index}")
 
-    def alloca(self, type_: Type, size: Value | None = None) -> Value:
-        """The address of new memory on the stack for one value or an array; only in the entry block of a function."""
-        return self.value(POINTER, f"alloca {type_}" + (f", {size.type} {size.text}" if size else ""))
+    def alloca(self, type_: Type, size: Value | None = None, alignment: int = 0) -> Value:
+        """The address of new memory on the stack for one value or an array; only in the entry block of a function.
+
+        :param alignment: in bytes; 0 for that of the type.
+        """
+        count = f", {size.type} {size.text}" if size else ""
+        return self.value(POINTER, f"alloca {type_}{count}" + (f", align {alignment}" if alignment else ""))
 
     def gep(self, pointer: Value, index: Value, type_: Type) -> Value:
         """The address of an element of an array."""

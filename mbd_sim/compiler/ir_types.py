@@ -10,6 +10,8 @@ from mbd_sim.compiler.ir_builder import IRBuilder
 DOUBLE, INT = "double", "i64"
 FALSE = Value(BOOL, "false")
 
+VECTOR = 32  # bytes, of four doubles
+
 
 def number(value: float) -> Value:
     """A double."""
@@ -26,11 +28,12 @@ def element(builder: IRBuilder, array: Value, index: int | Value) -> Value:
     return builder.gep(array, integer(index) if isinstance(index, int) else index, DOUBLE)
 
 
-def local_array(builder: IRBuilder, size: int, *, in_registers: bool = False) -> Value:
+def local_array(builder: IRBuilder, size: int, *, in_registers: bool = False, aligned: bool = False) -> Value:
     """An array of doubles on the stack; only in the entry block of a function.
 
-    LLVM keeps one `in_registers`, as far as they suffice, if all of its accesses have constant indices.
+    LLVM keeps one `in_registers`, as far as they suffice, if all of its accesses have constant indices. Vectors of four
+    in an `aligned` one lie in a line of the cache each.
     """
     if in_registers:
         return builder.alloca(f"[{max(size, 1)} x {DOUBLE}]")
-    return builder.alloca(DOUBLE, integer(max(size, 1)))
+    return builder.alloca(DOUBLE, integer(max(size, 1)), alignment=VECTOR if aligned else 0)

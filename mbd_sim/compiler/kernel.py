@@ -12,7 +12,7 @@ from mbd_sim.compiler.bound_kernel import Kernel, KernelSignature
 from mbd_sim.compiler.concurrent_build import ConcurrentBuild
 from mbd_sim.compiler.fastcall import emit_call
 from mbd_sim.compiler.host_module import new_module
-from mbd_sim.compiler.instruction_list import Instructions
+from mbd_sim.compiler.instruction_list import Instructions, passed_on
 from mbd_sim.compiler.ir import Function, Module
 from mbd_sim.compiler.like_operations import Branch
 from mbd_sim.compiler.lowering import export, instruction_count, lower
@@ -39,6 +39,8 @@ INLINED = 2200  # instructions of all stages together up to which the rates are 
 # Instructions of the rates up to which the arrays of a step are kept in registers: that saves up to 40 % of a step.
 # Longer rates need the registers themselves: some get faster by 15 %, but others slower by 20 %.
 FEW = 20
+MOVED = 40  # components that a projection changes, up to which they are copied one by one, and others are left alone
+STATE = 1  # the argument of a projection that it moves
 # Instructions of the rates and the readers from which on functions are compiled while others are still being traced.
 LONG = 6000
 
@@ -160,9 +162,13 @@ def emit_system(
     reports_conditioning = rates.n_out() > 1
     instructions = instruction_count(program)
     inline = module.fast and instructions * method.stages <= INLINED
-    emitted = None
+    emitted, unmoved = None, frozenset[int]()
     if projection is not None:
-        emitted = lower(module, arranged(projection, fused=False), inline=not reports_conditioning, lanes=lanes)
+        moves = arranged(projection, fused=False)
+        unmoved = passed_on(moves, STATE)
+        if projection.nnz_out(0) - len(unmoved) > MOVED:
+            unmoved = frozenset()
+        emitted = lower(module, moves.without(unmoved), inline=not reports_conditioning, lanes=lanes)
     return System(
         size=rates.nnz_out(0),
         error_size=error_size,
@@ -172,6 +178,7 @@ def emit_system(
         projection=emitted,
         reports_conditioning=reports_conditioning,
         projection_takes_inputs=projection is not None and projection.n_in() > 2,
+        unmoved=unmoved,
         samples=emit_samples(module, between_steps, lanes),
         held=frozenset() if between_steps is None else between_steps.held,
         unread=frozenset() if between_steps is None else between_steps.unread,

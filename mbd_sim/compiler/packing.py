@@ -14,12 +14,18 @@ import casadi as ca
 
 from mbd_sim.compiler.instruction_list import Graph, Instructions, graph_of, instructions_of, is_leaf
 from mbd_sim.compiler.like_operations import SUMS, Branch, Pack, can_exchange, like_operations, saved
+from mbd_sim.compiler.schedule import latency
 
 SHORTEST = 1000  # instructions that are packed: shorter code is in the cache in any case
 WORTHWHILE = 0.85  # of the operations: how many are left at most
 # Units from which on the order is depth first: fewer values wait on the stack, so that the code is shorter. That counts
 # if the code is longer than the instruction cache.
 LONG = 3000
+# In that order, an operation waits while its operands are computed, and a processor holds only so many that wait. So
+# those that can begin sooner come first.
+CANDIDATES = 40  # units of which one is next: any more lengthens lives, and thus code
+PATIENCE = 8.0  # cycles that operands may still take when an operation is next
+ISSUED = 0.4  # cycles from one operation to the next
 
 
 class Unit(NamedTuple):
@@ -82,7 +88,7 @@ def in_order(graph: Graph, packs: Sequence[Pack]) -> Packing:
     order = _Order(graph, packs).units
     pack_of = {node: number for number, nodes in enumerate(order) if len(nodes) > 1 for node in nodes}
     units = [_unit(graph, nodes, pack_of) for nodes in order]
-    return Packing(graph, units if len(units) <= LONG else _depth_first(graph, units))
+    return Packing(graph, units if len(units) <= LONG else _staggered(graph, _depth_first(graph, units)))
 
 
 def _depth_first(graph: Graph, units: Sequence[Unit]) -> list[Unit]:
@@ -100,6 +106,40 @@ def _depth_first(graph: Graph, units: Sequence[Unit]) -> list[Unit]:
         needed = (unit_of[node] for nodes in unit.operands for node in nodes)
         waiting += [other for other in reversed(list(needed)) if other.nodes not in opened]
     return list(order.values())
+
+
+def _staggered(graph: Graph, units: Sequence[Unit]) -> list[Unit]:
+    """The units in nearly the same order, each when its operands are about to be known."""
+    number_of = {node: number for number, unit in enumerate(units) for node in unit.nodes}
+    users: list[list[int]] = [[] for _ in units]
+    missing = [0] * len(units)  # of each unit, operands that are not in the new order yet
+    for number, unit in enumerate(units):
+        for operand in dict.fromkeys(number_of[node] for nodes in unit.operands for node in nodes):
+            users[operand].append(number)
+            missing[number] += 1
+    known = [0.0] * len(units)  # when the operands in the new order are known
+    waiting, following = list(range(min(CANDIDATES, len(units)))), CANDIDATES
+    order, now = [], 0.0
+    while waiting:
+        soon = now + PATIENCE
+        place = next((p for p, each in enumerate(waiting) if not missing[each] and known[each] <= soon), None)
+        if place is None:
+            ready = (p for p, each in enumerate(waiting) if not missing[each])
+            place = min(ready, key=lambda p: known[waiting[p]])
+        number = waiting.pop(place)
+        if following < len(units):
+            waiting.append(following)
+            following += 1
+        unit = units[number]
+        order.append(unit)
+        begin = max(now, known[number])
+        if unit.operands:
+            now = max(now + ISSUED, known[number] - PATIENCE)
+        end = begin + latency(graph.nodes[unit.nodes[0]])
+        for user in users[number]:
+            missing[user] -= 1
+            known[user] = max(known[user], end)
+    return order
 
 
 class _Order:

@@ -106,9 +106,9 @@ class LaneBuilder(IRBuilder):
         """An address in an array; an element of an array of doubles has one double for each member."""
         return super().gep(pointer, index, self._stored(type_))
 
-    def alloca(self, type_: Type, size: Value | None = None) -> Value:
+    def alloca(self, type_: Type, size: Value | None = None, alignment: int = 0) -> Value:
         """Allocate on the stack; a double is allocated for each member."""
-        return super().alloca(self._stored(type_), size)
+        return super().alloca(self._stored(type_), size, alignment)
 
 
 class ComponentBuilder(LaneBuilder):

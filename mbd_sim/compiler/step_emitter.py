@@ -32,8 +32,9 @@ class System:
     """y' = rates(t, y, inputs) with `size` components, of which the first `error_size` count in error estimates.
 
     `projection(t, y)` or, if `projection_takes_inputs`, `projection(t, y, inputs)`, moves the state back to the
-    constraints after each step. If `rates` also `reports_conditioning`, it has a second output: where that is negative
-    at the start of a step, the constraints are ill-conditioned and each further stage is projected too. The components
+    constraints after each step; it neither changes nor stores the components in `unmoved`. If `rates` also
+    `reports_conditioning`, it has a second output: where that is negative at the start of a step, the constraints are
+    ill-conditioned and each further stage is projected too. The components
     in `still`, after the first `error_size` ones, have the rate zero, and no rate depends on them. Those in `held` have
     the rate zero, and on those in `unread` no rate depends. The `samples` change the state at the start of each step.
     `in_registers`: the arrays of a step are kept there, see `local_array`.
@@ -46,6 +47,7 @@ class System:
     projection: Function | None
     reports_conditioning: bool = False
     projection_takes_inputs: bool = False
+    unmoved: frozenset[int] = frozenset()
     still: frozenset[int] = frozenset()
     samples: Samples | None = None
     held: frozenset[int] = frozenset()
@@ -83,11 +85,12 @@ class StepEmitter:
 
     def vector(self) -> Value:
         """A new array of the size of the state; only in the entry block."""
-        return local_array(self.b, self.system.size, in_registers=self.system.in_registers)
+        size = self.system.size
+        return local_array(self.b, size, in_registers=self.system.in_registers, aligned=size > self.b.unrolled)
 
     def array(self, size: int) -> Value:
         """A new array; only in the entry block."""
-        return local_array(self.b, size)
+        return local_array(self.b, size, aligned=size > self.b.unrolled)
 
     def any(self, condition: Value) -> Value:
         """Whether a condition holds, for any member if there are several."""
@@ -132,7 +135,11 @@ class StepEmitter:
             self.b.store(time, self.time)
             inputs = [self.inputs] if self.system.projection_takes_inputs else []
             self.b.call(self.system.projection, [self.time, state, *inputs, self._projected])
-            copy(self.b, self.system.size, self._projected, state)
+            if not self.system.unmoved:
+                copy(self.b, self.system.size, self._projected, state)
+            for index in range(self.system.size) if self.system.unmoved else ():
+                if index not in self.system.unmoved:
+                    store(self.b, load(self.b, self._projected, index), state, index)
 
     def project_stage(self, time: Value, state: Value) -> None:
         """The same for a stage, in steps that start ill-conditioned."""

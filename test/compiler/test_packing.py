@@ -75,11 +75,31 @@ def test_operations_of_long_lists_are_placed_depth_first_from_the_outputs(monkey
         nodes += [Node(ca.OP_SQ, (len(nodes) - 4 + lane,)) for lane in range(4)]
     outputs = [Output(node, 0, place) for place, node in enumerate((14, 15, 12, 13))]
     packs = [(first, first + 1) for first in range(4, 16, 2)]
+    monkeypatch.setattr(packing, "CANDIDATES", 1)
     for longest, expected in ((16, packs), (9, [packs[place] for place in (1, 3, 5, 0, 2, 4)])):
         monkeypatch.setattr(packing, "LONG", longest)
         found = in_order(Graph(nodes, outputs), packs)
         require_complete(found)
         assert [unit.nodes for unit in found.units if unit.operands] == expected
+
+
+def test_operations_of_long_lists_do_not_wait_for_their_operands(monkeypatch):
+    """A chain of square roots, then one of squares, which come first while a root is computed, if they are seen."""
+    nodes, chains = [Node(ca.OP_INPUT, (0, place)) for place in range(2)], ([], [])
+    for start, (operation, chain) in enumerate(zip((ca.OP_SQRT, ca.OP_SQ), chains, strict=True)):
+        chain.append(start)
+        for _ in range(4):
+            nodes.append(Node(operation, (chain[-1],)))
+            chain.append(len(nodes) - 1)
+    graph = Graph(nodes, [Output(chain[-1], 0, place) for place, chain in enumerate(chains)])
+    monkeypatch.setattr(packing, "LONG", 1)
+    for candidates, after_the_first in ((1, 0), (3, 0), (5, 4)):
+        monkeypatch.setattr(packing, "CANDIDATES", candidates)
+        found = in_order(graph, [])
+        require_complete(found)
+        (order,) = zip(*(unit.nodes for unit in found.units if unit.operands), strict=True)
+        between = order[order.index(chains[0][1]) + 1 : order.index(chains[0][2])]
+        assert between == tuple(chains[1][1 : 1 + after_the_first])
 
 
 def test_two_divisions_by_one_number_are_left_to_the_reciprocal(monkeypatch):
