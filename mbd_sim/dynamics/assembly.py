@@ -254,7 +254,7 @@ def independent_rows(gradients: Sequence[Array]) -> tuple[list[int], list[int]]:
 
     Rows are chosen one by one; each is judged by the configuration in which it adds least.
     """
-    unit = [_unit_rows(gradient) for gradient in gradients]
+    unit = [unit_rows(gradient) for gradient in gradients]
     ranks = [rank_of(gradient) for gradient in unit]
     highest = max(ranks)
     regular = [gradient for gradient, rank in zip(unit, ranks, strict=True) if rank == highest]
@@ -269,7 +269,7 @@ def nonzero_rows(gradients: Sequence[Array]) -> list[int]:
 
 def dependent_rows(gradients: Sequence[Array]) -> NDArray[np.bool_]:
     """Which rows take part in a linear dependence that exists in all configurations of the highest rank."""
-    unit = [_unit_rows(gradient) for gradient in gradients]
+    unit = [unit_rows(gradient) for gradient in gradients]
     most = max((rank_of(gradient) for gradient in unit), default=0)
     found = np.zeros(len(gradients[0]) if gradients else 0, dtype=bool)
     for gradient in unit:
@@ -283,7 +283,8 @@ def rank_of(matrix: Array) -> int:
     return int(np.linalg.matrix_rank(matrix, tol=RANK)) if matrix.size else 0
 
 
-def _unit_rows(gradient: Array) -> Array:
+def unit_rows(gradient: Array) -> Array:
+    """The rows (m, nv) with a length of 1, or 0."""
     size = np.linalg.norm(gradient, axis=1, keepdims=True)
     unit: Array = np.divide(gradient, size, out=np.zeros_like(gradient), where=size > 1e-12)
     return unit

@@ -1,7 +1,8 @@
 """Assembly of many variants of a mechanism at once, each with the bits that it would get alone.
 
 The same operations as in `mbd_sim.dynamics.assembly` and `initial_conditions`, on arrays with a row for each variant.
-Variants for which Newton's method fails, or whose speeds are not consistent, are left to those.
+Variants for which Newton's method fails, whose speeds are not consistent, or which start with speeds where their
+constraint matrix has a smaller rank than those of others, are left to those.
 """
 
 from __future__ import annotations
@@ -38,7 +39,15 @@ def start_many(
     """
     q, closed = _closed(constraints, q, ~fixed_q)
     u, consistent = _fitted(constraints, q, u, fixed_u)
-    return ManyStarts(q, u, closed & consistent)
+    ranks = np.linalg.matrix_rank(_unit_rows(constraints.gradient(q, np.arange(len(q)))), tol=RANK)
+    regular = (ranks == ranks.max()) | ~u.any(axis=1)
+    return ManyStarts(q, u, closed & consistent & regular)
+
+
+def _unit_rows(gradients: Array) -> Array:
+    sizes = np.linalg.norm(gradients, axis=2, keepdims=True)
+    unit: Array = np.divide(gradients, sizes, out=np.zeros_like(gradients), where=sizes > 1e-12)
+    return unit
 
 
 def _closed(constraints: ManyConstraints, start: Array, free: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:

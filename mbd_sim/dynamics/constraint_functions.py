@@ -40,6 +40,10 @@ class ConstraintFunctions:
         """The drift b (m,): the constraints are G u + b = 0."""
         return evaluated(self._traced.drift, t, q, self.values).ravel()
 
+    def bias(self, t: float, q: Array, u: Array) -> Array:
+        """γ (m,) with G u' + γ = 0."""
+        return evaluated(self._traced.bias, t, q, u, self.values).ravel()
+
     def mass_matrix(self, t: float, q: Array) -> Array:
         """The mass matrix M (nv, nv)."""
         return evaluated(self._traced.mass_matrix, t, q, self.values)
@@ -141,6 +145,12 @@ class TracedFunctions:
         """See `ConstraintFunctions.drift`."""
         u = self._mechanism.state.u
         return self._of_position("drift", ca.substitute(self._constraints.velocity, u, ca.SX.zeros(u.shape[0], 1)))
+
+    @cached_property
+    def bias(self) -> ca.Function:
+        """See `ConstraintFunctions.bias`."""
+        state = self._mechanism.state
+        return self._function("bias", [state.t, state.q, state.u], self._constraints.bias)
 
     @cached_property
     def mass_matrix(self) -> ca.Function:

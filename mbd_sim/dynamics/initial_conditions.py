@@ -31,6 +31,7 @@ from mbd_sim.dynamics.constraint_equations import ConstraintEquations, constrain
 from mbd_sim.dynamics.constraint_functions import ConstraintFunctions, constraint_functions
 from mbd_sim.dynamics.constraint_rows import ConstraintRow
 from mbd_sim.dynamics.coordinate_layout import CoordinateLayout
+from mbd_sim.dynamics.singular_start import speeds_of_a_branch
 from mbd_sim.dynamics.tracing import TracedMechanism
 from mbd_sim.geometry.batch import of_all
 from mbd_sim.geometry.pose import Array
@@ -158,7 +159,8 @@ def assembled_start(
     _require_compatible_drives(mechanism, constraints, rows, independent, moving)
     if max(ranks) == layout.nv and not rheonomic(mechanism):
         raise no_mobility(mechanism, rows, layout.nv)
-    return AssembledStart(q, _consistent_speeds(mechanism, constraints, rows, q, u), independent, active, ranks, nearby)
+    u = _consistent_speeds(mechanism, constraints, rows, q, u, regular=ranks[0] == max(ranks))
+    return AssembledStart(q, u, independent, active, ranks, nearby)
 
 
 def start_like(
@@ -172,17 +174,23 @@ def start_like(
     if not rows:
         return q, u
     q = _closed(mechanism, constraints, rows, q)
-    return q, _consistent_speeds(mechanism, constraints, rows, q, u)
+    return q, _consistent_speeds(mechanism, constraints, rows, q, u, regular=False)
 
 
 def _consistent_speeds(
-    mechanism: Mechanism, constraints: ConstraintFunctions, rows: Sequence[ConstraintRow], q: Array, u: Array
+    mechanism: Mechanism,
+    constraints: ConstraintFunctions,
+    rows: Sequence[ConstraintRow],
+    q: Array,
+    u: Array,
+    regular: bool,
 ) -> Array:
+    """Speeds (nv,) that satisfy the constraints; `regular` says that G has its highest rank at q."""
     fixed = _flags([joint.fixed_speeds for joint in mechanism.joints.values()])
     speeds = fit_speeds(constraints, 0.0, q, u, fixed)
     if not speeds.consistent:
         raise inconsistent_speeds(mechanism, rows, speeds.errors, fixed)
-    return speeds.u
+    return speeds.u if regular or not speeds.u.any() else speeds_of_a_branch(constraints, 0.0, q, speeds.u, fixed)
 
 
 def _closed(mechanism: Mechanism, constraints: ConstraintFunctions, rows: Sequence[ConstraintRow], q: Array) -> Array:

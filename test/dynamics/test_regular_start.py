@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from mbd_sim import load_mechanism
+from mbd_sim import Ensemble, Simulation, load_mechanism, parse_mechanism
 from mbd_sim.dynamics.dynamics_terms import mass_matrix
 from mbd_sim.dynamics.initial_conditions import given_start
 from mbd_sim.dynamics.regular_start import start_mass_matrix
@@ -20,3 +20,39 @@ def test_the_columns_of_the_mass_matrix_are_those_of_composite_bodies(name):
     expected = np.array(ca.Function("M", symbols, [mass_matrix(traced)])(0.0, q))
     found = start_mass_matrix(traced, q)
     assert found == pytest.approx(expected, rel=1e-14, abs=1e-14 * np.max(np.abs(expected)))
+
+
+FLAT = """
+mechanism: flat
+gravity: [0, 0, 0]
+ground: {points: {d: [1, 0, 0]}}
+parts:
+  crank: {mass: 1, shape: {type: rod, to: [0.4, 0, 0]}, points: {tip: [0.4, 0, 0]}}
+  bar: {mass: 1, shape: {type: rod, to: [1, 0, 0]}, points: {tip: [1, 0, 0]}}
+  rocker: {mass: 1, shape: {type: rod, to: [0.4, 0, 0]}, points: {tip: [0.4, 0, 0]}}
+joints:
+  main: {type: revolute, between: [ground, crank], axis: [0, -1, 0], position: 0, velocity: 3}
+  pin: {type: revolute, between: [crank.tip, bar], axis: [0, -1, 0]}
+  other: {type: revolute, between: [ground.d, rocker], axis: [0, -1, 0]MORE}
+  eye: {type: revolute, between: [bar.tip, rocker.tip], axis: [0, -1, 0]}
+"""
+
+
+@pytest.mark.parametrize(("given", "rate"), [("", 3.0), (", velocity: -7", -7.0)])
+def test_a_flat_parallelogram_starts_along_one_of_its_branches(given, rate):
+    """(θ' - ψ') (d (θ' + ψ') + r (θ' - ψ')) = 0, of which ψ' = θ' has less energy than ψ' = -θ' (d + r)/(d - r)."""
+    simulation = Simulation.from_text(FLAT.replace("MORE", given))
+    speeds = dict(zip(simulation.coordinate_names, simulation.u.tolist(), strict=True))
+    assert [speeds["main"], speeds["other"]] == pytest.approx([3.0, rate], rel=1e-13)
+    simulation.run(until=0.1)
+    assert abs(simulation.energies.residual) < 1e-12 * simulation.energies.kinetic
+
+
+def test_members_of_an_ensemble_start_as_they_would_alone():
+    mechanism = parse_mechanism(FLAT.replace("MORE", ""))
+    angles = 0.05 * np.arange(-7, 13)
+    ensemble = Ensemble(mechanism, [{"joints.main.position": angle} for angle in angles.tolist()])
+    for index, angle in enumerate(angles):
+        alone = Simulation(mechanism, set={"joints.main.position": float(angle)})
+        assert np.array_equal(ensemble.q[index], alone.q)
+        assert np.array_equal(ensemble.u[index], alone.u)

@@ -1,0 +1,66 @@
+"""Speeds at a start in a singular configuration, such as that of a parallelogram lying flat."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbd_sim.dynamics.assembly import null_space, unit_rows
+from mbd_sim.dynamics.constraint_functions import ConstraintFunctions
+from mbd_sim.geometry.pose import Array
+
+SATISFIED = 1e-8  # curvature of the constraints that may remain, relative to γ
+STARTS, ITERATIONS = 12, 50
+
+
+def speeds_of_a_branch(
+    constraints: ConstraintFunctions, t: float, q: Array, u: Array, fixed: NDArray[np.bool_]
+) -> Array:
+    """The speeds near u (nv,) with which the mechanism can move on, if its rows depend on each other at q.
+
+    For a stress n with nᵀ G = 0, G u' + γ(u) = 0 requires nᵀ γ(u) = 0: a quadratic equation for u, whose solutions
+    belong to the branches that meet at q. Of those found, the one that adds least kinetic energy is taken; `fixed`
+    (nv,) speeds stay. u is returned if it is one of them, or if none is found.
+
+    :param u: speeds that satisfy G u + b = 0 with the least kinetic energy.
+    """
+    gradient = constraints.gradient(t, q)
+    stresses = null_space(unit_rows(gradient).T)
+    sizes = np.linalg.norm(gradient, axis=1)
+    sizes[sizes == 0.0] = 1.0
+    free = null_space(np.vstack([unit_rows(gradient), np.eye(len(u))[fixed]]))
+    if not stresses.shape[1] or not free.shape[1]:
+        return u
+    mass = constraints.mass_matrix(t, q)
+    weights, axes = np.linalg.eigh(free.T @ mass @ free)
+    if not weights[0] > 0.0:
+        return u
+    free = free @ axes / np.sqrt(weights)  # directions of unit energy
+
+    def curvature(speeds: Array) -> tuple[Array, float]:
+        bias = constraints.bias(t, q, speeds) / sizes
+        return stresses.T @ bias, SATISFIED * float(np.linalg.norm(bias))
+
+    def satisfied(speeds: Array) -> bool:
+        remaining, tolerance = curvature(speeds)
+        return float(np.linalg.norm(remaining)) <= tolerance
+
+    if satisfied(u):
+        return u
+    size, random = float(np.sqrt(u @ mass @ u)) or 1.0, np.random.default_rng(3)
+    best: Array | None = None
+    for _ in range(STARTS):
+        change = size * random.normal(size=free.shape[1])
+        for _ in range(ITERATIONS):
+            at = u + free @ change
+            # Differences of a quadratic function are exact.
+            slopes = [(curvature(at + move)[0] - curvature(at - move)[0]) / (2.0 * size) for move in size * free.T]
+            step = np.linalg.lstsq(np.array(slopes).T, -curvature(at)[0], rcond=1e-9)[0]
+            change = change + step
+            if np.linalg.norm(step) <= 1e-15 * size:
+                break
+        if satisfied(u + free @ change) and (
+            best is None or np.linalg.norm(change) < (1.0 - 1e-9) * np.linalg.norm(best)
+        ):
+            best = change
+    return u if best is None else u + free @ best
