@@ -8,7 +8,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from mbd_sim.dynamics.equations import Equations
+from mbd_sim.dynamics.equations import Equations, require_equations
 from mbd_sim.geometry.pose import Array
 
 
@@ -78,7 +78,10 @@ def inertia_split(equations: Equations) -> InertiaSplit:
     T2 = ½ q'ᵀA q' and T1 = aᵀq', the covectors are projected by Nᵀ, so that G = Nᵀ (∂a/∂q - (∂a/∂q)ᵀ) N. The result
     does not depend on how T is continued to quaternions that are not of unit length. As N does not depend on time,
     the degree in q' is the degree in u.
+
+    :raises TypeError: `equations` are none, for example a simulation.
     """
+    require_equations(equations)
     nq, nv = equations.layout.nq, equations.layout.nv
     t, q, u, u_rates = ca.SX.sym("t"), ca.SX.sym("q", nq), ca.SX.sym("u", nv), ca.SX.sym("u'", nv)
     y = ca.vertcat(q, u, ca.SX.zeros(equations.start_state.size - nq - nv))

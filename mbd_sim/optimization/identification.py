@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from mbd_sim.errors import DivergedError, InputError, MbdSimError, MechanismError, quoted
+from mbd_sim.errors import DivergedError, InputError, MbdSimError, MechanismError, listed, quoted
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.records import Mechanism
 from mbd_sim.mechanism_file.override import values_of, with_values
@@ -27,6 +27,7 @@ from mbd_sim.packages import require_packages
 
 FITS = 2  # with the weights of the data, then with those of the residuals
 SINGULAR = 1e-12  # of the information matrix, relative
+TOGETHER = 1e-3  # share in the direction that is not determined, relative to the largest, from which one is named
 FREE = 0.5  # a singular value of the projection onto constraints is 0, or at least 1
 
 
@@ -97,7 +98,7 @@ def identify(
         given = values_of(with_values(mechanism, parameters), keys)
         first = np.array([given[key] for key in keys], dtype=float)
     values, parts, freedom = problem.solution(np.array(first, dtype=float))
-    covariance = _covariance(parts)
+    covariance = _covariance(parts, keys)
     errors, reach = np.sqrt(np.diag(covariance)), float(stdtrit(freedom, 0.5 + confidence / 2.0))
     estimates = {
         key: ParameterEstimate(float(value), float(error), float(value - reach * error), float(value + reach * error))
@@ -203,20 +204,25 @@ def _require_valid(mechanism: Mechanism, estimates: Mapping[str, ParameterEstima
         ) from error
 
 
-def _covariance(parts: Sequence[Linearized]) -> Array:
-    """The covariance of the parameters, for residuals with the variance one.
+def _covariance(parts: Sequence[Linearized], keys: Sequence[str]) -> Array:
+    """The covariance of the parameters of these keys, for residuals with the variance one.
 
-    :raises MbdSimError: the information matrix is singular.
+    :raises MbdSimError: the information matrix is singular; those that cannot be told apart are named.
     """
-    if np.any(np.all([np.all(part.by_shared == 0.0, axis=0) for part in parts], axis=0)):
-        raise MbdSimError("The measurements do not depend on one of the parameters. Leave it out.")
+    without_effect = np.all([np.all(part.by_shared == 0.0, axis=0) for part in parts], axis=0)
+    if np.any(without_effect):
+        names = listed([key for key, none in zip(keys, without_effect, strict=True) if none])
+        raise MbdSimError(f"The measurements do not depend on {names}. Leave this out, or measure another motion.")
     sizes = column_sizes(parts)
     scaled = np.vstack([one.by_shared for one in eliminated_parts(parts)]) / sizes
-    values = np.linalg.svd(scaled, compute_uv=False)
+    missing = max(len(keys) - len(scaled), 0)  # rows, if there are fewer measurements than parameters
+    _, values, directions = np.linalg.svd(np.pad(scaled, ((0, missing), (0, 0))), full_matrices=False)
     if values[-1] ** 2 <= SINGULAR * max(values[0] ** 2, 1.0):
+        share = np.abs(directions[-1])
+        names = listed([key for key, part in zip(keys, share, strict=True) if part > TOGETHER * np.max(share)])
         raise MbdSimError(
-            "The measurements do not determine the parameters: some change together without changing the motion. "
-            "Leave one of them out, or measure a motion with known efforts."
+            f"The measurements do not determine the parameters: {names} can change together without changing the "
+            "motion. Leave one of them out, or measure a motion with known efforts."
         )
     inverse = np.linalg.inv(scaled.T @ scaled)
     return np.asarray(inverse / np.outer(sizes, sizes))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from mbd_sim.errors import quoted
 from mbd_sim.symbolic.actuator_latex import actuator_lines
 from mbd_sim.symbolic.contact_latex import contact_lines
 from mbd_sim.symbolic.latex_meanings import meanings
@@ -22,7 +23,10 @@ def to_latex(equations: SymbolicEquations, linearization: SymbolicLinearization 
     """LaTeX for a document with `amsmath` and `amssymb`; numbers are in SI units, see `latex_printer.number`.
 
     :param linearization: of the same equations, to be stated after them.
+    :raises TypeError: `equations` are none, for example a mechanism.
     """
+    if not isinstance(equations, SymbolicEquations):
+        raise TypeError(f"{quoted(equations)} is not SymbolicEquations. Give symbolic_equations(mechanism).")
     linear: list[str] = []
     if linearization is not None:
         linear = linearization_lines(linearization, equations)

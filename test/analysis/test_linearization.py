@@ -5,6 +5,7 @@ import pytest
 
 from mbd_sim import Simulation, load_mechanism
 from mbd_sim.analysis.equilibrium import equilibrium, is_autonomous
+from mbd_sim.analysis.inertia_split import inertia_split
 from mbd_sim.analysis.linearization import (
     linearize,
     modes,
@@ -229,7 +230,7 @@ def test_what_is_no_linearization_or_no_equations_is_refused_with_the_way_to_it(
     sim = Simulation.from_file("rod_pendulum")
     with pytest.raises(TypeError, match=r"is not a Linearization\. Give simulation\.linearize\(\)"):
         modes(sim)
-    for analyze in (equilibrium, lambda given: linearize(given, [0.0], [0.0], [0.0])):
+    for analyze in (equilibrium, inertia_split, lambda given: linearize(given, [0.0], [0.0], [0.0])):
         with pytest.raises(TypeError, match=r"is not Equations\. .*simulation\.model\.equations"):
             analyze(sim)
     with pytest.raises(ValueError, match=r"q must be a list of 1 value, not an array of shape \(2,\)"):

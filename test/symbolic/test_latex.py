@@ -183,3 +183,8 @@ def test_constraints_that_depend_on_time_have_their_drift():
 def test_sympy_is_loaded_only_to_derive():
     code = "import sys, mbd_sim.symbolic, mbd_sim.cli.main; print('sympy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"
+
+
+def test_a_mechanism_in_place_of_its_equations_is_refused():
+    with pytest.raises(TypeError, match=r"is not SymbolicEquations\. Give symbolic_equations\(mechanism\)\."):
+        to_latex(load_mechanism("rod_pendulum"))
