@@ -9,6 +9,7 @@ import pytest
 import sympy as sp
 
 from mbd_sim.cli.main import main
+from mbd_sim.load import load_mechanism
 from mbd_sim.symbolic import to_latex
 from mbd_sim.symbolic.latex import constraint_rows, energy_rows, entry_rows, motion_rows
 from mbd_sim.symbolic.latex_printer import exact_number, number, write
