@@ -12,7 +12,6 @@ from mbd_sim.dynamics.disturbances import time_driven
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.evaluation import evaluated
 from mbd_sim.dynamics.input_layout import InputLayout
-from mbd_sim.dynamics.state_derivatives import derivative_layout
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.drives import STATES, CommandedDrive, commanded_drives
 from mbd_sim.mechanism.records import Mechanism
@@ -127,7 +126,7 @@ def driven_inputs(
     equations: Equations, small: SmallMotion, chosen: Sequence[LinearInput], t: float, y: Array, values: Array
 ) -> DrivenInputs:
     """The changes by chosen inputs, in a state of the equations with its inputs `values`."""
-    layout, columns = equations.inputs, derivative_layout(equations)
+    layout, columns = equations.inputs, equations.derivative_layout
     place_of = {index: place for place, index in enumerate(layout.acting)}
     given, first = columns.size - columns.acting.start, columns.drives.start - columns.acting.start
     inputs, names = np.zeros((given, len(chosen))), list[str]()

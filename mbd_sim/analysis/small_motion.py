@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -23,7 +24,6 @@ from mbd_sim.dynamics.actuator_layout import require_continuous
 from mbd_sim.dynamics.assembly import null_space
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.evaluation import evaluated
-from mbd_sim.dynamics.state_derivatives import derivative_layout
 from mbd_sim.geometry.pose import Array
 from mbd_sim.mechanism.drives import STATES
 
@@ -61,7 +61,7 @@ def small_motion(
     """
     require_continuous(equations.mechanism, equations.actuator_layout, "cannot be linearized")
     nq, nv, core = equations.layout.nq, equations.layout.nv, equations.core
-    columns = derivative_layout(equations)
+    columns = equations.derivative_layout
     found = evaluated(equations.derivatives, t, y, inputs).T if derivatives is None else derivatives()
     states, drives = core.stop - core.start, STATES * len(equations.layout.drives)
     rates, drive_rates, constrained = found[:states], found[states : states + drives], found[states + drives :]
@@ -77,7 +77,7 @@ def small_motion(
         constrained = np.vstack([constrained, closed])
         holonomic = np.concatenate([holonomic, motion.holonomic]).astype(bool)
     free = np.zeros((nv, columns.size))
-    free[:, columns.speeds] = np.eye(nv)
+    free[:, columns.speeds] = _identity(nv)
     turning = turning_of_parts(equations, y[nq : nq + nv])
     if turning.any():
         if steadier_before_joints(equations, t, y, inputs, turning):
@@ -86,13 +86,20 @@ def small_motion(
         else:
             free[:, columns.displacements] = -turning
     if not len(constrained):
-        return _split(np.vstack([free, rates]), 2 * nv + states - nv, np.eye(nv), np.eye(nv), None, drive_rates)
+        moving = np.concatenate((free, rates))
+        return _split(moving, 2 * nv + states - nv, _identity(nv).copy(), _identity(nv).copy(), None, drive_rates)
     gradient = constrained[:, columns.speeds]
     displacements, speeds = null_space(gradient[holonomic]), null_space(gradient)
     directions = _directions(equations, constrained, holonomic, displacements, speeds)
     moving = np.vstack([displacements.T @ free, speeds.T @ rates[:nv], rates[nv:]])
     size = displacements.shape[1] + speeds.shape[1] + states - nv
     return _split(moving @ directions, size, displacements, speeds, directions, drive_rates)
+
+
+@cache
+def _identity(size: int) -> Array:
+    """The identity matrix, to be copied."""
+    return np.eye(size)
 
 
 def _split(
@@ -108,7 +115,7 @@ def _directions(
 
     :param constrained: the derivatives (m, variables) of G u + b.
     """
-    columns, nv = derivative_layout(equations), equations.layout.nv
+    columns, nv = equations.derivative_layout, equations.layout.nv
     gradient = constrained[:, columns.speeds]
     given = slice(columns.acting.start, columns.size)
     k, own = displacements.shape[1], displacements.shape[1] + speeds.shape[1]
@@ -128,7 +135,7 @@ def _directions(
 
 def _position_derivatives(equations: Equations, constrained: Array) -> Array:
     """The derivatives of Φ by what is given: those by the position of a drive are those of G u + b by its speed."""
-    columns, found = derivative_layout(equations), np.zeros_like(constrained)
+    columns, found = equations.derivative_layout, np.zeros_like(constrained)
     for position, speed, _ in equations.inputs.drive_disturbances:
         index = columns.acting.start + equations.inputs.acting.index(position)
         found[:, index] = constrained[:, columns.acting.start + equations.inputs.acting.index(speed)]

@@ -16,7 +16,6 @@ import numpy as np
 
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.evaluation import evaluated
-from mbd_sim.dynamics.state_derivatives import derivative_layout
 from mbd_sim.geometry.pose import Array
 
 AHEAD = 1e-5  # s times 1/s: how far derivatives are compared, relative to the time of a radian
@@ -40,7 +39,7 @@ def steadier_before_joints(equations: Equations, t: float, y: Array, inputs: Arr
 
     :param turning: see `turning_of_parts`.
     """
-    columns, nv = derivative_layout(equations), len(turning)
+    columns, nv = equations.derivative_layout, len(turning)
     rates = evaluated(equations.rates, t, y, inputs).ravel()
     step = AHEAD / float(np.max(np.abs(turning)))
 

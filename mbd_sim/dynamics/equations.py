@@ -41,7 +41,7 @@ from mbd_sim.dynamics.load_functions import LoadPaths, load_paths, reaction_func
 from mbd_sim.dynamics.measurements import Measurements
 from mbd_sim.dynamics.multipliers import ConstraintSolver, typical_diagonal
 from mbd_sim.dynamics.regular_start import require_regular_start, start_with_actuators
-from mbd_sim.dynamics.state_derivatives import rate_derivatives
+from mbd_sim.dynamics.state_derivatives import DerivativeLayout, derivative_layout, rate_derivatives
 from mbd_sim.dynamics.symbolic_parameters import SymbolicParameters
 from mbd_sim.dynamics.time_functions import require_smooth
 from mbd_sim.dynamics.tracing import TracedMechanism, trace
@@ -128,7 +128,7 @@ class Equations:
         self.hold(self.mechanism, self.start_state.copy(), inputs)
         return inputs
 
-    @property
+    @cached_property
     def actuator_layout(self) -> ActuatorLayout:
         """Where the states of actuators are in y; empty without actuators."""
         return ActuatorLayout() if self.actuators is None else self.actuators.layout
@@ -165,6 +165,11 @@ class Equations:
     def derivatives(self) -> ca.Function:
         """(t, y, inputs) -> the derivatives of rates and of constraints, see `rate_derivatives`."""
         return rate_derivatives(self)
+
+    @cached_property
+    def derivative_layout(self) -> DerivativeLayout:
+        """The columns of `derivatives`."""
+        return derivative_layout(self)
 
     def disturbed(self, loaded: tuple[str, ...]) -> Equations:
         """The same equations with disturbances among the inputs, and wrenches on these parts as well; traced once."""

@@ -10,7 +10,6 @@ import numpy as np
 from mbd_sim.dynamics.assembly import close_loops, null_space
 from mbd_sim.dynamics.equations import Equations
 from mbd_sim.dynamics.evaluation import evaluated
-from mbd_sim.dynamics.state_derivatives import derivative_layout
 from mbd_sim.geometry.pose import Array
 from mbd_sim.symbolic.equilibrium_formulas import NEAR
 from mbd_sim.symbolic.symbolic_equations import SymbolicEquations
@@ -36,7 +35,7 @@ def equilibrium_with_states(equations: Equations, near: Array | None) -> tuple[A
 
 def _balanced(equations: Equations, q: Array) -> tuple[Array, Array] | None:
     nq, nv, core = equations.layout.nq, equations.layout.nv, equations.core
-    columns, inputs = derivative_layout(equations), equations.inputs_without_commands
+    columns, inputs = equations.derivative_layout, equations.inputs_without_commands
     states, constraints = equations.start_state[nq + nv : core.stop].copy(), equations.constraints
     scale = 0.0
     for _ in range(ITERATIONS):
